@@ -28,7 +28,7 @@ from .places import (
     add, came_to, just_collided, kind_of, largest_speed, note_speed, radius_of, remember, watched_row,
     write_motion,
 )  # fmt: skip
-from .rest import fall_asleep, is_support, meeting_with_sleeper, set_at_rest, set_in_motion, sleeps, wake
+from .rest import fall_asleep, is_support, is_wedged, meeting_with_sleeper, set_at_rest, set_in_motion, sleeps, wake
 from .tiles import head_at, layer_of, scale_of, write
 from .walls import first_wall, hit_wall, other_image
 
@@ -225,8 +225,9 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     vy_a_0, w_a_0, vy_b_0, w_b_0 = gas.work[a][VY], gas.work[a][W_SPIN], gas.work[b][VY], gas.work[b][W_SPIN]
     inverse_a, inverse_b = gas.kinds[kind_a][INVERSE_MASS], gas.kinds[kind_b][INVERSE_MASS]
     if ti.static(gas.uses.rests):
-        # A slow hit leaves who sleeps asleep, like a wall; a harder one wakes him.
-        if ((vx_a - vx_b) * rx + (vy_a_0 - vy_b_0) * ry) / r < gas.scale[CUTOFF]:
+        # A slow hit leaves who sleeps asleep, like a wall; a harder one, or one by who is wedged in, wakes him.
+        slow = ((vx_a - vx_b) * rx + (vy_a_0 - vy_b_0) * ry) / r < gas.scale[CUTOFF]
+        if slow and not (asleep_a and is_wedged(b, gas) or asleep_b and is_wedged(a, gas)):
             inverse_a, inverse_b = ti.select(asleep_a, 0.0, inverse_a), ti.select(asleep_b, 0.0, inverse_b)
         else:
             if asleep_a:

@@ -16,7 +16,7 @@ at rest, if it is slower than 2 v_s afterwards (v and R omega): there it touches
 it had of kinetic energy is the loss `rest` of the ledger. To others it is a wall: a disk of infinite mass at rest. A
 hit at v_s or more wakes it, and it takes part in that collision with its own mass. A disk that is caught between
 others that sleep, so closely that it hits them eight times with no more than v_s / 1000 g between two of them, falls
-asleep too, until the next judgement.
+asleep too, until the next judgement; if it is too fast, it is driven in like a wedge, and wakes whom it hits.
 
 *Judgement.* At the beginning of each window it is judged who may rest. Take all disks that sleep or are slower than
 2 v_s as resting, and let them touch each other and walls at rest where the gap is below 4 v_s^2 / g. May they stay?
@@ -121,6 +121,15 @@ def fall_asleep(i, t, since, tile, gas: ti.template()):
         add(tile, SLEEPERS, 1.0, gas)
         gas.rest[i][ASLEEP_NOW] = ASLEEP
         set_at_rest(i, t, gas)
+
+
+@ti.func
+def is_wedged(i, gas: ti.template()):
+    """1 if the disk at place i hits what sleeps again and again without time between, and is too fast to sleep."""
+    found = gas.rest[i][HITS_NOW] > QUICK_HITS
+    if found:
+        gas.rest[i][HITS_NOW] = 0
+    return found
 
 
 @ti.func
