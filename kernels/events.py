@@ -28,7 +28,7 @@ from .places import (
     add, came_to, just_collided, kind_of, largest_speed, note_speed, radius_of, remember, watched_row,
     write_motion,
 )  # fmt: skip
-from .rest import fall_asleep, is_support, is_wedged, meeting_with_sleeper, set_at_rest, set_in_motion, sleeps, wake
+from .rest import count_hit, fall_asleep, is_support, is_wedged, meeting_with_sleeper, set_at_rest, set_in_motion, sleeps, wake
 from .tiles import head_at, layer_of, scale_of, write
 from .walls import first_wall, hit_wall, other_image
 
@@ -227,7 +227,13 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     if ti.static(gas.uses.rests):
         # A slow hit leaves who sleeps asleep, like a wall; a harder one, or one by who is wedged in, wakes him.
         slow = ((vx_a - vx_b) * rx + (vy_a_0 - vy_b_0) * ry) / r < gas.scale[CUTOFF]
-        if slow and not (asleep_a and is_wedged(b, gas) or asleep_b and is_wedged(a, gas)):
+        if slow and asleep_a:
+            count_hit(b, t, since_b, gas)
+            slow = not is_wedged(b, t, gas)
+        elif slow and asleep_b:
+            count_hit(a, t, since_a, gas)
+            slow = not is_wedged(a, t, gas)
+        if slow:
             inverse_a, inverse_b = ti.select(asleep_a, 0.0, inverse_a), ti.select(asleep_b, 0.0, inverse_b)
         else:
             if asleep_a:
@@ -247,10 +253,10 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     if ti.static(gas.uses.rests):
         if sleeps(a, gas):
             set_at_rest(a, t, gas)
-            fall_asleep(b, t, since_b, tile, gas)
+            fall_asleep(b, t, tile, gas)
         elif sleeps(b, gas):
             set_at_rest(b, t, gas)
-            fall_asleep(a, t, since_a, tile, gas)
+            fall_asleep(a, t, tile, gas)
     remember(a, t, gas.link[b][WHO], gas)
     remember(b, t, gas.link[a][WHO], gas)
     note_speed(a, gas)
@@ -560,7 +566,8 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                         how = hit_wall(i, t, tile, region, gas)
                         if ti.static(gas.uses.rests):
                             if how >= ELASTIC and is_support((FIRST_WALL - partner) // 9, gas):
-                                fall_asleep(i, t, since, tile, gas)
+                                count_hit(i, t, since, gas)
+                                fall_asleep(i, t, tile, gas)
                 if events - checked > patience:
                     # So many events without progress of time have no end.
                     if t - checked_at < 1e-9 * window:

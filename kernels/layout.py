@@ -88,11 +88,12 @@ SLOT, LAP_X, LAP_Y, BEFORE, AT_WALLS, LISTED = range(6)
 # rest on a wall, events without progress; bad tiles; events; windows; rows of
 # events; 1 where only the listed tiles are run; of a gas in one tile: 1 where it pauses at the moment that is told; 1
 # where it goes on from there; 1 where it has paused for the time, BY_COUNT for the number of collisions; bad tiles
-# with the widest halo; 1 where no window of a launch may follow; windows in which it was not found out who may rest
+# with the widest halo; 1 where no window of a launch may follow; windows in which it was not found out who may rest,
+# and disks that fell asleep at speed
 (
     NEXT_TILE, N_CLAIMED, FULL, N_SLOTS, NEEDED, RESTING, STALLED, N_BAD, N_EVENTS, N_WINDOWS, N_WATCHED, AGAIN,
-    PAUSING, RESUMING, PAUSED, STUCK, HALTED, UNJUDGED,
-) = range(18)  # fmt: skip
+    PAUSING, RESUMING, PAUSED, STUCK, HALTED, UNJUDGED, JAMMED,
+) = range(19)  # fmt: skip
 BY_COUNT = 2
 FULL_PLACES, FULL_CELLS, FULL_CLAIMS, FULL_WALLS, FULL_WATCHED = 1, 2, 4, 8, 16
 # clock, f64: begin and end of the window; where to stop (time, collisions in all), to pause, when a force

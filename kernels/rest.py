@@ -16,7 +16,8 @@ at rest, if it is slower than 2 v_s afterwards (v and R omega): there it touches
 it had of kinetic energy is the loss `rest` of the ledger. To others it is a wall: a disk of infinite mass at rest. A
 hit at v_s or more wakes it, and it takes part in that collision with its own mass. A disk that is caught between
 others that sleep, so closely that it hits them eight times with no more than v_s / 1000 g between two of them, falls
-asleep too, until the next judgement; if it is too fast, it is driven in like a wedge, and wakes whom it hits.
+asleep too, until the next judgement; if it is too fast, it is driven in like a wedge, and wakes whom it hits;
+if it is not free after 64 hits, it falls asleep at its speed (`Statistics.jammed` counts: friction would have braked it).
 
 *Judgement.* At the beginning of each window it is judged who may rest. Take all disks that sleep or are slower than
 2 v_s as resting, and let them touch each other and walls at rest where the gap is below 4 v_s^2 / g. May they stay?
@@ -43,7 +44,7 @@ heap are below 4 v_s^2 / g, and it is as much too high. For v_s to 0 all of this
 from .flights import on_grid
 from .language import ti
 from .layout import (
-    ASLEEP, ASLEEP_NOW, AWAKE, BY_REST, CELL, CELLS, CUTOFF, FAR, GX, GY, HITS_NOW, INVERSE_MASS, ITEMS, K, KIND_RADIUS,
+    ASLEEP, ASLEEP_NOW, AWAKE, BY_REST, CELL, CELLS, CUTOFF, FAR, GX, GY, HITS_NOW, INVERSE_MASS, ITEMS, JAMMED, K, KIND_RADIUS,
     LENGTH_X, LENGTH_Y, LOSSES, MATERIAL, MAY_REST, NEXT_IN_CELL, PLACES, SLEEPERS, EDGES_OF_DISK,
     UNJUDGED, VX, VY, W_SPIN, WIDEST, WOKEN, X, Y,
 )  # fmt: skip
@@ -52,7 +53,7 @@ from .walls import MOTION, STILL, SURFACE, TEMPERATURE, WALL_MATERIAL, wall_moti
 
 SLOW = 2.0  # resting speeds: slower disks may rest
 GAP = 4.0  # v_s^2 / g: disks that are nearer touch
-QUICK, QUICK_HITS = 1e-3, 8  # v_s / g: of so many hits one after the other, the times between them
+QUICK, QUICK_HITS, JAMMED_HITS = 1e-3, 8, 64  # v_s / g: times between hits that are none; how many of them
 AT_REST, MOVED = 1e-3, 3e-3  # g: accelerations below which a disk may fall asleep, and above which it wakes
 MU, RHO = 2, 4  # columns of the law's table (`law_table.table_row`)
 NEAR_ENOUGH = 1e-6  # g: accelerations to which forces are found
@@ -103,17 +104,33 @@ def is_slow(i, vx, vy, gas: ti.template()):
 
 
 @ti.func
-def fall_asleep(i, t, since, tile, gas: ti.template()):
-    """Let the disk at place i fall asleep after a slow collision with something at rest, if it may and is slow.
-
-    Its latest collision was at time `since`. It may, too, after QUICK_HITS without time between them to speak of.
-    """
-    vx, vy = gas.work[i][VX] + gas.scale[GX] * t, gas.work[i][VY] + gas.scale[GY] * t
+def count_hit(i, t, since, gas: ti.template()):
+    """Count a slow hit of something at rest by the disk at place i, whose latest collision was at `since`, if quick."""
     pull = ti.abs(gas.scale[GX]) + ti.abs(gas.scale[GY])
     quick = (t - since) * pull < QUICK * gas.scale[CUTOFF]
     gas.rest[i][HITS_NOW] = ti.select(quick, gas.rest[i][HITS_NOW] + 1, 0)
-    may = gas.rest[i][MAY_REST] == 1 or gas.rest[i][HITS_NOW] >= QUICK_HITS
-    if may and is_slow(i, vx, vy, gas):
+
+
+@ti.func
+def is_wedged(i, t, gas: ti.template()):
+    """1 if the disk at place i has hit what sleeps so often without time between, and is too fast to sleep."""
+    vx, vy = gas.work[i][VX] + gas.scale[GX] * t, gas.work[i][VY] + gas.scale[GY] * t
+    hits = gas.rest[i][HITS_NOW]
+    return hits >= QUICK_HITS and hits < JAMMED_HITS and not is_slow(i, vx, vy, gas)
+
+
+@ti.func
+def fall_asleep(i, t, tile, gas: ti.template()):
+    """Let the disk at place i fall asleep after a slow collision with something at rest, if it may and is slow.
+
+    It may, too, if it is caught between others. If it cannot get free it falls asleep at any speed.
+    """
+    vx, vy = gas.work[i][VX] + gas.scale[GX] * t, gas.work[i][VY] + gas.scale[GY] * t
+    hits, slow = gas.rest[i][HITS_NOW], is_slow(i, vx, vy, gas)
+    if hits >= JAMMED_HITS or (slow and (gas.rest[i][MAY_REST] == 1 or hits >= QUICK_HITS)):
+        if not slow:
+            gas.counter[JAMMED] = gas.counter[JAMMED] + 1
+        gas.rest[i][HITS_NOW] = 0
         kind = kind_of(i, gas)
         radius, spin = gas.kinds[kind][KIND_RADIUS], gas.work[i][W_SPIN]
         lost = vx * vx + vy * vy + radius * radius * spin * spin / gas.kinds[kind][K]
@@ -121,15 +138,6 @@ def fall_asleep(i, t, since, tile, gas: ti.template()):
         add(tile, SLEEPERS, 1.0, gas)
         gas.rest[i][ASLEEP_NOW] = ASLEEP
         set_at_rest(i, t, gas)
-
-
-@ti.func
-def is_wedged(i, gas: ti.template()):
-    """1 if the disk at place i hits what sleeps again and again without time between, and is too fast to sleep."""
-    found = gas.rest[i][HITS_NOW] > QUICK_HITS
-    if found:
-        gas.rest[i][HITS_NOW] = 0
-    return found
 
 
 @ti.func

@@ -320,6 +320,8 @@ class Statistics:
         Collisions that were elastic for a remedy for collapse.
     unjudged : int
         Windows in which the forces in a heap were not found to the accuracy by which it is judged who may rest.
+    jammed : int
+        Disks that fell asleep at speed, jammed between others without room to fly (`kernels/rest.py`).
     """
 
     windows: int = 0
@@ -327,3 +329,4 @@ class Statistics:
     run_again: int = 0
     elastic: int = 0
     unjudged: int = 0
+    jammed: int = 0

@@ -335,6 +335,7 @@ class Windows:
         self.statistics.windows += done
         if not again:
             self.statistics.unjudged += int(a.counter[k.UNJUDGED])
+            self.statistics.jammed += int(a.counter[k.JAMMED])
         self._collect(watching)
         self._done = a.sums.copy()
         self.begin, self.end = float(a.clock[k.BEGIN]), float(a.clock[k.END])
