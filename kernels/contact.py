@@ -58,6 +58,7 @@ def losses_of(P_n, P_t, T, P_et, pair: ti.template()):
 # Bits in HOW: the collision was elastic by one of the two; with a ledger, whether friction stopped the slip, and
 # whether the rolling torque was its greatest.
 STICKS, ROLLS, ELASTIC = 1, 2, 4
+LEAST_REBOUND = 0.1  # of the resting speed
 
 
 @ti.func
@@ -92,6 +93,10 @@ def impulses_between(
     )
     pair = pair_of(g_n, g_t, m_n, m_t, im_i, R_i, k_i, w_i, im_j, R_j, k_j, w_j)
     row = coefficients(p, q, gas)
+    if ti.static(gas.uses.rests):
+        if g_n < gas.scale[CUTOFF]:  # a contact that lasts (`rest.py`): e_n = 1 but for the least rebound
+            pair.g_n = ti.max(g_n, LEAST_REBOUND * gas.scale[CUTOFF])
+            row[0], row[1], row[3] = g_n / pair.g_n, -1.0, 1.0
     # One of the two, so that a law is compiled once.
     impulses = ti.Vector([0.0 * g_n] * 6)
     if ti.static(gas.uses.tallied and gas.uses.collision_law.parts):
@@ -100,6 +105,8 @@ def impulses_between(
     else:
         P_n, P_t, T = gas.uses.collision_law.impulses(pair, row)
         impulses = ti.Vector([P_n, P_t, T, P_t, 0.0 * g_n, 0.0 * g_n])
+    if ti.static(gas.uses.rests):
+        pair.g_n = g_n
     return impulses[0], impulses[1], impulses[2], impulses[3], impulses[4], impulses[5], g_n, pair
 
 
@@ -124,7 +131,19 @@ def collided(
     how = 0
     lost = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)
     approaching = 1.0 * (g_n > 0.0)
-    if elastic:
+    if ti.static(gas.uses.rests):
+        approaching = 1.0 * (P_n > 0.0)  # also who parts too slowly
+        if elastic and P_n > 0.0:
+            if ti.static(gas.uses.tallied):
+                lost = losses_of(P_n, P_t, T, P_et, pair)
+                how = STICKS * ti.cast(sticking, ti.i32)
+            how += ELASTIC
+            elastic = False
+        elif g_n > 0.0:
+            if ti.static(gas.uses.tallied):
+                lost = losses_of(P_n, P_t, T, P_et, pair)
+                how = STICKS * ti.cast(sticking, ti.i32) + ROLLS * ti.cast(rolling, ti.i32)
+    elif elastic:
         P_n = 2.0 * pair.m_n * g_n
         P_t = 0.0
         T = 0.0

@@ -16,9 +16,9 @@ from .contact import ELASTIC, ROLLS, STICKS, collided
 from .flights import contact_delay, rounding
 from .language import on_gpu, ti
 from .layout import (
-    ASIDE, AT, AT_END, AT_MOMENT, BINS, BY_COUNT, BY_LAW, BY_REMEDY, CELL, COLLISIONS, DIRECTION, DRIFT,
+    ASIDE, AT, AT_END, AT_MOMENT, BINS, BY_COUNT, BY_LAW, BY_REMEDY, CELL, COLLISIONS, CUTOFF, DIRECTION, DRIFT,
     ELASTICALLY, ELASTICS, EVENT_HOW, EVENT_ID, EVENT_PARTNER, EVENT_TILE, FAR, FIRST_WALL, FLOW_WORK,
-    FULL, FULL_WATCHED, INVERSE_MASS, KIND_RADIUS, LAP_X, LAP_Y, LAST, LENGTH_X, LENGTH_Y, LOSSES,
+    FULL, FULL_WATCHED, GX, GY, INVERSE_MASS, KIND_RADIUS, LAP_X, LAP_Y, LAST, LENGTH_X, LENGTH_Y, LOSSES,
     MATERIAL, MOMENT_IN, MOST_EVENTS, NEXT, NEXT_IN_CELL, NOBODY, NORMAL, NORMAL_X, NUMBER, N_EVENTS,
     N_WATCHED, OWN, PAIRS, PARTNER, PARTNER_NUMBER, PAUSED, PAUSING, PLACES, PREVIOUS, REGIMES,
     RESTITUTION, ROLLING_LOSS, ROW, SLIDING_LOSS, STALLED, STICKING_LOSS, TAU, T_HIT, T_LEAVE, VX, VY,
@@ -28,6 +28,7 @@ from .places import (
     add, came_to, charge, just_collided, kind_of, largest_speed, note_speed, radius_of, remember, watched_row,
     write_motion,
 )  # fmt: skip
+from .rest import count_hit, fall_asleep, is_support, is_wedged, meeting_with_sleeper, set_at_rest, set_in_motion, sleeps, wake
 from .tiles import head_at, layer_of, scale_of, write
 from .walls import first_wall, hit_wall, other_image
 
@@ -205,8 +206,15 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
         lasting = ti.max(just_collided(a, t, gas), just_collided(b, t, gas))
         gas.since[a] = t
         gas.since[b] = t
+    since_a, since_b = gas.work[a][TAU], gas.work[b][TAU]
     came_to(a, t, gas)
     came_to(b, t, gas)
+    asleep_a, asleep_b = sleeps(a, gas), sleeps(b, gas)
+    if ti.static(gas.uses.rests):
+        if asleep_a:
+            set_in_motion(a, t, gas)
+        if asleep_b:
+            set_in_motion(b, t, gas)
     rx = gas.work[b][X] - gas.work[a][X]
     ry = gas.work[b][Y] - gas.work[a][Y]
     vx_b = gas.work[b][VX]
@@ -226,16 +234,40 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     q = ti.cast(gas.kinds[kind_b][MATERIAL], ti.i32)
     vx_a = gas.work[a][VX]
     vy_a_0, w_a_0, vy_b_0, w_b_0 = gas.work[a][VY], gas.work[a][W_SPIN], gas.work[b][VY], gas.work[b][W_SPIN]
+    inverse_a, inverse_b = gas.kinds[kind_a][INVERSE_MASS], gas.kinds[kind_b][INVERSE_MASS]
+    if ti.static(gas.uses.rests):
+        # A slow hit leaves who sleeps asleep, like a wall; a harder one, or one by who is wedged in, wakes him.
+        slow = ((vx_a - vx_b) * rx + (vy_a_0 - vy_b_0) * ry) / r < gas.scale[CUTOFF]
+        if slow and asleep_a:
+            count_hit(b, t, since_b, gas)
+            slow = not is_wedged(b, t, gas)
+        elif slow and asleep_b:
+            count_hit(a, t, since_a, gas)
+            slow = not is_wedged(a, t, gas)
+        if slow:
+            inverse_a, inverse_b = ti.select(asleep_a, 0.0, inverse_a), ti.select(asleep_b, 0.0, inverse_b)
+        else:
+            if asleep_a:
+                wake(a, tile, gas)
+            if asleep_b:
+                wake(b, tile, gas)
     new_vx_a, vy_a, w_a, new_vx_b, vy_b, w_b, how, lost = collided(
         p, q, rx / r, ry / r,
-        gas.kinds[kind_a][INVERSE_MASS], gas.kinds[kind_a][KIND_RADIUS], gas.kinds[kind_a][K],
+        inverse_a, gas.kinds[kind_a][KIND_RADIUS], gas.kinds[kind_a][K],
         vx_a, gas.work[a][VY], gas.work[a][W_SPIN],
-        gas.kinds[kind_b][INVERSE_MASS], gas.kinds[kind_b][KIND_RADIUS], gas.kinds[kind_b][K],
+        inverse_b, gas.kinds[kind_b][KIND_RADIUS], gas.kinds[kind_b][K],
         vx_b, gas.work[b][VY], gas.work[b][W_SPIN],
         lasting, gas,
     )  # fmt: skip
     gas.work[a][VX], gas.work[a][VY], gas.work[a][W_SPIN] = new_vx_a, vy_a, w_a
     gas.work[b][VX], gas.work[b][VY], gas.work[b][W_SPIN] = new_vx_b - faster, vy_b, w_b
+    if ti.static(gas.uses.rests):
+        if sleeps(a, gas):
+            set_at_rest(a, t, gas)
+            fall_asleep(b, t, tile, gas)
+        elif sleeps(b, gas):
+            set_at_rest(b, t, gas)
+            fall_asleep(a, t, tile, gas)
     remember(a, t, gas.link[b][WHO], gas)
     remember(b, t, gas.link[a][WHO], gas)
     note_speed(a, gas)
@@ -384,6 +416,19 @@ def find(
                             # They part, since this start; but round a narrow box another image may come.
                             if rx * rx + ry * ry < PARTING * sigma * sigma:
                                 t = FAR
+                        if ti.static(gas.uses.rests):
+                            asleep_i, asleep_j = sleeps(i, gas), sleeps(j, gas)
+                            if asleep_i and asleep_j:
+                                t = FAR
+                            elif asleep_i or asleep_j:
+                                # A parabola in the lab, of the one that flies about the other.
+                                sign = ti.select(asleep_i, 1.0, -1.0)
+                                gx, gy = gas.scale[GX], gas.scale[GY]
+                                t = start + meeting_with_sleeper(
+                                    sign * rx + 0.5 * gx * start * start, sign * ry + 0.5 * gy * start * start,
+                                    sign * ux + gx * start, sign * uy + gy * start,
+                                    noise, sigma, best - start, gas,
+                                )  # fmt: skip
                         if sooner(t, j, best, partner, gas):
                             best = t
                             partner = j
@@ -421,7 +466,8 @@ def predict(
     before = partner
     best, partner = find(i, x_low, x_high, y_low, y_high, half, best, partner, region, gas)
     if ti.static(gas.uses.walled):
-        best, partner = first_wall(i, best, partner, region, gas)
+        if not sleeps(i, gas):
+            best, partner = first_wall(i, best, partner, region, gas)
     if partner == NOBODY:
         best = FAR + 0.0 * window
     elif partner >= 0 and partner != before:
@@ -429,6 +475,8 @@ def predict(
     gas.work[i][T_HIT] = best
     gas.link[i][PARTNER] = partner
     leaves, side = leaving(i, region, gas)
+    if sleeps(i, gas):
+        leaves = FAR
     gas.work[i][T_LEAVE], gas.link[i][DIRECTION] = leaves, side
     return ti.select(best < leaves, best, leaves)
 
@@ -528,7 +576,12 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                                 gas.scale[MOMENT_IN] = t
                 else:
                     if ti.static(gas.uses.walled):
-                        hit_wall(i, t, tile, region, gas)
+                        since = gas.work[i][TAU]
+                        how = hit_wall(i, t, tile, region, gas)
+                        if ti.static(gas.uses.rests):
+                            if how >= ELASTIC and is_support((FIRST_WALL - partner) // 9, gas):
+                                count_hit(i, t, since, gas)
+                                fall_asleep(i, t, tile, gas)
                 if events - checked > patience:
                     # So many events without progress of time have no end.
                     if t - checked_at < 1e-9 * window:

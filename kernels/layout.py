@@ -14,6 +14,7 @@ meta         (3 room,) of 4       ID, EVENTS (collisions with disks and walls), 
 past         (3 room,) of 2       LATEST, ANGLE, f64: time of the latest collision, and angle turned, of gases that ask
 hits         (3 room,) of 2       WALL_HITS, LAST_PARTNER, of gases that ask
 spent        (3 room,) of 6       energy that collisions took, by mechanism, f64: half of a pair's; of gases that ask
+slept        (3 room,)            AWAKE, ASLEEP or WOKEN, of gases that rest (`rest.py`)
 kind         (n,)                 kind of each disk, by id
 kinds        (kinds,) of 6        what disks of a kind share
 trail        (room,) of 2            hash of the history of the disk at a slot of the window's beginning, by its tile
@@ -33,6 +34,7 @@ found        (blocks, ...)        sums over BLOCK_OF_TILES tiles, f64 (columns b
 total        (...)                the same over all
 watched      (n,)                 1 for disks whose collisions are written down, by id
 work, ...    (lanes * places,)    the scratch space of a lane, which runs one tile after another
+edge         (...) of 12          edges of the cones of contact forces of disks that may rest, f64 (`rest.py`)
 ===========  ===================  =====================================================================================
 """
 
@@ -59,10 +61,10 @@ MOST_SPEED, MOST_BEYOND, MOST_FURTHEST, MOST_PROTRUDES, FIRST_SUM = range(5)
 BLOCK_OF_TILES = 128
 # tally: whole numbers are exact up to 2^53
 COLLISIONS, WALL_COLLISIONS, ELASTICS, REGIMES, LOSSES = 0, 1, 2, 3, 8
-WALL_WORK, FLOW_WORK, FASTEST, SQUARES = 14, 15, 16, 17
-TALLY = 18
+WALL_WORK, FLOW_WORK, FASTEST, SQUARES, SLEEPERS = 15, 16, 17, 18, 19
+TALLY = 20
 # columns of losses and regimes in the tally
-NORMAL, RESTITUTION, SLIDING_LOSS, STICKING_LOSS, ROLLING_LOSS, BY_WALLS = range(MECHANISMS)
+NORMAL, RESTITUTION, SLIDING_LOSS, STICKING_LOSS, ROLLING_LOSS, BY_WALLS, BY_REST = range(MECHANISMS)
 ELASTICALLY = 4
 AT_END, AT_MOMENT = range(2)
 # scratch of a disk. work: flight from TAU on; times of its next collision and of leaving its cell
@@ -76,6 +78,11 @@ W_SPIN = 7
     PARTNER, CELL, NUMBER, PARTNER_NUMBER, PREVIOUS, NEXT, NEXT_IN_CELL, LAST, WHO, OWN, HASH_1, HASH_2, TOP, KIND, ROW,
     DIRECTION,
 ) = range(16)  # fmt: skip
+# rest: AWAKE, ASLEEP or WOKEN since the window's beginning; 1 where the disk may fall asleep in it; quick
+# hits of something at rest, one after the other
+ASLEEP_NOW, MAY_REST, HITS_NOW = range(3)
+AWAKE, ASLEEP, WOKEN = range(3)
+EDGES_OF_DISK = 32  # for which there is room, on average
 # mark: slot at the window's beginning; boxes travelled in this window; collisions before it, and with walls in it; tile
 # that lists it
 SLOT, LAP_X, LAP_Y, BEFORE, AT_WALLS, LISTED = range(6)
@@ -83,20 +90,22 @@ SLOT, LAP_X, LAP_Y, BEFORE, AT_WALLS, LISTED = range(6)
 # rest on a wall, events without progress; bad tiles; events; windows; rows of
 # events; 1 where only the listed tiles are run; of a gas in one tile: 1 where it pauses at the moment that is told; 1
 # where it goes on from there; 1 where it has paused for the time, BY_COUNT for the number of collisions; bad tiles
-# with the widest halo; 1 where no window of a launch may follow
+# with the widest halo; 1 where no window of a launch may follow; windows in which it was not found out who may rest,
+# and disks that fell asleep at speed
 (
     NEXT_TILE, N_CLAIMED, FULL, N_SLOTS, NEEDED, RESTING, STALLED, N_BAD, N_EVENTS, N_WINDOWS, N_WATCHED, AGAIN,
-    PAUSING, RESUMING, PAUSED, STUCK, HALTED,
-) = range(17)  # fmt: skip
+    PAUSING, RESUMING, PAUSED, STUCK, HALTED, UNJUDGED, JAMMED,
+) = range(19)  # fmt: skip
 BY_COUNT = 2
 FULL_PLACES, FULL_CELLS, FULL_CLAIMS, FULL_WALLS, FULL_WATCHED = 1, 2, 4, 8, 16
 # clock, f64: begin and end of the window; where to stop (time, collisions in all), to pause, when a force
 # acts; what sets the length of windows: a path, the side of a tile, the speed of walls; unit of squares of
-# speeds; path in a gas that fills the box, collisions in a window of that; root mean square of speeds at the beginning
+# speeds; path in a gas that fills the box, collisions in a window of that; root mean square of speeds at the beginning;
+# the longest window that may be
 (
     BEGIN, END, STOP, WANTED, PAUSE, PAUSE_AFTER, KICK, PATH, TILE_SIDE, WALL_SPEED, SQUARE_UNIT, FREE_PATH,
-    IN_WINDOW, SPEED,
-) = range(14)  # fmt: skip
+    IN_WINDOW, SPEED, LONGEST,
+) = range(15)  # fmt: skip
 # grid: disks; tiles; lanes; places, cells, bins and walls of a lane; part of the window's beginning; periodic sides;
 # walls; seed; 1 where one tile is the whole box; rows of cells of all; verification on; small cells along
 # a large one; a 0 that no compiler knows; threads of a GPU for each tile's events, of which one works
@@ -175,6 +184,7 @@ class Uses(NamedTuple):
     mixed: bool = False  # more than one kind of disk
     watched: bool = False  # collisions of some disks are written down
     layered: bool = False  # large disks lie in large cells, small ones in small cells
+    rests: bool = False  # disks fall asleep
     collision_law: Any = None  # a `CompiledLaw`
 
 
@@ -191,6 +201,7 @@ class GasArrays(NamedTuple):
     past: Any = None
     hits: Any = None
     spent: Any = None
+    slept: Any = None
     kind: Any = None
     kinds: Any = None
     trail: Any = None
@@ -209,6 +220,9 @@ class GasArrays(NamedTuple):
     link: Any = None
     mark: Any = None
     begun: Any = None
+    rest: Any = None
+    balance: Any = None
+    edge: Any = None
     chosen: Any = None
     since: Any = None
     turn: Any = None

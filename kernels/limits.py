@@ -2,7 +2,7 @@
 
 WALL = 32  # columns of a wall (`kernels/walls.py`)
 OWNER = 18  # of them: the number of the wall
-MECHANISMS, REGIMES = 6, 5
+MECHANISMS, REGIMES = 7, 5
 WALL_SUMS = 6  # of a wall: momentum, torque, work, heat, hits
 MOST_WALLS = 100_000
 ADDRESSABLE = 2**31 - 1  # numbers of one array that 32-bit indices reach

@@ -4,7 +4,7 @@ from typing import Any
 
 from .language import spread_of_loops, ti
 from .layout import (
-    ANGLE, COUNT, DRIFT, EVENTS, GX, GY, ID, IMAGE_X, IMAGE_Y, KIND_INERTIA, KIND_MASS, LAST_PARTNER,
+    ANGLE, ASLEEP, COUNT, DRIFT, EVENTS, GX, GY, ID, IMAGE_X, IMAGE_Y, KIND_INERTIA, KIND_MASS, LAST_PARTNER,
     LATEST, MECHANISMS, PART, PERIODIC_X, PERIODIC_Y, ROOM, SPIN, START, TILES_X, TILES_Y, TOLD, VX, VY, WALL_HITS,
     GasArrays, Rows, Table, X, Y,
 )  # fmt: skip
@@ -13,6 +13,7 @@ from .shear import flow_at, frame_speed
 
 TRANSLATIONAL, ROTATIONAL, MOMENTUM_X, MOMENTUM_Y, SHEAR_PRESSURE, FALL, ALL_EVENTS, EXCESS = range(8)
 TOTALS = 8
+SLEEPING = 2  # column of `hits_out`
 
 
 @ti.func
@@ -79,18 +80,19 @@ def is_single(array: Any) -> bool:
 @ti.kernel
 def read_out(
     part: ti.i32, time: ti.f64, filled: ti.i32, uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, disk: Rows,
-    meta: Rows, past: Rows, hits: Rows, spent: Rows, kind: Rows, kinds: Rows, tile: Table, edge_x: Rows, edge_y: Rows,
-    real_out: Table, int_out: Table, past_out: Table, hits_out: Table, spent_out: Table, totals: Table,
+    meta: Rows, past: Rows, hits: Rows, spent: Rows, slept: Rows, kind: Rows, kinds: Rows, tile: Table, edge_x: Rows,
+    edge_y: Rows, real_out: Table, int_out: Table, past_out: Table, hits_out: Table, spent_out: Table, totals: Table,
 ):  # fmt: skip
     """Write disks by id, unless `filled` is 0, and the sums of each tile.
 
     `real_out` (n, 5): x, y, vx, vy, spin; `int_out` (n, 3): collisions with disks and walls, boxes travelled;
-    `past_out` (n, 2): time since the window's beginning of the latest collision, angle; `hits_out` (n, 2): collisions
-    with walls, latest partner; `spent_out` (n, 6): energy that collisions took; `totals` (tiles, TOTALS).
+    `past_out` (n, 2): time since the window's beginning of the latest collision, angle; `hits_out` (n, 3): collisions
+    with walls, latest partner, 1 for disks asleep; `spent_out` (n, MECHANISMS): energy that collisions took; `totals`
+    (tiles, TOTALS).
     """
     gas = ti.static(GasArrays(
-        grid=grid, scale=scale, clock=clock, disk=disk, meta=meta, past=past, hits=hits, spent=spent, kind=kind,
-        kinds=kinds, tile=tile, edge_x=edge_x, edge_y=edge_y, uses=uses,
+        grid=grid, scale=scale, clock=clock, disk=disk, meta=meta, past=past, hits=hits, spent=spent, slept=slept,
+        kind=kind, kinds=kinds, tile=tile, edge_x=edge_x, edge_y=edge_y, uses=uses,
     ))  # fmt: skip
     spread = ti.static(spread_of_loops())
     for item in range(spread * gas.grid[TILES_X] * gas.grid[TILES_Y]):
@@ -127,5 +129,7 @@ def read_out(
                     if ti.static(gas.uses.walled or gas.uses.partnered):
                         hits_out[i, WALL_HITS] = gas.hits[s][WALL_HITS]
                         hits_out[i, LAST_PARTNER] = gas.hits[s][LAST_PARTNER]
+                    if ti.static(gas.uses.rests):
+                        hits_out[i, SLEEPING] = ti.cast(gas.slept[s] == ASLEEP, ti.i32)
             for c in ti.static(range(TOTALS)):
                 totals[k, c] = total[c]

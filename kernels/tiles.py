@@ -25,11 +25,11 @@ Bad tiles are run again, from the same beginning, with wider halos. Nothing is e
 from .flights import on_grid
 from .language import on_gpu, ti
 from .layout import (
-    AGAIN, ALONE, ANGLE, ASIDE, AT_END, AT_MOMENT, AT_WALLS, BEFORE, BEYOND, BINS, BOXES_ASIDE, CELL,
+    AGAIN, ALONE, ANGLE, ASIDE, ASLEEP, ASLEEP_NOW, AT_END, AT_MOMENT, AT_WALLS, BEFORE, BEYOND, BINS, BOXES_ASIDE, CELL,
     CELLS, CELL_SIDE, CLAIMS, COARSE, COUNT, DRIFT, EVENTS, FASTEST, FIRST_WALL, FLOW_WORK, FULL,
     FULL_CLAIMS, FURTHEST, GATHERED, GX, GY, HALO, HASH_1, HASH_2, ID, IMAGE_X, IMAGE_Y, INVERSE_MASS,
     KIND, LAP_X, LAP_Y, LAST, LAST_PARTNER, LATEST, LENGTH_X, LENGTH_Y, LISTED, MOMENT_IN, MECHANISMS, MOST_CLAIMS,
-    MOST_HALO, NARROWER, NEXT_IN_CELL, NOBODY, NUMBER, N_CLAIMED, N_CLAIMS, N_SLOTS, OWN, PART, PARTNER,
+    HITS_NOW, MAY_REST, MOST_HALO, NARROWER, NEXT_IN_CELL, NOBODY, NUMBER, N_CLAIMED, N_CLAIMS, N_SLOTS, OWN, PART, PARTNER,
     PERIODIC_X, PERIODIC_Y, PLACES, PREVIOUS, PROTRUDES, ROOM, ROW, SLOT, SPIN, SPLIT, SQUARES,
     SQUARE_UNIT, START, TALLY, TAU, TEAM, TILES_ASIDE, TILES_X, TILES_Y, TOLD, TOP, USUAL_HALO, VX, VY,
     WALL_HITS, WHO, WIDER, WIDEST, WINDOW, W_SPIN, Uses, X, Y,
@@ -374,6 +374,8 @@ def lay(m, tile, region: ti.template(), gas: ti.template()):
     if ti.static(gas.uses.itemised):
         for column in ti.static(range(MECHANISMS)):
             gas.loss[i][column] = 0.0
+    if ti.static(gas.uses.rests):
+        gas.rest[i][ASLEEP_NOW], gas.rest[i][MAY_REST], gas.rest[i][HITS_NOW] = gas.slept[s], 0, 0
     if ti.static(gas.uses.sheared):
         # Into the frame of the row that it is in now.
         crossed = row - step_y
@@ -480,6 +482,10 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
             s = begun + gas.mark[i][SLOT]
             dt = time - gas.work[i][TAU]
             vx, vy = gas.work[i][VX], gas.work[i][VY]
+            if ti.static(gas.uses.rests):
+                fall_x, fall_y = gas.scale[GX] * time, gas.scale[GY] * time
+                if gas.rest[i][ASLEEP_NOW] == ASLEEP:
+                    fall_x, fall_y = 0.0 * time, 0.0 * time
             x, y = gas.work[i][X], gas.work[i][Y]
             lap_x, lap_y = gas.mark[i][LAP_X], gas.mark[i][LAP_Y]
             if in_place:  # the lists stay as they are
@@ -521,6 +527,8 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
                 gas.past[slot][LATEST] = ti.cast(gas.since[i], ti.f64)
                 if when == AT_END:
                     gas.past[slot][LATEST] = ti.cast(gas.since[i], ti.f64) - ti.cast(time, ti.f64)
+            if ti.static(gas.uses.rests):
+                gas.slept[slot] = gas.rest[i][ASLEEP_NOW]
             if ti.static(gas.uses.turned):
                 turned = ti.cast(gas.work[i][W_SPIN], ti.f64) * ti.cast(dt, ti.f64) + gas.turn[i]
                 gas.past[slot][ANGLE] = gas.past[s][ANGLE] + turned

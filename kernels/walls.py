@@ -388,6 +388,8 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
                 # Without speed, and pulled together. A container pulls by its curvature alone: a disk slides along it.
                 resting = 1
                 going = 0
+                if ti.static(gas.uses.rests):  # it bounces (`rest.py`)
+                    found, resting = t, 0
             f = 0.0
         if going == 1:
             step = FAR + 0.0 * t
@@ -585,7 +587,10 @@ def other_image(i, boxes, gas: ti.template()):
 
 @ti.func
 def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
-    """Collide the disk at place i at time t with the wall that it meets, in the lab; disks are in one that falls."""
+    """Collide the disk at place i at time t with the wall that it meets, in the lab; disks are in one that falls.
+
+    Returns how (`contact.collided`).
+    """
     code = FIRST_WALL - gas.link[i][PARTNER]
     w = code // 9
     lasting = 0
@@ -694,6 +699,7 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
             add_sum(tile, first + WORK, work, gas)
             add_sum(tile, first + WARMTH, heat, gas)
             add_sum(tile, first + HITS, 1.0, gas)
+    return how
 
 
 @ti.func

@@ -11,13 +11,14 @@ from .language import on_gpu, spread_of_loops, ti
 from .layout import (
     AGAIN, ALONE, AT_END, BAD, BEGIN, BEYOND, BINS, BLOCK_OF_TILES, CELLS, CHAIN, COLLISIONS, COUNT,
     END, FAR, FASTEST, FIRST_SUM, FREE_PATH, FULL, FULL_CELLS, FULL_PLACES, GATHERED, GX, GY, HALO,
-    HALTED, IN_WINDOW, KICK, LANES, LEAST_SIDE, MOMENT_IN, MOST_BEYOND, MOST_FURTHEST, MOST_HALO,
+    HALTED, IN_WINDOW, KICK, LANES, LEAST_SIDE, LONGEST, MOMENT_IN, MOST_BEYOND, MOST_FURTHEST, MOST_HALO,
     MOST_PROTRUDES, MOST_SPEED, NEEDED, NEXT_TILE, N_BAD, N_CLAIMED, N_EVENTS, N_SLOTS, N_WINDOWS, PART,
     PATH, PAUSE, PAUSED, PAUSE_AFTER, PLACES, RESTING, RESUMING, ROOM, SPEED, SQUARES, SQUARE_UNIT,
     STALLED, START, STOP, STRIDE, STUCK, TALLY, TILES_X, TILES_Y, TILE_SIDE, USUAL_HALO, VX, VY,
     WALL_SPEED, WANTED, WIDER, WIDEST, WINDOW, Cube, GasArrays, N, Rows, Table,
 )  # fmt: skip
 from .places import round_products
+from .rest import judge
 from .tiles import (
     begin, cells_of, chain, chain_layers, choose, count_chunk, is_too_narrow, is_wrong, lay, order, region_of,
     team_of, write,
@@ -139,6 +140,8 @@ def prepare(tile, lane, gas: ti.template()):
                 chain(i, n, region, gas)
         if ti.static(gas.uses.walled):
             place_walls(region, gas)
+        if ti.static(gas.uses.rests):
+            judge(n, tile, region, gas)
 
 
 @ti.func
@@ -174,6 +177,7 @@ def plan(gas: ti.template()):
     length = window_length(
         mean_square, fastest2, gas.clock[PATH], gas.clock[TILE_SIDE], pull, gas.clock[WALL_SPEED]
     )
+    length = ti.min(length, gas.clock[LONGEST])
     gas.clock[BEGIN] = gas.clock[END]
     gas.clock[END] = ti.min(gas.clock[BEGIN] + length, gas.clock[KICK])
     window = gas.clock[END] - gas.clock[BEGIN]
@@ -284,10 +288,10 @@ def sum_blocks(column, gas: ti.template()):
 def run_windows(
     first: ti.i32, n_listed: ti.i32, most_windows: ti.i32, uses: ti.template(), grid: Rows, scale: Rows, clock: Rows,
     sums: Rows, counter: Rows,
-    disk: Rows, meta: Rows, past: Rows, hits: Rows, spent: Rows, kind: Rows, kinds: Rows, trail: Rows, way: Rows,
-    back: Rows, tile: Table, listed: Rows, reach: Table, edge_x: Rows, edge_y: Rows, tally: Cube, heat: Cube,
+    disk: Rows, meta: Rows, past: Rows, hits: Rows, spent: Rows, slept: Rows, kind: Rows, kinds: Rows, trail: Rows,
+    way: Rows, back: Rows, tile: Table, listed: Rows, reach: Table, edge_x: Rows, edge_y: Rows, tally: Cube, heat: Cube,
     claim: Rows, claim_at: Rows, work: Rows, link: Rows, mark: Rows,
-    begun: Rows, chosen: Rows,
+    begun: Rows, rest: Rows, balance: Rows, edge: Rows, chosen: Rows,
     since: Rows, turn: Rows, loss: Rows, head: Rows, bin: Rows, wall_start: Rows, wall_item: Rows,
     walls: Rows, law: Cube, watched: Rows, event: Rows, event_int: Rows, found: Table, total: Rows,
 ):  # fmt: skip
@@ -299,7 +303,8 @@ def run_windows(
     """
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, clock=clock, sums=sums, counter=counter, disk=disk, meta=meta, past=past, hits=hits,
-        spent=spent, kind=kind, kinds=kinds, trail=trail, way=way, back=back, tile=tile, listed=listed, reach=reach,
+        spent=spent, slept=slept, rest=rest, balance=balance, edge=edge, kind=kind, kinds=kinds, trail=trail, way=way,
+        back=back, tile=tile, listed=listed, reach=reach,
         edge_x=edge_x, edge_y=edge_y, tally=tally, heat=heat, claim=claim, claim_at=claim_at, work=work,
         link=link, mark=mark, begun=begun, chosen=chosen, since=since, turn=turn, loss=loss, head=head, bin=bin,
         wall_start=wall_start, wall_item=wall_item, walls=walls, law=law, watched=watched, event=event,

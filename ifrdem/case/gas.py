@@ -186,6 +186,7 @@ class CaseGas:
                 self.disks, self.box, laws, begin, arch=run.arch, threads=run.threads,
                 precision=run.precision, walls=self.walls, gravity=(case.box.gravity[0], case.box.gravity[1]),
                 collapse=run.collapse, contact_time=run.contact_time, velocity_cutoff=run.velocity_cutoff,
+                resting_speed=run.resting_speed,
                 forces=forces_of(case), seed=run.seed, ledger=output.ledger, partners="last_partner" in output.fields,
                 angles="angle" in output.fields, dissipated="dissipated" in output.fields, wall_sums=output.wall_sums,
                 tracked=self.tracked(case, begin) if tracked is None else tracked,

@@ -14,7 +14,7 @@ from ..simulation.schedule import Cadence
 from .section import Section, key, refusal
 
 FieldName = Literal[
-    "position", "velocity", "angle", "angular_velocity", "collisions", "dissipated", "image", "last_partner"
+    "position", "velocity", "angle", "angular_velocity", "asleep", "collisions", "dissipated", "image", "last_partner"
 ]
 Interval = Annotated[float, Field(gt=0.0)]
 ROWS_PER_FRAME = 10  # of series, up to, where a case does not say
@@ -38,7 +38,7 @@ class OutputSection(Section):
     )
     """What every frame holds of every disk [list of names]; image: box lengths travelled; angle: how far it has turned
     since the start; last_partner: whom it hit last; dissipated: energy that its collisions took, by
-    mechanism (half of each)."""
+    mechanism (half of each); asleep: 1 for disks that sleep, with run.collapse = "rest"."""
     series: int | None = key(1000, None, ge=1, le=MOST_FRAMES)
     """Rows of the time series (energies, temperatures, momentum, collisions by regime, what dissipates energy) after
     the initial one [whole number]. Each may cost the engine's window around it once more. Without this key, rows

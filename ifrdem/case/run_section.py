@@ -37,21 +37,25 @@ class RunSection(Section):
     units: Literal["SI", "reduced"] = key("SI", "SI")
     """ "SI": numbers are in the units in brackets; "reduced": in any consistent system, and the brackets only tell the
     dimension. Nothing is converted."""
-    collapse: Literal["none", "velocity_cutoff", "tc"] = key("velocity_cutoff", "none")
+    collapse: Literal["none", "velocity_cutoff", "tc", "rest"] = key("velocity_cutoff", "none")
     """Against collisions without end (inelastic collapse, disks that come to rest): "none", "velocity_cutoff"
-    (collisions slower than velocity_cutoff are elastic) or "tc" (those of a disk that collided less than
-    contact_time ago are)."""
+    (collisions slower than velocity_cutoff are elastic), "tc" (those of a disk that collided less than
+    contact_time ago are) or "rest" (contacts slower than resting_speed last, and disks that lie still sleep)."""
     velocity_cutoff: float | None = key(1.0e-3, None, gt=0.0)
     """Normal speed of approach below which collisions are elastic [m/s], with collapse = "velocity_cutoff"."""
     contact_time: float | None = key(1.0e-4, None, gt=0.0)
     """Time after a collision in which further ones are elastic [s], with collapse = "tc"; a hundredth of the mean free
     time changes little."""
+    resting_speed: float | None = key(1.0e-3, None, gt=0.0)
+    """Speed below which contacts last and disks fall asleep under gravity [m/s], with collapse = "rest"."""
 
     @classmethod
     def mistakes(cls, data: dict[str, Any]) -> list[str]:
         """Also which numbers the remedy for collapse needs."""
         chosen, wrong = data.get("collapse", "none"), []
-        for kind, number in (("velocity_cutoff", "velocity_cutoff"), ("tc", "contact_time")):
+        for kind, number in (
+            ("velocity_cutoff", "velocity_cutoff"), ("tc", "contact_time"), ("rest", "resting_speed"),
+        ):  # fmt: skip
             if number in data and kind != chosen:
                 text = f'{number} cannot stand beside collapse = "{chosen}": collapse = "{kind}" needs it'
                 wrong.append(text)

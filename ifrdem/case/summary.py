@@ -283,12 +283,15 @@ def _walls(case: Case, gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, s
     slow, brief = case.run.velocity_cutoff, case.run.contact_time
     if case.run.collapse != "none":
         what = f"contact time {brief:g}{time}" if slow is None else f"velocity cut-off {slow:g}{speed}"
-        lines.append(("collapse", f"{what}: collisions below it are elastic"))
+        text = f"{what}: collisions below it are elastic"
+        if case.run.resting_speed is not None:
+            text = f"resting speed {case.run.resting_speed:g}{speed}: contacts below it last, and disks fall asleep"
+        lines.append(("collapse", text))
     elif (
         g > 0.0 and gas.room.all_walls and not all(each.law and each.law.e_n == 1.0 for each in gas.verdicts)
     ):
         lines.append(
-            ("collapse", 'no remedy: disks that come to rest on others end the run (run.collapse = "tc")')
+            ("collapse", 'no remedy: disks that come to rest on others end the run (run.collapse = "rest")')
         )
     return lines
 

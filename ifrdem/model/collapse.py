@@ -1,4 +1,4 @@
-"""Inelastic collapse, and the two remedies for it."""
+"""Inelastic collapse, and the remedies for it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from ..errors import InputError, nearest
 
-COLLAPSE = ("none", "tc", "velocity_cutoff")
+COLLAPSE = ("none", "tc", "velocity_cutoff", "rest")
 
 
 @dataclass(frozen=True)
@@ -18,31 +18,35 @@ class Collapse:
 
     Parameters
     ----------
-    kind : {"none", "tc", "velocity_cutoff"}
+    kind : {"none", "tc", "velocity_cutoff", "rest"}
         none: nothing; a collapse without end stops the run with InelasticCollapse.
         tc: a collision is elastic if the latest collision of either partner, with a disk or a wall, was less than the
         contact time ago. Luding and McNamara (1998), doi:10.1007/s100350050017.
         velocity_cutoff: a collision is elastic if its normal speed of approach is below the cut-off.
-    contact_time, velocity_cutoff : float, optional
-        Above 0 [time], [length/time]; the kind of this name needs it, and nothing else may have it.
+        rest: contacts below the resting speed last, with friction, and disks that lie still sleep (`kernels/rest.py`).
+    contact_time, velocity_cutoff, resting_speed : float, optional
+        Above 0 [time], [length/time], [length/time]; the kind of this name needs it, and nothing else may have it.
 
     Notes
     -----
     Elastic means like smooth elastic disks: e_n = 1, without friction or other change of spins, so that it costs no
-    energy. Both bias what they touch: some 1e-2 of the mean free time at the start is a contact time that does so
+    energy. tc and velocity_cutoff bias what they touch: some 1e-2 of the mean free time at the start is a contact time that does so
     little; a gas that has cooled below the cut-off stops cooling.
     """
 
     kind: str = "none"
     contact_time: float | None = None
     velocity_cutoff: float | None = None
+    resting_speed: float | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in COLLAPSE:
             raise InputError(
                 f"collapse = {self.kind!r}: allowed are {', '.join(COLLAPSE)}{nearest(str(self.kind), COLLAPSE)}"
             )
-        for name, kind in (("contact_time", "tc"), ("velocity_cutoff", "velocity_cutoff")):
+        for name, kind in (
+            ("contact_time", "tc"), ("velocity_cutoff", "velocity_cutoff"), ("resting_speed", "rest"),
+        ):  # fmt: skip
             value = getattr(self, name)
             if self.kind == kind:
                 if value is None or not (math.isfinite(value) and value > 0.0):

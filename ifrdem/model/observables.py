@@ -12,9 +12,9 @@ from ..errors import InputError
 from ..tools.checked import Array
 from .state import Disks, State
 
-MECHANISMS = ("normal", "tangential_restitution", "sliding", "sticking", "rolling", "walls")
+MECHANISMS = ("normal", "tangential_restitution", "sliding", "sticking", "rolling", "walls", "rest")
 """Mechanisms by which collisions take energy: normal and tangential restitution, friction while it slides or sticks,
-rolling friction, and all of these in collisions with walls."""
+rolling friction, all of these in collisions with walls, and what disks lose that fall asleep."""
 REGIMES = ("sliding", "sticking", "rolling_sliding", "rolling_sticking", "elastic")
 """Of collisions of two disks: whether friction slides or sticks, with the rolling torque rho P_n or without, or whether
 a remedy for collapse made them elastic."""
@@ -40,7 +40,9 @@ class Measure:
         given as work, and thermal walls as heat [energy].
     potential_energy : float
         Sum of -m g.x, g the gravity: 0 at the box's lower left corner [energy].
-    dissipated : array (6,) or None
+    asleep : int
+        Disks that sleep.
+    dissipated : array (7,) or None
         Energy that collisions have taken since the start, by mechanism (`MECHANISMS`) [energy]; None without a ledger.
     regimes : array (5,) or None
         Collisions of two disks since the start, by regime (`REGIMES`).
@@ -68,6 +70,7 @@ class Measure:
     wall_heat: float = 0.0
     potential_energy: float = 0.0
     wall_hits: int = 0
+    asleep: int = 0
     dissipated: Array | None = None
     regimes: NDArray[np.int64] | None = None
     walls: Array | None = None

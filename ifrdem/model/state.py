@@ -90,6 +90,7 @@ _COUNTS = (
     ("image", (2,), _LOWEST),
     ("wall_hits", (), 0),
     ("last_partner", (), _LOWEST),
+    ("asleep", (), 0),
 )
 """Counts of a state, their shape beside the number of disks, and the lowest number."""
 
@@ -120,9 +121,11 @@ class State(Brief, Sealed, Pictured):
     angle : array (n,)
         How far each disk has turned since the start, counter-clockwise, full turns included [rad]. Only runs that are
         asked to (`Simulation(angles=True)`) keep it up to date.
-    dissipated : array (n, 6)
+    dissipated : array (n, 7)
         Energy that each disk's collisions have taken, by mechanism (`observables.MECHANISMS`), half of what one took
         for either disk [energy]. Only runs that are asked to (`Simulation(dissipated=True)`) keep it up to date.
+    asleep : array (n,) of int32
+        1 for disks that sleep where they are at rest, else 0 (`Simulation(collapse="rest")`).
     flow : array (n, 2) or None
         Velocity of the mean flow at each disk [length/time]; None where there is none. A simulation in a sheared box
         sets it, and `observables.measure` needs it; to start one, it is not needed.
@@ -136,8 +139,8 @@ class State(Brief, Sealed, Pictured):
     """
 
     assignable: ClassVar[frozenset[str]] = frozenset({
-        "angle", "collisions", "dissipated", "flow", "image", "last_partner", "latest_collision", "position", "spin",
-        "time", "velocity", "wall_hits",
+        "angle", "asleep", "collisions", "dissipated", "flow", "image", "last_partner", "latest_collision", "position",
+        "spin", "time", "velocity", "wall_hits",
     })  # fmt: skip
 
     position: Array
@@ -152,6 +155,7 @@ class State(Brief, Sealed, Pictured):
     angle: Array = None  # type: ignore[assignment]
     dissipated: Array = None  # type: ignore[assignment]
     flow: Array | None = None
+    asleep: NDArray[np.int32] = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         self.spin = checked.array("spin", self.spin)

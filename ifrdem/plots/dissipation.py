@@ -30,7 +30,7 @@ class DissipationMap:
 
     region: Array  # ends of x and of y [length], shape (2, 2)
     power: Array  # per area [energy/(length^2 time)], shape (cells along x, along y)
-    mechanisms: Array  # energy by mechanism [energy], shape (6,)
+    mechanisms: Array  # energy by mechanism [energy], shape (7,)
     times: tuple[float, float]  # [time]
 
 

@@ -104,10 +104,11 @@ def ledger(upper: Axes, trajectory: Trajectory, over: str = "t", lower: Axes | N
 def mechanisms(axes: Axes, trajectory: Trajectory, over: str = "t") -> None:
     """Energy dissipated by each mechanism against time."""
     when, (values,) = result.series(trajectory, "dissipated_by_mechanism")
-    names = ("normal", "tangential restitution", "sliding", "sticking", "rolling", "walls")
-    colours = (TRANSLATION, ROTATION, INPUT, HEAT, DISSIPATED, RATIO)
-    styles = ("-", "--", "-.", ":", "-", "--")
-    for name, colour, style, value in zip(names, colours, styles, values.T, strict=True):
+    names = ("normal", "tangential restitution", "sliding", "sticking", "rolling", "walls", "rest")
+    colours = (TRANSLATION, ROTATION, INPUT, HEAT, DISSIPATED, RATIO, ACROSS)
+    styles = ("-", "--", "-.", ":", "-", "--", "-.")
+    # Files of before disks could rest have six.
+    for name, colour, style, value in zip(names, colours, styles, values.T, strict=False):
         if np.any(value):
             axes.plot(along(trajectory, when, over), value, style, color=colour, lw=1.5, label=name)
     _finish(axes, trajectory, "energy dissipated", over, columns=4)

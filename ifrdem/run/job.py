@@ -254,6 +254,10 @@ def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str]
     say(_closing(job.file.case, job.gas, job.ledger, last, time.perf_counter() - began, rate, overall))
     if elastic := job.simulation.statistics.elastic:
         say(f"  {elastic} collisions were elastic, against inelastic collapse")
+    if job.file.case.run.resting_speed is not None:
+        say(f"  {job.simulation.asleep} of {job.simulation.disks.n} disks sleep")
+        if unjudged := job.simulation.statistics.unjudged:
+            say(f"  in {unjudged} windows the forces in the heap were not found in time: who rests there is in doubt")
     rows, frames = job.writer.series_rows, len(job.writer)
     say(f"  output, {frames} frames and {rows} rows of series, took {100.0 * job.output_share:.2g} % of it")
     for path, bytes_there in job.outputs.sizes().items():

@@ -27,6 +27,8 @@ from ..model.state import Disks, State
 from . import device
 
 CELL = 1.0 + 1e-6  # side of a cell in largest diameters, at least: what rounding leaves of it
+RESTING_CELL = 1.1  # the same where disks sleep, which may leave their cell in the falling frame by RESTING_FALL
+RESTING_FALL, RESTING_WINDOW = 0.05, 8.0  # a window: a fall by so many largest diameters, or so many v_s / g, at most
 LEAST_GAP = 2.0  # ratio of radii on both sides of a gap between them, from which on cells have two layers
 LEAST_TILE, GPU_LEAST_TILE = 12.0, 8.0  # side of a tile in largest diameters, at least
 FEWER_WINDOWS = 4.0  # of gases in one tile, which need no halo
@@ -124,7 +126,8 @@ class DeviceArrays:
         if n:
             self.kinds.from_numpy(kinds.astype(self.real))
         self._split = split_of(disks.radius)
-        layered = self._split is not None and not uses.walled  # walls are noted in one layer of cells
+        # Walls are noted in one layer of cells.
+        layered = self._split is not None and not (uses.walled or uses.rests)
         self.uses = uses = uses._replace(mixed=len(kinds) > 1, layered=layered)
         self.kind: Any = self._array(ti.i32, n if uses.mixed else 1)
         if uses.mixed:
@@ -146,8 +149,10 @@ class DeviceArrays:
         self.grid[k.PERIODIC_X], self.grid[k.PERIODIC_Y] = box.periodic
         self.widest: float = 2.0 * float(disks.radius.max()) if n else 1.0
         self.scale[k.WIDEST] = self.widest
-        self.scale[k.GX : k.GX + 2] = options.gravity
+        self.set_gravity(options.gravity, options.resting_speed)
         self.scale[k.CUTOFF], self.scale[k.CONTACT_TIME] = options.velocity_cutoff, options.contact_time
+        if options.resting_speed:
+            self.scale[k.CUTOFF] = options.resting_speed
         self.scale[k.SHEAR] = box.shear_rate
         walls = walls.reshape(-1, WALL)
         self.walls: Any = self._vectors(WALL, self._type, max(len(walls), 1))
@@ -168,6 +173,7 @@ class DeviceArrays:
         self.past: Any = None
         self.hits: Any = None
         self.spent: Any = None
+        self.slept: Any = None
         self._lanes = 0
         self.batch: int = 0
         self.trail: Any = self._vectors(2, ti.i32, self.room)
@@ -212,6 +218,7 @@ class DeviceArrays:
         self._replace("past", self._vectors(2, ti.f64, rows if dated else 1))
         self._replace("hits", self._vectors(2, ti.i32, rows if counted else 1))
         self._replace("spent", self._vectors(k.MECHANISMS, ti.f64, rows if uses.itemised else 1))
+        self._replace("slept", self._array(ti.i32, rows if uses.rests else 1))
         for name, old in before.items():
             new = getattr(self, name).to_numpy()
             new[: len(old)] = old
@@ -245,6 +252,9 @@ class DeviceArrays:
         self._replace("link", self._vectors(16, ti.i32, rows))
         self._replace("mark", self._vectors(6, ti.i32, rows))
         self._replace("begun", self._vectors(2, self._type, rows))
+        self._replace("rest", self._vectors(3, ti.i32, rows if uses.rests else 1))
+        self._replace("balance", self._vectors(6, ti.f64, rows if uses.rests else 1))
+        self._replace("edge", self._vectors(12, ti.f64, k.EDGES_OF_DISK * rows if uses.rests else 1))
         self._replace("chosen", self._vectors(4, ti.i32, rows))
         self._replace("since", self._array(self._type, rows if uses.remembers else 1))
         self._replace("turn", self._array(ti.f64, rows if uses.turned else 1))
@@ -347,7 +357,7 @@ class DeviceArrays:
             own = min(own, math.sqrt(tile_disks * free))
         self.clock[k.TILE_SIDE] = own
         least = float((high - low).max()) / 3e4  # columns and rows of cells are counted in 16 bits
-        widest = CELL * self.widest
+        widest = (RESTING_CELL if self.uses.rests else CELL) * self.widest
         self.grid[k.COARSE] = 1
         if self.uses.layered and self._split is not None:
             widest, self.scale[k.SPLIT] = CELL * 2.0 * self._split, self._split
@@ -469,6 +479,10 @@ class DeviceArrays:
             spent = self.spent.to_numpy()
             spent[:n] = state.dissipated[order]
             self.spent.from_numpy(spent)
+        if self.uses.rests:
+            slept = self.slept.to_numpy()
+            slept[:n] = np.where(state.asleep[order], k.ASLEEP, k.WOKEN)  # woken: there is something to judge
+            self.slept.from_numpy(slept)
         self.set_lists(0, np.bincount(tile, minlength=self.tiles))
 
     def set_lists(self, part: int, count: NDArray[np.int64], start: NDArray[np.int64] | None = None) -> None:
@@ -512,7 +526,9 @@ class DeviceArrays:
         """Names of the arrays that hold a state, and whether this gas keeps them."""
         uses = self.uses
         dated, counted = uses.remembers or uses.turned, uses.walled or uses.partnered
-        return {"disk": True, "meta": True, "past": dated, "hits": counted, "spent": uses.itemised}
+        return {
+            "disk": True, "meta": True, "past": dated, "hits": counted, "spent": uses.itemised, "slept": uses.rests
+        }  # fmt: skip
 
     # ------------------------------------------------------------------ kernels
 
@@ -558,9 +574,14 @@ class DeviceArrays:
         self.law.from_numpy(law_table.astype(self.real))
         self.uses = self.uses._replace(collision_law=collision_law)
 
-    def set_gravity(self, gravity: tuple[float, float]) -> None:
-        """Let disks fall otherwise from here on; all must have settled."""
+    def set_gravity(self, gravity: tuple[float, float], resting_speed: float) -> None:
+        """Let disks fall otherwise from here on; all must have settled. Windows are as long as who rests may fall."""
         self.scale[k.GX : k.GX + 2] = gravity
+        self.clock[k.LONGEST] = np.inf
+        if resting_speed:
+            pull = math.hypot(*gravity)
+            fall = math.sqrt(2.0 * RESTING_FALL * self.widest / pull)
+            self.clock[k.LONGEST] = min(RESTING_WINDOW * resting_speed / pull, fall)
 
     def _on_device(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if isinstance(value, ti.Ndarray)}

@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..kernels.limits import ADDRESSABLE, MOST_DISKS
+from ..kernels.limits import ADDRESSABLE, ALONE, MOST_DISKS
 from ..model.box import Box
 from ..model.state import Disks, State
 from ..model.walls import Wall
 
+MOST_JUMP = 0.01
+"""Jumps of disks at rest, in smallest radii: what is low against them."""
 MOST_COEFFICIENT = {"f32": 1e30, "f64": 1e100}
 """Largest coefficient of a law: products of it with impulses and masses are formed."""
 
@@ -117,6 +119,7 @@ def check(
     *,
     velocity_cutoff: float,
     contact_time: float,
+    resting_speed: float,
 ) -> None:
     """Refuse what the engine cannot simulate; arguments as for `Engine`, `materials` the rows of the law's table.
 
@@ -141,7 +144,9 @@ def check(
             f"disk {i} has diameter {diameter:.6g}, more than a third of the box side {shortest:.6g}: "
             "it could meet its own periodic image; use a larger box"
         )
-    for name, value in (("velocity_cutoff", velocity_cutoff), ("contact_time", contact_time)):
+    for name, value in (
+        ("velocity_cutoff", velocity_cutoff), ("contact_time", contact_time), ("resting_speed", resting_speed),
+    ):  # fmt: skip
         if not (math.isfinite(value) and value >= 0.0):
             raise InputError(f"{name} = {value}: a finite number not below 0 is needed")
     hottest = max((wall.temperature or 0.0 for wall in walls), default=0.0)
@@ -156,6 +161,44 @@ def check(
     speed = fastest(disks, state.velocity, state.spin)
     check_magnitudes(disks, box, speed, precision, hottest)
     check_between_collisions(disks, box, gravity, forces)
+
+
+def check_resting(
+    disks: Disks, box: Box, gravity: tuple[float, float], resting_speed: float, forces: Sequence[Force], law: type,
+    arch: str, precision: str,
+) -> None:  # fmt: skip
+    """Refuse disks at rest where the model of them does not hold (`kernels/rest.py`); arguments as for `Engine`."""
+    from ..model.ifr import IFRLaw
+
+    name = f'collapse = "rest" (resting_speed = {resting_speed:g})'
+    if arch != "cpu" or precision != "f64":
+        raise InputError(f'{name}: only on a CPU in double precision (arch = "cpu", precision = "f64")')
+    if disks.n > ALONE:
+        raise InputError(
+            f"{name}: {disks.n} disks, but only gases that one thread computes as a whole can rest, of up to {ALONE}"
+        )
+    if not any(gravity):
+        raise InputError(f"{name}: gravity = {gravity}, but only gravity holds disks on their supports; give one")
+    if law is not IFRLaw:
+        raise InputError(
+            f"{name}: the law is a {law.__name__}, but a contact that lasts needs mu and rho of an IFRLaw"
+        )
+    if forces:
+        raise InputError(f"{name}: forces = {list(forces)}: disks at rest would not feel them; leave one of them out")
+    if not disks.movable.all():
+        raise InputError(
+            f"{name}: disk {int(np.argmin(disks.movable))} has an infinite mass; use walls (Wall.post) instead"
+        )
+    if box.shear_rate:
+        raise InputError(f"{name}: not supported in a sheared box")
+    pull = math.hypot(*gravity)
+    jump = 0.5 * resting_speed**2 / pull
+    if disks.n and jump > MOST_JUMP * float(disks.radius.min()):
+        most = math.sqrt(2.0 * pull * MOST_JUMP * float(disks.radius.min()))
+        raise InputError(
+            f"{name}: disks would jump {jump:.3g} high, v_s^2 / 2g, more than a hundredth of the smallest radius, "
+            f"{disks.radius.min():.3g}; a resting_speed of {most:.3g} at most is needed"
+        )
 
 
 def check_motion(disks: Disks, state: State) -> None:

@@ -98,6 +98,8 @@ class EngineOptions:
         Collisions whose normal speed of approach is below this [length/time] are elastic, and without friction.
     contact_time : float
         So are those of a disk whose latest collision was less than this ago [time]; 0 does without.
+    resting_speed : float
+        Below this [length/time] a contact lasts, and disks fall asleep (`kernels/rest.py`); 0 does without.
     seed : int
         Of the random numbers of forces and thermal walls, 0 to 2^64 - 1.
     ledger, partners, angles, itemised, wall_sums : bool
@@ -114,6 +116,7 @@ class EngineOptions:
     gravity: tuple[float, float] = (0.0, 0.0)
     velocity_cutoff: float = 0.0
     contact_time: float = 0.0
+    resting_speed: float = 0.0
     seed: int = 0
     ledger: bool = False
     partners: bool = False
@@ -201,7 +204,10 @@ class Engine:
         checks.check(
             disks, box, state, len(self._law_table), walls, given.gravity, given.precision, forces,
             velocity_cutoff=given.velocity_cutoff, contact_time=given.contact_time,
+            resting_speed=given.resting_speed,
         )  # fmt: skip
+        if given.resting_speed:
+            self._check_resting(given.gravity, forces, law)
         self.gravity: tuple[float, float] = given.gravity
         self.precision: str = given.precision
         self.walls: tuple[Wall, ...] = (*walls, *sides(box))
@@ -240,6 +246,7 @@ class Engine:
             turned=given.angles,
             itemised=given.itemised,
             watched=tracking is not None,
+            rests=given.resting_speed > 0.0,
             collision_law=compiled(kind),
         )
         self.arrays: DeviceArrays = DeviceArrays(disks, box, self._law_table, given, rows, uses)
@@ -251,8 +258,10 @@ class Engine:
         self.past: dict[str, Any] = {
             "wall_hits": state.wall_hits, "latest_collision": state.latest_collision,
             "last_partner": state.last_partner, "angle": state.angle, "dissipated": state.dissipated,
+            "asleep": state.asleep,
         }  # fmt: skip
         self._before = int(state.collisions.sum()) // 2, int(state.wall_hits.sum())
+        self._slept = int(np.count_nonzero(state.asleep))
         self.windows: Windows = Windows(self.arrays, self.statistics, float(state.time))
         self.set_gates(
             np.array([not wall.stands(state.time, self._before[0]) for wall in self.walls], dtype=bool)
@@ -294,6 +303,11 @@ class Engine:
         from ..kernels.layout import WALL_COLLISIONS
 
         return self._before[1] + int(self._sum(WALL_COLLISIONS))
+
+    @property
+    def asleep(self) -> int:
+        """Disks that sleep."""
+        return self._slept + self.windows.sleepers
 
     @property
     def wall_work(self) -> float:
@@ -393,10 +407,30 @@ class Engine:
         else:
             self.windows.settle()
 
+    def _check_resting(
+        self, gravity: tuple[float, float], forces: Sequence[Force], law: type[CollisionLaw]
+    ) -> None:
+        given = self.options
+        checks.check_resting(
+            self.disks, self.box, gravity, given.resting_speed, forces, law, given.arch, given.precision
+        )
+
+    def _wake(self) -> None:
+        """Wake all disks at the present time, between windows: what holds them is to change."""
+        if self.options.resting_speed:
+            self._slept -= self.asleep
+            state = self._state()
+            state.asleep = np.zeros_like(state.asleep)
+            self.windows.settle_at(state.time)
+            self._lay(state)
+
     def set_law(self, law_table: NDArray[np.float64], law: type[CollisionLaw]) -> None:
         """Collide by another law from now on; arguments as for the engine."""
+        if self.options.resting_speed:
+            self._check_resting(self.gravity, (), law)
         with self.changing():
             self._end_window()
+            self._wake()
             self._law_table, self._law = np.ascontiguousarray(law_table, dtype=np.float64), law
             kind: Any = law  # mypy does not take a class for hashable
             self.arrays.set_law(self._law_table, compiled(kind))
@@ -415,6 +449,8 @@ class Engine:
         self.check_whole()
         steps = ForceSteps(forces, self.arrays, self.disks, self.options.seed, self.time)
         checks.check_between_collisions(self.disks, self.box, self.gravity, steps.forces)
+        if self.options.resting_speed:
+            self._check_resting(self.gravity, steps.forces, self._law)
         with self.changing():
             self._end_window()
             self.force_steps = steps
@@ -430,10 +466,13 @@ class Engine:
         """
         gravity = checked.finite_pair("gravity", gravity)
         checks.check_between_collisions(self.disks, self.box, gravity, self.force_steps.forces)
+        if self.options.resting_speed:
+            self._check_resting(gravity, (), self._law)
         with self.changing():
             self._end_window()
+            self._wake()
             self.gravity = gravity
-            self.arrays.set_gravity(gravity)
+            self.arrays.set_gravity(gravity, self.options.resting_speed)
             self._begin_anew()
 
     def set_velocities(self, state: State) -> None:
@@ -453,6 +492,9 @@ class Engine:
             excess = self._excess()
             before = self._snapshot(present)
             present.velocity, present.spin = state.velocity, state.spin
+            if self.options.resting_speed:
+                self._slept -= self.asleep
+                present.asleep = np.zeros_like(present.asleep)
             self.windows.settle_at(present.time)
             self._lay(present)
             self._begin_anew()
@@ -527,6 +569,8 @@ class Engine:
         if self._parted or self.n == 0 or (self.n == 1 and not self.walls and not self.box.shear_rate):
             return True
         self.windows.go_on(self.next_kick)
+        if self.options.resting_speed and not self.windows.inside and self.asleep == self.n:
+            return not any(wall.most_speed for wall in self.walls)
         forced = any(self.gravity) or any(wall.most_speed for wall in self.walls) or self.box.shear_rate
         return not forced and not self.windows.inside and self.windows.fastest == 0.0
 

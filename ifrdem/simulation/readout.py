@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..errors import EngineError
 from ..kernels.layout import ANGLE, LAST_PARTNER, LATEST, MECHANISMS, WALL_HITS
-from ..kernels.readout import TOTALS, read_out
+from ..kernels.readout import SLEEPING, TOTALS, read_out
 from ..model.box import below
 from ..model.state import State, StoredState
 
@@ -52,9 +52,9 @@ def read(engine: Engine, stored: Collection[str] | None) -> tuple[State, NDArray
     kind: type[State] = State if stored is None else StoredState
     real = np.empty((max(n, 1), 5), np.float64 if stored is None else np.float32)
     whole = np.empty((max(n, 1), 3), np.int32)
-    dated, counted = uses.remembers or uses.turned, uses.walled or uses.partnered
+    dated, counted = uses.remembers or uses.turned, uses.walled or uses.partnered or uses.rests
     past = np.empty((n if dated else 1, 2))
-    hits = np.empty((n if counted else 1, 2), np.int32)
+    hits = np.empty((n if counted else 1, 3), np.int32)
     spent = np.empty((n if uses.itemised else 1, MECHANISMS))
     found = np.zeros((arrays.tiles, TOTALS))
     arrays.launch(
@@ -69,6 +69,8 @@ def read(engine: Engine, stored: Collection[str] | None) -> tuple[State, NDArray
     told: dict[str, Any] = {name: _read_only(np.asarray(value)) for name, value in engine.past.items()}
     if uses.walled:
         told["wall_hits"] = hits[:, WALL_HITS].copy()
+    if uses.rests:
+        told["asleep"] = hits[:, SLEEPING].copy()
     if uses.partnered:
         told["last_partner"] = hits[:, LAST_PARTNER].copy()
     if uses.remembers:

@@ -92,13 +92,16 @@ class Simulation(Sealed, PicturedDisks):
         first.
     gravity : two floats
         Acceleration of all disks [length/time^2]; only in directions that are not periodic.
-    collapse : {"none", "tc", "velocity_cutoff"}
+    collapse : {"none", "tc", "velocity_cutoff", "rest"}
         What is done about inelastic collapse (`ifrdem.model.collapse.Collapse`): nothing, or some collisions are
-        elastic and without friction, which `statistics.elastic` counts, those with walls included.
+        elastic and without friction, which `statistics.elastic` counts, those with walls included; or disks may rest.
     contact_time : float, optional
         For "tc" [time]: collisions are elastic if the latest one of either partner was less than this ago.
     velocity_cutoff : float, optional
         For "velocity_cutoff" [length/time]: those whose normal speed of approach is below it.
+    resting_speed : float, optional
+        For "rest" [length/time]: contacts last below it, and disks fall asleep (`ifrdem docs heaps`). Needs gravity, an
+        `IFRLaw`, a CPU in double precision and no forces.
     forces : sequence of forces.Force
         Drives and drag that act between collisions, each at the middle of its own steps; at a time at which several do,
         in this order and in the reverse order by turns (`ifrdem.forces`).
@@ -167,6 +170,7 @@ class Simulation(Sealed, PicturedDisks):
         collapse: str = "none",
         contact_time: float | None = None,
         velocity_cutoff: float | None = None,
+        resting_speed: float | None = None,
         forces: Sequence[Force] = (),
         seed: int = 0,
         ledger: bool = False,
@@ -183,7 +187,7 @@ class Simulation(Sealed, PicturedDisks):
         state = replace(state)  # whoever made it may have changed it since: everything is looked at again
         if state.n != disks.n:
             raise InputError(f"the state has {state.n} disks, the list of disks {disks.n}: they must agree")
-        remedy = Collapse(collapse, contact_time, velocity_cutoff)
+        remedy = Collapse(collapse, contact_time, velocity_cutoff, resting_speed)
         materials = max((wall.material for wall in walls), default=0)
         self._laws = law_table(law, disks, materials)
         law_class = checked_class(self._laws)
@@ -202,7 +206,7 @@ class Simulation(Sealed, PicturedDisks):
                 disks, box, state, table, arch=arch, threads=threads, precision=precision,
                 window_collisions=window_collisions, walls=walls, gravity=gravity,
                 velocity_cutoff=remedy.velocity_cutoff or 0.0, contact_time=remedy.contact_time or 0.0,
-                forces=forces, seed=seed,
+                resting_speed=remedy.resting_speed or 0.0, forces=forces, seed=seed,
                 law=law_class, ledger=ledger, partners=partners, angles=angles, itemised=dissipated,
                 wall_sums=wall_sums, tracking=self._tracking,
             )  # fmt: skip
@@ -373,6 +377,11 @@ class Simulation(Sealed, PicturedDisks):
     def wall_hits(self) -> int:
         """Collisions with walls so far."""
         return self._engine.wall_hits
+
+    @property
+    def asleep(self) -> int:
+        """Disks that sleep (`resting_speed`)."""
+        return self._engine.asleep
 
     @property
     def wall_work(self) -> float:
@@ -791,4 +800,7 @@ class Simulation(Sealed, PicturedDisks):
 
     def _put_in(self) -> dict[str, Any]:
         """The past that a state does not tell, up to the latest settling."""
-        return {"energy_input": self.energy_input, "wall_work": self.wall_work, "wall_heat": self.wall_heat}
+        return {
+            "energy_input": self.energy_input, "wall_work": self.wall_work, "wall_heat": self.wall_heat,
+            "asleep": self.asleep,
+        }  # fmt: skip

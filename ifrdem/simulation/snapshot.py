@@ -32,7 +32,9 @@ def fingerprint(engine: Engine) -> str:
     digest = hashlib.sha256()
     parts: list[Any] = [
         disks.mass, disks.radius, disks.k, disks.material, np.array(box.lengths), np.array(box.periodic),
-        np.array([box.shear_rate, *engine.gravity, options.velocity_cutoff, options.contact_time]), a.law.to_numpy(),
+        np.array([
+            box.shear_rate, *engine.gravity, options.velocity_cutoff, options.contact_time, options.resting_speed,
+        ]), a.law.to_numpy(),
         a.wall_rows, repr([(wall.opens_at, wall.opens_after) for wall in engine.walls]),
         options.precision, options.arch, options.seed, options.wall_sums,
         options.ledger, options.partners, options.angles, options.itemised, a.uses.collision_law.impulses.__qualname__,
@@ -67,7 +69,7 @@ def take(engine: Engine) -> Snapshot:
         found["clock"] = np.array([engine.time, engine._collided_at, engine._flow_excess])
         found.update(windows.snapshot())
         found["counts"] = np.array(
-            [*engine._before, engine._resting, engine._parted, engine._until_looked], dtype=np.int64
+            [*engine._before, engine._slept, engine._resting, engine._parted, engine._until_looked], dtype=np.int64
         )
         found["statistics"] = np.array(list(asdict(engine.statistics).values()), dtype=np.int64)
         found["next_steps"] = np.array(steps.next_steps, dtype=np.int64)
@@ -114,7 +116,7 @@ def _put_back(engine: Engine, found: Snapshot) -> None:
     a.clock[_LENGTHS] = lengths
     _time, engine._collided_at, engine._flow_excess = found["clock"].tolist()
     *before, engine._resting, parted, engine._until_looked = found["counts"].tolist()
-    engine._before, engine._parted = (before[0], before[1]), bool(parted)
+    engine._before, engine._slept, engine._parted = (before[0], before[1]), before[2], bool(parted)
     windows.protrudes = float(found["protrudes"].max())
     engine.set_gates(found["gates"])
     windows.put_back(found, k.TRACKED if engine.tracking is not None else 0)

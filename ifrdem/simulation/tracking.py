@@ -318,9 +318,15 @@ class Statistics:
         Windows that were left to one thread.
     elastic : int
         Collisions that were elastic for a remedy for collapse.
+    unjudged : int
+        Windows in which the forces in a heap were not found to the accuracy by which it is judged who may rest.
+    jammed : int
+        Disks that fell asleep at speed, jammed between others without room to fly (`kernels/rest.py`).
     """
 
     windows: int = 0
     in_order: int = 0
     run_again: int = 0
     elastic: int = 0
+    unjudged: int = 0
+    jammed: int = 0

@@ -78,6 +78,11 @@ class Windows:
         return self._ahead and (self._paused or self.begin < self.now < self.end)
 
     @property
+    def sleepers(self) -> int:
+        """Disks that fell asleep less those that woke."""
+        return int(self.sums[k.SLEEPERS])
+
+    @property
     def elastic(self) -> int:
         """Collisions that were elastic for a remedy for collapse."""
         return int(self.sums[k.ELASTICS])
@@ -190,6 +195,7 @@ class Windows:
         length = window_length(
             mean_square, fastest2, a.clock[k.PATH], a.clock[k.TILE_SIDE], pull, a.clock[k.WALL_SPEED]
         )
+        length = min(length, float(a.clock[k.LONGEST]))
         a.clock[k.SQUARE_UNIT] = square_unit(fastest2)
         a.clock[k.SPEED] = math.sqrt(mean_square)
         if a.uses.sheared:  # rows of tiles move against each other
@@ -327,6 +333,9 @@ class Windows:
         done = int(a.counter[k.N_WINDOWS])
         self._burst = max(2 * most, self._burst) if done >= most else max(done, 1)
         self.statistics.windows += done
+        if not again:
+            self.statistics.unjudged += int(a.counter[k.UNJUDGED])
+            self.statistics.jammed += int(a.counter[k.JAMMED])
         self._collect(watching)
         self._done = a.sums.copy()
         self.begin, self.end = float(a.clock[k.BEGIN]), float(a.clock[k.END])

@@ -18,6 +18,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from ..errors import InputError
 from ..model.box import Box
+from ..model.observables import MECHANISMS
 from ..model.state import Disks
 from ..tools.versions import package_versions
 from . import damage
@@ -65,10 +66,11 @@ FIELDS = {
     "velocity": Field("velocity", 2),
     "angle": Field("angle", 1),
     "angular_velocity": Field("spin", 1),
-    "dissipated": Field("dissipated", 6),
+    "dissipated": Field("dissipated", len(MECHANISMS)),
     "collisions": Field("collisions", 1, count=True),
     "image": Field("image", 2, count=True),
     "last_partner": Field("last_partner", 1, count=True),
+    "asleep": Field("asleep", 1, count=True),
 }
 
 VIEWS = {

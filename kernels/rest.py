@@ -1,0 +1,529 @@
+"""Resting contact: disks that lie still sleep, and cost nothing until something wakes them.
+
+An event-driven code has no lasting contacts: a disk that comes to rest on a floor collides infinitely often in a finite
+time. With a *resting speed* v_s, which is small, lasting contact is replaced by two rules and a judgement.
+
+*Rebound.* A collision whose normal speed of approach g_n is below v_s belongs to a contact that lasts, which the law of
+single impacts does not describe. It is elastic (e_n = 1), and along the contact Coulomb's friction alone acts: sticking
+at the contact point, mu P_n at most, and rolling friction rho P_n at most; tangential restitution, an impulse that
+needs no normal force, does not (e_t = -1). So a disk on a support makes jumps of height v_s^2 / 2g at most. Gravity
+returns its momentum 2 m g_n in the time 2 g_n / g: on average the support pushes by the weight, and friction is that of
+this push, as in a contact that lasts. The rebound is no slower than v_0 = v_s / 10, which bounds the number of events;
+what this gives, 1 % of m v_s^2 / 2 at most, is in the ledger.
+
+*Sleep.* A disk that may rest (see below) falls asleep at a collision slower than v_s with a disk that sleeps or a wall
+at rest, if it is slower than 2 v_s afterwards (v and R omega): there it touches. From then on it stays where it is. What
+it had of kinetic energy is the loss `rest` of the ledger. To others it is a wall: a disk of infinite mass at rest. A
+hit at v_s or more wakes it, and it takes part in that collision with its own mass. A disk that is caught between
+others that sleep, so closely that it hits them eight times with no more than v_s / 1000 g between two of them, falls
+asleep too, until the next judgement; if it is too fast, it is driven in like a wedge, and wakes whom it hits;
+if it is not free after 64 hits, it falls asleep at its speed (`Statistics.jammed` counts: friction would have braked it).
+
+*Judgement.* At the beginning of each window it is judged who may rest. Take all disks that sleep or are slower than
+2 v_s as resting, and let them touch each other and walls at rest where the gap is below 4 v_s^2 / g. May they stay?
+They do if there are contact forces in the cones |F_t| <= mu F_n, F_n >= 0, that balance every weight and torque. So
+find the forces that leave the least acceleration,
+
+    min over forces in the cones of  sum (m a^2 + I alpha^2) / 2,   m a = m g + sum F,  I alpha = sum of torques:
+
+a convex problem (M. Anitescu, Math. Program. 105, 113 (2006), doi:10.1007/s10107-005-0590-7), in which the a and alpha
+that are left are unique. Those disks may rest whose a and R alpha are below g / 1000. One that sleeps and has more than
+3 g / 1000 wakes: its support has gone, or what lies on it is too much for it. So the load of a heap goes down to the
+floor, and one without friction flows apart. A torque of rolling friction, rho F_n at most, acts on each spin by itself,
+as in the law.
+
+A window lasts 8 v_s / g at most, so that who has lost his support falls late by that; and no longer than a fall by a
+twentieth of the largest diameter, by which a disk that sleeps may leave its cell in the falling frame.
+
+What this is not. Forces in a heap at rest are not unique, and not kept: each judgement finds its own. Where contacts
+are held by a stress of their own (a disk wedged between walls that friction locks), disks may rest. Walls that move,
+have a moving surface or a temperature support nobody: disks that they can reach in a window are awake. All gaps of a
+heap are below 4 v_s^2 / g, and it is as much too high. For v_s to 0 all of this vanishes.
+"""
+
+from .flights import on_grid
+from .language import ti
+from .layout import (
+    ASLEEP, ASLEEP_NOW, AWAKE, BY_REST, CELL, CELLS, CUTOFF, FAR, GX, GY, HITS_NOW, INVERSE_MASS, ITEMS, JAMMED, K, KIND_RADIUS,
+    LENGTH_X, LENGTH_Y, LOSSES, MATERIAL, MAY_REST, NEXT_IN_CELL, PLACES, SLEEPERS, EDGES_OF_DISK,
+    UNJUDGED, VX, VY, W_SPIN, WIDEST, WOKEN, X, Y,
+)  # fmt: skip
+from .places import add, kind_of, radius_of
+from .walls import (
+    ARC_INSIDE, ARC_OUTSIDE, HALF, MOTION, QX, QY, STILL, SURFACE, TEMPERATURE, TURN, TYPE, WALL_MATERIAL, turned_back,
+    wall_motion, wall_reach, wall_turn, wall_vector,
+)  # fmt: skip
+
+SLOW = 2.0  # resting speeds: slower disks may rest
+GAP = 4.0  # v_s^2 / g: disks that are nearer touch
+QUICK, QUICK_HITS, JAMMED_HITS = 1e-3, 8, 64  # v_s / g: times between hits that are none; how many of them
+AT_REST, MOVED = 1e-3, 3e-3  # g: accelerations below which a disk may fall asleep, and above which it wakes
+MU, RHO = 2, 4  # columns of the law's table (`law_table.table_row`)
+NEAR_ENOUGH = 1e-6  # g: accelerations to which forces are found
+# edge of a cone: places of both disks, the second -1 for a wall; what a unit of its force does to either (`per_force`);
+# the force; gradient; a direction, and the change of the gradient along it. balance: accelerations, and along it
+FIRST, SECOND, ON_FIRST, ON_SECOND, FORCE, GRADIENT, DIRECTION_OF, H_DIRECTION = 0, 1, 2, 5, 8, 9, 10, 11
+DIRECTIONAL = 3
+
+
+@ti.func
+def sleeps(i, gas: ti.template()):
+    """1 if the disk at place i sleeps, else 0."""
+    found = 0
+    if ti.static(gas.uses.rests):
+        found = ti.cast(gas.rest[i][ASLEEP_NOW] == ASLEEP, ti.i32)
+    return found
+
+
+@ti.func
+def set_in_motion(i, t, gas: ti.template()):
+    """Say where a disk that sleeps at place i is, and how it moves, in the frame that falls."""
+    gas.work[i][X] = gas.work[i][X] - on_grid(0.5 * gas.scale[GX] * t * t, gas)
+    gas.work[i][Y] = gas.work[i][Y] - on_grid(0.5 * gas.scale[GY] * t * t, gas)
+    gas.work[i][VX], gas.work[i][VY] = -gas.scale[GX] * t, -gas.scale[GY] * t
+
+
+@ti.func
+def set_at_rest(i, t, gas: ti.template()):
+    """Fix the disk at place i where it is in the lab."""
+    gas.work[i][X] = gas.work[i][X] + on_grid(0.5 * gas.scale[GX] * t * t, gas)
+    gas.work[i][Y] = gas.work[i][Y] + on_grid(0.5 * gas.scale[GY] * t * t, gas)
+    gas.work[i][VX], gas.work[i][VY], gas.work[i][W_SPIN] = 0.0, 0.0, 0.0
+
+
+@ti.func
+def wake(i, tile, gas: ti.template()):
+    """Wake the disk at place i, which moves by itself from here on."""
+    gas.rest[i][ASLEEP_NOW] = WOKEN
+    add(tile, SLEEPERS, -1.0, gas)
+
+
+@ti.func
+def is_slow(i, vx, vy, gas: ti.template()):
+    """1 if the disk at place i, with this velocity in the lab, is slow enough to rest, else 0."""
+    limit = SLOW * gas.scale[CUTOFF]
+    surface = radius_of(i, gas) * gas.work[i][W_SPIN]
+    return ti.cast(vx * vx + vy * vy < limit * limit and surface * surface < limit * limit, ti.i32)
+
+
+@ti.func
+def count_hit(i, t, since, gas: ti.template()):
+    """Count a slow hit of something at rest by the disk at place i, whose latest collision was at `since`, if quick."""
+    pull = ti.abs(gas.scale[GX]) + ti.abs(gas.scale[GY])
+    quick = (t - since) * pull < QUICK * gas.scale[CUTOFF]
+    gas.rest[i][HITS_NOW] = ti.select(quick, gas.rest[i][HITS_NOW] + 1, 0)
+
+
+@ti.func
+def is_wedged(i, t, gas: ti.template()):
+    """1 if the disk at place i has hit what sleeps so often without time between, and is too fast to sleep."""
+    vx, vy = gas.work[i][VX] + gas.scale[GX] * t, gas.work[i][VY] + gas.scale[GY] * t
+    hits = gas.rest[i][HITS_NOW]
+    return hits >= QUICK_HITS and hits < JAMMED_HITS and not is_slow(i, vx, vy, gas)
+
+
+@ti.func
+def fall_asleep(i, t, tile, gas: ti.template()):
+    """Let the disk at place i fall asleep after a slow collision with something at rest, if it may and is slow.
+
+    It may, too, if it is caught between others. If it cannot get free it falls asleep at any speed.
+    """
+    vx, vy = gas.work[i][VX] + gas.scale[GX] * t, gas.work[i][VY] + gas.scale[GY] * t
+    hits, slow = gas.rest[i][HITS_NOW], is_slow(i, vx, vy, gas)
+    if hits >= JAMMED_HITS or (slow and (gas.rest[i][MAY_REST] == 1 or hits >= QUICK_HITS)):
+        if not slow:
+            gas.counter[JAMMED] = gas.counter[JAMMED] + 1
+        gas.rest[i][HITS_NOW] = 0
+        kind = kind_of(i, gas)
+        radius, spin = gas.kinds[kind][KIND_RADIUS], gas.work[i][W_SPIN]
+        lost = vx * vx + vy * vy + radius * radius * spin * spin / gas.kinds[kind][K]
+        add(tile, LOSSES + BY_REST, 0.5 * lost / gas.kinds[kind][INVERSE_MASS], gas)
+        add(tile, SLEEPERS, 1.0, gas)
+        gas.rest[i][ASLEEP_NOW] = ASLEEP
+        set_at_rest(i, t, gas)
+
+
+@ti.func
+def meeting_with_sleeper(rx, ry, vx, vy, noise, sigma, within, gas: ti.template()):
+    """Time until a disk that falls touches one that sleeps; FAR if not `within`. Separation r, velocity v in the lab.
+
+    The gap f = |r| - sigma has f'' >= -g. Steps to the root of f + f' s - g s^2 / 2 cannot pass the first root of f, and
+    converge like Newton's (`walls.py`). Disks that touch without speed meet at once if gravity pulls them together.
+    """
+    gx, gy = gas.scale[GX], gas.scale[GY]
+    pull = ti.sqrt(gx * gx + gy * gy)
+    found = FAR + 0.0 * rx
+    tolerance = 1.0e-15 * (gas.scale[LENGTH_X] + gas.scale[LENGTH_Y])
+    reach = sigma + (ti.abs(vx) + ti.abs(vy) + 0.5 * pull * within) * within
+    s = 0.0 * rx
+    going = ti.cast(rx * rx + ry * ry < reach * reach and within >= 0.0, ti.i32)
+    steps = 0
+    while going == 1:
+        steps += 1
+        x, y = rx + vx * s + 0.5 * gx * s * s, ry + vy * s + 0.5 * gy * s * s
+        ux, uy = vx + gx * s, vy + gy * s
+        r = ti.sqrt(x * x + y * y)
+        f = r - sigma
+        slope = (x * ux + y * uy) / r
+        if f <= tolerance:
+            f = 0.0
+            if slope < -noise:
+                found = s
+            elif slope <= noise and ux * ux + uy * uy - slope * slope + x * gx + y * gy < 0.0:
+                found = s
+            if found < FAR:
+                going = 0
+        if going == 1:
+            root = ti.sqrt(slope * slope + 2.0 * pull * f)
+            step = (slope + root) / pull
+            if slope < 0.0:
+                step = 2.0 * f / (root - slope)
+            least = 2.0e-16 * within
+            if f == 0.0 and ti.abs(slope) <= noise:
+                least = 1.0e-6 * within  # they part
+            s += ti.max(step, least)
+            if s >= within or steps > 1000:
+                going = 0
+    return found
+
+
+@ti.func
+def note_touch(i, j, nx, ny, mu, rho, count, gas: ti.template()):
+    """Enter the edges of the cone of forces at a contact of the disk at place i with that at j, or a wall (-1).
+
+    Each edge is a unit force n F_n on i and the friction and rolling friction that go with it at most, with one sign or
+    the other. Returns the length of the list.
+    """
+    found = count
+    sides = ti.select(mu > 0.0, 2, 1)
+    turns_i, turns_j = ti.select(rho > 0.0, 2, 1), ti.select(rho > 0.0 and j >= 0, 2, 1)
+    for edge in range(sides * turns_i * turns_j):
+        if found < EDGES_OF_DISK * gas.grid[PLACES]:
+            along = mu * (1 - 2 * (edge % sides))
+            turn_i = rho * (1 - 2 * (edge // sides % turns_i))
+            turn_j = rho * (1 - 2 * (edge // (sides * turns_i)))
+            one = per_force(i, nx, ny, along, turn_i, gas)
+            other = ti.Vector([0.0, 0.0, 0.0], ti.f64)
+            if j >= 0:
+                # Seen from there n and t are the opposite, and so is the force: its parts are the same.
+                other = per_force(j, -nx, -ny, along, turn_j, gas)
+            size = 1.0 / ti.sqrt(one.norm_sqr() + other.norm_sqr())
+            for column in ti.static(range(3)):
+                gas.edge[found][ON_FIRST + column] = one[column] * size
+                gas.edge[found][ON_SECOND + column] = other[column] * size
+            gas.edge[found][FIRST], gas.edge[found][SECOND] = ti.cast(i, ti.f64), ti.cast(j, ti.f64)
+        found += 1
+    return found
+
+
+@ti.func
+def per_force(i, nx, ny, along, torque, gas: ti.template()):
+    """sqrt(m) a and sqrt(I) alpha that a force n + `along` t at -R n from the centre, and a torque, give a disk."""
+    kind = kind_of(i, gas)
+    root = ti.sqrt(ti.cast(gas.kinds[kind][INVERSE_MASS], ti.f64))
+    turn = ti.sqrt(ti.cast(gas.kinds[kind][K], ti.f64)) * (torque / gas.kinds[kind][KIND_RADIUS] - along)
+    return root * ti.Vector([nx - along * ny, ny + along * nx, turn], ti.f64)
+
+
+@ti.func
+def meets_moving_wall(i, region: ti.template(), gas: ti.template()):
+    """1 if a wall that moves, or is no support for another reason, may touch the disk at place i in this window."""
+    found = 0
+    cell = region.lane * (gas.grid[CELLS] + 1) + (gas.link[i][CELL] >> 16) * region.ny + (gas.link[i][CELL] & 0xFFFF)
+    for item in range(gas.wall_start[cell], gas.wall_start[cell + 1]):
+        code = gas.wall_item[region.lane * gas.grid[ITEMS] + item]
+        w = code // 9
+        if not is_support(w, gas):
+            _nx, _ny, distance = from_wall(i, code, region, gas)
+            if distance <= wall_reach(w, gas):
+                found = 1
+    return found
+
+
+@ti.func
+def is_support(w, gas: ti.template()):
+    """1 if wall w is at rest, its surface too, and has no temperature, else 0."""
+    moves = gas.walls[w][MOTION] != STILL or gas.walls[w][TURN] != STILL or gas.walls[w][SURFACE] != 0.0
+    return not (moves or gas.walls[w][TEMPERATURE] > 0.0)
+
+
+@ti.func
+def from_wall(i, code, region: ti.template(), gas: ti.template()):
+    """Unit vector from a wall, by the code of its image, to the disk at place i, and distance, as the window begins.
+
+    A wall that turns is seen as it was before. Beside an arc only its ends are near, which are walls of their own.
+    """
+    w = code // 9
+    s, _speed, _bound, _until = wall_motion(w, 0.0 * gas.scale[CUTOFF], gas)
+    x = region.corner_x + gas.work[i][X] - ((code // 3) % 3 - 1) * gas.scale[LENGTH_X]
+    y = region.corner_y + gas.work[i][Y] - (code % 3 - 1) * gas.scale[LENGTH_Y]
+    if ti.static(gas.uses.turning):
+        angle, _spin, _most, _turn_bound = wall_turn(w, 0.0 * s, gas)
+        x, y = turned_back(w, x, y, s, angle, gas)
+    nx, ny, distance = wall_vector(w, x, y, s, gas)
+    if ti.static(gas.uses.arched):
+        kind = ti.cast(gas.walls[w][TYPE], ti.i32)
+        if kind == ARC_INSIDE or kind == ARC_OUTSIDE:
+            along = nx * gas.walls[w][QX] + ny * gas.walls[w][QY]
+            if ti.select(kind == ARC_INSIDE, -along, along) < ti.cos(gas.walls[w][HALF]):
+                distance = FAR + 0.0 * distance
+    return nx, ny, distance
+
+
+@ti.func
+def find_touches(n, region: ti.template(), gas: ti.template()):
+    """List the contacts of disks that may rest with each other and with walls at rest; their number.
+
+    Awake disks without any may not.
+    """
+    pull = ti.sqrt(gas.scale[GX] ** 2 + gas.scale[GY] ** 2)
+    near = GAP * gas.scale[CUTOFF] * gas.scale[CUTOFF] / pull
+    places = region.lane * gas.grid[PLACES]
+    count = 0
+    for i in range(places, places + n):
+        if gas.rest[i][MAY_REST] == 1:
+            own_x, own_y = gas.link[i][CELL] >> 16, gas.link[i][CELL] & 0xFFFF
+            radius = radius_of(i, gas)
+            p = ti.cast(gas.kinds[kind_of(i, gas)][MATERIAL], ti.i32)
+            for step in range(5):  # each pair once: the own cell, and half of those around
+                ax, ay = own_x + ti.select(step < 2, 0, 1), own_y + ti.select(step < 2, step, step - 3)
+                shift_x, shift_y = 0.0 * near, 0.0 * near
+                if region.wrap_x == 1 and ax >= region.nx:
+                    ax -= region.nx
+                    shift_x = gas.scale[LENGTH_X]
+                if region.wrap_y == 1:
+                    if ay >= region.ny:
+                        ay -= region.ny
+                        shift_y = gas.scale[LENGTH_Y]
+                    elif ay < 0:
+                        ay += region.ny
+                        shift_y = -gas.scale[LENGTH_Y]
+                j = -1
+                if ax < region.nx and ay >= 0 and ay < region.ny:
+                    j = gas.head[region.cells + ax * region.ny + ay]
+                    if step == 0:
+                        j = gas.link[i][NEXT_IN_CELL]
+                while j >= 0:
+                    if gas.rest[j][MAY_REST] == 1:
+                        dx = gas.work[i][X] - gas.work[j][X] - shift_x
+                        dy = gas.work[i][Y] - gas.work[j][Y] - shift_y
+                        r = ti.sqrt(dx * dx + dy * dy)
+                        if r < radius + radius_of(j, gas) + near:
+                            q = ti.cast(gas.kinds[kind_of(j, gas)][MATERIAL], ti.i32)
+                            count = note_touch(
+                                i, j, dx / r, dy / r, gas.law[p, q, MU], gas.law[p, q, RHO], count, gas
+                            )
+                    j = gas.link[j][NEXT_IN_CELL]
+            cell = region.lane * (gas.grid[CELLS] + 1) + own_x * region.ny + own_y
+            if ti.static(gas.uses.walled):
+                for item in range(gas.wall_start[cell], gas.wall_start[cell + 1]):
+                    code = gas.wall_item[region.lane * gas.grid[ITEMS] + item]
+                    nx, ny, distance = from_wall(i, code, region, gas)
+                    if distance < radius + near and is_support(code // 9, gas):
+                        q = ti.cast(gas.walls[code // 9][WALL_MATERIAL], ti.i32)
+                        count = note_touch(i, -1, nx, ny, gas.law[p, q, MU], gas.law[p, q, RHO], count, gas)
+    if count > EDGES_OF_DISK * gas.grid[PLACES]:
+        count = EDGES_OF_DISK * gas.grid[PLACES]
+        gas.counter[UNJUDGED] = gas.counter[UNJUDGED] + 1
+    return count
+
+
+@ti.func
+def add_up(count, column: ti.template(), balance: ti.template(), gas: ti.template()):
+    """Add the forces in a column of the list to sqrt(m) a and sqrt(I) alpha of the disks, in columns of `balance`."""
+    for c in range(count):
+        force = gas.edge[c][column]
+        if force != 0.0:
+            i, j = ti.cast(gas.edge[c][FIRST], ti.i32), ti.cast(gas.edge[c][SECOND], ti.i32)
+            for axis in ti.static(range(3)):
+                gas.balance[i][balance + axis] = gas.balance[i][balance + axis] + force * gas.edge[c][ON_FIRST + axis]
+            if j >= 0:
+                for axis in ti.static(range(3)):
+                    gas.balance[j][balance + axis] = (
+                        gas.balance[j][balance + axis] + force * gas.edge[c][ON_SECOND + axis]
+                    )
+
+
+@ti.func
+def gained(c, balance: ti.template(), gas: ti.template()):
+    """Sum over both disks of an edge of the list: change of (m a^2 + I alpha^2) / 2 by a unit more of its force."""
+    i, j = ti.cast(gas.edge[c][FIRST], ti.i32), ti.cast(gas.edge[c][SECOND], ti.i32)
+    found = ti.cast(0.0, ti.f64)
+    for axis in ti.static(range(3)):
+        found += gas.balance[i][balance + axis] * gas.edge[c][ON_FIRST + axis]
+    if j >= 0:
+        for axis in ti.static(range(3)):
+            found += gas.balance[j][balance + axis] * gas.edge[c][ON_SECOND + axis]
+    return found
+
+
+@ti.func
+def bend(count, n, places, gas: ti.template()):
+    """Curvature of the sum of squares along the direction of all edges: into H_DIRECTION; d.H d."""
+    for i in range(places, places + n):
+        for axis in ti.static(range(3)):
+            gas.balance[i][DIRECTIONAL + axis] = 0.0
+    add_up(count, DIRECTION_OF, DIRECTIONAL, gas)
+    found = ti.cast(0.0, ti.f64)
+    for c in range(count):
+        gas.edge[c][H_DIRECTION] = gained(c, DIRECTIONAL, gas)
+        found += gas.edge[c][DIRECTION_OF] * gas.edge[c][H_DIRECTION]
+    return found
+
+
+@ti.func
+def anew(count, n, places, gas: ti.template()):
+    """Accelerations by gravity and all forces, and the gradient along each edge."""
+    for i in range(places, places + n):
+        root = 1.0 / ti.sqrt(ti.cast(gas.kinds[kind_of(i, gas)][INVERSE_MASS], ti.f64))
+        gas.balance[i][0], gas.balance[i][1] = root * gas.scale[GX], root * gas.scale[GY]
+        gas.balance[i][2] = 0.0
+    add_up(count, FORCE, 0, gas)
+    for c in range(count):
+        gas.edge[c][GRADIENT] = gained(c, 0, gas)
+
+
+@ti.func
+def balanced(count, n, most, places, gas: ti.template()):
+    """Find the forces, not below 0, along all edges that leave the least accelerations; 1 if that was done, else 0.
+
+    MPRGP: conjugate gradients on those above 0, a projected step where one of them would fall below, and steps into those
+    at 0 where that gains more. Z. Dostal and J. Schoeberl, Comput. Optim. Appl. 30, 23 (2005),
+    doi:10.1007/s10589-005-4557-7.
+    """
+    pull = ti.cast(ti.sqrt(gas.scale[GX] ** 2 + gas.scale[GY] ** 2), ti.f64)
+    enough = ti.cast(0.0, ti.f64)
+    for c in range(count):
+        i = ti.cast(gas.edge[c][FIRST], ti.i32)
+        enough = ti.max(enough, ti.cast(gas.kinds[kind_of(i, gas)][INVERSE_MASS], ti.f64))
+        gas.edge[c][FORCE], gas.edge[c][DIRECTION_OF] = 0.0, 1.0
+    enough = (NEAR_ENOUGH * pull) ** 2 / ti.max(enough, 1.0e-300)
+    # The largest curvature, by the power method; a tenth more is above it.
+    largest = ti.cast(1.0, ti.f64)
+    for _turn in range(20):
+        bend(count, n, places, gas)
+        square = ti.cast(0.0, ti.f64)
+        for c in range(count):
+            square += gas.edge[c][H_DIRECTION] ** 2
+        largest = ti.sqrt(square)
+        for c in range(count):
+            gas.edge[c][DIRECTION_OF] = gas.edge[c][H_DIRECTION] / largest
+    step = 1.7 / largest
+    anew(count, n, places, gas)
+    for c in range(count):
+        gas.edge[c][DIRECTION_OF] = 0.0
+    going, done, turn = 1, 0, 0
+    while going == 1:
+        free, projected, bound = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
+        for c in range(count):
+            force, gradient = gas.edge[c][FORCE], gas.edge[c][GRADIENT]
+            if force > 0.0:
+                free += gradient * gradient
+                projected += gradient * ti.min(force / step, gradient)
+            elif gradient < 0.0:
+                bound += gradient * gradient
+        turn += 1
+        if free + bound < enough:
+            going, done = 0, 1
+        elif turn > most:
+            going = 0
+        elif bound <= projected:
+            curvature = bend(count, n, places, gas)
+            slope, room = ti.cast(0.0, ti.f64), ti.cast(FAR, ti.f64)
+            for c in range(count):
+                direction = gas.edge[c][DIRECTION_OF]
+                slope += gas.edge[c][GRADIENT] * direction
+                if direction > 0.0 and gas.edge[c][FORCE] > 0.0:
+                    room = ti.min(room, gas.edge[c][FORCE] / direction)
+            length = room
+            if curvature > 0.0:
+                length = ti.min(slope / curvature, room)
+            mixed = ti.cast(0.0, ti.f64)
+            for c in range(count):
+                gas.edge[c][FORCE] = ti.max(gas.edge[c][FORCE] - length * gas.edge[c][DIRECTION_OF], 0.0)
+                gas.edge[c][GRADIENT] = gas.edge[c][GRADIENT] - length * gas.edge[c][H_DIRECTION]
+                if gas.edge[c][FORCE] > 0.0:
+                    mixed += gas.edge[c][GRADIENT] * gas.edge[c][H_DIRECTION]
+            if length < room:
+                for c in range(count):
+                    gradient = ti.select(gas.edge[c][FORCE] > 0.0, gas.edge[c][GRADIENT], 0.0)
+                    gas.edge[c][DIRECTION_OF] = gradient - mixed / curvature * gas.edge[c][DIRECTION_OF]
+            else:
+                for c in range(count):
+                    if gas.edge[c][FORCE] > 0.0:
+                        gas.edge[c][FORCE] = ti.max(gas.edge[c][FORCE] - step * gas.edge[c][GRADIENT], 0.0)
+                anew(count, n, places, gas)
+                restart(count, gas)
+        else:
+            for c in range(count):
+                at_zero = gas.edge[c][FORCE] == 0.0 and gas.edge[c][GRADIENT] < 0.0
+                gas.edge[c][DIRECTION_OF] = ti.select(at_zero, gas.edge[c][GRADIENT], 0.0)
+            length = bound / bend(count, n, places, gas)
+            for c in range(count):
+                gas.edge[c][FORCE] = gas.edge[c][FORCE] - length * gas.edge[c][DIRECTION_OF]
+                gas.edge[c][GRADIENT] = gas.edge[c][GRADIENT] - length * gas.edge[c][H_DIRECTION]
+            restart(count, gas)
+    anew(count, n, places, gas)
+    return done
+
+
+@ti.func
+def restart(count, gas: ti.template()):
+    """Take the gradient of forces above 0 as the direction."""
+    for c in range(count):
+        gas.edge[c][DIRECTION_OF] = ti.select(gas.edge[c][FORCE] > 0.0, gas.edge[c][GRADIENT], 0.0)
+
+
+@ti.func
+def left_over(i, gas: ti.template()):
+    """The larger of the acceleration and R alpha that is left of the disk at place i."""
+    kind = kind_of(i, gas)
+    ax, ay, turn = gas.balance[i][0], gas.balance[i][1], gas.balance[i][2]
+    root = ti.sqrt(ti.cast(gas.kinds[kind][INVERSE_MASS], ti.f64))
+    return root * ti.max(ti.sqrt(ax * ax + ay * ay), ti.abs(turn) * ti.sqrt(ti.cast(gas.kinds[kind][K], ti.f64)))
+
+
+@ti.func
+def judge(n, tile, region: ti.template(), gas: ti.template()):
+    """Judge at the beginning of a window who may rest: wake those who may not, note who may fall asleep.
+
+    There is nothing to judge where nobody has been woken since the last time, and no slow disk touches anything.
+    """
+    places = region.lane * gas.grid[PLACES]
+    pull = ti.cast(ti.sqrt(gas.scale[GX] ** 2 + gas.scale[GY] ** 2), ti.f64)
+    changed = 0
+    for i in range(places, places + n):
+        if gas.rest[i][ASLEEP_NOW] == WOKEN:
+            gas.rest[i][ASLEEP_NOW] = AWAKE
+            changed = 1
+        gas.rest[i][MAY_REST] = ti.max(sleeps(i, gas), is_slow(i, gas.work[i][VX], gas.work[i][VY], gas))
+        if ti.static(gas.uses.walled):
+            if gas.rest[i][MAY_REST] == 1:
+                if meets_moving_wall(i, region, gas):
+                    gas.rest[i][MAY_REST] = 0
+                    if sleeps(i, gas):
+                        wake(i, tile, gas)
+                        changed = 1
+    count = find_touches(n, region, gas)
+    for c in range(count):
+        i, j = ti.cast(gas.edge[c][FIRST], ti.i32), ti.cast(gas.edge[c][SECOND], ti.i32)
+        if not sleeps(i, gas):
+            changed = 1
+        if j >= 0:
+            if not sleeps(j, gas):
+                changed = 1
+    if changed == 1:
+        resting = 0
+        for i in range(places, places + n):
+            resting += gas.rest[i][MAY_REST]
+        if not balanced(count, n, 2000 + 20 * resting, places, gas):
+            gas.counter[UNJUDGED] = gas.counter[UNJUDGED] + 1
+        for i in range(places, places + n):
+            over = left_over(i, gas)
+            if sleeps(i, gas):
+                if over > MOVED * pull:
+                    wake(i, tile, gas)
+            gas.rest[i][MAY_REST] = ti.cast(gas.rest[i][MAY_REST] == 1 and over < AT_REST * pull, ti.i32)
+    else:
+        for i in range(places, places + n):
+            gas.rest[i][MAY_REST] = 0

@@ -1,0 +1,295 @@
+"""Heaps that rest: who falls asleep, by which forces, what it costs, and what wakes."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.distance import pdist
+
+from ifrdem.errors import InputError
+from ifrdem.initial import maxwellian, random_positions
+from ifrdem.model.box import Box
+from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.observables import MECHANISMS
+from ifrdem.model.state import Disks, State
+from ifrdem.model.walls import Wall
+from ifrdem.simulation.simulation import Simulation
+
+pytestmark = pytest.mark.unoptimised
+
+SLOW = 0.02
+REST = MECHANISMS.index("rest")
+NEAR = 4.0 * SLOW**2  # gap of contacts, at g = 1
+
+
+def gas(
+    position: Any, velocity: Any = None, law: Any = None, mass: float = 1.0, **options: Any
+) -> Simulation:
+    """Disks of radius 1/2 in a box of 12 x 10 with walls all around, under g = 1; at rest if no velocity is told."""
+    n = len(position)
+    given: dict[str, Any] = {
+        "gravity": (0.0, -1.0), "collapse": "rest", "resting_speed": SLOW, "ledger": True,
+    } | options  # fmt: skip
+    return Simulation(
+        Disks(n, mass=mass, radius=0.5), Box((12.0, 10.0), periodic=(False, False)),
+        law or IFRLaw(e_n=0.6, e_t=-1.0, mu=0.3),
+        State(position, np.zeros((n, 2)) if velocity is None else velocity, np.zeros(n)), **given,
+    )  # fmt: skip
+
+
+def pile(n: int = 60, **options: Any) -> Simulation:
+    """Disks that fall from everywhere in the box."""
+    box, radius = Box((12.0, 10.0), periodic=(False, False)), np.full(n, 0.5)
+    speeds = maxwellian(np.ones(n), speed_rms=1.0, seed=1)
+    return gas(random_positions(box, radius, seed=1), speeds, **options)
+
+
+def closes(run: Simulation) -> None:
+    """The ledger tells all energy that was lost, to rounding."""
+    lost = run.measure().dissipated
+    assert lost is not None
+    turned_over = abs(run.dissipated_energy) + abs(run.measure().potential_energy) + 1.0
+    assert abs(lost.sum() - run.dissipated_energy) < 1e-12 * turned_over
+
+
+# --- one disk -------------------------------------------------------------------------------------------------
+
+
+def test_a_disk_dropped_on_a_floor_rests_there_and_has_lost_its_fall() -> None:
+    run = gas([[6.0, 2.5]], mass=2.0)
+    run.run(t_end=40.0)
+    state = run.state
+    assert state.asleep[0] == run.asleep == run.measure().asleep == 1
+    np.testing.assert_allclose(state.position, [[6.0, 0.5]], rtol=0.0, atol=1e-13)
+    assert not state.velocity.any()
+    assert run.dissipated_energy == pytest.approx(2.0 * 1.0 * 2.0, rel=1e-13)  # m g h
+    closes(run)
+    lost = run.measure().dissipated
+    assert lost is not None and 0.0 < lost[REST] <= 0.5 * 2.0 * SLOW**2
+    # v = 2 falls to v_s by factors 0.6: log(0.02 / 2) / log(0.6) = 9.02, so after 10 it is slow, and 1 more.
+    assert run.wall_hits == 11
+    hits = run.wall_hits
+    run.run(t_end=1e9)
+    assert run.wall_hits == hits
+
+
+def test_a_disk_rests_on_two_posts_but_not_on_top_of_one() -> None:
+    """Beside the top it rolls off: a = (2/3) g sin(angle) for rolling, which is not rest from 0.0015 on."""
+    posts = [Wall.post((5.4, 3.0), 0.5), Wall.post((6.6, 3.0), 0.5)]
+    run = gas([[6.02, 4.0]], walls=posts)
+    run.run(t_end=60.0)
+    assert run.asleep == 1
+    place = run.state.position[0]
+    gaps = [math.hypot(place[0] - x, place[1] - 3.0) - 1.0 for x in (5.4, 6.6)]
+    assert -1e-12 < min(gaps) and max(gaps) < NEAR
+    run = gas([[5.41, 4.001]], walls=posts[:1])
+    run.run(t_end=60.0)
+    assert run.asleep == 0 and run.state.position[0, 1] < 3.0
+
+
+@pytest.mark.parametrize(("part", "rests"), [(0.97, True), (1.05, False)])
+def test_on_a_slope_only_rolling_friction_holds_a_disk(part: float, rests: bool) -> None:
+    """Weight m g sin(a) along the slope acts at a height R above the contact: rho m g cos(a) holds it up to tan(a) = rho/R.
+
+    Beyond, and without sliding, a = (g / (1 + 1/k)) (sin(a) - (rho/R) cos(a)): at 1.05 it is 0.0033 g.
+    """
+    angle = math.atan(part * 0.2)
+    law = IFRLaw(e_n=0.6, e_t=-1.0, mu=0.8, rho=0.2 * 0.5)
+    run = gas([[3.0, 0.5 + 1e-5]], law=law, gravity=(math.sin(angle), -math.cos(angle)))
+    run.run(t_end=15.0)
+    assert run.asleep == int(rests)
+    assert (run.state.position[0, 0] < 3.001) == rests
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.3])
+def test_in_a_groove_a_disk_rests_without_friction_but_not_on_one_side_of_it(mu: float) -> None:
+    """A groove of two slopes of 45 degrees: with both normals about the vertical no friction is needed."""
+    law = IFRLaw(e_n=0.6, e_t=-1.0, mu=mu)
+    slopes = [Wall.line((6.0, 2.0), (1.0, 1.0)), Wall.line((6.0, 2.0), (-1.0, 1.0))]
+    run = gas([[6.3, 5.0]], walls=slopes, law=law)
+    run.run(t_end=60.0)
+    assert run.asleep == 1
+    np.testing.assert_allclose(run.state.position[0], [6.0, 2.0 + 0.5 * math.sqrt(2.0)], atol=2.0 * NEAR)
+    run = gas([[6.3, 5.0]], walls=slopes[:1], law=law)
+    run.run(t_end=3.0)
+    assert run.asleep == 0 and run.state.position[0, 0] > 6.5
+
+
+# --- three disks ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("mu", "stands"), [(0.28, True), (0.25, False)])
+def test_a_pyramid_of_three_stands_by_friction(mu: float, stands: bool) -> None:
+    """The lower two touch the floor, and each other at most. The top, weight W, pushes each by N along a line 30 degrees
+    from the vertical, with friction T upwards. No torque on a lower disk: the floor's friction is T, inwards. Its
+    balance along the floor, N sin 30 = T cos 30 + T, gives T/N = tan 15 = 0.268; that of the top N = W/2, so the floor
+    holds T = 0.134 W by 1.5 W: 0.089 is enough there.
+    """
+    between, floor = IFRLaw(e_n=0.6, e_t=-1.0, mu=mu), IFRLaw(e_n=0.6, e_t=-1.0, mu=0.5)
+    place = [[5.5, 0.5001], [6.5001, 0.5001], [6.0, 0.5001 + 0.5 * math.sqrt(3.0) + 1e-3]]
+    run = Simulation(
+        Disks(3, mass=1.0, radius=0.5, material=1), Box((12.0, 10.0), periodic=(False, False)),
+        [[floor, floor], [floor, between]], State(place, np.zeros((3, 2)), np.zeros(3)),
+        gravity=(0.0, -1.0), collapse="rest", resting_speed=0.005, ledger=True,
+    )  # fmt: skip
+    run.run(t_end=40.0)
+    top = run.state.position[2, 1]
+    if stands:
+        assert run.asleep == 3
+        assert top == pytest.approx(0.5 + 0.5 * math.sqrt(3.0), abs=1e-3)
+    else:
+        assert top < 1.0
+
+
+# --- hits -----------------------------------------------------------------------------------------------------
+
+
+def sleeper_and(position: tuple[float, float], velocity: tuple[float, float], mu: float = 0.3) -> Simulation:
+    """A disk that sleeps on the floor at x = 6, and another one."""
+    run = gas([[6.0, 0.5], position], [[0.0, 0.0], velocity])
+    state = run.state
+    state.asleep = np.array([1, 0])
+    return Simulation(
+        run.disks, run.box, IFRLaw(e_n=0.6, e_t=-1.0, mu=mu), state,
+        gravity=(0.0, -1.0), collapse="rest", resting_speed=SLOW, ledger=True,
+    )  # fmt: skip
+
+
+def test_a_flying_disk_meets_one_that_sleeps_where_their_parabola_says() -> None:
+    """|r + v t + g t^2 / 2| = 2 R, a polynomial of fourth degree; its least root above 0."""
+    offset, velocity = np.array([-2.3, 1.1]), np.array([1.4, 0.3])
+    run = sleeper_and((6.0 + offset[0], 0.5 + offset[1]), (velocity[0], velocity[1]))
+    found = run.collide(1).time[0]
+    x, y = np.poly1d([0.0, velocity[0], offset[0]]), np.poly1d([-0.5, velocity[1], offset[1]])
+    roots = (x * x + y * y - 1.0).roots
+    first = min(root.real for root in roots if abs(root.imag) < 1e-12 and root.real > 0.0)
+    assert found == pytest.approx(first, rel=1e-13)
+    assert found > 1.0  # several windows of at most 8 v_s / g
+
+
+def test_a_hard_hit_wakes_and_is_a_collision_of_two_disks() -> None:
+    run = sleeper_and((4.0, 1.2), (3.0, 0.0), mu=0.0)
+    assert run.asleep == 1
+    run.collide(1)
+    assert run.asleep == 0
+    state = run.state
+    assert state.velocity[0, 0] > 0.5
+    assert state.velocity[:, 0].sum() == pytest.approx(3.0, rel=1e-12)  # momentum along the floor
+    run.run(t_end=5000.0)  # without friction they slide until walls have slowed them
+    assert run.asleep == 2
+    closes(run)
+
+
+def test_a_slow_hit_wakes_nobody() -> None:
+    run = sleeper_and((6.0, 1.5 + 0.4 * SLOW**2), (0.0, 0.0))  # falls to sqrt(0.8) v_s
+    run.collide(1)
+    assert run.asleep >= 1 and run.state.asleep[0] == 1
+    assert not run.state.velocity[0].any()
+    run.run(t_end=5.0)
+    assert run.asleep == 2  # one upon the other, balanced
+    assert run.state.position[1, 1] == pytest.approx(1.5, abs=1e-12)
+    closes(run)
+
+
+def test_who_loses_his_support_wakes_and_falls() -> None:
+    """A tower of two; a third disk knocks the lower one away."""
+    run = gas([[6.0, 0.5], [6.0, 1.5], [3.0, 0.6]], [[0.0, 0.0], [0.0, 0.0], [6.0, 0.0]])
+    state = run.state
+    state.asleep = np.array([1, 1, 0])
+    run = gas(state.position, state.velocity)
+    run = Simulation(
+        run.disks, run.box, IFRLaw(e_n=0.9, e_t=-1.0, mu=0.3), state,
+        gravity=(0.0, -1.0), collapse="rest", resting_speed=SLOW,
+    )  # fmt: skip
+    run.run(t_end=0.3)
+    assert run.state.asleep[1] == 1  # nothing has touched it
+    assert run.state.position[1, 1] == 1.5
+    run.run(t_end=2.2)
+    assert run.state.position[1, 1] < 1.0 and run.state.asleep[1] == 0
+    run.run(t_end=1000.0)
+    assert run.asleep == 3
+    assert run.state.position[1, 1] == pytest.approx(0.5, abs=1e-12)
+
+
+# --- a pile ---------------------------------------------------------------------------------------------------
+
+
+def test_a_pile_comes_to_rest_at_a_bounded_cost() -> None:
+    """With a cut-off of the same speed 3e6 events a unit of time have no end; here they all end before t = 30."""
+    run = pile()
+    run.run(t_end=40.0)
+    state = run.state
+    assert run.asleep == 60 and not state.velocity.any() and not state.spin.any()
+    events = run.collisions + run.wall_hits
+    assert events < 400_000
+    assert run.statistics.unjudged == 0
+    closes(run)
+    assert pdist(state.position).min() > 1.0 - 1e-11
+    assert state.position.min() > 0.5 - 1e-11
+    # Everybody has a support, and a heap that rests costs nothing.
+    run.run(t_end=1e6)
+    assert run.collisions + run.wall_hits == events
+    np.testing.assert_array_equal(run.state.position, state.position)
+
+
+def test_gravity_that_turns_wakes_a_pile_which_flows_and_rests_again() -> None:
+    run = pile(30)
+    run.run(t_end=60.0)
+    assert run.asleep == 30
+    before = run.state.position[:, 0].mean()
+    run.set_gravity((0.8, -0.6))
+    assert run.asleep == 0
+    run.run(t_end=200.0)
+    assert run.asleep == 30
+    assert run.state.position[:, 0].mean() > before + 2.0
+    closes(run)
+
+
+def test_frames_series_and_checkpoints_change_no_bit(tmp_path: Path) -> None:
+    def end(run: Simulation) -> tuple[Any, ...]:
+        state = run.state
+        return state.position, state.velocity, state.spin, state.asleep, state.collisions, run.asleep
+
+    plain = pile(40)
+    plain.run(t_end=9.0)
+    assert 0 < plain.asleep < 40
+    looked = pile(40)
+    looked.run(t_end=9.0, frames=37, observers=[lambda state, measure: None], series=91, samplers=[lambda _: None])
+    stopped = pile(40)
+    for k, stop in enumerate((4.3, 6.1, 7.77)):
+        stopped.run(t_end=stop)
+        stopped.save_checkpoint(tmp_path / f"{k}.h5")
+        stopped = pile(40)
+        stopped.load_checkpoint(tmp_path / f"{k}.h5")
+    stopped.run(t_end=9.0)
+    for other in (looked, stopped):
+        for found, expected in zip(end(other), end(plain), strict=True):
+            np.testing.assert_array_equal(found, expected)
+        lost, expected_lost = other.measure().dissipated, plain.measure().dissipated
+        assert lost is not None and expected_lost is not None
+        assert lost[REST] == pytest.approx(expected_lost[REST], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"gravity": (0.0, 0.0)}, "only gravity holds disks"),
+        ({"resting_speed": 0.2}, r"a resting_speed of 0\.1 at most"),
+        ({"resting_speed": None}, r'collapse = "rest" needs a finite number above 0'),
+        ({"collapse": "tc", "contact_time": 0.1}, r'used with collapse = "rest" only'),
+        ({"precision": "f32"}, "in double precision"),
+    ],
+)
+def test_where_the_model_does_not_hold_it_is_refused(change: dict[str, Any], told: str) -> None:
+    with pytest.raises(InputError, match=told):
+        gas([[6.0, 2.5]], **change)
+
+
+def test_a_belt_supports_nobody() -> None:
+    run = gas([[6.0, 2.5]], walls=[Wall.line((0.0, 1.0), (0.0, 1.0), surface_speed=0.5)])
+    run.run(t_end=8.0)
+    assert run.asleep == 0
