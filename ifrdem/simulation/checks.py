@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,6 +117,7 @@ def check(
     *,
     velocity_cutoff: float,
     contact_time: float,
+    ranks: int = 1,
 ) -> None:
     """Refuse what the engine cannot simulate; arguments as for `Engine`, `materials` the rows of the law's table.
 
@@ -126,8 +127,10 @@ def check(
         Names what is wrong, and what to do instead.
     """
     n = disks.n
-    if n > MOST_DISKS:
-        raise InputError(f"{n} disks: the engine's 32-bit indices allow {MOST_DISKS} at most")
+    most = min(ranks * MOST_DISKS, ADDRESSABLE)  # ids have 32 bits too
+    if n > most:
+        on = f" on {ranks} ranks" if ranks > 1 else ""
+        raise InputError(f"{n} disks: the engine's 32-bit indices allow {most} at most{on}")
     if state.n != n:
         raise InputError(f"the state has {state.n} disks: {n} are needed")
     check_motion(disks, state)
@@ -156,6 +159,29 @@ def check(
     speed = fastest(disks, state.velocity, state.spin)
     check_magnitudes(disks, box, speed, precision, hottest)
     check_between_collisions(disks, box, gravity, forces)
+
+
+def check_ranks(
+    size: int, box: Box, options: Any, forces: Sequence[Force], tracked: bool
+) -> None:
+    """Refuse what cannot be on several ranks of MPI (`ranks.py`).
+
+    Raises
+    ------
+    InputError
+        Names what it is.
+    """
+    refused = {
+        f"arch = '{options.arch}'": options.arch != "cpu",
+        "order = 'alone'": options.order == "alone",
+        "precision = 'f32'": options.precision != "f64",
+        "forces": bool(forces),
+        "tracked disks (histories)": tracked,
+        "an open box": box.is_open,
+    }
+    for what, there in refused.items():
+        if there:
+            raise InputError(f"{what}: not supported on several ranks (here are {size}); run it without mpiexec")
 
 
 def check_motion(disks: Disks, state: State) -> None:

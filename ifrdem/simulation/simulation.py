@@ -23,7 +23,7 @@ from ..model.observables import Measure, from_totals, measure
 from ..model.overlaps import check_no_overlap
 from ..model.state import Disks, State
 from ..model.walls import Wall, check_types, sides
-from ..tools import checked
+from ..tools import checked, world
 from ..tools.pictured import PicturedDisks
 from ..tools.progress import Progress as Bar
 from ..tools.progress import seen
@@ -111,6 +111,9 @@ class Simulation(Sealed, PicturedDisks):
         Keep how far each disk has turned: `State.angle`.
     tracked : sequence of int
         Disks of which every collision is kept, for `take_events`. Not in a sheared box.
+    comm : mpi4py.MPI.Comm, optional
+        Ranks of MPI that have a part of the gas each (`ifrdem docs ranks`); bitwise the same trajectory. All make
+        the same simulation and call the same methods. Observers and samplers are called on the first rank only.
 
     Raises
     ------
@@ -166,6 +169,7 @@ class Simulation(Sealed, PicturedDisks):
         partners: bool = False,
         angles: bool = False,
         tracked: Sequence[int] | NDArray[np.integer] = (),
+        comm: Any = None,
     ) -> None:
         for name, value, kind in (("disks", disks, Disks), ("box", box, Box), ("state", state, State)):
             if not isinstance(value, kind):
@@ -192,7 +196,7 @@ class Simulation(Sealed, PicturedDisks):
                 window_collisions=window_collisions, walls=walls, gravity=gravity,
                 velocity_cutoff=remedy.velocity_cutoff or 0.0, contact_time=remedy.contact_time or 0.0,
                 forces=forces, seed=seed,
-                law=law_class, ledger=ledger, partners=partners, angles=angles, tracking=self._tracking,
+                law=law_class, ledger=ledger, partners=partners, angles=angles, tracking=self._tracking, comm=comm,
             )  # fmt: skip
             # The engine's state of a sheared gas knows its flow, whose energy does not count.
             begin = self.state if box.shear_rate else state
@@ -461,9 +465,14 @@ class Simulation(Sealed, PicturedDisks):
             "given": self._given,
             "extra": dict(extra or {}),
         }
-        state = self.state
-        plain = {f"state_{name}": getattr(state, name) for name in ("position", "velocity", "spin")}
-        checkpoint.write(path, {**snapshot.take(self._engine), **plain, **(arrays or {})}, meta)
+        found = snapshot.take(self._engine)
+        state, _totals = self._engine.observed()
+
+        def write() -> None:
+            plain = {f"state_{name}": getattr(state, name) for name in ("position", "velocity", "spin")}
+            checkpoint.write(path, {**found, **plain, **(arrays or {})}, meta)
+
+        world.on_first(self._engine.comm, write)
 
     def load_checkpoint(self, path: str | os.PathLike[str]) -> dict[str, Any]:
         """Go on from where `save_checkpoint` was called, bitwise as if nothing had been between; returns `extra`.
@@ -559,6 +568,8 @@ class Simulation(Sealed, PicturedDisks):
             if cadence is not None:
                 refuse_endless(cadence, span)
         bar = None
+        if self._engine.comm is not None and progress is None:
+            progress = False
         if progress is True or (progress is None and seen()):
             progress = bar = Bar(
                 self.disks.n, t_end=t_end, collisions_per_disk=collisions_per_disk, unit="", kernels=backend.kernels,
@@ -621,6 +632,8 @@ class Simulation(Sealed, PicturedDisks):
         self._stopping = True
 
     def _stop_if_asked(self) -> None:
+        if self._engine.comm is not None:
+            self._stopping = self._engine.comm.allreduce(self._stopping)
         if self._stopping:
             raise _Stopped
 
@@ -653,7 +666,7 @@ class Simulation(Sealed, PicturedDisks):
                     t_end=stop.time, collisions=stop.collisions, pause_at=row.time, pause_after=row.collisions,
                     rest_at=frame.time, ends=end.time,
                 )  # fmt: skip
-                if progress is not None:
+                if progress is not None and world.is_first(self._engine.comm):
                     progress(self.time, self.collisions)
                 if course.series is not None and row.reached(self.time, self.collisions):
                     course.next_row = rows.after(course.next_row, self.time, self.collisions)
@@ -727,15 +740,24 @@ class Simulation(Sealed, PicturedDisks):
             self._tell(observers, *self._engine.observed(stored))
             self._stop_if_asked()
 
-    def _tell(self, observers: list[Observer], state: State, totals: NDArray[np.float64]) -> None:
-        measured = from_totals(self.disks, totals, state.time, self.wall_hits, **self._put_in())
-        for observer in observers:
-            observer(state, measured)
+    def _tell(self, observers: list[Observer], state: State | None, totals: NDArray[np.float64]) -> None:
+        measured = from_totals(self.disks, totals, self.time, self.wall_hits, **self._put_in())
+
+        def tell() -> None:
+            assert state is not None
+            for observer in observers:
+                observer(state, measured)
+
+        world.on_first(self._engine.comm, tell)
 
     def _sample(self, samplers: list[Sampler]) -> None:
         measured = self.measure()
-        for sampler in samplers:
-            sampler(measured)
+
+        def tell() -> None:
+            for sampler in samplers:
+                sampler(measured)
+
+        world.on_first(self._engine.comm, tell)
 
     def measure(self) -> Measure:
         """Totals and averages of the present state: `observables.measure`, without copying it from the device."""
