@@ -88,6 +88,11 @@ def set_level(*, quiet: bool, verbose: bool) -> None:
     LOG.setLevel(logging.WARNING if quiet else logging.DEBUG if verbose else logging.INFO)
 
 
+def silence() -> None:
+    """Show errors only."""
+    LOG.setLevel(logging.ERROR)
+
+
 class Help:
     """Layout of `--help`: plain text in two columns, the same on a terminal and in a pipe."""
 

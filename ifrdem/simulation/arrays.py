@@ -396,16 +396,16 @@ class DeviceArrays:
     def lists(self, part: int) -> dict[str, NDArray[Any]]:
         """What a part holds: rows of the state by array, and where each tile's list begins and how long it is."""
         rows = slice(part * self.room, part * self.room + self.n)
-        found = {name: getattr(self, name).to_numpy()[rows] for name, kept in self.state_arrays().items() if kept}
+        found = {
+            name: getattr(self, name).to_numpy()[rows] for name, kept in self.state_arrays().items() if kept
+        }
         return found | {"tile": self.tile.to_numpy()[:, [k.START + part, k.COUNT + part]]}
 
     def rows_here(self, part: int) -> int:
         """Number of disks that a part holds: all."""
         return self.n
 
-    def by_id(
-        self, part: int, to_all: bool, arrays: Sequence[NDArray[Any]]
-    ) -> list[NDArray[Any]] | None:
+    def by_id(self, part: int, to_all: bool, arrays: Sequence[NDArray[Any]]) -> list[NDArray[Any]] | None:
         """Rows that `read_out` filled for this part, as rows of all disks by id."""
         return list(arrays)
 
@@ -519,7 +519,9 @@ class DeviceArrays:
         With the tile that lists each, and the one that it is in.
         """
         rows, listed = self.rows_of(int(self.grid[k.PART]))
-        held = {name: getattr(self, name).to_numpy()[rows] for name, kept in self.state_arrays().items() if kept}
+        held = {
+            name: getattr(self, name).to_numpy()[rows] for name, kept in self.state_arrays().items() if kept
+        }
         counts = np.array([self.grid[k.TILES_X], self.grid[k.TILES_Y]])
         index = np.empty((len(rows), 2), dtype=np.int64)
         disk, meta = held["disk"], held["meta"]

@@ -162,7 +162,13 @@ def check(
 
 
 def check_ranks(
-    size: int, box: Box, options: Any, forces: Sequence[Force], tracked: bool
+    size: int,
+    box: Box,
+    arch: str,
+    precision: str,
+    forces: Sequence[Any],
+    tracked: bool,
+    order: str | None = None,
 ) -> None:
     """Refuse what cannot be on several ranks of MPI (`ranks.py`).
 
@@ -172,16 +178,18 @@ def check_ranks(
         Names what it is.
     """
     refused = {
-        f"arch = '{options.arch}'": options.arch != "cpu",
-        "order = 'alone'": options.order == "alone",
-        "precision = 'f32'": options.precision != "f64",
+        f"arch = '{arch}'": arch != "cpu",
+        f"precision = '{precision}'": precision != "f64",
+        "order = 'alone'": order == "alone",
         "forces": bool(forces),
         "tracked disks (histories)": tracked,
         "an open box": box.is_open,
     }
     for what, there in refused.items():
         if there:
-            raise InputError(f"{what}: not supported on several ranks (here are {size}); run it without mpiexec")
+            raise InputError(
+                f"{what}: not supported on several ranks (here are {size}); run it without mpiexec"
+            )
 
 
 def check_motion(disks: Disks, state: State) -> None:

@@ -224,7 +224,9 @@ class Engine:
         self.comm: Any = comm if comm is not None and comm.size > 1 else None
         threads = given.threads
         if self.comm is not None:
-            checks.check_ranks(self.comm.size, box, given, forces, tracking is not None)
+            checks.check_ranks(
+                self.comm.size, box, given.arch, given.precision, forces, tracking is not None, given.order
+            )
             threads = threads or world.cores_here(self.comm, device.cores())
         device.start(given.arch, threads=threads, precision=given.precision)
         from ..kernels.layout import WALL_SPEED, Uses
@@ -249,9 +251,7 @@ class Engine:
             from .ranks import RankArrays, RankWindows
 
             uses = uses._replace(shared=True)
-            self.arrays: DeviceArrays = RankArrays(
-                self.comm, disks, box, self._law_table, given, rows, uses
-            )
+            self.arrays: DeviceArrays = RankArrays(self.comm, disks, box, self._law_table, given, rows, uses)
         else:
             self.arrays = DeviceArrays(disks, box, self._law_table, given, rows, uses)
         self._released = False
@@ -388,7 +388,7 @@ class Engine:
 
         self.check_whole()
         if self.comm is not None:
-            checks.check_ranks(self.comm.size, self.box, self.options, forces, False)
+            checks.check_ranks(self.comm.size, self.box, "cpu", "f64", forces, False)
         steps = ForceSteps(forces, self.arrays, self.disks, self.options.seed, self.time)
         checks.check_between_collisions(self.disks, self.box, self.gravity, steps.forces)
         with self.changing():

@@ -12,8 +12,8 @@ tiles, and in each window copies of those of the *ring*, the tiles of others bes
 5. each rank verifies its own tiles; bad ones run again, and steps 3 to 5 are repeated, until no rank has a bad tile.
    Where no halo is wide enough, every rank gets the whole box for this window, and runs it in order.
 
-Why it is exact. A tile reads disks of the nine tiles around it, and to be verified the hashes and ways of the disks that
-it copied, its own disks, and `reach` of the tiles around it. After steps 1, 3 and 4 all of these are, bit for bit, what
+Why it is exact. A tile reads disks of the nine tiles around it, and to be verified hashes and ways of the disks that it
+copied, its own disks, and `reach` of the tiles around it. After steps 1, 3 and 4 all of these are, bit for bit, what
 they are in a process that has all tiles: lists are copied in their order, and a hash is computed once, by the one rank
 that owns the tile in which the disk begins. So each tile finds the same, is good or bad as it is there, and the proof
 in `kernels/tiles.py` holds: it speaks of tiles, not of who runs them. The length of the next window follows from the
@@ -77,11 +77,11 @@ def view(array: Any) -> NDArray[Any]:
     """The memory of a Taichi array on the CPU as an array of NumPy, without a copy; as long as the array lives."""
     runtime = ti.lang.impl.get_runtime()
     runtime.sync()
-    kind = np.dtype(_TYPES[str(array.dtype)])
+    kind: np.dtype[Any] = np.dtype(_TYPES[str(array.dtype)])
     shape = (*array.shape, *array.element_shape)
     size = kind.itemsize * int(np.prod(shape))
-    memory = (ctypes.c_char * size).from_address(runtime.prog.get_ndarray_data_ptr_as_int(array.arr))
-    return np.frombuffer(memory, dtype=kind).reshape(shape)
+    memory: Any = (ctypes.c_char * size).from_address(runtime.prog.get_ndarray_data_ptr_as_int(array.arr))
+    return np.ndarray(shape, kind, buffer=memory)
 
 
 def owners(count: NDArray[np.integer], tiles: tuple[int, int], size: int) -> NDArray[np.int32]:
@@ -375,9 +375,7 @@ class RankArrays(DeviceArrays):
         lists = 1 - int(self.grid[k.PART]) if part == k.TOLD else part
         return int(view(self.tile)[self.own, k.COUNT + lists].sum())
 
-    def by_id(
-        self, part: int, to_all: bool, arrays: Sequence[NDArray[Any]]
-    ) -> list[NDArray[Any]] | None:
+    def by_id(self, part: int, to_all: bool, arrays: Sequence[NDArray[Any]]) -> list[NDArray[Any]] | None:
         """Rows of disks here, in the order of slots, as rows of all disks by id: on the first rank, or on all."""
         here = self.rows_here(part)
         ids = view(self.meta)[part * self.room : part * self.room + here, k.ID].copy()
@@ -387,7 +385,9 @@ class RankArrays(DeviceArrays):
         if gathered is not None:
             told, *columns = zip(*gathered, strict=True)
             every = np.concatenate(told)
-            if len(every) != self.n or not np.array_equal(np.bincount(every, minlength=self.n), np.ones(self.n)):
+            if len(every) != self.n or not np.array_equal(
+                np.bincount(every, minlength=self.n), np.ones(self.n)
+            ):
                 error = EngineError("a disk is on no rank, or on two: please report this")
             else:
                 found = []

@@ -50,7 +50,7 @@ def read(
     With the fields that a file in single precision has (`stored`) it is one for that (`StoredState`). Of a gas on
     several ranks all get it, or only the first one: None elsewhere.
     """
-    n, arrays, uses, time = engine.n, engine.arrays, engine.arrays.uses, engine.time
+    arrays, uses, time = engine.arrays, engine.arrays.uses, engine.time
     part, since = engine.windows.part
     kind: type[State] = State if stored is None else StoredState
     rows = arrays.rows_here(part)

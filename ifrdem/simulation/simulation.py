@@ -337,6 +337,11 @@ class Simulation(Sealed, PicturedDisks):
         return self._tracking.take(self.time)
 
     @property
+    def comm(self) -> Any:
+        """Ranks of MPI that have a part of the gas each; None if one has all of it."""
+        return self._engine.comm
+
+    @property
     def disks(self) -> Disks:
         """The constant properties of the disks."""
         return self._engine.disks

@@ -16,7 +16,7 @@ from ..errors import EngineError, InputError, Stopped, TrajectoryError
 Result = TypeVar("Result")
 
 SIZES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "MV2_COMM_WORLD_SIZE", "PALS_NRANKS")
-"""Variables by which launchers (MPICH, Intel MPI, Open MPI, MVAPICH, PALS; Slurm's `srun --mpi`) tell the number of ranks."""
+"""Variables by which launchers tell the number of ranks: MPICH, Intel MPI and `srun --mpi`, Open MPI, MVAPICH, PALS."""
 PATIENCE = 20.0
 """Seconds that a rank which ends by an error waits for the others to do so; then it ends them all."""
 
@@ -49,6 +49,11 @@ def world() -> Any:
             )
         _world = MPI.COMM_WORLD
     return _world
+
+
+def is_alone() -> bool:
+    """Tell if this process shares nothing with other ranks so far."""
+    return _world is None
 
 
 def is_first(comm: Any) -> bool:
@@ -98,6 +103,11 @@ def on_first(comm: Any, work: Callable[[], Result]) -> Result | None:
     return result
 
 
+def told(comm: Any, value: Result) -> Result:
+    """What the first rank says."""
+    return value if comm is None else comm.bcast(value)
+
+
 def end(status: int, message: str, complain: Callable[[str], None]) -> int:
     """End this rank with an exit status; a message of an error is told once.
 
@@ -131,7 +141,14 @@ def _told(error: BaseException | None) -> tuple[str, str, int] | None:
     """What is sent of an error: its kind, its text, an exit status."""
     if error is None:
         return None
-    for kind in (Stopped, InputError, TrajectoryError, EngineError, KeyboardInterrupt):
+    known: tuple[type[BaseException], ...] = (
+        Stopped,
+        InputError,
+        TrajectoryError,
+        EngineError,
+        KeyboardInterrupt,
+    )
+    for kind in known:
         if isinstance(error, kind):
             named = type(error).__name__ if kind is EngineError else kind.__name__
             return named, str(error), getattr(error, "status", 0)
@@ -145,5 +162,5 @@ def _made(name: str, text: str, status: int) -> BaseException:
         return KeyboardInterrupt(text)
     if name in _KINDS:
         return _KINDS[name](text)
-    kinds = {each.__name__: each for each in (EngineError, *EngineError.__subclasses__())}
-    return kinds.get(name, EngineError)(text)
+    kinds: list[type[EngineError]] = EngineError.__subclasses__()
+    return next((each for each in kinds if each.__name__ == name), EngineError)(text)
