@@ -423,4 +423,5 @@ def _record(file: CaseFile, gas: CaseGas, device: str, comm: Any = None) -> dict
         "threads": case.run.threads or backend.cores(),
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "git": revision(),
-    } | ({} if comm is None else {"ranks": comm.size})
+        **({} if comm is None else {"ranks": comm.size}),
+    }

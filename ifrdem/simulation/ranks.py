@@ -18,7 +18,7 @@ they are in a process that has all tiles: lists are copied in their order, and a
 that owns the tile in which the disk begins. So each tile finds the same, is good or bad as it is there, and the proof
 in `kernels/tiles.py` holds: it speaks of tiles, not of who runs them. The length of the next window follows from the
 sums of step 4, which all ranks add up from the same numbers in the same order: so all plan the same window. By
-induction over windows each disk moves as on one rank, and even counts of tiles that ran again are the same.
+induction over windows each disk moves as on one rank.
 
 Checked as it runs: each listed disk has been run by exactly one rank in each window (3), and no disk is lost or there
 twice whenever a state is put together.
@@ -419,6 +419,7 @@ class RankWindows(Windows):
         alone = bool(a.grid[k.ALONE])
         if alone:
             a.fetch_all()
+            view(a.listed)[0] = 0
         elif not again:
             a.fetch()
         error = None

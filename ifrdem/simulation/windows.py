@@ -290,7 +290,7 @@ class Windows:
             return 0.0
         kept = self._watched, self.fresh, self._watching
         self._compute(math.inf, 1, k.PAIRS)
-        times = np.concatenate([real[:, k.AT] for real, _ in self._watched])
+        times = Windows.watched(self)[0][:, k.AT]  # those of this rank
         self._watched, self.fresh, self._watching = kept
         self.arrays.events(0)
         return self._nth(times, count)
