@@ -137,7 +137,7 @@ def stored(case: Case, gas: CaseGas) -> dict[str, Any]:
 
 
 def how(case: Case, comm: Any = None) -> str:
-    """Device of a case and its threads, for the summary of a run."""
+    """Device of a case and its threads, for the summary of a run; called by all ranks."""
     used = case.run.threads or (world.cores_here(comm, backend.cores()) if comm else backend.cores())
     text = device_of(case) + (f", {used} used" if case.run.arch == "cpu" else "")
     text += f" by each of {comm.size} ranks" if comm else ""

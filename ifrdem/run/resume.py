@@ -105,6 +105,7 @@ def resume(
         case = case.model_copy(update={"run": case.run.model_copy(update={"threads": threads})})
     device.check(case.run.arch, case.run.threads, case.run.precision)
     summary.refuse_beyond_memory(sum(each.number for each in case.species), case.run.arch)
+    devices = how(case, comm)
     began = time.perf_counter()
     gas = CaseGas.from_case(case, begun[0].parent, start=False)
     file = CaseFile(*begun, case, gas)
@@ -122,7 +123,7 @@ def resume(
         later = len(writer) - ledger.frames
         more = f"; {later} later frames of the file are computed again and compared" if later > 0 else ""
         begun_at = f"t = {simulation.time:.6g}{case.unit('time')}, after {simulation.collisions} collisions"
-        frames = f"{ledger.frames} frames, on {how(case, comm)}{more}"
+        frames = f"{ledger.frames} frames, on {devices}{more}"
         say(f"{case.run.name}: {gas.disks.n} disks go on at {begun_at} and {frames}")
         job = Job(file, gas, outputs, simulation, course, ledger, queue, pending)
         before = simulation.collisions

@@ -1,4 +1,4 @@
-"""Gases on several ranks: `mpiexec -n P python rank_gases.py [--fault FAULT] NAME...` prints a line of JSON for each.
+"""Gases on several ranks: `mpiexec -n P python rank_gases.py [FAULT,FAULT,...] NAME...` prints a line of JSON for each.
 
 It tells what differs from the same gas on one rank, which the first rank computes as well.
 """
@@ -19,7 +19,7 @@ from support.gases import COIN, ELASTIC, ROLLING, equal_disks, mixture, start
 from ifrdem.errors import EngineError
 from ifrdem.kernels import layout as k
 from ifrdem.model.box import Box
-from ifrdem.model.state import State
+from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
 from ifrdem.simulation import arrays, ranks
 from ifrdem.simulation.engine import Engine
@@ -44,9 +44,7 @@ def walled() -> Gas:
     box = Box((75.0, 130.0), (True, False))
     rng = np.random.default_rng(5)
     x, y = np.meshgrid(np.arange(60) * 1.25 + 0.6, np.arange(50) * 1.25 + 1.2)
-    state = State(
-        np.stack([x, y], axis=-1).reshape(-1, 2)[:N], rng.normal(size=(N, 2)), rng.normal(size=N)
-    )
+    state = State(np.stack([x, y], axis=-1).reshape(-1, 2)[:N], rng.normal(size=(N, 2)), rng.normal(size=N))
     walls = [
         Wall.line((0.0, 0.4), (0.0, 1.0), motion=Motion("sine", amplitude=0.3, frequency=0.7)),
         Wall.line((0.0, 129.0), (0.0, -1.0), temperature=2.0),
@@ -60,14 +58,21 @@ def sheared() -> Gas:
     disks = equal_disks(N)
     box, state = start(disks, 0.3)
     box = Box(box.lengths, shear_rate=0.4)
-    return disks, box, State(state.position, state.velocity + box.flow(state.position), state.spin), COIN, 10.0, {}
+    return (
+        disks,
+        box,
+        State(state.position, state.velocity + box.flow(state.position), state.spin),
+        COIN,
+        10.0,
+        {},
+    )
 
 
 def fast() -> Gas:
-    """Some disks fly through tiles within a window: no halo is wide enough, and lists go to other ranks."""
-    disks = equal_disks(N)
+    """Heavy disks fly through tiles within a window: no halo is wide enough, and lists go to other ranks."""
+    disks = Disks(N, mass=np.where(np.arange(N) % 1000 == 0, 1e4, 1.0), radius=0.5)
     box, state = start(disks, 0.1)
-    state.velocity[::1000] *= 60.0
+    state.velocity[::1000] = 40.0, 30.0
     return disks, box, state, COIN, 6.0, {"ledger": True}
 
 
@@ -94,7 +99,9 @@ def after(gas: Gas, comm: Any) -> tuple[Engine, dict[str, Any]]:
     engine.state()  # looked at within a window
     while engine.collisions < 2 * half:
         engine.advance(collisions=2 * half)
-    found = dict(vars(engine.state())) | {f"statistics {name}": n for name, n in vars(engine.statistics).items()}
+    found = dict(vars(engine.state())) | {
+        f"statistics {name}": n for name, n in vars(engine.statistics).items()
+    }
     found |= {"totals": engine.totals(), "sums": engine.windows.sums, "past": engine.past["angle"]}
     engine.keep_collisions = True
     engine.advance(collisions=2 * half + 500)
@@ -122,8 +129,10 @@ def no_trails() -> None:
     whole, swap = ranks.RankArrays.exchange_trails, ranks.RankArrays._swap
 
     def silent(self: Any, again: bool) -> None:
-        ranks.RankArrays._swap = lambda self, messages: swap(  # type: ignore[method-assign]
-            self, [tuple(each[:0] for each in message) for message in messages]
+        ranks.RankArrays._swap = (
+            lambda self, messages: swap(  # type: ignore[method-assign]
+                self, [tuple(each[:0] for each in message) for message in messages]
+            )
         )
         whole(self, again)
         ranks.RankArrays._swap = swap  # type: ignore[method-assign]
@@ -193,11 +202,18 @@ def told(name: str) -> dict[str, Any]:
 
 if __name__ == "__main__":
     count_lists()
-    names = sys.argv[1:]
-    if names[0] == "--fault":
-        FAULTS[names[1]]()
-        names = names[2:]
-    for each in names:
-        line = told(each)
-        if COMM.rank == 0:
-            print(json.dumps(line), flush=True)
+    faults = sys.argv[1].split(",") if sys.argv[1] in FAULTS or "," in sys.argv[1] else [""]
+    for fault in faults:
+        kept = [(of, dict(vars(of))) for of in (ranks.RankArrays, ranks.RankWindows)]
+        if fault:
+            FAULTS[fault]()
+        for each in sys.argv[2:] if fault else sys.argv[1:]:
+            line = {"fault": fault} | told(each)
+            if COMM.rank == 0:
+                print(json.dumps(line), flush=True)
+        for of, whole in kept:
+            for name in [name for name in vars(of) if name not in whole]:
+                delattr(of, name)
+            for name, value in whole.items():
+                if vars(of)[name] is not value:
+                    setattr(of, name, value)
