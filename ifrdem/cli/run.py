@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter
 
 from ..errors import InputError, Stopped, TrajectoryError
 from ..tools import world
-from .console import FAILED, complain, note, say, silence, warn
+from .console import FAILED, complain, note, ranks, say, warn
 from .options import (
     Arch,
     Case,
@@ -62,7 +62,7 @@ def run(
     from ..case import shipped
     from ..run.outputs import Outputs
 
-    comm = _ranks()
+    comm = ranks()
     file = case_file.read(shipped.find(case), changes)
     outputs = Outputs.plan(file.case, output, picture=not no_picture)
     world.on_first(comm, lambda: outputs.check(force=force))  # before the imports below, which take a second
@@ -97,7 +97,7 @@ def resume(
         raise InputError(f"--threads {threads}: a whole number, 1 or more, is needed")
     from ..run import resume as resuming
 
-    comm = _ranks()
+    comm = ranks()
     resuming.find(place)  # before anything takes a second
     return _ended(
         lambda: resuming.resume(
@@ -105,14 +105,6 @@ def resume(
             picture=not no_picture, say=note, warn=warn, comm=comm,
         )
     )  # fmt: skip
-
-
-def _ranks() -> Any:
-    """Ranks of MPI that share the gas, of which the first one speaks; None if this process was not started as one."""
-    comm = world.world()
-    if not world.is_first(comm):
-        silence()
-    return comm
 
 
 def _ended(work: Callable[[], None]) -> int:

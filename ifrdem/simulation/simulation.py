@@ -36,6 +36,7 @@ from .tracking import Events, Tracking, checked_ids
 
 if TYPE_CHECKING:
     from ..model.forces import Force
+    from .ranks import Traffic
     from .tracking import Statistics
 
 
@@ -342,6 +343,12 @@ class Simulation(Sealed, PicturedDisks):
         return self._engine.comm
 
     @property
+    def traffic(self) -> Traffic | None:
+        """Messages and bytes that this rank has sent to others so far; None if one rank has all of the gas."""
+        found: Traffic | None = getattr(self._engine.arrays, "traffic", None)
+        return found
+
+    @property
     def disks(self) -> Disks:
         """The constant properties of the disks."""
         return self._engine.disks
@@ -575,7 +582,12 @@ class Simulation(Sealed, PicturedDisks):
         bar = None
         if self._engine.comm is not None and progress is None:
             progress = False
-        if progress is True or (progress is None and seen()):
+        if progress is True and not world.is_first(self._engine.comm):
+            progress, series = (
+                None,
+                Cadence(number=BAR_STEPS) if series is None else series,
+            )  # as on the first
+        elif progress is True or (progress is None and seen()):
             progress = bar = Bar(
                 self.disks.n, t_end=t_end, collisions_per_disk=collisions_per_disk, unit="", kernels=backend.kernels,
                 brief=True,
@@ -671,7 +683,7 @@ class Simulation(Sealed, PicturedDisks):
                     t_end=stop.time, collisions=stop.collisions, pause_at=row.time, pause_after=row.collisions,
                     rest_at=frame.time, ends=end.time,
                 )  # fmt: skip
-                if progress is not None and world.is_first(self._engine.comm):
+                if progress is not None:
                     progress(self.time, self.collisions)
                 if course.series is not None and row.reached(self.time, self.collisions):
                     course.next_row = rows.after(course.next_row, self.time, self.collisions)
