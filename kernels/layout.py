@@ -20,7 +20,7 @@ kinds        (kinds,) of 6        what disks of a kind share
 trail        (room,) of 2            hash of the history of the disk at a slot of the window's beginning, by its tile
 way          (room,)              bound on how far it came, in largest diameters, f32
 back         (room,)              slot at the window's beginning of the one at its end
-tile         (tiles, 8)           where its lists begin and how long they are, by part; claims; state
+tile         (tiles, 9)           where its lists begin and how long they are, by part; claims; state; owner
 reach        (tiles, 5)           halo; bound on how far its own disks came beyond its sides; the largest way; how
                                   far they are beyond its sides at the end; halo against the one that all begin with
 edge_x/y     (tiles + 1,)         sides of the columns and rows of tiles, on the grid of places
@@ -51,8 +51,8 @@ INVERSE_MASS, K, KIND_RADIUS, MATERIAL, KIND_MASS, KIND_INERTIA = range(6)
 PARTS = 3
 TOLD = 2  # the part that holds the moment asked for
 # tile: first slot (within its part) and number of disks at the window's beginning and end (column + part); claims;
-# disks gathered
-START, COUNT, CLAIMS, N_CLAIMS, BAD, GATHERED = 0, 2, 4, 5, 6, 7
+# disks gathered; 1 for those of this rank, where a gas is on several (`ifrdem/simulation/ranks.py`)
+START, COUNT, CLAIMS, N_CLAIMS, BAD, GATHERED, OWNED = 0, 2, 4, 5, 6, 7, 8
 # reach
 HALO, BEYOND, FURTHEST, PROTRUDES, WIDER = range(5)
 # found, and `total` of all: largest of the square of a speed, and of `reach`; then sums of the tally, and of the heat,
@@ -185,6 +185,7 @@ class Uses(NamedTuple):
     watched: bool = False  # collisions of some disks are written down
     layered: bool = False  # large disks lie in large cells, small ones in small cells
     rests: bool = False  # disks fall asleep
+    shared: bool = False  # several ranks have a part of the tiles each
     collision_law: Any = None  # a `CompiledLaw`
 
 

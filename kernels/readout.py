@@ -5,7 +5,8 @@ from typing import Any
 from .language import spread_of_loops, ti
 from .layout import (
     ANGLE, ASLEEP, COUNT, DRIFT, EVENTS, GX, GY, ID, IMAGE_X, IMAGE_Y, KIND_INERTIA, KIND_MASS, LAST_PARTNER,
-    LATEST, MECHANISMS, PART, PERIODIC_X, PERIODIC_Y, ROOM, SPIN, START, TILES_X, TILES_Y, TOLD, VX, VY, WALL_HITS,
+    LATEST, MECHANISMS, OWNED, PART, PERIODIC_X, PERIODIC_Y, ROOM, SPIN, START, TILES_X, TILES_Y, TOLD, VX, VY,
+    WALL_HITS,
     GasArrays, Rows, Table, X, Y,
 )  # fmt: skip
 from .places import round_products
@@ -83,7 +84,7 @@ def read_out(
     meta: Rows, past: Rows, hits: Rows, spent: Rows, slept: Rows, kind: Rows, kinds: Rows, tile: Table, edge_x: Rows,
     edge_y: Rows, real_out: Table, int_out: Table, past_out: Table, hits_out: Table, spent_out: Table, totals: Table,
 ):  # fmt: skip
-    """Write disks by id, unless `filled` is 0, and the sums of each tile.
+    """Write disks by id (of one rank of several, by slot), unless `filled` is 0, and the sums of each tile.
 
     `real_out` (n, 5): x, y, vx, vy, spin; `int_out` (n, 3): collisions with disks and walls, boxes travelled;
     `past_out` (n, 2): time since the window's beginning of the latest collision, angle; `hits_out` (n, 3): collisions
@@ -104,11 +105,17 @@ def read_out(
                 lists = 1 - gas.grid[PART]  # the lists at the moment are those at the end
             first = part * gas.grid[ROOM] + gas.tile[k, START + lists]
             total = ti.Vector([0.0] * TOTALS, ti.f64)
-            for s in range(first, first + gas.tile[k, COUNT + lists]):
+            last = first + gas.tile[k, COUNT + lists]
+            if ti.static(gas.uses.shared):
+                if gas.tile[k, OWNED] == 0:
+                    last = first
+            for s in range(first, last):
                 x, y, boxes_x, boxes_y, frame, flow = placed(s, k, time, gas)
                 count_in(s, x, y, flow, total, gas)
                 if filled == 1:
                     i = gas.meta[s][ID]
+                    if ti.static(gas.uses.shared):
+                        i = s - part * gas.grid[ROOM]
                     vx = ti.cast(gas.disk[s][VX], ti.f64) + frame
                     row = ti.Vector([x, y, vx, gas.disk[s][VY], gas.disk[s][SPIN]], ti.f64)
                     for column in ti.static(range(5)):

@@ -12,7 +12,7 @@ from .layout import (
     AGAIN, ALONE, AT_END, BAD, BEGIN, BEYOND, BINS, BLOCK_OF_TILES, CELLS, CHAIN, COLLISIONS, COUNT,
     END, FAR, FASTEST, FIRST_SUM, FREE_PATH, FULL, FULL_CELLS, FULL_PLACES, GATHERED, GX, GY, HALO,
     HALTED, IN_WINDOW, KICK, LANES, LEAST_SIDE, LONGEST, MOMENT_IN, MOST_BEYOND, MOST_FURTHEST, MOST_HALO,
-    MOST_PROTRUDES, MOST_SPEED, NEEDED, NEXT_TILE, N_BAD, N_CLAIMED, N_EVENTS, N_SLOTS, N_WINDOWS, PART,
+    MOST_PROTRUDES, MOST_SPEED, NEEDED, NEXT_TILE, N_BAD, N_CLAIMED, N_EVENTS, N_SLOTS, N_WINDOWS, OWNED, PART,
     PATH, PAUSE, PAUSED, PAUSE_AFTER, PLACES, RESTING, RESUMING, ROOM, SPEED, SQUARES, SQUARE_UNIT,
     STALLED, START, STOP, STRIDE, STUCK, TALLY, TILES_X, TILES_Y, TILE_SIDE, USUAL_HALO, VX, VY,
     WALL_SPEED, WANTED, WIDER, WIDEST, WINDOW, Cube, GasArrays, N, Rows, Table,
@@ -79,8 +79,19 @@ def square_unit(fastest2):
 def tile_of(k, gas: ti.template()):
     """Tile number k of those that are run."""
     found = k
-    if gas.counter[AGAIN] == 1:
+    if ti.static(gas.uses.shared):
         found = gas.listed[k]
+    elif gas.counter[AGAIN] == 1:
+        found = gas.listed[k]
+    return found
+
+
+@ti.func
+def is_owned(tile, gas: ti.template()):
+    """1 if a tile is one of this rank's; all are where there is but one."""
+    found = 1
+    if ti.static(gas.uses.shared):
+        found = gas.tile[tile, OWNED]
     return found
 
 
@@ -411,13 +422,13 @@ def verify(
     spread = ti.static(spread_of_loops())
     for item in range(spread * gas.grid[TILES_X] * gas.grid[TILES_Y]):
         round_products(gas)
-        if item % spread == 0 and is_going(gas):
+        if item % spread == 0 and is_going(gas) and is_owned(item // spread, gas) == 1:
             gas.tile[item // spread, BAD] = is_too_narrow(item // spread, gas)
     for item in range(spread * team * gas.grid[TILES_X] * gas.grid[TILES_Y]):
         round_products(gas)
         if item % spread == 0:
             k = item // (spread * team)
-            if is_going(gas) and gas.tile[k, BAD] == 0:
+            if is_going(gas) and is_owned(k, gas) == 1 and gas.tile[k, BAD] == 0:
                 if is_wrong(k, item // spread - k * team, gas) == 1:
                     gas.tile[k, BAD] = 1
     for k in range(gas.grid[TILES_X] * gas.grid[TILES_Y]):
@@ -442,7 +453,7 @@ def survey(
     spread = ti.static(spread_of_loops())
     for item in range(spread * gas.grid[TILES_X] * gas.grid[TILES_Y]):
         round_products(gas)
-        if item % spread == 0:
+        if item % spread == 0 and is_owned(item // spread, gas) == 1:
             k = item // spread
             first = gas.grid[PART] * gas.grid[ROOM] + gas.tile[k, START + gas.grid[PART]]
             fastest, squares = 0.0 * gas.scale[WINDOW], ti.cast(0.0, ti.f64)
@@ -454,6 +465,20 @@ def survey(
             gas.tally[k, AT_END, SQUARES] = squares
     for item in range(gas.found.shape[0] * gas.found.shape[1]):
         round_products(gas)
+        sum_up(item // gas.found.shape[1], item % gas.found.shape[1], gas)
+    for column in range(gas.total.shape[0]):
+        sum_blocks(column, gas)
+
+
+@ti.kernel
+def sum_shared(
+    uses: ti.template(), grid: Rows, tally: Cube, heat: Cube, reach: Table, found: Table, total: Rows,
+):  # fmt: skip
+    """Sums over the tiles of all ranks, once each rank knows them: the last step of `run_windows` and `survey`."""
+    gas = ti.static(GasArrays(
+        grid=grid, tally=tally, heat=heat, reach=reach, found=found, total=total, uses=uses,
+    ))  # fmt: skip
+    for item in range(gas.found.shape[0] * gas.found.shape[1]):
         sum_up(item // gas.found.shape[1], item % gas.found.shape[1], gas)
     for column in range(gas.total.shape[0]):
         sum_blocks(column, gas)

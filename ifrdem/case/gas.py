@@ -169,12 +169,17 @@ class CaseGas:
         checks.check_stored(largest, case.output.precision)
 
     def simulation(
-        self, case: Case, state: State | None = None, *, tracked: NDArray[np.int32] | None = None
+        self,
+        case: Case,
+        state: State | None = None,
+        *,
+        tracked: NDArray[np.int32] | None = None,
+        comm: Any = None,
     ) -> Simulation:
         """The simulation of this gas on the case's device, from its start or from another `state`.
 
         What `warnings` says is not said again. `tracked` disks, which have histories, else come from the case and the
-        start.
+        start. `comm` are ranks of MPI that share it.
         """
         run, output = case.run, case.output
         begin = self.start(case) if state is None else state
@@ -189,7 +194,7 @@ class CaseGas:
                 resting_speed=run.resting_speed,
                 forces=forces_of(case), seed=run.seed, ledger=output.ledger, partners="last_partner" in output.fields,
                 angles="angle" in output.fields, dissipated="dissipated" in output.fields, wall_sums=output.wall_sums,
-                tracked=self.tracked(case, begin) if tracked is None else tracked,
+                tracked=self.tracked(case, begin) if tracked is None else tracked, comm=comm,
             )  # fmt: skip
 
     def tracked(self, case: Case, start: State) -> NDArray[np.int32]:

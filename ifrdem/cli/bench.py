@@ -7,7 +7,8 @@ import math
 from typing import Annotated, Any
 
 from ..errors import InputError
-from .console import progress, say
+from ..tools import world
+from .console import progress, ranks, say
 from .options import Precision, Set, Wrong, flag, number, option, overrides, whole
 
 DENSEST = 0.9068  # packing fraction, nearly that of equal disks that touch on a hexagonal lattice
@@ -35,8 +36,8 @@ def bench(
     """Measure how fast it runs here.
 
     Times warm kernels: an elastic gas at equilibrium, or a case (--case). Prints the median of several runs and their
-    range; progress goes to the standard error stream. A grid of gases, start times and the cost of output are scripts
-    (`ifrdem docs performance`).
+    range; progress goes to the standard error stream. Under `mpiexec -n P` it times one gas on P ranks, and counts what
+    they send. A grid of gases, start times and the cost of output are scripts (`ifrdem docs performance`).
     """
     from ..kernels.limits import MOST_DISKS
     from ..simulation import device
@@ -69,7 +70,10 @@ def bench(
     wrong.end()
     if case is not None:
         chosen["overrides"] = overrides(set, arch=arch, seed=seed, threads=threads, precision=precision)
-    found = timing.bench(case, **chosen)
+    comm = ranks()
+    found = timing.bench(case, comm=comm, **chosen)
+    if not world.is_first(comm):
+        return
     say(json_format.dumps(found.figures(), indent=2) if json else found.report())
 
 

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from ..errors import printable
+from ..tools import world
 
 if TYPE_CHECKING:
     from cyclopts.help import HelpPanel
@@ -86,6 +87,14 @@ def shown() -> Iterator[None]:
 def set_level(*, quiet: bool, verbose: bool) -> None:
     """Show warnings and errors only, or details too."""
     LOG.setLevel(logging.WARNING if quiet else logging.DEBUG if verbose else logging.INFO)
+
+
+def ranks() -> Any:
+    """Ranks of MPI that share the gas, of which the first one speaks; None if this process was not started as one."""
+    comm = world.world()
+    if not world.is_first(comm):
+        LOG.setLevel(logging.ERROR)
+    return comm
 
 
 class Help:

@@ -8,6 +8,7 @@ import os
 import sys
 import textwrap
 import time
+import traceback
 import warnings
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any
@@ -24,6 +25,7 @@ from cyclopts import (
 )
 
 from ..errors import EngineError, InputError, nearest, there_are
+from ..tools import world
 from ..tools.versions import __version__
 from . import analyse, bench, cases, console, experiment, fit, run, study, trajectory, validate, view
 from .console import BAD_INPUT, FAILED, INTERRUPTED, LOG, complain
@@ -137,24 +139,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
             sys.stdout.flush()  # here, where a broken pipe is caught
             return int(status or 0)
         except CycloptsError as error:
-            complain(_told(error))
-            return BAD_INPUT
+            return world.end(BAD_INPUT, _told(error), complain)
         except InputError as error:
-            complain(str(error))
-            return BAD_INPUT
+            return world.end(BAD_INPUT, str(error), complain)
         except EngineError as error:
-            complain(f"the engine stopped: {error}")
-            return FAILED
+            return world.end(FAILED, f"the engine stopped: {error}", complain)
         except KeyboardInterrupt as error:
-            complain(str(error) or "interrupted")
-            return INTERRUPTED
+            return world.end(INTERRUPTED, str(error) or "interrupted", complain)
         except BrokenPipeError:  # the reader of our output went away, as `head` does
             console.forget_output()
             return FAILED
         except OSError as error:  # such as a full disk; files have their own messages
             console.forget_output()
-            complain(f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}")
-            return FAILED
+            text = f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}"
+            return world.end(FAILED, text, complain)
+        except Exception:
+            if world.is_alone():
+                raise
+            return world.end(FAILED, traceback.format_exc(), complain)
 
 
 def _commands() -> list[str]:

@@ -8,7 +8,8 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from ..errors import InputError, Stopped, TrajectoryError
-from .console import FAILED, complain, note, say, warn
+from ..tools import world
+from .console import FAILED, complain, note, ranks, say, warn
 from .options import (
     Arch,
     Case,
@@ -52,7 +53,7 @@ def run(
     """Run a case: writes NAME.h5 and NAME.png.
 
     Bad input is told before anything is written. Ctrl-C and SIGTERM end a run in good order, with a checkpoint
-    from which `ifrdem resume` goes on.
+    from which `ifrdem resume` goes on. `mpiexec -n P ifrdem run CASE` shares the gas among P processes.
     """
     changes = overrides(set, arch=arch, seed=seed, threads=threads, precision=precision)
     hours = max_hours(maxh)
@@ -61,13 +62,16 @@ def run(
     from ..case import shipped
     from ..run.outputs import Outputs
 
+    comm = ranks()
     file = case_file.read(shipped.find(case), changes)
     outputs = Outputs.plan(file.case, output, picture=not no_picture)
-    outputs.check(force=force)  # before the imports below, which take a second
+    world.on_first(comm, lambda: outputs.check(force=force))  # before the imports below, which take a second
 
     from ..run import job
 
-    return _ended(lambda: job.run(file, outputs, force=force, max_hours=hours, say=note, warn=warn))
+    return _ended(
+        lambda: job.run(file, outputs, force=force, max_hours=hours, say=note, warn=warn, comm=comm)
+    )
 
 
 def resume(
@@ -93,11 +97,12 @@ def resume(
         raise InputError(f"--threads {threads}: a whole number, 1 or more, is needed")
     from ..run import resume as resuming
 
+    comm = ranks()
     resuming.find(place)  # before anything takes a second
     return _ended(
         lambda: resuming.resume(
             place, ignore_case_changes=ignore_case_changes, threads=int(threads) if threads else None, max_hours=hours,
-            picture=not no_picture, say=note, warn=warn,
+            picture=not no_picture, say=note, warn=warn, comm=comm,
         )
     )  # fmt: skip
 
@@ -107,8 +112,7 @@ def _ended(work: Callable[[], None]) -> int:
     try:
         work()
     except (TrajectoryError, Stopped) as error:
-        complain(str(error))
-        return error.status if isinstance(error, Stopped) else FAILED
+        return world.end(error.status if isinstance(error, Stopped) else FAILED, str(error), complain)
     return 0
 
 

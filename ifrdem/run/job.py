@@ -7,7 +7,7 @@ import json
 import os
 import shlex
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -24,10 +24,12 @@ from ..case.pair_rules import COEFFICIENTS
 from ..errors import EngineError, InputError, Stopped, TrajectoryError
 from ..model.observables import MECHANISMS, Measure
 from ..model.walls import wall_names
+from ..simulation import checks
 from ..simulation import device as backend
 from ..simulation.schedule import Course, Span
 from ..simulation.simulation import Simulation
 from ..simulation.tracking import Events
+from ..tools import world
 from ..tools.progress import Progress, Stage
 from ..tools.versions import revision
 from ..trajectory.background import QueuedWriter
@@ -63,50 +65,64 @@ def run(
     max_hours: float | None = None,
     say: Callable[[str], None] = print,
     warn: Callable[[str], None] = print,
+    comm: Any = None,
 ) -> None:
     """Run a case, and write its trajectory and picture.
 
     Whatever can be refused is refused before a file is touched.
 
     `force` replaces files that exist; after `max_hours` of real time it stops with a checkpoint; `say` and `warn` take
-    the lines to show.
+    the lines to show. `comm` are ranks of MPI that share the gas: all call this, and the first one writes.
 
     Raises InputError if the case, the device or the outputs cannot be used. Else the trajectory keeps the frames so
     far: Stopped, with a checkpoint, by a signal or the limit of time; KeyboardInterrupt after a second Ctrl-C
     or one before it has begun; EngineError or TrajectoryError if the engine or the disk fails.
     """
     case = file.case
-    outputs.check(force=force)
+    world.on_first(comm, lambda: outputs.check(force=force))
     backend.check(case.run.arch, case.run.threads, case.run.precision)
+    if comm is not None:
+        checks.check_ranks(
+            comm.size, file.gas.box, case.run.arch, case.run.precision, case.force, case.output.tracks
+        )
     check.refuse_beyond_memory(sum(each.number for each in case.species), case.run.arch, case.start.positions)
     began = time.perf_counter()
     gas = file.gas.ready(case)
     estimate = RunEstimate.of(gas, case)
     check.refuse_cadences(case, gas, estimate)
-    check.refuse_beyond_disk(estimate.file_bytes, outputs.trajectory.parent)
-    say(check.summary(case, gas, estimate, how(case)))
+    world.on_first(comm, lambda: check.refuse_beyond_disk(estimate.file_bytes, outputs.trajectory.parent))
+    say(check.summary(case, gas, estimate, how(case, comm)))
     for text in (*gas.warnings, *gas.crushes(case)):
         warn(text)
     try:
         state = gas.start(case, Stage("growth"))
         tracked = gas.tracked(case, state)
-        simulation = gas.simulation(case, state, tracked=tracked)
+        simulation = gas.simulation(case, state, tracked=tracked, comm=comm)
+        start = state if len(tracked) else None
+        del state  # which is large
     except KeyboardInterrupt:
         raise KeyboardInterrupt("interrupted before the first frame: nothing was written") from None
-    if force:  # the checkpoint of the trajectory that is replaced is of no use
-        outputs.checkpoint.unlink(missing_ok=True)
-    writer = TrajectoryWriter(
-        outputs.trajectory, gas.disks, gas.box, parameters=_record(file, gas, device_of(case)),
-        units=UNITS[case.run.units], force=force, **stored(case, gas),
+    span = Span.to(
+        gas.disks.n, simulation.time, simulation.collisions,
+        t_end=case.run.t_end, collisions_per_disk=case.run.collisions_per_disk,
     )  # fmt: skip
-    with QueuedWriter(writer) as queue:
-        if len(tracked):
-            queue.begin_histories(tracked, state)
-        span = Span.to(
-            gas.disks.n, simulation.time, simulation.collisions,
-            t_end=case.run.t_end, collisions_per_disk=case.run.collisions_per_disk,
+    course = Course(span, case.output.frame_cadence, case.output.series_cadence)
+
+    def begin() -> TrajectoryWriter:
+        if force:  # the checkpoint of the trajectory that is replaced is of no use
+            outputs.checkpoint.unlink(missing_ok=True)
+        return TrajectoryWriter(
+            outputs.trajectory, gas.disks, gas.box, parameters=_record(file, gas, device_of(case), comm),
+            units=UNITS[case.run.units], force=force, **stored(case, gas),
         )  # fmt: skip
-        course = Course(span, case.output.frame_cadence, case.output.series_cadence)
+
+    writer = world.on_first(comm, begin)
+    if writer is None:
+        accompany(simulation, course, case, outputs)
+        return
+    with QueuedWriter(writer) as queue:
+        if start is not None:
+            queue.begin_histories(tracked, start)
         job = Job(file, gas, outputs, simulation, course, Ledger(), queue)
         before = simulation.collisions
         rate = drive(job, max_hours=max_hours, say=say, warn=warn)
@@ -121,10 +137,11 @@ def stored(case: Case, gas: CaseGas) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def how(case: Case) -> str:
-    """Device of a case and its threads, for the summary of a run."""
-    used = case.run.threads or backend.cores()
+def how(case: Case, comm: Any = None) -> str:
+    """Device of a case and its threads, for the summary of a run; called by all ranks."""
+    used = case.run.threads or (world.cores_here(comm, backend.cores()) if comm else backend.cores())
     text = device_of(case) + (f", {used} used" if case.run.arch == "cpu" else "")
+    text += f" by each of {comm.size} ranks" if comm else ""
     return text + (f", computing in {case.run.precision}" if case.run.precision != "f64" else "")
 
 
@@ -174,9 +191,8 @@ def drive(
         )  # fmt: skip
 
     def between() -> None:
-        recorder.between(simulation.time)
-        stops.check()
-        if stops.checkpoint_due:
+        _agree_to_go_on(simulation, stops, lambda: recorder.between(simulation.time))
+        if world.told(simulation.comm, stops.checkpoint_due):
             save(job, recorder)
             stops.stored()
 
@@ -187,7 +203,7 @@ def drive(
             with recorder:
                 simulation.follow(
                     job.course, observers=[recorder.frame], samplers=[row], progress=tell, between=between,
-                    stored=case.output.fields if case.output.precision == "f4" else None,
+                    stored=_single(case),
                 )  # fmt: skip
             # A signal that comes while the latest frames are written is that of a run that is about to end anyway.
             job.writer.flush()
@@ -217,10 +233,56 @@ def drive(
     return progress.collisions_per_second
 
 
+def accompany(simulation: Simulation, course: Course, case: Case, outputs: Outputs) -> None:
+    """Run to the end, on a rank that writes nothing; the first one drives."""
+    stops = Stops(warn=lambda _text: None)
+    comm = simulation.comm
+
+    def save_too() -> None:
+        world.on_first(comm, lambda: None)  # whether what comes before a checkpoint could be written
+        simulation.save_checkpoint(outputs.checkpoint)
+
+    def between() -> None:
+        _agree_to_go_on(simulation, stops)
+        if world.told(comm, False):
+            save_too()
+
+    try:
+        with stops:
+            simulation.follow(
+                course, observers=[lambda state, measure: None], samplers=[lambda measure: None], between=between,
+                stored=_single(case),
+            )  # fmt: skip
+    except Stopped:
+        save_too()
+        raise
+    simulation.measure()
+
+
+def _single(case: Case) -> Collection[str] | None:
+    """Fields that a file in single precision has; None for others."""
+    return case.output.fields if case.output.precision == "f4" else None
+
+
+def _agree_to_go_on(simulation: Simulation, stops: Stops, work: Callable[[], object] = lambda: None) -> None:
+    """Raise what a rank has to end for on all of them."""
+    error: Exception | None = None
+    try:
+        work()
+        stops.check()
+    except (Stopped, TrajectoryError, InputError) as raised:
+        error = raised
+    world.agree(simulation.comm, error)
+
+
 def save(job: Job, recorder: Recorder) -> None:
     """Write a checkpoint, after all that was given to the trajectory is committed."""
-    recorder.write()
-    job.writer.flush()
+
+    def commit() -> None:
+        recorder.write()
+        job.writer.flush()
+
+    world.on_first(job.simulation.comm, commit)
     pending = recorder.pending
     arrays = {} if pending is None else {f"extra_{name}": each for name, each in pending.columns().items()}
     arrays["tracked"] = job.simulation.tracked
@@ -245,11 +307,11 @@ def save(job: Job, recorder: Recorder) -> None:
 def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str], None]) -> None:
     """Draw the picture, and say what the run did since it `began` (`perf_counter`), after so many collisions."""
     ran = time.perf_counter() - began
+    last = job.simulation.measure()
     if job.outputs.views:
         write_views(job.outputs.trajectory)
     if job.outputs.picture is not None:
         _draw(job.file.case, job.gas)(job.outputs.trajectory, job.outputs.picture)
-    last = job.simulation.measure()
     overall = (last.collisions - before) / ran
     say(_closing(job.file.case, job.gas, job.ledger, last, time.perf_counter() - began, rate, overall))
     if elastic := job.simulation.statistics.elastic:
@@ -346,7 +408,7 @@ def _closing(
     return "\n  ".join([head, *lines])
 
 
-def _record(file: CaseFile, gas: CaseGas, device: str) -> dict[str, str | int | float]:
+def _record(file: CaseFile, gas: CaseGas, device: str, comm: Any = None) -> dict[str, str | int | float]:
     """Record of a trajectory's origin, its parameters."""
     case = file.case
     species = [{"name": each.name, "number": each.number, "material": each.material} for each in gas.species]
@@ -367,4 +429,5 @@ def _record(file: CaseFile, gas: CaseGas, device: str) -> dict[str, str | int | 
         "threads": case.run.threads or backend.cores(),
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "git": revision(),
+        **({} if comm is None else {"ranks": comm.size}),
     }

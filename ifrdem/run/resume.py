@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 import operator
 import os
@@ -21,11 +22,11 @@ from ..errors import InputError
 from ..simulation import checkpoint, device
 from ..simulation.schedule import Course
 from ..simulation.tracking import Events
-from ..tools import text_file
+from ..tools import text_file, world
 from ..tools.files import CHECKPOINT, checkpoint_of
 from ..trajectory.background import QueuedWriter
 from ..trajectory.writer import TrajectoryWriter
-from .job import Job, drive, finish, how, stored
+from .job import Job, accompany, drive, finish, how, stored
 from .outputs import Outputs, only
 from .recorder import Ledger
 
@@ -65,6 +66,7 @@ def resume(
     picture: bool = True,
     say: Callable[[str], None] = print,
     warn: Callable[[str], None] = print,
+    comm: Any = None,
 ) -> None:
     """Go on with a run from its checkpoint: its trajectory gets the same frames as if it had not been stopped.
 
@@ -72,7 +74,8 @@ def resume(
 
     `place` is the trajectory, its checkpoint, or the folder that holds the only one. `ignore_case_changes` goes on as
     the run began though its case file has changed since. `threads` may be another number of CPU threads than before:
-    the result does not depend on it. A picture is drawn at the end, if the case wants it. Others as for `job.run`.
+    the result does not depend on it. A picture is drawn at the end, if the case wants it. Others as for `job.run`;
+    the number of ranks may be another one, too.
 
     Raises InputError if there is no checkpoint, it belongs to another version, case or trajectory, or the device is not
     there; Stopped or KeyboardInterrupt or EngineError or TrajectoryError as `job.run`.
@@ -102,18 +105,25 @@ def resume(
         case = case.model_copy(update={"run": case.run.model_copy(update={"threads": threads})})
     device.check(case.run.arch, case.run.threads, case.run.precision)
     summary.refuse_beyond_memory(sum(each.number for each in case.species), case.run.arch)
+    devices = how(case, comm)
     began = time.perf_counter()
     gas = CaseGas.from_case(case, begun[0].parent, start=False)
     file = CaseFile(*begun, case, gas)
     outputs = Outputs.plan(case, str(trajectory), picture=picture)
-    writer = TrajectoryWriter.resume(trajectory, gas.disks, gas.box, **stored(case, gas), **seen)
-    with QueuedWriter(writer) as queue:
-        simulation = gas.simulation(case, state, tracked=tracked)
+    writer = world.on_first(
+        comm, lambda: TrajectoryWriter.resume(trajectory, gas.disks, gas.box, **stored(case, gas), **seen)
+    )
+    with contextlib.nullcontext() if writer is None else QueuedWriter(writer) as queue:
+        simulation = gas.simulation(case, state, tracked=tracked, comm=comm)
         simulation.load_checkpoint(path)
+        if queue is None:
+            accompany(simulation, course, case, outputs)
+            return
+        assert writer is not None
         later = len(writer) - ledger.frames
         more = f"; {later} later frames of the file are computed again and compared" if later > 0 else ""
         begun_at = f"t = {simulation.time:.6g}{case.unit('time')}, after {simulation.collisions} collisions"
-        frames = f"{ledger.frames} frames, on {how(case)}{more}"
+        frames = f"{ledger.frames} frames, on {devices}{more}"
         say(f"{case.run.name}: {gas.disks.n} disks go on at {begun_at} and {frames}")
         job = Job(file, gas, outputs, simulation, course, ledger, queue, pending)
         before = simulation.collisions

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -88,6 +88,13 @@ def kinds_of(disks: Disks) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     return np.stack([*(column[first] for column in columns), mass, inertia], axis=1), code
 
 
+def stretches(first: NDArray[np.integer], count: NDArray[np.integer]) -> NDArray[np.intp]:
+    """Numbers of stretches that begin at `first` and are so long, one stretch after another."""
+    before = np.cumsum(count) - count
+    found: NDArray[np.intp] = np.repeat(first - before, count) + np.arange(int(count.sum()))
+    return found
+
+
 class DeviceArrays:
     """All arrays of one engine, under the names that kernels give their arguments.
 
@@ -119,7 +126,7 @@ class DeviceArrays:
         self.real: type[np.floating[Any]] = np.float32 if options.precision == "f32" else np.float64
         self._type = getattr(ti, options.precision)
         self._arguments: dict[Callable[..., Any], list[str]] = {}
-        self.room: int = max(n, 1)
+        self.room: int = self._first_room(n)
         self.parts: int = 2
         kinds, self._kind = kinds_of(disks)
         self.kinds: Any = self._vectors(6, self._type, max(len(kinds), 1))
@@ -308,7 +315,7 @@ class DeviceArrays:
         for axis, name in enumerate(("edge_x", "edge_y")):
             self._replace(name, self._array(ti.f64, len(edges[axis])))
             getattr(self, name).from_numpy(edges[axis])
-        self._replace("tile", self._array(ti.i32, total, 8))
+        self._replace("tile", self._array(ti.i32, total, 9))
         self._replace("listed", self._array(ti.i32, total))
         self._replace("reach", self._array(self._type, total, 5))
         self._replace("tally", self._array(ti.f64, total, 2, k.TALLY))
@@ -404,6 +411,35 @@ class DeviceArrays:
         rows[gone[rows[:, OWNER].astype(np.int64)], TYPE] = GONE
         self.walls.from_numpy(rows.astype(self.real))
 
+    def take_lists(self, found: dict[str, NDArray[Any]]) -> None:
+        """Go on from lists that `lists` gave, as the beginning of a window."""
+        for name, kept in self.state_arrays().items():
+            if kept:
+                values = getattr(self, name).to_numpy()
+                values[: self.n] = found[name]
+                getattr(self, name).from_numpy(values)
+        self.set_lists(0, found["tile"][:, 1], found["tile"][:, 0])
+
+    def lists(self, part: int) -> dict[str, NDArray[Any]]:
+        """What a part holds: rows of the state by array, and where each tile's list begins and how long it is."""
+        rows = slice(part * self.room, part * self.room + self.n)
+        found = {
+            name: getattr(self, name).to_numpy()[rows] for name, kept in self.state_arrays().items() if kept
+        }
+        return found | {"tile": self.tile.to_numpy()[:, [k.START + part, k.COUNT + part]]}
+
+    def rows_here(self, part: int) -> int:
+        """Number of disks that a part holds: all."""
+        return self.n
+
+    def by_id(self, part: int, to_all: bool, arrays: Sequence[NDArray[Any]]) -> list[NDArray[Any]] | None:
+        """Rows that `read_out` filled for this part, as rows of all disks by id."""
+        return list(arrays)
+
+    def shared(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Rows of all tiles."""
+        return rows
+
     def displace_rows(self, time: float) -> None:
         """Note how far rows of tiles in a sheared gas have moved against those below until `time` [time]."""
         side = float(self.edges[0][1])
@@ -453,7 +489,8 @@ class DeviceArrays:
         columns = [np.searchsorted(self.edges[a], position[:, a], side="right") - 1 for a in (0, 1)]
         index = np.clip(np.stack(columns, axis=1), 0, counts - 1)
         tile = index[:, 0] * counts[1] + index[:, 1]
-        order = np.argsort(tile, kind="stable")
+        order = self._kept(np.argsort(tile, kind="stable"), tile)
+        n = len(order)
         local = position - np.stack([self.edges[a][index[:, a]] for a in (0, 1)], axis=1)
         disk = np.zeros((self.parts * self.room, 5), dtype=self.real)
         disk[:n, 0:2] = local[order]
@@ -483,7 +520,15 @@ class DeviceArrays:
             slept = self.slept.to_numpy()
             slept[:n] = np.where(state.asleep[order], k.ASLEEP, k.WOKEN)  # woken: there is something to judge
             self.slept.from_numpy(slept)
-        self.set_lists(0, np.bincount(tile, minlength=self.tiles))
+        self.set_lists(0, np.bincount(tile[order], minlength=self.tiles))
+
+    def _first_room(self, n: int) -> int:
+        """Slots to begin with."""
+        return max(n, 1)
+
+    def _kept(self, order: NDArray[np.intp], _tile: NDArray[np.int64]) -> NDArray[np.intp]:
+        """Those of the disks, sorted by tile, that lie in the tiles here: all."""
+        return order
 
     def set_lists(self, part: int, count: NDArray[np.int64], start: NDArray[np.int64] | None = None) -> None:
         """Say how many disks each tile lists, and where its list begins: one after another, if not told."""
@@ -494,16 +539,27 @@ class DeviceArrays:
 
     def list_anew(self) -> None:
         """List the disks by the tiles they are in; places stay what they are, to the last bit."""
-        part, n = int(self.grid[k.PART]), self.n
-        rows = slice(part * self.room, part * self.room + n)
-        held = {name: getattr(self, name).to_numpy() for name, kept in self.state_arrays().items() if kept}
+        held, listed, tile = self._moved()
+        order = np.lexsort((listed, tile))
+        rows = slice(int(self.grid[k.PART]) * self.room, int(self.grid[k.PART]) * self.room + self.n)
+        for name, values in held.items():
+            array = getattr(self, name).to_numpy()
+            array[rows] = values[order]
+            getattr(self, name).from_numpy(array)
+        self.set_lists(int(self.grid[k.PART]), np.bincount(tile, minlength=self.tiles))
+
+    def _moved(self) -> tuple[dict[str, NDArray[Any]], NDArray[np.intp], NDArray[np.int64]]:
+        """Rows of the state by array, list after list, from the corners of the tiles that they are in now.
+
+        With the tile that lists each, and the one that it is in.
+        """
+        rows, listed = self.rows_of(int(self.grid[k.PART]))
+        held = {
+            name: getattr(self, name).to_numpy()[rows] for name, kept in self.state_arrays().items() if kept
+        }
         counts = np.array([self.grid[k.TILES_X], self.grid[k.TILES_Y]])
-        lists = self.tile.to_numpy()
-        first, count = lists[:, k.START + part], lists[:, k.COUNT + part]
-        by_slot = np.argsort(first + 0.5 * (count > 0))  # an empty list may begin where another does
-        listed = np.repeat(by_slot, count[by_slot])
-        index = np.empty((n, 2), dtype=np.int64)
-        disk, meta = held["disk"][rows], held["meta"][rows]
+        index = np.empty((len(rows), 2), dtype=np.int64)
+        disk, meta = held["disk"], held["meta"]
         for axis, old in enumerate((listed // counts[1], listed % counts[1])):
             edge = self.edges[axis]
             place = edge[old] + disk[:, axis].astype(np.float64)
@@ -514,13 +570,13 @@ class DeviceArrays:
                 meta[:, k.IMAGE_X + axis] += boxes.astype(np.int32)
             index[:, axis] = np.clip(np.searchsorted(edge, place, side="right") - 1, 0, counts[axis] - 1)
             disk[:, axis] = place - edge[index[:, axis]]
-        tile = index[:, 0] * counts[1] + index[:, 1]
-        order = np.argsort(tile, kind="stable")
-        held["disk"][rows], held["meta"][rows] = disk, meta
-        for name, values in held.items():
-            values[rows] = values[rows][order]
-            getattr(self, name).from_numpy(values)
-        self.set_lists(part, np.bincount(tile, minlength=self.tiles))
+        return held, listed, index[:, 0] * counts[1] + index[:, 1]
+
+    def rows_of(self, part: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Rows of a part in the arrays of the state, list after list, and the tile that lists each."""
+        lists = self.tile.to_numpy()
+        first, count = lists[:, k.START + part], lists[:, k.COUNT + part]
+        return part * self.room + stretches(first, count), np.repeat(np.arange(self.tiles), count)
 
     def state_arrays(self) -> dict[str, bool]:
         """Names of the arrays that hold a state, and whether this gas keeps them."""

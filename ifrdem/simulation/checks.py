@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,6 +120,7 @@ def check(
     velocity_cutoff: float,
     contact_time: float,
     resting_speed: float,
+    ranks: int = 1,
 ) -> None:
     """Refuse what the engine cannot simulate; arguments as for `Engine`, `materials` the rows of the law's table.
 
@@ -129,8 +130,10 @@ def check(
         Names what is wrong, and what to do instead.
     """
     n = disks.n
-    if n > MOST_DISKS:
-        raise InputError(f"{n} disks: the engine's 32-bit indices allow {MOST_DISKS} at most")
+    most = min(ranks * MOST_DISKS, ADDRESSABLE)  # ids have 32 bits too
+    if n > most:
+        on = f" on {ranks} ranks" if ranks > 1 else ""
+        raise InputError(f"{n} disks: the engine's 32-bit indices allow {most} at most{on}")
     if state.n != n:
         raise InputError(f"the state has {state.n} disks: {n} are needed")
     check_motion(disks, state)
@@ -199,6 +202,39 @@ def check_resting(
             f"{name}: disks would jump {jump:.3g} high, v_s^2 / 2g, more than a hundredth of the smallest radius, "
             f"{disks.radius.min():.3g}; a resting_speed of {most:.3g} at most is needed"
         )
+
+
+def check_ranks(
+    size: int,
+    box: Box,
+    arch: str,
+    precision: str,
+    forces: Sequence[Any],
+    tracked: bool,
+    order: str | None = None,
+    rests: bool = False,
+) -> None:
+    """Refuse what cannot be on several ranks of MPI (`ranks.py`).
+
+    Raises
+    ------
+    InputError
+        Names what it is.
+    """
+    refused = {
+        f"arch = '{arch}'": arch != "cpu",
+        f"precision = '{precision}'": precision != "f64",
+        "order = 'alone'": order == "alone",
+        "forces": bool(forces),
+        "tracked disks (histories)": tracked,
+        "an open box": box.is_open,
+        'collapse = "rest"': rests,
+    }
+    for what, there in refused.items():
+        if there:
+            raise InputError(
+                f"{what}: not supported on several ranks (here are {size}); run it without mpiexec"
+            )
 
 
 def check_motion(disks: Disks, state: State) -> None:

@@ -54,7 +54,7 @@ from ..model.law import CollisionLaw, compiled
 from ..model.state import Disks, State
 from ..model.walls import Wall, rows_of, sides
 from ..model.walls import check as check_walls
-from ..tools import checked, seeds
+from ..tools import checked, seeds, world
 from . import checks, device
 from .interrupts import Deferred
 from .tracking import Statistics
@@ -137,6 +137,12 @@ class EngineOptions:
                 raise InputError(f"window_collisions = {self.window_collisions!r}: {needed}")
 
 
+def _thin(array: NDArray[Any]) -> NDArray[Any]:
+    """The same array, in the memory of one number where all are equal."""
+    same = len(array) > 1 and bool(np.all(array == array[0]))
+    return np.broadcast_to(array[:1].copy(), array.shape) if same else array
+
+
 @dataclass(frozen=True)
 class CollisionTimes:
     """Collisions in order of time.
@@ -170,6 +176,9 @@ class Engine:
         Whose coefficients the table holds.
     tracking : Tracking, optional
         Follows some disks, collision by collision.
+    comm : communicator of mpi4py, optional
+        Whose ranks have a part of the gas each, if there are several (`ranks.py`); all make the same engine, and call
+        the same methods.
     **options
         Those of `EngineOptions`.
 
@@ -191,6 +200,7 @@ class Engine:
         forces: Sequence[Force] = (),
         law: type[CollisionLaw] = IFRLaw,
         tracking: Tracking | None = None,
+        comm: Any = None,
         **options: Any,
     ) -> None:
         self._released = True  # until there is anything to release
@@ -204,7 +214,7 @@ class Engine:
         checks.check(
             disks, box, state, len(self._law_table), walls, given.gravity, given.precision, forces,
             velocity_cutoff=given.velocity_cutoff, contact_time=given.contact_time,
-            resting_speed=given.resting_speed,
+            resting_speed=given.resting_speed, ranks=comm.size if comm else 1,
         )  # fmt: skip
         if given.resting_speed:
             self._check_resting(given.gravity, forces, law)
@@ -220,7 +230,14 @@ class Engine:
         self._resting = 0
         self._parted = False  # nobody can meet anybody any more
         self._collided_at = float(state.time)
-        device.start(given.arch, threads=given.threads, precision=given.precision)
+        self.comm: Any = comm if comm is not None and comm.size > 1 else None
+        threads = given.threads
+        if self.comm is not None:
+            checks.check_ranks(
+                self.comm.size, box, given.arch, given.precision, forces, tracking is not None, given.order
+            )
+            threads = threads or world.cores_here(self.comm, device.cores())
+        device.start(given.arch, threads=threads, precision=given.precision)
         from ..kernels.layout import WALL_SPEED, Uses
         from .arrays import DeviceArrays
         from .force_steps import ForceSteps
@@ -249,7 +266,13 @@ class Engine:
             rests=given.resting_speed > 0.0,
             collision_law=compiled(kind),
         )
-        self.arrays: DeviceArrays = DeviceArrays(disks, box, self._law_table, given, rows, uses)
+        if self.comm is not None:
+            from .ranks import RankArrays, RankWindows
+
+            uses = uses._replace(shared=True)
+            self.arrays: DeviceArrays = RankArrays(self.comm, disks, box, self._law_table, given, rows, uses)
+        else:
+            self.arrays = DeviceArrays(disks, box, self._law_table, given, rows, uses)
         self._released = False
         device.register(self)
         if tracking is not None:
@@ -260,9 +283,12 @@ class Engine:
             "last_partner": state.last_partner, "angle": state.angle, "dissipated": state.dissipated,
             "asleep": state.asleep,
         }  # fmt: skip
+        if self.comm is not None:
+            self.past = {name: _thin(value) for name, value in self.past.items()}
         self._before = int(state.collisions.sum()) // 2, int(state.wall_hits.sum())
         self._slept = int(np.count_nonzero(state.asleep))
-        self.windows: Windows = Windows(self.arrays, self.statistics, float(state.time))
+        of_ranks = Windows if self.comm is None else RankWindows
+        self.windows: Windows = of_ranks(self.arrays, self.statistics, float(state.time))
         self.set_gates(
             np.array([not wall.stands(state.time, self._before[0]) for wall in self.walls], dtype=bool)
         )
@@ -447,6 +473,8 @@ class Engine:
         from .force_steps import ForceSteps
 
         self.check_whole()
+        if self.comm is not None:
+            checks.check_ranks(self.comm.size, self.box, "cpu", "f64", forces, False)
         steps = ForceSteps(forces, self.arrays, self.disks, self.options.seed, self.time)
         checks.check_between_collisions(self.disks, self.box, self.gravity, steps.forces)
         if self.options.resting_speed:
@@ -606,7 +634,7 @@ class Engine:
         if watching:
             self._take_watched(watching, was)
         self.statistics.elastic = windows.elastic
-        if windows.sums[COLLISIONS] > before:
+        if windows.sums[COLLISIONS] > before:  # of several ranks, all ask here: one may later, alone
             self._collided_at = self.time
         elif not math.isfinite(t_end):
             # Disks of a lattice that all begin to move at once may take a disk's own free time to meet.
@@ -732,6 +760,7 @@ class Engine:
 
     def _state(self) -> State:
         state, _ = self._read_out()
+        assert state is not None
         shut = [axis for axis, periodic in enumerate(self.box.periodic) if not periodic]
         escaped = np.flatnonzero(np.any(state.image[:, shut] != 0, axis=1))
         if len(escaped):
@@ -740,18 +769,20 @@ class Engine:
             )
         return state
 
-    def _read_out(self, stored: Collection[str] | None = None) -> tuple[State, NDArray[np.float64]]:
+    def _read_out(
+        self, stored: Collection[str] | None = None, to_all: bool = True
+    ) -> tuple[State | None, NDArray[np.float64]]:
         from .readout import read
 
-        return read(self, stored)
+        return read(self, stored, to_all)
 
-    def observed(self, stored: Collection[str] | None = None) -> tuple[State, NDArray[np.float64]]:
-        """The present state and its sums (`kernels/readout.py`).
+    def observed(self, stored: Collection[str] | None = None) -> tuple[State | None, NDArray[np.float64]]:
+        """The present state, on the first rank, and its sums (`kernels/readout.py`).
 
         With the fields that a file in single precision has (`stored`) it is one for that (`StoredState`).
         """
         with self.changing():
-            return self._read_out(stored)
+            return self._read_out(stored, False)
 
     def totals(self) -> NDArray[np.float64]:
         """Sums over all disks (`kernels/readout.py`). Less costly than a copy of the state."""

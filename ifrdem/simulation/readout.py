@@ -31,7 +31,7 @@ def totals(engine: Engine) -> NDArray[np.float64]:
         read_out, part, engine.time, 0, real_out=one, int_out=whole, past_out=np.zeros((1, 2)), hits_out=whole,
         spent_out=np.zeros((1, MECHANISMS)), totals=found,
     )  # fmt: skip
-    return _sum(found, engine.time)
+    return _sum(engine.arrays.shared(found), engine.time)
 
 
 def _sum(found: NDArray[np.float64], time: float) -> NDArray[np.float64]:
@@ -42,26 +42,34 @@ def _sum(found: NDArray[np.float64], time: float) -> NDArray[np.float64]:
     return sums
 
 
-def read(engine: Engine, stored: Collection[str] | None) -> tuple[State, NDArray[np.float64]]:
+def read(
+    engine: Engine, stored: Collection[str] | None, to_all: bool = True
+) -> tuple[State | None, NDArray[np.float64]]:
     """The present state by id, and its sums.
 
-    With the fields that a file in single precision has (`stored`) it is one for that (`StoredState`).
+    With the fields that a file in single precision has (`stored`) it is one for that (`StoredState`). Of a gas on
+    several ranks all get it, or only the first one: None elsewhere.
     """
-    n, arrays, uses, time = engine.n, engine.arrays, engine.arrays.uses, engine.time
+    arrays, uses, time = engine.arrays, engine.arrays.uses, engine.time
     part, since = engine.windows.part
     kind: type[State] = State if stored is None else StoredState
-    real = np.empty((max(n, 1), 5), np.float64 if stored is None else np.float32)
-    whole = np.empty((max(n, 1), 3), np.int32)
+    rows = arrays.rows_here(part)
+    real = np.empty((max(rows, 1), 5), np.float64 if stored is None else np.float32)
+    whole = np.empty((max(rows, 1), 3), np.int32)
     dated, counted = uses.remembers or uses.turned, uses.walled or uses.partnered or uses.rests
-    past = np.empty((n if dated else 1, 2))
-    hits = np.empty((n if counted else 1, 3), np.int32)
-    spent = np.empty((n if uses.itemised else 1, MECHANISMS))
+    past = np.empty((rows if dated else 1, 2))
+    hits = np.empty((rows if counted else 1, 3), np.int32)
+    spent = np.empty((rows if uses.itemised else 1, MECHANISMS))
     found = np.zeros((arrays.tiles, TOTALS))
     arrays.launch(
         read_out, part, time, 1, real_out=real, int_out=whole, past_out=past, hits_out=hits, spent_out=spent,
         totals=found,
     )  # fmt: skip
-    real, whole = real[:n], whole[:n]
+    sums = _sum(arrays.shared(found), time)
+    columns = arrays.by_id(part, to_all, (real[:rows], whole[:rows], past, hits, spent))
+    if columns is None:
+        return None, sums
+    real, whole, past, hits, spent = columns
     place = real[:, 0:2]
     for axis, periodic in enumerate(engine.box.periodic):
         if periodic:  # rounding can put a disk onto the far side, which is the next box already
@@ -93,7 +101,7 @@ def read(engine: Engine, stored: Collection[str] | None) -> tuple[State, NDArray
         image = whole[:, 1:3] if "image" in stored else None
         state = kind(place, real[:, 2:4], real[:, 4], time, events, image, flow=flow, **told)  # type: ignore[arg-type]
     assert math.isfinite(since)
-    return state, _sum(found, time)
+    return state, sums
 
 
 def _read_only(array: NDArray[np.generic]) -> NDArray[np.generic]:

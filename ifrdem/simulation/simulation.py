@@ -24,7 +24,7 @@ from ..model.observables import Measure, from_totals, measure
 from ..model.overlaps import check_no_overlap
 from ..model.state import Disks, State
 from ..model.walls import Wall, WallSums, check_types, sides, wall_names
-from ..tools import checked
+from ..tools import checked, world
 from ..tools.pictured import PicturedDisks
 from ..tools.progress import Progress as Bar
 from ..tools.progress import seen
@@ -37,6 +37,7 @@ from .tracking import Events, Tracking, checked_ids
 
 if TYPE_CHECKING:
     from ..model.forces import Force
+    from .ranks import Traffic
     from .tracking import Statistics
 
 
@@ -119,6 +120,9 @@ class Simulation(Sealed, PicturedDisks):
         Add up what each wall gives to the disks: momentum, torque, work, heat, hits (`wall_sums`, and every `Measure`).
     tracked : sequence of int
         Disks of which every collision is kept, for `take_events`. Not in a sheared box.
+    comm : mpi4py.MPI.Comm, optional
+        Ranks of MPI that have a part of the gas each (`ifrdem docs ranks`); bitwise the same trajectory. All make
+        the same simulation and call the same methods. Observers and samplers are called on the first rank only.
 
     Raises
     ------
@@ -179,6 +183,7 @@ class Simulation(Sealed, PicturedDisks):
         dissipated: bool = False,
         wall_sums: bool = False,
         tracked: Sequence[int] | NDArray[np.integer] = (),
+        comm: Any = None,
     ) -> None:
         for name, value, kind in (("disks", disks, Disks), ("box", box, Box), ("state", state, State)):
             if not isinstance(value, kind):
@@ -208,7 +213,7 @@ class Simulation(Sealed, PicturedDisks):
                 velocity_cutoff=remedy.velocity_cutoff or 0.0, contact_time=remedy.contact_time or 0.0,
                 resting_speed=remedy.resting_speed or 0.0, forces=forces, seed=seed,
                 law=law_class, ledger=ledger, partners=partners, angles=angles, itemised=dissipated,
-                wall_sums=wall_sums, tracking=self._tracking,
+                wall_sums=wall_sums, tracking=self._tracking, comm=comm,
             )  # fmt: skip
             # The engine's state of a sheared gas knows its flow, whose energy does not count.
             begin = self.state if box.shear_rate else state
@@ -347,6 +352,17 @@ class Simulation(Sealed, PicturedDisks):
         if self._tracking is None:
             raise InputError("no disk is tracked: Simulation(..., tracked=[0, 1]) follows the first two")
         return self._tracking.take(self.time)
+
+    @property
+    def comm(self) -> Any:
+        """Ranks of MPI that have a part of the gas each; None if one has all of it."""
+        return self._engine.comm
+
+    @property
+    def traffic(self) -> Traffic | None:
+        """Messages and bytes that this rank has sent to others so far; None if one rank has all of the gas."""
+        found: Traffic | None = getattr(self._engine.arrays, "traffic", None)
+        return found
 
     @property
     def disks(self) -> Disks:
@@ -495,9 +511,14 @@ class Simulation(Sealed, PicturedDisks):
             "given": self._given,
             "extra": dict(extra or {}),
         }
-        state = self.state
-        plain = {f"state_{name}": getattr(state, name) for name in ("position", "velocity", "spin")}
-        checkpoint.write(path, {**snapshot.take(self._engine), **plain, **(arrays or {})}, meta)
+        found = snapshot.take(self._engine)
+        state, _totals = self._engine.observed()
+
+        def write() -> None:
+            plain = {f"state_{name}": getattr(state, name) for name in ("position", "velocity", "spin")}
+            checkpoint.write(path, {**found, **plain, **(arrays or {})}, meta)
+
+        world.on_first(self._engine.comm, write)
 
     def load_checkpoint(self, path: str | os.PathLike[str]) -> dict[str, Any]:
         """Go on from where `save_checkpoint` was called, bitwise as if nothing had been between; returns `extra`.
@@ -596,7 +617,14 @@ class Simulation(Sealed, PicturedDisks):
                 refuse_endless(cadence, span)
         self._foresee(span.end.time)
         bar = None
-        if progress is True or (progress is None and seen()):
+        if self._engine.comm is not None and progress is None:
+            progress = False
+        if progress is True and not world.is_first(self._engine.comm):
+            progress, series = (
+                None,
+                Cadence(number=BAR_STEPS) if series is None else series,
+            )  # as on the first
+        elif progress is True or (progress is None and seen()):
             progress = bar = Bar(
                 self.disks.n, t_end=t_end, collisions_per_disk=collisions_per_disk, unit="", kernels=backend.kernels,
                 brief=True,
@@ -670,6 +698,8 @@ class Simulation(Sealed, PicturedDisks):
         self._stopping = True
 
     def _stop_if_asked(self) -> None:
+        if self._engine.comm is not None:
+            self._stopping = self._engine.comm.allreduce(self._stopping)
         if self._stopping:
             raise _Stopped
 
@@ -778,15 +808,24 @@ class Simulation(Sealed, PicturedDisks):
             self._tell(observers, *self._engine.observed(stored))
             self._stop_if_asked()
 
-    def _tell(self, observers: list[Observer], state: State, totals: NDArray[np.float64]) -> None:
-        measured = from_totals(self.disks, totals, state.time, self.wall_hits, **self._put_in())
-        for observer in observers:
-            observer(state, measured)
+    def _tell(self, observers: list[Observer], state: State | None, totals: NDArray[np.float64]) -> None:
+        measured = from_totals(self.disks, totals, self.time, self.wall_hits, **self._put_in())
+
+        def tell() -> None:
+            assert state is not None
+            for observer in observers:
+                observer(state, measured)
+
+        world.on_first(self._engine.comm, tell)
 
     def _sample(self, samplers: list[Sampler]) -> None:
         measured = self.measure()
-        for sampler in samplers:
-            sampler(measured)
+
+        def tell() -> None:
+            for sampler in samplers:
+                sampler(measured)
+
+        world.on_first(self._engine.comm, tell)
 
     def measure(self) -> Measure:
         """Totals and averages of the present state: `observables.measure`, without copying it from the device."""

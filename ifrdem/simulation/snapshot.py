@@ -55,13 +55,7 @@ def take(engine: Engine) -> Snapshot:
         a, windows, steps = engine.arrays, engine.windows, engine.force_steps
         if not engine._nothing_happens():
             windows.go_on(engine.next_kick)
-        part, n = int(a.grid[k.PART]), engine.n
-        found: Snapshot = {}
-        rows = slice(part * a.room, part * a.room + n)
-        for name, kept in a.state_arrays().items():
-            if kept:
-                found[name] = getattr(a, name).to_numpy()[rows]
-        found["tile"] = a.tile.to_numpy()[:, [k.START + part, k.COUNT + part]]
+        found: Snapshot = a.lists(int(a.grid[k.PART]))
         found["edge_x"], found["edge_y"] = a.edges
         found["protrudes"] = np.array([windows.protrudes])
         found["scales"] = np.array([*a.clock[_LENGTHS], a.scale[k.CELL_SIDE], a.area], np.float64)
@@ -106,12 +100,7 @@ def _put_back(engine: Engine, found: Snapshot) -> None:
         getattr(a, name).from_numpy(found[name])
     a.alone = a.alone and a.tiles == 1
     a.grid[k.PART] = 0
-    for name, kept in a.state_arrays().items():
-        if kept:
-            values = getattr(a, name).to_numpy()
-            values[:n] = found[name]
-            getattr(a, name).from_numpy(values)
-    a.set_lists(0, found["tile"][:, 1], found["tile"][:, 0])
+    a.take_lists(found)
     *lengths, a.scale[k.CELL_SIDE], a.area = found["scales"].tolist()
     a.clock[_LENGTHS] = lengths
     _time, engine._collided_at, engine._flow_excess = found["clock"].tolist()

@@ -6,6 +6,7 @@ Imports Taichi: import this module only after `device.start`.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -62,6 +63,7 @@ class Windows:
         )
         self._burst = 1  # windows of a GPU that went well one after another
         self._claimed = 0  # claims of the tiles that ran last
+        self._bad = 0  # tiles that did not pass then
         self._counted = math.nan  # beginning of the window that the statistics have counted
         self._watched: list[tuple[NDArray[Any], NDArray[Any]]] = []
         self.fastest: float = 0.0
@@ -185,9 +187,9 @@ class Windows:
         a = self.arrays
         if not self._surveyed:
             a.clock[k.SQUARE_UNIT] = 1.0
-            a.launch(survey)
+            self._survey()
             a.clock[k.SQUARE_UNIT] = square_unit(self._most(k.MOST_SPEED))
-            a.launch(survey)
+            self._survey()
             self._surveyed = True
         fastest2 = self._most(k.MOST_SPEED)
         mean_square = self._tally(k.AT_END)[k.SQUARES] * float(a.clock[k.SQUARE_UNIT]) / max(a.n, 1)
@@ -206,6 +208,10 @@ class Windows:
         self.fastest = math.sqrt(fastest2)
         if not self.end > self.begin:
             raise InelasticCollapse(f"t = {self.now:.9g}: windows have become too short for the clock")
+
+    def _survey(self) -> None:
+        """Look for the fastest disk, and add up squares of speeds."""
+        self.arrays.launch(survey)
 
     def go_on(self, kick: float) -> None:
         """At the end of a window, begin the next one."""
@@ -290,9 +296,13 @@ class Windows:
             return 0.0
         kept = self._watched, self.fresh, self._watching
         self._compute(math.inf, 1, k.PAIRS)
-        times = np.concatenate([real[:, k.AT] for real, _ in self._watched])
+        times = Windows.watched(self)[0][:, k.AT]  # those of this rank
         self._watched, self.fresh, self._watching = kept
         self.arrays.events(0)
+        return self._nth(times, count)
+
+    def _nth(self, times: NDArray[np.float64], count: int) -> float:
+        """The time with number `count` = 1, 2, ..."""
         return float(np.partition(times, count - 1)[count - 1])
 
     def watched(self) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -409,7 +419,7 @@ class Windows:
                     for first in range(0, tiles, a.batch):
                         launch(run_windows, first, min(first + a.batch, tiles), most)
                     if not alone:
-                        launch(verify)
+                        self._check(launch)
             self._claimed = int(a.counter[k.N_CLAIMED])
             full, needed = int(a.counter[k.FULL]), int(a.counter[k.NEEDED])
             if a.counter[k.STALLED] == 2:
@@ -421,6 +431,7 @@ class Windows:
                     'Use collapse = "tc" with a contact_time or "velocity_cutoff" with a velocity_cutoff, larger e_n, '
                     "or a lower packing fraction, or end the run earlier"
                 )
+            self._bad = int(a.counter[k.N_BAD])
             if not full:
                 self.rests |= bool(a.counter[k.RESTING])
                 return
@@ -450,6 +461,10 @@ class Windows:
                 if full & k.FULL_WALLS:
                     items = max(items, grown)
                 a.scratch(places, cells, bins, items)
+
+    def _check(self, launch: Callable[..., Any]) -> None:
+        """Verify the tiles that have just run."""
+        launch(verify)
 
     def _collect(self, watching: int) -> None:
         a = self.arrays
@@ -499,7 +514,7 @@ class Windows:
                 self._whole_box(watching)
                 break
             if watching:
-                self._drop_watched(a.listed.to_numpy()[:count])
+                self._drop_watched(a.listed.to_numpy()[: self._bad])
             try:
                 self._launch(count, 1, again=1)
             except _Again:

@@ -32,11 +32,13 @@ from ...case.gas import CaseGas
 from ...errors import InputError
 from ...simulation import device
 from ...simulation.simulation import Simulation
+from ...tools import world
 from ...tools.progress import Progress
 from ...tools.versions import __version__
 
 RUNS, SECONDS = 5, 0.5
 LEAST_LAUNCHES = 3  # in a timed run
+SENT = ("messages", "rounds", "ghosts", "trails", "sums")
 PIECES = 20  # of what passes before the first timed run, for its progress
 RADIUS, MASS, TEMPERATURE = 0.5, 1.0, 1.0  # reduced units: lengths are in diameters
 
@@ -146,6 +148,8 @@ class Benchmark:
     collisions_before: int
     bytes_per_disk: float
     runs: list[Run]
+    ranks: int = 1
+    sent: dict[str, float] | None = None  # by a rank in a window, of several: messages, rounds, bytes
     profile: Profile | None = None
     environment: dict[str, str] = field(default_factory=dict)
 
@@ -184,6 +188,8 @@ class Benchmark:
             "seconds_per_window": seconds / windows,
             "slowest_window_seconds": max(run.slowest for run in self.runs),
             "bytes_per_disk": self.bytes_per_disk,
+            "ranks": self.ranks,
+            "sent_by_a_rank_and_window": self.sent,
             "runs": [
                 {
                     "seconds": run.seconds,
@@ -214,6 +220,14 @@ class Benchmark:
             f"the slowest {1e3 * own['slowest_window_seconds']:.4g} ms",
             "memory": f"{self.bytes_per_disk:.4g} bytes a disk",
         }
+        if self.sent is not None:
+            rows["ranks"] = (
+                f"{self.ranks}; in a window one sends {self.sent['messages']:.3g} messages: "
+                + ", ".join(
+                    f"{self.sent[name] / 1e3:.4g} kB of {what}"
+                    for name, what in (("ghosts", "disks"), ("trails", "hashes and ways"), ("sums", "sums"))
+                )
+            )
         return "\n".join(
             [
                 f"{self.gas}: {self.n} disks, packing fraction {self.phi:.4g}, "
@@ -236,6 +250,7 @@ def bench(
     threads: int | None = None,
     precision: str = "f64",
     seed: int = 1,
+    comm: Any = None,
     **timing: Any,
 ) -> Benchmark:
     """Time a case file, or the elastic gas of n disks at packing fraction phi.
@@ -247,6 +262,8 @@ def bench(
         is timed after so many collisions per disk.
     n, phi, arch, threads, precision, seed
         The elastic gas: see `elastic_gas`.
+    comm : mpi4py.MPI.Comm, optional
+        Ranks of MPI that share the gas.
     **timing
         See `measure`.
 
@@ -257,10 +274,10 @@ def bench(
     """
     if case is not None:
         file = case_file.read(shipped.find(case), list(overrides))
-        return measure(file.case, file.folder, after=after, **timing)
+        return measure(file.case, file.folder, after=after, comm=comm, **timing)
     gas = elastic_gas(n, phi, arch=arch, threads=threads, precision=precision, seed=seed)
     try:
-        return measure(gas, **timing)
+        return measure(gas, comm=comm, **timing)
     except InputError as error:  # of a case that the user does not see
         raise InputError(f"--n {n} --phi {phi:g}: {error}") from None
 
@@ -274,6 +291,7 @@ def measure(
     seconds: float = SECONDS,
     profile: bool = False,
     note: Note = lambda _: None,
+    comm: Any = None,
 ) -> Benchmark:
     """Time the gas of a case.
 
@@ -293,6 +311,8 @@ def measure(
         Measure the share of each kernel too. That ends Taichi, and with it every other simulation of the process.
     note : callable
         Takes progress lines. A bar of `Progress` stands on the standard error stream meanwhile.
+    comm : mpi4py.MPI.Comm, optional
+        Ranks of MPI that share the gas.
 
     Raises
     ------
@@ -302,13 +322,20 @@ def measure(
         If the engine stops, as it does where nothing ever collides.
     """
     run = case.run
-    gas, simulation = prepared(case, folder, after=after)
+    if comm is not None and profile:
+        raise InputError("--profile: not on several ranks; run it without mpiexec")
+    gas, simulation = prepared(case, folder, after=after, comm=comm)
     before = simulation.collisions
-    done = []
+    done, sent = [], _sent(simulation)
     for i in range(runs):
         done.append(timed(simulation, seconds))
         note(f"run {i + 1} of {runs}: {done[-1].rate:.4g} collisions/s")
     size, profiled = simulation.bytes_allocated / gas.disks.n, None
+    if sent is not None:
+        size = comm.allreduce(size)
+        sent = np.array(
+            comm.allgather((_sent(simulation) - sent) / sum(each.done["windows"] for each in done))
+        ).max(axis=0)
     if profile:
         state = simulation.state
         del simulation  # its arrays end with the Taichi that they belong to
@@ -325,26 +352,39 @@ def measure(
         n=gas.disks.n,
         phi=gas.room.packing_fraction(gas.disks.radius),
         arch=run.arch,
-        threads=(run.threads or device.cores()) if run.arch == "cpu" else 1,
+        threads=_threads(run.threads, comm) if run.arch == "cpu" else 1,
         precision=run.precision,
         seed=run.seed,
         collisions_before=before,
         bytes_per_disk=size,
         runs=done,
+        ranks=comm.size if comm else 1,
+        sent=None if sent is None else dict(zip(SENT, sent.tolist(), strict=True)),
         profile=profiled,
         environment=environment(),
     )
 
 
+def _sent(simulation: Simulation) -> Any:
+    """What this rank has sent so far, an array of `SENT`; None if it is the only one."""
+    traffic = simulation.traffic
+    return None if traffic is None else np.array([getattr(traffic, name) for name in SENT], dtype=float)
+
+
+def _threads(given: int | None, comm: Any) -> int:
+    """Threads of a rank."""
+    return given or (world.cores_here(comm, device.cores()) if comm else device.cores())
+
+
 def prepared(
-    case: Case, folder: Path | str = ".", *, after: float | None = None
+    case: Case, folder: Path | str = ".", *, after: float | None = None, comm: Any = None
 ) -> tuple[CaseGas, Simulation]:
     """The gas of a case and its simulation, warm; arguments and errors as for `measure`."""
     run = case.run
     device.check(run.arch, run.threads, run.precision)
     summary.refuse_beyond_memory(sum(each.number for each in case.species), run.arch, case.start.positions)
     gas = CaseGas.from_case(case, folder)
-    simulation = gas.simulation(case)
+    simulation = gas.simulation(case, comm=comm)
     if after is None:
         # To a time: while the lattice's disks have not met yet, a run by collisions would give up.
         end: dict[str, Any] = {"t_end": mixing_time(gas)}
@@ -352,8 +392,9 @@ def prepared(
         end = {"collisions_per_disk": after}
     if after != 0.0:
         unit = UNITS[run.units]["time"] if run.units == "SI" else ""
-        with Progress(gas.disks.n, unit=unit, **end) as progress:
-            simulation.run(progress=progress, frames=PIECES, **end)
+        shown = Progress(gas.disks.n, unit=unit, **end) if world.is_first(comm) else None
+        with shown or contextlib.nullcontext():
+            simulation.run(progress=shown or False, frames=PIECES, **end)
     warm_up(simulation)
     return gas, simulation
 
@@ -383,7 +424,8 @@ def timed(simulation: Simulation, seconds: float) -> Run:
         ti.sync()  # a GPU may still be at it
         marks.append(time.perf_counter())
         windows.append(simulation.statistics.windows)
-        if marks[-1] - marks[0] >= seconds and len(marks) > LEAST_LAUNCHES:
+        enough = marks[-1] - marks[0] >= seconds and len(marks) > LEAST_LAUNCHES
+        if world.told(simulation.comm, enough):
             raise LongEnough
 
     with contextlib.suppress(LongEnough):

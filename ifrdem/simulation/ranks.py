@@ -1,0 +1,485 @@
+"""One gas on several ranks of MPI, bitwise the trajectory of one.
+
+The box has the tiles that it has on one rank; each rank owns a block of them. It keeps the lists of disks of its own
+tiles, and in each window copies of those of the *ring*, the tiles of others beside its own. A window is
+
+1. *fetch*: the lists of the ring come from their owners;
+2. each rank runs its own tiles (`kernels/tiles.py`), which gather from tiles beside them, all of which are there;
+3. *trails*: the hash of a disk's history and its way are known to the rank that ran the tile which the disk is in, and
+   a disk may have left the tile that lists it. So ranks first tell owners about disks of the ring that they ran, then
+   owners tell all who have a copy of their lists;
+4. *share*: what tiles have added up (`tally`, `heat`, `reach`) goes to all, and is added up tile by tile;
+5. each rank verifies its own tiles; bad ones run again, and steps 3 to 5 are repeated, until no rank has a bad tile.
+   Where no halo is wide enough, every rank gets the whole box for this window, and runs it in order.
+
+Why it is exact. A tile reads disks of the nine tiles around it, and to be verified hashes and ways of the disks that it
+copied, its own disks, and `reach` of the tiles around it. After steps 1, 3 and 4 all of these are, bit for bit, what
+they are in a process that has all tiles: lists are copied in their order, and a hash is computed once, by the one rank
+that owns the tile in which the disk begins. So each tile finds the same, is good or bad as it is there, and the proof
+in `kernels/tiles.py` holds: it speaks of tiles, not of who runs them. The length of the next window follows from the
+sums of step 4, which all ranks add up from the same numbers in the same order: so all plan the same window. By
+induction over windows each disk moves as on one rank.
+
+Checked as it runs: each listed disk has been run by exactly one rank in each window (3), and no disk is lost or there
+twice whenever a state is put together.
+
+What each rank holds: its disks and those of its ring (198 bytes each); 450 bytes for each tile of the whole box; at
+the start, while a state is put together on the first rank, and in a window that is left to the whole box, all disks.
+
+Imports Taichi: import this module only after `device.start`. Needs mpi4py.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import EngineError, InputError
+from ..kernels import layout as k
+from ..kernels.language import ti
+from ..kernels.windows import sum_shared, survey, verify
+from ..tools import world
+from .arrays import DeviceArrays, stretches
+from .windows import Windows, _Again
+
+SLACK = 1.2  # of slots for disks, beyond those in use
+_TYPES = {"f64": np.float64, "f32": np.float32, "i32": np.int32}
+
+
+@dataclass
+class Traffic:
+    """What a rank has sent so far.
+
+    Attributes
+    ----------
+    messages : int
+        To neighbours.
+    ghosts, trails, sums : int
+        Bytes of lists of disks, of hashes and ways, and of sums of tiles.
+    windows, rounds : int
+        Windows, and times that hashes were exchanged in them.
+    """
+
+    messages: int = 0
+    ghosts: int = 0
+    trails: int = 0
+    sums: int = 0
+    windows: int = 0
+    rounds: int = 0
+
+
+def view(array: Any) -> NDArray[Any]:
+    """The memory of a Taichi array on the CPU as an array of NumPy, without a copy; as long as the array lives."""
+    runtime = ti.lang.impl.get_runtime()
+    runtime.sync()
+    kind: np.dtype[Any] = np.dtype(_TYPES[str(array.dtype)])
+    shape = (*array.shape, *array.element_shape)
+    size = kind.itemsize * int(np.prod(shape))
+    memory: Any = (ctypes.c_char * size).from_address(runtime.prog.get_ndarray_data_ptr_as_int(array.arr))
+    return np.ndarray(shape, kind, buffer=memory)
+
+
+def owners(count: NDArray[np.integer], tiles: tuple[int, int], size: int) -> NDArray[np.int32]:
+    """The rank that owns each tile, shape (tiles,): blocks with about as many disks (`count`) each.
+
+    The rectangle is cut in two across its longer side, and each part again, so that any number of ranks gets blocks.
+    InputError if there are fewer tiles than ranks.
+    """
+    if size > tiles[0] * tiles[1]:
+        raise InputError(
+            f"{size} ranks: {int(count.sum())} disks make {counted_tiles(tiles)}, and each rank needs one: start "
+            f"{tiles[0] * tiles[1]} or fewer (mpiexec -n)"
+        )
+    weight = count.reshape(tiles).astype(np.float64) + 1e-9
+    owner = np.empty(tiles, dtype=np.int32)
+
+    def divide(x: slice, y: slice, first: int, last: int) -> None:
+        if last - first == 1:
+            owner[x, y] = first
+            return
+        wide, high = x.stop - x.start, y.stop - y.start
+        low = (last - first) // 2
+        for axis in (0, 1) if wide >= high else (1, 0):
+            length, across = (wide, high) if axis == 0 else (high, wide)
+            cuts = np.arange(1, length)
+            cuts = cuts[(cuts * across >= low) & ((length - cuts) * across >= last - first - low)]
+            if len(cuts):
+                share = np.cumsum(weight[x, y].sum(axis=1 - axis))
+                cut = int(cuts[np.argmin(np.abs(share[cuts - 1] / share[-1] - low / (last - first)))])
+                if axis == 0:
+                    divide(slice(x.start, x.start + cut), y, first, first + low)
+                    divide(slice(x.start + cut, x.stop), y, first + low, last)
+                else:
+                    divide(x, slice(y.start, y.start + cut), first, first + low)
+                    divide(x, slice(y.start + cut, y.stop), first + low, last)
+                return
+        raise InputError(  # a block of few tiles that no straight cut divides
+            f"{size} ranks: {counted_tiles(tiles)} cannot be divided into so many blocks: start fewer (mpiexec -n)"
+        )
+
+    divide(slice(0, tiles[0]), slice(0, tiles[1]), 0, size)
+    return owner.reshape(-1)
+
+
+def counted_tiles(tiles: tuple[int, int]) -> str:
+    """Number of tiles, for a message."""
+    total = tiles[0] * tiles[1]
+    return f"{tiles[0]} x {tiles[1]} tiles" if total > 1 else "one tile"
+
+
+class RankArrays(DeviceArrays):
+    """The arrays of one rank: own tiles, and the ring around them. Arguments after `comm` as for `DeviceArrays`."""
+
+    def __init__(self, comm: Any, *given: Any) -> None:
+        self.comm = comm
+        self.traffic: Traffic = Traffic()
+        self.lost: int = 0  # listed disks that no rank has run
+        self._graph: Any = None
+        self._partners: list[int] = []
+        super().__init__(*given)
+        self._kind = self._kind[:0]  # the device has it
+
+    # ------------------------------------------------------------------ who owns what
+
+    def _first_room(self, n: int) -> int:
+        return 1
+
+    def _kept(self, order: NDArray[np.intp], tile: NDArray[np.int64]) -> NDArray[np.intp]:
+        self.assign(np.bincount(tile, minlength=self.tiles))
+        kept = order[self.owner[tile[order]] == self.comm.rank]
+        self.make_room(len(kept))
+        return kept
+
+    def assign(self, count: NDArray[np.integer]) -> None:
+        """Divide the tiles, with so many disks each, among the ranks."""
+        tiles = int(self.grid[k.TILES_X]), int(self.grid[k.TILES_Y])
+        self.owner: NDArray[np.int32] = owners(count, tiles, self.comm.size)
+        self.own: NDArray[np.intp] = np.flatnonzero(self.owner == self.comm.rank)
+        self._by_rank = np.argsort(self.owner, kind="stable")
+        self._n_owned = np.bincount(self.owner, minlength=self.comm.size)
+        view(self.tile)[:, k.OWNED] = self.owner == self.comm.rank
+        self._around_for = -1
+
+    def _beside(self) -> NDArray[np.int64]:
+        """The eight tiles around each, shape (8, tiles); -1 beyond an end of the box."""
+        wide, high = int(self.grid[k.TILES_X]), int(self.grid[k.TILES_Y])
+        x, y = np.divmod(np.arange(self.tiles), high)
+        aside = int(self.grid[k.TILES_ASIDE]) if self.uses.sheared else 0
+        found = []
+        for step_x, step_y in ((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j):
+            to_x, to_y = x + step_x - step_y * aside, y + step_y
+            there = np.ones(self.tiles, dtype=bool)
+            if not self.grid[k.PERIODIC_X]:
+                there &= (to_x >= 0) & (to_x < wide)
+            if not self.grid[k.PERIODIC_Y]:
+                there &= (to_y >= 0) & (to_y < high)
+            found.append(np.where(there, to_x % wide * high + to_y % high, -1))
+        return np.array(found)
+
+    def _meet(self) -> None:
+        """Find the neighbours, whose tiles are in this rank's ring, and in whose rings its tiles are."""
+        aside = int(self.grid[k.TILES_ASIDE])
+        if self._around_for == aside:
+            return
+        self._around_for = aside
+        beside = self._beside()[:, self.own]
+        others = np.where(beside >= 0, self.owner[beside], self.comm.rank)
+        self._partners = [int(q) for q in np.unique(others) if q != self.comm.rank]
+        self._given_tiles = [self.own[np.any(others == q, axis=0)] for q in self._partners]
+        self._taken_tiles = [np.unique(beside[others == q]) for q in self._partners]
+        if self._graph is not None:
+            self._graph.Free()
+        self._graph = self.comm.Create_dist_graph_adjacent(self._partners, self._partners)
+
+    def _swap(self, messages: list[tuple[NDArray[Any], ...]]) -> list[tuple[NDArray[Any], ...]]:
+        """Send a message to each neighbour, and get one from each."""
+        self.traffic.messages += len(messages)
+        found: list[tuple[NDArray[Any], ...]] = self._graph.neighbor_alltoall(messages)
+        return found
+
+    # ------------------------------------------------------------------ room
+
+    @property
+    def used(self) -> int:
+        """Slots that lists of own tiles take at the beginning of the window: the first ones."""
+        tile, part = view(self.tile), int(self.grid[k.PART])
+        return int((tile[self.own, k.START + part] + tile[self.own, k.COUNT + part]).max(initial=0))
+
+    def make_room(self, slots: int) -> None:
+        """See to it that there are so many slots, and not many more."""
+        if self.room < slots or self.room > 4 * slots + 1024:
+            self.set_room(int(SLACK * slots) + 64)
+
+    def set_room(self, room: int) -> None:
+        """Another number of slots; what is in the first ones stays."""
+        held = {name: view(getattr(self, name)).copy() for name, kept in self.state_arrays().items() if kept}
+        before, self.room = self.room, room
+        self.grid[k.ROOM] = room
+        self._replace("trail", self._vectors(2, ti.i32, room))
+        self._replace("way", self._array(ti.f32, room))
+        self._replace("back", self._array(ti.i32, room))
+        for name in self.state_arrays():
+            self._replace(name, None)
+        self._make_parts(self.parts)
+        same = min(before, room)
+        for name, old in held.items():
+            new = view(getattr(self, name))
+            for part in range(self.parts):
+                new[part * room : part * room + same] = old[part * before : part * before + same]
+
+    # ------------------------------------------------------------------ a window
+
+    def _names(self) -> list[str]:
+        return [name for name, kept in self.state_arrays().items() if kept]
+
+    def fetch(self) -> None:
+        """Get the lists of the ring."""
+        self._meet()
+        part, tile, names = int(self.grid[k.PART]), view(self.tile), self._names()
+        first, count = k.START + part, k.COUNT + part
+        self._given = [stretches(tile[tiles, first], tile[tiles, count]) for tiles in self._given_tiles]
+        messages: list[tuple[NDArray[Any], ...]] = [
+            (tile[tiles, count], *(view(getattr(self, name))[part * self.room + slots] for name in names))
+            for tiles, slots in zip(self._given_tiles, self._given, strict=True)
+        ]
+        self.traffic.windows += 1
+        self.traffic.ghosts += sum(each.nbytes for message in messages for each in message)
+        self._lay_beside(list(zip(self._taken_tiles, self._swap(messages), strict=True)))
+        self._sent: list[tuple[NDArray[Any], NDArray[Any]] | None] = [None] * len(self._partners)
+
+    def fetch_all(self) -> None:
+        """Get the lists of all other tiles."""
+        part, tile, names = int(self.grid[k.PART]), view(self.tile), self._names()
+        rows, _listed = self.rows_of(part)
+        lists = (tile[self.own, k.COUNT + part], *(view(getattr(self, name))[rows] for name in names))
+        found = self.comm.allgather(lists)
+        self._lay_beside([
+            (np.flatnonzero(self.owner == q), found[q]) for q in range(self.comm.size) if q != self.comm.rank
+        ])  # fmt: skip
+
+    def _lay_beside(self, lists: Sequence[tuple[NDArray[np.intp], tuple[NDArray[Any], ...]]]) -> None:
+        """Lay lists of others behind the own ones: tiles, the lengths of their lists, and rows of the state."""
+        part, at, names = int(self.grid[k.PART]), self.used, self._names()
+        self.make_room(at + sum(len(rows) for _tiles, (_count, rows, *_more) in lists))
+        tile, state = view(self.tile), [view(getattr(self, name)) for name in names]
+        self._taken: list[slice] = []
+        for tiles, (count, *arrays) in lists:
+            slots = slice(at, at + len(arrays[0]))
+            tile[tiles, k.COUNT + part] = count
+            tile[tiles, k.START + part] = at + np.cumsum(count) - count
+            for array, rows in zip(state, arrays, strict=True):
+                array[part * self.room + slots.start : part * self.room + slots.stop] = rows
+            self._taken.append(slots)
+            at = slots.stop
+        view(self.way)[:at] = -1.0
+
+    def exchange_trails(self, again: bool) -> None:
+        """Get hashes and ways of all disks in the own lists and in those of the ring; in a later round what changed."""
+        trail, way = view(self.trail), view(self.way)
+        if not again:
+            self._ran = [np.flatnonzero(way[slots] >= 0.0) for slots in self._taken]
+        messages: list[tuple[NDArray[Any], ...]] = [
+            (ran.astype(np.int32), trail[slots][ran], way[slots][ran])
+            for slots, ran in zip(self._taken, self._ran, strict=True)
+        ]
+        size = sum(each.nbytes for message in messages for each in message)
+        for given, (ran, hashes, ways) in zip(self._given, self._swap(messages), strict=True):
+            trail[given[ran]], way[given[ran]] = hashes, ways
+        self.lost = int(np.count_nonzero(way[: self.used] < 0.0))
+        messages = []
+        for q, given in enumerate(self._given):
+            hashes, ways, changed = trail[given], way[given], np.arange(len(given), dtype=np.int32)
+            if (sent := self._sent[q]) is not None:
+                changed = changed[np.any(hashes != sent[0], axis=1) | (ways != sent[1])]
+            self._sent[q] = hashes, ways
+            messages.append((changed, hashes[changed], ways[changed]))
+        size += sum(each.nbytes for message in messages for each in message)
+        for slots, (changed, hashes, ways) in zip(self._taken, self._swap(messages), strict=True):
+            trail[slots.start + changed], way[slots.start + changed] = hashes, ways
+        self.traffic.trails += size
+        self.traffic.rounds += 1
+
+    def shared(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Rows of all tiles, of which this rank knows its own ones."""
+        own = np.ascontiguousarray(rows[self.own])
+        gathered = np.empty_like(rows)
+        self.comm.Allgatherv(own, [gathered, self._n_owned * rows.shape[1]])
+        found = np.empty_like(rows)
+        found[self._by_rank] = gathered
+        self.traffic.sums += own.nbytes
+        return found
+
+    def share(self) -> None:
+        """Have all ranks know what each tile added up, and add that up."""
+        parts = [view(getattr(self, name)).reshape(self.tiles, -1) for name in ("tally", "heat", "reach")]
+        rows = self.shared(np.concatenate(parts, axis=1).astype(np.float64))
+        at = 0
+        for part in parts:
+            part[:] = rows[:, at : at + part.shape[1]]
+            at += part.shape[1]
+        self.launch(sum_shared)
+
+    # ------------------------------------------------------------------ the state
+
+    def rows_of(self, part: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """As on one rank, of own tiles."""
+        first, count = (view(self.tile)[self.own, column + part] for column in (k.START, k.COUNT))
+        return part * self.room + stretches(first, count), np.repeat(self.own, count)
+
+    def list_anew(self) -> None:
+        """As on one rank; disks go to the ranks whose tiles they are in."""
+        held, listed, tile = self._moved()
+        whose = [np.flatnonzero(self.owner[tile] == q) for q in range(self.comm.size)]
+        messages = [(tile[to], listed[to], *(rows[to] for rows in held.values())) for to in whose]
+        found = self.comm.alltoall(messages)
+        self.traffic.messages += self.comm.size - 1
+        tile, listed, *rows = (np.concatenate(each) for each in zip(*found, strict=True))
+        order, part = np.lexsort((listed, tile)), int(self.grid[k.PART])
+        self.make_room(len(order))
+        for name, values in zip(held, rows, strict=True):
+            view(getattr(self, name))[part * self.room : part * self.room + len(order)] = values[order]
+        self.set_lists(part, np.bincount(tile, minlength=self.tiles))
+
+    def take_lists(self, found: dict[str, NDArray[Any]]) -> None:
+        """As on one rank: of all lists, own ones stay."""
+        start, count = found["tile"].T
+        self.assign(count)
+        rows = stretches(start[self.own], count[self.own])
+        self.make_room(len(rows))
+        for name in self._names():
+            view(getattr(self, name))[: len(rows)] = found[name][rows]
+        own = np.zeros_like(count)
+        own[self.own] = count[self.own]
+        self.set_lists(0, own)
+
+    def lists(self, part: int) -> dict[str, NDArray[Any]]:
+        """As on one rank, put together on the first one; the others get their own ones."""
+        rows, listed = self.rows_of(part)
+        own = {name: view(getattr(self, name))[rows] for name in self._names()}
+        gathered = self.comm.gather((listed, own))
+        count = np.bincount(listed, minlength=self.tiles)
+        if gathered is not None:
+            listed = np.concatenate([tiles for tiles, _ in gathered])
+            order = np.argsort(listed, kind="stable")
+            own = {name: np.concatenate([rows[name] for _, rows in gathered])[order] for name in own}
+            count = np.bincount(listed, minlength=self.tiles)
+        return own | {"tile": np.stack([np.cumsum(count) - count, count], axis=1).astype(np.int32)}
+
+    def rows_here(self, part: int) -> int:
+        """Number of disks that this rank has at the beginning or end of a window, or at a moment in it."""
+        lists = 1 - int(self.grid[k.PART]) if part == k.TOLD else part
+        return int(view(self.tile)[self.own, k.COUNT + lists].sum())
+
+    def by_id(self, part: int, to_all: bool, arrays: Sequence[NDArray[Any]]) -> list[NDArray[Any]] | None:
+        """Rows of disks here, in the order of slots, as rows of all disks by id: on the first rank, or on all."""
+        here = self.rows_here(part)
+        ids = view(self.meta)[part * self.room : part * self.room + here, k.ID].copy()
+        gathered = self.comm.gather((ids, *arrays))
+        found: list[NDArray[Any]] | None = None
+        error = None
+        if gathered is not None:
+            told, *columns = zip(*gathered, strict=True)
+            every = np.concatenate(told)
+            if len(every) != self.n or not np.array_equal(
+                np.bincount(every, minlength=self.n), np.ones(self.n)
+            ):
+                error = EngineError("a disk is on no rank, or on two: please report this")
+            else:
+                found = []
+                for column in columns:
+                    rows = np.concatenate(column)
+                    if len(rows) != self.n:  # no such rows in this gas
+                        found.append(column[0])
+                        continue
+                    ordered = np.empty_like(rows)
+                    ordered[every] = rows
+                    found.append(ordered)
+        world.agree(self.comm, error)
+        return self.comm.bcast(found) if to_all else found
+
+
+class RankWindows(Windows):
+    """The windows of a gas on several ranks, seen from one: the same ones on all."""
+
+    arrays: RankArrays
+
+    def _survey(self) -> None:
+        self.arrays.launch(survey)
+        self.arrays.share()
+
+    def _launch(
+        self, tiles: int, most: int, again: int = 0, *, pausing: bool = False, resuming: bool = False
+    ) -> None:
+        a = self.arrays
+        alone = bool(a.grid[k.ALONE])
+        if alone:
+            a.fetch_all()
+            view(a.listed)[0] = 0
+        elif not again:
+            a.fetch()
+        error = None
+        try:
+            if alone:
+                super()._launch(1, 1)
+            elif not again:
+                self._run_own()
+            elif self._bad:
+                try:
+                    super()._launch(self._bad, 1, again=1)
+                except _Again:
+                    self._watched = []
+                    self._run_own()
+            else:
+                a.counter[:] = 0
+        except Exception as raised:
+            error = raised
+        world.agree(a.comm, error)
+        if not alone:
+            a.exchange_trails(bool(again))
+            a.share()
+            a.counter[[k.N_BAD, k.STUCK]] = 0
+            a.launch(verify)
+        self._bad = int(a.counter[k.N_BAD])
+        flags = np.array([self._bad, a.counter[k.STUCK], a.counter[k.RESTING], a.lost], dtype=np.int64)
+        a.comm.Allreduce(flags.copy(), flags)
+        if flags[3] and not alone:
+            raise EngineError(
+                f"t = {self.begin:.9g}: {flags[3]} disks were run by no rank in a window; please report this"
+            )
+        a.counter[[k.N_BAD, k.STUCK, k.RESTING]] = flags[:3]
+        self.rests |= bool(flags[2])
+
+    def _run_own(self) -> None:
+        a = self.arrays
+        view(a.listed)[: len(a.own)] = a.own
+        super()._launch(len(a.own), 1)
+
+    def _check(self, launch: Any) -> None:
+        """Nothing yet: hashes of other ranks are needed."""
+
+    def _whole_box(self, watching: int) -> None:
+        super()._whole_box(watching)
+        if self.arrays.comm.rank:  # all have run all of it
+            self._watched = []
+
+    def _nth(self, times: NDArray[np.float64], count: int) -> float:
+        """Time number `count` of those of all ranks: by halving, as whole numbers, which are in the same order."""
+        words = np.sort(times.astype(np.float64)).view(np.int64)
+        low, high = 0, int(np.float64(np.inf).view(np.int64))
+        while low < high:
+            middle = (low + high) // 2
+            if self.arrays.comm.allreduce(int(np.searchsorted(words, middle, side="right"))) >= count:
+                high = middle
+            else:
+                low = middle + 1
+        return float(np.int64(low).view(np.float64))
+
+    def watched(self) -> tuple[NDArray[Any], NDArray[Any]]:
+        """As on one rank: those of all."""
+        real, whole = zip(*self.arrays.comm.allgather(super().watched()), strict=True)
+        return np.concatenate(real), np.concatenate(whole)

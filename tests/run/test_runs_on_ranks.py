@@ -1,0 +1,161 @@
+"""`ifrdem run` and `resume` on several ranks of MPI."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from support import mpi
+
+import ifrdem
+from ifrdem.tools import world
+from ifrdem.tools.files import checkpoint_of
+
+CASE = """
+[run]
+name = "gas"
+collisions_per_disk = 5.0
+[box]
+packing_fraction = 0.3
+[[species]]
+name = "coins"
+coin = "1 pta"
+number = 21000
+speed_rms = 1.0
+[output]
+frames = 4
+picture = false
+views = false
+"""
+RECORD = {"case", "overrides", "case_in_full", "started", "threads", "ranks"}  # of a run, not of the gas
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("ranks") / "gas.toml"
+    path.write_text(CASE)
+    return path
+
+
+@pytest.fixture(scope="module")
+def plain(case: Path) -> Path:
+    """The trajectory of one process."""
+    folder = case.parent / "plain"
+    folder.mkdir()
+    subprocess.run(
+        list(map(str, mpi.ifrdem("run", case, "-o", f"{folder}/"))), check=True, capture_output=True
+    )
+    return folder / "gas.h5"
+
+
+def differing(one: Path, other: Path) -> list[str]:
+    """Datasets of a file that are not, bit for bit, those of another one."""
+    found: list[str] = []
+    with h5py.File(one) as a, h5py.File(other) as b:
+
+        def look(name: str, item: object) -> None:
+            if isinstance(item, h5py.Dataset) and name.rpartition("/")[2] not in RECORD:
+                x, y = np.asarray(item[()]), np.asarray(b[name][()])
+                if x.dtype != y.dtype or x.tobytes() != y.tobytes():
+                    found.append(name)
+
+        a.visititems(look)
+    return found
+
+
+@mpi.needed
+def test_a_run_that_is_stopped_goes_on_with_other_ranks_to_the_bit(case: Path, plain: Path) -> None:
+    """Three ranks until time is up, a rank that is killed among two, then two again: the file of one process."""
+    folder = case.parent / "stopped"
+    folder.mkdir()
+    done = mpi.on(3, *mpi.ifrdem("run", case, "-o", f"{folder}/", "--maxh", "1e-6"))
+    assert done.returncode == 3, done.stderr
+    assert done.stderr.count("hours are up (--maxh)") == 1  # told once
+    assert "used by each of 3 ranks" in done.stdout
+    done = mpi.on(2, *mpi.ifrdem("resume", folder / "gas.h5"))
+    assert done.returncode == 0, done.stderr
+    assert differing(plain, folder / "gas.h5") == []
+    assert sorted(path.name for path in folder.iterdir()) == ["gas.h5", "gas.status.json"]
+
+
+@mpi.needed
+def test_a_rank_that_dies_ends_the_run_and_the_checkpoint_is_good(case: Path, plain: Path) -> None:
+    folder = case.parent / "killed"
+    folder.mkdir()
+    longer = ["--set", "output.frames=40"]
+    words = mpi.command(2, *mpi.ifrdem("run", case, "-o", f"{folder}/", *longer))
+    run = subprocess.Popen(words, env=mpi.environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    checkpoint = checkpoint_of(folder / "gas.h5")
+    end = time.monotonic() + 60.0
+    while not checkpoint.exists():
+        assert run.poll() is None, "it ended before it wrote a checkpoint"
+        assert time.monotonic() < end
+        time.sleep(0.02)
+    os.kill(_rank(run.pid, 1), signal.SIGKILL)
+    assert run.wait(30.0) != 0
+    assert checkpoint.exists()
+    done = subprocess.run(
+        list(map(str, mpi.ifrdem("resume", folder / "gas.h5"))), capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    with ifrdem.Trajectory(folder / "gas.h5") as found, ifrdem.Trajectory(plain) as expected:
+        assert len(found) == 41
+        assert np.array_equal(found[-1].position, expected[-1].position)
+        assert np.array_equal(found[-1].velocity, expected[-1].velocity)
+
+
+def _rank(launcher: int, rank: int) -> int:
+    """Process of a rank."""
+    for folder in Path("/proc").iterdir():
+        if folder.name.isdecimal():
+            try:
+                variables = (folder / "environ").read_text().split("\0")
+            except OSError:
+                continue
+            if f"PMI_RANK={rank}" in variables and _descends(int(folder.name), launcher):
+                return int(folder.name)
+    raise AssertionError("no such rank")
+
+
+def _descends(process: int, ancestor: int) -> bool:
+    while process > 1 and process != ancestor:
+        process = int(Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[1])
+    return process == ancestor
+
+
+@mpi.needed
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (
+            ['force=[{kind = "drag", rate = 0.1, step = 0.001}]'],
+            "forces: not supported on several ranks (here are 2)",
+        ),
+        (
+            ["species[0].number=2000"],
+            "2 ranks: 2000 disks make one tile, and each rank needs one: start 1 or fewer",
+        ),
+    ],
+)
+def test_what_cannot_be_on_ranks_is_refused_once(case: Path, changes: list[str], message: str) -> None:
+    words = [word for each in changes for word in ("--set", each)]
+    folder = case.parent / "refused"
+    folder.mkdir(exist_ok=True)
+    done = mpi.on(2, *mpi.ifrdem("run", case, "-o", f"{folder}/", *words))
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.count(message) == 1, done.stderr
+    assert "Traceback" not in done.stderr
+    assert list(folder.iterdir()) == []
+
+
+def test_without_mpi4py_several_ranks_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PMI_SIZE", "2")
+    monkeypatch.setitem(__import__("sys").modules, "mpi4py", None)
+    with pytest.raises(world.InputError, match=r"needs the extra mpi: pip install 'ifrdem\[mpi\]'"):
+        world.world()

@@ -1,0 +1,98 @@
+"""A gas on several ranks of MPI is, to the last bit, that of one rank; and what would show if it were not verified."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from support import mpi
+
+from ifrdem.errors import InputError
+
+GASES = Path(__file__).parents[1] / "support" / "rank_gases.py"
+OPTIMISER = {"TI_ADVANCED_OPTIMIZATION": "0"}  # the same bits, a ninth of the time to compile
+
+
+def lines(ranks: int, *names: str) -> list[dict[str, Any]]:
+    done = mpi.on(ranks, sys.executable, "-m", "mpi4py", GASES, *names, **OPTIMISER)
+    assert done.returncode == 0, done.stderr + done.stdout
+    found = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [each["name"] for each in found] == list(names)[-len(found) :]
+    return found
+
+
+@mpi.needed
+@pytest.mark.parametrize(
+    ("ranks", "names"),
+    [
+        (1, ["elastic"]),
+        (2, ["elastic", "thin", "cooling", "walls", "shear"]),
+        (3, ["mixture", "walls", "shear", "fast"]),
+        (4, ["elastic", "dense"]),
+    ],
+)
+def test_all_bits_are_those_of_one_rank(ranks: int, names: list[str]) -> None:
+    """State, past of disks, sums, ledger, windows, and 250 collisions in their order."""
+    for each in lines(ranks, *names):
+        assert each["differ"] == [], each
+        assert (0 < each["own"] < each["tiles"]) == (ranks > 1)
+        if each["name"] in ("thin", "cooling"):  # what ranks had to tell one another again
+            assert each["run_again"] > 0
+        if each["name"] == "fast":  # disks went to other ranks in all ways
+            assert each["in_order"] > 0
+            assert each["listed anew"] > 0
+
+
+@mpi.needed
+def test_faults_are_found_out() -> None:
+    """Half of a ring, no hashes or old ones, no verification, a tile that is nobody's: each shows."""
+    faults = ["half_a_ring", "no_trails", "old_trails", "no_verification", "wrong_owner"]
+    done = mpi.on(2, sys.executable, "-m", "mpi4py", GASES, ",".join(faults), "cooling", **OPTIMISER)
+    assert done.returncode == 0, done.stderr + done.stdout
+    found = {each["fault"]: each for each in map(json.loads, done.stdout.splitlines())}
+    assert list(found) == faults
+    for fault in ("half_a_ring", "no_trails", "wrong_owner"):
+        assert "were run by no rank" in found[fault]["error"]
+    assert found["old_trails"]["differ"]
+    assert {"position", "velocity", "spin"} <= set(found["no_verification"]["differ"])
+
+
+def owners(count: list[int], tiles: tuple[int, int], size: int) -> np.ndarray:
+    from ifrdem.simulation import ranks  # imports Taichi
+
+    return ranks.owners(np.array(count), tiles, size)
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 5, 7, 12])
+def test_every_tile_has_an_owner_and_every_rank_a_block(size: int) -> None:
+    owner = owners([10] * 12, (4, 3), size).reshape(4, 3)
+    for rank in range(size):
+        x, y = np.nonzero(owner == rank)
+        assert len(x) == (np.ptp(x) + 1) * (np.ptp(y) + 1) > 0
+    # The best that blocks of whole tiles can do for 2 and 3; no rank has more than twice its share.
+    assert np.bincount(owner.reshape(-1)).max() <= {2: 6, 3: 6}.get(size, 2 * -(-12 // size))
+
+
+def test_blocks_have_as_many_disks_each_as_tiles_allow() -> None:
+    """All disks in the first quarter of a row of eight tiles: the cut is in the middle of them."""
+    assert owners([50, 50, 1, 1, 1, 1, 1, 1], (8, 1), 2).tolist() == [0, 1, 1, 1, 1, 1, 1, 1]
+
+
+def test_more_ranks_than_tiles_are_refused() -> None:
+    with pytest.raises(InputError, match=r"3 ranks: 20 disks make 2 x 1 tiles.*start 2 or fewer"):
+        owners([10, 10], (2, 1), 3)
+
+
+def test_a_plain_run_imports_no_mpi() -> None:
+    code = (
+        "import sys, ifrdem, numpy as np; d = ifrdem.Disks(2, mass=1.0, radius=0.5);"
+        "s = ifrdem.State([[1.0, 5.0], [4.0, 5.0]], [[1.0, 0.0], [0.0, 0.0]], np.zeros(2));"
+        "ifrdem.Simulation(d, ifrdem.Box((10.0, 10.0)), ifrdem.IFRLaw(e_n=0.5, e_t=-1.0, mu=0.0), s).run(t_end=4.0);"
+        "assert 'mpi4py' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

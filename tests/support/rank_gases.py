@@ -1,0 +1,219 @@
+"""Gases on several ranks: `mpiexec -n P python rank_gases.py [FAULT,FAULT,...] NAME...` prints a line of JSON for each.
+
+It tells what differs from the same gas on one rank, which the first rank computes as well.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+import numpy as np
+from mpi4py import MPI
+from support.gases import COIN, ELASTIC, ROLLING, equal_disks, mixture, start
+
+from ifrdem.errors import EngineError
+from ifrdem.kernels import layout as k
+from ifrdem.model.box import Box
+from ifrdem.model.state import Disks, State
+from ifrdem.model.walls import Motion, Wall
+from ifrdem.simulation import arrays, ranks
+from ifrdem.simulation.engine import Engine
+
+arrays.ALONE = 100  # windows as short as those of gases that are divided
+N = 3000
+COMM = MPI.COMM_WORLD
+Gas = tuple[Any, Box, State, tuple[float, ...], float, dict[str, Any]]
+"""Disks, box, start, law, collisions of each disk, options."""
+
+
+def periodic(
+    packing_fraction: float, law: tuple[float, ...], per_disk: float, make: Any = equal_disks, **more: Any
+) -> Gas:
+    disks = make(N)
+    return disks, *start(disks, packing_fraction), law, per_disk, more
+
+
+def walled() -> Gas:
+    """Shaken from below, heated from above, under gravity, with an obstacle."""
+    disks = mixture(N)
+    box = Box((75.0, 130.0), (True, False))
+    rng = np.random.default_rng(5)
+    x, y = np.meshgrid(np.arange(60) * 1.25 + 0.6, np.arange(50) * 1.25 + 1.2)
+    state = State(np.stack([x, y], axis=-1).reshape(-1, 2)[:N], rng.normal(size=(N, 2)), rng.normal(size=N))
+    walls = [
+        Wall.line((0.0, 0.4), (0.0, 1.0), motion=Motion("sine", amplitude=0.3, frequency=0.7)),
+        Wall.line((0.0, 129.0), (0.0, -1.0), temperature=2.0),
+        Wall.post((30.0, 100.0), 3.0),
+    ]
+    more = {"walls": walls, "gravity": (0.0, -0.05), "seed": 4, "ledger": True}
+    return disks, box, state, (0.98, *COIN[1:]), 10.0, more
+
+
+def sheared() -> Gas:
+    disks = equal_disks(N)
+    box, state = start(disks, 0.3)
+    box = Box(box.lengths, shear_rate=0.4)
+    return (
+        disks,
+        box,
+        State(state.position, state.velocity + box.flow(state.position), state.spin),
+        COIN,
+        10.0,
+        {},
+    )
+
+
+def fast() -> Gas:
+    """Heavy disks fly through tiles within a window: no halo is wide enough, and lists go to other ranks."""
+    disks = Disks(N, mass=np.where(np.arange(N) % 1000 == 0, 1e4, 1.0), radius=0.5)
+    box, state = start(disks, 0.1)
+    state.velocity[::1000] = 40.0, 30.0
+    return disks, box, state, COIN, 6.0, {"ledger": True}
+
+
+GASES: dict[str, Any] = {
+    "elastic": lambda: periodic(0.3, ELASTIC, 20.0),
+    "thin": lambda: periodic(0.05, COIN, 8.0),
+    "dense": lambda: periodic(0.65, ELASTIC, 20.0),
+    "cooling": lambda: periodic(0.4, COIN, 80.0, ledger=True, angles=True, partners=True),
+    "mixture": lambda: periodic(0.4, ROLLING, 10.0, mixture, contact_time=1e-3),
+    "walls": walled,
+    "shear": sheared,
+    "fast": fast,
+}
+
+
+def after(gas: Gas, comm: Any) -> tuple[Engine, dict[str, Any]]:
+    """A gas at its end, all numbers that it has."""
+    disks, box, state, law, per_disk, more = gas
+    options = {"order": "tiles", "tile_disks": 150, "threads": 1} | more
+    engine = Engine(disks, box, state, np.array([[law]]), comm=comm, **options)
+    half = engine.collisions + int(per_disk * N / 4)
+    while engine.collisions < half:
+        engine.advance(collisions=half)
+    engine.state()  # looked at within a window
+    while engine.collisions < 2 * half:
+        engine.advance(collisions=2 * half)
+    found = dict(vars(engine.state())) | {
+        f"statistics {name}": n for name, n in vars(engine.statistics).items()
+    }
+    found |= {"totals": engine.totals(), "sums": engine.windows.sums, "past": engine.past["angle"]}
+    engine.keep_collisions = True
+    engine.advance(collisions=2 * half + 500)
+    assert engine.last_collisions is not None
+    return engine, found | {"times": engine.last_collisions.time, "pairs": engine.last_collisions.pair}
+
+
+# --- faults, of which each has to be found out --------------------------------------------------------------------
+
+
+def half_a_ring() -> None:
+    """Half of the copies of neighbours' disks are not there."""
+    whole = ranks.RankArrays.fetch
+
+    def half(self: Any) -> None:
+        whole(self)
+        for tiles in self._taken_tiles:
+            ranks.view(self.tile)[tiles, k.COUNT + int(self.grid[k.PART])] //= 2
+
+    ranks.RankArrays.fetch = half  # type: ignore[method-assign]
+
+
+def no_trails() -> None:
+    """Neighbours tell nothing of the disks that they ran."""
+    whole, swap = ranks.RankArrays.exchange_trails, ranks.RankArrays._swap
+
+    def silent(self: Any, again: bool) -> None:
+        ranks.RankArrays._swap = (
+            lambda self, messages: swap(  # type: ignore[method-assign]
+                self, [tuple(each[:0] for each in message) for message in messages]
+            )
+        )
+        whole(self, again)
+        ranks.RankArrays._swap = swap  # type: ignore[method-assign]
+
+    ranks.RankArrays.exchange_trails = silent  # type: ignore[method-assign]
+
+
+def old_trails() -> None:
+    """Neighbours are not told of what tiles found that ran again."""
+    whole = ranks.RankArrays.exchange_trails
+    ranks.RankArrays.exchange_trails = (  # type: ignore[method-assign]
+        lambda self, again: None if again else whole(self, again)
+    )
+
+
+def no_verification() -> None:
+    """Hashes are exchanged, and nobody looks at them."""
+    ranks.RankWindows._verify = lambda self, watching: None  # type: ignore[method-assign]
+
+
+def wrong_owner() -> None:
+    """A tile is nobody's: its owner does not run it."""
+    whole = ranks.RankWindows._run_own
+
+    def fewer(self: Any) -> None:
+        own = self.arrays.own
+        self.arrays.own = own[1:] if COMM.rank == 1 else own
+        whole(self)
+        self.arrays.own = own
+
+    ranks.RankWindows._run_own = fewer  # type: ignore[method-assign]
+
+
+FAULTS = {each.__name__: each for each in (half_a_ring, no_trails, old_trails, no_verification, wrong_owner)}
+LISTED_ANEW = [0]
+
+
+def count_lists() -> None:
+    """Count how often disks are listed anew, which sends them to other ranks."""
+    whole = ranks.RankArrays.list_anew
+
+    def counted(self: Any) -> None:
+        LISTED_ANEW[0] += 1
+        whole(self)
+
+    ranks.RankArrays.list_anew = counted  # type: ignore[method-assign]
+
+
+def told(name: str) -> dict[str, Any]:
+    """What became of a gas, for the first rank to print."""
+    gas, LISTED_ANEW[0] = GASES[name](), 0
+    try:
+        engine, found = after(gas, COMM)
+    except EngineError as error:
+        return {"name": name, "error": str(error)}
+    if COMM.rank:
+        return {}
+    expected = after(gas, None)[1]
+    differ = [
+        each for each in expected if not np.array_equal(np.asarray(expected[each]), np.asarray(found[each]))
+    ]
+    counted = vars(engine.statistics) | {"listed anew": LISTED_ANEW[0]}
+    own = int(np.sum(np.asarray(getattr(engine.arrays, "own", [])) >= 0))
+    differ = [each for each in differ if each != "statistics run_again"]  # depends on room for claims too
+    return {"name": name, "differ": differ, **counted, "tiles": engine.arrays.tiles, "own": own}
+
+
+if __name__ == "__main__":
+    count_lists()
+    faults = sys.argv[1].split(",") if sys.argv[1] in FAULTS or "," in sys.argv[1] else [""]
+    for fault in faults:
+        kept = [(of, dict(vars(of))) for of in (ranks.RankArrays, ranks.RankWindows)]
+        if fault:
+            FAULTS[fault]()
+        for each in sys.argv[2:] if fault else sys.argv[1:]:
+            line = {"fault": fault} | told(each)
+            if COMM.rank == 0:
+                print(json.dumps(line), flush=True)
+        for of, whole in kept:
+            for name in [name for name in vars(of) if name not in whole]:
+                delattr(of, name)
+            for name, value in whole.items():
+                if vars(of)[name] is not value:
+                    setattr(of, name, value)
