@@ -234,7 +234,14 @@ class Engine:
         threads = given.threads
         if self.comm is not None:
             checks.check_ranks(
-                self.comm.size, box, given.arch, given.precision, forces, tracking is not None, given.order
+                self.comm.size,
+                box,
+                given.arch,
+                given.precision,
+                forces,
+                tracking is not None,
+                given.order,
+                given.resting_speed > 0.0,
             )
             threads = threads or world.cores_here(self.comm, device.cores())
         device.start(given.arch, threads=threads, precision=given.precision)
