@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import ast
+import functools
+import inspect
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, get_args
@@ -78,7 +82,7 @@ class Section(BaseModel):
     """
 
     model_config: ClassVar[ConfigDict] = ConfigDict(
-        extra="forbid", strict=True, allow_inf_nan=False, frozen=True, use_attribute_docstrings=True
+        extra="forbid", strict=True, allow_inf_nan=False, frozen=True
     )
     choices: ClassVar[tuple[Keys, ...]] = ()
     choice_optional: ClassVar[bool] = False
@@ -111,12 +115,14 @@ class Section(BaseModel):
     @classmethod
     def about(cls, key: str) -> tuple[str, Any]:
         """Description (with its unit) and an example value of a key."""
-        found = cls.model_fields[key]
-        if found.description is None:  # `Annotated[float, Field(...)] | None` keeps them one level down
+        found, written = cls.model_fields[key], _docstrings(cls).get(key)
+        if (
+            found.description is None and written is None
+        ):  # `Annotated[float, Field(...)] | None` keeps them one level down
             inner = (get_args(found.annotation) or (found.annotation,))[0]
             found = next(each for each in get_args(inner) if isinstance(each, FieldInfo))
         examples = found.examples or []
-        text = " ".join((found.description or "").split()).removesuffix(".")
+        text = " ".join((found.description or written or "").split()).removesuffix(".")
         text = text[:1].lower() + text[1:] if text[1:2].islower() or text[1:2] == " " else text
         return text, examples[0] if examples else None
 
@@ -139,6 +145,19 @@ class Section(BaseModel):
                 return [f"{', '.join(misplaced)} cannot stand beside {choice}"] if misplaced else []
         allowed = ", or ".join(str(choice) for choice in cls.choices)
         return [f"exactly one is needed of: {allowed}; given: {', '.join(given) or 'none'}"]
+
+
+@functools.cache
+def _docstrings(model: type[Section]) -> dict[str, str]:
+    """Docstrings below the keys of a section; pydantic would read them at every start, whoever asks."""
+    (tree,) = ast.parse(inspect.getsource(model)).body
+    return {
+        ast.unparse(one.target): str(text.value.value)
+        for one, text in itertools.pairwise(tree.body)  # type: ignore[attr-defined]
+        if isinstance(one, ast.AnnAssign)
+        and isinstance(text, ast.Expr)
+        and isinstance(text.value, ast.Constant)
+    }
 
 
 def _again(error: ErrorDetails) -> InitErrorDetails:

@@ -122,11 +122,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     0, 1 (failed), 2 (bad input), 3 (stopped by --maxh or SIGUSR1, SIGUSR2), 130 (interrupted), 143 (terminated).
     """
     given = sys.argv[1:] if arguments is None else list(arguments)
-    if (
-        arguments is None
-    ):  # a process of its own: NumPy and SciPy, of which each has idle threads, are still to come
-        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-        gc.set_threshold(10_000)  # imports and the syntax trees of kernels leave no garbage to look for
+    if arguments is None:  # a process of its own: imports and the syntax trees of kernels leave no garbage
+        gc.set_threshold(10_000)
     if sys.stdout is None:  # closed by the caller, as by `>&-`
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (as long as the process)
     began = time.perf_counter()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from typing import Annotated
 
@@ -55,6 +56,7 @@ def run(
     Bad input is told before anything is written. Ctrl-C and SIGTERM end a run in good order, with a checkpoint
     from which `ifrdem resume` goes on. `mpiexec -n P ifrdem run CASE` shares the gas among P processes.
     """
+    _spare_threads()
     changes = overrides(set, arch=arch, seed=seed, threads=threads, precision=precision)
     hours = max_hours(maxh)
     # Which files there will be is known only from the case, so a wrong case comes first.
@@ -92,6 +94,7 @@ def resume(
     From the checkpoint of a run that was interrupted, terminated, killed or out of time: the trajectory becomes
     bitwise that of a run that was never stopped.
     """
+    _spare_threads()
     hours = max_hours(maxh)
     if threads is not None and not (threads.isdecimal() and int(threads) > 0):
         raise InputError(f"--threads {threads}: a whole number, 1 or more, is needed")
@@ -105,6 +108,11 @@ def resume(
             picture=not no_picture, say=note, warn=warn, comm=comm,
         )
     )  # fmt: skip
+
+
+def _spare_threads() -> None:
+    """Have NumPy and SciPy, when they are imported, start no threads for large matrices: a run has none."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def _ended(work: Callable[[], None]) -> int:

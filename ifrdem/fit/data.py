@@ -105,8 +105,6 @@ class Data:
             found += _wrong_values(name, arrays[name]) + _wrong_errors(name, errors[name], arrays[name])
         empty = np.all([np.isnan(arrays[name]) for name in self.measured], axis=0)
         found += _rows(empty, "nothing was measured after the impact")
-        empty = np.all([np.isnan(arrays[name]) for name in self.measured], axis=0)
-        found += [(int(i), "nothing was measured after the impact") for i in np.flatnonzero(empty)]
         _end(self.source, found, self.line)
         object.__setattr__(self, "psi", arrays.pop("psi"))
         object.__setattr__(self, "measured", arrays)
