@@ -371,9 +371,7 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
             push = pull + bound
             if ti.static(gas.uses.turning):
                 push += extra
-            gain = push * (ti.min(horizon, until) - t)
-            if ti.static(gas.uses.turning):
-                gain = push * (ti.min(gas.scale[WINDOW], until) - t)
+            gain = push * (ti.min(gas.scale[WINDOW], until) - t)
             most = ti.sqrt(rel_x * rel_x + rel_y * rel_y) + gain
             f = inner * inner - r * r
             slope *= 2.0 * r
@@ -411,7 +409,7 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
             if crossed == 1:  # in the next moment it is on the other side
                 step = 0.0 * t
             # A step too small for the clock would never end.
-            step = ti.max(step, ti.static(epsilon()) * ti.max(t, 1.0e-3 * horizon))
+            step = ti.max(step, ti.static(epsilon()) * ti.max(t, 1.0e-3 * gas.scale[WINDOW]))
             if t + step > until:
                 t = until
             else:
