@@ -26,6 +26,7 @@ ORDER = (
     "vibrated",
     "thermal_walls",
     "drum",
+    "hopper",
     "wake",
     "coins_on_table",
     "coins_from_video",

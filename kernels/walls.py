@@ -123,7 +123,6 @@ MOMENTUM_X, MOMENTUM_Y, TORQUE, WORK, WARMTH, HITS = range(6)  # of SUMS
 STILL, STEADY, SINE, SAWTOOTH = range(4)
 MOST_STEPS = 1000  # towards a root; grazing contacts with oscillating walls take tens
 TWO_PI = 6.283185307179586
-SEAM = 6e-8  # by which the angles of an arc are widened at both ends
 
 
 @ti.func
@@ -245,6 +244,11 @@ def epsilon() -> float:
     return 1.2e-7 if ti.lang.impl.get_runtime().default_fp == ti.f32 else 2.3e-16
 
 
+def seam() -> float:
+    """Angle by which an arc is widened at both ends."""
+    return float(4.0 * epsilon() ** 0.5)
+
+
 @ti.func
 def wall_vector(w, x, y, s, gas: ti.template()):
     """From the point of wall w that is nearest to (x, y), the wall displaced by s, to (x, y): unit vector, distance.
@@ -347,7 +351,7 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
                 within = counts_within ^ behind
                 out_x, out_y = sign * nx, sign * ny
                 middle = out_x * gas.walls[w][QX] + out_y * gas.walls[w][QY]
-                half = gas.walls[w][HALF] + SEAM
+                half = gas.walls[w][HALF] + ti.static(seam())
                 here = ti.cast(half >= 0.5 * TWO_PI or middle >= ti.cos(half), ti.i32) * (1 - behind)
                 slope = out_x * rel_x + out_y * rel_y
                 f = beyond
@@ -367,9 +371,7 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
             push = pull + bound
             if ti.static(gas.uses.turning):
                 push += extra
-            gain = push * (ti.min(horizon, until) - t)
-            if ti.static(gas.uses.turning):
-                gain = push * (ti.min(gas.scale[WINDOW], until) - t)
+            gain = push * (ti.min(gas.scale[WINDOW], until) - t)
             most = ti.sqrt(rel_x * rel_x + rel_y * rel_y) + gain
             f = inner * inner - r * r
             slope *= 2.0 * r
@@ -409,7 +411,7 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
             if crossed == 1:  # in the next moment it is on the other side
                 step = 0.0 * t
             # A step too small for the clock would never end.
-            step = ti.max(step, ti.static(epsilon()) * ti.max(t, 1.0e-3 * horizon))
+            step = ti.max(step, ti.static(epsilon()) * ti.max(t, 1.0e-3 * gas.scale[WINDOW]))
             if t + step > until:
                 t = until
             else:

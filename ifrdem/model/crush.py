@@ -122,14 +122,13 @@ class _Samples:
 
     @classmethod
     def of(cls, wall: Wall, box: Box, diameter: float) -> _Samples:
-        still = Wall(**{**vars(wall), "motion": type(wall.motion)(), "turn": type(wall.turn)()})
         if wall.shape == "line":
             size = 2.0 * math.hypot(*box.lengths)
             across = np.array((wall.towards[1], -wall.towards[0]))
             foot = np.array(wall.place) + ((0.5 * np.array(box.lengths) - wall.place) @ across) * across
             corners = np.array((foot - size * across, foot + size * across))
         else:
-            corners = still.outline()
+            corners = wall.drawn()
         step = np.diff(corners, axis=0)
         length = np.hypot(*step.T)
         kept = length > 0.0

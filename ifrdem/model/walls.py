@@ -10,7 +10,7 @@ import itertools
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any, Literal, TypedDict, Unpack
 
 import numpy as np
@@ -462,6 +462,10 @@ class Wall:
 
         Empty for a line.
         """
+        return self.carried(self.drawn(step), t)
+
+    def drawn(self, step: float = 0.05) -> Array:
+        """The same of the wall as it is given, before it moves."""
         if self.shape == "line":
             return np.empty((0, 2))
         if self.points:
@@ -472,7 +476,7 @@ class Wall:
             begin, end = self.angles if self.shape == "arc" else (0.0, FULL_TURN)
             angle = np.linspace(begin, end, 2 + int((end - begin) / step))
             found = np.array(self.place) + self.radius * np.column_stack((np.cos(angle), np.sin(angle)))
-        return self.carried(found, t)
+        return found
 
     def bounds(self) -> tuple[Array, Array]:
         """Lowest and highest x and y [length] of the wall as it turns, but for its displacement, shape (2,)."""
@@ -500,10 +504,7 @@ class Wall:
             return 0.0
         if self.shape in ("container", "post"):
             return self.radius + math.hypot(*np.subtract(self.place, self.turn.center))
-        lengths: Array = np.hypot(
-            *(replace(self, turn=Turn(), motion=Motion()).outline() - self.turn.center).T
-        )
-        return float(lengths.max())
+        return float(np.hypot(*(self.drawn() - self.turn.center).T).max())
 
     def gap(self, position: Array, radius: Array, t: float = 0.0) -> Array:
         """Distance between wall and disks [length] at time t, shape (n,); negative where they overlap."""

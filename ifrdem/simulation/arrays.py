@@ -311,7 +311,11 @@ class DeviceArrays:
         total: int = tiles[0] * tiles[1]
         self.tiles: int = total
         heats = max(self.heats, 1)
-        self._check_addresses(total * heats // 2)
+        if 2 * total * heats > ADDRESSABLE:
+            raise EngineError(
+                f"sums of walls: {heats} columns in each of {total} tiles are more than the {ADDRESSABLE} numbers that "
+                "32-bit indices of Taichi reach; make polylines of walls, or do without wall_sums"
+            )
         for axis, name in enumerate(("edge_x", "edge_y")):
             self._replace(name, self._array(ti.f64, len(edges[axis])))
             getattr(self, name).from_numpy(edges[axis])

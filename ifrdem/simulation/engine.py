@@ -603,10 +603,13 @@ class Engine:
         """Tell if no disk meets another one or a wall before something else sets it in motion."""
         if self._parted or self.n == 0 or (self.n == 1 and not self.walls and not self.box.shear_rate):
             return True
+        from ..kernels.layout import WALL_SPEED
+
         self.windows.go_on(self.next_kick)
+        walls_move = self.arrays.clock[WALL_SPEED] > 0.0
         if self.options.resting_speed and not self.windows.inside and self.asleep == self.n:
-            return not any(wall.most_speed for wall in self.walls)
-        forced = any(self.gravity) or any(wall.most_speed for wall in self.walls) or self.box.shear_rate
+            return not walls_move
+        forced = any(self.gravity) or walls_move or self.box.shear_rate
         return not forced and not self.windows.inside and self.windows.fastest == 0.0
 
     def _run(

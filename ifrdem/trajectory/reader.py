@@ -315,8 +315,8 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
 
     @property
     def room(self) -> Room:
-        """The area that walls leave to the disks, at t = 0."""
-        return Room(self.box, self.walls)
+        """The area that walls leave to the disks, at t = 0; gates count as open."""
+        return Room(self.box, tuple(wall for wall in self.walls if not wall.gated))
 
     def close(self) -> None:
         """Close the file; its frames cannot be read any more."""

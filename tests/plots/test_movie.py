@@ -14,7 +14,7 @@ from ifrdem.cli.main import main
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
-from ifrdem.model.walls import Motion, Wall
+from ifrdem.model.walls import Motion, Turn, Wall
 from ifrdem.plots import disks as plot_disks
 from ifrdem.plots import movie
 from ifrdem.plots import movie as raster
@@ -110,6 +110,35 @@ def test_moving_walls_are_drawn_where_they_are_then(tmp_path):
             picture = scene.draw(i)
             for place in (5.0, 9.0, 13.0):
                 assert (colour_at(picture, scene, 20.0, place).max() < 100) == (place == y)
+
+
+def test_blades_are_drawn_as_they_turn_and_gates_until_they_open(tmp_path):
+    """A blade along x from (15, 10) to (21, 10), a quarter of a turn later along y; a gate and an arc above it."""
+    quarter = Turn("steady", center=(15.0, 10.0), rate=0.5 * np.pi)
+    walls = (
+        Wall.polyline([(15.0, 10.0), (18.0, 10.0), (21.0, 10.0)], turn=quarter),
+        Wall.segment((2.0, 12.0), (8.0, 12.0), opens_at=1.0),
+        Wall.segment((2.0, 8.0), (8.0, 8.0), opens_after=5),
+        Wall.arc((25.0, 10.0), 3.0, (0.5 * np.pi, np.pi)),
+    )
+    disks = Disks(1, mass=1.0, radius=0.5)
+    with TrajectoryWriter(
+        tmp_path / "run.h5", disks, Box((30.0, 20.0), (True, False)), walls=walls
+    ) as writer:
+        for i in range(2):
+            writer.write(State([[5.0, 18.0]], np.zeros((1, 2)), [1.0], time=1.0 * i), {"collisions": 6 * i})
+    arc = 3.0 * np.sqrt(0.5)
+    with Trajectory(tmp_path / "run.h5") as trajectory:
+        scene = movie.Scene(trajectory, range(2), (900, 700))
+        for i, there, gone in (
+            (0, [(19.0, 10.0), (5.0, 12.0), (5.0, 8.0)], [(15.0, 14.0)]),
+            (1, [(15.0, 14.0)], [(19.0, 10.0), (5.0, 12.0), (5.0, 8.0)]),
+        ):
+            picture = scene.draw(i)
+            for x, y in [*there, (25.0 - arc, 10.0 + arc)]:
+                assert colour_at(picture, scene, x, y).max() < 100, (i, x, y)
+            for x, y in [*gone, (25.0 + arc, 10.0 + arc)]:
+                assert colour_at(picture, scene, x, y).min() > 200, (i, x, y)
 
 
 def test_many_disks_are_a_map_of_the_area_fraction(tmp_path, monkeypatch):

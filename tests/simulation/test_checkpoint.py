@@ -15,7 +15,7 @@ from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, RandomKicks
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.state import State
-from ifrdem.model.walls import Motion, Wall
+from ifrdem.model.walls import Motion, Turn, Wall
 from ifrdem.simulation import checkpoint
 from ifrdem.simulation.simulation import Simulation
 
@@ -64,6 +64,22 @@ def walled(threads: int) -> Simulation:
     )  # fmt: skip
 
 
+def gated(threads: int) -> Simulation:
+    """Gates that open before and after the checkpoint, a blade that turns for a time, and sums of walls."""
+    disks, box = equal_disks(60), Box((14.0, 40.0), periodic=(True, False))
+    rng = np.random.default_rng(5)
+    grid = np.stack(np.meshgrid(np.arange(10), np.arange(6)), axis=-1).reshape(-1, 2) * 1.3 + 1.0
+    walls = [
+        Wall.segment((3.0, 12.0), (11.0, 12.0), opens_at=0.7),
+        Wall.segment((3.0, 10.0), (11.0, 10.0), opens_after=200),
+        Wall.arc((7.0, 20.0), 3.0, (0.0, 3.0), turn=Turn("steady", (7.0, 20.0), rate=2.0), moves_until=1.5),
+    ]
+    return Simulation(
+        disks, box, COIN, State(grid, rng.normal(size=(60, 2)), rng.normal(size=60)), threads=threads, walls=walls,
+        ledger=True, partners=True, angles=True, wall_sums=True,
+    )  # fmt: skip
+
+
 def sheared(threads: int) -> Simulation:
     disks = equal_disks(300)
     box, state = start(disks, 0.4)
@@ -89,7 +105,7 @@ def driven(threads: int) -> Simulation:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("make", [gas(), gas(precision="f32"), walled, sheared, freed, driven])
+@pytest.mark.parametrize("make", [gas(), gas(precision="f32"), walled, gated, sheared, freed, driven])
 def test_a_run_goes_on_to_the_bit(tmp_path, make):
     # In time, except that a gas in single precision may as well end by its collisions.
     whole = make(1)
@@ -102,6 +118,8 @@ def test_a_run_goes_on_to_the_bit(tmp_path, make):
     again.run(t_end=2.0)
     assert whole.collisions > 0
     same_bits(whole, again)
+    if whole.measure().walls is not None:
+        assert np.array_equal(whole.wall_sums.values, again.wall_sums.values)
 
 
 def test_so_does_one_in_tiles_on_another_number_of_threads(tmp_path, monkeypatch):

@@ -92,6 +92,16 @@ def test_bits_do_not_depend_on_tiles_threads_looks_or_sums() -> None:
     np.testing.assert_array_equal(looked.wall_sums, expected.wall_sums)
 
 
+def test_bits_of_a_shaken_container_under_gravity_do_not_depend_on_tiles() -> None:
+    """Its root is found in steps whose last bits depend on how far ahead their bounds reach: to the window's end."""
+    shaken = Motion("sine", (1.0, 0.4), amplitude=0.3, frequency=0.3)
+    walls = [Wall.container(MIDDLE, 14.5, motion=shaken), Wall.post((15.0, 10.0), 1.0)]
+    for pull in (-0.4, -0.5):
+        one, other = (gas(order, walls=walls, sums=False, gravity=(0.1, pull)) for order in ORDERS)
+        same(run_to(one, 9.0), run_to(other, 9.0))
+        assert one.wall_hits > 150
+
+
 @pytest.mark.parametrize("order", ORDERS)
 def test_walls_give_what_disks_get(order: str) -> None:
     """Momentum: of the disks, less what gravity gave. Energy: elastic disks keep all work. Rotation: work is torque
@@ -195,6 +205,11 @@ def test_a_gate_opens_at_its_time_and_after_its_collisions_to_the_collision(orde
     assert by_count.collisions == 40
     assert by_count.time == shut.time
     same(by_count.state(), shut.state())
+    # From then on it is a gas without the lid, at once.
+    opened = by_count.state()
+    free = Engine(disks, BOX, opened, np.array([[COIN]]), order=order, tile_disks=20)
+    t = opened.time + 1.0
+    np.testing.assert_allclose(run_to(by_count, t).position, run_to(free, t).position, rtol=0.0, atol=1e-9)
     assert run_to(by_time, 2.5).position[:, 1].max() <= 14.6 + 1e-9
     assert by_time.open_gates[0]
     for engine in (by_time, by_count):

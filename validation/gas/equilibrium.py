@@ -39,7 +39,8 @@ phi / (1 - phi)^2, and Gamma = -d gamma / d mu = n sigma phi / (1 + phi). To the
 8 / (3 pi) of that: the density next to a wall is n (1 + n A(z)), A the part of the excluded circle beyond the wall,
 of which the integral over z is 2 sigma^3 / 3. The truth is taken to lie between. P is then that of n_bulk, with
 the correction for N disks of `gas_state`. A collision gives the wall 2 m |v_y|, (2 pi m T)^(1/2) in the mean: the
-pressure is that times the rate of collisions, and also the momentum that all hand over (`Simulation.wall_sums`).
+pressure is that times the rate of collisions, and also the momentum that all of them hand over
+(`Simulation.wall_sums`).
 Broken on purpose: with e_n = 0.998 in all collisions, which lowers T by 4 % in the mean, the row of momenta is 0.979
 and fails; with 0.999 it is 0.988 and passes, as it claims to see 2 %.
 """
@@ -304,7 +305,7 @@ def wall_pressure(n: int, side: float, layer: float) -> float:
 
 
 def _pushed(phi: float, seed: int, long: float) -> tuple[float, float, float]:
-    """Momentum that a wall takes in a collision over its mean; P / T by their number, and by all of the momentum."""
+    """Momentum that a wall takes in a collision over its mean; P / T by the number of these, and by all momentum."""
     n = HELD
     side = math.sqrt(0.25 * math.pi * n / phi)
     disks, box = equal_disks(n), Box((side, side), (True, False))
