@@ -26,6 +26,7 @@ ORDER = (
     "vibrated",
     "thermal_walls",
     "drum",
+    "heap",
     "wake",
     "coins_on_table",
     "coins_from_video",

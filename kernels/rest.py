@@ -56,7 +56,7 @@ GAP = 4.0  # v_s^2 / g: disks that are nearer touch
 QUICK, QUICK_HITS, JAMMED_HITS = 1e-3, 8, 64  # v_s / g: times between hits that are none; how many of them
 AT_REST, MOVED = 1e-3, 3e-3  # g: accelerations below which a disk may fall asleep, and above which it wakes
 MU, RHO = 2, 4  # columns of the law's table (`law_table.table_row`)
-NEAR_ENOUGH = 1e-6  # g: accelerations to which forces are found
+NEAR_ENOUGH = 1e-5  # g: accelerations to which forces are found
 # edge of a cone: places of both disks, the second -1 for a wall; what a unit of its force does to either (`per_force`);
 # the force; gradient; a direction, and the change of the gradient along it. balance: accelerations, and along it
 FIRST, SECOND, ON_FIRST, ON_SECOND, FORCE, GRADIENT, DIRECTION_OF, H_DIRECTION = 0, 1, 2, 5, 8, 9, 10, 11
@@ -502,7 +502,7 @@ def judge(n, tile, region: ti.template(), gas: ti.template()):
         resting = 0
         for i in range(places, places + n):
             resting += gas.rest[i][MAY_REST]
-        if not balanced(count, n, 2000 + 20 * resting, places, gas):
+        if not balanced(count, n, 2000 + 10 * resting, places, gas):
             gas.counter[UNJUDGED] = gas.counter[UNJUDGED] + 1
         for i in range(places, places + n):
             over = left_over(i, gas)

@@ -250,10 +250,11 @@ def _walls(case: Case, gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, s
         lines.append(("wall hits", text))
     slow, brief = case.run.velocity_cutoff, case.run.contact_time
     if case.run.collapse != "none":
-        what = f"contact time {brief:g}{time}" if slow is None else f"velocity cut-off {slow:g}{speed}"
+        rest = case.run.resting_speed
+        what = f"velocity cut-off {slow:g}{speed}" if slow is not None else f"contact time {brief or 0.0:g}{time}"
         text = f"{what}: collisions below it are elastic"
-        if case.run.resting_speed is not None:
-            text = f"resting speed {case.run.resting_speed:g}{speed}: contacts below it last, and disks fall asleep"
+        if rest is not None:
+            text = f"resting speed {rest:g}{speed}: contacts below it last, and disks fall asleep"
         lines.append(("collapse", text))
     return lines
 

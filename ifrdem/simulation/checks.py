@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -164,7 +164,7 @@ def check(
 
 
 def check_resting(
-    disks: Disks, box: Box, gravity: tuple[float, float], resting_speed: float, forces: Sequence[Force], law: type,
+    disks: Disks, box: Box, gravity: tuple[float, float], resting_speed: float, forces: Sequence[Any], law: type,
     arch: str, precision: str,
 ) -> None:  # fmt: skip
     """Refuse disks at rest where the model of them does not hold (`kernels/rest.py`); arguments as for `Engine`."""
