@@ -90,8 +90,8 @@ def read_out(
     with walls, latest partner, 1 for disks asleep; `totals` (tiles, TOTALS).
     """
     gas = ti.static(GasArrays(
-        grid=grid, scale=scale, clock=clock, disk=disk, meta=meta, past=past, hits=hits, slept=slept, kind=kind, kinds=kinds,
-        tile=tile, edge_x=edge_x, edge_y=edge_y, uses=uses,
+        grid=grid, scale=scale, clock=clock, disk=disk, meta=meta, past=past, hits=hits, slept=slept, kind=kind,
+        kinds=kinds, tile=tile, edge_x=edge_x, edge_y=edge_y, uses=uses,
     ))  # fmt: skip
     spread = ti.static(spread_of_loops())
     for item in range(spread * gas.grid[TILES_X] * gas.grid[TILES_Y]):

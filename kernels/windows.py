@@ -288,7 +288,8 @@ def sum_blocks(column, gas: ti.template()):
 def run_windows(
     first: ti.i32, n_listed: ti.i32, most_windows: ti.i32, uses: ti.template(), grid: Rows, scale: Rows, clock: Rows,
     sums: Rows, counter: Rows,
-    disk: Rows, meta: Rows, past: Rows, hits: Rows, slept: Rows, kind: Rows, kinds: Rows, trail: Rows, way: Rows, back: Rows,
+    disk: Rows, meta: Rows, past: Rows, hits: Rows, slept: Rows, kind: Rows, kinds: Rows,
+    trail: Rows, way: Rows, back: Rows,
     tile: Table, listed: Rows, reach: Table, edge_x: Rows, edge_y: Rows, tally: Cube, heat: Cube,
     claim: Rows, claim_at: Rows, work: Rows, link: Rows, mark: Rows,
     begun: Rows, rest: Rows, balance: Rows, edge: Rows, chosen: Rows,
@@ -303,7 +304,8 @@ def run_windows(
     """
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, clock=clock, sums=sums, counter=counter, disk=disk, meta=meta, past=past, hits=hits,
-        slept=slept, rest=rest, balance=balance, edge=edge, kind=kind, kinds=kinds, trail=trail, way=way, back=back, tile=tile, listed=listed, reach=reach, edge_x=edge_x,
+        slept=slept, rest=rest, balance=balance, edge=edge,
+        kind=kind, kinds=kinds, trail=trail, way=way, back=back, tile=tile, listed=listed, reach=reach, edge_x=edge_x,
         edge_y=edge_y, tally=tally, heat=heat, claim=claim, claim_at=claim_at, work=work,
         link=link, mark=mark, begun=begun, chosen=chosen, since=since, turn=turn, head=head, bin=bin,
         wall_start=wall_start, wall_item=wall_item, walls=walls, law=law, watched=watched, event=event,

@@ -251,7 +251,7 @@ def _walls(case: Case, gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, s
     slow, brief = case.run.velocity_cutoff, case.run.contact_time
     if case.run.collapse != "none":
         rest = case.run.resting_speed
-        what = f"velocity cut-off {slow:g}{speed}" if slow is not None else f"contact time {brief or 0.0:g}{time}"
+        what = f"contact time {brief or 0.0:g}{time}" if slow is None else f"velocity cut-off {slow:g}{speed}"
         text = f"{what}: collisions below it are elastic"
         if rest is not None:
             text = f"resting speed {rest:g}{speed}: contacts below it last, and disks fall asleep"

@@ -135,8 +135,8 @@ class State(Brief, Sealed, Pictured):
     """
 
     assignable: ClassVar[frozenset[str]] = frozenset({
-        "angle", "asleep", "collisions", "flow", "image", "last_partner", "latest_collision", "position", "spin", "time",
-        "velocity", "wall_hits",
+        "angle", "asleep", "collisions", "flow", "image", "last_partner", "latest_collision", "position", "spin",
+        "time", "velocity", "wall_hits",
     })  # fmt: skip
 
     position: Array
