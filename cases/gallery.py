@@ -27,6 +27,7 @@ ORDER = (
     "thermal_walls",
     "drum",
     "hopper",
+    "heap",
     "wake",
     "coins_on_table",
     "coins_from_video",

@@ -28,7 +28,9 @@ from .places import (
     add, came_to, charge, just_collided, kind_of, largest_speed, note_speed, radius_of, remember, watched_row,
     write_motion,
 )  # fmt: skip
-from .rest import count_hit, fall_asleep, is_support, is_wedged, meeting_with_sleeper, set_at_rest, set_in_motion, sleeps, wake
+from .rest import (
+    count_hit, fall_asleep, is_support, is_wedged, meeting_with_sleeper, set_at_rest, set_in_motion, sleeps, wake,
+)  # fmt: skip
 from .tiles import head_at, layer_of, scale_of, write
 from .walls import first_wall, hit_wall, other_image
 

@@ -12,12 +12,12 @@ this push, as in a contact that lasts. The rebound is no slower than v_0 = v_s /
 what this gives, 1 % of m v_s^2 / 2 at most, is in the ledger.
 
 *Sleep.* A disk that may rest (see below) falls asleep at a collision slower than v_s with a disk that sleeps or a wall
-at rest, if it is slower than 2 v_s afterwards (v and R omega): there it touches. From then on it stays where it is. What
-it had of kinetic energy is the loss `rest` of the ledger. To others it is a wall: a disk of infinite mass at rest. A
-hit at v_s or more wakes it, and it takes part in that collision with its own mass. A disk that is caught between
+at rest, if it is slower than 2 v_s afterwards (v and R omega): there it touches. From then on it stays where it is.
+What it had of kinetic energy is the loss `rest` of the ledger. To others it is a wall: a disk of infinite mass at rest.
+A hit at v_s or more wakes it, and it takes part in that collision with its own mass. A disk that is caught between
 others that sleep, so closely that it hits them eight times with no more than v_s / 1000 g between two of them, falls
-asleep too, until the next judgement; if it is too fast, it is driven in like a wedge, and wakes whom it hits;
-if it is not free after 64 hits, it falls asleep at its speed (`Statistics.jammed` counts: friction would have braked it).
+asleep too, until the next judgement; if it is too fast, it is driven in like a wedge, and wakes whom it hits; if it is
+not free after 64 hits, it falls asleep at its speed (`Statistics.jammed` counts: friction would have braked it).
 
 *Judgement.* At the beginning of each window it is judged who may rest. Take all disks that sleep or are slower than
 2 v_s as resting, and let them touch each other and walls at rest where the gap is below 4 v_s^2 / g. May they stay?
@@ -44,9 +44,9 @@ heap are below 4 v_s^2 / g, and it is as much too high. For v_s to 0 all of this
 from .flights import on_grid
 from .language import ti
 from .layout import (
-    ASLEEP, ASLEEP_NOW, AWAKE, BY_REST, CELL, CELLS, CUTOFF, FAR, GX, GY, HITS_NOW, INVERSE_MASS, ITEMS, JAMMED, K, KIND_RADIUS,
-    LENGTH_X, LENGTH_Y, LOSSES, MATERIAL, MAY_REST, NEXT_IN_CELL, PLACES, SLEEPERS, EDGES_OF_DISK,
-    UNJUDGED, VX, VY, W_SPIN, WIDEST, WOKEN, X, Y,
+    ASLEEP, ASLEEP_NOW, AWAKE, BY_REST, CELL, CELLS, CUTOFF, EDGES_OF_DISK, FAR, GX, GY, HITS_NOW,
+    INVERSE_MASS, ITEMS, JAMMED, KIND_RADIUS, LENGTH_X, LENGTH_Y, LOSSES, MATERIAL, MAY_REST,
+    NEXT_IN_CELL, PLACES, SLEEPERS, UNJUDGED, VX, VY, W_SPIN, WOKEN, K, X, Y,
 )  # fmt: skip
 from .places import add, kind_of, radius_of
 from .walls import (
@@ -59,7 +59,7 @@ GAP = 4.0  # v_s^2 / g: disks that are nearer touch
 QUICK, QUICK_HITS, JAMMED_HITS = 1e-3, 8, 64  # v_s / g: times between hits that are none; how many of them
 AT_REST, MOVED = 1e-3, 3e-3  # g: accelerations below which a disk may fall asleep, and above which it wakes
 MU, RHO = 2, 4  # columns of the law's table (`law_table.table_row`)
-NEAR_ENOUGH = 1e-6  # g: accelerations to which forces are found
+NEAR_ENOUGH = 1e-5  # g: accelerations to which forces are found
 # edge of a cone: places of both disks, the second -1 for a wall; what a unit of its force does to either (`per_force`);
 # the force; gradient; a direction, and the change of the gradient along it. balance: accelerations, and along it
 FIRST, SECOND, ON_FIRST, ON_SECOND, FORCE, GRADIENT, DIRECTION_OF, H_DIRECTION = 0, 1, 2, 5, 8, 9, 10, 11
@@ -147,8 +147,8 @@ def fall_asleep(i, t, tile, gas: ti.template()):
 def meeting_with_sleeper(rx, ry, vx, vy, noise, sigma, within, gas: ti.template()):
     """Time until a disk that falls touches one that sleeps; FAR if not `within`. Separation r, velocity v in the lab.
 
-    The gap f = |r| - sigma has f'' >= -g. Steps to the root of f + f' s - g s^2 / 2 cannot pass the first root of f, and
-    converge like Newton's (`walls.py`). Disks that touch without speed meet at once if gravity pulls them together.
+    The gap f = |r| - sigma has f'' >= -g. Steps to the root of f + f' s - g s^2 / 2 cannot pass the first root of f,
+    and converge like Newton's (`walls.py`). Disks that touch without speed meet at once if gravity pulls them together.
     """
     gx, gy = gas.scale[GX], gas.scale[GY]
     pull = ti.sqrt(gx * gx + gy * gy)
@@ -229,7 +229,11 @@ def per_force(i, nx, ny, along, torque, gas: ti.template()):
 def meets_moving_wall(i, region: ti.template(), gas: ti.template()):
     """1 if a wall that moves, or is no support for another reason, may touch the disk at place i in this window."""
     found = 0
-    cell = region.lane * (gas.grid[CELLS] + 1) + (gas.link[i][CELL] >> 16) * region.ny + (gas.link[i][CELL] & 0xFFFF)
+    cell = (
+        region.lane * (gas.grid[CELLS] + 1)
+        + (gas.link[i][CELL] >> 16) * region.ny
+        + (gas.link[i][CELL] & 0xFFFF)
+    )
     for item in range(gas.wall_start[cell], gas.wall_start[cell + 1]):
         code = gas.wall_item[region.lane * gas.grid[ITEMS] + item]
         w = code // 9
@@ -336,7 +340,9 @@ def add_up(count, column: ti.template(), balance: ti.template(), gas: ti.templat
         if force != 0.0:
             i, j = ti.cast(gas.edge[c][FIRST], ti.i32), ti.cast(gas.edge[c][SECOND], ti.i32)
             for axis in ti.static(range(3)):
-                gas.balance[i][balance + axis] = gas.balance[i][balance + axis] + force * gas.edge[c][ON_FIRST + axis]
+                gas.balance[i][balance + axis] = (
+                    gas.balance[i][balance + axis] + force * gas.edge[c][ON_FIRST + axis]
+                )
             if j >= 0:
                 for axis in ti.static(range(3)):
                     gas.balance[j][balance + axis] = (
@@ -387,8 +393,8 @@ def anew(count, n, places, gas: ti.template()):
 def balanced(count, n, most, places, gas: ti.template()):
     """Find the forces, not below 0, along all edges that leave the least accelerations; 1 if that was done, else 0.
 
-    MPRGP: conjugate gradients on those above 0, a projected step where one of them would fall below, and steps into those
-    at 0 where that gains more. Z. Dostal and J. Schoeberl, Comput. Optim. Appl. 30, 23 (2005),
+    MPRGP: conjugate gradients on those above 0, a projected step where one of them would fall below, and steps into
+    those at 0 where that gains more. Z. Dostal and J. Schoeberl, Comput. Optim. Appl. 30, 23 (2005),
     doi:10.1007/s10589-005-4557-7.
     """
     pull = ti.cast(ti.sqrt(gas.scale[GX] ** 2 + gas.scale[GY] ** 2), ti.f64)
@@ -480,7 +486,9 @@ def left_over(i, gas: ti.template()):
     kind = kind_of(i, gas)
     ax, ay, turn = gas.balance[i][0], gas.balance[i][1], gas.balance[i][2]
     root = ti.sqrt(ti.cast(gas.kinds[kind][INVERSE_MASS], ti.f64))
-    return root * ti.max(ti.sqrt(ax * ax + ay * ay), ti.abs(turn) * ti.sqrt(ti.cast(gas.kinds[kind][K], ti.f64)))
+    return root * ti.max(
+        ti.sqrt(ax * ax + ay * ay), ti.abs(turn) * ti.sqrt(ti.cast(gas.kinds[kind][K], ti.f64))
+    )
 
 
 @ti.func
@@ -516,7 +524,7 @@ def judge(n, tile, region: ti.template(), gas: ti.template()):
         resting = 0
         for i in range(places, places + n):
             resting += gas.rest[i][MAY_REST]
-        if not balanced(count, n, 2000 + 20 * resting, places, gas):
+        if not balanced(count, n, 2000 + 10 * resting, places, gas):
             gas.counter[UNJUDGED] = gas.counter[UNJUDGED] + 1
         for i in range(places, places + n):
             over = left_over(i, gas)

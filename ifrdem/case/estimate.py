@@ -140,7 +140,7 @@ class RunEstimate:
             steady_state=steady,
             wall_hits=_wall_hits(gas),
             file_bytes=_trajectory_bytes(n, case, frames=frames, rows=rows, tracked=tracked, events=events),
-            array_bytes=n * limits.BYTES_PER_DISK,
+            array_bytes=n * (limits.BYTES_PER_DISK + (limits.RESTING_BYTES if case.run.resting_speed else 0)),
             frames=frames,
             rows=rows,
             tracked=tracked,

@@ -161,6 +161,11 @@ class CaseGas:
         speed = checks.fastest(self.disks, velocity, spin) + flow
         hottest = max((wall.temperature or 0.0 for wall in self.walls), default=0.0)
         checks.check_magnitudes(self.disks, self.box, speed, case.run.precision, hottest)
+        if case.run.resting_speed is not None:
+            checks.check_resting(
+                self.disks, self.box, (case.box.gravity[0], case.box.gravity[1]), case.run.resting_speed,
+                [each.kind for each in case.force], IFRLaw, case.run.arch, case.run.precision,
+            )  # fmt: skip
         largest = {
             "a velocity": float(np.abs(velocity).max(initial=0.0)) + flow,
             "a spin": float(np.abs(spin).max(initial=0.0)),

@@ -14,7 +14,15 @@ from ..simulation.schedule import Cadence
 from .section import Section, key, refusal
 
 FieldName = Literal[
-    "position", "velocity", "angle", "angular_velocity", "asleep", "collisions", "dissipated", "image", "last_partner"
+    "position",
+    "velocity",
+    "angle",
+    "angular_velocity",
+    "asleep",
+    "collisions",
+    "dissipated",
+    "image",
+    "last_partner",
 ]
 Interval = Annotated[float, Field(gt=0.0)]
 ROWS_PER_FRAME = 10  # of series, up to, where a case does not say

@@ -282,10 +282,11 @@ def _walls(case: Case, gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, s
         lines.append(("wall hits", text))
     slow, brief = case.run.velocity_cutoff, case.run.contact_time
     if case.run.collapse != "none":
-        what = f"contact time {brief:g}{time}" if slow is None else f"velocity cut-off {slow:g}{speed}"
+        rest = case.run.resting_speed
+        what = f"contact time {brief or 0.0:g}{time}" if slow is None else f"velocity cut-off {slow:g}{speed}"
         text = f"{what}: collisions below it are elastic"
-        if case.run.resting_speed is not None:
-            text = f"resting speed {case.run.resting_speed:g}{speed}: contacts below it last, and disks fall asleep"
+        if rest is not None:
+            text = f"resting speed {rest:g}{speed}: contacts below it last, and disks fall asleep"
         lines.append(("collapse", text))
     elif (
         g > 0.0 and gas.room.all_walls and not all(each.law and each.law.e_n == 1.0 for each in gas.verdicts)

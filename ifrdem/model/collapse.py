@@ -30,8 +30,8 @@ class Collapse:
     Notes
     -----
     Elastic means like smooth elastic disks: e_n = 1, without friction or other change of spins, so that it costs no
-    energy. tc and velocity_cutoff bias what they touch: some 1e-2 of the mean free time at the start is a contact time that does so
-    little; a gas that has cooled below the cut-off stops cooling.
+    energy. tc and velocity_cutoff bias what they touch: some 1e-2 of the mean free time at the start is a contact time
+    that does so little; a gas that has cooled below the cut-off stops cooling.
     """
 
     kind: str = "none"

@@ -319,7 +319,9 @@ def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str]
     if job.file.case.run.resting_speed is not None:
         say(f"  {job.simulation.asleep} of {job.simulation.disks.n} disks sleep")
         if unjudged := job.simulation.statistics.unjudged:
-            say(f"  in {unjudged} windows the forces in the heap were not found in time: who rests there is in doubt")
+            say(f"  in {unjudged} windows the forces in the heap were not found: who rests there is in doubt")
+        if jammed := job.simulation.statistics.jammed:
+            say(f"  {jammed} disks jammed between others fell asleep at speed")
     rows, frames = job.writer.series_rows, len(job.writer)
     say(f"  output, {frames} frames and {rows} rows of series, took {100.0 * job.output_share:.2g} % of it")
     for path, bytes_there in job.outputs.sizes().items():

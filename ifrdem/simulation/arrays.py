@@ -27,8 +27,9 @@ from ..model.state import Disks, State
 from . import device
 
 CELL = 1.0 + 1e-6  # side of a cell in largest diameters, at least: what rounding leaves of it
-RESTING_CELL = 1.1  # the same where disks sleep, which may leave their cell in the falling frame by RESTING_FALL
-RESTING_FALL, RESTING_WINDOW = 0.05, 8.0  # a window: a fall by so many largest diameters, or so many v_s / g, at most
+# The same where disks sleep, which may leave their cell in the falling frame by RESTING_FALL. A window lasts a fall by
+# that many largest diameters, or RESTING_WINDOW v_s / g, at most.
+RESTING_CELL, RESTING_FALL, RESTING_WINDOW = 1.1, 0.05, 8.0
 LEAST_GAP = 2.0  # ratio of radii on both sides of a gap between them, from which on cells have two layers
 LEAST_TILE, GPU_LEAST_TILE = 12.0, 8.0  # side of a tile in largest diameters, at least
 FEWER_WINDOWS = 4.0  # of gases in one tile, which need no halo

@@ -167,7 +167,7 @@ def check(
 
 
 def check_resting(
-    disks: Disks, box: Box, gravity: tuple[float, float], resting_speed: float, forces: Sequence[Force], law: type,
+    disks: Disks, box: Box, gravity: tuple[float, float], resting_speed: float, forces: Sequence[Any], law: type,
     arch: str, precision: str,
 ) -> None:  # fmt: skip
     """Refuse disks at rest where the model of them does not hold (`kernels/rest.py`); arguments as for `Engine`."""
@@ -181,13 +181,17 @@ def check_resting(
             f"{name}: {disks.n} disks, but only gases that one thread computes as a whole can rest, of up to {ALONE}"
         )
     if not any(gravity):
-        raise InputError(f"{name}: gravity = {gravity}, but only gravity holds disks on their supports; give one")
+        raise InputError(
+            f"{name}: gravity = {gravity}, but only gravity holds disks on their supports; give one"
+        )
     if law is not IFRLaw:
         raise InputError(
             f"{name}: the law is a {law.__name__}, but a contact that lasts needs mu and rho of an IFRLaw"
         )
     if forces:
-        raise InputError(f"{name}: forces = {list(forces)}: disks at rest would not feel them; leave one of them out")
+        raise InputError(
+            f"{name}: forces = {list(forces)}: disks at rest would not feel them; leave one of them out"
+        )
     if not disks.movable.all():
         raise InputError(
             f"{name}: disk {int(np.argmin(disks.movable))} has an infinite mass; use walls (Wall.post) instead"

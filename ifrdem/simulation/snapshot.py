@@ -63,7 +63,8 @@ def take(engine: Engine) -> Snapshot:
         found["clock"] = np.array([engine.time, engine._collided_at, engine._flow_excess])
         found.update(windows.snapshot())
         found["counts"] = np.array(
-            [*engine._before, engine._slept, engine._resting, engine._parted, engine._until_looked], dtype=np.int64
+            [*engine._before, engine._slept, engine._resting, engine._parted, engine._until_looked],
+            dtype=np.int64,
         )
         found["statistics"] = np.array(list(asdict(engine.statistics).values()), dtype=np.int64)
         found["next_steps"] = np.array(steps.next_steps, dtype=np.int64)

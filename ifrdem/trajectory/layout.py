@@ -2,7 +2,7 @@
 
 H5MD: P. de Buyl, P. H. Colberg and F. Hoefling, Comput. Phys. Commun. 185, 1546 (2014),
 doi:10.1016/j.cpc.2014.01.018. The manual has all groups and datasets (`ifrdem docs format`). Layout 1.0 had no
-last_partner, timeseries and histories, 1.1 no angle, 1.2 no dissipated.
+last_partner, timeseries and histories, 1.1 no angle, 1.2 no asleep and dissipated.
 """
 
 from __future__ import annotations

@@ -20,6 +20,7 @@ from ifrdem.case.estimate import RunEstimate
 from ifrdem.case.gas import CaseGas
 from ifrdem.case.walls_section import MotionSection, WallSection
 from ifrdem.cli.main import main
+from ifrdem.errors import InputError
 from ifrdem.model.collapse import Collapse
 from ifrdem.model.free_area import Room
 from ifrdem.model.observables import measure
@@ -159,6 +160,7 @@ def test_the_case_is_in_order() -> None:
         ),
         (["run.collapse=velocity"], 'run.collapse = "velocity"', "did you mean 'velocity_cutoff'"),
         (["run.collapse=velocity_cutoff"], "run", 'collapse = "velocity_cutoff": velocity_cutoff missing'),
+        (["run.collapse=rest"], "run", 'collapse = "rest": resting_speed missing'),
         (["run.velocity_cutoff=0.1"], "run", 'velocity_cutoff cannot stand beside collapse = "none"'),
         (
             ["run.collapse=tc", "run.contact_time=0.1", "run.velocity_cutoff=0.1"],
@@ -326,27 +328,45 @@ def test_a_thermal_wall_needs_no_material(tmp_path: Path, capsys: pytest.Capture
     assert "line, thermal, T = 2.5; sine, " in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(("kind", "key"), [("velocity_cutoff", "velocity_cutoff"), ("tc", "contact_time")])
+@pytest.mark.parametrize(
+    ("kind", "key", "value"),
+    [
+        ("velocity_cutoff", "velocity_cutoff", 0.25),
+        ("tc", "contact_time", 0.25),
+        ("rest", "resting_speed", 0.05),
+    ],
+)
 def test_remedies_for_collapse_reach_the_engine(
-    kind: str, key: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    kind: str,
+    key: str,
+    value: float,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     given: dict[str, object] = {}
     monkeypatch.setattr(gas_module, "Simulation", lambda *args, **options: given.update(options))
-    overrides = [f"run.collapse={kind}", f"run.{key}=0.25"]
+    overrides = [f"run.collapse={kind}", f"run.{key}={value}"]
     case = Case.model_validate(changed(*overrides))
     CaseGas.from_case(case).simulation(case)
     assert {name: given[name] for name in ("collapse", key, "gravity", "seed")} == {
         "collapse": kind,
-        key: 0.25,
+        key: value,
         "gravity": (0.0, -1.0),
         "seed": 4,
     }
-    assert Collapse(kind, **{key: 0.25}).kind == kind  # what Simulation makes of it
+    assert Collapse(kind, **{key: value}).kind == kind  # what Simulation makes of it
     (tmp_path / "case.toml").write_text(SHAKEN)
     assert (
         main(["check", str(tmp_path / "case.toml"), *(w for each in overrides for w in ("--set", each))]) == 0
     )
-    assert re.search(r"collapse +(velocity cut-off|contact time) 0.25: collisions", capsys.readouterr().out)
+    told = rf"collapse +(velocity cut-off|contact time|resting speed) {value}: (collisions|contacts below it last)"
+    assert re.search(told, capsys.readouterr().out)
+
+
+def test_check_refuses_rest_where_the_run_would() -> None:
+    with pytest.raises(InputError, match=r"resting_speed of 0\.1 at most is needed"):
+        CaseGas.from_case(Case.model_validate(changed("run.collapse=rest", "run.resting_speed=0.25")))
 
 
 def test_check_says_what_walls_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

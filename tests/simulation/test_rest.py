@@ -69,7 +69,8 @@ def test_a_disk_dropped_on_a_floor_rests_there_and_has_lost_its_fall() -> None:
     assert run.dissipated_energy == pytest.approx(2.0 * 1.0 * 2.0, rel=1e-13)  # m g h
     closes(run)
     lost = run.measure().dissipated
-    assert lost is not None and 0.0 < lost[REST] <= 0.5 * 2.0 * SLOW**2
+    assert lost is not None
+    assert 0.0 < lost[REST] <= 0.5 * 2.0 * SLOW**2
     # v = 2 falls to v_s by factors 0.6: log(0.02 / 2) / log(0.6) = 9.02, so after 10 it is slow, and 1 more.
     assert run.wall_hits == 11
     hits = run.wall_hits
@@ -85,15 +86,17 @@ def test_a_disk_rests_on_two_posts_but_not_on_top_of_one() -> None:
     assert run.asleep == 1
     place = run.state.position[0]
     gaps = [math.hypot(place[0] - x, place[1] - 3.0) - 1.0 for x in (5.4, 6.6)]
-    assert -1e-12 < min(gaps) and max(gaps) < NEAR
+    assert min(gaps) > -1e-12
+    assert max(gaps) < NEAR
     run = gas([[5.41, 4.001]], walls=posts[:1])
     run.run(t_end=60.0)
-    assert run.asleep == 0 and run.state.position[0, 1] < 3.0
+    assert run.asleep == 0
+    assert run.state.position[0, 1] < 3.0
 
 
 @pytest.mark.parametrize(("part", "rests"), [(0.97, True), (1.05, False)])
 def test_on_a_slope_only_rolling_friction_holds_a_disk(part: float, rests: bool) -> None:
-    """Weight m g sin(a) along the slope acts at a height R above the contact: rho m g cos(a) holds it up to tan(a) = rho/R.
+    """Weight m g sin(a) along the slope acts R above the contact: rho m g cos(a) holds it up to tan(a) = rho/R.
 
     Beyond, and without sliding, a = (g / (1 + 1/k)) (sin(a) - (rho/R) cos(a)): at 1.05 it is 0.0033 g.
     """
@@ -116,7 +119,8 @@ def test_in_a_groove_a_disk_rests_without_friction_but_not_on_one_side_of_it(mu:
     np.testing.assert_allclose(run.state.position[0], [6.0, 2.0 + 0.5 * math.sqrt(2.0)], atol=2.0 * NEAR)
     run = gas([[6.3, 5.0]], walls=slopes[:1], law=law)
     run.run(t_end=3.0)
-    assert run.asleep == 0 and run.state.position[0, 0] > 6.5
+    assert run.asleep == 0
+    assert run.state.position[0, 0] > 6.5
 
 
 # --- three disks ----------------------------------------------------------------------------------------------
@@ -124,10 +128,10 @@ def test_in_a_groove_a_disk_rests_without_friction_but_not_on_one_side_of_it(mu:
 
 @pytest.mark.parametrize(("mu", "stands"), [(0.28, True), (0.25, False)])
 def test_a_pyramid_of_three_stands_by_friction(mu: float, stands: bool) -> None:
-    """The lower two touch the floor, and each other at most. The top, weight W, pushes each by N along a line 30 degrees
-    from the vertical, with friction T upwards. No torque on a lower disk: the floor's friction is T, inwards. Its
-    balance along the floor, N sin 30 = T cos 30 + T, gives T/N = tan 15 = 0.268; that of the top N = W/2, so the floor
-    holds T = 0.134 W by 1.5 W: 0.089 is enough there.
+    """The lower two touch the floor, and each other at most. The top, weight W, pushes each by N along a line 30
+    degrees from the vertical, with friction T upwards. No torque on a lower disk: the floor's friction is T, inwards.
+    Its balance along the floor, N sin 30 = T cos 30 + T, gives T/N = tan 15 = 0.268; that of the top N = W/2, so the
+    floor holds T = 0.134 W by 1.5 W: 0.089 is enough there.
     """
     between, floor = IFRLaw(e_n=0.6, e_t=-1.0, mu=mu), IFRLaw(e_n=0.6, e_t=-1.0, mu=0.5)
     place = [[5.5, 0.5001], [6.5001, 0.5001], [6.0, 0.5001 + 0.5 * math.sqrt(3.0) + 1e-3]]
@@ -187,7 +191,7 @@ def test_a_hard_hit_wakes_and_is_a_collision_of_two_disks() -> None:
 def test_a_slow_hit_wakes_nobody() -> None:
     run = sleeper_and((6.0, 1.5 + 0.4 * SLOW**2), (0.0, 0.0))  # falls to sqrt(0.8) v_s
     run.collide(1)
-    assert run.asleep >= 1 and run.state.asleep[0] == 1
+    assert run.state.asleep[0] == 1
     assert not run.state.velocity[0].any()
     run.run(t_end=5.0)
     assert run.asleep == 2  # one upon the other, balanced
@@ -209,7 +213,8 @@ def test_who_loses_his_support_wakes_and_falls() -> None:
     assert run.state.asleep[1] == 1  # nothing has touched it
     assert run.state.position[1, 1] == 1.5
     run.run(t_end=2.2)
-    assert run.state.position[1, 1] < 1.0 and run.state.asleep[1] == 0
+    assert run.state.position[1, 1] < 1.0
+    assert run.state.asleep[1] == 0
     run.run(t_end=1000.0)
     assert run.asleep == 3
     assert run.state.position[1, 1] == pytest.approx(0.5, abs=1e-12)
@@ -223,7 +228,9 @@ def test_a_pile_comes_to_rest_at_a_bounded_cost() -> None:
     run = pile()
     run.run(t_end=40.0)
     state = run.state
-    assert run.asleep == 60 and not state.velocity.any() and not state.spin.any()
+    assert run.asleep == 60
+    assert not state.velocity.any()
+    assert not state.spin.any()
     events = run.collisions + run.wall_hits
     assert events < 400_000
     assert run.statistics.unjudged == 0
@@ -258,7 +265,9 @@ def test_frames_series_and_checkpoints_change_no_bit(tmp_path: Path) -> None:
     plain.run(t_end=9.0)
     assert 0 < plain.asleep < 40
     looked = pile(40)
-    looked.run(t_end=9.0, frames=37, observers=[lambda state, measure: None], series=91, samplers=[lambda _: None])
+    looked.run(
+        t_end=9.0, frames=37, observers=[lambda state, measure: None], series=91, samplers=[lambda _: None]
+    )
     stopped = pile(40)
     for k, stop in enumerate((4.3, 6.1, 7.77)):
         stopped.run(t_end=stop)
@@ -270,7 +279,8 @@ def test_frames_series_and_checkpoints_change_no_bit(tmp_path: Path) -> None:
         for found, expected in zip(end(other), end(plain), strict=True):
             np.testing.assert_array_equal(found, expected)
         lost, expected_lost = other.measure().dissipated, plain.measure().dissipated
-        assert lost is not None and expected_lost is not None
+        assert lost is not None
+        assert expected_lost is not None
         assert lost[REST] == pytest.approx(expected_lost[REST], rel=1e-12)
 
 
