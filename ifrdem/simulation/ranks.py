@@ -16,7 +16,7 @@ tiles, and in each window copies of those of the *ring*, the tiles of others bes
 Why it is exact. A tile reads disks of the nine tiles around it, and to be verified hashes and ways of the disks that it
 copied, its own disks, and `reach` of the tiles around it. After steps 1, 3 and 4 all of these are, bit for bit, what
 they are in a process that has all tiles. Lists are copied in their order; what is left out of them lies beyond the halo
-of each tile that gathers from them (`bands`, which all ranks compute from what they shared), where nobody looks. A hash
+of each tile that gathers from them (`bands`, of which its owner tells), where nobody looks. A hash
 is computed once, by the one rank that owns the tile in which the disk begins. So each tile finds the same, is good or
 bad as it is there, and the proof in `kernels/tiles.py` holds: it speaks of tiles, not of who runs them. The length of
 the next window follows from the sums of step 4, which all ranks add up from the same numbers in the same order: so all
@@ -286,6 +286,10 @@ class RankArrays(DeviceArrays):
         first, count = k.START + part, k.COUNT + part
         whole = whole or self.uses.sheared
         self.band: NDArray[np.float64] = np.full(self.tiles, np.inf) if whole else self.bands()
+        if not whole:  # owners say how wide the halos of their tiles are
+            told = self._swap([(self.band[tiles],) for tiles in self._given_tiles])
+            for tiles, (band,) in zip(self._taken_tiles, told, strict=True):
+                self.band[tiles] = band
         self._given = []
         messages: list[tuple[NDArray[Any], ...]] = []
         for q, tiles in zip(self._partners, self._given_tiles, strict=True):
@@ -476,41 +480,43 @@ class RankWindows(Windows):
         self, tiles: int, most: int, again: int = 0, *, pausing: bool = False, resuming: bool = False
     ) -> None:
         a = self.arrays
-        alone = bool(a.grid[k.ALONE])
+        alone, short = bool(a.grid[k.ALONE]), False
         if alone:
             a.fetch_all()
             view(a.listed)[0] = 0
         elif not again:
             a.fetch()
-        elif self._short:
+        elif short := self._short:
             a.fetch(whole=True)
             a.traffic.whole += 1
-            self._watched, again = [], 0
         error = None
         try:
             if alone:
                 super()._launch(1, 1)
             elif not again:
                 self._run_own()
+            elif short:
+                self._run_own(1)
             elif self._bad:
                 try:
                     super()._launch(self._bad, 1, again=1)
                 except _Again:
-                    self._watched = []
-                    self._run_own()
+                    self._run_own(1)
             else:
                 a.counter[:] = 0
         except Exception as raised:
             error = raised
         world.agree(a.comm, error)
         if not alone:
-            a.exchange_trails(bool(again))
+            a.exchange_trails(again=bool(again) and not short)
             a.share()
             a.counter[[k.N_BAD, k.STUCK]] = 0
             a.launch(verify)
         self._bad = int(a.counter[k.N_BAD])
-        short = 0 if alone else a.n_short(self._bad)
-        flags = np.array([self._bad, a.counter[k.STUCK], a.counter[k.RESTING], a.lost, short], dtype=np.int64)
+        n_short = 0 if alone else a.n_short(self._bad)
+        flags = np.array(
+            [self._bad, a.counter[k.STUCK], a.counter[k.RESTING], a.lost, n_short], dtype=np.int64
+        )
         a.comm.Allreduce(flags.copy(), flags)
         if flags[3] and not alone:
             raise EngineError(
@@ -520,10 +526,17 @@ class RankWindows(Windows):
         self._short = bool(flags[4])  # what is needed was not fetched
         self.rests |= bool(flags[2])
 
-    def _run_own(self) -> None:
+    def _run_own(self, again: int = 0) -> None:
+        """Run all own tiles, or run them again with the halos that they have."""
         a = self.arrays
-        view(a.listed)[: len(a.own)] = a.own
-        super()._launch(len(a.own), 1)
+        while True:
+            view(a.listed)[: len(a.own)] = a.own
+            if again:
+                self._watched, self._claimed = [], 0
+            try:
+                return super()._launch(len(a.own), 1, again)
+            except _Again:
+                continue
 
     def _check(self, launch: Any) -> None:
         """Nothing yet: hashes of other ranks are needed."""

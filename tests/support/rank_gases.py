@@ -151,14 +151,6 @@ def no_trails() -> None:
     ranks.RankArrays.exchange_trails = silent  # type: ignore[method-assign]
 
 
-def old_trails() -> None:
-    """Neighbours are not told of what tiles found that ran again."""
-    whole = ranks.RankArrays.exchange_trails
-    ranks.RankArrays.exchange_trails = (  # type: ignore[method-assign]
-        lambda self, again: None if again else whole(self, again)
-    )
-
-
 def no_verification() -> None:
     """Hashes are exchanged, and nobody looks at them."""
     ranks.RankWindows._verify = lambda self, watching: None  # type: ignore[method-assign]
@@ -168,10 +160,10 @@ def wrong_owner() -> None:
     """A tile is nobody's: its owner does not run it."""
     whole = ranks.RankWindows._run_own
 
-    def fewer(self: Any) -> None:
+    def fewer(self: Any, again: int = 0) -> None:
         own = self.arrays.own
         self.arrays.own = own[1:] if COMM.rank == 1 else own
-        whole(self)
+        whole(self, again)
         self.arrays.own = own
 
     ranks.RankWindows._run_own = fewer  # type: ignore[method-assign]
@@ -180,7 +172,7 @@ def wrong_owner() -> None:
 FAULTS = {
     each.__name__: each
     for each in (
-        no_foresight, half_a_ring, half_a_halo, no_trails, old_trails, no_verification, wrong_owner,
+        no_foresight, half_a_ring, half_a_halo, no_trails, no_verification, wrong_owner,
     )
 }  # fmt: skip
 LISTED_ANEW = [0]
