@@ -34,6 +34,7 @@ Imports Taichi: import this module only after `device.start`. Needs mpi4py.
 from __future__ import annotations
 
 import ctypes
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -66,6 +67,8 @@ class Traffic:
         Bytes of lists of disks, of hashes and ways, and of sums of tiles.
     windows, rounds : int
         Windows, and times that hashes were exchanged in them.
+    seconds : float
+        Real time of all this, waiting for others included [s].
     whole : int
         Windows that began again with whole lists of the ring, because halos had to be wider than was foreseen.
     """
@@ -77,6 +80,7 @@ class Traffic:
     windows: int = 0
     rounds: int = 0
     whole: int = 0
+    seconds: float = 0.0
 
 
 def view(array: Any) -> NDArray[Any]:
@@ -479,7 +483,7 @@ class RankWindows(Windows):
     def _launch(
         self, tiles: int, most: int, again: int = 0, *, pausing: bool = False, resuming: bool = False
     ) -> None:
-        a = self.arrays
+        a, began = self.arrays, time.perf_counter()
         alone, short = bool(a.grid[k.ALONE]), False
         if alone:
             a.fetch_all()
@@ -489,7 +493,7 @@ class RankWindows(Windows):
         elif short := self._short:
             a.fetch(whole=True)
             a.traffic.whole += 1
-        error = None
+        error, ran = None, time.perf_counter()
         try:
             if alone:
                 super()._launch(1, 1)
@@ -506,6 +510,7 @@ class RankWindows(Windows):
                 a.counter[:] = 0
         except Exception as raised:
             error = raised
+        ran = time.perf_counter() - ran
         world.agree(a.comm, error)
         if not alone:
             a.exchange_trails(again=bool(again) and not short)
@@ -524,6 +529,7 @@ class RankWindows(Windows):
             )
         a.counter[[k.N_BAD, k.STUCK, k.RESTING]] = flags[:3]
         self._short = bool(flags[4])  # what is needed was not fetched
+        a.traffic.seconds += time.perf_counter() - began - ran
         self.rests |= bool(flags[2])
 
     def _run_own(self, again: int = 0) -> None:
