@@ -3,7 +3,8 @@
 The box has the tiles that it has on one rank; each rank owns a block of them. It keeps the lists of disks of its own
 tiles, and in each window copies of those of the *ring*, the tiles of others beside its own. A window is
 
-1. *fetch*: the lists of the ring come from their owners;
+1. *fetch*: the lists of the ring come from their owners, as far as halos reach that are wider than usual once; where a
+   tile has to run with a still wider one, whole lists come, and all tiles begin again;
 2. each rank runs its own tiles (`kernels/tiles.py`), which gather from tiles beside them, all of which are there;
 3. *trails*: the hash of a disk's history and its way are known to the rank that ran the tile which the disk is in, and
    a disk may have left the tile that lists it. So ranks first tell owners about disks of the ring that they ran, then
@@ -14,11 +15,12 @@ tiles, and in each window copies of those of the *ring*, the tiles of others bes
 
 Why it is exact. A tile reads disks of the nine tiles around it, and to be verified hashes and ways of the disks that it
 copied, its own disks, and `reach` of the tiles around it. After steps 1, 3 and 4 all of these are, bit for bit, what
-they are in a process that has all tiles: lists are copied in their order, and a hash is computed once, by the one rank
-that owns the tile in which the disk begins. So each tile finds the same, is good or bad as it is there, and the proof
-in `kernels/tiles.py` holds: it speaks of tiles, not of who runs them. The length of the next window follows from the
-sums of step 4, which all ranks add up from the same numbers in the same order: so all plan the same window. By
-induction over windows each disk moves as on one rank.
+they are in a process that has all tiles. Lists are copied in their order; what is left out of them lies beyond the halo
+of each tile that gathers from them (`bands`, of which its owner tells), where nobody looks. A hash
+is computed once, by the one rank that owns the tile in which the disk begins. So each tile finds the same, is good or
+bad as it is there, and the proof in `kernels/tiles.py` holds: it speaks of tiles, not of who runs them. The length of
+the next window follows from the sums of step 4, which all ranks add up from the same numbers in the same order: so all
+plan the same window. By induction over windows each disk moves as on one rank.
 
 Checked as it runs: each listed disk has been run by exactly one rank in each window (3), and no disk is lost or there
 twice whenever a state is put together.
@@ -32,6 +34,7 @@ Imports Taichi: import this module only after `device.start`. Needs mpi4py.
 from __future__ import annotations
 
 import ctypes
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -42,12 +45,13 @@ from numpy.typing import NDArray
 from ..errors import EngineError, InputError
 from ..kernels import layout as k
 from ..kernels.language import ti
-from ..kernels.windows import sum_shared, survey, verify
+from ..kernels.windows import WIDEN, sum_shared, survey, verify
 from ..tools import world
 from .arrays import DeviceArrays, stretches
 from .windows import Windows, _Again
 
 SLACK = 1.2  # of slots for disks, beyond those in use
+STEPS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
 _TYPES = {"f64": np.float64, "f32": np.float32, "i32": np.int32}
 
 
@@ -63,6 +67,10 @@ class Traffic:
         Bytes of lists of disks, of hashes and ways, and of sums of tiles.
     windows, rounds : int
         Windows, and times that hashes were exchanged in them.
+    seconds : float
+        Real time of all this, waiting for others included [s].
+    whole : int
+        Windows that began again with whole lists of the ring, because halos had to be wider than was foreseen.
     """
 
     messages: int = 0
@@ -71,6 +79,8 @@ class Traffic:
     sums: int = 0
     windows: int = 0
     rounds: int = 0
+    whole: int = 0
+    seconds: float = 0.0
 
 
 def view(array: Any) -> NDArray[Any]:
@@ -135,6 +145,8 @@ def counted_tiles(tiles: tuple[int, int]) -> str:
 class RankArrays(DeviceArrays):
     """The arrays of one rank: own tiles, and the ring around them. Arguments after `comm` as for `DeviceArrays`."""
 
+    reach: Any
+
     def __init__(self, comm: Any, *given: Any) -> None:
         self.comm = comm
         self.traffic: Traffic = Traffic()
@@ -171,7 +183,7 @@ class RankArrays(DeviceArrays):
         x, y = np.divmod(np.arange(self.tiles), high)
         aside = int(self.grid[k.TILES_ASIDE]) if self.uses.sheared else 0
         found = []
-        for step_x, step_y in ((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j):
+        for step_x, step_y in STEPS:
             to_x, to_y = x + step_x - step_y * aside, y + step_y
             there = np.ones(self.tiles, dtype=bool)
             if not self.grid[k.PERIODIC_X]:
@@ -187,7 +199,8 @@ class RankArrays(DeviceArrays):
         if self._around_for == aside:
             return
         self._around_for = aside
-        beside = self._beside()[:, self.own]
+        self._beside_all = self._beside()
+        beside = self._beside_all[:, self.own]
         others = np.where(beside >= 0, self.owner[beside], self.comm.rank)
         self._partners = [int(q) for q in np.unique(others) if q != self.comm.rank]
         self._given_tiles = [self.own[np.any(others == q, axis=0)] for q in self._partners]
@@ -237,16 +250,64 @@ class RankArrays(DeviceArrays):
     def _names(self) -> list[str]:
         return [name for name, kept in self.state_arrays().items() if kept]
 
-    def fetch(self) -> None:
-        """Get the lists of the ring."""
+    def bands(self) -> NDArray[np.float64]:
+        """Halo that each tile begins with, and what it may grow to when it runs again for the first time."""
+        wider = np.maximum(k.NARROWER * view(self.reach)[:, k.WIDER], 1.0)
+        halo = WIDEN * wider * float(self.scale[k.USUAL_HALO])
+        return np.minimum(halo, float(self.scale[k.MOST_HALO]))
+
+    def _near(
+        self, q: int, tiles: NDArray[np.intp], slots: NDArray[np.intp], count: NDArray[Any]
+    ) -> NDArray[Any]:
+        """Tell which disks of own tiles are in the halo of a tile of rank q."""
+        part = int(self.grid[k.PART])
+        x, y = view(self.disk)[part * self.room + slots, :2].T
+        listed = np.repeat(np.arange(len(tiles)), count)
+        sides = [
+            np.diff(edge)[index]
+            for edge, index in zip(self.edges, np.divmod(tiles, self.grid[k.TILES_Y]), strict=True)
+        ]
+        width, height = (side[listed] for side in sides)
+        near = np.zeros(len(slots), dtype=bool)
+        for (step_x, step_y), beside in zip(STEPS, self._beside_all[:, tiles], strict=True):
+            theirs = (beside >= 0) & (self.owner[beside] == q)
+            if not theirs.any():
+                continue
+            halo = np.where(theirs, 1.001 * self.band[beside], -np.inf)[listed]
+            found = theirs[listed]
+            for place, side, step in ((x, width, step_x), (y, height, step_y)):
+                if step <= 0:
+                    found &= place <= (halo if step < 0 else side + halo)
+                if step >= 0:
+                    found &= place >= (side - halo if step > 0 else -halo)
+            near |= found
+        return near
+
+    def fetch(self, whole: bool = False) -> None:
+        """Get the lists of the ring, or what may matter of them."""
         self._meet()
         part, tile, names = int(self.grid[k.PART]), view(self.tile), self._names()
         first, count = k.START + part, k.COUNT + part
-        self._given = [stretches(tile[tiles, first], tile[tiles, count]) for tiles in self._given_tiles]
-        messages: list[tuple[NDArray[Any], ...]] = [
-            (tile[tiles, count], *(view(getattr(self, name))[part * self.room + slots] for name in names))
-            for tiles, slots in zip(self._given_tiles, self._given, strict=True)
-        ]
+        whole = whole or self.uses.sheared
+        self.band: NDArray[np.float64] = np.full(self.tiles, np.inf) if whole else self.bands()
+        if not whole:  # owners say how wide the halos of their tiles are
+            told = self._swap([(self.band[tiles],) for tiles in self._given_tiles])
+            for tiles, (band,) in zip(self._taken_tiles, told, strict=True):
+                self.band[tiles] = band
+        self._given = []
+        messages: list[tuple[NDArray[Any], ...]] = []
+        for q, tiles in zip(self._partners, self._given_tiles, strict=True):
+            counts = tile[tiles, count]
+            slots = stretches(tile[tiles, first], counts)
+            if not whole:
+                near = self._near(q, tiles, slots, counts)
+                slots, counts = (
+                    slots[near],
+                    np.bincount(np.repeat(np.arange(len(tiles)), counts)[near], minlength=len(tiles)),
+                )
+            self._given.append(slots)
+            rows = (view(getattr(self, name))[part * self.room + slots] for name in names)
+            messages.append((counts.astype(np.int32), *rows))
         self.traffic.windows += 1
         self.traffic.ghosts += sum(each.nbytes for message in messages for each in message)
         self._lay_beside(list(zip(self._taken_tiles, self._swap(messages), strict=True)))
@@ -303,6 +364,12 @@ class RankArrays(DeviceArrays):
             trail[slots.start + changed], way[slots.start + changed] = hashes, ways
         self.traffic.trails += size
         self.traffic.rounds += 1
+
+    def n_short(self, bad: int) -> int:
+        """Number of the tiles that have to run again whose halo will be wider than what was fetched."""
+        tiles = view(self.listed)[:bad]
+        halo = view(self.reach)[tiles, k.WIDER] * float(self.scale[k.USUAL_HALO])
+        return int(np.count_nonzero(np.minimum(halo, float(self.scale[k.MOST_HALO])) > self.band[tiles]))
 
     def shared(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """Rows of all tiles, of which this rank knows its own ones."""
@@ -407,6 +474,7 @@ class RankWindows(Windows):
     """The windows of a gas on several ranks, seen from one: the same ones on all."""
 
     arrays: RankArrays
+    _short: bool = False
 
     def _survey(self) -> None:
         self.arrays.launch(survey)
@@ -415,49 +483,66 @@ class RankWindows(Windows):
     def _launch(
         self, tiles: int, most: int, again: int = 0, *, pausing: bool = False, resuming: bool = False
     ) -> None:
-        a = self.arrays
-        alone = bool(a.grid[k.ALONE])
+        a, began = self.arrays, time.perf_counter()
+        alone, short = bool(a.grid[k.ALONE]), False
         if alone:
             a.fetch_all()
             view(a.listed)[0] = 0
         elif not again:
             a.fetch()
-        error = None
+        elif short := self._short:
+            a.fetch(whole=True)
+            a.traffic.whole += 1
+        error, ran = None, time.perf_counter()
         try:
             if alone:
                 super()._launch(1, 1)
             elif not again:
                 self._run_own()
+            elif short:
+                self._run_own(1)
             elif self._bad:
                 try:
                     super()._launch(self._bad, 1, again=1)
                 except _Again:
-                    self._watched = []
-                    self._run_own()
+                    self._run_own(1)
             else:
                 a.counter[:] = 0
         except Exception as raised:
             error = raised
+        ran = time.perf_counter() - ran
         world.agree(a.comm, error)
         if not alone:
-            a.exchange_trails(bool(again))
+            a.exchange_trails(again=bool(again) and not short)
             a.share()
             a.counter[[k.N_BAD, k.STUCK]] = 0
             a.launch(verify)
         self._bad = int(a.counter[k.N_BAD])
-        flags = np.array([self._bad, a.counter[k.STUCK], a.counter[k.RESTING], a.lost], dtype=np.int64)
+        n_short = 0 if alone else a.n_short(self._bad)
+        flags = np.array(
+            [self._bad, a.counter[k.STUCK], a.counter[k.RESTING], a.lost, n_short], dtype=np.int64
+        )
         a.comm.Allreduce(flags.copy(), flags)
         if flags[3] and not alone:
             raise EngineError(
                 f"t = {self.begin:.9g}: {flags[3]} disks were run by no rank in a window; please report this"
             )
         a.counter[[k.N_BAD, k.STUCK, k.RESTING]] = flags[:3]
+        self._short = bool(flags[4])  # what is needed was not fetched
+        a.traffic.seconds += time.perf_counter() - began - ran
         self.rests |= bool(flags[2])
 
-    def _run_own(self) -> None:
+    def _run_own(self, again: int = 0) -> None:
+        """Run all own tiles, or run them again with the halos that they have."""
         a = self.arrays
-        view(a.listed)[: len(a.own)] = a.own
-        super()._launch(len(a.own), 1)
+        while True:
+            view(a.listed)[: len(a.own)] = a.own
+            if again:
+                self._watched, self._claimed = [], 0
+            try:
+                return super()._launch(len(a.own), 1, again)
+            except _Again:
+                continue
 
     def _check(self, launch: Any) -> None:
         """Nothing yet: hashes of other ranks are needed."""

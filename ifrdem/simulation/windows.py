@@ -515,14 +515,19 @@ class Windows:
                 break
             if watching:
                 self._drop_watched(a.listed.to_numpy()[: self._bad])
-            try:
-                self._launch(count, 1, again=1)
-            except _Again:
-                if watching:
-                    self._watched = []
-                self._launch(a.tiles, 1)
+            self._run_again(count)
             self._collect(watching)
         self.statistics.run_again += bad
+
+    def _run_again(self, count: int) -> None:
+        """Run the listed tiles again; all of them, with the halos that they have, where claims did not fit."""
+        a = self.arrays
+        while True:
+            try:
+                return self._launch(count, 1, again=1)
+            except _Again:
+                self._watched, self._claimed, count = [], 0, a.tiles
+                a.listed.from_numpy(np.arange(a.tiles, dtype=np.int32))
 
     def _drop_watched(self, tiles: NDArray[np.int32]) -> None:
         self._watched = [

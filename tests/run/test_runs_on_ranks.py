@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import h5py
 import numpy as np
 import pytest
 from support import mpi
+from support.manual import block
 
 import ifrdem
 from ifrdem.tools import world
@@ -154,8 +156,19 @@ def test_what_cannot_be_on_ranks_is_refused_once(case: Path, changes: list[str],
     assert list(folder.iterdir()) == []
 
 
+@mpi.needed
+def test_the_lines_of_the_manual_run(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(block("ranks python"))
+    done = mpi.on(2, sys.executable, "-m", "mpi4py", script)
+    assert done.returncode == 0, done.stderr
+    collisions, temperature = map(float, done.stdout.split())
+    assert collisions == 30_000
+    assert 0.5 < temperature < 1.0
+
+
 def test_without_mpi4py_several_ranks_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PMI_SIZE", "2")
-    monkeypatch.setitem(__import__("sys").modules, "mpi4py", None)
+    monkeypatch.setitem(sys.modules, "mpi4py", None)
     with pytest.raises(world.InputError, match=r"needs the extra mpi: pip install 'ifrdem\[mpi\]'"):
         world.world()

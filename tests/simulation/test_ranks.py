@@ -31,9 +31,9 @@ def lines(ranks: int, *names: str) -> list[dict[str, Any]]:
     ("ranks", "names"),
     [
         (1, ["elastic"]),
-        (2, ["elastic", "thin", "cooling", "walls", "shear"]),
-        (3, ["mixture", "walls", "shear", "fast"]),
-        (4, ["elastic", "dense"]),
+        (2, ["cooling", "mixture", "walls", "shear"]),
+        (3, ["cooling", "mixture", "walls", "shear", "fast"]),
+        (4, ["elastic"]),
     ],
 )
 def test_all_bits_are_those_of_one_rank(ranks: int, names: list[str]) -> None:
@@ -41,7 +41,7 @@ def test_all_bits_are_those_of_one_rank(ranks: int, names: list[str]) -> None:
     for each in lines(ranks, *names):
         assert each["differ"] == [], each
         assert (0 < each["own"] < each["tiles"]) == (ranks > 1)
-        if each["name"] in ("thin", "cooling"):  # what ranks had to tell one another again
+        if each["name"] == "cooling":  # what ranks had to tell one another again
             assert each["run_again"] > 0
         if each["name"] == "fast":  # disks went to other ranks in all ways
             assert each["in_order"] > 0
@@ -50,15 +50,21 @@ def test_all_bits_are_those_of_one_rank(ranks: int, names: list[str]) -> None:
 
 @mpi.needed
 def test_faults_are_found_out() -> None:
-    """Half of a ring, no hashes or old ones, no verification, a tile that is nobody's: each shows."""
-    faults = ["half_a_ring", "no_trails", "old_trails", "no_verification", "wrong_owner"]
+    """Half of a ring, a narrow one, no hashes, no verification, a tile that is nobody's: each shows.
+
+    Rings that turn out to be too narrow are no fault: they come whole then. (Sums may change in their last digit: where
+    a window is left to the whole box, disks stand in another order in their lists.)
+    """
+    faults = ["no_foresight", "half_a_ring", "half_a_halo", "no_trails", "no_verification", "wrong_owner"]
     done = mpi.on(2, sys.executable, "-m", "mpi4py", GASES, ",".join(faults), "cooling", **OPTIMISER)
     assert done.returncode == 0, done.stderr + done.stdout
     found = {each["fault"]: each for each in map(json.loads, done.stdout.splitlines())}
     assert list(found) == faults
     for fault in ("half_a_ring", "no_trails", "wrong_owner"):
         assert "were run by no rank" in found[fault]["error"]
-    assert found["old_trails"]["differ"]
+    assert set(found["no_foresight"]["differ"]) <= {"totals"}
+    assert found["no_foresight"]["whole"] > 0
+    assert found["half_a_halo"]["differ"]
     assert {"position", "velocity", "spin"} <= set(found["no_verification"]["differ"])
 
 

@@ -78,8 +78,6 @@ def fast() -> Gas:
 
 GASES: dict[str, Any] = {
     "elastic": lambda: periodic(0.3, ELASTIC, 20.0),
-    "thin": lambda: periodic(0.05, COIN, 8.0),
-    "dense": lambda: periodic(0.65, ELASTIC, 20.0),
     "cooling": lambda: periodic(0.4, COIN, 80.0, ledger=True, angles=True, partners=True),
     "mixture": lambda: periodic(0.4, ROLLING, 10.0, mixture, contact_time=1e-3),
     "walls": walled,
@@ -116,12 +114,25 @@ def half_a_ring() -> None:
     """Half of the copies of neighbours' disks are not there."""
     whole = ranks.RankArrays.fetch
 
-    def half(self: Any) -> None:
-        whole(self)
+    def half(self: Any, **how: bool) -> None:
+        whole(self, **how)
         for tiles in self._taken_tiles:
             ranks.view(self.tile)[tiles, k.COUNT + int(self.grid[k.PART])] //= 2
 
     ranks.RankArrays.fetch = half  # type: ignore[method-assign]
+
+
+def half_a_halo() -> None:
+    """Neighbours send a quarter of what halos need."""
+    whole = ranks.RankArrays.bands
+    ranks.RankArrays.bands = lambda self: whole(self) / ranks.WIDEN / 4.0  # type: ignore[method-assign]
+    ranks.RankArrays.n_short = lambda self, bad: 0  # type: ignore[method-assign]
+
+
+def no_foresight() -> None:
+    """Neighbours send what halos need at first. This is no fault: it costs time."""
+    whole = ranks.RankArrays.bands
+    ranks.RankArrays.bands = lambda self: whole(self) / ranks.WIDEN  # type: ignore[method-assign]
 
 
 def no_trails() -> None:
@@ -140,14 +151,6 @@ def no_trails() -> None:
     ranks.RankArrays.exchange_trails = silent  # type: ignore[method-assign]
 
 
-def old_trails() -> None:
-    """Neighbours are not told of what tiles found that ran again."""
-    whole = ranks.RankArrays.exchange_trails
-    ranks.RankArrays.exchange_trails = (  # type: ignore[method-assign]
-        lambda self, again: None if again else whole(self, again)
-    )
-
-
 def no_verification() -> None:
     """Hashes are exchanged, and nobody looks at them."""
     ranks.RankWindows._verify = lambda self, watching: None  # type: ignore[method-assign]
@@ -157,16 +160,21 @@ def wrong_owner() -> None:
     """A tile is nobody's: its owner does not run it."""
     whole = ranks.RankWindows._run_own
 
-    def fewer(self: Any) -> None:
+    def fewer(self: Any, again: int = 0) -> None:
         own = self.arrays.own
         self.arrays.own = own[1:] if COMM.rank == 1 else own
-        whole(self)
+        whole(self, again)
         self.arrays.own = own
 
     ranks.RankWindows._run_own = fewer  # type: ignore[method-assign]
 
 
-FAULTS = {each.__name__: each for each in (half_a_ring, no_trails, old_trails, no_verification, wrong_owner)}
+FAULTS = {
+    each.__name__: each
+    for each in (
+        no_foresight, half_a_ring, half_a_halo, no_trails, no_verification, wrong_owner,
+    )
+}  # fmt: skip
 LISTED_ANEW = [0]
 
 
@@ -195,6 +203,8 @@ def told(name: str) -> dict[str, Any]:
         each for each in expected if not np.array_equal(np.asarray(expected[each]), np.asarray(found[each]))
     ]
     counted = vars(engine.statistics) | {"listed anew": LISTED_ANEW[0]}
+    if COMM.size > 1:
+        counted["whole"] = engine.arrays.traffic.whole
     own = int(np.sum(np.asarray(getattr(engine.arrays, "own", [])) >= 0))
     differ = [each for each in differ if each != "statistics run_again"]  # depends on room for claims too
     return {"name": name, "differ": differ, **counted, "tiles": engine.arrays.tiles, "own": own}

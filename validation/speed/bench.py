@@ -228,6 +228,10 @@ class Benchmark:
                     for name, what in (("ghosts", "disks"), ("trails", "hashes and ways"), ("sums", "sums"))
                 )
             )
+        if self.sent is not None:
+            rows["exchanges"] = (
+                f"{1e3 * self.sent['seconds']:.4g} ms a window, verifying and waiting included"
+            )
         return "\n".join(
             [
                 f"{self.gas}: {self.n} disks, packing fraction {self.phi:.4g}, "
