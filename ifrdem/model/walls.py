@@ -739,9 +739,9 @@ def check_place(wall: Wall, box: Box) -> None:
 
 def check(
     walls: Sequence[Wall], box: Box, position: Array, radius: Array, materials: int | None = None,
-    time: float = 0.0, tolerance: float = 0.0,
+    time: float = 0.0, tolerance: float = 0.0, collisions: int = 0,
 ) -> None:  # fmt: skip
-    """Refuse walls that cannot be simulated, or that disks overlap at the start, which is at `time` [time].
+    """Refuse walls that cannot be simulated, or that disks overlap at the start, at `time` [time], after `collisions`.
 
     `materials` is how many the law's table has, if it is known; overlaps up to `tolerance` [length] do not count.
     InputError names wall and disk, and by how much they overlap.
@@ -761,7 +761,7 @@ def check(
             check_place(wall, box)
         except InputError as error:
             raise InputError(f"{name}: {error}") from None
-        if len(position) and wall.stands(time):
+        if len(position) and wall.stands(time, collisions):
             gap = wall.gap(position, radius, time)
             worst = int(np.argmin(gap))
             if gap[worst] < -tolerance:

@@ -222,7 +222,10 @@ class Engine:
         self.precision: str = given.precision
         self.walls: tuple[Wall, ...] = (*walls, *sides(box))
         self.given_walls: int = len(walls)
-        check_walls(self.walls, box, state.position, disks.radius, len(self._law_table), float(state.time))
+        met = int(state.collisions.sum()) // 2
+        check_walls(
+            self.walls, box, state.position, disks.radius, len(self._law_table), float(state.time), collisions=met
+        )  # fmt: skip
         self.statistics: Statistics = Statistics()
         self.keep_collisions = False
         self.last_collisions: CollisionTimes | None = None

@@ -1,9 +1,9 @@
 """Does any disk ever get through a wall? `python -m ifrdem.validation.gas.escape --hits 1e7`
 
-A few disks in a room of every kind of wall: four sides, one of them thermal; a container around them that cuts the
-corners off, with a turning surface; a floor that moves as a sine and a wall that moves as a sawtooth; posts at rest, in
-motion and of radius 0; a segment. Gravity pulls. Inelastic rough disks lose what moving walls give; slow collisions are
-elastic, so that none comes to rest on a post.
+A few disks in a room of every kind of wall of one piece: four sides, one of them thermal; a container around them that
+cuts the corners off, with a turning surface; a floor that moves as a sine and a wall that moves as a sawtooth; posts at
+rest, in motion and of radius 0; a segment. Gravity pulls. Inelastic rough disks lose what moving walls give; slow
+collisions are elastic, so that none comes to rest on a post.
 
 After every stretch of collisions each disk is held against each wall: a gap below zero by more than rounding is an
 escape, or the beginning of one, and the engine itself refuses a state with a disk outside of the box.
