@@ -261,7 +261,9 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
                 going = 0
                 if steps >= MOST_STEPS:
                     resting = 1
-                    if ti.static(gas.uses.rests):  # along a wall as near as g (horizon / MOST_STEPS)^2 / 2: it touches
+                    if ti.static(
+                        gas.uses.rests
+                    ):  # along a wall as near as g (horizon / MOST_STEPS)^2 / 2: it touches
                         found, resting = t, 0
     return found, resting
 

@@ -503,7 +503,8 @@ class Engine:
         if self._parted or self.n == 0 or (self.n == 1 and not self.walls and not self.box.shear_rate):
             return True
         self.windows.go_on(self.force_steps.next_time)
-        if self.options.resting_speed and not self.windows.inside and self.asleep == self.n:
+        all_sleep = self.options.resting_speed and not self.windows.inside and self.asleep == self.n
+        if all_sleep and self.statistics.windows > 0:  # in the first it is judged whether they may
             return not any(wall.most_speed for wall in self.walls)
         forced = any(self.gravity) or any(wall.most_speed for wall in self.walls) or self.box.shear_rate
         return not forced and not self.windows.inside and self.windows.fastest == 0.0

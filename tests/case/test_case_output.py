@@ -267,7 +267,9 @@ def test_the_file_is_as_large_as_the_estimate_says(folder, overrides):
     start, ledger = gas.start(case), Ledger()
     measured = measure(gas.disks, start)
     if output.ledger:
-        measured = replace(measured, dissipated=np.zeros(len(MECHANISMS)), regimes=np.zeros(5, dtype=np.int64))
+        measured = replace(
+            measured, dissipated=np.zeros(len(MECHANISMS)), regimes=np.zeros(5, dtype=np.int64)
+        )
     place = folder / "gas.h5"
     with TrajectoryWriter(
         place, gas.disks, gas.box, fields=output.fields, precision=output.precision,

@@ -271,7 +271,11 @@ def test_a_thermal_wall_needs_no_material(tmp_path: Path, capsys: pytest.Capture
 
 @pytest.mark.parametrize(
     ("kind", "key", "value"),
-    [("velocity_cutoff", "velocity_cutoff", 0.25), ("tc", "contact_time", 0.25), ("rest", "resting_speed", 0.05)],
+    [
+        ("velocity_cutoff", "velocity_cutoff", 0.25),
+        ("tc", "contact_time", 0.25),
+        ("rest", "resting_speed", 0.05),
+    ],
 )
 def test_remedies_for_collapse_reach_the_engine(
     kind: str,
