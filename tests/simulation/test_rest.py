@@ -200,7 +200,7 @@ def test_a_slow_hit_wakes_nobody() -> None:
 
 
 def test_who_loses_his_support_wakes_and_falls() -> None:
-    """A tower of two; a third disk knocks the lower one away along the floor, so that nobody hits the upper one hard."""
+    """A tower of two; a third disk knocks the lower one away along the floor, so nobody hits the upper one hard."""
     run = gas([[6.0, 0.5], [6.0, 1.5], [3.0, 0.5]], [[0.0, 0.0], [0.0, 0.0], [6.0, 0.0]])
     state = run.state
     state.asleep = np.array([1, 1, 0])
