@@ -13,8 +13,8 @@ disk         (3 room,) of 5       X, Y, VX, VY, SPIN; places from the lower left
 meta         (3 room,) of 4       ID, EVENTS (collisions with disks and walls), IMAGE_X, IMAGE_Y
 past         (3 room,) of 2       LATEST, ANGLE, f64: time of the latest collision, and angle turned, of gases that ask
 hits         (3 room,) of 2       WALL_HITS, LAST_PARTNER, of gases that ask
-spent        (3 room,) of 6       energy that collisions took, by mechanism, f64: half of a pair's; of gases that ask
-slept        (3 room,)            AWAKE, ASLEEP or WOKEN, of gases that rest (`rest.py`)
+spent        (3 room,) of 7       energy that collisions took, by mechanism, f64: half of a pair's; of gases that ask
+slept        (3 room,)            AWAKE, ASLEEP, WOKEN or SAID_ASLEEP, of gases that rest (`rest.py`)
 kind         (n,)                 kind of each disk, by id
 kinds        (kinds,) of 6        what disks of a kind share
 trail        (room,) of 2            hash of the history of the disk at a slot of the window's beginning, by its tile
@@ -81,7 +81,7 @@ W_SPIN = 7
 # rest: AWAKE, ASLEEP or WOKEN since the window's beginning; 1 where the disk may fall asleep in it; quick
 # hits of something at rest, one after the other
 ASLEEP_NOW, MAY_REST, HITS_NOW = range(3)
-AWAKE, ASLEEP, WOKEN = range(3)
+AWAKE, ASLEEP, WOKEN, SAID_ASLEEP = range(4)  # by a state that nobody has judged yet
 EDGES_OF_DISK = 32  # for which there is room, on average
 # mark: slot at the window's beginning; boxes travelled in this window; collisions before it, and with walls in it; tile
 # that lists it

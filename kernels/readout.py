@@ -5,8 +5,8 @@ from typing import Any
 from .language import spread_of_loops, ti
 from .layout import (
     ANGLE, ASLEEP, COUNT, DRIFT, EVENTS, GX, GY, ID, IMAGE_X, IMAGE_Y, KIND_INERTIA, KIND_MASS, LAST_PARTNER,
-    LATEST, MECHANISMS, OWNED, PART, PERIODIC_X, PERIODIC_Y, ROOM, SPIN, START, TILES_X, TILES_Y, TOLD, VX, VY,
-    WALL_HITS,
+    LATEST, MECHANISMS, OWNED, PART, PERIODIC_X, PERIODIC_Y, ROOM, SAID_ASLEEP, SPIN, START, TILES_X, TILES_Y, TOLD,
+    VX, VY, WALL_HITS,
     GasArrays, Rows, Table, X, Y,
 )  # fmt: skip
 from .places import round_products
@@ -137,6 +137,8 @@ def read_out(
                         hits_out[i, WALL_HITS] = gas.hits[s][WALL_HITS]
                         hits_out[i, LAST_PARTNER] = gas.hits[s][LAST_PARTNER]
                     if ti.static(gas.uses.rests):
-                        hits_out[i, SLEEPING] = ti.cast(gas.slept[s] == ASLEEP, ti.i32)
+                        hits_out[i, SLEEPING] = ti.cast(
+                            gas.slept[s] == ASLEEP or gas.slept[s] == SAID_ASLEEP, ti.i32
+                        )
             for c in ti.static(range(TOTALS)):
                 totals[k, c] = total[c]

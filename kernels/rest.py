@@ -46,7 +46,7 @@ from .language import ti
 from .layout import (
     ASLEEP, ASLEEP_NOW, AWAKE, BY_REST, CELL, CELLS, CUTOFF, EDGES_OF_DISK, FAR, GX, GY, HITS_NOW,
     INVERSE_MASS, ITEMS, JAMMED, KIND_RADIUS, LENGTH_X, LENGTH_Y, LOSSES, MATERIAL, MAY_REST,
-    NEXT_IN_CELL, PLACES, SLEEPERS, UNJUDGED, VX, VY, W_SPIN, WOKEN, K, X, Y,
+    NEXT_IN_CELL, PLACES, SAID_ASLEEP, SLEEPERS, UNJUDGED, VX, VY, W_SPIN, WOKEN, K, X, Y,
 )  # fmt: skip
 from .places import add, kind_of, radius_of
 from .walls import (
@@ -503,6 +503,9 @@ def judge(n, tile, region: ti.template(), gas: ti.template()):
     for i in range(places, places + n):
         if gas.rest[i][ASLEEP_NOW] == WOKEN:
             gas.rest[i][ASLEEP_NOW] = AWAKE
+            changed = 1
+        if gas.rest[i][ASLEEP_NOW] == SAID_ASLEEP:
+            gas.rest[i][ASLEEP_NOW] = ASLEEP
             changed = 1
         gas.rest[i][MAY_REST] = ti.max(sleeps(i, gas), is_slow(i, gas.work[i][VX], gas.work[i][VY], gas))
         if ti.static(gas.uses.walled):

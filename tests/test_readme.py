@@ -292,6 +292,14 @@ def test_shapes_of_the_case_file_are_walls() -> None:
     assert len(gas.walls[2].points) > 5
 
 
+def test_heap_example_rests_and_wakes(capsys: pytest.CaptureFixture[str]) -> None:
+    exec(compile(block("heap"), "heaps.md", "exec"), {})
+    asleep, collisions, moves, after = capsys.readouterr().out.split()
+    assert (asleep, moves) == ("40", "False")
+    assert int(collisions) > 1000
+    assert int(after) < 40
+
+
 def test_walls_of_the_case_file_are_those_of_the_template() -> None:
     shown = tomllib.loads(block("walls case"))
     full = dict(template.TEMPLATES["walls"].values)

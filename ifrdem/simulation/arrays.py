@@ -523,7 +523,7 @@ class DeviceArrays:
             self.spent.from_numpy(spent)
         if self.uses.rests:
             slept = self.slept.to_numpy()
-            slept[:n] = np.where(state.asleep[order], k.ASLEEP, k.WOKEN)  # woken: there is something to judge
+            slept[:n] = np.where(state.asleep[order], k.SAID_ASLEEP, k.WOKEN)  # either is to be judged
             self.slept.from_numpy(slept)
         self.set_lists(0, np.bincount(tile[order], minlength=self.tiles))
 

@@ -610,7 +610,8 @@ class Engine:
 
         self.windows.go_on(self.next_kick)
         walls_move = self.arrays.clock[WALL_SPEED] > 0.0
-        if self.options.resting_speed and not self.windows.inside and self.asleep == self.n:
+        all_sleep = self.options.resting_speed and not self.windows.inside and self.asleep == self.n
+        if all_sleep and self.statistics.windows > 0:  # in the first it is judged whether they may
             return not walls_move
         forced = any(self.gravity) or walls_move or self.box.shear_rate
         return not forced and not self.windows.inside and self.windows.fastest == 0.0

@@ -200,24 +200,40 @@ def test_a_slow_hit_wakes_nobody() -> None:
 
 
 def test_who_loses_his_support_wakes_and_falls() -> None:
-    """A tower of two; a third disk knocks the lower one away."""
-    run = gas([[6.0, 0.5], [6.0, 1.5], [3.0, 0.6]], [[0.0, 0.0], [0.0, 0.0], [6.0, 0.0]])
+    """A tower of two; a third disk knocks the lower one away along the floor, so nobody hits the upper one hard."""
+    run = gas([[6.0, 0.5], [6.0, 1.5], [3.0, 0.5]], [[0.0, 0.0], [0.0, 0.0], [6.0, 0.0]])
     state = run.state
     state.asleep = np.array([1, 1, 0])
-    run = gas(state.position, state.velocity)
     run = Simulation(
-        run.disks, run.box, IFRLaw(e_n=0.9, e_t=-1.0, mu=0.3), state,
+        run.disks, run.box, IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0), state,
         gravity=(0.0, -1.0), collapse="rest", resting_speed=SLOW,
     )  # fmt: skip
     run.run(t_end=0.3)
     assert run.state.asleep[1] == 1  # nothing has touched it
     assert run.state.position[1, 1] == 1.5
-    run.run(t_end=2.2)
-    assert run.state.position[1, 1] < 1.0
+    run.run(t_end=1.5)  # hit at t = 1/3; judged 8 v_s / g = 0.16 later at most
+    fallen = 1.5 - run.state.position[1, 1]
+    assert 0.5 * (1.5 - 1.0 / 3.0 - 0.16) ** 2 < fallen < 0.5 * (1.5 - 1.0 / 3.0) ** 2
     assert run.state.asleep[1] == 0
-    run.run(t_end=1000.0)
+
+
+def test_who_sleeps_without_support_is_found_out_by_its_forces() -> None:
+    """One in the air, one beside the top of a third on the floor, which it pushes aside as it rolls off."""
+    beside = (9.0 + math.sin(0.2), 0.5 + math.cos(0.2))
+    run = gas([[3.0, 3.0], [9.0, 0.5], beside])
+    state = run.state
+    state.asleep = np.array([1, 1, 1])
+    run = Simulation(
+        run.disks, run.box, IFRLaw(e_n=0.6, e_t=-1.0, mu=0.3), state,
+        gravity=(0.0, -1.0), collapse="rest", resting_speed=SLOW,
+    )  # fmt: skip
     assert run.asleep == 3
-    assert run.state.position[1, 1] == pytest.approx(0.5, abs=1e-12)
+    run.collide(1)
+    assert run.asleep == 0
+    run.run(t_end=1.5)
+    assert run.state.position[1, 0] < 9.0 < run.state.position[2, 0]
+    assert run.state.position[0, 1] == pytest.approx(3.0 - 0.5 * 1.5**2, abs=1e-12)
+    assert run.state.position[2, 0] > beside[0] + 0.05
 
 
 # --- a pile ---------------------------------------------------------------------------------------------------
