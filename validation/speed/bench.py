@@ -38,7 +38,7 @@ from ...tools.versions import __version__
 
 RUNS, SECONDS = 5, 0.5
 LEAST_LAUNCHES = 3  # in a timed run
-SENT = ("messages", "rounds", "ghosts", "trails", "sums")
+SENT = ("messages", "rounds", "ghosts", "trails", "sums", "seconds")
 PIECES = 20  # of what passes before the first timed run, for its progress
 RADIUS, MASS, TEMPERATURE = 0.5, 1.0, 1.0  # reduced units: lengths are in diameters
 
