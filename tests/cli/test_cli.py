@@ -179,7 +179,7 @@ def test_check_prints_what_to_expect(folder: Path, capsys: pytest.CaptureFixture
     assert "202 collisions" in rows["run"]  # 101 x 4 / 2
     # 9 frames x 101 disks x 24 bytes are 21.8 kB; the rest are whole chunks and HDF5's own (test_case_output.py
     # compares with files).
-    assert rows["file"].startswith("tiny.h5, 338 kB: 9 frames x (101 disks x 24 bytes")
+    assert rows["file"].startswith("tiny.h5, 342 kB: 9 frames x (101 disks x 24 bytes")
     assert "up to 81 rows of series" in rows["file"]
     assert re.search(r"101 disks x \d+ bytes", rows["memory"])
     assert names(folder) == ["tiny.toml"]

@@ -6,7 +6,7 @@ import pytest
 import ifrdem
 from ifrdem.errors import InputError
 from ifrdem.model.law_table import coefficient_table, law_table
-from ifrdem.plots import dissipation
+from ifrdem.plots import dissipation, pictures
 from ifrdem.simulation.engine import Engine
 from ifrdem.trajectory.export import export
 
@@ -149,6 +149,21 @@ def test_the_map_holds_all_that_was_lost(trajectory):
     lost = trajectory[-1].dissipated - trajectory[0].dissipated
     assert found.power.sum() * cell * (end - begin) == pytest.approx(lost.sum(), rel=1e-5)
     np.testing.assert_allclose(found.mechanisms, lost.sum(axis=0), rtol=1e-5, atol=1e-9)
+
+
+def test_the_picture_has_the_map_and_a_bar_for_each_mechanism(trajectory):
+    figure = pictures.figure(trajectory, "dissipation")
+    left, right, *_ = figure.axes
+    assert left.get_xlabel() == "$x$"
+    assert [label.get_text() for label in right.get_yticklabels()][:3] == [
+        "normal",
+        "tangential restitution",
+        "sliding",
+    ]
+    shares = [bar.get_width() for bar in right.patches]
+    assert len(shares) == 7
+    assert sum(shares) == pytest.approx(100.0)
+    figure.draw_without_rendering()
 
 
 def test_a_map_of_one_frame_or_without_the_field_is_refused(trajectory, tmp_path):
