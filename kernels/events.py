@@ -467,7 +467,9 @@ def predict(
             best, partner = gas.work[i][T_HIT], gas.link[i][PARTNER]
     before = partner
     best, partner = find(i, x_low, x_high, y_low, y_high, half, best, partner, region, gas)
-    if ti.static(gas.uses.walled):
+    if ti.static(gas.uses.walled and not gas.uses.rests):
+        best, partner = first_wall(i, best, partner, region, gas)
+    elif ti.static(gas.uses.walled):
         if not sleeps(i, gas):
             best, partner = first_wall(i, best, partner, region, gas)
     if partner == NOBODY:
@@ -477,8 +479,9 @@ def predict(
     gas.work[i][T_HIT] = best
     gas.link[i][PARTNER] = partner
     leaves, side = leaving(i, region, gas)
-    if sleeps(i, gas):
-        leaves = FAR
+    if ti.static(gas.uses.rests):
+        if sleeps(i, gas):
+            leaves = FAR
     gas.work[i][T_LEAVE], gas.link[i][DIRECTION] = leaves, side
     return ti.select(best < leaves, best, leaves)
 

@@ -259,6 +259,41 @@ def test_a_pile_comes_to_rest_at_a_bounded_cost() -> None:
     np.testing.assert_array_equal(run.state.position, state.position)
 
 
+@pytest.mark.parametrize(
+    ("box", "walls", "law"),
+    [
+        (
+            Box((22.0, 22.0), (False, False)),
+            [Wall.container((11.0, 11.0), 10.0)],
+            IFRLaw(e_n=0.6, e_t=-1.0, mu=0.3),
+        ),
+        (
+            Box((22.0, 22.0), (False, False)),
+            [Wall.post((6.0, 5.0), 2.0), Wall.segment((2.0, 10.0), (9.0, 13.0))],
+            IFRLaw(e_n=0.6, e_t=-1.0, mu=0.0),
+        ),
+        (Box((15.0, 22.0), (True, False)), [], IFRLaw(e_n=0.3, e_t=-0.5, mu=0.6, rho=0.05)),
+    ],
+    ids=["container", "posts, smooth", "periodic, rolling friction"],
+)
+def test_disks_of_many_sizes_rest_anywhere(box: Box, walls: list[Wall], law: IFRLaw) -> None:
+    radius = np.random.default_rng(1).uniform(0.4, 0.6, 80)
+    start = State(random_positions(box, radius, seed=1, walls=walls), np.zeros((80, 2)), np.zeros(80))
+    run = Simulation(
+        Disks(80, mass=radius**2, radius=radius), box, law, start, walls=walls,
+        gravity=(0.0, -1.0), collapse="rest", resting_speed=SLOW, ledger=True,
+    )  # fmt: skip
+    run.run(t_end=150.0)
+    assert run.asleep == 80
+    closes(run)
+    place = run.state.position
+    gap = place[:, None] - place
+    if box.periodic[0]:
+        gap[..., 0] -= box.lengths[0] * np.round(gap[..., 0] / box.lengths[0])
+    gap = np.linalg.norm(gap, axis=2) - radius[:, None] - radius
+    assert gap[np.triu_indices(80, 1)].min() > -1e-11
+
+
 def test_gravity_that_turns_wakes_a_pile_which_flows_and_rests_again() -> None:
     run = pile(30)
     run.run(t_end=60.0)
