@@ -29,7 +29,7 @@ LAST_PYTHON = (3, 11)  # PyBullet publishes wheels for Python 3.9 to 3.11
 
 
 def absence() -> str | None:
-    """Why PyBullet cannot be used here, and what to do about it; None if it can.
+    """Reason why PyBullet cannot be used here, with a way out; None if it can.
 
     Examples
     --------

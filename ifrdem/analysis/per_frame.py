@@ -92,7 +92,7 @@ def of_pairs(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation
 
 
 def _neighbours_change(trajectory: Trajectory, used: Sequence[int], reach: float) -> list[str]:
-    """Why g near contact is a mean over a change: how many others a disk has near it, cell by cell."""
+    """Doubt of a g near contact over a change: how many others a disk has near it, cell by cell."""
     if len(used) < 2:
         return []
     count, where = [], []
@@ -128,7 +128,7 @@ def of_structure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evalua
 
 
 def _modes_change(trajectory: Trajectory, used: Sequence[int]) -> list[str]:
-    """Why S(k) is a mean over a change: the intensities of the longest waves, mode by mode."""
+    """Doubt of an S(k) over a change: the intensities of the longest waves, mode by mode."""
     if len(used) < 2:
         return []
     box, most = trajectory.box, steadiness.MODES

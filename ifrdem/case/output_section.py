@@ -44,7 +44,7 @@ class OutputSection(Section):
         ["position", "velocity", "angular_velocity", "collisions"],
         ["position", "velocity", "angular_velocity", "collisions"],
     )
-    """What every frame holds of every disk [list of names]; image: box lengths travelled; angle: how far it has turned
+    """Fields of every disk in every frame [list of names]; image: box lengths travelled; angle: how far it has turned
     since the start; last_partner: whom it hit last; dissipated: energy that its collisions took, by
     mechanism (half of each); asleep: 1 for disks that sleep, with run.collapse = "rest"."""
     series: int | None = key(1000, None, ge=1, le=MOST_FRAMES)

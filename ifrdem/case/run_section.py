@@ -29,7 +29,7 @@ class RunSection(Section):
     collisions_per_disk: float | None = key(50.0, None, gt=0.0)
     """Collisions per disk, mean over all disks, at which the run ends [1]."""
     arch: Literal["cpu", "cuda"] = key("cpu", "cpu")
-    """What computes: "cpu", or "cuda" (an NVIDIA GPU)."""
+    """Device: "cpu", or "cuda" (an NVIDIA GPU)."""
     threads: int | None = key(2, None, ge=1)
     """CPU threads [whole number]; all cores without it. The result does not depend on it."""
     precision: Literal["f64", "f32"] = key("f64", "f64")
@@ -82,8 +82,8 @@ class BoxSection(Section):
     """No box: disks may fly apart for ever [true or false]. packing_fraction or lengths are then those of the
     rectangle in which they start, and not needed with a start file."""
     periodic: list[bool] = key([True, False], [True, True], min_length=2, max_length=2)
-    """Whether disks that leave come in on the other side, along x and along y [true or false]; straight walls stand at
-    the others."""
+    """Periodic sides, along x and along y: disks that leave come in on the other side [true or false]; straight walls
+    stand at the others."""
     material: Name | None = key("steel", None)
     """Name of the material of walls at the sides [text]; needed where a side is not periodic. That of a species, or
     another one with a [[pair]] for each material of the disks."""

@@ -111,13 +111,13 @@ class WallSection(Section):
     tolerance: float | None = key(1.0e-5, None, gt=0.0)
     """Largest distance of the straight pieces that stand for curves of a path [m]; 1e-4 of its size if not given."""
     holds: Literal["both", "inside", "outside"] | None = key("inside", None)
-    """Where disks start: "inside" of a polygon, "outside", or on "both" sides, if not given; packing fractions count
-    it."""
+    """Place of the disks at the start: "inside" of a polygon, "outside", or on "both" sides, if not given; packing
+    fractions count it."""
     motion: MotionSection | None = key({"kind": "sine", "amplitude": 5.0e-3, "frequency": 20.0}, None)
-    """How it moves as a whole [table; m, 1/s, rad]: "steady" (speed), "sine" or "sawtooth" (amplitude, frequency,
+    """Motion of the whole wall [table; m, 1/s, rad]: "steady" (speed), "sine" or "sawtooth" (amplitude, frequency,
     phase; rise), along a direction. At rest without it."""
     turn: TurnSection | None = key({"kind": "steady", "center": [0.5, 0.5], "rate": 2.0}, None)
-    """How it turns as a whole [table; m, rad/s, 1/s, rad]: "steady" (rate) or "sine" (amplitude, frequency, phase),
+    """Rotation of the whole wall [table; m, rad/s, 1/s, rad]: "steady" (rate) or "sine" (amplitude, frequency, phase),
     about a center. Walls with the same motion and turn move as one."""
     moves_from: float | None = key(1.0, None)
     """Time from which on it moves and turns [s]; before, it stands where it is then. Always without it."""

@@ -182,7 +182,7 @@ class Search:
         return float(c * np.tan(transition) / (1.0 + self.law.full(values)["e_n"][0]))
 
     def descend(self, start: Array, held: Mapping[str, float] | None = None) -> tuple[Array, float]:
-        """Where the loss is least, and it, from a start (p,), with quantities held."""
+        """Place and value of the least loss, from a start (p,), with quantities held."""
         from scipy.optimize import least_squares
 
         law, held = self.law, dict(held or {})

@@ -67,7 +67,7 @@ def crushes(walls: Sequence[Wall], box: Box, diameter: float, begin: float, end:
 
 
 def told(crush: Crush, names: Sequence[str], diameter: float) -> str:
-    """What is to be said of it."""
+    """Message about it."""
     return (
         f"{names[crush.one]} and {names[crush.other]} come within {crush.gap:.3g} of each other at t = "
         f"{crush.time:.4g}, less than the diameter {diameter:.3g}: a disk between them would be crushed"
@@ -93,7 +93,7 @@ def _always_apart(one: Wall, other: Wall, diameter: float) -> bool:
 
 
 def _times(one: Wall, other: Wall, box: Box, begin: float, end: float) -> tuple[float, float]:
-    """When to look: in two periods of the slower one, or as long as a steady motion takes through the box."""
+    """Times at which to look: in two periods of the slower one, or as long as a steady motion takes through the box."""
     last = 0.0
     for wall in (one, other):
         motion, turn = wall.motion, wall.turn

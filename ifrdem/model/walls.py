@@ -24,7 +24,7 @@ from .box import Box
 
 Point = tuple[float, float]
 PIECES = ("line", "segment", "container", "post", "arc inside", "arc outside")
-"""What walls consist of, in the order of `kernels/walls.py`."""
+"""Pieces of walls, in the order of `kernels/walls.py`."""
 SHAPES = ("line", "segment", "container", "post", "arc", "polyline", "polygon")
 MOTIONS = ("still", "steady", "sine", "sawtooth")
 TURNS = ("still", "steady", "sine")
@@ -425,7 +425,7 @@ class Wall:
 
     @property
     def moving_times(self) -> tuple[float, float]:
-        """When motion and turn begin and end [time]; infinite where they always go on."""
+        """Begin and end of motion and turn [time]; infinite where they always go on."""
         return (
             -math.inf if self.moves_from is None else self.moves_from,
             math.inf if self.moves_until is None else self.moves_until,
@@ -443,7 +443,7 @@ class Wall:
         )
 
     def moved(self, t: float) -> tuple[Array, float]:
-        """How far the wall has been displaced at a time [length], shape (2,), and turned [rad]."""
+        """Displacement of the wall at a time [length], shape (2,), and the angle by which it has turned [rad]."""
         begin, end = self.moving_times
         t = min(max(t, begin), end)
         return np.array(self.motion.direction) * self.motion.displacement(t), self.turn.angle(t)

@@ -426,7 +426,7 @@ class DeviceArrays:
         self.set_lists(0, found["tile"][:, 1], found["tile"][:, 0])
 
     def lists(self, part: int) -> dict[str, NDArray[Any]]:
-        """What a part holds: rows of the state by array, and where each tile's list begins and how long it is."""
+        """Content of a part: rows of the state by array, and where each tile's list begins and how long it is."""
         rows = slice(part * self.room, part * self.room + self.n)
         found = {
             name: getattr(self, name).to_numpy()[rows] for name, kept in self.state_arrays().items() if kept

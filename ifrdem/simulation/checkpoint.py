@@ -142,7 +142,7 @@ def reading(path: str | os.PathLike[str], part: str = "it") -> AbstractContextMa
 
 
 def state_of(arrays: Mapping[str, NDArray[Any]]) -> State:
-    """Where the disks were, to rounding: for a simulation that `Simulation.load_checkpoint` then puts right."""
+    """Places of the disks, to rounding: for a simulation that `Simulation.load_checkpoint` then puts right."""
     return State(
         position=arrays["state_position"],
         velocity=arrays["state_velocity"],

@@ -128,7 +128,7 @@ def memory_available() -> int | None:
 
 
 def cuda_absence() -> str | None:
-    """Why no GPU can be used through CUDA, and what to do about it; None if one can. Asks the driver itself."""
+    """Reason why no GPU can be used through CUDA, with a way out; None if one can. Asks the driver itself."""
     try:
         driver = ctypes.CDLL("libcuda.so")  # under this name Taichi opens it
     except OSError:
@@ -215,7 +215,7 @@ def check(arch: str, threads: int | None = None, precision: str = "f64") -> None
 
 
 def _kernel_cache() -> str:
-    """Where compiled kernels are kept: Taichi's usual folder, or a passing one where that cannot be written.
+    """Folder of compiled kernels: Taichi's usual folder, or a passing one where that cannot be written.
 
     Taichi itself crashes when it cannot write its cache.
     """

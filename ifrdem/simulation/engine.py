@@ -364,7 +364,7 @@ class Engine:
 
     @property
     def wall_sums(self) -> NDArray[np.float64]:
-        """What each wall, those at sides of the box last, gave so far, shape (walls, 6); columns `model.walls.SUMS`."""
+        """Sums of what each wall gave so far, sides of the box last, shape (walls, 6); columns `model.walls.SUMS`."""
         from ..kernels.layout import TALLY
 
         return self.windows.sums[TALLY + len(self.arrays.thermal) :].reshape(-1, WALL_SUMS)
@@ -373,7 +373,7 @@ class Engine:
 
     @property
     def next_kick(self) -> float:
-        """When something else than a collision happens next [time]: a force acts, a gate opens, a wall starts or
+        """Time of the next event that is no collision [time]: a force acts, a gate opens, a wall starts or
         stops."""
         kick, now = self.force_steps.next_time, self.time
         if self.arrays.uses.timed:

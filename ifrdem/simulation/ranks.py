@@ -57,7 +57,7 @@ _TYPES = {"f64": np.float64, "f32": np.float32, "i32": np.int32}
 
 @dataclass
 class Traffic:
-    """What a rank has sent so far.
+    """Bytes and messages that a rank has sent so far.
 
     Attributes
     ----------

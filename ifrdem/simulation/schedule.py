@@ -155,7 +155,7 @@ def earlier(one: Due, other: Due) -> Due:
 
 @dataclass(frozen=True)
 class Span:
-    """Where a run begins, and its end.
+    """Begin and end of a run.
 
     Attributes
     ----------

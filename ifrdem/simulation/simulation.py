@@ -411,7 +411,7 @@ class Simulation(Sealed, PicturedDisks):
 
     @property
     def wall_sums(self) -> WallSums:
-        """What each wall has given to the disks up to the latest `state`, the sides of the box last.
+        """Sums of what each wall has given to the disks up to the latest `state`, the sides of the box last.
 
         Raises
         ------

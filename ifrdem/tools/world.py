@@ -104,7 +104,7 @@ def on_first(comm: Any, work: Callable[[], Result]) -> Result | None:
 
 
 def told(comm: Any, value: Result) -> Result:
-    """What the first rank says."""
+    """Value that the first rank gives."""
     return value if comm is None else comm.bcast(value)
 
 
@@ -138,7 +138,7 @@ _KINDS: dict[str, Callable[[str], Exception]] = {
 
 
 def _told(error: BaseException | None) -> tuple[str, str, int] | None:
-    """What is sent of an error: its kind, its text, an exit status."""
+    """Parts of an error that are sent: its kind, its text, an exit status."""
     if error is None:
         return None
     known: tuple[type[BaseException], ...] = (

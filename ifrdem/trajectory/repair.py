@@ -338,7 +338,7 @@ def _numbers(frames: NDArray[np.intp]) -> str:
 
 
 def _otherwise(path: Path) -> str:
-    """Where else the run may be continued from."""
+    """Other places from which the run may be continued."""
     checkpoint = checkpoint_of(path)
     if checkpoint.exists():
         return f"; {checkpoint.name} holds a state from which the run can go on"

@@ -1,4 +1,4 @@
-"""Why event-exact: a time step finds a contact late, and bodies collide along a line of centres that has turned."""
+"""Need for exact events: a time step finds a contact late, and bodies collide along a line of centres that turned."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ LONG = 1e3  # half the length of a line, in diameters: Chipmunk has segments onl
 
 
 def absence() -> str | None:
-    """Why pymunk cannot be used here; None if it can."""
+    """Reason why pymunk cannot be used here; None if it can."""
     if importlib.util.find_spec("pymunk") is None:
         return "pymunk is not installed: `pip install 'ifrdem[bullet]'` adds it"
     return None

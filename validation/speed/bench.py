@@ -370,7 +370,7 @@ def measure(
 
 
 def _sent(simulation: Simulation) -> Any:
-    """What this rank has sent so far, an array of `SENT`; None if it is the only one."""
+    """Counts of what this rank has sent so far, an array of `SENT`; None if it is the only one."""
     traffic = simulation.traffic
     return None if traffic is None else np.array([getattr(traffic, name) for name in SENT], dtype=float)
 

