@@ -101,7 +101,7 @@ def validate(
     chosen = registry.chosen(names)
     _check_seed(seed, chosen)
     jobs = _jobs(jobs, chosen)
-    if {*chosen} <= {*registry.DEVICE} and (absence := device.cuda_absence()) is not None:
+    if chosen and {*chosen} <= {*registry.DEVICE} and (absence := device.cuda_absence()) is not None:
         raise InputError(f"{' '.join(names)}: there is no GPU to validate: {absence}")
     seed = 1 if seed is None else seed
     place = _folder(folder, force)
