@@ -48,7 +48,7 @@ from .layout import (
     INVERSE_MASS, ITEMS, JAMMED, KIND_RADIUS, LENGTH_X, LENGTH_Y, LOSSES, MATERIAL, MAY_REST,
     NEXT_IN_CELL, PLACES, SAID_ASLEEP, SLEEPERS, UNJUDGED, VX, VY, W_SPIN, WOKEN, K, X, Y,
 )  # fmt: skip
-from .places import add, kind_of, radius_of
+from .places import add, charge, kind_of, radius_of
 from .walls import (
     ARC_INSIDE, ARC_OUTSIDE, HALF, MOTION, QX, QY, STILL, SURFACE, TEMPERATURE, TURN, TYPE, WALL_MATERIAL, turned_back,
     wall_motion, wall_reach, wall_turn, wall_vector,
@@ -137,7 +137,10 @@ def fall_asleep(i, t, tile, gas: ti.template()):
         kind = kind_of(i, gas)
         radius, spin = gas.kinds[kind][KIND_RADIUS], gas.work[i][W_SPIN]
         lost = vx * vx + vy * vy + radius * radius * spin * spin / gas.kinds[kind][K]
-        add(tile, LOSSES + BY_REST, 0.5 * lost / gas.kinds[kind][INVERSE_MASS], gas)
+        energy = ti.cast(0.5 * lost / gas.kinds[kind][INVERSE_MASS], ti.f64)
+        add(tile, LOSSES + BY_REST, energy, gas)
+        if ti.static(gas.uses.itemised):
+            charge(i, BY_REST, energy, gas)
         add(tile, SLEEPERS, 1.0, gas)
         gas.rest[i][ASLEEP_NOW] = ASLEEP
         set_at_rest(i, t, gas)

@@ -24,7 +24,7 @@ MOTION          STILL, STEADY, SINE or SAWTOOTH displacement along (UX, UY), a u
 UX, UY
 AMPLITUDE       of the displacement; for STEADY the speed
 RATE            angular frequency of SINE, frequency of SAWTOOTH
-PHASE           at t = 0 of the run, in radians (SINE) or periods (SAWTOOTH)
+PHASE           at t = 0 of the run, or at BEGINS, in radians (SINE) or periods (SAWTOOTH)
 RISE            part of its period in which SAWTOOTH rises, from -AMPLITUDE to AMPLITUDE
 SURFACE         speed of the wall's surface along its tangent, (-n_y, n_x) of the normal towards the disk
 WALL_MATERIAL   row of the law's table
@@ -37,7 +37,7 @@ TURN            STILL, STEADY or SINE rotation about (CX, CY), which the displac
 CX, CY
 TURN_BY         amplitude of the angle; for STEADY the angular velocity
 TURN_RATE       angular frequency of SINE
-TURN_PHASE      at t = 0 of the run
+TURN_PHASE      at t = 0 of the run, or at BEGINS
 TURN_0          what TURN needs to know of the beginning of the window: angle (STEADY), phase
 LEVER           distance of the farthest point of the piece from (CX, CY)
 BEGINS, ENDS    time of the run from which on it moves, and until when
@@ -135,6 +135,8 @@ def wall_phases(gas: ti.template()):
             begins, ends = ti.cast(gas.walls[w][BEGINS], ti.f64), ti.cast(gas.walls[w][ENDS], ti.f64)
             gas.walls[w][MOVES] = ti.cast(now >= begins and now < ends, float)
             now = ti.min(ti.max(now, begins), ends)
+            if begins > -FAR:  # its motion counts from where it begins
+                now -= begins
         rate = ti.cast(gas.walls[w][RATE], ti.f64)
         phase = ti.cast(gas.walls[w][PHASE], ti.f64)
         at = ti.cast(gas.walls[w][AMPLITUDE], ti.f64) * now

@@ -120,7 +120,7 @@ class WallSection(Section):
     """Rotation of the whole wall [table; m, rad/s, 1/s, rad]: "steady" (rate) or "sine" (amplitude, frequency, phase),
     about a center. Walls with the same motion and turn move as one."""
     moves_from: float | None = key(1.0, None)
-    """Time from which on it moves and turns [s]; before, it stands where it is then. Always without it."""
+    """Time from which on it moves and turns [s]; its motion begins then, with its phase. Always without it."""
     moves_until: float | None = key(2.0, None)
     """Time until which it moves and turns [s]; then it stays there. For ever without it."""
     opens_at: float | None = key(1.0, None)

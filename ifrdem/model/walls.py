@@ -255,7 +255,7 @@ class Wall:
     moves_from: float | None = None
     moves_until: float | None = None
     """moves_from, moves_until: times between which motion and turn go on [time]; before and after, the wall stands
-    where they begin and end."""
+    where they begin and end. With `moves_from`, their t counts from it: a steady wall begins where it is given."""
     opens_at: float | None = None
     """A gate: the time from which on the wall is gone [time]."""
     opens_after: int | None = None
@@ -446,6 +446,7 @@ class Wall:
         """Displacement of the wall at a time [length], shape (2,), and the angle by which it has turned [rad]."""
         begin, end = self.moving_times
         t = min(max(t, begin), end)
+        t -= begin if math.isfinite(begin) else 0.0
         return np.array(self.motion.direction) * self.motion.displacement(t), self.turn.angle(t)
 
     def carried(self, points: Array, t: float) -> Array:

@@ -395,6 +395,7 @@ class Engine:
         gone = np.array([not wall.stands(self.time, self.collisions) for wall in self.walls], dtype=bool)
         if np.any(gone & ~self.open_gates):
             self._end_window()
+            self._wake()  # what held them may be gone
             self.set_gates(gone)
             self._begin_anew()
 

@@ -354,3 +354,27 @@ def test_a_belt_supports_nobody() -> None:
     run = gas([[6.0, 2.5]], walls=[Wall.line((0.0, 1.0), (0.0, 1.0), surface_speed=0.5)])
     run.run(t_end=8.0)
     assert run.asleep == 0
+
+
+def test_a_gate_that_opens_under_sleeping_disks_wakes_them() -> None:
+    plate = Wall.segment((0.0, 8.0), (12.0, 8.0), opens_at=60.0)
+    disks = Disks(9, mass=1.0, radius=0.5)
+    box = Box((12.0, 20.0), (False, False))
+    position = np.column_stack([np.linspace(1.0, 11.0, 9), np.full(9, 8.6)])
+    start = State(position, np.zeros((9, 2)), np.zeros(9))
+    law = IFRLaw(e_n=0.6, e_t=-1.0, mu=0.3)
+    gas = Simulation(
+        disks, box, law, start, walls=[plate], gravity=(0.0, -1.0), collapse="rest", resting_speed=0.05,
+        dissipated=True,
+    )  # fmt: skip
+    gas.run(t_end=59.0)
+    assert gas.asleep == 9
+    assert gas.state.position[:, 1].min() > 8.49
+    gas.run(t_end=63.0)  # a fall by g t^2 / 2 = 4.5 since
+    assert gas.asleep == 0
+    np.testing.assert_allclose(gas.state.position[:, 1], 8.5 - 4.5, atol=0.02)
+    gas.run(t_end=120.0)
+    assert gas.asleep == 9
+    lost = gas.state.dissipated.sum(axis=0)
+    assert lost[-1] > 0.0
+    np.testing.assert_allclose(lost, gas.measure().dissipated, rtol=1e-12, atol=1e-15)

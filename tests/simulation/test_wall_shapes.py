@@ -222,13 +222,13 @@ def test_a_wall_moves_from_one_time_to_another() -> None:
     floor = Wall.line(
         (0.0, 10.0), (0.0, 1.0), motion=Motion("steady", speed=0.5), moves_from=1.0, moves_until=2.0
     )
-    start = State([[15.0, 11.2]], [[0.0, 0.0]], [0.0])  # s(1) = 0.5: the floor stands at 10.5 before
+    start = State([[15.0, 10.7]], [[0.0, 0.0]], [0.0])  # the floor stands at 10 before
     disks = Disks(1, mass=1.0, radius=0.5)
     engine = Engine(disks, BOX, start, np.array([[ELASTIC]]), walls=[floor])
     run_to(engine, 1.4 - 1e-9)
     assert engine.wall_hits == 0
     assert run_to(engine, 1.4 + 1e-9).velocity[0, 1] == pytest.approx(1.0, rel=1e-12)  # twice the floor's
-    late = State([[15.0, 13.0]], [[0.0, -0.5]], [0.0], time=1.9)  # the floor stands at 11 from t = 2 on
+    late = State([[15.0, 12.5]], [[0.0, -0.5]], [0.0], time=1.9)  # the floor stands at 10.5 from t = 2 on
     engine = Engine(disks, BOX, late, np.array([[ELASTIC]]), walls=[floor])
     assert run_to(engine, 1.9 + 3.0 + 1e-9).velocity[0, 1] == pytest.approx(0.5, rel=1e-12)  # met at rest
 

@@ -34,7 +34,7 @@ def displaced(wall: Wall, t: Array) -> tuple[Array, Array]:
     """Displacement of a wall along its direction, and its speed, at times t."""
     motion = wall.motion
     going = (t >= wall.moving_times[0]) & (t < wall.moving_times[1])
-    t = np.clip(t, *wall.moving_times)
+    t = np.clip(t, *wall.moving_times) - (wall.moves_from or 0.0)  # a motion counts from where it begins
     if motion.kind == "still":
         return 0.0 * t, 0.0 * t
     if motion.kind == "steady":
@@ -56,7 +56,7 @@ def turned(wall: Wall, t: Array) -> tuple[Array, Array]:
     """Angle of a wall at times t, and its angular velocity."""
     turn = wall.turn
     going = (t >= wall.moving_times[0]) & (t < wall.moving_times[1])
-    t = np.clip(t, *wall.moving_times)
+    t = np.clip(t, *wall.moving_times) - (wall.moves_from or 0.0)  # a motion counts from where it begins
     if turn.kind == "sine":
         rate = 2.0 * math.pi * turn.frequency
         angle, spin = (
