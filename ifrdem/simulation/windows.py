@@ -61,6 +61,8 @@ class Windows:
         self.protrudes: float = (
             0.0  # how far disks are beyond the sides of the tiles that list them, at the beginning
         )
+        # Of all collisions in the window that begins at a time: several frames at numbers of collisions may lie in it.
+        self._times: tuple[float, NDArray[np.float64]] | None = None
         self._burst = 1  # windows of a GPU that went well one after another
         self._claimed = 0  # claims of the tiles that ran last
         self._bad = 0  # tiles that did not pass then
@@ -145,6 +147,7 @@ class Windows:
         self._forget()
 
     def _forget(self) -> None:
+        self._times = None
         self._ahead = self._surveyed = self._ready = self._paused = False
         self._moment = math.inf
         self._moment_now = 0.0
@@ -219,6 +222,7 @@ class Windows:
             self._done += self._at_end
             self.arrays.grid[k.PART] = 1 - self.arrays.grid[k.PART]
             self._ahead, self._surveyed, self._moment, self._moment_now = False, True, math.inf, 0.0
+            self._times = None
             a = self.arrays
             self.protrudes = self._most(k.MOST_PROTRUDES)
             if not a.box.is_open and not self.protrudes <= TOO_FAR * self._least_side():
@@ -287,19 +291,22 @@ class Windows:
     def _tell(self, moment: float) -> None:
         """See to it that part TOLD holds the state at a moment of the window."""
         if self._moment != moment:
+            kept = self._watched, self.fresh, self._watching
             self.arrays.make_moment()
             self._compute(moment, 1, 0)
+            self._watched, self.fresh, self._watching = kept
 
     def _time_of(self, count: int) -> float:
         """Time of collision `count` = 1, 2, ... of the window, since its beginning."""
         if count <= 0:
             return 0.0
-        kept = self._watched, self.fresh, self._watching
-        self._compute(math.inf, 1, k.PAIRS)
-        times = Windows.watched(self)[0][:, k.AT]  # those of this rank
-        self._watched, self.fresh, self._watching = kept
-        self.arrays.events(0)
-        return self._nth(times, count)
+        if self._times is None or self._times[0] != self.begin:
+            kept = self._watched, self.fresh, self._watching
+            self._compute(math.inf, 1, k.PAIRS)
+            self._times = self.begin, Windows.watched(self)[0][:, k.AT].copy()  # those of this rank
+            self._watched, self.fresh, self._watching = kept
+            self.arrays.events(0)
+        return self._nth(self._times[1], count)
 
     def _nth(self, times: NDArray[np.float64], count: int) -> float:
         """The time with number `count` = 1, 2, ..."""
