@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, refuse
-from ..kernels.limits import BYTES_PER_DISK
+from ..kernels.limits import ALONE, BYTES_PER_DISK
 from ..model.box import describe_sides
 from ..model.walls import Wall
 from ..simulation import device as backend
@@ -32,6 +32,8 @@ A run of 2e6 disks took 750 bytes for each more than one of 2e5, engine and all.
 GPU_BYTES_PER_DISK, GPU_SCRATCH, GPU_BYTES_OF_FEW = 330, 9_000_000_000, 2500
 """State and claims of a disk on a GPU; scratch space of the tiles that run at the same time; all of it, if few do."""
 
+IN_A_WINDOW = 1.2
+"""Collisions of a disk in a window of tiles, about."""
 THIN = 1e-3
 """Packing fraction below which crossings of cells cost more than ten times what they do at 0.1."""
 
@@ -174,11 +176,16 @@ def report(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
 
 def _time(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
     """Time that a run takes, about, and why it is long."""
-    threads = case.run.threads or backend.cores()
-    seconds = run_seconds(estimate.collisions, gas.disks.n, estimate.packing_fraction, threads)
-    text = f"some {size_of_time(seconds)} on the machine of the manual's tables; `ifrdem bench` tells what yours does"
-    if estimate.packing_fraction < THIN:
-        text += ". In a gas so thin most of it is spent on disks that pass from cell to cell: it grows as phi^(-1/2)"
+    n, phi, threads = gas.disks.n, estimate.packing_fraction, case.run.threads or backend.cores()
+    collisions = estimate.collisions
+    if n > ALONE:  # tiles compute a window once more for each frame in it
+        collisions += estimate.frames * 0.5 * n * IN_A_WINDOW
+    seconds = run_seconds(collisions, n, phi, threads)
+    rate = 1e6 / run_seconds(1e6, n, phi, threads)
+    text = f"some {size_of_time(seconds)} of collisions and frames, at {rate:.2g} collisions/s (`ifrdem bench --n {n} "
+    text += f"--phi {phi:.2g}` says what this machine does)"
+    if phi < THIN:
+        text += ". In a gas so thin disks pass from cell to cell most of the time: a collision costs phi^(-1/2)"
     return text
 
 
