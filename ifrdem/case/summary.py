@@ -185,7 +185,9 @@ def _time(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
     text = f"some {size_of_time(seconds)} of collisions and frames, at {rate:.2g} collisions/s (`ifrdem bench --n {n} "
     text += f"--phi {phi:.2g}` says what this machine does)"
     if phi < THIN:
-        text += ". In a gas so thin disks pass from cell to cell most of the time: a collision costs phi^(-1/2)"
+        text += (
+            ". In a gas so thin disks pass from cell to cell most of the time: a collision costs phi^(-1/2)"
+        )
     return text
 
 
@@ -268,7 +270,7 @@ def _walls(case: Case, gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, s
     if case.box.material is not None:
         walled = [axis for axis, periodic in zip("xy", case.box.periodic, strict=True) if not periodic]
         lines.append(("sides", f"walls of {case.box.material} across {' and '.join(walled)}"))
-    for i, (section, wall) in enumerate(zip(case.wall, gas.walls, strict=True), start=1):
+    for i, (section, wall) in enumerate(zip(case.wall, gas.walls, strict=True)):
         hot = section.temperature
         made = f"of {section.material}" if hot is None else f"thermal, T = {hot:.4g}{energy}"
         surface = f", surface at {wall.surface_speed:g}{speed}" if wall.surface_speed else ""

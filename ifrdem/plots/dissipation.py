@@ -12,9 +12,9 @@ from ..errors import InputError
 from ..model.observables import MECHANISMS
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
-from .disks import shown_region
+from .disks import draw_walls, shown_region
 from .energies import DISSIPATED
-from .style import bar_beside, label, place_axes
+from .style import bar_beside, label, place_axes, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -89,7 +89,9 @@ def draw(left: Axes, right: Axes, trajectory: Trajectory, frames: Sequence[int] 
     bar_beside(
         left, drawn, label(trajectory, "energy dissipated, per area and time", "energy/length^2/time"), "max"
     )
-    left.set_title(f"t = {found.times[0]:.4g} to {found.times[1]:.4g}", fontsize="medium")
+    draw_walls(left, trajectory, found.times[1])
+    span = with_unit(trajectory, f"$t$ = {found.times[0]:.4g} to {found.times[1]:.4g}", "time")
+    left.set_title(f"{span}; energy stands where disks are at the second of two frames", fontsize="small")
     total = float(found.mechanisms.sum())
     names = [name.replace("_", " ") for name in MECHANISMS]
     share = 100.0 * found.mechanisms / total if total else 0.0 * found.mechanisms

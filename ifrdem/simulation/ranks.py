@@ -100,10 +100,11 @@ def owners(count: NDArray[np.integer], tiles: tuple[int, int], size: int) -> NDA
     The rectangle is cut in two across its longer side, and each part again, so that any number of ranks gets blocks.
     InputError if there are fewer tiles than ranks.
     """
-    if size > tiles[0] * tiles[1]:
+    total = tiles[0] * tiles[1]
+    if size > total:
         raise InputError(
-            f"{size} ranks: {int(count.sum())} disks make {counted_tiles(tiles)}, and each rank needs one: start "
-            f"{tiles[0] * tiles[1]} or fewer (mpiexec -n)"
+            f"{size} ranks: {int(count.sum())} disks make {counted_tiles(tiles)}, and each rank needs one: "
+            + (f"start {total} or fewer (mpiexec -n)" if total > 1 else "run it without mpiexec")
         )
     weight = count.reshape(tiles).astype(np.float64) + 1e-9
     owner = np.empty(tiles, dtype=np.int32)

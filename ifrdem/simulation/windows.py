@@ -435,7 +435,8 @@ class Windows:
                 raise InelasticCollapse(
                     f"t = {float(a.clock[k.BEGIN]):.9g}: collisions pile up without end in a window (inelastic "
                     "collapse). "
-                    'Use collapse = "tc" with a contact_time or "velocity_cutoff" with a velocity_cutoff, larger e_n, '
+                    'Use collapse = "tc" with a contact_time, "velocity_cutoff" with a velocity_cutoff, or, under '
+                    'gravity, "rest" with a resting_speed; larger e_n, '
                     "or a lower packing fraction, or end the run earlier"
                 )
             self._bad = int(a.counter[k.N_BAD])

@@ -382,8 +382,8 @@ def test_check_says_what_walls_do(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert re.search(r"sides +walls of glass across x and y", shown)
     # 2 pi f A = 6.283; m v^2 / 2 = 39.48; A (2 pi f)^2 / g = 78.96
     motion = r"sine, amplitude 0.5, frequency 2, up to 6.283 \(m v\^2 / 2 = 39.48 of the mean disk\)"
-    assert re.search(rf"wall 1 +line, of steel; {motion}, acceleration up to 78.96 g", shown)
-    assert re.search(r"wall 2 +post, of coin, surface at 0.5", shown)
+    assert re.search(rf"wall 0 +line, of steel; {motion}, acceleration up to 78.96 g", shown)
+    assert re.search(r"wall 1 +post, of coin, surface at 0.5", shown)
     assert re.search(r"pair coins, wall \(steel\) +strictly admissible \(e_n = 0.95", shown)
     assert "an unknown number of collisions" in shown
     assert re.search(r"wall hits +some [\d.]+ per unit of time at the start", shown)
