@@ -223,7 +223,7 @@ class WallSection(Section):
             (x, y), (u, v) = found[0], found[-1]
             raise InputError(
                 f"{self.file or 'path'}: it begins at ({x:.6g}, {y:.6g}) and ends at ({u:.6g}, {v:.6g}): a polygon "
-                "must come back to its beginning (in a path by Z, in a text file by the first point once more); or take "
-                'shape = "polyline"'
+                "must come back to its beginning (in a path by Z, in a text file by the first point once more); or "
+                'take shape = "polyline"'
             )
         return [*found, found[0]] if ends and not closed and found[0] != found[-1] else found
