@@ -272,7 +272,8 @@ def from_wall(i, code, region: ti.template(), gas: ti.template()):
         kind = ti.cast(gas.walls[w][TYPE], ti.i32)
         if kind == ARC_INSIDE or kind == ARC_OUTSIDE:
             along = nx * gas.walls[w][QX] + ny * gas.walls[w][QY]
-            if ti.select(kind == ARC_INSIDE, -along, along) < ti.cos(gas.walls[w][HALF]):
+            behind = distance < 0.0  # on the other side of the circle, which is a wall of its own
+            if behind or ti.select(kind == ARC_INSIDE, -along, along) < ti.cos(gas.walls[w][HALF]):
                 distance = FAR + 0.0 * distance
     return nx, ny, distance
 

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..kernels.limits import MOST_WALLS
 from ..tools import checked
 from ..tools.checked import Array
 
@@ -159,6 +160,8 @@ def of_path(
     InputError names what is not understood, and where.
     """
     commands = _commands(data, name)
+    if tolerance is not None and not 0.0 < checked.real("tolerance", tolerance) < math.inf:
+        raise InputError(f"{name}, tolerance = {tolerance}: a positive length is needed")
     if tolerance is None:
         ends = np.array([args[-2:] for command, args in commands if len(args) >= 2] or [[0.0, 0.0]])
         tolerance = TOLERANCE * (float(np.ptp(ends, axis=0).max()) or 1.0)
@@ -181,7 +184,7 @@ def of_path(
             case "V":
                 new = [(x, args[0])]
             case "C" | "Q":
-                new = _bezier(np.array([x, y, *args]).reshape(-1, 2), tolerance)
+                new = _bezier(np.array([x, y, *args]).reshape(-1, 2), tolerance, name)
             case "A":
                 new = _arc((x, y), args, tolerance, name)
             case _:
@@ -254,12 +257,22 @@ def _commands(data: str, name: str) -> list[tuple[str, list[float]]]:
     return found
 
 
-def _bezier(control: Array, tolerance: float) -> list[tuple[float, float]]:
+def _pieces(count: float, tolerance: float, name: str) -> int:
+    """A number of pieces of a curve, as a whole one; InputError if there are too many."""
+    if not count <= MOST_WALLS:
+        raise InputError(
+            f"{name}, tolerance = {tolerance:g}: a curve in {count:.3g} pieces; at most {MOST_WALLS} are allowed, take "
+            "a larger tolerance or smaller curves"
+        )
+    return max(1, math.ceil(count))
+
+
+def _bezier(control: Array, tolerance: float, name: str) -> list[tuple[float, float]]:
     """Points of a Bezier curve after its first one."""
     degree = len(control) - 1
     second = np.abs(np.diff(control, n=2, axis=0))
     bend = degree * (degree - 1) * float(np.hypot(*second.T).max())
-    pieces = max(1, math.ceil(math.sqrt(bend / (8.0 * tolerance))))
+    pieces = _pieces(math.sqrt(bend / (8.0 * tolerance)), tolerance, name)
     u = np.arange(1, pieces + 1)[:, None] / pieces
     powers = [math.comb(degree, i) * u**i * (1.0 - u) ** (degree - i) for i in range(degree + 1)]
     points: Array = np.sum([power * point for power, point in zip(powers, control, strict=True)], axis=0)
@@ -278,7 +291,13 @@ def _arc(
     phi = math.radians(tilt)
     turn = np.array([[math.cos(phi), math.sin(phi)], [-math.sin(phi), math.cos(phi)]])
     p = turn @ (0.5 * np.subtract(start, end))
-    scale = (p[0] / r_x) ** 2 + (p[1] / r_y) ** 2
+    with np.errstate(over="ignore"):
+        scale = (p[0] / r_x) ** 2 + (p[1] / r_y) ** 2
+    if not 1e-20 < scale < 1e20:
+        raise InputError(
+            f"{name}: an arc (A) with radii {r_x:g} and {r_y:g} between ends that are {2.0 * float(np.hypot(*p)):.3g} "
+            "apart; they may differ by a factor 1e10 (a line is L)"
+        )
     if scale > 1.0:  # too small radii are enlarged until the ends can be reached
         r_x, r_y = r_x * math.sqrt(scale), r_y * math.sqrt(scale)
         scale = 1.0
@@ -290,8 +309,9 @@ def _arc(
         angle += 2.0 * math.pi
     elif not sweep and angle > 0.0:
         angle -= 2.0 * math.pi
-    step = 2.0 * math.acos(max(0.0, 1.0 - min(1.0, tolerance / max(r_x, r_y))))
-    pieces = max(1, math.ceil(abs(angle) / step))
+    # A chord of the angle h has the sagitta r (1 - cos(h / 2)) = 2 r sin^2(h / 4).
+    step = 4.0 * math.asin(math.sqrt(0.5 * min(1.0, tolerance / max(r_x, r_y))))
+    pieces = _pieces(abs(angle) / step, tolerance, name)
     u = begin + angle * np.arange(1, pieces + 1) / pieces
     points = (center + np.column_stack((r_x * np.cos(u), r_y * np.sin(u)))) @ turn + 0.5 * np.add(start, end)
     points[-1] = end

@@ -82,7 +82,7 @@ def draw(left: Axes, right: Axes, trajectory: Trajectory, frames: Sequence[int] 
     found = of(trajectory, frames)
     high = float(np.quantile(found.power, 0.995))
     drawn = left.imshow(
-        np.ma.masked_equal(found.power.T, 0.0), origin="lower", extent=(*found.region[0], *found.region[1]), cmap="inferno", vmin=0.0,
+        found.power.T, origin="lower", extent=(*found.region[0], *found.region[1]), cmap="YlOrRd", vmin=0.0,
         vmax=high if high > 0.0 else 1.0, interpolation="nearest",
     )  # fmt: skip
     place_axes(left, trajectory)

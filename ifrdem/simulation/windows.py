@@ -196,7 +196,8 @@ class Windows:
             self._surveyed = True
         fastest2 = self._most(k.MOST_SPEED)
         mean_square = self._tally(k.AT_END)[k.SQUARES] * float(a.clock[k.SQUARE_UNIT]) / max(a.n, 1)
-        pull = math.hypot(float(a.scale[k.GX]), float(a.scale[k.GY]))
+        gx, gy = float(a.scale[k.GX]), float(a.scale[k.GY])
+        pull = math.sqrt(gx * gx + gy * gy)  # as kernels plan it, to the last bit
         length = window_length(
             mean_square, fastest2, a.clock[k.PATH], a.clock[k.TILE_SIDE], pull, a.clock[k.WALL_SPEED]
         )
@@ -342,7 +343,7 @@ class Windows:
             a.displace_rows(begin)
         if not alone:
             self._set_halos()
-        self.rests = False
+        self.rests = self.rests and resuming
         self._launch(1 if alone else a.tiles, most, pausing=pausing, resuming=resuming)
         again = bool(begin == self._counted)
         self.statistics.windows -= again
@@ -417,6 +418,7 @@ class Windows:
         while True:
             a.counter[:] = 0
             a.counter[k.AGAIN], a.counter[k.PAUSING], a.counter[k.RESUMING] = again, pausing, resuming
+            a.counter[k.RESTING] = int(resuming and self.rests)
             if again:
                 a.counter[k.N_CLAIMED] = self._claimed
             a.sums[:] = self._done  # one window after another, so that sums do not depend on launches

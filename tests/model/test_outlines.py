@@ -145,3 +145,28 @@ def test_walls_in_files_of_before_are_read() -> None:
     assert from_json(old) == (Wall.post((1.0, 2.0), 0.5),)
     polygon = Wall.polygon([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)], "inside", opens_at=2.0, group="a")
     assert from_json(to_json([polygon])) == (polygon,)
+
+
+@pytest.mark.parametrize(
+    ("data", "tolerance", "reason"),
+    [
+        ("M 0.1 0.1 A 1e13 1e13 0 0 1 0.9 0.1", None, "radii 1e.13"),
+        ("M 0.1 0.1 A 1e-200 1 0 0 1 0.9 0.1", None, "radii 1e-200"),
+        ("M 0.1 0.1 A 1e200 1e200 0 0 1 0.9 0.1", None, "radii 1e.200"),
+        ("M 0 0 C 1e200 0 1 1 2 0", None, "pieces; at most 100000"),
+        ("M 0 0 C 1 0 1 1 2 0", 1e-30, "pieces; at most 100000"),
+        ("M 0 0 A 1 1 0 0 1 2 0", 1e-16, "pieces; at most 100000"),
+        ("M 0 0 A 1 1 0 0 1 2 0", -1.0, "a positive length is needed"),
+        ("M 0 0 A 1 1 0 0 1 2 0", math.nan, "a positive length is needed"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_curves_beyond_all_bounds_are_refused(data: str, tolerance: float | None, reason: str) -> None:
+    with pytest.raises(InputError, match=reason):
+        outlines.of_path(data, tolerance)
+
+
+def test_a_nearly_straight_arc_has_its_sagitta() -> None:
+    """Chord 0.8 of a circle of radius 1e4: the middle is 0.8^2 / (8e4) = 8e-6 off; pieces are 1e-9 off at most."""
+    points, _ = outlines.of_path("M 0.1 0.1 A 1e4 1e4 0 0 1 0.9 0.1", 1e-9)
+    assert abs(min(y for _, y in points) - (0.1 - 8e-6)) < 1e-8

@@ -378,3 +378,22 @@ def test_a_gate_that_opens_under_sleeping_disks_wakes_them() -> None:
     lost = gas.state.dissipated.sum(axis=0)
     assert lost[-1] > 0.0
     np.testing.assert_allclose(lost, gas.measure().dissipated, rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize("angle", [20.0, 45.0])
+def test_nothing_sleeps_on_the_slope_of_an_arc(angle: float) -> None:
+    """Without rolling friction a disk rolls from the slope of a bowl, an arc as a container."""
+    radius, middle = 5.0, np.array([10.0, 10.0])
+    at = np.radians(-90.0 + angle)
+    place = middle + (radius - 0.5 - 1e-9) * np.array([np.cos(at), np.sin(at)])
+    found = []
+    for bowl in (Wall.arc((10.0, 10.0), radius, (np.pi, 2.0 * np.pi)), Wall.container((10.0, 10.0), radius)):
+        run = Simulation(
+            Disks(1, mass=1.0, radius=0.5), Box((20.0, 20.0), (False, False)), IFRLaw(e_n=0.5, e_t=-1.0, mu=0.5),
+            State([place], [[0.0, 0.0]], [0.0]), walls=[bowl], gravity=(0.0, -1.0), collapse="rest",
+            resting_speed=SLOW,
+        )  # fmt: skip
+        run.run(t_end=4.0)
+        found.append(run.state.position[0])
+        assert np.linalg.norm(found[-1] - place) > 0.5
+    np.testing.assert_allclose(found[0], found[1], atol=0.05)

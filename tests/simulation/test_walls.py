@@ -12,11 +12,14 @@ from support.serial_reference import simulate
 
 from ifrdem import forces
 from ifrdem.errors import InelasticCollapse, InputError
+from ifrdem.initial import maxwellian, random_positions
 from ifrdem.kernels.law import collide_pair
 from ifrdem.model.box import Box
+from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
 from ifrdem.simulation.engine import Engine
+from ifrdem.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.unoptimised
 
@@ -350,3 +353,28 @@ def test_a_wall_that_would_leave_through_a_periodic_side_is_refused(wall: str) -
             np.array([[ELASTIC]]),
             walls=[places[wall]],
         )
+
+
+@pytest.mark.parametrize("frames", [1, 20, 80, 400])
+def test_a_disk_that_comes_to_rest_on_a_wall_ends_the_run_however_often_it_is_looked_at(frames):
+    disks, box = Disks(1, mass=1.0, radius=0.5), Box((10.0, 10.0), periodic=(False, False))
+    start = State([[5.0, 1.0]], [[0.0, 0.0]], [0.0])
+    run = Simulation(disks, box, IFRLaw(e_n=0.5, e_t=-1.0, mu=0.0), start, gravity=(0.0, -1.0))
+    # It falls for a time 1; then it jumps for 2 (e + e^2 + ...) = 2: at rest at t = 3, which the window's end tells.
+    with pytest.raises(InelasticCollapse):
+        run.run(t_end=8.0, frames=frames)
+    assert run.time < 3.1
+
+
+def test_windows_under_oblique_gravity_are_the_same_for_whoever_plans_them():
+    """Their length has the square root of g_x^2 + g_y^2: one formula on the host and in the kernel, to the last bit."""
+    g = (0.8603990317990844, 2.8716236178431096)  # math.hypot differs in its last bit
+    disks, box = Disks(120, mass=1.0, radius=0.4), Box((30.0, 30.0), periodic=(False, False))
+    position = random_positions(box, disks.radius, seed=0)
+    start = State(position, maxwellian(disks.mass, temperature=1.0, seed=0), np.zeros(120))
+    found = []
+    for tracked in ([], [3]):
+        run = Simulation(disks, box, IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), start, gravity=g, tracked=tracked)
+        run.run(t_end=5.0)
+        found.append(run.state.position)
+    assert np.array_equal(*found)
