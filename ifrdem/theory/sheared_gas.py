@@ -337,7 +337,7 @@ def sheared(
         try:
             with np.errstate(over="raise", divide="raise", invalid="raise"):
                 rates, often = state.rates(law, k, packing_fraction, shear_rate / unit)
-        except FloatingPointError as error:
+        except ArithmeticError as error:  # of NumPy, and of math
             raise TheoryError(
                 f"the equations of the sheared gas leave the range of numbers: {error}"
             ) from None

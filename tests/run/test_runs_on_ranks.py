@@ -141,7 +141,7 @@ def _descends(process: int, ancestor: int) -> bool:
         ),
         (
             ["species[0].number=2000"],
-            "2 ranks: 2000 disks make one tile, and each rank needs one: start 1 or fewer",
+            "2 ranks: 2000 disks make one tile, and each rank needs one: run it without mpiexec",
         ),
     ],
 )
