@@ -1,4 +1,7 @@
-"""Sizes and bounds of the engine, which estimates need too without starting it."""
+"""Sizes and bounds of the engine, of which `check`, estimates and file layouts ask without importing Taichi.
+
+So they stand apart from `layout.py`, which imports it.
+"""
 
 WALL = 32  # columns of a wall (`kernels/walls.py`)
 OWNER = 18  # of them: the number of the wall

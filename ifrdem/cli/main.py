@@ -151,6 +151,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             text = f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}"
             return world.end(FAILED, text, complain)
         except Exception:
+            # A fault of the program. Alone it goes on as a traceback; one rank of several tells it, with the traceback,
+            # and ends all the others, which would wait for ever.
             if world.is_alone():
                 raise
             return world.end(FAILED, traceback.format_exc(), complain)

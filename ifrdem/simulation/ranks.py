@@ -509,7 +509,9 @@ class RankWindows(Windows):
                     self._run_own(1)
             else:
                 a.counter[:] = 0
-        except Exception as raised:
+        except (
+            Exception
+        ) as raised:  # not swallowed: `agree` raises it, on all ranks, which else would wait for this one
             error = raised
         ran = time.perf_counter() - ran
         world.agree(a.comm, error)

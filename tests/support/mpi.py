@@ -36,7 +36,7 @@ def command(ranks: int, *words: object) -> list[str]:
 
 
 def environment(**more: str) -> dict[str, str]:
-    """Where mpi4py finds the library of that launcher."""
+    """Environment in which mpi4py finds the library of that launcher."""
     assert MPIEXEC is not None
     path = os.pathsep.join(
         filter(None, (str(MPIEXEC.parent.parent / "lib"), os.environ.get("LD_LIBRARY_PATH")))

@@ -190,7 +190,7 @@ def count_lists() -> None:
 
 
 def told(name: str) -> dict[str, Any]:
-    """What became of a gas, for the first rank to print."""
+    """Digest of a gas at its end, for the first rank to print."""
     gas, LISTED_ANEW[0] = GASES[name](), 0
     try:
         engine, found = after(gas, COMM)

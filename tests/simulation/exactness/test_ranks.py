@@ -14,7 +14,7 @@ from support import mpi
 
 from ifrdem.errors import InputError
 
-GASES = Path(__file__).parents[1] / "support" / "rank_gases.py"
+GASES = Path(__file__).parents[2] / "support" / "rank_gases.py"
 OPTIMISER = {"TI_ADVANCED_OPTIMIZATION": "0"}  # the same bits, a ninth of the time to compile
 
 

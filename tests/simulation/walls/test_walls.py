@@ -371,7 +371,7 @@ def test_windows_under_oblique_gravity_are_the_same_for_whoever_plans_them():
     g = (0.8603990317990844, 2.8716236178431096)  # math.hypot differs in its last bit
     disks, box = Disks(120, mass=1.0, radius=0.4), Box((30.0, 30.0), periodic=(False, False))
     position = random_positions(box, disks.radius, seed=0)
-    start = State(position, maxwellian(disks.mass, temperature=1.0, seed=0), np.zeros(120))
+    start = State(position, maxwellian(disks.mass, speed_rms=1.0, seed=0), np.zeros(120))
     found = []
     for tracked in ([], [3]):
         run = Simulation(disks, box, IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), start, gravity=g, tracked=tracked)

@@ -41,6 +41,15 @@ def gas(
     )  # fmt: skip
 
 
+def said_asleep(run: Simulation, asleep: list[int], **law: float) -> Simulation:
+    """The same disks, of which some are said to sleep, with another law."""
+    state = run.state
+    state.asleep = np.array(asleep)
+    return Simulation(
+        run.disks, run.box, IFRLaw(**law), state, gravity=(0.0, -1.0), collapse="rest", resting_speed=SLOW
+    )
+
+
 def pile(n: int = 60, **options: Any) -> Simulation:
     """Disks that fall from everywhere in the box."""
     box, radius = Box((12.0, 10.0), periodic=(False, False)), np.full(n, 0.5)
@@ -202,12 +211,7 @@ def test_a_slow_hit_wakes_nobody() -> None:
 def test_who_loses_his_support_wakes_and_falls() -> None:
     """A tower of two; a third disk knocks the lower one away along the floor, so nobody hits the upper one hard."""
     run = gas([[6.0, 0.5], [6.0, 1.5], [3.0, 0.5]], [[0.0, 0.0], [0.0, 0.0], [6.0, 0.0]])
-    state = run.state
-    state.asleep = np.array([1, 1, 0])
-    run = Simulation(
-        run.disks, run.box, IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0), state,
-        gravity=(0.0, -1.0), collapse="rest", resting_speed=SLOW,
-    )  # fmt: skip
+    run = said_asleep(run, [1, 1, 0], e_n=0.9, e_t=-1.0, mu=0.0)
     run.run(t_end=0.3)
     assert run.state.asleep[1] == 1  # nothing has touched it
     assert run.state.position[1, 1] == 1.5
@@ -221,12 +225,7 @@ def test_who_sleeps_without_support_is_found_out_by_its_forces() -> None:
     """One in the air, one beside the top of a third on the floor, which it pushes aside as it rolls off."""
     beside = (9.0 + math.sin(0.2), 0.5 + math.cos(0.2))
     run = gas([[3.0, 3.0], [9.0, 0.5], beside])
-    state = run.state
-    state.asleep = np.array([1, 1, 1])
-    run = Simulation(
-        run.disks, run.box, IFRLaw(e_n=0.6, e_t=-1.0, mu=0.3), state,
-        gravity=(0.0, -1.0), collapse="rest", resting_speed=SLOW,
-    )  # fmt: skip
+    run = said_asleep(run, [1, 1, 1], e_n=0.6, e_t=-1.0, mu=0.3)
     assert run.asleep == 3
     run.collide(1)
     assert run.asleep == 0
