@@ -32,6 +32,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import EngineError
+
 
 def _frame(frame: FrameType, context: int = 1) -> inspect.Traceback:
     """File, line and function of a frame, and the one line of source there."""
@@ -47,6 +49,13 @@ try:
     from taichi.lang import kernel_impl
     from taichi.lang.ast import ast_transformer, ast_transformer_utils
     from taichi.lang.expr import Expr
+except ImportError as error:
+    why = f"Taichi cannot be loaded ({error})"
+    if "X11" in str(error):
+        why += (
+            ": it needs libX11, which small images of Linux lack: apt install libx11-6, or dnf install libX11"
+        )
+    raise EngineError(why) from error
 finally:
     inspect.getframeinfo = _whole
 

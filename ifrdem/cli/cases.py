@@ -99,6 +99,7 @@ def cases() -> None:
 def backends() -> None:
     """List the devices that can compute."""
     from .. import bullet
+    from ..kernels import language  # noqa: F401  (an error where Taichi cannot be loaded)
     from ..simulation import device
 
     for each in device.available():

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +16,8 @@ from ifrdem.kernels.language import ti
 from ifrdem.simulation import device
 
 pytestmark = pytest.mark.unoptimised
+
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize("kind", ["f64", "f32", "i32"])
@@ -43,3 +49,25 @@ def test_copies_by_memory_are_those_of_kernels(
     np.testing.assert_array_equal(made(expected).to_numpy(), expected)
     monkeypatch.undo()
     np.testing.assert_array_equal(made(expected).to_numpy(), expected)
+
+
+def test_taichi_that_cannot_be_loaded_is_one_message_with_its_remedy(tmp_path: Path) -> None:
+    """A module of that name fails as Taichi's library does on a system without libX11."""
+    text = "libX11.so.6: cannot open shared object file: No such file or directory"
+    (tmp_path / "taichi.py").write_text(f"raise ImportError({text!r})\n")
+    line = (
+        "import sys; from ifrdem.cli.main import main; sys.exit(main(['run', 'impact_scan', '-o', 'one.h5']))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", line],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+    assert text in done.stderr
+    assert "apt install libx11-6" in done.stderr
+    assert not list(tmp_path.glob("one*"))
