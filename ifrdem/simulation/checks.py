@@ -105,6 +105,7 @@ def check_stored(largest: Mapping[str, float], precision: str) -> None:
 
 if TYPE_CHECKING:
     from ..model.forces import Force
+    from .engine import EngineOptions
 
 
 def check(
@@ -206,6 +207,27 @@ def check_resting(
             f"{name}: disks would jump {jump:.3g} high, v_s^2 / 2g, more than a hundredth of the smallest radius, "
             f"{disks.radius.min():.3g}; a resting_speed of {most:.3g} at most is needed"
         )
+
+
+def check_pistons(walls: Sequence[Wall], n: int, options: EngineOptions, ranks: int) -> None:
+    """Refuse pistons where the whole box is not computed in order; arguments as for `Engine`."""
+    refused = {
+        f"arch = {options.arch!r}": options.arch != "cpu",
+        f"precision = {options.precision!r}": options.precision != "f64",
+        f"order = {options.order!r}": options.order == "tiles",
+        "several ranks": ranks > 1,
+        f"{n} disks, more than {ALONE},": n > ALONE,
+        'collapse = "rest"': options.resting_speed > 0.0,
+    }
+    for w, wall in enumerate(walls):
+        if wall.piston is None:
+            continue
+        for what, there in refused.items():
+            if there:
+                raise InputError(
+                    f"wall {w} is a piston: {what} not supported; every disk looks for it after each of its hits, in "
+                    f"double precision by one thread of a CPU, with up to {ALONE} disks that do not rest"
+                )
 
 
 def check_ranks(

@@ -423,6 +423,14 @@ class Simulation(Sealed, PicturedDisks):
         return WallSums(self._engine.walls, self._engine.wall_sums)
 
     @property
+    def pistons(self) -> NDArray[np.float64]:
+        """Displacement [length], velocity [length/time] and energy [energy] of each piston, up to the latest `state`.
+
+        Shape (pistons, 3), in the order of the walls; the energy is that of `Piston.energy`, with its weight.
+        """
+        return self._engine.pistons
+
+    @property
     def wall_heat(self) -> float:
         """Heat that all thermal walls have given to the disks up to the latest `state` [energy]."""
         return math.fsum(self._engine.wall_heats)
@@ -841,5 +849,5 @@ class Simulation(Sealed, PicturedDisks):
         """The past that a state does not tell, up to the latest settling."""
         return {
             "energy_input": self.energy_input, "wall_work": self.wall_work, "wall_heat": self.wall_heat,
-            "asleep": self.asleep,
+            "asleep": self.asleep, "pistons": self.pistons if self._engine.arrays.uses.pistons else None,
         }  # fmt: skip
