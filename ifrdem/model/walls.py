@@ -35,6 +35,8 @@ SUMS = ("momentum_x", "momentum_y", "torque", "work", "heat", "hits")
 """Columns of `Simulation.wall_sums`."""
 PISTONS = ("displacement", "velocity", "energy")
 """Columns of `Simulation.pistons`."""
+OF_PISTONS = "piston_"
+"""Prefix of their names in frames and rows of the time series."""
 FULL_TURN = 2.0 * math.pi
 AT_ONCE = 2_000_000
 """Pairs of a point and a piece of a wall that are looked at together at most."""
@@ -839,7 +841,12 @@ def check_types(walls: Sequence[Wall]) -> None:
 
 
 def check_place(wall: Wall, box: Box) -> None:
-    """Raise InputError if a wall reaches across a periodic side of the box, where it is not repeated."""
+    """Raise InputError if a wall reaches across a periodic side of the box, where it is not repeated.
+
+    Also if it is a segment and a piston, and does not reach from side to side.
+    """
+    if wall.piston is not None and wall.shape == "segment":
+        _check_spans(wall, box)
     low, high = wall.bounds()
     reach = 0.0 if math.isinf(wall.motion.extent) else wall.motion.extent
     for axis, side in enumerate(box.lengths):
@@ -868,7 +875,7 @@ def check_place(wall: Wall, box: Box) -> None:
             )
 
 
-def check_spans(name: str, wall: Wall, box: Box) -> None:
+def _check_spans(wall: Wall, box: Box) -> None:
     """Raise InputError unless a segment reaches across the box along an axis: its ends would be hit aslant."""
     along = [axis for axis in range(2) if wall.towards[1 - axis] == 0.0]
     ends = (
@@ -878,7 +885,7 @@ def check_spans(name: str, wall: Wall, box: Box) -> None:
     )
     if not (min(ends) <= 0.0 and max(ends) >= box.lengths[along[0] if along else 0]):
         raise InputError(
-            f"{name}, piston: a segment must run from side to side of the box, along x or y, so that disks hit it "
+            "as a piston a segment must run from side to side of the box, along x or y, so that disks hit it "
             "along the way that it moves; give such a one, or a line"
         )
 
@@ -907,8 +914,6 @@ def check(
             check_place(wall, box)
         except InputError as error:
             raise InputError(f"{name}: {error}") from None
-        if wall.piston is not None and wall.shape == "segment":
-            check_spans(name, wall, box)
         if len(position) and wall.stands(time, collisions):
             gap = wall.gap(position, radius, time)
             worst = int(np.argmin(gap))

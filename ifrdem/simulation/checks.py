@@ -105,7 +105,6 @@ def check_stored(largest: Mapping[str, float], precision: str) -> None:
 
 if TYPE_CHECKING:
     from ..model.forces import Force
-    from .engine import EngineOptions
 
 
 def check(
@@ -209,15 +208,18 @@ def check_resting(
         )
 
 
-def check_pistons(walls: Sequence[Wall], n: int, options: EngineOptions, ranks: int) -> None:
+def check_pistons(
+    walls: Sequence[Wall], n: int, arch: str, precision: str, resting_speed: float, order: str | None = None,
+    ranks: int = 1,
+) -> None:  # fmt: skip
     """Refuse pistons where the whole box is not computed in order; arguments as for `Engine`."""
     refused = {
-        f"arch = {options.arch!r}": options.arch != "cpu",
-        f"precision = {options.precision!r}": options.precision != "f64",
-        f"order = {options.order!r}": options.order == "tiles",
-        "several ranks": ranks > 1,
+        f'arch = "{arch}"': arch != "cpu",
+        f'precision = "{precision}"': precision != "f64",
+        f'order = "{order}"': order == "tiles",
+        f"several ranks (here are {ranks})": ranks > 1,
         f"{n} disks, more than {ALONE},": n > ALONE,
-        'collapse = "rest"': options.resting_speed > 0.0,
+        'collapse = "rest"': resting_speed > 0.0,
     }
     for w, wall in enumerate(walls):
         if wall.piston is None:
@@ -225,8 +227,8 @@ def check_pistons(walls: Sequence[Wall], n: int, options: EngineOptions, ranks: 
         for what, there in refused.items():
             if there:
                 raise InputError(
-                    f"wall {w} is a piston: {what} not supported; every disk looks for it after each of its hits, in "
-                    f"double precision by one thread of a CPU, with up to {ALONE} disks that do not rest"
+                    f"wall {w} is a piston: {what} not supported: every disk looks for it after each of its hits; run "
+                    f"it on a CPU in double precision, with up to {ALONE} disks that do not rest"
                 )
 
 

@@ -218,7 +218,15 @@ class Engine:
         )  # fmt: skip
         if given.resting_speed:
             self._check_resting(given.gravity, forces, law)
-        checks.check_pistons(walls, disks.n, given, comm.size if comm else 1)
+        checks.check_pistons(
+            walls,
+            disks.n,
+            given.arch,
+            given.precision,
+            given.resting_speed,
+            given.order,
+            comm.size if comm else 1,
+        )
         self.gravity: tuple[float, float] = given.gravity
         self.precision: str = given.precision
         self.walls: tuple[Wall, ...] = (*walls, *sides(box))

@@ -520,10 +520,11 @@ class Simulation(Sealed, PicturedDisks):
             "extra": dict(extra or {}),
         }
         found = snapshot.take(self._engine)
-        state, _totals = self._engine.observed()
+        state, _totals = self._engine.observed()  # settles
 
         def write() -> None:
             plain = {f"state_{name}": getattr(state, name) for name in ("position", "velocity", "spin")}
+            plain["state_pistons"] = self.pistons
             checkpoint.write(path, {**found, **plain, **(arrays or {})}, meta)
 
         world.on_first(self._engine.comm, write)
