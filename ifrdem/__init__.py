@@ -2,7 +2,8 @@
 
 =====================================  =================================================================
 `Disks`, `Box`, `State`                constant properties of disks, the space they move in, their motion
-`Wall`, `Motion`, `Turn`, `WallSums`    walls at rest, moving, turning, thermal; what they gave to the disks
+`Wall`, `Motion`, `Turn`               walls at rest, moving, turning, thermal
+`Piston`, `WallSums`                   a wall with a mass; what walls gave to the disks
 `forces`                               forces between collisions
 `IFRLaw`, `coins`, `CollisionLaw`      the law, the coins of the paper, a law of your own
 `collide`, `Regime`, `EnergyWarning`   a single collision, its regime; a law that could add energy

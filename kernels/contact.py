@@ -25,13 +25,13 @@ BY_NORMAL, BY_RESTITUTION, BY_FRICTION, BY_ROLLING = range(4)
 
 @ti.func
 def braking_loss(T, w_free, inverse_mass, radius, k):
-    """Energy that the angular impulse T takes from a spin that is braked to rest at most."""
+    """Energy that the angular impulse T takes from a spin that is braked to rest at most; none of walls, k <= 0."""
     inertia_free = ti.cast(0.0, ti.f64) * w_free
-    if inverse_mass > 0.0:
+    if k * inverse_mass > 0.0:
         inertia_free = radius * radius * ti.abs(w_free) / (k * inverse_mass)
     braking = ti.min(ti.cast(T, ti.f64), inertia_free)
     loss = ti.cast(0.0, ti.f64)
-    if inverse_mass > 0.0:
+    if k * inverse_mass > 0.0:
         loss = braking * (ti.abs(w_free) - 0.5 * braking * k * inverse_mass / (radius * radius))
     return loss
 

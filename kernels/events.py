@@ -32,7 +32,7 @@ from .rest import (
     count_hit, fall_asleep, is_support, is_wedged, meeting_with_sleeper, set_at_rest, set_in_motion, sleeps, wake,
 )  # fmt: skip
 from .tiles import head_at, layer_of, scale_of, write
-from .walls import first_wall, hit_wall, other_image
+from .walls import bounce, first_wall, hit_wall, meets_piston, next_stop, other_image
 
 EMPTY = -1  # of bins and cells
 PARTING = 2.25  # square of a distance in contact distances: at it or less two disks have just collided
@@ -517,6 +517,7 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
     while going == 1:
         # At most two disks look around themselves in a turn; one place in the code where they do keeps it small.
         looking, first, second, half = 0, 0, 0, 0
+        all_look, stop, stopped = 0, window, -1  # for a piston, after an event of it
         x_low, x_high, y_low, y_high = -1, 1, -1, 1
         keeps = 0
         if fresh < n:
@@ -540,6 +541,12 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                         if precedes(k, i, gas):
                             i, t = k, t_k
                     k = gas.link[k][NEXT]
+            if ti.static(gas.uses.pistons):
+                stop, stopped = next_stop(gas)
+                if stop < t:
+                    i, t = places, stop
+                else:
+                    stopped = -1
             writing = -1
             if told == 0 and (i < 0 or t > moment):
                 writing, told = AT_MOMENT, 1
@@ -554,6 +561,12 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                         write(n, tile, writing, 0, 1, region, gas)
                 else:
                     write(n, tile, writing, 0, 1, region, gas)
+            elif stopped >= 0:
+                events += 1
+                if ti.static(gas.uses.pistons):
+                    bounce(stopped, t, gas)
+                looking, all_look = n, 1
+                present = ti.min(present, n_bins - 1)  # for who meets it later in this window
             else:
                 events += 1
                 take_out(i, bins, gas)
@@ -582,6 +595,9 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                 else:
                     if ti.static(gas.uses.walled):
                         since = gas.work[i][TAU]
+                        if ti.static(gas.uses.pistons):
+                            if meets_piston(i, gas) == 1:
+                                looking, all_look = n, 1
                         how = hit_wall(i, t, tile, region, gas)
                         if ti.static(gas.uses.rests):
                             if how >= ELASTIC and is_support((FIRST_WALL - partner) // 9, gas):
@@ -601,6 +617,13 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
             i = first
             if q == 1:
                 i = second
+            if ti.static(gas.uses.pistons):
+                if all_look == 1:
+                    i = places + q
+                    take_out(i, bins, gas)
+                    x_low, x_high, keeps = 1, 0, 1  # at no disk, but at walls
+                    if meets_piston(i, gas) == 1:
+                        x_low, x_high, keeps = -1, 1, 0
             t = predict(i, x_low, x_high, y_low, y_high, half, keeps, region, gas)
             put_in(i, t, present, bins, n_bins, rate, gas)
     ti.atomic_add(gas.counter[N_EVENTS], events)

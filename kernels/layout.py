@@ -25,7 +25,7 @@ reach        (tiles, 5)           halo; bound on how far its own disks came beyo
                                   far they are beyond its sides at the end; halo against the one that all begin with
 edge_x/y     (tiles + 1,)         sides of the columns and rows of tiles, on the grid of places
 tally        (tiles, 2, TALLY)    sums over the window to its end, and to the moment that was asked for, f64
-heat         (tiles, 2, columns)  heat that thermal walls gave, and the sums of every wall, likewise
+heat         (tiles, 2, columns)  heat that thermal walls gave, the sums of every wall, and how pistons moved, likewise
 claim        (claims,) of 3       slot of a copy at the window's beginning; hash of its history here
 claim_at     (claims,) of 3       its place then, from the corner of the tile that made it; bound on how far it came
 event        (events,) of 17      what happened to watched disks (columns below)
@@ -108,11 +108,12 @@ FULL_PLACES, FULL_CELLS, FULL_CLAIMS, FULL_WALLS, FULL_WATCHED = 1, 2, 4, 8, 16
 ) = range(15)  # fmt: skip
 # grid: disks; tiles; lanes; places, cells, bins and walls of a lane; part of the window's beginning; periodic sides;
 # walls; seed; 1 where one tile is the whole box; rows of cells of all; verification on; small cells along
-# a large one; a 0 that no compiler knows; threads of a GPU for each tile's events, of which one works
+# a large one; a 0 that no compiler knows; threads of a GPU for each tile's events, of which one works; the first piston
+# among the rows of walls, or -1
 (
     N, TILES_X, TILES_Y, LANES, PLACES, CELLS, BINS, ITEMS, PART, PERIODIC_X, PERIODIC_Y, WALLS, SEED_LOW, SEED_HIGH,
-    ALONE, MOST_CLAIMS, TILES_ASIDE, BOXES_ASIDE, ROOM, WATCHING, MOST_EVENTS, COARSE, NOTHING, STRIDE,
-) = range(24)  # fmt: skip
+    ALONE, MOST_CLAIMS, TILES_ASIDE, BOXES_ASIDE, ROOM, WATCHING, MOST_EVENTS, COARSE, NOTHING, STRIDE, FIRST_PISTON,
+) = range(25)  # fmt: skip
 # scale: box; least side of a cell; window; moment in it; largest diameter; what rounds places; gravity; cut-off;
 # contact time; shear rate; speed of a row of tiles against the one below, and how far it is beside whole tiles; the
 # largest radius of disks in small cells; the halo that tiles begin with, and the widest; the part of it for
@@ -175,6 +176,7 @@ class Uses(NamedTuple):
     turning: bool = False  # some turn
     timed: bool = False  # some open, or move for a time only
     summed: bool = False  # what each gives is added up
+    pistons: bool = False  # some have a mass and move freely
     remembers: bool = False  # a contact time: disks know when their latest collision was
     sheared: bool = False  # a mean flow
     tallied: bool = False  # a ledger of what dissipates energy

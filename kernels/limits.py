@@ -3,10 +3,11 @@
 So they stand apart from `layout.py`, which imports it.
 """
 
-WALL = 32  # columns of a wall (`kernels/walls.py`)
-OWNER = 18  # of them: the number of the wall
+WALL = 38  # columns of a wall (`kernels/walls.py`)
+OWNER, MOVING, INVERSE = 18, 6, 32  # of them: the number of the wall; the first of its motion; of a piston's
 MECHANISMS, REGIMES = 7, 5
 WALL_SUMS = 6  # of a wall: momentum, torque, work, heat, hits
+PISTON_STATE = 2  # of a piston: displacement, velocity
 MOST_WALLS = 100_000
 ADDRESSABLE = 2**31 - 1  # numbers of one array that 32-bit indices reach
 MOST_DISKS = ADDRESSABLE // 24  # of the longest array: three parts of eight numbers

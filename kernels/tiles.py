@@ -35,6 +35,7 @@ from .layout import (
     WALL_HITS, WHO, WIDER, WIDEST, WINDOW, W_SPIN, Uses, X, Y,
 )  # fmt: skip
 from .places import add, kind_of, largest_speed, note_speed, radius_of
+from .walls import write_pistons
 
 ENDLESS = 1.0e30  # a side of a tile at an end of the box that is no periodic side
 
@@ -240,7 +241,7 @@ def begin(tile, gas: ti.template()):
         for when in ti.static((AT_END, AT_MOMENT)):
             for column in range(TALLY):
                 gas.tally[k, when, column] = 0.0
-            if ti.static(gas.uses.thermal or gas.uses.summed):
+            if ti.static(gas.uses.thermal or gas.uses.summed or gas.uses.pistons):
                 for column in range(gas.heat.shape[2]):
                     gas.heat[k, when, column] = 0.0
         gas.reach[k, BEYOND], gas.reach[k, FURTHEST], gas.reach[k, PROTRUDES] = -ENDLESS, 0.0, 0.0
@@ -464,9 +465,11 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
         time = gas.scale[MOMENT_IN]
         for column in range(TALLY):
             gas.tally[tile, AT_MOMENT, column] = gas.tally[tile, AT_END, column]
-        if ti.static(gas.uses.thermal or gas.uses.summed):
+        if ti.static(gas.uses.thermal or gas.uses.summed or gas.uses.pistons):
             for column in range(gas.heat.shape[2]):
                 gas.heat[tile, AT_MOMENT, column] = gas.heat[tile, AT_END, column]
+    if ti.static(gas.uses.pistons):
+        write_pistons(tile, when, time, gas)
     fall_x, fall_y = gas.scale[GX] * time, gas.scale[GY] * time
     begun = gas.grid[PART] * gas.grid[ROOM]
     beyond, furthest = -ENDLESS + 0.0 * time, 0.0 * time

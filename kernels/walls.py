@@ -20,7 +20,7 @@ PX, PY          a point of a line, the beginning of a segment, the centre of a c
 QX, QY          a line's unit normal, towards the disks; the end of a segment minus its beginning; the unit vector to
                 the middle of an arc
 CIRCLE          radius of a circle
-MOTION          STILL, STEADY, SINE or SAWTOOTH displacement along (UX, UY), a unit vector
+MOTION          STILL, STEADY, SINE, SAWTOOTH or FREE displacement along (UX, UY), a unit vector
 UX, UY
 AMPLITUDE       of the displacement; for STEADY the speed
 RATE            angular frequency of SINE, frequency of SAWTOOTH
@@ -43,6 +43,11 @@ LEVER           distance of the farthest point of the piece from (CX, CY)
 BEGINS, ENDS    time of the run from which on it moves, and until when
 MOVES           1 if it moves in the window, which neither of the two lies in, else 0
 SUMS            first column of `heat` of the sums of its wall, with a momentum (2), torque, work, heat, hits
+INVERSE         inverse mass of a piston, whose motion is FREE
+LOW, HIGH       of a piston's displacement, which its stops bound
+PISTON          first column of `heat` of the changes of its displacement and velocity
+NEXT_PISTON     row of the next piston, or -1
+STOP_AT         time of the window at which it meets a stop
 ==============  ==========================================================================================
 
 Rotating walls. In the frame that turns with a wall about its centre, by the angle theta(t), the wall is at rest, and a
@@ -61,6 +66,16 @@ beside the arc is followed on its other side until it comes back. Between the tw
 there, at the first angle of the arc, it would be nearer than R to its end. The angles of the arc are widened by 6e-8:
 at the seam circle and end touch each other, and a circle that is taken so far is R (6e-8)^2 / 2 = 2e-15 R off.
 
+Pistons. A piston has a mass M and one degree of freedom, its displacement s along its normal u. Between hits
+M s'' = F + M g.u - K s: a parabola, or an oscillation of angular frequency sqrt(K/M) (RATE) about F/K + g.u/RATE^2. Its
+columns NOW_0, SPEED_0, SINCE and PUSH hold s and s' at the latest event of its own, the time of that, and F/M. A disk
+looks for it from the later of its own latest event and that one. Rails hold it along its tangent, and it does not turn:
+an impulse P along n changes the approach by -P (1/m + 1/M), one along t the slip by -P (1 + k)/m, as at a fixed wall.
+The law has both effective masses of a second disk with 1/M and k = -1, whose 1/m_t = (1 + k)/M is nothing. The impulse
+J that it gives works J (s'_before + s'_after)/2: with J = -M (s'_after - s'_before) its kinetic energy changes by minus
+that. At a stop s' changes its sign; pressed against one without speed it stays there. After an event of a piston every
+disk looks for it again, so that a gas with one is one tile.
+
 Thermal walls: a disk leaves with a random velocity, as if it had come from a gas behind the wall.
 
 Why the normal component is not Gaussian: of a gas with the Maxwellian density f(v) ~ exp(-m v^2 / 2 T), those disks
@@ -77,12 +92,12 @@ from .flights import rounding
 from .language import ti
 from .layout import (
     AT_END, AT_WALLS, BEFORE, BEGIN, BY_HEAT, BY_LAW, BY_REMEDY, BY_WALLS, CELL, CELLS, ELASTICS, EVENT_HOW,
-    EVENT_PARTNER, FAR, FIRST_WALL, FULL, FULL_WALLS, GX, GY, INVERSE_MASS, ITEMS, KIND_RADIUS, LAST,
-    LENGTH_X, LENGTH_Y, LOSSES, MATERIAL, NEEDED, NORMAL_X, NUMBER, OWN, PARTNER, PERIODIC_X, PERIODIC_Y,
-    RESTING, SEED_HIGH, SEED_LOW, TAU, VX, VY, W_SPIN, WALL_COLLISIONS, WALL_WORK, WALLS, WHO, WIDEST, WINDOW,
-    K, X, Y,
+    EVENT_PARTNER, FAR, FIRST_PISTON, FIRST_WALL, FULL, FULL_WALLS, GX, GY, INVERSE_MASS, ITEMS, KIND_RADIUS, LAST,
+    LENGTH_X, LENGTH_Y, LOSSES, MATERIAL, NEEDED, NORMAL_X, NUMBER, OWN, PARTNER, PATH, PERIODIC_X, PERIODIC_Y,
+    RESTING, RESUMING, SEED_HIGH, SEED_LOW, TALLY, TAU, VX, VY, WALLS, WALL_COLLISIONS, WALL_WORK, WHO, WIDEST,
+    WINDOW, W_SPIN, K, X, Y,
 )  # fmt: skip
-from .limits import OWNER
+from .limits import INVERSE, OWNER, WALL
 from .places import (
     add, came_to, charge, just_collided, kind_of, note_speed, radius_of, remember, watched_row, write_motion,
 )  # fmt: skip
@@ -118,9 +133,11 @@ AMPLITUDE, RATE, PHASE, RISE, SURFACE, WALL_MATERIAL, NOW_0, TEMPERATURE, HEAT =
 HALF, TURN, CX, CY, TURN_BY, TURN_RATE, TURN_PHASE, TURN_0, LEVER, BEGINS, ENDS, MOVES, SUMS = range(
     OWNER + 1, 32
 )
+LOW, HIGH, PISTON, NEXT_PISTON, STOP_AT = range(INVERSE + 1, WALL)
+SPEED_0, SINCE, PUSH = AMPLITUDE, PHASE, RISE  # of a piston
 LINE, SEGMENT, CONTAINER, POST, ARC_INSIDE, ARC_OUTSIDE, GONE = range(7)
 MOMENTUM_X, MOMENTUM_Y, TORQUE, WORK, WARMTH, HITS = range(6)  # of SUMS
-STILL, STEADY, SINE, SAWTOOTH = range(4)
+STILL, STEADY, SINE, SAWTOOTH, FREE = range(5)
 MOST_STEPS = 1000  # towards a root; grazing contacts with oscillating walls take tens
 TWO_PI = 6.283185307179586
 
@@ -146,7 +163,8 @@ def wall_phases(gas: ti.template()):
         elif motion == SAWTOOTH:
             turns = rate * now + phase
             at = turns - ti.floor(turns)
-        gas.walls[w][NOW_0] = ti.cast(at, float)
+        if motion != FREE:
+            gas.walls[w][NOW_0] = ti.cast(at, float)
         if ti.static(gas.uses.turning):
             turned = ti.cast(gas.walls[w][TURN_BY], ti.f64) * now + ti.cast(gas.walls[w][TURN_PHASE], ti.f64)
             if ti.cast(gas.walls[w][TURN], ti.i32) == SINE:
@@ -155,6 +173,166 @@ def wall_phases(gas: ti.template()):
                 )
             turned /= TWO_PI
             gas.walls[w][TURN_0] = ti.cast(TWO_PI * (turned - ti.floor(turned)), float)
+    if ti.static(gas.uses.pistons):
+        w = gas.grid[FIRST_PISTON]
+        while w >= 0:
+            if gas.counter[RESUMING] == 0:  # else it has moved on in this window
+                column = TALLY + ti.cast(gas.walls[w][PISTON], ti.i32)
+                set_piston(w, 0.0 * gas.scale[WINDOW], gas.sums[column], gas.sums[column + 1], gas)
+            w = ti.cast(gas.walls[w][NEXT_PISTON], ti.i32)
+
+
+@ti.func
+def push_of(w, gas: ti.template()):
+    """Acceleration of piston w by its force and gravity."""
+    return gas.walls[w][PUSH] + (gas.scale[GX] * gas.walls[w][UX] + gas.scale[GY] * gas.walls[w][UY])
+
+
+@ti.pyfunc
+def piston_speed(s, speed, push, rate, path):
+    """Speed that a piston has and gains while disks go a `path` [length]: it decides how long windows are."""
+    return ti.abs(speed) + ti.sqrt(ti.abs(push - rate * rate * s) * path)
+
+
+@ti.func
+def fastest_piston(gas: ti.template()):
+    """The largest `piston_speed` at the beginning of a window, from the sums."""
+    found = ti.cast(0.0, ti.f64)
+    w = gas.grid[FIRST_PISTON]
+    while w >= 0:
+        column = TALLY + ti.cast(gas.walls[w][PISTON], ti.i32)
+        found = ti.max(found, piston_speed(
+            gas.sums[column], gas.sums[column + 1], push_of(w, gas), gas.walls[w][RATE], gas.clock[PATH]
+        ))  # fmt: skip
+        w = ti.cast(gas.walls[w][NEXT_PISTON], ti.i32)
+    return found
+
+
+@ti.func
+def set_piston(w, t, s, speed, gas: ti.template()):
+    """Let piston w go on from a displacement with a speed at a time of the window; note when it meets a stop."""
+    gas.walls[w][NOW_0], gas.walls[w][SPEED_0], gas.walls[w][SINCE] = s, speed, t
+    push, rate = push_of(w, gas), gas.walls[w][RATE]
+    low, high = gas.walls[w][LOW], gas.walls[w][HIGH]
+    delay = FAR + 0.0 * t
+    if is_held(w, gas) == 0:
+        if rate == 0.0:
+            delay = ti.min(fall_time(s - low, speed, push), fall_time(high - s, -speed, -push))
+        else:
+            x = s - push / (rate * rate)
+            size, phase = ti.sqrt(x * x + (speed / rate) ** 2), ti.atan2(speed / rate, x)
+            # s = middle + size cos(rate t - phase): falls to `low` at phase + acos, rises to `high` at phase - acos.
+            below, above = (low - s + x) / size, (high - s + x) / size
+            if below > -1.0:
+                delay = ti.min(delay, turn_of(phase + ti.acos(ti.min(below, 1.0))) / rate)
+            if above < 1.0:
+                delay = ti.min(delay, turn_of(phase - ti.acos(ti.max(above, -1.0))) / rate)
+            if (s <= low and speed < 0.0) or (s >= high and speed > 0.0):
+                delay = 0.0 * t
+    gas.walls[w][STOP_AT] = t + delay
+
+
+@ti.func
+def turn_of(angle):
+    """The angle from 0 to a full turn that is the same."""
+    return angle - TWO_PI * ti.floor(angle / TWO_PI)
+
+
+@ti.func
+def fall_time(height, speed, pull):
+    """Time until height + speed t + pull t^2 / 2 falls to 0; FAR if it does not."""
+    found = FAR + 0.0 * height
+    d = speed * speed - 2.0 * pull * height
+    if height <= 0.0:
+        if speed < 0.0:
+            found = 0.0 * height
+        elif pull < 0.0:
+            found = -2.0 * speed / pull
+    elif speed < 0.0:
+        if d >= 0.0:
+            found = 2.0 * height / (ti.sqrt(d) - speed)
+    elif pull < 0.0:
+        found = (speed + ti.sqrt(d)) / -pull
+    return found
+
+
+@ti.func
+def is_held(w, gas: ti.template()):
+    """1 if piston w is pressed against a stop without speed, else 0."""
+    s = gas.walls[w][NOW_0]
+    pull = push_of(w, gas) - gas.walls[w][RATE] ** 2 * s
+    pressed = (s <= gas.walls[w][LOW] and pull < 0.0) or (s >= gas.walls[w][HIGH] and pull > 0.0)
+    return ti.cast(pressed and gas.walls[w][SPEED_0] == 0.0, ti.i32)
+
+
+@ti.func
+def piston_motion(w, time, gas: ti.template()):
+    """Displacement of piston w at a time of the window, its speed, a bound of the magnitude of its acceleration, and
+    that itself where it is constant, else minus the bound."""
+    t = time - gas.walls[w][SINCE]
+    s, speed = gas.walls[w][NOW_0], gas.walls[w][SPEED_0]
+    push, rate = push_of(w, gas), gas.walls[w][RATE]
+    bound, pull = 0.0 * t, 0.0 * t
+    if is_held(w, gas) == 0:
+        if rate == 0.0:
+            s += (speed + 0.5 * push * t) * t
+            speed += push * t
+            bound, pull = ti.abs(push), push
+        else:
+            middle = push / (rate * rate)
+            x, c, sine = s - middle, ti.cos(rate * t), ti.sin(rate * t)
+            bound = rate * ti.sqrt(rate * rate * x * x + speed * speed)
+            s = middle + x * c + speed / rate * sine
+            speed = speed * c - rate * x * sine
+    return s, speed, bound, pull
+
+
+@ti.func
+def next_stop(gas: ti.template()):
+    """The earliest time of the window at which a piston meets a stop, and that piston."""
+    found, which = FAR + 0.0 * gas.scale[WINDOW], -1
+    w = gas.grid[FIRST_PISTON]
+    while w >= 0:
+        if gas.walls[w][STOP_AT] < found:
+            found, which = gas.walls[w][STOP_AT], w
+        w = ti.cast(gas.walls[w][NEXT_PISTON], ti.i32)
+    return found, which
+
+
+@ti.func
+def bounce(w, t, gas: ti.template()):
+    """Let piston w bounce off its stop at time t; a bounce that the clock cannot see is none, and it stays there."""
+    s, speed, bound, _pull = piston_motion(w, t, gas)
+    low, high = gas.walls[w][LOW], gas.walls[w][HIGH]
+    away = ti.abs(speed)
+    if away < 1.0e-12 * bound * gas.scale[WINDOW]:
+        away = 0.0 * away
+    if ti.abs(s - low) < ti.abs(s - high):
+        set_piston(w, t, low, away, gas)
+    else:
+        set_piston(w, t, high, -away, gas)
+
+
+@ti.func
+def meets_piston(i, gas: ti.template()):
+    """1 if the next collision of the disk at place i is one with a piston, else 0."""
+    found = 0
+    if gas.link[i][PARTNER] <= FIRST_WALL:
+        w = (FIRST_WALL - gas.link[i][PARTNER]) // 9
+        found = ti.cast(gas.walls[w][MOTION] == FREE, ti.i32)
+    return found
+
+
+@ti.func
+def write_pistons(tile, when, time, gas: ti.template()):
+    """Note how pistons have changed from the beginning of the window until a time of it."""
+    w = gas.grid[FIRST_PISTON]
+    while w >= 0:
+        column = ti.cast(gas.walls[w][PISTON], ti.i32)
+        s, speed, _bound, _pull = piston_motion(w, time, gas)
+        gas.heat[tile, when, column] = s - gas.sums[TALLY + column]
+        gas.heat[tile, when, column + 1] = speed - gas.sums[TALLY + column + 1]
+        w = ti.cast(gas.walls[w][NEXT_PISTON], ti.i32)
 
 
 @ti.func
@@ -198,6 +376,9 @@ def wall_motion(w, time, gas: ti.template()):
             s = amplitude * (1.0 - 2.0 * (part - rise) / (1.0 - rise))
             speed = -2.0 * amplitude * rate / (1.0 - rise)
             until = (whole + 1.0 - at) / rate
+    if ti.static(gas.uses.pistons):
+        if motion == FREE:
+            s, speed, bound, _pull = piston_motion(w, time, gas)
     if ti.static(gas.uses.timed):
         speed *= gas.walls[w][MOVES]
         bound *= gas.walls[w][MOVES]
@@ -290,6 +471,9 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
     found = FAR + 0.0 * tau
     resting = 0
     t = tau
+    if ti.static(gas.uses.pistons):
+        if gas.walls[w][MOTION] == FREE:
+            t = ti.max(t, gas.walls[w][SINCE])
     going = 1
     steps = 0
     behind = 0  # 1 on the side of an arc's circle from which its face is not touched
@@ -334,6 +518,10 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
             curve -= extra
         if kind == LINE:
             curve = gx * nx + gy * ny - ti.abs(ux * nx + uy * ny) * bound
+            if ti.static(gas.uses.pistons):
+                if gas.walls[w][MOTION] == FREE and gas.walls[w][RATE] == 0.0:
+                    _s, _speed, _bound, pull_w = piston_motion(w, t, gas)
+                    curve = gx * nx + gy * ny - (ux * nx + uy * ny) * pull_w
         # Positions are sums of numbers as large as these.
         tolerance = 8.0 * ti.static(epsilon()) * (ti.abs(at_x) + ti.abs(at_y) + radius + gas.walls[w][CIRCLE])
         noise = ti.static(rounding()) * (ti.abs(vx) + ti.abs(vy) + pull * t + ti.abs(speed))
@@ -437,6 +625,8 @@ def wall_reach(w, gas: ti.template()):
     way = ti.abs(speed) * window + 0.5 * bound * window * window
     if ti.cast(gas.walls[w][MOTION], ti.i32) == SAWTOOTH:
         way = 2.0 * ti.abs(gas.walls[w][AMPLITUDE])
+    if ti.cast(gas.walls[w][MOTION], ti.i32) == FREE:  # where hits may drive it
+        way = FAR + 0.0 * window
     if ti.static(gas.uses.turning):
         _angle, _spin, most_spin, _bound = wall_turn(w, 0.0 * window, gas)
         way += ti.min(most_spin * window, 2.0) * gas.walls[w][LEVER]
@@ -640,10 +830,19 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
     seen_spin = spin_0
     if ti.static(gas.uses.turning):
         seen_spin -= spin_w
-    vx, vy, spin, _, _, _, how, lost = collided(
+    inverse_w, k_w = 0.0 * t, 1.0 + 0.0 * t
+    if ti.static(gas.uses.pistons):
+        if gas.walls[w][MOTION] == FREE:
+            inverse_w, k_w = gas.walls[w][INVERSE], -1.0 + 0.0 * t
+    vx, vy, spin, ux_1, uy_1, _, how, lost = collided(
         p, q, -nx, -ny, inverse_mass, radius, gas.kinds[kind][K], vx_0, vy_0, seen_spin,
-        0.0, radius, 1.0, ux, uy, 0.0, lasting, gas,
+        inverse_w, radius, k_w, ux, uy, 0.0, lasting, gas,
     )  # fmt: skip
+    gained = 0.0 * t  # by a piston, whose surface runs on
+    if ti.static(gas.uses.pistons):
+        if gas.walls[w][MOTION] == FREE:
+            gained = (ux_1 - ux) * gas.walls[w][UX] + (uy_1 - uy) * gas.walls[w][UY]
+            set_piston(w, t, s, speed + gained, gas)
     if ti.static(gas.uses.thermal):
         if gas.walls[w][TEMPERATURE] > 0.0:
             vx, vy, spin = thermal_velocity(i, gas.walls[w][TEMPERATURE], nx, ny, ux, uy, gas)
@@ -662,6 +861,9 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
                 wx += spin_w * radius * ny
                 wy -= spin_w * radius * nx
             before = ti.Vector([vx_0 - gx * t, vy_0 - gy * t, spin_0, wx, wy, 0.0 * t])
+            if ti.static(gas.uses.pistons):
+                wx += gas.walls[w][UX] * gained
+                wy += gas.walls[w][UY] * gained
             after = ti.Vector([vx - gx * t, vy - gy * t, spin, wx, wy, 0.0 * t])
             write_motion(row, t, 0, before, after, gas)
             gas.event_int[row][EVENT_PARTNER] = -2 - owner
@@ -679,7 +881,10 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
         add(tile, WALL_COLLISIONS, 1.0, gas)
         if how >= ELASTIC:
             add(tile, ELASTICS, 1.0, gas)
-        # A wall works on what it pushes: the impulse times its own velocity.
+        # A wall works on what it pushes: the impulse times its own velocity, of a piston the mean of before and after.
+        if ti.static(gas.uses.pistons):
+            ux += 0.5 * gas.walls[w][UX] * gained
+            uy += 0.5 * gas.walls[w][UY] * gained
         work = ti.cast(((vx - vx_0) * ux + (vy - vy_0) * uy) / inverse_mass, ti.f64)
         if ti.static(gas.uses.turning):
             work += turning_impulse(kind, spin - spin_0, gas) * spin_w

@@ -23,7 +23,7 @@ from .tiles import (
     begin, cells_of, chain, chain_layers, choose, count_chunk, is_too_narrow, is_wrong, lay, order, region_of,
     team_of, write,
 )  # fmt: skip
-from .walls import place_walls, wall_phases
+from .walls import fastest_piston, place_walls, wall_phases
 
 MOST_EVENTS_OF_A_LAUNCH = (
     1_000_000  # of a gas in one tile: a second's work at most, between two looks at the clock
@@ -173,7 +173,7 @@ def plan(gas: ti.template()):
     """Set the next window, from the sums of the last one, which are added up. A force ends it."""
     for column in range(TALLY):
         gas.sums[column] = gas.sums[column] + total_of(column, gas)
-    if ti.static(gas.uses.thermal or gas.uses.summed):
+    if ti.static(gas.uses.thermal or gas.uses.summed or gas.uses.pistons):
         for column in range(TALLY, TALLY + gas.heat.shape[2]):
             gas.sums[column] = gas.sums[column] + total_of(column, gas)
     way = gas.clock[SPEED] * (gas.clock[END] - gas.clock[BEGIN])
@@ -185,9 +185,10 @@ def plan(gas: ti.template()):
     gas.clock[SPEED] = ti.sqrt(mean_square)
     gx, gy = ti.cast(gas.scale[GX], ti.f64), ti.cast(gas.scale[GY], ti.f64)
     pull = ti.sqrt(gx * gx + gy * gy)
-    length = window_length(
-        mean_square, fastest2, gas.clock[PATH], gas.clock[TILE_SIDE], pull, gas.clock[WALL_SPEED]
-    )
+    wall_speed = gas.clock[WALL_SPEED]
+    if ti.static(gas.uses.pistons):
+        wall_speed += fastest_piston(gas)
+    length = window_length(mean_square, fastest2, gas.clock[PATH], gas.clock[TILE_SIDE], pull, wall_speed)
     length = ti.min(length, gas.clock[LONGEST])
     gas.clock[BEGIN] = gas.clock[END]
     gas.clock[END] = ti.min(gas.clock[BEGIN] + length, gas.clock[KICK])

@@ -287,7 +287,9 @@ class Case(Section):
             each.kind in ("kicks", "langevin") and each.temperature != 0.0 and each.rate != 0.0
             for each in self.force
         )
-        moving = any(each.motion is not None or each.turn is not None for each in self.wall)
+        moving = any(
+            each.motion is not None or each.turn is not None or each.piston is not None for each in self.wall
+        )
         return self.box.shear_rate != 0.0 or any(kicked) or moving or any(self.box.gravity)
 
     @property

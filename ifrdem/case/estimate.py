@@ -21,7 +21,7 @@ from .. import theory
 from ..errors import TheoryError
 from ..kernels import limits
 from ..model.observables import MECHANISMS, REGIMES
-from ..model.walls import SUMS
+from ..model.walls import PISTONS, SUMS
 from ..theory import driven_gas, sheared_gas
 from ..theory.driven_gas import Drive
 from ..tools.checked import Array
@@ -116,7 +116,7 @@ class RunEstimate:
         steady, end, per_disk = _by_theory(gas, case, phi, mean_rate)
         # A drive, a flow, a fall or a wall that moves or is hot may raise the rate; in an open box there is none.
         driven = bool(case.force) or any(case.box.gravity) or gas.box.shear_rate != 0.0
-        stirring = (each.motion or each.turn or each.temperature for each in case.wall)
+        stirring = (each.motion or each.turn or each.piston or each.temperature for each in case.wall)
         driven |= any(one is not None for one in stirring)
         at_most = math.isnan(per_disk) and not driven and not gas.box.is_open
         if at_most:
@@ -266,7 +266,9 @@ def _field_bytes(output: OutputSection, name: str) -> int:
 def _trajectory_bytes(n: int, case: Case, *, frames: int, rows: int, tracked: int, events: int) -> int:
     """Bytes of a trajectory file of n disks without compression, with so many events of tracked disks."""
     output = case.output
-    size = sum(_dataset(frames, layout.CHUNK_FRAMES, width, 8) for width in (1, 1, 3, *OBSERVABLES.values()))
+    pistons = [sum(each.piston is not None for each in case.wall)]
+    observables = [*OBSERVABLES.values(), *(len(PISTONS) * pistons if any(pistons) else ())]
+    size = sum(_dataset(frames, layout.CHUNK_FRAMES, width, 8) for width in (1, 1, 3, *observables))
     per_chunk = layout.chunk_disks(n)
     chunks = frames * -(-n // per_chunk)
     for name in output.fields:
@@ -274,7 +276,7 @@ def _trajectory_bytes(n: int, case: Case, *, frames: int, rows: int, tracked: in
         size += _tree(chunks, 1 + layout.FIELDS[name].components) + GROUP_BYTES
     if rows:
         # Step and time first.
-        series = [1, 1, *OBSERVABLES.values(), *(LEDGER.values() if output.ledger else ())]
+        series = [1, 1, *observables, *(LEDGER.values() if output.ledger else ())]
         walls = len(case.wall) + 2 * sum(not each for each in case.box.periodic)
         series += [walls] * (len(SUMS) * output.wall_sums)
         size += sum(_dataset(rows, max(1, layout.CHUNK_ROWS // width), width, 8) for width in series)

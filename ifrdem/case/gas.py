@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,7 +21,7 @@ from ..model.box import Box
 from ..model.free_area import Room
 from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.state import Disks, State
-from ..model.walls import Wall, wall_names
+from ..model.walls import Wall, at_displacements, wall_names
 from ..simulation import checks
 from ..simulation.simulation import Simulation
 from ..tools import seeds
@@ -180,21 +180,23 @@ class CaseGas:
         *,
         tracked: NDArray[np.int32] | None = None,
         comm: Any = None,
+        pistons: Sequence[float] | None = None,
     ) -> Simulation:
         """The simulation of this gas on the case's device, from its start or from another `state`.
 
         What `warnings` says is not said again. `tracked` disks, which have histories, else come from the case and the
-        start. `comm` are ranks of MPI that share it.
+        start. `comm` are ranks of MPI that share it; `pistons` displacements [length], by default those of the case.
         """
         run, output = case.run, case.output
         begin = self.start(case) if state is None else state
+        walls = self.walls if pistons is None else at_displacements(self.walls, pistons)
         any_law = self.law()  # stands where two walls would meet, which never happens
         laws = [[any_law if one is None else one for one in row] for row in self.laws]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", EnergyWarning)
             return Simulation(
                 self.disks, self.box, laws, begin, arch=run.arch, threads=run.threads,
-                precision=run.precision, walls=self.walls, gravity=(case.box.gravity[0], case.box.gravity[1]),
+                precision=run.precision, walls=walls, gravity=(case.box.gravity[0], case.box.gravity[1]),
                 collapse=run.collapse, contact_time=run.contact_time, velocity_cutoff=run.velocity_cutoff,
                 resting_speed=run.resting_speed,
                 forces=forces_of(case), seed=run.seed, ledger=output.ledger, partners="last_partner" in output.fields,

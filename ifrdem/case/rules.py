@@ -23,6 +23,7 @@ from ..model.free_area import Room
 from ..model.overlaps import relax
 from ..model.walls import Wall, check_place, pieces
 from ..model.walls import check as check_walls
+from ..simulation.checks import check_pistons
 from .case import IMPACT_SCAN, Case
 from .pair_rules import PairVerdict
 from .section import Complaint
@@ -142,6 +143,11 @@ def wrong_walls(
         text = "walls stand at places in the box: box.lengths is needed instead, and `ifrdem check` says the fraction"
         yield _at(case, "box.packing_fraction", text)
         return
+    try:
+        run = case.run
+        check_pistons(walls, _disks(case), run.arch, run.precision, run.resting_speed or 0.0)
+    except InputError as error:
+        yield Complaint("wall", None, str(error))
     placed = []
     for i, wall in enumerate(walls):
         key = f"wall[{i}]"

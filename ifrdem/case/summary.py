@@ -279,6 +279,8 @@ def _walls(case: Case, gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, s
             motion += (
                 f"; turns ({wall.turn.kind}), up to {wall.turn.most_rate * wall.lever:.4g}{speed} at its end"
             )
+        if wall.piston is not None:
+            motion += f"; piston, {wall.piston.mass / mass:.4g} times the mass of the mean disk"
         if wall.opens_at is not None:
             motion += f"; opens at t = {wall.opens_at:g}{time}"
         if wall.opens_after is not None:

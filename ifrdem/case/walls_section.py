@@ -10,7 +10,7 @@ from pydantic import Field
 
 from ..errors import InputError
 from ..model import outlines
-from ..model.walls import FULL_TURN, Motion, Turn, Wall
+from ..model.walls import FULL_TURN, Motion, Piston, Turn, Wall
 from .section import Keys, Section, key
 
 _POINTS = ("points", "file", "path")
@@ -77,6 +77,25 @@ class TurnSection(Section):
     }
 
 
+class PistonSection(Section):
+    """A mass by which a line, or a segment across the box, moves freely along its normal."""
+
+    mass: float = key(0.05, gt=0.0)
+    """Of the wall [kg]."""
+    force: float | None = key(0.1, None)
+    """Constant force along the normal [N]; of a line, a positive one presses on the disks. None without it."""
+    spring: float | None = key(2.0, None, ge=0.0)
+    """Stiffness of a spring that is relaxed where the wall is given [N/m]. None without it."""
+    displacement: float | None = key(0.0, None)
+    """Along the normal at t = 0, from where the wall is given [m]; 0 if not given."""
+    velocity: float | None = key(0.0, None)
+    """Along the normal at t = 0 [m/s]; 0 if not given."""
+    low: float | None = key(-0.1, None)
+    """Least displacement [m], at a stop that reflects it. No stop without it."""
+    high: float | None = key(0.1, None)
+    """Largest displacement [m], likewise."""
+
+
 class WallSection(Section):
     """A wall beside the sides of the box: at rest, moving, turning, with a moving surface, or hot."""
 
@@ -119,6 +138,9 @@ class WallSection(Section):
     turn: TurnSection | None = key({"kind": "steady", "center": [0.5, 0.5], "rate": 2.0}, None)
     """Rotation of the whole wall [table; m, rad/s, 1/s, rad]: "steady" (rate) or "sine" (amplitude, frequency, phase),
     about a center. Walls with the same motion and turn move as one."""
+    piston: PistonSection | None = key({"mass": 0.05, "force": 0.1}, None)
+    """A mass with which a line, or a segment across the box, moves freely along its normal [table; kg, N, N/m, m, m/s],
+    driven by impacts, gravity, a constant force and a spring, between stops low and high."""
     moves_from: float | None = key(1.0, None)
     """Time from which on it moves and turns [s]; its motion begins then, with its phase. Always without it."""
     moves_until: float | None = key(2.0, None)
@@ -179,6 +201,8 @@ class WallSection(Section):
         if self.turn is not None:
             given = self.turn.model_dump(exclude_none=True)
             options["turn"] = Turn(**{**given, "center": tuple(given["center"])})
+        if self.piston is not None:
+            options["piston"] = Piston(**self.piston.model_dump(exclude_none=True))
         for name in ("temperature", "moves_from", "moves_until", "opens_at", "opens_after", "group"):
             if (value := getattr(self, name)) is not None:
                 options[name] = value

@@ -10,13 +10,13 @@ import itertools
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal, TypedDict, Unpack
 
 import numpy as np
 
 from ..errors import InputError, nearest
-from ..kernels.limits import MOST_WALLS, OWNER, WALL
+from ..kernels.limits import INVERSE, MOST_WALLS, MOVING, OWNER, WALL
 from ..tools import checked
 from ..tools.checked import Array
 from . import outlines
@@ -27,10 +27,16 @@ PIECES = ("line", "segment", "container", "post", "arc inside", "arc outside")
 """Pieces of walls, in the order of `kernels/walls.py`."""
 SHAPES = ("line", "segment", "container", "post", "arc", "polyline", "polygon")
 MOTIONS = ("still", "steady", "sine", "sawtooth")
+FREE = len(MOTIONS)
+"""Motion of a piston, in `kernels/walls.py`."""
 TURNS = ("still", "steady", "sine")
 HOLDS = ("both", "inside", "outside")
 SUMS = ("momentum_x", "momentum_y", "torque", "work", "heat", "hits")
 """Columns of `Simulation.wall_sums`."""
+PISTONS = ("displacement", "velocity", "energy")
+"""Columns of `Simulation.pistons`."""
+OF_PISTONS = "piston_"
+"""Prefix of their names in frames and rows of the time series."""
 FULL_TURN = 2.0 * math.pi
 AT_ONCE = 2_000_000
 """Pairs of a point and a piece of a wall that are looked at together at most."""
@@ -187,6 +193,72 @@ class Turn:
         return self.rate * t if self.kind == "steady" else 0.0
 
 
+@dataclass(frozen=True)
+class Piston:
+    """A mass by which a wall moves freely along its normal, driven by the disks that hit it.
+
+    Its displacement s, from where the wall is given, follows M s'' = force + M g.n - spring s between hits; n is the
+    normal of a line, towards the disks, or to the left of a segment on the way from its start to its end. A collision
+    with a disk is one by the law, with the normal effective mass m M/(m + M) and the tangential one of a fixed wall.
+
+    InputError if a number is not finite or out of its range.
+
+    Parameters
+    ----------
+    mass : float
+        M, above 0 [mass].
+    force : float
+        Constant force along n [mass length/time^2]; of a line, a positive one presses on the disks.
+    spring : float
+        Stiffness of a spring that is relaxed at s = 0, not below 0 [mass/time^2].
+    displacement, velocity : float
+        s and s' at the start [length], [length/time].
+    low, high : float, optional
+        Stops, which reflect it elastically: the least and the largest s [length]; none by default.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> piston = ifrdem.Piston(mass=50.0, force=3.0, spring=2.0)
+    >>> piston.energy(1.0, velocity=0.2)  # 50 0.2^2 / 2 - 3 + 2 / 2
+    -1.0
+    """
+
+    mass: float
+    force: float = 0.0
+    spring: float = 0.0
+    displacement: float = 0.0
+    velocity: float = 0.0
+    low: float | None = None
+    high: float | None = None
+
+    def __post_init__(self) -> None:
+        set_ = object.__setattr__
+        set_(self, "mass", _number("piston mass", self.mass, 0.0, open_=True))
+        set_(self, "spring", _number("piston spring", self.spring, 0.0))
+        for name in ("force", "displacement", "velocity", "low", "high"):
+            if (value := getattr(self, name)) is not None:
+                set_(self, name, _number(f"piston {name}", value))
+        low, high = self.stops
+        if not low < high:
+            raise InputError(f"piston low = {low:g}, high = {high:g}: low must be below high")
+        if not low <= self.displacement <= high:
+            raise InputError(
+                f"piston displacement = {self.displacement:g}: it must not be below low, {low:g}, or above high, "
+                f"{high:g}"
+            )
+
+    @property
+    def stops(self) -> Point:
+        """The least and the largest displacement [length], infinite where there is no stop."""
+        return -math.inf if self.low is None else self.low, math.inf if self.high is None else self.high
+
+    def energy(self, displacement: float, velocity: float, pull: float = 0.0) -> float:
+        """Kinetic and potential energy, 0 at rest at s = 0; `pull` is M g.n, the component of its weight [energy]."""
+        s = displacement
+        return 0.5 * self.mass * velocity**2 - (self.force + pull) * s + 0.5 * self.spring * s * s
+
+
 class WallOptions(TypedDict, total=False):
     """Options of any wall; see `Wall`."""
 
@@ -200,6 +272,7 @@ class WallOptions(TypedDict, total=False):
     surface_speed: float
     temperature: float | None
     group: str
+    piston: Piston | None
 
 
 @dataclass(frozen=True)
@@ -268,6 +341,8 @@ class Wall:
     and of I omega^2. None for a wall that follows the law."""
     group: str = ""
     """Name that its sums are added up under, together with those of other walls of that name; none by itself."""
+    piston: Piston | None = None
+    """A mass with which a line, or a segment across the whole box, moves freely along its normal."""
 
     def __post_init__(self) -> None:
         if self.shape not in SHAPES:
@@ -320,6 +395,39 @@ class Wall:
             raise InputError(f"{name}, group = {self.group!r}: a name is needed")
         if self.temperature is not None:
             set_(self, "temperature", _number(f"{name}, temperature", self.temperature, 0.0, open_=True))
+        if self.piston is not None:
+            self._check_piston(name)
+
+    def _check_piston(self, name: str) -> None:
+        if not isinstance(self.piston, Piston):
+            raise InputError(f"{name}, piston = {self.piston!r}: a Piston is needed")
+        if self.shape not in ("line", "segment"):
+            raise InputError(
+                f"{name}, piston: only a line or a segment can be one, which disks hit along the way that it moves"
+            )
+        beside = {
+            "motion": self.motion.kind != "still", "turn": self.turn.kind != "still",
+            "moves_from": self.moves_from is not None, "moves_until": self.moves_until is not None,
+            "opens_at": self.opens_at is not None, "opens_after": self.opens_after is not None,
+            "temperature": self.temperature is not None,
+        }  # fmt: skip
+        for key, given in beside.items():
+            if given:
+                raise InputError(f"{name}, piston: it moves freely, and follows the law; leave out {key}")
+
+    def at(self, displacement: float, velocity: float = 0.0) -> Wall:
+        """This wall, which is a piston, with its piston elsewhere: displacement [length], velocity [length/time]."""
+        assert self.piston is not None
+        low, high = self.piston.stops
+        inside = min(max(displacement, low), high)
+        return replace(self, piston=replace(self.piston, displacement=inside, velocity=velocity))
+
+    @property
+    def normal_of_piston(self) -> Point:
+        """Unit vector along which a piston moves: a line's normal, or to the left of a segment."""
+        x, y = self.towards
+        length = math.hypot(x, y)
+        return (x, y) if self.shape == "line" else (-y / length, x / length)
 
     @classmethod
     def line(cls, point: Point, normal: Point, **options: Unpack[WallOptions]) -> Wall:
@@ -405,7 +513,7 @@ class Wall:
                 self.surface_speed, self.material, 0.0, self.temperature or 0.0, -1.0,
                 0.0, half, TURNS.index(turn.kind), *turn.center, turn.rate if turns else turn.amplitude,
                 FULL_TURN * turn.frequency, 0.0 if turns else turn.phase, 0.0, lever,
-                max(begin, -1e30), min(end, 1e30), 1.0, 0.0,
+                max(begin, -1e30), min(end, 1e30), 1.0, 0.0, 0.0, -1e30, 1e30, -1.0, -1.0, 1e30,
             ]  # fmt: skip
 
         if self.shape == "arc":
@@ -419,6 +527,14 @@ class Wall:
             found = [row("segment", a, b - a) for a, b in itertools.pairwise(corners)]
         else:
             found = [row(self.shape, self.place, self.towards, self.radius)]
+        if (piston := self.piston) is not None:
+            rate = math.sqrt(piston.spring / piston.mass)
+            found[0][MOVING : MOVING + 7] = [
+                FREE, *self.normal_of_piston, piston.velocity, rate, 0.0, piston.force / piston.mass
+            ]  # fmt: skip
+            found[0][MOVING + 9] = piston.displacement
+            low, high = piston.stops
+            found[0][INVERSE : INVERSE + 3] = [1.0 / piston.mass, max(low, -1e30), min(high, 1e30)]
         return np.array(found, dtype=np.float64)
 
     # ------------------------------------------------------------------ where it is
@@ -443,7 +559,12 @@ class Wall:
         )
 
     def moved(self, t: float) -> tuple[Array, float]:
-        """Displacement of the wall at a time [length], shape (2,), and the angle by which it has turned [rad]."""
+        """Displacement of the wall at a time [length], shape (2,), and the angle by which it has turned [rad].
+
+        A piston is where it starts, or `at` another displacement.
+        """
+        if self.piston is not None:
+            return np.array(self.normal_of_piston) * self.piston.displacement, 0.0
         begin, end = self.moving_times
         t = min(max(t, begin), end)
         t -= begin if math.isfinite(begin) else 0.0
@@ -676,6 +797,12 @@ def rows_of(walls: Sequence[Wall]) -> Array:
     return np.concatenate(found) if found else np.empty((0, WALL))
 
 
+def at_displacements(walls: Sequence[Wall], displacements: Sequence[float]) -> tuple[Wall, ...]:
+    """Walls with their pistons, one after another, at these displacements [length]."""
+    left = iter(displacements)
+    return tuple(wall if wall.piston is None else wall.at(next(left)) for wall in walls)
+
+
 def sides(box: Box, material: int = 0) -> list[Wall]:
     """Straight walls at those sides of a box that are not periodic; an open one has no sides."""
     if box.is_open:
@@ -714,7 +841,12 @@ def check_types(walls: Sequence[Wall]) -> None:
 
 
 def check_place(wall: Wall, box: Box) -> None:
-    """Raise InputError if a wall reaches across a periodic side of the box, where it is not repeated."""
+    """Raise InputError if a wall reaches across a periodic side of the box, where it is not repeated.
+
+    Also if it is a segment and a piston, and does not reach from side to side.
+    """
+    if wall.piston is not None and wall.shape == "segment":
+        _check_spans(wall, box)
     low, high = wall.bounds()
     reach = 0.0 if math.isinf(wall.motion.extent) else wall.motion.extent
     for axis, side in enumerate(box.lengths):
@@ -726,6 +858,11 @@ def check_place(wall: Wall, box: Box) -> None:
                     f"a line across a periodic direction of the box ({'xy'[axis]}); make that direction not periodic"
                 )
             continue
+        if wall.piston is not None and wall.normal_of_piston[axis] != 0.0:
+            raise InputError(
+                f"as a piston it would leave through a periodic side of the box ({'xy'[axis]}); make that direction "
+                "not periodic"
+            )
         if math.isinf(wall.motion.extent) and wall.motion.direction[axis] != 0.0:
             raise InputError(
                 f"its steady motion carries it across a periodic side of the box ({'xy'[axis]}), where walls are not "
@@ -736,6 +873,21 @@ def check_place(wall: Wall, box: Box) -> None:
                 f"at ({wall.place[0]:.6g}, {wall.place[1]:.6g}) it reaches beyond a periodic side of the box, where "
                 "walls are not repeated; move it inside, or make that direction not periodic"
             )
+
+
+def _check_spans(wall: Wall, box: Box) -> None:
+    """Raise InputError unless a segment reaches across the box along an axis: its ends would be hit aslant."""
+    along = [axis for axis in range(2) if wall.towards[1 - axis] == 0.0]
+    ends = (
+        (wall.place[along[0]], wall.place[along[0]] + wall.towards[along[0]])
+        if along
+        else (math.nan, math.nan)
+    )
+    if not (min(ends) <= 0.0 and max(ends) >= box.lengths[along[0] if along else 0]):
+        raise InputError(
+            "as a piston a segment must run from side to side of the box, along x or y, so that disks hit it "
+            "along the way that it moves; give such a one, or a line"
+        )
 
 
 def check(
@@ -772,12 +924,17 @@ def check(
 
 def to_json(walls: Sequence[Wall]) -> str:
     """Walls as text, for the record of a trajectory."""
-    return json.dumps([asdict(wall) for wall in walls])
+    found = [asdict(wall) for wall in walls]
+    for one in found:  # a file of walls without pistons stays what it was
+        if one["piston"] is None:
+            del one["piston"]
+    return json.dumps(found)
 
 
 def from_json(text: str) -> tuple[Wall, ...]:
     """Walls from the text of `to_json`."""
+    made = {"motion": Motion, "turn": Turn, "piston": Piston}
     return tuple(
-        Wall(**{**one, "motion": Motion(**one["motion"]), "turn": Turn(**one.get("turn", {}))})
+        Wall(**{key: made[key](**value) if key in made else value for key, value in one.items()})
         for one in json.loads(text)
     )

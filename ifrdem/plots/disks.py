@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..errors import InputError, nearest
 from ..model.box import Box
 from ..model.state import Disks, State
-from ..model.walls import Wall
+from ..model.walls import Wall, at_displacements
 from ..simulation.simulation import Simulation
 from ..tools.checked import Array
 from ..trajectory.frame import Frame
@@ -52,12 +52,13 @@ class View:
         if isinstance(thing, Frame):
             trajectory = thing.trajectory
             return cls(
-                trajectory.disks, trajectory.box, trajectory.walls, trajectory.stated_units, thing, trajectory.fields
+                trajectory.disks, trajectory.box, thing.walls, trajectory.stated_units, thing, trajectory.fields
             )  # fmt: skip
         state = thing.state
         stored: tuple[str, ...] = ("position", "velocity", "angular_velocity", "collisions")
         stored += ("dissipated",) * bool(state.dissipated.any())
-        return cls(thing.disks, thing.box, thing.walls, None, state, stored)
+        walls = at_displacements(thing.walls, thing.pistons[:, 0].tolist())
+        return cls(thing.disks, thing.box, walls, None, state, stored)
 
     @property
     def time(self) -> float:
@@ -176,7 +177,7 @@ def last_frame(axes: Axes, trajectory: Trajectory, index: int = -1, color: str |
     frame = trajectory[index]
     if "position" not in trajectory.fields:
         place_axes(axes, trajectory, shown_region(trajectory, np.zeros((1, 2))))
-        draw_walls(axes, trajectory, frame.time, collisions_of(frame))
+        draw_walls(axes, trajectory, frame.time, collisions_of(frame), frame.walls)
         axes.set_title("the file holds no positions")
         return
     draw(axes, View.of(frame), color or ("spin" if "angular_velocity" in trajectory.fields else "none"))
@@ -286,15 +287,17 @@ def collisions_of(moving: Frame | State) -> int:
     return int(moving.collisions.sum()) // 2
 
 
-def draw_walls(axes: Axes, gas: Gas, time: float, collisions: int = 0) -> None:
+def draw_walls(
+    axes: Axes, gas: Gas, time: float, collisions: int = 0, walls: tuple[Wall, ...] | None = None
+) -> None:
     """Draw the walls that stand at this time, after so many collisions, with arrows along moving surfaces.
 
-    Thick sides are walls too.
+    Those of the gas, or the given ones, among which pistons are where they are then. Thick sides are walls too.
     """
     for periodic, sides in zip(gas.box.periodic, (("left", "right"), ("bottom", "top")), strict=True):
         for side in sides:
             axes.spines[side].set_linewidth(0.8 if periodic or gas.box.is_open else 2.5)
-    for wall in gas.walls:
+    for wall in gas.walls if walls is None else walls:
         if wall.stands(time, collisions):
             _wall(axes, wall, max(gas.box.lengths), time)
 

@@ -298,7 +298,7 @@ class Scene:
         """Draw what lies above the disks: walls where they are, and the frame."""
         before = set(self._axes.get_children())
         done = plot_disks.collisions_of(frame)
-        plot_disks.draw_walls(self._axes, self._trajectory, frame.time, done)
+        plot_disks.draw_walls(self._axes, self._trajectory, frame.time, done, frame.walls)
         walls = [each for each in self._axes.get_children() if each not in before]
         for artist in (*walls, *self._axes.spines.values()):
             self._axes.draw_artist(artist)

@@ -162,7 +162,9 @@ def drive(
     run = case.run
     take = simulation.take_events if case.output.tracks else None
     named = wall_names(job.gas.room.all_walls, job.gas.box)
-    recorder = Recorder(job.writer, job.ledger, take, job.pending, walls=named)
+    walls = zip(named, job.gas.room.all_walls, strict=True)
+    pistons = [name for name, wall in walls if wall.piston is not None]
+    recorder = Recorder(job.writer, job.ledger, take, job.pending, walls=named, pistons=pistons)
     status = Status(
         job.outputs.trajectory, name=run.name, t_end=run.t_end,
         collisions_per_disk_end=run.collisions_per_disk, device=device_of(case),

@@ -15,7 +15,7 @@ from ..case.estimate import OBSERVABLES
 from ..errors import InputError, TrajectoryError
 from ..model.observables import MECHANISMS, REGIMES, Measure
 from ..model.state import State
-from ..model.walls import SUMS
+from ..model.walls import OF_PISTONS, PISTONS, SUMS
 from ..simulation.tracking import Events, joined
 from ..trajectory.background import QueuedWriter
 
@@ -76,7 +76,12 @@ class Ledger:
             self.first = measure
         # What is missing of what was there and what forces and walls put in was dissipated.
         own = {"dissipated_energy": self.dissipated(measure)}
-        return {name: own[name] if name in own else getattr(measure, name) for name in OBSERVABLES}
+        found = {name: own[name] if name in own else getattr(measure, name) for name in OBSERVABLES}
+        if measure.pistons is not None:
+            found |= {
+                f"{OF_PISTONS}{name}": column for name, column in zip(PISTONS, measure.pistons.T, strict=True)
+            }
+        return found
 
     def row(self, measure: Measure) -> dict[str, Any]:
         """Quantities of a row of the time series (with `estimate.LEDGER`)."""
@@ -120,7 +125,7 @@ class Recorder:
 
     `take_events` gives what happened to tracked disks since the last call (`Simulation.take_events`); `pending` are
     events that were not written yet when the run stopped; `clock` gives seconds of real time; `walls` are the names of
-    those that have sums. `seconds` is the
+    those that have sums, `pistons` of those that are some. `seconds` is the
     processor time that this has taken of the run's thread.
     """
 
@@ -132,10 +137,11 @@ class Recorder:
         pending: Events | None = None,
         clock: Callable[[], float] = time.monotonic,
         walls: Sequence[str] = (),
+        pistons: Sequence[str] = (),
     ) -> None:
         self._writer, self._take = writer, take_events
         self.ledger: Ledger = ledger
-        self._walls = tuple(walls)
+        self._walls, self._pistons = tuple(walls), tuple(pistons)
         self._clock, self._wrote = clock, -math.inf
         self.seconds: float = 0.0
         self._rows: list[tuple[float, dict[str, Any]]] = []
@@ -179,6 +185,7 @@ class Recorder:
             first = self._rows[0][1]
             columns = {name: COLUMNS[name] for name in COLUMNS if name in first}
             columns |= {name: self._walls for name in first if name.startswith(OF_WALLS)}
+            columns |= {name: self._pistons for name in first if name.startswith(OF_PISTONS)}
             self._writer.write_series_rows(self._rows, columns)
         if self._parts:
             self._writer.write_history_parts(self._parts)

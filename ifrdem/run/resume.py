@@ -99,6 +99,7 @@ def resume(
         ledger = Ledger.from_record(extra["ledger"])
         course = Course.from_record(extra["course"], case.output.frame_cadence, case.output.series_cadence)
         state, tracked = checkpoint.state_of(arrays), arrays["tracked"]
+        pistons = arrays["state_pistons"][:, 0].tolist()
         names = ("frames", "series_rows", "events")
         seen: dict[str, Any] = {name: operator.index(extra["seen"][name]) for name in names}
     if threads is not None:
@@ -114,7 +115,7 @@ def resume(
         comm, lambda: TrajectoryWriter.resume(trajectory, gas.disks, gas.box, **stored(case, gas), **seen)
     )
     with contextlib.nullcontext() if writer is None else QueuedWriter(writer) as queue:
-        simulation = gas.simulation(case, state, tracked=tracked, comm=comm)
+        simulation = gas.simulation(case, state, tracked=tracked, comm=comm, pistons=pistons)
         simulation.load_checkpoint(path)
         if queue is None:
             accompany(simulation, course, case, outputs)

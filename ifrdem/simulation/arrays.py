@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from ..errors import EngineError
 from ..kernels import layout as k
 from ..kernels.language import ti
-from ..kernels.limits import ADDRESSABLE, ALONE, OWNER, WALL, WALL_SUMS
+from ..kernels.limits import ADDRESSABLE, ALONE, OWNER, PISTON_STATE, WALL, WALL_SUMS
 from ..kernels.shear import displacement
-from ..kernels.walls import GONE, HEAT, SUMS, TEMPERATURE, TYPE
+from ..kernels.walls import FREE, GONE, HEAT, MOTION, NEXT_PISTON, PISTON, SUMS, TEMPERATURE, TYPE
 from ..kernels.windows import exchange
 from ..model.box import Box
 from ..model.state import Disks, State
@@ -148,7 +148,7 @@ class DeviceArrays:
         self._twins: dict[str, Any] = {}
         self.counter: NDArray[np.int32] = np.zeros(20, dtype=np.int32)
         self.clock: NDArray[np.float64] = np.zeros(16)
-        self.grid: NDArray[np.int32] = np.zeros(24, dtype=np.int32)
+        self.grid: NDArray[np.int32] = np.zeros(26, dtype=np.int32)
         self.scale: NDArray[np.floating[Any]] = np.zeros(20, dtype=self.real)
         words = np.array([options.seed & 0xFFFFFFFF, options.seed >> 32], dtype=np.uint32)
         self.grid[k.SEED_LOW : k.SEED_LOW + 2] = words.view(np.int32)
@@ -167,11 +167,16 @@ class DeviceArrays:
         owner = walls[:, OWNER].astype(np.int64)
         self.thermal: NDArray[np.int64] = np.unique(owner[walls[:, TEMPERATURE] > 0.0])
         number = int(owner.max()) + 1 if uses.summed else 0
-        self.heats: int = len(self.thermal) + WALL_SUMS * number
+        self.pistons: NDArray[np.int64] = np.flatnonzero(walls[:, MOTION] == FREE)  # rows of walls
+        first_piston = len(self.thermal) + WALL_SUMS * number
+        self.heats: int = first_piston + PISTON_STATE * len(self.pistons)
+        self.grid[k.FIRST_PISTON] = self.pistons[0] if len(self.pistons) else -1
         self.wall_rows: NDArray[np.float64] = walls
         if len(walls):
             walls[:, HEAT] = np.where(np.isin(owner, self.thermal), np.searchsorted(self.thermal, owner), -1)
             walls[:, SUMS] = len(self.thermal) + WALL_SUMS * owner
+            walls[self.pistons, PISTON] = first_piston + PISTON_STATE * np.arange(len(self.pistons))
+            walls[self.pistons, NEXT_PISTON] = np.append(self.pistons[1:], -1)[: len(self.pistons)]
             self.walls.from_numpy(walls.astype(self.real))
         self.sums: NDArray[np.float64] = np.zeros(k.TALLY + self.heats)
         self.tile: Any = None

@@ -208,6 +208,30 @@ def check_resting(
         )
 
 
+def check_pistons(
+    walls: Sequence[Wall], n: int, arch: str, precision: str, resting_speed: float, order: str | None = None,
+    ranks: int = 1,
+) -> None:  # fmt: skip
+    """Refuse pistons where the whole box is not computed in order; arguments as for `Engine`."""
+    refused = {
+        f'arch = "{arch}"': arch != "cpu",
+        f'precision = "{precision}"': precision != "f64",
+        f'order = "{order}"': order == "tiles",
+        f"several ranks (here are {ranks})": ranks > 1,
+        f"{n} disks, more than {ALONE},": n > ALONE,
+        'collapse = "rest"': resting_speed > 0.0,
+    }
+    for w, wall in enumerate(walls):
+        if wall.piston is None:
+            continue
+        for what, there in refused.items():
+            if there:
+                raise InputError(
+                    f"wall {w} is a piston: {what} not supported: every disk looks for it after each of its hits; run "
+                    f"it on a CPU in double precision, with up to {ALONE} disks that do not rest"
+                )
+
+
 def check_ranks(
     size: int,
     box: Box,

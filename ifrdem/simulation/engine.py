@@ -47,7 +47,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import EngineError, InelasticCollapse, InputError, NoMoreCollisions
-from ..kernels.limits import MECHANISMS, REGIMES, WALL_SUMS
+from ..kernels.limits import MECHANISMS, PISTON_STATE, REGIMES, WALL_SUMS
 from ..model.box import Box
 from ..model.ifr import IFRLaw
 from ..model.law import CollisionLaw, compiled
@@ -218,6 +218,15 @@ class Engine:
         )  # fmt: skip
         if given.resting_speed:
             self._check_resting(given.gravity, forces, law)
+        checks.check_pistons(
+            walls,
+            disks.n,
+            given.arch,
+            given.precision,
+            given.resting_speed,
+            given.order,
+            comm.size if comm else 1,
+        )
         self.gravity: tuple[float, float] = given.gravity
         self.precision: str = given.precision
         self.walls: tuple[Wall, ...] = (*walls, *sides(box))
@@ -266,6 +275,7 @@ class Engine:
                 for wall in self.walls
             ),
             summed=given.wall_sums and len(self.walls) > 0,
+            pistons=any(wall.piston is not None for wall in self.walls),
             remembers=given.contact_time > 0.0,
             sheared=box.shear_rate != 0.0,
             tallied=given.ledger,
@@ -367,7 +377,21 @@ class Engine:
         """Sums of what each wall gave so far, sides of the box last, shape (walls, 6); columns `model.walls.SUMS`."""
         from ..kernels.layout import TALLY
 
-        return self.windows.sums[TALLY + len(self.arrays.thermal) :].reshape(-1, WALL_SUMS)
+        first = TALLY + len(self.arrays.thermal)
+        return self.windows.sums[first : first + WALL_SUMS * len(self.walls)].reshape(-1, WALL_SUMS)
+
+    @property
+    def pistons(self) -> NDArray[np.float64]:
+        """Displacement, velocity and energy of each piston, shape (pistons, 3); columns `model.walls.PISTONS`."""
+        state = self.windows.sums[len(self.windows.sums) - PISTON_STATE * len(self.arrays.pistons) :]
+        pistons = [(wall.piston, wall.normal_of_piston) for wall in self.walls if wall.piston is not None]
+        found = np.empty((len(pistons), 3))
+        for row, (piston, normal), (s, speed) in zip(
+            found, pistons, state.reshape(-1, PISTON_STATE).tolist(), strict=True
+        ):
+            pull = piston.mass * (self.gravity[0] * normal[0] + self.gravity[1] * normal[1])
+            row[:] = s, speed, piston.energy(s, speed, pull)
+        return found
 
     # ------------------------------------------------------------------ gates
 
@@ -605,12 +629,16 @@ class Engine:
 
     def _nothing_happens(self) -> bool:
         """Tell if no disk meets another one or a wall before something else sets it in motion."""
-        if self._parted or self.n == 0 or (self.n == 1 and not self.walls and not self.box.shear_rate):
+        if (
+            self._parted
+            or (self.n == 0 and not self.arrays.uses.pistons)
+            or (self.n == 1 and not self.walls and not self.box.shear_rate)
+        ):
             return True
         from ..kernels.layout import WALL_SPEED
 
         self.windows.go_on(self.next_kick)
-        walls_move = self.arrays.clock[WALL_SPEED] > 0.0
+        walls_move = self.arrays.clock[WALL_SPEED] > 0.0 or self.arrays.uses.pistons
         all_sleep = self.options.resting_speed and not self.windows.inside and self.asleep == self.n
         if all_sleep and self.statistics.windows > 0:  # in the first it is judged whether they may
             return not walls_move

@@ -423,6 +423,14 @@ class Simulation(Sealed, PicturedDisks):
         return WallSums(self._engine.walls, self._engine.wall_sums)
 
     @property
+    def pistons(self) -> NDArray[np.float64]:
+        """Displacement [length], velocity [length/time] and energy [energy] of each piston, up to the latest `state`.
+
+        Shape (pistons, 3), in the order of the walls; the energy is that of `Piston.energy`, with its weight.
+        """
+        return self._engine.pistons
+
+    @property
     def wall_heat(self) -> float:
         """Heat that all thermal walls have given to the disks up to the latest `state` [energy]."""
         return math.fsum(self._engine.wall_heats)
@@ -512,10 +520,11 @@ class Simulation(Sealed, PicturedDisks):
             "extra": dict(extra or {}),
         }
         found = snapshot.take(self._engine)
-        state, _totals = self._engine.observed()
+        state, _totals = self._engine.observed()  # settles
 
         def write() -> None:
             plain = {f"state_{name}": getattr(state, name) for name in ("position", "velocity", "spin")}
+            plain["state_pistons"] = self.pistons
             checkpoint.write(path, {**found, **plain, **(arrays or {})}, meta)
 
         world.on_first(self._engine.comm, write)
@@ -841,5 +850,5 @@ class Simulation(Sealed, PicturedDisks):
         """The past that a state does not tell, up to the latest settling."""
         return {
             "energy_input": self.energy_input, "wall_work": self.wall_work, "wall_heat": self.wall_heat,
-            "asleep": self.asleep,
+            "asleep": self.asleep, "pistons": self.pistons if self._engine.arrays.uses.pistons else None,
         }  # fmt: skip

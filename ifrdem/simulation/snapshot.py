@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..kernels import layout as k
+from ..kernels.walls import NOW_0, SPEED_0
 from .tracking import Statistics
 
 if TYPE_CHECKING:
@@ -30,12 +31,14 @@ def fingerprint(engine: Engine) -> str:
     engine.check_whole()
     a, disks, box, options = engine.arrays, engine.disks, engine.box, engine.options
     digest = hashlib.sha256()
+    walls = a.wall_rows.copy()
+    walls[a.pistons[:, None], [NOW_0, SPEED_0]] = 0.0  # where a piston starts, as where disks do
     parts: list[Any] = [
         disks.mass, disks.radius, disks.k, disks.material, np.array(box.lengths), np.array(box.periodic),
         np.array([
             box.shear_rate, *engine.gravity, options.velocity_cutoff, options.contact_time, options.resting_speed,
         ]), a.law.to_numpy(),
-        a.wall_rows, repr([(wall.opens_at, wall.opens_after) for wall in engine.walls]),
+        walls, repr([(wall.opens_at, wall.opens_after) for wall in engine.walls]),
         options.precision, options.arch, options.seed, options.wall_sums,
         options.ledger, options.partners, options.angles, options.itemised, a.uses.collision_law.impulses.__qualname__,
     ]  # fmt: skip

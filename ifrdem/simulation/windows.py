@@ -6,7 +6,7 @@ Imports Taichi: import this module only after `device.start`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ..errors import EngineError, InelasticCollapse
 from ..kernels import layout as k
 from ..kernels.events import TOO_FAR
+from ..kernels.walls import NOW_0, PISTON, PUSH, RATE, SPEED_0, UX, UY, piston_speed
 from ..kernels.windows import (
     LARGEST_WAY,
     LEAST_HALO,
@@ -58,6 +59,8 @@ class Windows:
         self._moment_now = 0.0
         size = len(arrays.sums)
         self._done, self._at_end, self._at_moment = np.zeros(size), np.zeros(size), np.zeros(size)
+        for row, column in self._piston_columns():
+            self._done[[column, column + 1]] = arrays.wall_rows[row, [NOW_0, SPEED_0]]
         self.protrudes: float = (
             0.0  # how far disks are beyond the sides of the tiles that list them, at the beginning
         )
@@ -198,9 +201,8 @@ class Windows:
         mean_square = self._tally(k.AT_END)[k.SQUARES] * float(a.clock[k.SQUARE_UNIT]) / max(a.n, 1)
         gx, gy = float(a.scale[k.GX]), float(a.scale[k.GY])
         pull = math.sqrt(gx * gx + gy * gy)  # as kernels plan it, to the last bit
-        length = window_length(
-            mean_square, fastest2, a.clock[k.PATH], a.clock[k.TILE_SIDE], pull, a.clock[k.WALL_SPEED]
-        )
+        wall_speed = a.clock[k.WALL_SPEED] + self._fastest_piston()
+        length = window_length(mean_square, fastest2, a.clock[k.PATH], a.clock[k.TILE_SIDE], pull, wall_speed)
         length = min(length, float(a.clock[k.LONGEST]))
         a.clock[k.SQUARE_UNIT] = square_unit(fastest2)
         a.clock[k.SPEED] = math.sqrt(mean_square)
@@ -212,6 +214,22 @@ class Windows:
         self.fastest = math.sqrt(fastest2)
         if not self.end > self.begin:
             raise InelasticCollapse(f"t = {self.now:.9g}: windows have become too short for the clock")
+
+    def _piston_columns(self) -> Iterator[tuple[int, int]]:
+        """Row of each piston among the pieces of walls, and the column of `sums` with its displacement."""
+        a = self.arrays
+        return zip(a.pistons, k.TALLY + a.wall_rows[a.pistons, PISTON].astype(np.int64), strict=True)
+
+    def _fastest_piston(self) -> float:
+        """The largest `piston_speed` where a window begins, as kernels have it, to the last bit; 0 without pistons."""
+        a, found = self.arrays, 0.0
+        gx, gy = float(a.scale[k.GX]), float(a.scale[k.GY])
+        for row, column in self._piston_columns():
+            wall = a.wall_rows[row]
+            push = wall[PUSH] + (gx * wall[UX] + gy * wall[UY])
+            state = self._done[column : column + 2].tolist()
+            found = max(found, piston_speed(*state, push, float(wall[RATE]), float(a.clock[k.PATH])))
+        return found
 
     def _survey(self) -> None:
         """Look for the fastest disk, and add up squares of speeds."""

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import AttributeMissing, InputError, NameMissing
+from ..model.walls import OF_PISTONS, Wall, at_displacements
 from ..tools.pictured import PicturedDisks
 from ..tools.sealed import Sealed
 
@@ -77,6 +78,19 @@ class Frame(Sealed, PicturedDisks):
     def time(self) -> float:
         """The time [time]."""
         return float(self.trajectory.times[self.index])
+
+    @property
+    def walls(self) -> tuple[Wall, ...]:
+        """Walls of the trajectory, pistons where they are in this frame; for the others `Wall.outline` takes the time.
+
+        The sides of the box are not among them.
+        """
+        trajectory = self.trajectory
+        if f"{OF_PISTONS}displacement" not in trajectory.observables:
+            return trajectory.walls
+        return at_displacements(
+            trajectory.walls, trajectory.observables[f"{OF_PISTONS}displacement"][self.index].tolist()
+        )
 
     @property
     def position(self) -> NDArray[np.float64]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..model.observables import MECHANISMS
+from ..model.walls import OF_PISTONS
 from ..tools import checked
 from .layout import STATIC
 
@@ -204,6 +205,7 @@ def concat(trajectories: Iterable[Trajectory | str | os.PathLike[str]]) -> xarra
 
 QUANTITIES = {
     "time": "time", "position": "length", "radius": "length", "mass": "mass",
+    "piston_displacement": "length", "piston_velocity": "velocity", "piston_energy": "energy",
     "momentum": "momentum", "walls_momentum_x": "momentum", "walls_momentum_y": "momentum",
     **dict.fromkeys(
         ("translational_energy", "rotational_energy", "energy", "temperature", "rotational_temperature",
@@ -219,6 +221,9 @@ def _axes(
     name: str, value: NDArray[Any], names: tuple[str, ...], coordinates: dict[str, Any]
 ) -> tuple[str, ...]:
     """Names of the axes behind the first."""
+    if name.startswith(OF_PISTONS):
+        coordinates.update({"piston": list(names)} if names else {})
+        return ("piston",)
     if value.ndim == 2 and names:
         dimension = name.removeprefix("dissipated_by_").removeprefix("collisions_by_")
         dimension = "wall" if name.startswith("walls_") else dimension

@@ -310,7 +310,7 @@ class Content:
 
     def _walls(self, frame: Frame) -> list[dict[str, Any]]:
         """Walls where they stand in a frame; of those that are neither lines nor whole circles, points along them."""
-        walls, time = self.trajectory.walls, frame.time
+        walls, time = frame.walls, frame.time
         done = plot_disks.collisions_of(frame) if any(one.opens_after is not None for one in walls) else 0
         return [
             {

@@ -147,6 +147,10 @@ class Gas:
         for i in range(n):
             self.predict(i, state.time)
 
+    def nearest(self, wall: Wall, x: Array, t: Array) -> tuple[Array, Array]:
+        """As `nearest`, of walls whose motion is known beforehand."""
+        return nearest(wall, x, t)
+
     def place(self, i: int | slice, t: float | Array) -> Array:
         """Centres at a time; of one disk also at many."""
         since = np.asarray(t - self.clock[i])[..., None]
@@ -177,17 +181,19 @@ class Gas:
         self.wall_time[i], self.wall[i] = times[-1], -1  # nothing: look again then
         way = float(np.linalg.norm(self.velocity(i, now)) + 0.5 * np.linalg.norm(self.g) * WINDOW) * WINDOW
         for number, wall in enumerate(self.walls):
-            to_go = nearest(wall, path[:1], times[:1])[1][0] - self.disks.radius[i]
-            if wall.turn.kind == "still" and to_go > way + max(
-                2.0 * wall.motion.amplitude, abs(wall.motion.speed) * WINDOW
+            to_go = self.nearest(wall, path[:1], times[:1])[1][0] - self.disks.radius[i]
+            if (
+                wall.turn.kind == "still"
+                and wall.piston is None
+                and to_go > way + max(2.0 * wall.motion.amplitude, abs(wall.motion.speed) * WINDOW)
             ):
                 continue  # further away than both go in the window
 
             def gap(t: float, wall: Wall = wall) -> float:
                 one = np.array([t])
-                return float(nearest(wall, self.place(i, one), one)[1][0]) - float(self.disks.radius[i])
+                return float(self.nearest(wall, self.place(i, one), one)[1][0]) - float(self.disks.radius[i])
 
-            gaps = nearest(wall, path, times)[1] - self.disks.radius[i]
+            gaps = self.nearest(wall, path, times)[1] - self.disks.radius[i]
             gaps[0] = max(gaps[0], 0.0)  # just after a hit it is a rounding error
             inside = np.flatnonzero(gaps < 0.0)
             last = int(inside[0]) if len(inside) else len(gaps)
@@ -211,23 +217,27 @@ class Gas:
     def run(self, events: int) -> list[tuple[float, int, int]]:
         """Events (time, disk, partner) until there are so many; wall w is the partner -2 - w."""
         while len(self.events) < events:
-            i = int(np.argmin(self.wall_time))
-            p, q = divmod(int(np.argmin(self.pair_time)), self.disks.n)
-            if self.wall_time[i] < self.pair_time[p, q]:
-                now = float(self.wall_time[i])
-                if self.wall[i] < 0:
-                    self.look_for_walls(i, now)
-                else:
-                    self.hit_wall(i, self.walls[self.wall[i]], now)
-                    self.events.append((now, i, -2 - int(self.wall[i])))
-                    self.predict(i, now)
-            else:
-                now = float(self.pair_time[p, q])
-                self.collide(p, q, now)
-                self.events.append((now, min(p, q), max(p, q)))
-                self.predict(p, now)
-                self.predict(q, now)
+            self.step()
         return self.events
+
+    def step(self) -> None:
+        """The next event, or a look at what comes after WINDOW."""
+        i = int(np.argmin(self.wall_time))
+        p, q = divmod(int(np.argmin(self.pair_time)), self.disks.n)
+        if self.wall_time[i] < self.pair_time[p, q]:
+            now = float(self.wall_time[i])
+            if self.wall[i] < 0:
+                self.look_for_walls(i, now)
+            else:
+                self.hit_wall(i, self.walls[self.wall[i]], now)
+                self.events.append((now, i, -2 - int(self.wall[i])))
+                self.predict(i, now)
+        else:
+            now = float(self.pair_time[p, q])
+            self.collide(p, q, now)
+            self.events.append((now, min(p, q), max(p, q)))
+            self.predict(p, now)
+            self.predict(q, now)
 
     def move_to(self, i: int, now: float) -> None:
         self.x[i], self.v[i], self.clock[i] = self.place(i, now), self.velocity(i, now), now

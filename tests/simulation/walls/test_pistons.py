@@ -1,0 +1,253 @@
+"""Pistons: closed forms, what is conserved, stops, checkpoints to the bit, and what is refused."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ifrdem
+from ifrdem.errors import InputError
+from ifrdem.model.box import Box
+from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.state import Disks, State
+from ifrdem.model.walls import Motion, Piston, Turn, Wall, from_json, to_json
+from ifrdem.simulation.simulation import Simulation
+
+pytestmark = pytest.mark.unoptimised
+
+ELASTIC = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
+ROUGH = IFRLaw(e_n=0.9, e_t=-0.6, mu=0.3, rho=0.01)
+BOX = Box((10.0, 20.0), (False, False))
+
+
+def lid(height: float = 12.0, **options: Any) -> Wall:
+    """A line with the disks below it."""
+    return Wall.line((0.0, height), (0.0, -1.0), piston=Piston(**options))
+
+
+def gas(law: IFRLaw, walls: list[Wall], n: int = 30, **options: Any) -> Simulation:
+    disks = Disks(n, mass=1.0, radius=0.5)
+    position = ifrdem.initial.random_positions(BOX, disks.radius, seed=1, walls=walls)
+    velocity = ifrdem.initial.maxwellian(disks.mass, speed_rms=1.4, seed=2)
+    state = State(position, velocity, np.random.default_rng(3).normal(size=n))
+    return Simulation(disks, BOX, law, state, walls=walls, **options)
+
+
+def whole_energy(simulation: Simulation) -> float:
+    """Energy of disks and pistons, kinetic and potential."""
+    found = simulation.measure()
+    assert found.pistons is not None
+    return found.energy + found.potential_energy + float(found.pistons[:, 2].sum())
+
+
+@pytest.mark.parametrize(("ratio", "count"), [(1.0, 3), (100.0, 31), (1e4, 314), (1e6, 3141)])
+def test_a_piston_on_one_disk_makes_as_many_hits_as_digits_of_pi(ratio: float, count: int) -> None:
+    # A block of mass M comes upon a ball of mass m at rest before a wall, all elastic. In the plane of sqrt(m) y and
+    # sqrt(M) s the path is a straight line in a wedge of the angle atan(sqrt(m/M)), which it leaves after as many
+    # reflections as that angle fits into pi: floor(pi sqrt(M/m)) for powers of 100. G. Galperin, Regul. Chaotic Dyn. 8,
+    # 375 (2003), doi:10.1070/RD2003v008n04ABEH000252.
+    disks = Disks(1, mass=1.0, radius=0.5)
+    start = State([[5.0, 4.0]], np.zeros((1, 2)), np.zeros(1))
+    piston = lid(6.0, mass=ratio, velocity=1.0)
+    box = Box((10.0, 1000.0), (False, False))  # which the piston leaves later
+    simulation = Simulation(disks, box, ELASTIC, start, walls=[piston])
+    simulation.run(t_end=500.0)
+    assert simulation.wall_hits == count
+    # All energy was the piston's, and it keeps all of it but what is left to the disk.
+    assert whole_energy(simulation) == pytest.approx(0.5 * ratio, rel=1e-12)  # 1e4 roundings of 1e-16
+
+
+def test_momentum_and_energy_hold_over_a_hundred_thousand_hits() -> None:
+    simulation = gas(ELASTIC, [lid(mass=3.0, force=6.0)], n=8, wall_sums=True)
+    before = whole_energy(simulation)
+    simulation.run(t_end=75_000.0, progress=False)
+    s, speed, _ = simulation.pistons[0]
+    of_piston = simulation.wall_sums.values[0]
+    assert of_piston[5] > 1e5
+    # Energy: at most 1e-16 for each of 4e5 collisions, all the same way.
+    assert whole_energy(simulation) == pytest.approx(before, rel=4e-11)
+    # Momentum along the normal, (0, -1): M v = F t - what it gave to the disks, of 1e5 hits of some 4 each.
+    given = -of_piston[1]
+    assert 3.0 * speed == pytest.approx(6.0 * simulation.time - given, abs=1e-6)
+    # Its work is what its own energy has lost, F s included.
+    assert of_piston[3] == pytest.approx(-simulation.pistons[0, 2], abs=1e-8)
+    assert abs(s) < 8.0
+
+
+def test_two_pistons_under_friction_lose_what_the_ledger_says() -> None:
+    walls = [
+        lid(mass=4.0, force=3.0, spring=0.5),
+        Wall.line((0.5, 0.0), (1.0, 0.0), piston=Piston(mass=8.0, spring=3.0, low=-0.4)),
+    ]
+    simulation = gas(ROUGH, walls, gravity=(0.0, -0.2), ledger=True, wall_sums=True, dissipated=True)
+    before = whole_energy(simulation)
+    simulation.run(t_end=12.0, progress=False)
+    measured = simulation.measure()
+    assert measured.dissipated is not None
+    assert measured.dissipated[5] > 1.0  # at walls
+    assert whole_energy(simulation) + measured.dissipated.sum() == pytest.approx(before, rel=1e-12)
+    # What walls did to the disks is what the pistons lost; the other walls are at rest.
+    assert simulation.wall_work == pytest.approx(-simulation.pistons[:, 2].sum(), rel=1e-12)
+    assert simulation.dissipated_energy == pytest.approx(measured.dissipated.sum(), rel=1e-10)
+
+
+def test_the_mean_height_of_a_piston_on_one_disk_is_that_of_the_virial() -> None:
+    # h = height of the piston above the disk's lowest place, less the disk's highest: with y' in [0, h],
+    # d/dt (m y' v_y + M h V) = m v_y^2 + M V^2 - F h, as the forces of floor and contact work out to 0 and cancel. It
+    # is bounded, so that <m v_y^2 + M V^2> = F <h>; with E = (m v_y^2 + M V^2)/2 + F h, <h> = 2 E / 3 F.
+    disks = Disks(1, mass=1.0, radius=0.5)
+    start = State([[5.0, 2.0]], [[0.3, 1.1]], np.zeros(1))
+    simulation = Simulation(disks, BOX, ELASTIC, start, walls=[lid(5.0, mass=1.618, force=0.5)])
+    energy = 0.5 * 1.1**2 + 0.5 * (5.0 - 1.0)
+    heights = []
+    for t in np.arange(1, 3001) * 7.3:
+        simulation.run(t_end=t, progress=False)
+        heights.append(5.0 - simulation.pistons[0, 0] - 1.0)
+    # Scatter of h about 0.7 <h>; some 3000 values, correlated over a few: 0.7 / sqrt(600) = 3 %.
+    assert np.mean(heights) == pytest.approx(2.0 * energy / (3.0 * 0.5), rel=0.06)
+
+
+def test_a_piston_bounces_between_its_stops_and_rests_where_it_is_pressed() -> None:
+    disks = Disks(1, mass=1.0, radius=0.5)
+    start = State([[5.0, 1.0]], np.zeros((1, 2)), np.zeros(1))
+
+    def at(t: float, **options: Any) -> np.ndarray:
+        simulation = Simulation(disks, BOX, ELASTIC, start, walls=[lid(mass=2.0, **options)])
+        simulation.run(t_end=t)
+        return simulation.pistons[0]
+
+    # Freely: 3.5 of way at a speed of 1 between 0 and 0.5: seven times there and back, less none.
+    np.testing.assert_allclose(at(3.4, velocity=1.0, low=0.0, high=0.5)[:2], (0.4, 1.0), atol=1e-14)
+    # From rest against a = 2: 0.25 = t^2 until the stop after t = 0.5, and back; a period of 1.
+    np.testing.assert_allclose(at(7.25, force=4.0, high=0.25)[:2], (0.0625, 0.5), atol=1e-13)
+    # A spring with period 2 pi, relaxed at 0, a stop there too: it takes half as long.
+    found = at(10.0 * math.pi + 0.3, spring=2.0, displacement=0.5, low=0.0)[:2]
+    np.testing.assert_allclose(found, (0.5 * math.cos(0.3), -0.5 * math.sin(0.3)), atol=1e-13)
+    np.testing.assert_array_equal(at(50.0, force=-3.0, low=0.0), (0.0, 0.0, 0.0))
+
+
+def test_gravity_pulls_the_piston_too() -> None:
+    disks = Disks(1, mass=1.0, radius=0.5)
+    start = State([[5.0, 1.0]], np.zeros((1, 2)), np.zeros(1))
+    simulation = Simulation(disks, BOX, ELASTIC, start, walls=[lid(mass=2.0, force=3.0)], gravity=(0.3, -1.0))
+    simulation.run(t_end=0.5)
+    # Down along its normal with 1 + 3/2.
+    np.testing.assert_allclose(simulation.pistons[0, :2], (0.5 * 2.5 * 0.25, 1.25), rtol=1e-14)
+
+
+@pytest.mark.parametrize("cut", [3.7, 8.000001])
+def test_a_run_goes_on_from_a_checkpoint_to_the_bit(tmp_path: Path, cut: float) -> None:
+    walls = [lid(mass=4.0, force=3.0, spring=0.5, low=-1.0, high=1.0)]
+    whole, first, second = (gas(ROUGH, walls, gravity=(0.0, -0.2), wall_sums=True) for _ in range(3))
+    whole.run(t_end=15.0, frames=7)
+    first.run(t_end=cut)
+    first.save_checkpoint(tmp_path / "one.ckpt")
+    second.load_checkpoint(tmp_path / "one.ckpt")
+    np.testing.assert_array_equal(second.pistons, first.pistons)
+    second.run(t_end=15.0, series=11, samplers=[lambda measure: None])
+    np.testing.assert_array_equal(whole.pistons, second.pistons)
+    assert whole.pistons[0, 0] != first.pistons[0, 0]
+    for name in ("position", "velocity", "spin"):
+        np.testing.assert_array_equal(getattr(whole.state, name), getattr(second.state, name))
+    np.testing.assert_array_equal(whole.wall_sums.values, second.wall_sums.values)
+
+
+def test_a_run_that_jumps_by_collisions_has_the_same_bits() -> None:
+    one, other = (gas(ROUGH, [lid(mass=4.0, force=3.0)]) for _ in range(2))
+    for count in (7, 30, 31, 100):
+        one.collide(count)
+    other.run(t_end=one.time)
+    np.testing.assert_allclose(one.pistons, other.pistons, rtol=1e-13)  # the time itself is rounded
+    for each in (one, other):
+        each.run(t_end=20.0)
+    np.testing.assert_array_equal(one.pistons, other.pistons)
+    np.testing.assert_array_equal(one.state.position, other.state.position)
+
+
+def test_tracked_disks_tell_what_the_piston_did() -> None:
+    simulation = gas(ROUGH, [lid(mass=4.0, force=3.0)], tracked=range(30))
+    simulation.run(t_end=10.0)
+    events = simulation.take_events()
+    at = events.partner == -2
+    assert at.sum() > 10
+    gained = events.partner_velocity_after[at] - events.partner_velocity_before[at]
+    along = np.sum(gained * events.normal[at], axis=1)
+    np.testing.assert_allclose(4.0 * along, events.impulse[at, 0], rtol=1e-12)
+    np.testing.assert_allclose(gained[:, 0], 0.0, atol=1e-16)
+
+
+def test_walls_with_pistons_come_back_from_their_text() -> None:
+    walls = (lid(mass=2.0, force=1.0, high=0.5), Wall.post((1.0, 1.0), 0.1))
+    assert from_json(to_json(walls)) == walls
+
+
+SEGMENT = Wall.segment((0.0, 5.0), (10.0, 5.0))
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: Piston(mass=0.0), "piston mass = 0.0: a finite number above 0"),
+        (lambda: Piston(mass=-1.0), "piston mass = -1.0: a finite number above 0"),
+        (lambda: Piston(mass=math.inf), "piston mass = inf: a finite number above 0"),
+        (lambda: Piston(mass=1.0, spring=-2.0), "piston spring = -2.0: a finite number not below 0"),
+        (lambda: Piston(mass=1.0, force=math.nan), "piston force = nan: a finite number"),
+        (lambda: Piston(mass=1.0, low=1.0, high=0.5), "low must be below high"),
+        (lambda: Piston(mass=1.0, low=0.1), "displacement = 0: it must not be below low, 0.1"),
+        (lambda: Wall.post((1.0, 1.0), 0.5, piston=Piston(1.0)), "only a line or a segment"),
+        (lambda: Wall.line((0, 1), (0, 1), piston=1.0), "a Piston is needed"),  # type: ignore[arg-type]
+        (lambda: lid_with(motion=Motion("steady", speed=1.0)), "leave out motion"),
+        (lambda: lid_with(temperature=1.0), "leave out temperature"),
+        (lambda: lid_with(opens_at=1.0), "leave out opens_at"),
+        (lambda: lid_with(moves_from=1.0), "leave out moves_from"),
+        (
+            lambda: Wall.segment((0, 1), (10, 1), turn=Turn("steady", rate=1.0), piston=Piston(1.0)),
+            "leave out turn",
+        ),
+    ],
+)
+def test_a_piston_that_is_none_is_refused(make: Any, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        make()
+
+
+def lid_with(**options: Any) -> Wall:
+    return Wall.line((0.0, 12.0), (0.0, -1.0), piston=Piston(1.0), **options)
+
+
+@pytest.mark.parametrize(
+    ("wall", "options", "says"),
+    [
+        (Wall.segment((0.0, 5.0), (9.0, 5.0), piston=Piston(1.0)), {}, "from side to side of the box"),
+        (Wall.segment((0.0, 5.0), (10.0, 6.0), piston=Piston(1.0)), {}, "from side to side of the box"),
+        (lid(mass=1.0), {"precision": "f32"}, 'wall 0 is a piston: precision = "f32" not supported'),
+        (
+            lid(mass=1.0),
+            {"collapse": "rest", "resting_speed": 1e-3, "gravity": (0.0, -1.0)},
+            'collapse = "rest" not supported',
+        ),
+    ],
+)
+def test_a_piston_where_it_cannot_be_is_refused(wall: Wall, options: dict[str, Any], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        gas(ELASTIC, [wall], n=3, **options)
+
+
+def test_a_piston_through_a_periodic_side_and_too_many_disks_are_refused() -> None:
+    disks = Disks(1, mass=1.0, radius=0.5)
+    start = State([[5.0, 1.0]], np.zeros((1, 2)), np.zeros(1))
+    wall = Wall.segment((0.0, 5.0), (10.0, 5.0), piston=Piston(1.0))
+    with pytest.raises(InputError, match="as a piston it would leave through a periodic side"):
+        Simulation(disks, Box((10.0, 10.0), (False, True)), ELASTIC, start, walls=[wall])
+    from ifrdem.simulation.checks import check_pistons
+
+    with pytest.raises(InputError, match="20001 disks, more than 20000, not supported"):
+        check_pistons([wall], 20_001, "cpu", "f64", 0.0)
+    with pytest.raises(InputError, match='arch = "cuda" not supported'):
+        check_pistons([wall], 10, "cuda", "f64", 0.0)
+    with pytest.raises(InputError, match="several ranks"):
+        check_pistons([wall], 10, "cpu", "f64", 0.0, ranks=2)
