@@ -31,7 +31,7 @@ from .places import (
 from .rest import (
     count_hit, fall_asleep, is_support, is_wedged, meeting_with_sleeper, set_at_rest, set_in_motion, sleeps, wake,
 )  # fmt: skip
-from .tiles import head_at, layer_of, scale_of, write
+from .tiles import head_at, layer_of, scale_of, take_note, write
 from .walls import bounce, first_wall, hit_wall, meets_piston, next_stop, other_image
 
 EMPTY = -1  # of bins and cells
@@ -490,14 +490,15 @@ def predict(
 def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.template()):
     """All events of a window in a region of n disks at places from `places` on, which have been laid out.
 
-    Own disks are written as they are at the moment that is asked for, and, on a CPU, at the end; on a GPU a team does,
-    which has predicted their first events too. A gas in one tile may pause at that moment, or after the last of so many
-    collisions, and goes on when `resuming`.
+    Own disks are written at moments that are asked for, and, on a CPU, at the end; on a GPU a team does, which has
+    predicted their first events too. Where the time of a moment is not known yet, disks that collide are noted. A gas
+    in one tile may pause at a moment, or after the last of so many collisions, and goes on when `resuming`.
     """
     lane = region.lane
     places, bins = lane * gas.grid[PLACES], lane * gas.grid[BINS]
     window = gas.scale[WINDOW]
     moment = gas.scale[MOMENT_IN]
+    noting = -1.0 + 0.0 * window  # until when
     present, fresh, told, going = 0, n, 0, 1
     if resuming == 0:
         fresh = 0
@@ -505,8 +506,6 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
             gas.bin[bins + b] = EMPTY
     pausing = gas.counter[PAUSING]
     pauses = 1
-    if not moment < FAR:
-        told = 1
     events, checked, checked_at = 0, 0, 0.0 * window
     patience = MANY_EVENTS + 20 * n
     rate = n_bins / window
@@ -548,8 +547,11 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                 else:
                     stopped = -1
             writing = -1
-            if told == 0 and (i < 0 or t > moment):
-                writing, told = AT_MOMENT, 1
+            if moment < FAR and (i < 0 or t > moment):
+                writing = AT_MOMENT + told
+                noting = ti.max(noting, gas.scale[MOMENT_IN + 2 * told + 1])
+                told += 1
+                moment = gas.scale[MOMENT_IN + 2 * told]
                 if pausing == 1:
                     gas.counter[PAUSED] = pauses
                     going = 0
@@ -557,7 +559,7 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                 writing, going = AT_END, 0
             if writing >= 0:
                 if ti.static(on_gpu()):
-                    if writing == AT_MOMENT:
+                    if writing != AT_END:
                         write(n, tile, writing, 0, 1, region, gas)
                 else:
                     write(n, tile, writing, 0, 1, region, gas)
@@ -585,13 +587,17 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                         take_out(partner, bins, gas)
                         collide(i, partner, t, tile, region, gas)
                         second, looking = partner, 2
+                        if t <= noting:
+                            first_counts = gas.link[i][WHO] < gas.link[partner][WHO]
+                            take_note(i, t, ti.cast(first_counts, ti.i32), tile, gas)
+                            take_note(partner, t, 1 - ti.cast(first_counts, ti.i32), tile, gas)
                         if pausing == 1 and pauses == 1:
                             if (
                                 gas.sums[COLLISIONS] + gas.tally[tile, AT_END, COLLISIONS]
                                 >= gas.clock[WANTED]
                             ):
                                 moment, told, pauses = t, 0, BY_COUNT
-                                gas.scale[MOMENT_IN] = t
+                                gas.scale[MOMENT_IN], gas.scale[MOMENT_IN + 1] = t, t
                 else:
                     if ti.static(gas.uses.walled):
                         since = gas.work[i][TAU]
@@ -603,6 +609,8 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                             if how >= ELASTIC and is_support((FIRST_WALL - partner) // 9, gas):
                                 count_hit(i, t, since, gas)
                                 fall_asleep(i, t, tile, gas)
+                        if t <= noting:
+                            take_note(i, t, 0, tile, gas)
                 if events - checked > patience:
                     # So many events without progress of time have no end.
                     if t - checked_at < 1e-9 * window:

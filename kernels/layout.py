@@ -1,31 +1,40 @@
 """The engine's arrays: what each holds, and the names of their columns.
 
-A *slot* is a place in the list of a tile's disks. All that lasts from window to window is kept by slot, three times:
-the window's beginning, its end, and a moment in it that was asked for (`part` 0, 1 or 2; 0 and 1 change places). Slots
-of part p begin at p * room.
+A *slot* is a place in the list of a tile's disks. All that lasts from window to window is kept by slot, by *part*: the
+window's beginning and its end (0 and 1, which change places), and moments in it that were asked for (2 and more, as
+many as there is room for). Slots of part p begin at p * room, *notes* behind all parts.
+
+A moment is a time, or that of a collision with a number, known only when all tiles have run. Of that the part is
+written somewhat before, with disks where their latest collisions left them (at `told_at`), and until somewhat later
+each disk that collides leaves a note of the same kind. The latest note of a disk up to the moment, or else the part,
+has the flight on which it is then (`readout.settle`).
 
 Real numbers are f64, or f32 where a run asks for that; sums and times of the run are f64 always.
 
 ===========  ===================  =====================================================================================
 array        shape                content
 ===========  ===================  =====================================================================================
-disk         (3 room,) of 5       X, Y, VX, VY, SPIN; places from the lower left corner of the tile that lists the disk
-meta         (3 room,) of 4       ID, EVENTS (collisions with disks and walls), IMAGE_X, IMAGE_Y
-past         (3 room,) of 2       LATEST, ANGLE, f64: time of the latest collision, and angle turned, of gases that ask
-hits         (3 room,) of 2       WALL_HITS, LAST_PARTNER, of gases that ask
-spent        (3 room,) of 7       energy that collisions took, by mechanism, f64: half of a pair's; of gases that ask
-slept        (3 room,)            AWAKE, ASLEEP, WOKEN or SAID_ASLEEP, of gases that rest (`rest.py`)
+disk         (rows,) of 5          X, Y, VX, VY, SPIN; places from the lower left corner of the tile that lists the disk
+meta         (rows,) of 4          ID, EVENTS (collisions with disks and walls), IMAGE_X, IMAGE_Y
+past         (rows,) of 2          LATEST, ANGLE, f64: time of the latest collision, and angle turned, of gases that ask
+hits         (rows,) of 2          WALL_HITS, LAST_PARTNER, of gases that ask
+spent        (rows,) of 7          energy that collisions took, by mechanism, f64: half of a pair's; of gases that ask
+slept        (rows,)               AWAKE, ASLEEP, WOKEN or SAID_ASLEEP, of gases that rest (`rest.py`)
+told_at      (parts room,)        time of the collision up to which a disk of parts from TOLD on was flown, in a window
+note         (notes,) of 3        slot of a disk that collided, its tile, 1 for one of each pair
+note_at      (notes,)             when it was, since the beginning of the window
+note_tally   (notes, columns)     the tally, and the heat, of its tile after that, f64
 kind         (n,)                 kind of each disk, by id
 kinds        (kinds,) of 6        what disks of a kind share
 trail        (room,) of 2            hash of the history of the disk at a slot of the window's beginning, by its tile
 way          (room,)              bound on how far it came, in largest diameters, f32
 back         (room,)              slot at the window's beginning of the one at its end
-tile         (tiles, 9)           where its lists begin and how long they are, by part; claims; state; owner
+tile         (tiles, 10)          where its lists begin and how long they are, by part; claims; state; owner; notes
 reach        (tiles, 5)           halo; bound on how far its own disks came beyond its sides; the largest way; how
                                   far they are beyond its sides at the end; halo against the one that all begin with
 edge_x/y     (tiles + 1,)         sides of the columns and rows of tiles, on the grid of places
-tally        (tiles, 2, TALLY)    sums over the window to its end, and to the moment that was asked for, f64
-heat         (tiles, 2, columns)  heat that thermal walls gave, the sums of every wall, and how pistons moved, likewise
+tally        (tiles, 1 + moments, TALLY)  sums over the window to its end, and to moments that were asked for, f64
+heat         (tiles, 1 + moments, ...)    heat of thermal walls, the sums of every wall, and how pistons moved, likewise
 claim        (claims,) of 3       slot of a copy at the window's beginning; hash of its history here
 claim_at     (claims,) of 3       its place then, from the corner of the tile that made it; bound on how far it came
 event        (events,) of 17      what happened to watched disks (columns below)
@@ -48,15 +57,16 @@ ID, EVENTS, IMAGE_X, IMAGE_Y = range(4)
 LATEST, ANGLE = range(2)
 WALL_HITS, LAST_PARTNER = range(2)
 INVERSE_MASS, K, KIND_RADIUS, MATERIAL, KIND_MASS, KIND_INERTIA = range(6)
-PARTS = 3
-TOLD = 2  # the part that holds the moment asked for
+TOLD = 2  # the part that holds the first moment asked for
+MOST_MOMENTS = 8
 # tile: first slot (within its part) and number of disks at the window's beginning and end (column + part); claims;
-# disks gathered; 1 for those of this rank, where a gas is on several (`ifrdem/simulation/ranks.py`)
-START, COUNT, CLAIMS, N_CLAIMS, BAD, GATHERED, OWNED = 0, 2, 4, 5, 6, 7, 8
+# disks gathered; 1 for those of this rank, where a gas is on several (`ifrdem/simulation/ranks.py`); the first note
+# that may be of its latest run
+START, COUNT, CLAIMS, N_CLAIMS, BAD, GATHERED, OWNED, NOTED = 0, 2, 4, 5, 6, 7, 8, 9
 # reach
 HALO, BEYOND, FURTHEST, PROTRUDES, WIDER = range(5)
 # found, and `total` of all: largest of the square of a speed, and of `reach`; then sums of the tally, and of the heat,
-# to the end, and the same to the moment
+# to the end, and the same to each moment
 MOST_SPEED, MOST_BEYOND, MOST_FURTHEST, MOST_PROTRUDES, FIRST_SUM = range(5)
 BLOCK_OF_TILES = 128
 # tally: whole numbers are exact up to 2^53
@@ -66,7 +76,7 @@ TALLY = 20
 # columns of losses and regimes in the tally
 NORMAL, RESTITUTION, SLIDING_LOSS, STICKING_LOSS, ROLLING_LOSS, BY_WALLS, BY_REST = range(MECHANISMS)
 ELASTICALLY = 4
-AT_END, AT_MOMENT = range(2)
+AT_END, AT_MOMENT = range(2)  # the first of the moments
 # scratch of a disk. work: flight from TAU on; times of its next collision and of leaving its cell
 TAU, T_HIT, T_LEAVE, TURN = 4, 5, 6, 7
 W_SPIN = 7
@@ -91,11 +101,11 @@ SLOT, LAP_X, LAP_Y, BEFORE, AT_WALLS, LISTED = range(6)
 # events; 1 where only the listed tiles are run; of a gas in one tile: 1 where it pauses at the moment that is told; 1
 # where it goes on from there; 1 where it has paused for the time, BY_COUNT for the number of collisions; bad tiles
 # with the widest halo; 1 where no window of a launch may follow; windows in which it was not found out who may rest,
-# and disks that fell asleep at speed
+# and disks that fell asleep at speed; notes
 (
     NEXT_TILE, N_CLAIMED, FULL, N_SLOTS, NEEDED, RESTING, STALLED, N_BAD, N_EVENTS, N_WINDOWS, N_WATCHED, AGAIN,
-    PAUSING, RESUMING, PAUSED, STUCK, HALTED, UNJUDGED, JAMMED,
-) = range(19)  # fmt: skip
+    PAUSING, RESUMING, PAUSED, STUCK, HALTED, UNJUDGED, JAMMED, N_NOTED,
+) = range(20)  # fmt: skip
 BY_COUNT = 2
 FULL_PLACES, FULL_CELLS, FULL_CLAIMS, FULL_WALLS, FULL_WATCHED = 1, 2, 4, 8, 16
 # clock, f64: begin and end of the window; where to stop (time, collisions in all), to pause, when a force
@@ -108,19 +118,21 @@ FULL_PLACES, FULL_CELLS, FULL_CLAIMS, FULL_WALLS, FULL_WATCHED = 1, 2, 4, 8, 16
 ) = range(15)  # fmt: skip
 # grid: disks; tiles; lanes; places, cells, bins and walls of a lane; part of the window's beginning; periodic sides;
 # walls; seed; 1 where one tile is the whole box; rows of cells of all; verification on; small cells along
-# a large one; a 0 that no compiler knows; threads of a GPU for each tile's events, of which one works; the first piston
-# among the rows of walls, or -1
+# a large one; a 0 that no compiler knows; threads of a GPU for each tile's events, of which one works; room for moments
+# and for notes; the first piston among the rows of walls, or -1
 (
     N, TILES_X, TILES_Y, LANES, PLACES, CELLS, BINS, ITEMS, PART, PERIODIC_X, PERIODIC_Y, WALLS, SEED_LOW, SEED_HIGH,
-    ALONE, MOST_CLAIMS, TILES_ASIDE, BOXES_ASIDE, ROOM, WATCHING, MOST_EVENTS, COARSE, NOTHING, STRIDE, FIRST_PISTON,
-) = range(25)  # fmt: skip
-# scale: box; least side of a cell; window; moment in it; largest diameter; what rounds places; gravity; cut-off;
+    ALONE, MOST_CLAIMS, TILES_ASIDE, BOXES_ASIDE, ROOM, WATCHING, MOST_EVENTS, COARSE, NOTHING, STRIDE,
+    MOMENTS, NOTES, FIRST_PISTON,
+) = range(27)  # fmt: skip
+# scale: box; least side of a cell; window; largest diameter; what rounds places; gravity; cut-off;
 # contact time; shear rate; speed of a row of tiles against the one below, and how far it is beside whole tiles; the
 # largest radius of disks in small cells; the halo that tiles begin with, and the widest; the part of it for
-# those who hit one another in chains; the least side of a tile
+# those who hit one another in chains; the least side of a tile; for each moment in the window, in order, when its part
+# is written, and until when notes are taken for it, which is later only for that of a collision; FAR behind the last
 (
-    LENGTH_X, LENGTH_Y, CELL_SIDE, WINDOW, MOMENT_IN, WIDEST, ROUNDER, GX, GY, CUTOFF, CONTACT_TIME, SHEAR, DRIFT,
-    ASIDE, SPLIT, USUAL_HALO, MOST_HALO, CHAIN, LEAST_SIDE,
+    LENGTH_X, LENGTH_Y, CELL_SIDE, WINDOW, WIDEST, ROUNDER, GX, GY, CUTOFF, CONTACT_TIME, SHEAR, DRIFT,
+    ASIDE, SPLIT, USUAL_HALO, MOST_HALO, CHAIN, LEAST_SIDE, MOMENT_IN,
 ) = range(19)  # fmt: skip
 # event: time, place, normal, velocity before and after, spin before and after; the same of the partner
 AT, PLACE, NORMAL_X, V_BEFORE, V_AFTER, W_BEFORE, W_AFTER, U_BEFORE, U_AFTER, S_BEFORE, S_AFTER = (
@@ -205,6 +217,10 @@ class GasArrays(NamedTuple):
     hits: Any = None
     spent: Any = None
     slept: Any = None
+    told_at: Any = None
+    note: Any = None
+    note_at: Any = None
+    note_tally: Any = None
     kind: Any = None
     kinds: Any = None
     trail: Any = None

@@ -1,16 +1,17 @@
-"""Disks by id, and sums over all of them, at the beginning or end of a window or at the moment in it asked for."""
+"""Disks by id, and sums over all of them, at the beginning or end of a window or at a moment in it asked for."""
 
 from typing import Any
 
 from .language import spread_of_loops, ti
 from .layout import (
-    ANGLE, ASLEEP, COUNT, DRIFT, EVENTS, GX, GY, ID, IMAGE_X, IMAGE_Y, KIND_INERTIA, KIND_MASS, LAST_PARTNER,
-    LATEST, MECHANISMS, OWNED, PART, PERIODIC_X, PERIODIC_Y, ROOM, SAID_ASLEEP, SPIN, START, TILES_X, TILES_Y, TOLD,
-    VX, VY, WALL_HITS,
-    GasArrays, Rows, Table, X, Y,
+    ANGLE, ASLEEP, AT_MOMENT, COUNT, DRIFT, EVENTS, GX, GY, ID, IMAGE_X, IMAGE_Y, KIND_INERTIA, KIND_MASS, LAST_PARTNER,
+    LATEST, MECHANISMS, MOMENTS, MOMENT_IN, NOTED, OWNED, PART, PERIODIC_X, PERIODIC_Y, ROOM, SAID_ASLEEP, SPIN, START,
+    TALLY, TILES_X, TILES_Y, TOLD, VX, VY, WALL_HITS,
+    Cube, GasArrays, Rows, Table, X, Y,
 )  # fmt: skip
 from .places import round_products
 from .shear import flow_at, frame_speed
+from .tiles import fly
 
 TRANSLATIONAL, ROTATIONAL, MOMENTUM_X, MOMENTUM_Y, SHEAR_PRESSURE, FALL, ALL_EVENTS, EXCESS = range(8)
 TOTALS = 8
@@ -101,8 +102,8 @@ def read_out(
         if item % spread == 0:
             k = item // spread
             lists = part
-            if part == TOLD:
-                lists = 1 - gas.grid[PART]  # the lists at the moment are those at the end
+            if part >= TOLD:
+                lists = 1 - gas.grid[PART]  # the lists at a moment are those at the end
             first = part * gas.grid[ROOM] + gas.tile[k, START + lists]
             total = ti.Vector([0.0] * TOTALS, ti.f64)
             last = first + gas.tile[k, COUNT + lists]
@@ -142,3 +143,46 @@ def read_out(
                         )
             for c in ti.static(range(TOTALS)):
                 totals[k, c] = total[c]
+
+
+@ti.kernel
+def settle(
+    m: ti.i32, time: ti.f64, n_notes: ti.i32, n_slots: ti.i32, uses: ti.template(), grid: Rows, scale: Rows,
+    tile: Table, disk: Rows, meta: Rows, past: Rows, hits: Rows, spent: Rows, told_at: Rows, note: Table, note_at: Rows,
+    note_tally: Table, tally: Cube, heat: Cube,
+):  # fmt: skip
+    """Bring moment m of a window, the time of which was not known, to a time since the window's beginning.
+
+    Latest notes first, then flights. Notes of a disk stand in the order of time, for one tile took them.
+    """
+    gas = ti.static(GasArrays(
+        grid=grid, scale=scale, tile=tile, disk=disk, meta=meta, past=past, hits=hits, spent=spent, told_at=told_at,
+        note=note, note_at=note_at, note_tally=note_tally, tally=tally, heat=heat, uses=uses,
+    ))  # fmt: skip
+    for _ in range(1):
+        first = gas.scale[MOMENT_IN + 2 * m]
+        for n in range(n_notes):
+            at, k = gas.note_at[n], gas.note[n, 1]
+            if at > first and at <= time and n >= gas.tile[k, NOTED]:
+                slot = m * gas.grid[ROOM] + gas.note[n, 0]
+                row, noted = TOLD * gas.grid[ROOM] + slot, (TOLD + gas.grid[MOMENTS]) * gas.grid[ROOM] + n
+                gas.told_at[slot] = ti.cast(at, float)
+                gas.disk[row], gas.meta[row] = gas.disk[noted], gas.meta[noted]
+                if ti.static(gas.uses.remembers or gas.uses.turned):
+                    gas.past[row] = gas.past[noted]
+                if ti.static(gas.uses.walled or gas.uses.partnered):
+                    gas.hits[row] = gas.hits[noted]
+                if ti.static(gas.uses.itemised):
+                    gas.spent[row] = gas.spent[noted]
+                for column in range(TALLY):
+                    gas.tally[k, AT_MOMENT + m, column] = gas.note_tally[n, column]
+                if ti.static(gas.uses.thermal or gas.uses.summed):
+                    for column in range(gas.heat.shape[2]):
+                        gas.heat[k, AT_MOMENT + m, column] = gas.note_tally[n, TALLY + column]
+    for slot in range(n_slots):
+        round_products(gas)
+        now = ti.cast(time, float)
+        fly(
+            (TOLD + m) * gas.grid[ROOM] + slot, now - gas.told_at[m * gas.grid[ROOM] + slot], now,
+            gas.scale[GX] * now, gas.scale[GY] * now, gas,
+        )  # fmt: skip

@@ -28,11 +28,11 @@ from .layout import (
     AGAIN, ALONE, ANGLE, ASIDE, ASLEEP, ASLEEP_NOW, AT_END, AT_MOMENT, AT_WALLS, BEFORE, BEYOND, BINS,
     BOXES_ASIDE, CELL, CELLS, CELL_SIDE, CLAIMS, COARSE, COUNT, DRIFT, EVENTS, FASTEST, FIRST_WALL, FLOW_WORK, FULL,
     FULL_CLAIMS, FURTHEST, GATHERED, GX, GY, HALO, HASH_1, HASH_2, ID, IMAGE_X, IMAGE_Y, INVERSE_MASS,
-    KIND, LAP_X, LAP_Y, LAST, LAST_PARTNER, LATEST, LENGTH_X, LENGTH_Y, LISTED, MOMENT_IN, MECHANISMS, MOST_CLAIMS,
-    HITS_NOW, MAY_REST, MOST_HALO, NARROWER, NEXT_IN_CELL, NOBODY, NUMBER, N_CLAIMED, N_CLAIMS, N_SLOTS,
-    OWN, PART, PARTNER, PERIODIC_X, PERIODIC_Y, PLACES, PREVIOUS, PROTRUDES, ROOM, ROW, SLOT, SPIN, SPLIT, SQUARES,
-    SQUARE_UNIT, START, TALLY, TAU, TEAM, TILES_ASIDE, TILES_X, TILES_Y, TOLD, TOP, USUAL_HALO, VX, VY,
-    WALL_HITS, WHO, WIDER, WIDEST, WINDOW, W_SPIN, Uses, X, Y,
+    KIND, LAP_X, LAP_Y, LAST, LAST_PARTNER, LATEST, LENGTH_X, LENGTH_Y, LISTED, MOMENTS, MOMENT_IN, MECHANISMS,
+    MOST_CLAIMS, HITS_NOW, MAY_REST, MOST_HALO, NARROWER, NEXT_IN_CELL, NOBODY, NOTED, NOTES, NUMBER,
+    N_CLAIMED, N_CLAIMS, N_NOTED, N_SLOTS, OWN, PART, PARTNER, PERIODIC_X, PERIODIC_Y, PLACES, PREVIOUS, PROTRUDES,
+    ROOM, ROW, SLOT, SPIN, SPLIT, SQUARES, SQUARE_UNIT, START, TALLY, TAU, TEAM, TILES_ASIDE, TILES_X, TILES_Y, TOLD,
+    TOP, USUAL_HALO, VX, VY, WALL_HITS, WHO, WIDER, WIDEST, WINDOW, W_SPIN, Uses, X, Y,
 )  # fmt: skip
 from .places import add, kind_of, largest_speed, note_speed, radius_of
 from .walls import write_pistons
@@ -238,7 +238,8 @@ def begin(tile, gas: ti.template()):
     if gas.grid[ALONE] == 1:
         last = gas.grid[TILES_X] * gas.grid[TILES_Y] - 1
     for k in range(tile, last + 1):
-        for when in ti.static((AT_END, AT_MOMENT)):
+        gas.tile[k, NOTED] = gas.counter[N_NOTED]
+        for when in range(AT_MOMENT + gas.grid[MOMENTS]):
             for column in range(TALLY):
                 gas.tally[k, when, column] = 0.0
             if ti.static(gas.uses.thermal or gas.uses.summed or gas.uses.pistons):
@@ -450,28 +451,114 @@ def inside(x, y, tile, gas: ti.template()):
 
 
 @ti.func
-def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()):
-    """Write own disks to their slots, as they are at the window's end, or at the moment asked for.
+def last_hit(i, gas: ti.template()):
+    """Slot of the own disk at place i, counted from that of the first of its tile, its place, and boxes travelled.
 
-    Places are on the grid. At the end, where a window begins next, histories and claims are written. A `team` of
-    threads shares the n disks.
+    Of its latest collision, from the corner of the tile that will list it.
+    """
+    x, y = gas.work[i][X], gas.work[i][Y]
+    slot, lap_x, lap_y = gas.link[i][OWN] - 1, gas.mark[i][LAP_X], gas.mark[i][LAP_Y]
+    if gas.grid[ALONE] == 1 and gas.grid[TILES_X] * gas.grid[TILES_Y] > 1:  # the lists stay as they are
+        slot = gas.mark[i][SLOT]
+        listed = gas.mark[i][LISTED]
+        x += lap_x * gas.scale[LENGTH_X]
+        y += lap_y * gas.scale[LENGTH_Y]
+        x -= ti.cast(gas.edge_x[listed // gas.grid[TILES_Y]] - gas.edge_x[0], float)
+        y -= ti.cast(gas.edge_y[listed % gas.grid[TILES_Y]] - gas.edge_y[0], float)
+        lap_x, lap_y = 0, 0
+    return slot, x, y, lap_x, lap_y
+
+
+@ti.func
+def put_down(i, row, x, y, vx, vy, lap_x, lap_y, gas: ti.template()):
+    """Write the disk at place i into a row of the state, with this place and velocity."""
+    s = gas.grid[PART] * gas.grid[ROOM] + gas.mark[i][SLOT]
+    gas.disk[row][X], gas.disk[row][Y] = x, y
+    gas.disk[row][VX], gas.disk[row][VY] = vx, vy
+    gas.disk[row][SPIN] = gas.work[i][W_SPIN]
+    gas.meta[row][ID] = gas.link[i][WHO]
+    gas.meta[row][EVENTS] = gas.meta[s][EVENTS] + gas.link[i][NUMBER]
+    gas.meta[row][IMAGE_X] = gas.meta[s][IMAGE_X] + lap_x
+    gas.meta[row][IMAGE_Y] = gas.meta[s][IMAGE_Y] + lap_y
+    if ti.static(gas.uses.remembers):
+        gas.past[row][LATEST] = ti.cast(gas.since[i], ti.f64)
+    if ti.static(gas.uses.rests):
+        gas.slept[row] = gas.rest[i][ASLEEP_NOW]
+    if ti.static(gas.uses.turned):
+        gas.past[row][ANGLE] = gas.past[s][ANGLE] + gas.turn[i]
+    if ti.static(gas.uses.itemised):
+        for column in ti.static(range(MECHANISMS)):
+            gas.spent[row][column] = gas.spent[s][column] + gas.loss[i][column]
+    if ti.static(gas.uses.walled):
+        gas.hits[row][WALL_HITS] = gas.hits[s][WALL_HITS] + gas.mark[i][AT_WALLS]
+    if ti.static(gas.uses.partnered):
+        partner = gas.hits[s][LAST_PARTNER]
+        last = gas.link[i][LAST]
+        if last >= 0:
+            partner = gas.link[last][WHO]
+        elif last <= FIRST_WALL:
+            partner = -2 - (FIRST_WALL - last)
+        gas.hits[row][LAST_PARTNER] = partner
+
+
+@ti.func
+def fly(row, dt, time, fall_x, fall_y, gas: ti.template()):
+    """Fly the disk in a row of the state for dt to a time since the window's beginning; places are on the grid."""
+    vx, vy = gas.disk[row][VX], gas.disk[row][VY]
+    gas.disk[row][X] = gas.disk[row][X] + on_grid(vx * dt + 0.5 * fall_x * time, gas)
+    gas.disk[row][Y] = gas.disk[row][Y] + on_grid(vy * dt + 0.5 * fall_y * time, gas)
+    gas.disk[row][VX], gas.disk[row][VY] = vx + fall_x, vy + fall_y
+    if ti.static(gas.uses.turned):
+        gas.past[row][ANGLE] = gas.past[row][ANGLE] + ti.cast(gas.disk[row][SPIN], ti.f64) * ti.cast(
+            dt, ti.f64
+        )
+
+
+@ti.func
+def take_note(i, t, counts, tile, gas: ti.template()):
+    """Note the disk at place i, if it is the tile's own, after its collision at t, and what the tile has added up."""
+    if gas.link[i][OWN] > 0:
+        n = ti.atomic_add(gas.counter[N_NOTED], 1)
+        if n < gas.grid[NOTES]:
+            slot, x, y, lap_x, lap_y = last_hit(i, gas)
+            if gas.grid[ALONE] == 0:
+                slot += gas.tile[tile, START + 1 - gas.grid[PART]]
+            row = (TOLD + gas.grid[MOMENTS]) * gas.grid[ROOM] + n
+            put_down(i, row, x, y, gas.work[i][VX], gas.work[i][VY], lap_x, lap_y, gas)
+            gas.note[n, 0], gas.note[n, 1], gas.note[n, 2] = slot, tile, counts
+            gas.note_at[n] = ti.cast(t, ti.f64)
+            for column in range(TALLY):
+                gas.note_tally[n, column] = gas.tally[tile, AT_END, column]
+            if ti.static(gas.uses.thermal or gas.uses.summed):
+                for column in range(gas.heat.shape[2]):
+                    gas.note_tally[n, TALLY + column] = gas.heat[tile, AT_END, column]
+
+
+@ti.func
+def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()):
+    """Write own disks to their slots, as they are at the window's end, or at a moment asked for.
+
+    At the end, where a window begins next, histories and claims are written. A moment whose time is not known yet has
+    disks where their latest collisions left them. A `team` of threads shares the n disks.
     """
     places = region.lane * gas.grid[PLACES]
     base = gas.tile[tile, START + 1 - gas.grid[PART]]
     part = 1 - gas.grid[PART]
     time = gas.scale[WINDOW]
-    if when == AT_MOMENT:
-        part = TOLD
-        time = gas.scale[MOMENT_IN]
+    known = 1
+    if when >= AT_MOMENT:
+        m = when - AT_MOMENT
+        part = TOLD + m
+        time = gas.scale[MOMENT_IN + 2 * m]
+        known = ti.cast(gas.scale[MOMENT_IN + 2 * m + 1] <= time, ti.i32)
         for column in range(TALLY):
-            gas.tally[tile, AT_MOMENT, column] = gas.tally[tile, AT_END, column]
+            gas.tally[tile, when, column] = gas.tally[tile, AT_END, column]
         if ti.static(gas.uses.thermal or gas.uses.summed or gas.uses.pistons):
             for column in range(gas.heat.shape[2]):
-                gas.heat[tile, AT_MOMENT, column] = gas.heat[tile, AT_END, column]
+                gas.heat[tile, when, column] = gas.heat[tile, AT_END, column]
     if ti.static(gas.uses.pistons):
         write_pistons(tile, when, time, gas)
     fall_x, fall_y = gas.scale[GX] * time, gas.scale[GY] * time
-    begun = gas.grid[PART] * gas.grid[ROOM]
     beyond, furthest = -ENDLESS + 0.0 * time, 0.0 * time
     fastest, squares = 0.0 * time, ti.cast(0.0, ti.f64)
     in_place = gas.grid[ALONE] == 1 and gas.grid[TILES_X] * gas.grid[TILES_Y] > 1
@@ -481,33 +568,27 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
         way = largest_speed(i, gas) * time
         rank = gas.link[i][OWN]
         if rank > 0:
-            slot = part * gas.grid[ROOM] + base + rank - 1
-            s = begun + gas.mark[i][SLOT]
-            dt = time - gas.work[i][TAU]
-            vx, vy = gas.work[i][VX], gas.work[i][VY]
+            slot, x, y, lap_x, lap_y = last_hit(i, gas)
+            if not in_place:
+                slot += base
+            row = part * gas.grid[ROOM] + slot
+            put_down(i, row, x, y, gas.work[i][VX], gas.work[i][VY], lap_x, lap_y, gas)
             if ti.static(gas.uses.rests):
                 fall_x, fall_y = gas.scale[GX] * time, gas.scale[GY] * time
                 if gas.rest[i][ASLEEP_NOW] == ASLEEP:
                     fall_x, fall_y = 0.0 * time, 0.0 * time
-            x, y = gas.work[i][X], gas.work[i][Y]
-            lap_x, lap_y = gas.mark[i][LAP_X], gas.mark[i][LAP_Y]
-            if in_place:  # the lists stay as they are
-                slot = part * gas.grid[ROOM] + gas.mark[i][SLOT]
-                listed = gas.mark[i][LISTED]
-                x += lap_x * gas.scale[LENGTH_X]
-                y += lap_y * gas.scale[LENGTH_Y]
-                x -= ti.cast(gas.edge_x[listed // gas.grid[TILES_Y]] - gas.edge_x[0], float)
-                y -= ti.cast(gas.edge_y[listed % gas.grid[TILES_Y]] - gas.edge_y[0], float)
-                lap_x, lap_y = 0, 0
-            x += on_grid(vx * dt + 0.5 * fall_x * time, gas)
-            y += on_grid(vy * dt + 0.5 * fall_y * time, gas)
+            if known == 1:
+                fly(row, time - gas.work[i][TAU], time, fall_x, fall_y, gas)
+            else:
+                gas.told_at[row - TOLD * gas.grid[ROOM]] = gas.work[i][TAU]
             if when == AT_END:
+                x, y = gas.disk[row][X], gas.disk[row][Y]
                 gas.trail[gas.mark[i][SLOT]][0], gas.trail[gas.mark[i][SLOT]][1] = (
                     gas.link[i][HASH_1],
                     gas.link[i][HASH_2],
                 )
                 gas.way[gas.mark[i][SLOT]] = ti.cast(1.000001 * way / gas.scale[WIDEST], ti.f32)
-                gas.back[slot - part * gas.grid[ROOM]] = gas.mark[i][SLOT]
+                gas.back[slot] = gas.mark[i][SLOT]
                 furthest = ti.max(furthest, way)
                 listed = tile
                 if in_place:
@@ -516,38 +597,12 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
                     beyond, way - inside(x - 0.5 * fall_x * time, y - 0.5 * fall_y * time, listed, gas)
                 )
                 protrudes = ti.max(protrudes, -inside(x, y, listed, gas))
-                speed2 = (vx + fall_x) * (vx + fall_x) + (vy + fall_y) * (vy + fall_y)
+                vx, vy = gas.disk[row][VX], gas.disk[row][VY]
+                speed2 = vx * vx + vy * vy
                 fastest = ti.max(fastest, speed2)
                 squares += ti.floor(ti.cast(speed2, ti.f64) / gas.clock[SQUARE_UNIT])
-            gas.disk[slot][X], gas.disk[slot][Y] = x, y
-            gas.disk[slot][VX], gas.disk[slot][VY] = vx + fall_x, vy + fall_y
-            gas.disk[slot][SPIN] = gas.work[i][W_SPIN]
-            gas.meta[slot][ID] = gas.link[i][WHO]
-            gas.meta[slot][EVENTS] = gas.meta[s][EVENTS] + gas.link[i][NUMBER]
-            gas.meta[slot][IMAGE_X] = gas.meta[s][IMAGE_X] + lap_x
-            gas.meta[slot][IMAGE_Y] = gas.meta[s][IMAGE_Y] + lap_y
-            if ti.static(gas.uses.remembers):
-                gas.past[slot][LATEST] = ti.cast(gas.since[i], ti.f64)
-                if when == AT_END:
-                    gas.past[slot][LATEST] = ti.cast(gas.since[i], ti.f64) - ti.cast(time, ti.f64)
-            if ti.static(gas.uses.rests):
-                gas.slept[slot] = gas.rest[i][ASLEEP_NOW]
-            if ti.static(gas.uses.turned):
-                turned = ti.cast(gas.work[i][W_SPIN], ti.f64) * ti.cast(dt, ti.f64) + gas.turn[i]
-                gas.past[slot][ANGLE] = gas.past[s][ANGLE] + turned
-            if ti.static(gas.uses.itemised):
-                for column in ti.static(range(MECHANISMS)):
-                    gas.spent[slot][column] = gas.spent[s][column] + gas.loss[i][column]
-            if ti.static(gas.uses.walled):
-                gas.hits[slot][WALL_HITS] = gas.hits[s][WALL_HITS] + gas.mark[i][AT_WALLS]
-            if ti.static(gas.uses.partnered):
-                partner = gas.hits[s][LAST_PARTNER]
-                last = gas.link[i][LAST]
-                if last >= 0:
-                    partner = gas.link[last][WHO]
-                elif last <= FIRST_WALL:
-                    partner = -2 - (FIRST_WALL - last)
-                gas.hits[slot][LAST_PARTNER] = partner
+                if ti.static(gas.uses.remembers):
+                    gas.past[row][LATEST] = ti.cast(gas.since[i], ti.f64) - ti.cast(time, ti.f64)
         elif when == AT_END:
             claim = gas.tile[tile, CLAIMS] - rank - 1
             gas.claim[claim][0] = gas.mark[i][SLOT]

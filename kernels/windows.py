@@ -12,8 +12,8 @@ from .layout import (
     AGAIN, ALONE, AT_END, BAD, BEGIN, BEYOND, BINS, BLOCK_OF_TILES, CELLS, CHAIN, COLLISIONS, COUNT,
     END, FAR, FASTEST, FIRST_SUM, FREE_PATH, FULL, FULL_CELLS, FULL_PLACES, GATHERED, GX, GY, HALO,
     HALTED, IN_WINDOW, KICK, LANES, LEAST_SIDE, LONGEST, MOMENT_IN, MOST_BEYOND, MOST_FURTHEST, MOST_HALO,
-    MOST_PROTRUDES, MOST_SPEED, NEEDED, NEXT_TILE, N_BAD, N_CLAIMED, N_EVENTS, N_SLOTS, N_WINDOWS, OWNED, PART,
-    PATH, PAUSE, PAUSED, PAUSE_AFTER, PLACES, RESTING, RESUMING, ROOM, SPEED, SQUARES, SQUARE_UNIT,
+    MOST_MOMENTS, MOST_PROTRUDES, MOST_SPEED, NEEDED, NEXT_TILE, N_BAD, N_CLAIMED, N_EVENTS, N_SLOTS, N_WINDOWS,
+    OWNED, PART, PATH, PAUSE, PAUSED, PAUSE_AFTER, PLACES, RESTING, RESUMING, ROOM, SPEED, SQUARES, SQUARE_UNIT,
     STALLED, START, STOP, STRIDE, STUCK, TALLY, TILES_X, TILES_Y, TILE_SIDE, USUAL_HALO, VX, VY,
     WALL_SPEED, WANTED, WIDER, WIDEST, WINDOW, Cube, GasArrays, N, Rows, Table,
 )  # fmt: skip
@@ -197,9 +197,11 @@ def plan(gas: ti.template()):
     gas.grid[PART] = 1 - gas.grid[PART]
     gas.counter[N_SLOTS] = 0
     gas.clock[SQUARE_UNIT] = square_unit(fastest2)
-    gas.scale[MOMENT_IN] = FAR
+    for m in range(2 * MOST_MOMENTS):
+        gas.scale[MOMENT_IN + m] = FAR
     if gas.clock[STOP] < gas.clock[END]:
-        gas.scale[MOMENT_IN] = ti.cast(gas.clock[STOP] - gas.clock[BEGIN], float)
+        moment = ti.cast(gas.clock[STOP] - gas.clock[BEGIN], float)
+        gas.scale[MOMENT_IN], gas.scale[MOMENT_IN + 1] = moment, moment
     if gas.grid[ALONE] == 0:
         halo = usual_halo(gas.scale[CHAIN], ti.sqrt(fastest2), pull, gas.clock[WALL_SPEED], window)
         gas.scale[USUAL_HALO] = ti.cast(halo, float)
@@ -300,7 +302,8 @@ def sum_blocks(column, gas: ti.template()):
 def run_windows(
     first: ti.i32, n_listed: ti.i32, most_windows: ti.i32, uses: ti.template(), grid: Rows, scale: Rows, clock: Rows,
     sums: Rows, counter: Rows,
-    disk: Rows, meta: Rows, past: Rows, hits: Rows, spent: Rows, slept: Rows, kind: Rows, kinds: Rows, trail: Rows,
+    disk: Rows, meta: Rows, past: Rows, hits: Rows, spent: Rows, slept: Rows, told_at: Rows, note: Table, note_at: Rows,
+    note_tally: Table, kind: Rows, kinds: Rows, trail: Rows,
     way: Rows, back: Rows, tile: Table, listed: Rows, reach: Table, edge_x: Rows, edge_y: Rows, tally: Cube, heat: Cube,
     claim: Rows, claim_at: Rows, work: Rows, link: Rows, mark: Rows,
     begun: Rows, rest: Rows, balance: Rows, edge: Rows, chosen: Rows,
@@ -315,9 +318,10 @@ def run_windows(
     """
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, clock=clock, sums=sums, counter=counter, disk=disk, meta=meta, past=past, hits=hits,
-        spent=spent, slept=slept, rest=rest, balance=balance, edge=edge, kind=kind, kinds=kinds, trail=trail, way=way,
-        back=back, tile=tile, listed=listed, reach=reach,
-        edge_x=edge_x, edge_y=edge_y, tally=tally, heat=heat, claim=claim, claim_at=claim_at, work=work,
+        spent=spent, slept=slept, told_at=told_at, note=note, note_at=note_at, note_tally=note_tally, rest=rest,
+        balance=balance, edge=edge, kind=kind, kinds=kinds, trail=trail, way=way, back=back, tile=tile,
+        listed=listed, reach=reach, edge_x=edge_x, edge_y=edge_y, tally=tally, heat=heat, claim=claim, claim_at=claim_at,
+        work=work,
         link=link, mark=mark, begun=begun, chosen=chosen, since=since, turn=turn, loss=loss, head=head, bin=bin,
         wall_start=wall_start, wall_item=wall_item, walls=walls, law=law, watched=watched, event=event,
         event_int=event_int, found=found, total=total, uses=uses,

@@ -21,7 +21,7 @@ from ..kernels.language import ti
 from ..kernels.limits import ADDRESSABLE, ALONE, OWNER, PISTON_STATE, WALL, WALL_SUMS
 from ..kernels.shear import displacement
 from ..kernels.walls import FREE, GONE, HEAT, MOTION, NEXT_PISTON, PISTON, SUMS, TEMPERATURE, TYPE
-from ..kernels.windows import exchange
+from ..kernels.windows import exchange, sum_shared
 from ..model.box import Box
 from ..model.state import Disks, State
 from . import device
@@ -39,6 +39,7 @@ GPU_THREADS = 32768  # of which some work on events, spread over all multiproces
 BURST = 64  # windows of a gas in one tile that one launch runs at most
 GPU_BURST = 20_000_000  # disks times windows, of a GPU
 ROOM = 0.5  # around an open gas, in extents of what it fills: beyond, its cells have no ends
+TOLD_DISKS = 500_000  # times moments of a window for which there is room, at least of one moment
 SLACK = 1.3  # of the scratch space of a lane, beyond what the densest tile needed
 
 
@@ -148,8 +149,11 @@ class DeviceArrays:
         self._twins: dict[str, Any] = {}
         self.counter: NDArray[np.int32] = np.zeros(20, dtype=np.int32)
         self.clock: NDArray[np.float64] = np.zeros(16)
-        self.grid: NDArray[np.int32] = np.zeros(26, dtype=np.int32)
-        self.scale: NDArray[np.floating[Any]] = np.zeros(20, dtype=self.real)
+        self.grid: NDArray[np.int32] = np.zeros(28, dtype=np.int32)
+        self.scale: NDArray[np.floating[Any]] = np.zeros(
+            k.MOMENT_IN + 2 * k.MOST_MOMENTS + 2, dtype=self.real
+        )
+        self.scale[k.MOMENT_IN :] = k.FAR
         words = np.array([options.seed & 0xFFFFFFFF, options.seed >> 32], dtype=np.uint32)
         self.grid[k.SEED_LOW : k.SEED_LOW + 2] = words.view(np.int32)
         self.grid[k.N], self.grid[k.LANES], self.grid[k.ROOM] = n, 1, self.room
@@ -187,11 +191,13 @@ class DeviceArrays:
         self.hits: Any = None
         self.spent: Any = None
         self.slept: Any = None
+        self.told_at: Any = None
         self._lanes = 0
         self.batch: int = 0
         self.trail: Any = self._vectors(2, ti.i32, self.room)
         self.way: Any = self._array(ti.f32, self.room)
         self.back: Any = self._array(ti.i32, self.room)
+        self.make_notes(0)
         self._make_parts(2)
         self.watched: Any = self._array(ti.i32, n if uses.watched else 1)
         self.event: Any = None
@@ -217,8 +223,9 @@ class DeviceArrays:
         setattr(self, name, new)
 
     def _make_parts(self, parts: int) -> None:
-        """Room for the state at so many times: the beginning and end of a window, and a moment in it."""
-        uses, rows = self.uses, parts * self.room
+        """Room for the state at so many times: the beginning and end of a window, and moments in it; for notes."""
+        uses, notes = self.uses, int(self.grid[k.NOTES])
+        rows = parts * self.room + notes
         self._check_addresses(rows)
         before = (
             {}
@@ -234,14 +241,32 @@ class DeviceArrays:
         self._replace("slept", self._array(ti.i32, rows if uses.rests else 1))
         for name, old in before.items():
             new = getattr(self, name).to_numpy()
-            new[: len(old)] = old
+            kept = min(len(old), len(new), 2 * self.room)
+            new[:kept] = old[:kept]
             getattr(self, name).from_numpy(new)
-        self.parts = parts
+        self._replace("told_at", self._array(self._type, (parts - 2) * self.room if notes else 1))
+        self.parts, self.grid[k.MOMENTS] = parts, parts - 2
 
-    def make_moment(self) -> None:
-        """Make room for the state at a moment within a window, once."""
-        if self.parts == 2:
-            self._make_parts(3)
+    def make_moments(self, needed: int = 1, notes: int = 0) -> int:
+        """Make room for so many moments within a window, or for the most that there may be: for how many.
+
+        And for so many `notes` of each, if there is need of them (`kernels/layout.py`).
+        """
+        most = max(1, min(k.MOST_MOMENTS, TOLD_DISKS // max(self.n, 1)))
+        moments = max(self.parts - 2, 1 if needed == 1 else most)
+        if moments > self.parts - 2 or notes * moments > self.grid[k.NOTES]:
+            if notes * moments > self.grid[k.NOTES]:
+                self.make_notes(1 << (notes * moments).bit_length())
+            self._make_parts(2 + moments)
+            self._make_sums()
+        return self.parts - 2
+
+    def make_notes(self, notes: int) -> None:
+        """Arrays of the host for so many notes."""
+        self.grid[k.NOTES], rows = notes, max(notes, 1)
+        self.note: NDArray[np.int32] = np.zeros((rows, 3), dtype=np.int32)
+        self.note_at: NDArray[np.float64] = np.zeros(rows)
+        self.note_tally: NDArray[np.float64] = np.zeros((rows, k.TALLY + max(self.heats, 1)))
 
     def _check_addresses(self, rows: int) -> None:
         if 8 * rows > ADDRESSABLE:
@@ -317,7 +342,7 @@ class DeviceArrays:
         total: int = tiles[0] * tiles[1]
         self.tiles: int = total
         heats = max(self.heats, 1)
-        if 2 * total * heats > ADDRESSABLE:
+        if (1 + k.MOST_MOMENTS) * total * heats > ADDRESSABLE:
             raise EngineError(
                 f"sums of walls: {heats} columns in each of {total} tiles are more than the {ADDRESSABLE} numbers that "
                 "32-bit indices of Taichi reach; make polylines of walls, or do without wall_sums"
@@ -325,19 +350,32 @@ class DeviceArrays:
         for axis, name in enumerate(("edge_x", "edge_y")):
             self._replace(name, self._array(ti.f64, len(edges[axis])))
             getattr(self, name).from_numpy(edges[axis])
-        self._replace("tile", self._array(ti.i32, total, 9))
+        self._replace("tile", self._array(ti.i32, total, 10))
         self._replace("listed", self._array(ti.i32, total))
         self._replace("reach", self._array(self._type, total, 5))
-        self._replace("tally", self._array(ti.f64, total, 2, k.TALLY))
-        self._replace("heat", self._array(ti.f64, total, 2, heats))
-        blocks = (total + k.BLOCK_OF_TILES - 1) // k.BLOCK_OF_TILES
-        columns = k.FIRST_SUM + 2 * (k.TALLY + heats)
-        self._replace("found", self._array(ti.f64, blocks, columns))
-        self.total: NDArray[np.float64] = np.zeros(columns)
+        self.total: NDArray[np.float64] = np.zeros(0)
+        self._make_sums()
         self.scale[k.LENGTH_X], self.scale[k.LENGTH_Y] = (
             edges[0][-1] - edges[0][0],
             edges[1][-1] - edges[1][0],
         )
+
+    def _make_sums(self) -> None:
+        """Room for what tiles add up in a window, to its end and to each moment; sums that are known stay."""
+        total, times, heats = self.tiles, 1 + max(self.parts - 2, 1), max(self.heats, 1)
+        columns, known = k.FIRST_SUM + times * (k.TALLY + heats), self.total
+        if len(known) == columns:
+            return
+        self._replace("tally", self._array(ti.f64, total, times, k.TALLY))
+        self._replace("heat", self._array(ti.f64, total, times, heats))
+        blocks = (total + k.BLOCK_OF_TILES - 1) // k.BLOCK_OF_TILES
+        self._replace("found", self._array(ti.f64, blocks, columns))
+        self.total = np.zeros(columns)
+        self.total[: min(len(known), columns)] = known[:columns]
+
+    def share(self) -> None:
+        """Add up again what tiles have added up."""
+        self.launch(sum_shared)
 
     def lay(self, disks: Disks, options: Any, state: State) -> None:
         """Divide the box, or what an open gas fills, into tiles, and begin a window from a state."""
@@ -502,11 +540,12 @@ class DeviceArrays:
         order = self._kept(np.argsort(tile, kind="stable"), tile)
         n = len(order)
         local = position - np.stack([self.edges[a][index[:, a]] for a in (0, 1)], axis=1)
-        disk = np.zeros((self.parts * self.room, 5), dtype=self.real)
+        rows = int(self.disk.shape[0])
+        disk = np.zeros((rows, 5), dtype=self.real)
         disk[:n, 0:2] = local[order]
         disk[:n, 2:4] = velocity[order]
         disk[:n, 4] = state.spin[order]
-        meta = np.zeros((self.parts * self.room, 4), dtype=np.int32)
+        meta = np.zeros((rows, 4), dtype=np.int32)
         meta[:n, k.ID] = order
         meta[:n, k.EVENTS] = (state.collisions + state.wall_hits)[order]
         meta[:n, k.IMAGE_X :] = (state.image + crossed.astype(np.int32))[order]

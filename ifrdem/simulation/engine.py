@@ -38,7 +38,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -63,6 +63,7 @@ from .unbounded import nobody_meets
 if TYPE_CHECKING:
     from ..model.forces import Force
     from .arrays import DeviceArrays
+    from .schedule import Due
     from .tracking import Tracking
     from .windows import Windows
 
@@ -589,12 +590,14 @@ class Engine:
         pause_after: int | None = None,
         rest_at: float = math.inf,
         ends: float | None = None,
+        ahead: Callable[[], Iterable[Due]] = list,
     ) -> None:
         """Run one window, or some of a small gas: to `t_end` [time] or the total number of `collisions` at the latest.
 
         It ends at the latest where a force acts, after that; and where a window ends at or after `pause_at` [time] or
         the total number of collisions `pause_after`. Where there are no windows, because nobody can meet anybody, it
-        ends at `rest_at` [time], too. The run itself `ends` [time] later, if that is not `t_end`.
+        ends at `rest_at` [time], too. The run itself `ends` [time] later, if that is not `t_end`. `ahead` gives points
+        to which later calls will go: those of the same window are told with it.
 
         Raises
         ------
@@ -614,7 +617,7 @@ class Engine:
             if self._nothing_happens():
                 self._fly_freely(kick, t_end, rest_at, t_end if ends is None else ends)
             else:
-                self._run(t_end, collisions, kick, pause_at, pause_after)
+                self._run(t_end, collisions, kick, pause_at, pause_after, ahead)
             self._apply_forces()
             self._open_gates()
 
@@ -646,7 +649,13 @@ class Engine:
         return not forced and not self.windows.inside and self.windows.fastest == 0.0
 
     def _run(
-        self, t_end: float, collisions: int | None, kick: float, pause_at: float, pause_after: int | None
+        self,
+        t_end: float,
+        collisions: int | None,
+        kick: float,
+        pause_at: float,
+        pause_after: int | None,
+        ahead: Callable[[], Iterable[Due]],
     ) -> None:
         from ..kernels.layout import COLLISIONS, PAIRS, TRACKED
         from .arrays import BURST
@@ -667,6 +676,9 @@ class Engine:
             pause_after=None if pause_after is None else pause_after - first,
             most=most,
             watching=watching,
+            ahead=lambda: [
+                (due.time, math.inf if due.collisions is None else due.collisions - first) for due in ahead()
+            ],
         )
         if windows.rests and not windows.inside:
             raise InelasticCollapse(

@@ -45,7 +45,7 @@ from numpy.typing import NDArray
 from ..errors import EngineError, InputError
 from ..kernels import layout as k
 from ..kernels.language import ti
-from ..kernels.windows import WIDEN, sum_shared, survey, verify
+from ..kernels.windows import WIDEN, survey, verify
 from ..tools import world
 from .arrays import DeviceArrays, stretches
 from .windows import Windows, _Again
@@ -390,7 +390,7 @@ class RankArrays(DeviceArrays):
         for part in parts:
             part[:] = rows[:, at : at + part.shape[1]]
             at += part.shape[1]
-        self.launch(sum_shared)
+        super().share()
 
     # ------------------------------------------------------------------ the state
 
@@ -440,7 +440,7 @@ class RankArrays(DeviceArrays):
 
     def rows_here(self, part: int) -> int:
         """Number of disks that this rank has at the beginning or end of a window, or at a moment in it."""
-        lists = 1 - int(self.grid[k.PART]) if part == k.TOLD else part
+        lists = 1 - int(self.grid[k.PART]) if part >= k.TOLD else part
         return int(view(self.tile)[self.own, k.COUNT + lists].sum())
 
     def by_id(self, part: int, to_all: bool, arrays: Sequence[NDArray[Any]]) -> list[NDArray[Any]] | None:
@@ -554,6 +554,9 @@ class RankWindows(Windows):
         super()._whole_box(watching)
         if self.arrays.comm.rank:  # all have run all of it
             self._watched = []
+
+    def _agreed(self, well: bool) -> bool:
+        return not self.arrays.comm.allreduce(int(not well))
 
     def _nth(self, times: NDArray[np.float64], count: int) -> float:
         """Time number `count` of those of all ranks: by halving, as whole numbers, which are in the same order."""

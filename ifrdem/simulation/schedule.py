@@ -61,7 +61,14 @@ class Course:
         """Times at which rows of series are due; only at the end if there are none."""
         return Schedule(self.series or Cadence(number=1), self.span)
 
+    def ahead(self, rows: bool) -> list[Due]:
+        """The next few points at which frames, or `rows` of series, are due."""
+        frames, of_rows = self.frame_schedule, self.row_schedule
+        found = [frames.due(self.next_frame + i) for i in range(FEW)]
+        return found + [of_rows.due(self.next_row + i) for i in range(FEW) if rows]
 
+
+FEW = 9
 SPACINGS = ("even", "log")
 SHORTEST = 1e-200
 """Of intervals, in whatever unit: below, there are more of them than floating-point numbers count."""

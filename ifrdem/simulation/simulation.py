@@ -8,6 +8,7 @@ import os
 import warnings
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -739,7 +740,7 @@ class Simulation(Sealed, PicturedDisks):
                 stop = earlier(frame, row) if exact else frame
                 self._engine.advance(
                     t_end=stop.time, collisions=stop.collisions, pause_at=row.time, pause_after=row.collisions,
-                    rest_at=frame.time, ends=end.time,
+                    rest_at=frame.time, ends=end.time, ahead=partial(course.ahead, exact),
                 )  # fmt: skip
                 if progress is not None:
                     progress(self.time, self.collisions)

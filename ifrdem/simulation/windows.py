@@ -6,8 +6,8 @@ Imports Taichi: import this module only after `device.start`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ..errors import EngineError, InelasticCollapse
 from ..kernels import layout as k
 from ..kernels.events import TOO_FAR
+from ..kernels.readout import settle
 from ..kernels.walls import NOW_0, PISTON, PUSH, RATE, SPEED_0, UX, UY, piston_speed
 from ..kernels.windows import (
     LARGEST_WAY,
@@ -31,6 +32,32 @@ from .arrays import BURST, SLACK, DeviceArrays
 from .tracking import Statistics
 
 MOST_HALVINGS = 40  # of the window of a sheared gas
+# The time of a collision with a number n of a window is looked for within so many collisions of where it is expected:
+# five times the scatter of independent ones, and what the rate of a gas that cools or gathers may do besides.
+SCATTER, DRIFT = 5.0, 0.005
+
+
+def leeway(count: float) -> float:
+    """Collisions by which those of a window up to a time may differ from what is expected, if that is so many."""
+    return SCATTER * math.sqrt(count) + DRIFT * count + 10.0
+
+
+@dataclass
+class Moment:
+    """A moment of a window, all times since its beginning: known (`at`), or within an interval, and then not (NaN).
+
+    `sums` are those over the tiles up to `at`, or `begin`.
+    """
+
+    begin: float
+    until: float
+    at: float
+    sums: NDArray[np.float64]
+
+
+def known(time: float) -> Moment:
+    """One whose time is known."""
+    return Moment(time, time, time, np.zeros(0))
 
 
 class Windows:
@@ -55,12 +82,17 @@ class Windows:
             False  # it has been run to the moment that was told; the scratch space holds the rest of it
         )
         self._watching = 0  # what was written down when it was run
-        self._moment = math.inf  # since the beginning; of the state that was told
+        self._moments: list[Moment] = []  # that have been told
         self._moment_now = 0.0
         size = len(arrays.sums)
-        self._done, self._at_end, self._at_moment = np.zeros(size), np.zeros(size), np.zeros(size)
+        self._done, self._at_end = np.zeros(size), np.zeros(size)
         for row, column in self._piston_columns():
             self._done[[column, column + 1]] = arrays.wall_rows[row, [NOW_0, SPEED_0]]
+        self._asked: list[
+            tuple[float, float]
+        ] = []  # times and numbers of collisions at which a run will stop
+        self._noted = 0  # notes
+        self._before: tuple[float, float, float] | None = None  # collisions, length, speed of the last window
         self.protrudes: float = (
             0.0  # how far disks are beyond the sides of the tiles that list them, at the beginning
         )
@@ -99,7 +131,7 @@ class Windows:
         inside, sums = self.inside, self.sums
         self.arrays.uses = uses
         if inside:
-            self._compute(self._moment_now, 1, 0)
+            self._compute([known(self._moment_now)], 1, 0)
             self._done += sums - self.sums
 
     def add_flow_work(self, work: float) -> None:
@@ -113,8 +145,7 @@ class Windows:
             return self._done + self._at_end
         if self.now == self.begin and not self._paused:
             return self._done.copy()
-        self._tell(self._moment_now)
-        return self._done + self._at_moment
+        return self._done + self._sums_to(self._moment_now)
 
     @property
     def part(self) -> tuple[int, float]:
@@ -124,8 +155,7 @@ class Windows:
             return 1 - part, self.end - self.begin
         if self.now == self.begin and not self._paused:
             return part, 0.0
-        self._tell(self._moment_now)
-        return k.TOLD, self._moment_now
+        return k.TOLD + self._tell(self._moment_now), self._moment_now
 
     @property
     def told_from(self) -> float:
@@ -152,7 +182,7 @@ class Windows:
     def _forget(self) -> None:
         self._times = None
         self._ahead = self._surveyed = self._ready = self._paused = False
-        self._moment = math.inf
+        self._moments, self._before = [], None
         self._moment_now = 0.0
 
     def snapshot(self) -> dict[str, NDArray[np.float64]]:
@@ -183,8 +213,8 @@ class Windows:
         if self._ready and self.now > self.begin:
             self._counted = self.begin
             if self.now < self.end:
-                a.make_moment()
-            self._compute(self._moment_now if self.now < self.end else math.inf, 1, watching)
+                a.make_moments()
+            self._compute([known(self._moment_now)] if self.now < self.end else [], 1, watching)
 
     # ------------------------------------------------------------------ length
 
@@ -240,9 +270,10 @@ class Windows:
         if self._ahead and self.now == self.end:
             self._done += self._at_end
             self.arrays.grid[k.PART] = 1 - self.arrays.grid[k.PART]
-            self._ahead, self._surveyed, self._moment, self._moment_now = False, True, math.inf, 0.0
+            self._ahead, self._surveyed, self._moments, self._moment_now = False, True, [], 0.0
             self._times = None
             a = self.arrays
+            self._before = self._at_end[k.COLLISIONS], self.end - self.begin, float(a.clock[k.SPEED])
             self.protrudes = self._most(k.MOST_PROTRUDES)
             if not a.box.is_open and not self.protrudes <= TOO_FAR * self._least_side():
                 raise _unbounded(self.begin)
@@ -269,67 +300,140 @@ class Windows:
         pause_after: int | None = None,
         most: int = BURST,
         watching: int = 0,
+        ahead: Callable[[], Iterable[tuple[float, float]]] = list,
     ) -> None:
         """Go on to `stop` [time] or `wanted` collisions in all at the latest, or to the end of a window.
 
         The first one that ends at or after `pause_at` or `pause_after` collisions, or the last of `most` windows.
+        `ahead` gives times and numbers of collisions to which later calls will go; what lies in the same window is told
+        with it.
         """
         a = self.arrays
         self.go_on(kick)
         if self._ahead and watching and self._watching != watching:
-            self._compute(self._moment_now, 1, watching)  # from its beginning, to see what happened in it
+            # From its beginning, to see what happened in it.
+            self._compute([known(self._moment_now)], 1, watching)
         if self._paused or not self._ahead:
-            if a.alone or stop < self.end or (a.burst > 1 and math.isfinite(stop)):
-                a.make_moment()
+            pausing = a.alone and not a.on_gpu and watching != k.TRACKED
+            if pausing or (a.on_gpu and math.isfinite(stop)):
+                a.make_moments()
+                moments = [known(stop - self.begin)] if stop < self.end else []
+            else:
+                self._asked = [(stop, math.inf if wanted is None else wanted), *ahead()]
+                moments = self._foresee(self.now)
             a.clock[[k.STOP, k.PAUSE, k.KICK]] = stop, pause_at, kick
             a.clock[k.WANTED] = math.inf if wanted is None else wanted
             a.clock[k.PAUSE_AFTER] = math.inf if pause_after is None else pause_after
-            moment = stop - self.begin if stop < self.end else math.inf
-            pausing = a.alone and not a.on_gpu and watching != k.TRACKED
             self._compute(
-                moment, min(most, a.burst, self._burst if a.on_gpu else most), watching, pausing=pausing
+                moments, min(most, a.burst, self._burst if a.on_gpu else most), watching, pausing=pausing
             )
         if self._paused:
-            self._moment_now = self._moment
+            self._moment_now = self._moments[0].at
             by_count = a.counter[k.PAUSED] == k.BY_COUNT
-            self.now = self.begin + self._moment if by_count else stop
+            self.now = self.begin + self._moment_now if by_count else stop
             return
         count = self._done[k.COLLISIONS]
         stopping = self.begin < stop < self.end
         self.now = stop if stopping else self.end
         self._moment_now = stop - self.begin if stopping else self.end - self.begin
         if wanted is not None and count + self._at_end[k.COLLISIONS] >= wanted:
+            reached = self._at_end
             if stopping:
-                self._tell(self._moment_now)
-            reached = self._at_moment if stopping else self._at_end
+                reached = self._sums_to(self._moment_now)
             if count + reached[k.COLLISIONS] >= wanted:
                 self._moment_now = self._time_of(wanted - int(count))
                 self.now = self.begin + self._moment_now
                 self._tell(self._moment_now)
 
-    def _tell(self, moment: float) -> None:
-        """See to it that part TOLD holds the state at a moment of the window."""
-        if self._moment != moment:
-            kept = self._watched, self.fresh, self._watching
-            self.arrays.make_moment()
-            self._compute(moment, 1, 0)
-            self._watched, self.fresh, self._watching = kept
+    def _foresee(self, begin: float, first: float | None = None) -> list[Moment]:
+        """Moments of the present window, after `begin` [time], that have been asked for, and the `first` one of all.
+
+        In order, the first ones for which there is room. Of a collision the time is known, or is expected after the
+        last window's rate and the change of the mean speed since: what falls out of that is found by another run.
+        """
+        a, length = self.arrays, self.end - self.begin
+        found = [
+            known(time - self.begin) for time in {time for time, _ in self._asked} if begin < time < self.end
+        ]
+        notes = 0.0
+        wanted = sorted(
+            {count - self._done[k.COLLISIONS] for _, count in self._asked if math.isfinite(count)}
+        )
+        if self._times is not None and self._times[0] == self.begin:
+            times = [self._nth(self._times[1], int(count)) for count in wanted if count >= 1]
+            found += [known(time) for time in times if begin - self.begin < time < length]
+        elif self._before is not None and self._before[0] > 0 and not a.on_gpu and not a.uses.rests:
+            collisions, lasted, speed = self._before
+            now = float(a.clock[k.SPEED])
+            growth = math.log(now / speed) / lasted
+            rate = 2.0 * now / (now + speed) * collisions / lasted
+
+            def expected(count: float) -> float:
+                time = max(count, 0.0) / rate
+                for _ in range(3):
+                    time = max(count, 0.0) / rate / max(1.0 + 0.5 * growth * time, 0.1)
+                return time
+
+            for count in wanted:
+                since = expected(count - leeway(count)) if count >= 1 else length
+                if since < length:
+                    since = float(a.real(since))
+                    found.append(Moment(since, expected(count + leeway(count)), math.nan, np.zeros(0)))
+                    notes = 4.0 * leeway(1.2 * collisions)  # of two disks of each collision
+        found.sort(key=lambda each: each.begin)
+        if first is not None:  # it comes first where there is no room for all
+            found = [known(first), *(each for each in found if each.begin > first)]
+        return found[: a.make_moments(len(found), math.ceil(notes))] if found else []
+
+    def _tell(self, moment: float) -> int:
+        """See to it that the state at a moment of the window is told: as which."""
+        for m, each in enumerate(self._moments):
+            if each.at == moment:
+                return m
+        for m, each in enumerate(self._moments):
+            if math.isnan(each.at) and each.begin <= moment <= each.until:
+                a = self.arrays
+                a.launch(settle, m, moment, self._noted, a.rows_here(k.TOLD))
+                a.share()
+                each.at, each.sums = moment, self._tally(k.AT_MOMENT + m)
+                return m
+        kept = self._watched, self.fresh, self._watching
+        self._compute(self._foresee(self.begin + moment, moment), 1, 0)
+        self._watched, self.fresh, self._watching = kept
+        return 0
+
+    def _sums_to(self, moment: float) -> NDArray[np.float64]:
+        """Sums over the tiles from the window's beginning to a moment of it."""
+        m = self._tell(moment)
+        return self._moments[m].sums
 
     def _time_of(self, count: int) -> float:
         """Time of collision `count` = 1, 2, ... of the window, since its beginning."""
         if count <= 0:
             return 0.0
+        for each in self._moments:
+            if math.isnan(each.at) and count > each.sums[k.COLLISIONS]:
+                times = self._times_of_notes()
+                time = self._nth(times[times > each.begin], count - int(each.sums[k.COLLISIONS]))
+                if time <= each.until:
+                    return time
         if self._times is None or self._times[0] != self.begin:
             kept = self._watched, self.fresh, self._watching
-            self._compute(math.inf, 1, k.PAIRS)
+            self._compute([], 1, k.PAIRS)
             self._times = self.begin, Windows.watched(self)[0][:, k.AT].copy()  # those of this rank
             self._watched, self.fresh, self._watching = kept
             self.arrays.events(0)
         return self._nth(self._times[1], count)
 
     def _nth(self, times: NDArray[np.float64], count: int) -> float:
-        """The time with number `count` = 1, 2, ..."""
-        return float(np.partition(times, count - 1)[count - 1])
+        """The time with number `count` = 1, 2, ...; infinity beyond the last."""
+        return float(np.partition(times, count - 1)[count - 1]) if count <= len(times) else math.inf
+
+    def _times_of_notes(self) -> NDArray[np.float64]:
+        """Times of collisions that were noted."""
+        a, n = self.arrays, self._noted
+        latest = np.arange(n) >= a.tile.to_numpy()[a.note[:n, 1], k.NOTED]
+        return a.note_at[:n][latest & (a.note[:n, 2] == 1)]
 
     def watched(self) -> tuple[NDArray[Any], NDArray[Any]]:
         """Collisions that were written down in the present window, in any order: rows of `event` and `event_int`."""
@@ -338,8 +442,8 @@ class Windows:
         real, whole = zip(*self._watched, strict=True)
         return np.concatenate(real), np.concatenate(whole)
 
-    def _compute(self, moment: float, most: int, watching: int, *, pausing: bool = False) -> None:
-        """Run the window to its end; up to `most` of them.
+    def _compute(self, moments: list[Moment], most: int, watching: int, *, pausing: bool = False) -> None:
+        """Run the window to its end, telling moments in it; up to `most` of them.
 
         When `pausing`, which only a gas in one tile can, to the moment or to so many collisions, and on from there.
         """
@@ -351,7 +455,9 @@ class Windows:
         begin, end = self.begin, self.end
         a.clock[k.BEGIN], a.clock[k.END] = begin, end
         a.scale[k.WINDOW] = end - begin
-        a.scale[k.MOMENT_IN] = moment if math.isfinite(moment) else k.FAR
+        a.scale[k.MOMENT_IN :] = k.FAR
+        for m, each in enumerate(moments):
+            a.scale[k.MOMENT_IN + 2 * m : k.MOMENT_IN + 2 * m + 2] = each.begin, each.until
         a.grid[k.WATCHING] = watching
         if watching:
             self._watched = []
@@ -396,14 +502,21 @@ class Windows:
                 vars(self.statistics).update(vars(kept))
         self._counted = self.begin
         self._at_end = self._tally(k.AT_END)
-        self._moment = float(a.scale[k.MOMENT_IN])
-        if self._moment < k.FAR:
-            self._at_moment = self._tally(k.AT_MOMENT)
-            if self._moment != moment and begin != self.begin and a.counter[k.PAUSED] != k.BY_COUNT:
-                self._moment = float(a.clock[k.STOP]) - self.begin
-        else:
-            self._moment = math.inf
+        told = float(a.scale[k.MOMENT_IN])
+        if begin != self.begin or a.counter[k.PAUSED] == k.BY_COUNT:  # the kernel chose
+            if begin != self.begin and a.counter[k.PAUSED] != k.BY_COUNT:
+                told = float(a.clock[k.STOP]) - self.begin if told < k.FAR else k.FAR
+            moments = [known(told)] if told < k.FAR else []
+        if not self._agreed(self._noted <= a.grid[k.NOTES]):  # more than there was room for
+            moments = [each for each in moments if each.at == each.at]
+        for m, each in enumerate(moments):
+            each.sums = self._tally(k.AT_MOMENT + m)
+        self._moments = moments
         self._ahead, self._ready = True, False
+
+    def _agreed(self, well: bool) -> bool:
+        """True if this holds: on all ranks, if there are several."""
+        return well
 
     def _shorten(self, watching: int) -> None:
         """Run half of the window: what a sheared gas does whose tiles are too small for all of it."""
@@ -432,13 +545,13 @@ class Windows:
     ) -> None:
         """Run the windows of all tiles, or `again` of the listed ones; with more room where that was not enough."""
         a = self.arrays
-        part, clock, told = int(a.grid[k.PART]), a.clock.copy(), float(a.scale[k.MOMENT_IN])
+        part, clock, told = int(a.grid[k.PART]), a.clock.copy(), a.scale[k.MOMENT_IN :].copy()
         while True:
             a.counter[:] = 0
             a.counter[k.AGAIN], a.counter[k.PAUSING], a.counter[k.RESUMING] = again, pausing, resuming
             a.counter[k.RESTING] = int(resuming and self.rests)
             if again:
-                a.counter[k.N_CLAIMED] = self._claimed
+                a.counter[k.N_CLAIMED], a.counter[k.N_NOTED] = self._claimed, self._noted
             a.sums[:] = self._done  # one window after another, so that sums do not depend on launches
             alone = bool(a.grid[k.ALONE])
             with a.sent() as launch:
@@ -448,6 +561,7 @@ class Windows:
                     if not alone:
                         self._check(launch)
             self._claimed = int(a.counter[k.N_CLAIMED])
+            noted = int(a.counter[k.N_NOTED])
             full, needed = int(a.counter[k.FULL]), int(a.counter[k.NEEDED])
             if a.counter[k.STALLED] == 2:
                 raise _unbounded(float(a.clock[k.BEGIN]))
@@ -461,6 +575,7 @@ class Windows:
                 )
             self._bad = int(a.counter[k.N_BAD])
             if not full:
+                self._noted = noted
                 self.rests |= bool(a.counter[k.RESTING])
                 return
             if a.counter[k.N_WINDOWS] > 1:
@@ -469,9 +584,11 @@ class Windows:
                 self.statistics.windows += int(a.counter[k.N_WINDOWS]) - 1
                 clock = a.clock.copy()
                 part = int(a.grid[k.PART])
-                told = clock[k.STOP] - clock[k.BEGIN] if clock[k.STOP] < clock[k.END] else k.FAR
+                told[:] = k.FAR
+                if clock[k.STOP] < clock[k.END]:
+                    told[:2] = clock[k.STOP] - clock[k.BEGIN]
             resuming = False  # from the beginning of the window
-            a.clock[:], a.grid[k.PART], a.scale[k.MOMENT_IN] = clock, part, told
+            a.clock[:], a.grid[k.PART], a.scale[k.MOMENT_IN :] = clock, part, told
             places, cells, bins, items = (int(a.grid[each]) for each in (k.PLACES, k.CELLS, k.BINS, k.ITEMS))
             if full & k.FULL_CLAIMS:
                 a.claims(int(SLACK * self._claimed) + 64)

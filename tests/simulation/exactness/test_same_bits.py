@@ -6,6 +6,8 @@ after fifty say that none was ever there.
 
 from __future__ import annotations
 
+import functools
+import itertools
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -20,6 +22,7 @@ from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
 from ifrdem.simulation import device
 from ifrdem.simulation.engine import Engine
+from ifrdem.simulation.schedule import Due, earlier
 from ifrdem.simulation.windows import Windows
 
 N = 4000
@@ -129,6 +132,63 @@ def test_tiles_and_threads_and_the_whole_box_in_order_give_the_same_bits(name: s
 def test_more_than_a_million_collisions_at_each_density_have_the_same_bits() -> None:
     """By the test above: of each density, in three sizes of tiles, on two threads and on one."""
     assert 100 * N / 2 * len(TILES) * 2 > 1_000_000
+
+
+# --- moments within windows ----------------------------------------------------------------------------------------
+
+LOOKED_AT = (*SEEN, "angle", "last_partner", "dissipated", "latest_collision")
+KEPT: dict[str, Any] = {
+    "angles": True, "partners": True, "ledger": True, "itemised": True, "wall_sums": True, "contact_time": 1e-9,
+}  # fmt: skip
+FRAMES = [Due(collisions=int(0.4 * N / 2 * i)) for i in range(1, 13)]  # one to four in each window
+
+
+def looked_at(
+    name: str, due: list[Due], monkeypatch: pytest.MonkeyPatch, **options: Any
+) -> tuple[list[tuple[State, Any, Any]], Engine, int]:
+    """What an engine tells at points of a run, and how often it ran a window again."""
+    computed = []
+    compute = Windows._compute
+    monkeypatch.setattr(
+        Windows, "_compute", lambda self, *args, **more: computed.append(0) or compute(self, *args, **more)
+    )
+    disks, box, state, law, more = made(name)
+    engine = Engine(disks, box, state, np.array([[law]]), **more, **KEPT, **options)
+    found = []
+    while due:
+        stop = functools.reduce(earlier, due)
+        engine.advance(t_end=stop.time, collisions=stop.collisions, ahead=functools.partial(list, due))
+        if stop.reached(engine.time, engine.collisions):
+            found.append((engine.state(), engine.dissipated(), engine.wall_sums))
+        due = [each for each in due if not each.reached(engine.time, engine.collisions)]
+    return found, engine, len(computed) - engine.statistics.windows
+
+
+@pytest.mark.parametrize("name", GASES)
+def test_moments_are_told_with_their_window_as_the_whole_box_in_order_passes_them(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At numbers of collisions, and at times halfway between them."""
+    alone, _, _ = looked_at(name, FRAMES, monkeypatch, order="alone")
+    times = [0.5 * (one.time + two.time) for (one, *_), (two, *_) in itertools.pairwise(alone)]
+    points = [*FRAMES, *(Due(time) for time in times)]
+    expected, _, _ = looked_at(name, points, monkeypatch, order="alone")
+    found, engine, again = looked_at(name, points, monkeypatch, order="tiles", tile_disks=250)
+    assert len(found) == len(expected) == len(points)
+    for (state, (lost, regimes), walls), (state_1, (lost_1, regimes_1), walls_1) in zip(
+        found, expected, strict=True
+    ):
+        for each in LOOKED_AT:
+            assert np.array_equal(getattr(state, each), getattr(state_1, each)), each
+        assert np.array_equal(regimes, regimes_1)
+        assert lost == pytest.approx(
+            lost_1, rel=1e-11, abs=1e-12
+        )  # sums of some thousand terms in another order
+        assert walls == pytest.approx(walls_1, rel=1e-9, abs=1e-9)
+    assert [state.collisions.sum() // 2 for state, *_ in found[::2]] == [due.collisions for due in FRAMES]
+    # Only in the first window nobody knows how fast collisions come: one run for their times, one for eight moments.
+    assert again <= 4
+    assert engine.statistics.windows >= 3
 
 
 # --- what verification is for: without a part of it, the bits change ----------------------------------------------
