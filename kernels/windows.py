@@ -472,15 +472,16 @@ def survey(
 
 @ti.kernel
 def sum_shared(
-    uses: ti.template(), grid: Rows, tally: Cube, heat: Cube, reach: Table, found: Table, total: Rows,
+    n_blocks: ti.i32, last: ti.i32, uses: ti.template(), grid: Rows, tally: Cube, heat: Cube, reach: Table,
+    found: Table, total: Rows, blocks: Rows,
 ):  # fmt: skip
-    """Sums over the tiles of all ranks, once each rank knows them: the last step of `run_windows` and `survey`."""
+    """The last step of `run_windows` and `survey` on ranks: sums of `n_blocks` blocks of tiles; of all, if `last`."""
     gas = ti.static(GasArrays(
         grid=grid, tally=tally, heat=heat, reach=reach, found=found, total=total, uses=uses,
     ))  # fmt: skip
-    for item in range(gas.found.shape[0] * gas.found.shape[1]):
-        sum_up(item // gas.found.shape[1], item % gas.found.shape[1], gas)
-    for column in range(gas.total.shape[0]):
+    for item in range(n_blocks * gas.found.shape[1]):
+        sum_up(blocks[item // gas.found.shape[1]], item % gas.found.shape[1], gas)
+    for column in range(last * gas.total.shape[0]):
         sum_blocks(column, gas)
 
 

@@ -96,6 +96,16 @@ def stretches(first: NDArray[np.integer], count: NDArray[np.integer]) -> NDArray
     return found
 
 
+def sums_of_blocks(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sums over blocks of BLOCK_OF_TILES rows, row after row, shape (blocks, columns)."""
+    padded = np.zeros((-(-len(rows) // k.BLOCK_OF_TILES), k.BLOCK_OF_TILES, rows.shape[1]))
+    padded.reshape(-1, rows.shape[1])[: len(rows)] = rows
+    found = padded[:, 0].copy()
+    for i in range(1, k.BLOCK_OF_TILES):
+        found += padded[:, i]
+    return found
+
+
 class DeviceArrays:
     """All arrays of one engine, under the names that kernels give their arguments.
 
@@ -441,9 +451,9 @@ class DeviceArrays:
         """Rows that `read_out` filled for this part, as rows of all disks by id."""
         return list(arrays)
 
-    def shared(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Rows of all tiles."""
-        return rows
+    def sums_of(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Sums over all tiles of what each has, shape (tiles, columns): block by block, always in one order."""
+        return np.add.accumulate(sums_of_blocks(rows), axis=0)[-1]
 
     def displace_rows(self, time: float) -> None:
         """Note how far rows of tiles in a sheared gas have moved against those below until `time` [time]."""

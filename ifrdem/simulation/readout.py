@@ -31,12 +31,10 @@ def totals(engine: Engine) -> NDArray[np.float64]:
         read_out, part, engine.time, 0, real_out=one, int_out=whole, past_out=np.zeros((1, 2)), hits_out=whole,
         spent_out=np.zeros((1, MECHANISMS)), totals=found,
     )  # fmt: skip
-    return _sum(engine.arrays.shared(found), engine.time)
+    return _finite(engine.arrays.sums_of(found), engine.time)
 
 
-def _sum(found: NDArray[np.float64], time: float) -> NDArray[np.float64]:
-    """Tile by tile: one order for any number of threads."""
-    sums: NDArray[np.float64] = np.ascontiguousarray(found.T).sum(axis=1)
+def _finite(sums: NDArray[np.float64], time: float) -> NDArray[np.float64]:
     if not np.isfinite(sums).all():
         raise EngineError(f"t = {time:.9g}: a velocity or spin is not finite; please report this")
     return sums
@@ -65,7 +63,7 @@ def read(
         read_out, part, time, 1, real_out=real, int_out=whole, past_out=past, hits_out=hits, spent_out=spent,
         totals=found,
     )  # fmt: skip
-    sums = _sum(arrays.shared(found), time)
+    sums = _finite(arrays.sums_of(found), time)
     columns = arrays.by_id(part, to_all, (real[:rows], whole[:rows], past, hits, spent))
     if columns is None:
         return None, sums

@@ -18,12 +18,14 @@ from support.gases import COIN, ELASTIC, ROLLING, equal_disks, mixture, start
 
 from ifrdem.errors import EngineError
 from ifrdem.kernels import layout as k
+from ifrdem.kernels import windows
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
 from ifrdem.simulation import arrays, ranks
 from ifrdem.simulation.engine import Engine
 
+k.BLOCK_OF_TILES = windows.BLOCK_OF_TILES = 3  # so that blocks lie on several ranks
 arrays.ALONE = 100  # windows as short as those of gases that are divided
 N = 3000
 COMM = MPI.COMM_WORLD
@@ -142,7 +144,7 @@ def no_trails() -> None:
     def silent(self: Any, again: bool) -> None:
         ranks.RankArrays._swap = (
             lambda self, messages: swap(  # type: ignore[method-assign]
-                self, [tuple(each[:0] for each in message) for message in messages]
+                self, [(*(each[:0] for each in message[:3]), *message[3:]) for message in messages]
             )
         )
         whole(self, again)
