@@ -15,7 +15,7 @@ past         (3 room,) of 2       LATEST, ANGLE, f64: time of the latest collisi
 hits         (3 room,) of 2       WALL_HITS, LAST_PARTNER, of gases that ask
 spent        (3 room,) of 7       energy that collisions took, by mechanism, f64: half of a pair's; of gases that ask
 slept        (3 room,)            AWAKE, ASLEEP, WOKEN or SAID_ASLEEP, of gases that rest (`rest.py`)
-kind         (n,)                 kind of each disk, by id
+kind         (n,)                 kind of each disk, by id; of a gas on several ranks by slot, (3 room,)
 kinds        (kinds,) of 6        what disks of a kind share
 trail        (room,) of 2            hash of the history of the disk at a slot of the window's beginning, by its tile
 way          (room,)              bound on how far it came, in largest diameters, f32

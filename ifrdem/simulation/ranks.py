@@ -47,6 +47,7 @@ from ..errors import EngineError, InputError
 from ..kernels import layout as k
 from ..kernels.language import ti
 from ..kernels.windows import WIDEN, sum_shared, survey, verify
+from ..model.state import State
 from ..tools import world
 from .arrays import DeviceArrays, stretches, sums_of_blocks
 from .windows import Windows, _Again
@@ -160,18 +161,13 @@ class RankArrays(DeviceArrays):
         self.blocks = None
         self._partners: list[int] = []
         super().__init__(*given)
-        self._kind = self._kind[:0]  # the device has it
+        if not self.uses.mixed:
+            self._kind = self._kind[:0]
 
     # ------------------------------------------------------------------ who owns what
 
     def _first_room(self, n: int) -> int:
         return 1
-
-    def _kept(self, order: NDArray[np.intp], tile: NDArray[np.int64]) -> NDArray[np.intp]:
-        self.assign(np.bincount(tile, minlength=self.tiles))
-        kept = order[self.owner[tile[order]] == self.comm.rank]
-        self.make_room(len(kept))
-        return kept
 
     def assign(self, count: NDArray[np.integer]) -> None:
         """Divide the tiles, with so many disks each, among the ranks."""
@@ -464,22 +460,54 @@ class RankArrays(DeviceArrays):
             view(getattr(self, name))[part * self.room : part * self.room + len(order)] = values[order]
         self.set_lists(part, np.bincount(tile, minlength=self.tiles))
 
-    def take_lists(self, found: dict[str, NDArray[Any]]) -> None:
-        """As on one rank: of all lists, own ones stay."""
-        start, count = found["tile"].T
+    def put(self, state: State) -> None:
+        """As on one rank, of a state that the first one has; of the others' only the time is looked at."""
+        self.grid[k.PART] = 0
+        if self.uses.sheared:
+            self.displace_rows(state.time)
+        rows, count = world.on_first(self.comm, lambda: self.rows_from(state)) or ({}, None)
+        self._deal(rows, count)
+
+    def _deal(
+        self,
+        rows: dict[str, NDArray[Any]],
+        count: NDArray[np.int64] | None,
+        start: NDArray[np.int64] | None = None,
+    ) -> None:
+        """Divide the tiles among the ranks, and give each one rows of its disks, which the first one has.
+
+        `count` tells how many disks each tile has, `start` where they begin in `rows`: tile after tile, if not told.
+        """
+        count = self.comm.bcast(count)
+        start = np.cumsum(count) - count if start is None else start
         self.assign(count)
-        rows = stretches(start[self.own], count[self.own])
-        self.make_room(len(rows))
+        here = int(count[self.own].sum())
+        self.make_room(here)
         for name in self._names():
-            view(getattr(self, name))[: len(rows)] = found[name][rows]
+            array = view(getattr(self, name))
+            for q in range(1, self.comm.size) if self.comm.rank == 0 else ():
+                tiles = np.flatnonzero(self.owner == q)
+                self.comm.Send(rows[name][stretches(start[tiles], count[tiles])], q)
+            if self.comm.rank == 0:
+                array[:here] = rows[name][stretches(start[self.own], count[self.own])]
+            else:
+                self.comm.Recv(array[:here])
         own = np.zeros_like(count)
         own[self.own] = count[self.own]
         self.set_lists(0, own)
 
+    def take_lists(self, found: dict[str, NDArray[Any]]) -> None:
+        """As on one rank, of lists that the first one has."""
+        rows = dict(found)
+        if self.uses.mixed and self.comm.rank == 0:
+            rows["kind"] = self._kind[found["meta"][:, k.ID]].astype(np.int32)
+        start, count = found["tile"].T
+        self._deal(rows, count, start)
+
     def lists(self, part: int) -> dict[str, NDArray[Any]]:
         """As on one rank, put together on the first one; the others get their own ones."""
         rows, listed = self.rows_of(part)
-        own = {name: view(getattr(self, name))[rows] for name in self._names()}
+        own = {name: view(getattr(self, name))[rows] for name in self._names() if name != "kind"}
         gathered = self.comm.gather((listed, own))
         count = np.bincount(listed, minlength=self.tiles)
         if gathered is not None:
@@ -488,6 +516,10 @@ class RankArrays(DeviceArrays):
             own = {name: np.concatenate([rows[name] for _, rows in gathered])[order] for name in own}
             count = np.bincount(listed, minlength=self.tiles)
         return own | {"tile": np.stack([np.cumsum(count) - count, count], axis=1).astype(np.int32)}
+
+    def told(self, value: Any) -> Any:
+        """As on one rank: what the first one has."""
+        return self.comm.bcast(value)
 
     def rows_here(self, part: int) -> int:
         """Number of disks that this rank has at the beginning or end of a window, or at a moment in it."""

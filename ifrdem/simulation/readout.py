@@ -72,7 +72,8 @@ def read(
     for axis, periodic in enumerate(engine.box.periodic):
         if periodic:  # rounding can put a disk onto the far side, which is the next box already
             np.minimum(place[:, axis], below(engine.box.lengths[axis], real.dtype), out=place[:, axis])
-    told: dict[str, Any] = {name: _read_only(np.asarray(value)) for name, value in engine.past.items()}
+    past_before = arrays.told(engine.past) if to_all else engine.past
+    told: dict[str, Any] = {name: _read_only(np.asarray(value)) for name, value in past_before.items()}
     if uses.walled:
         told["wall_hits"] = hits[:, WALL_HITS].copy()
     if uses.rests:

@@ -92,6 +92,8 @@ def after(gas: Gas, comm: Any) -> tuple[Engine, dict[str, Any]]:
     """A gas at its end, all numbers that it has."""
     disks, box, state, law, per_disk, more = gas
     options = {"order": "tiles", "tile_disks": 150, "threads": 1} | more
+    if comm is not None and comm.rank:  # those of the first are taken
+        disks, state = None, None  # type: ignore[assignment]
     engine = Engine(disks, box, state, np.array([[law]]), comm=comm, **options)
     half = engine.collisions + int(per_disk * N / 4)
     while engine.collisions < half:
@@ -102,7 +104,7 @@ def after(gas: Gas, comm: Any) -> tuple[Engine, dict[str, Any]]:
     found = dict(vars(engine.state())) | {
         f"statistics {name}": n for name, n in vars(engine.statistics).items()
     }
-    found |= {"totals": engine.totals(), "sums": engine.windows.sums, "past": engine.past["angle"]}
+    found |= {"totals": engine.totals(), "sums": engine.windows.sums, "past": engine.past.get("angle")}
     engine.keep_collisions = True
     engine.advance(collisions=2 * half + 500)
     assert engine.last_collisions is not None
