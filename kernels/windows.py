@@ -260,6 +260,15 @@ def share_of(item, first, gas: ti.template()):
 
 
 @ti.func
+def is_summed_here(gas: ti.template()):
+    """1 if a launch adds up what tiles did; ranks tell one another first (`sum_shared`)."""
+    found = 1
+    if ti.static(gas.uses.shared):
+        found = gas.grid[ALONE]
+    return found
+
+
+@ti.func
 def sum_up(b, column, gas: ti.template()):
     """One column of `found` for block b of tiles."""
     first = b * BLOCK_OF_TILES
@@ -398,9 +407,11 @@ def run_windows(
                     k = ti.atomic_add(gas.counter[NEXT_TILE], 1)
     for item in range(gas.found.shape[0] * gas.found.shape[1]):
         round_products(gas)
-        sum_up(item // gas.found.shape[1], item % gas.found.shape[1], gas)
+        if is_summed_here(gas):
+            sum_up(item // gas.found.shape[1], item % gas.found.shape[1], gas)
     for column in range(gas.total.shape[0]):
-        sum_blocks(column, gas)
+        if is_summed_here(gas):
+            sum_blocks(column, gas)
 
 
 def has_numbers(array: Any, of: Any) -> bool:
@@ -465,9 +476,11 @@ def survey(
             gas.tally[k, AT_END, SQUARES] = squares
     for item in range(gas.found.shape[0] * gas.found.shape[1]):
         round_products(gas)
-        sum_up(item // gas.found.shape[1], item % gas.found.shape[1], gas)
+        if is_summed_here(gas):
+            sum_up(item // gas.found.shape[1], item % gas.found.shape[1], gas)
     for column in range(gas.total.shape[0]):
-        sum_blocks(column, gas)
+        if is_summed_here(gas):
+            sum_blocks(column, gas)
 
 
 @ti.kernel

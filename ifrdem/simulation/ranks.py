@@ -252,8 +252,8 @@ class RankArrays(DeviceArrays):
         return [name for name, kept in self.state_arrays().items() if kept]
 
     def bands(self) -> NDArray[np.float64]:
-        """Halo that each tile begins with, and what it may grow to when it runs again for the first time."""
-        wider = np.maximum(k.NARROWER * view(self.reach)[:, k.WIDER], 1.0)
+        """Halo that each own tile begins with, and what it may grow to when it runs again for the first time."""
+        wider = np.maximum(k.NARROWER * view(self.reach)[self.own, k.WIDER], 1.0)
         halo = WIDEN * wider * float(self.scale[k.USUAL_HALO])
         return np.minimum(halo, float(self.scale[k.MOST_HALO]))
 
@@ -290,8 +290,9 @@ class RankArrays(DeviceArrays):
         part, tile, names = int(self.grid[k.PART]), view(self.tile), self._names()
         first, count = k.START + part, k.COUNT + part
         whole = whole or self.uses.sheared
-        self.band: NDArray[np.float64] = np.full(self.tiles, np.inf) if whole else self.bands()
+        self.band: NDArray[np.float64] = np.full(self.tiles, np.inf)
         if not whole:  # owners say how wide the halos of their tiles are
+            self.band[self.own] = self.bands()
             told = self._swap([(self.band[tiles],) for tiles in self._given_tiles])
             for tiles, (band,) in zip(self._taken_tiles, told, strict=True):
                 self.band[tiles] = band
