@@ -7,7 +7,7 @@ from .layout import (
     COUNT, ID, INVERSE_MASS, KIND_RADIUS, PART, ROOM, SPIN, START, TILES_X, TILES_Y, VX, VY, GasArrays,
     K, Rows, Table, Y, plain,
 )  # fmt: skip
-from .places import round_products
+from .places import listed_kind, round_products
 from .random import DRAWS
 from .readout import placed
 from .shear import flow_at
@@ -22,9 +22,7 @@ STEP_LOW, STEP_HIGH, INDEX, SEED_LOW, SEED_HIGH = range(5)
 def told(s, tile, time, gas: ti.template()):
     """All that a force may know of a listed disk at `time`. Velocities are those in the mean flow, if there is one."""
     x, y, _boxes_x, _boxes_y, _frame, flow = placed(s, tile, time, gas)
-    kind = 0
-    if ti.static(gas.uses.mixed):
-        kind = gas.kind[gas.meta[s][ID]]
+    kind = listed_kind(s, gas)
     mass = 1.0 / gas.kinds[kind][INVERSE_MASS]
     radius = gas.kinds[kind][KIND_RADIUS]
     return ti.Struct(

@@ -24,7 +24,7 @@ told_at      (parts room,)        time of the collision up to which a disk of pa
 note         (notes,) of 3        slot of a disk that collided, its tile, 1 for one of each pair
 note_at      (notes,)             when it was, since the beginning of the window
 note_tally   (notes, columns)     the tally, and the heat, of its tile after that, f64
-kind         (n,)                 kind of each disk, by id
+kind         (n,)                 kind of each disk, by id; of a gas on several ranks by row of `disk`, (rows,)
 kinds        (kinds,) of 6        what disks of a kind share
 trail        (room,) of 2            hash of the history of the disk at a slot of the window's beginning, by its tile
 way          (room,)              bound on how far it came, in largest diameters, f32

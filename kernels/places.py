@@ -4,7 +4,7 @@ from .flights import on_grid
 from .language import on_gpu, round_products_by, ti
 from .layout import (
     AT, AT_END, CONTACT_TIME, EVENT_BOX, EVENT_ID, EVENT_NUMBER, EVENT_TILE, FULL, FULL_WATCHED, GX, GY,
-    HASH_1, HASH_2, IMAGE_X, IMAGE_Y, KIND, KIND_RADIUS, LAP_X, LAP_Y, MOST_EVENTS, NOTHING, NUMBER,
+    HASH_1, HASH_2, ID, IMAGE_X, IMAGE_Y, KIND, KIND_RADIUS, LAP_X, LAP_Y, MOST_EVENTS, NOTHING, NUMBER,
     N_WATCHED, OWN, PART, PLACE, ROOM, SLOT, S_AFTER, S_BEFORE, TAU, TOP, TRACKED, U_AFTER, U_BEFORE,
     VX, VY, V_AFTER, V_BEFORE, WATCHING, WHO, W_AFTER, W_BEFORE, W_SPIN, X, Y,
 )  # fmt: skip
@@ -16,6 +16,17 @@ def round_products(gas: ti.template()):
     if ti.static(on_gpu()):
         zero = ti.cast(gas.grid[NOTHING], ti.u64)
         ti.static(round_products_by(zero))
+
+
+@ti.func
+def listed_kind(s, gas: ti.template()):
+    """Kind of the disk at a slot. On several ranks it goes with the disk."""
+    kind = 0
+    if ti.static(gas.uses.mixed and gas.uses.shared):
+        kind = gas.kind[s]
+    elif ti.static(gas.uses.mixed):
+        kind = gas.kind[gas.meta[s][ID]]
+    return kind
 
 
 @ti.func

@@ -9,7 +9,7 @@ from .layout import (
     TALLY, TILES_X, TILES_Y, TOLD, VX, VY, WALL_HITS,
     Cube, GasArrays, Rows, Table, X, Y,
 )  # fmt: skip
-from .places import round_products
+from .places import listed_kind, round_products
 from .shear import flow_at, frame_speed
 from .tiles import fly
 
@@ -25,9 +25,7 @@ def count_in(s, x, y, flow, total: ti.template(), gas: ti.template()):
     Kinetic energies, momentum, m v_x v_y, mass times the way along gravity, collisions with disks and walls. Velocities
     are those beyond the flow; the last sum is how much more kinetic energy the frames of rows of tiles see.
     """
-    kind = 0
-    if ti.static(gas.uses.mixed):
-        kind = gas.kind[gas.meta[s][ID]]
+    kind = listed_kind(s, gas)
     mass = ti.cast(gas.kinds[kind][KIND_MASS], ti.f64)
     vx, vy = ti.cast(gas.disk[s][VX], ti.f64), ti.cast(gas.disk[s][VY], ti.f64)
     spin = ti.cast(gas.disk[s][SPIN], ti.f64)

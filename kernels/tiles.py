@@ -34,7 +34,7 @@ from .layout import (
     ROOM, ROW, SLOT, SPIN, SPLIT, SQUARES, SQUARE_UNIT, START, TALLY, TAU, TEAM, TILES_ASIDE, TILES_X, TILES_Y, TOLD,
     TOP, USUAL_HALO, VX, VY, WALL_HITS, WHO, WIDER, WIDEST, WINDOW, W_SPIN, Uses, X, Y,
 )  # fmt: skip
-from .places import add, kind_of, largest_speed, note_speed, radius_of
+from .places import add, kind_of, largest_speed, listed_kind, note_speed, radius_of
 from .walls import write_pistons
 
 ENDLESS = 1.0e30  # a side of a tile at an end of the box that is no periodic side
@@ -368,7 +368,7 @@ def lay(m, tile, region: ti.template(), gas: ti.template()):
     gas.mark[i][AT_WALLS] = 0
     gas.mark[i][BEFORE] = gas.meta[s][EVENTS]
     if ti.static(gas.uses.mixed):
-        gas.link[i][KIND] = gas.kind[gas.meta[s][ID]]
+        gas.link[i][KIND] = listed_kind(s, gas)
     if ti.static(gas.uses.remembers):
         gas.since[i] = ti.cast(gas.past[s][LATEST], float)
     if ti.static(gas.uses.turned):
@@ -480,6 +480,8 @@ def put_down(i, row, x, y, vx, vy, lap_x, lap_y, gas: ti.template()):
     gas.meta[row][EVENTS] = gas.meta[s][EVENTS] + gas.link[i][NUMBER]
     gas.meta[row][IMAGE_X] = gas.meta[s][IMAGE_X] + lap_x
     gas.meta[row][IMAGE_Y] = gas.meta[s][IMAGE_Y] + lap_y
+    if ti.static(gas.uses.mixed and gas.uses.shared):
+        gas.kind[row] = gas.link[i][KIND]
     if ti.static(gas.uses.remembers):
         gas.past[row][LATEST] = ti.cast(gas.since[i], ti.f64)
     if ti.static(gas.uses.rests):

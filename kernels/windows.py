@@ -263,6 +263,15 @@ def share_of(item, first, gas: ti.template()):
 
 
 @ti.func
+def is_summed_here(gas: ti.template()):
+    """1 if a launch adds up what tiles did; ranks tell one another first (`sum_shared`)."""
+    found = 1
+    if ti.static(gas.uses.shared):
+        found = gas.grid[ALONE]
+    return found
+
+
+@ti.func
 def sum_up(b, column, gas: ti.template()):
     """One column of `found` for block b of tiles."""
     first = b * BLOCK_OF_TILES
@@ -320,8 +329,8 @@ def run_windows(
         grid=grid, scale=scale, clock=clock, sums=sums, counter=counter, disk=disk, meta=meta, past=past, hits=hits,
         spent=spent, slept=slept, told_at=told_at, note=note, note_at=note_at, note_tally=note_tally, rest=rest,
         balance=balance, edge=edge, kind=kind, kinds=kinds, trail=trail, way=way, back=back, tile=tile,
-        listed=listed, reach=reach, edge_x=edge_x, edge_y=edge_y, tally=tally, heat=heat, claim=claim, claim_at=claim_at,
-        work=work,
+        listed=listed, reach=reach, edge_x=edge_x, edge_y=edge_y, tally=tally, heat=heat, claim=claim,
+        claim_at=claim_at, work=work,
         link=link, mark=mark, begun=begun, chosen=chosen, since=since, turn=turn, loss=loss, head=head, bin=bin,
         wall_start=wall_start, wall_item=wall_item, walls=walls, law=law, watched=watched, event=event,
         event_int=event_int, found=found, total=total, uses=uses,
@@ -403,9 +412,11 @@ def run_windows(
                     k = ti.atomic_add(gas.counter[NEXT_TILE], 1)
     for item in range(gas.found.shape[0] * gas.found.shape[1]):
         round_products(gas)
-        sum_up(item // gas.found.shape[1], item % gas.found.shape[1], gas)
+        if is_summed_here(gas):
+            sum_up(item // gas.found.shape[1], item % gas.found.shape[1], gas)
     for column in range(gas.total.shape[0]):
-        sum_blocks(column, gas)
+        if is_summed_here(gas):
+            sum_blocks(column, gas)
 
 
 def has_numbers(array: Any, of: Any) -> bool:
@@ -470,22 +481,25 @@ def survey(
             gas.tally[k, AT_END, SQUARES] = squares
     for item in range(gas.found.shape[0] * gas.found.shape[1]):
         round_products(gas)
-        sum_up(item // gas.found.shape[1], item % gas.found.shape[1], gas)
+        if is_summed_here(gas):
+            sum_up(item // gas.found.shape[1], item % gas.found.shape[1], gas)
     for column in range(gas.total.shape[0]):
-        sum_blocks(column, gas)
+        if is_summed_here(gas):
+            sum_blocks(column, gas)
 
 
 @ti.kernel
 def sum_shared(
-    uses: ti.template(), grid: Rows, tally: Cube, heat: Cube, reach: Table, found: Table, total: Rows,
+    n_blocks: ti.i32, last: ti.i32, uses: ti.template(), grid: Rows, tally: Cube, heat: Cube, reach: Table,
+    found: Table, total: Rows, blocks: Rows,
 ):  # fmt: skip
-    """Sums over the tiles of all ranks, once each rank knows them: the last step of `run_windows` and `survey`."""
+    """The last step of `run_windows` and `survey` on ranks: sums of `n_blocks` blocks of tiles; of all, if `last`."""
     gas = ti.static(GasArrays(
         grid=grid, tally=tally, heat=heat, reach=reach, found=found, total=total, uses=uses,
     ))  # fmt: skip
-    for item in range(gas.found.shape[0] * gas.found.shape[1]):
-        sum_up(item // gas.found.shape[1], item % gas.found.shape[1], gas)
-    for column in range(gas.total.shape[0]):
+    for item in range(n_blocks * gas.found.shape[1]):
+        sum_up(blocks[item // gas.found.shape[1]], item % gas.found.shape[1], gas)
+    for column in range(last * gas.total.shape[0]):
         sum_blocks(column, gas)
 
 

@@ -24,7 +24,7 @@ from ..model.state import Disks, State
 from ..model.walls import Wall, at_displacements, wall_names
 from ..simulation import checks
 from ..simulation.simulation import Simulation
-from ..tools import seeds
+from ..tools import seeds, world
 from . import pair_rules, rules
 from .case import IMPACT_SCAN, Case
 from .pair_rules import PairVerdict
@@ -188,21 +188,29 @@ class CaseGas:
         start. `comm` are ranks of MPI that share it; `pistons` displacements [length], by default those of the case.
         """
         run, output = case.run, case.output
-        begin = self.start(case) if state is None else state
         walls = self.walls if pistons is None else at_displacements(self.walls, pistons)
-        any_law = self.law()  # stands where two walls would meet, which never happens
-        laws = [[any_law if one is None else one for one in row] for row in self.laws]
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", EnergyWarning)
-            return Simulation(
-                self.disks, self.box, laws, begin, arch=run.arch, threads=run.threads,
-                precision=run.precision, walls=walls, gravity=(case.box.gravity[0], case.box.gravity[1]),
-                collapse=run.collapse, contact_time=run.contact_time, velocity_cutoff=run.velocity_cutoff,
-                resting_speed=run.resting_speed,
-                forces=forces_of(case), seed=run.seed, ledger=output.ledger, partners="last_partner" in output.fields,
-                angles="angle" in output.fields, dissipated="dissipated" in output.fields, wall_sums=output.wall_sums,
-                tracked=self.tracked(case, begin) if tracked is None else tracked, comm=comm,
-            )  # fmt: skip
+
+        def arguments() -> dict[str, Any]:
+            begin = self.start(case) if state is None else state
+            any_law = self.law()  # stands where two walls would meet, which never happens
+            laws = [[any_law if one is None else one for one in row] for row in self.laws]
+            return {
+                "disks": self.disks, "box": self.box, "law": laws, "state": begin, "arch": run.arch,
+                "threads": run.threads, "precision": run.precision, "walls": walls,
+                "gravity": (case.box.gravity[0], case.box.gravity[1]), "collapse": run.collapse,
+                "contact_time": run.contact_time, "velocity_cutoff": run.velocity_cutoff,
+                "resting_speed": run.resting_speed, "forces": forces_of(case), "seed": run.seed,
+                "ledger": output.ledger, "partners": "last_partner" in output.fields,
+                "angles": "angle" in output.fields, "dissipated": "dissipated" in output.fields,
+                "wall_sums": output.wall_sums, "tracked": self.tracked(case, begin) if tracked is None else tracked,
+            }  # fmt: skip
+
+        return _simulation(case, arguments, comm)[1]
+
+    @staticmethod
+    def beside(comm: Any) -> tuple[Case, Simulation]:
+        """Case and simulation on ranks beside the first, while that calls `simulation`."""
+        return _simulation(None, None, comm)
 
     def tracked(self, case: Case, start: State) -> NDArray[np.int32]:
         """Disks that have histories, ascending.
@@ -228,6 +236,24 @@ class CaseGas:
             return placement.random_positions(self.patch, radius, **options)
         except InputError as error:
             raise InputError(str(Complaint("start.positions", f'"{way}"', str(error)))) from None
+
+
+def _simulation(
+    case: Case | None, arguments: Callable[[], dict[str, Any]] | None, comm: Any
+) -> tuple[Case, Simulation]:
+    """A simulation from the first rank's arguments; its disks and start stay there."""
+
+    def worked_out() -> dict[str, Any]:
+        assert arguments is not None
+        return arguments()
+
+    given = world.on_first(comm, worked_out)
+    small: Any = None if given is None or comm is None else (given | {"disks": None, "state": None}, case)
+    kept: Any
+    kept, case = (given, case) if comm is None else comm.bcast(small)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", EnergyWarning)
+        return case, Simulation(**(given or kept), comm=comm)  # type: ignore[return-value]  # the first one's case
 
 
 def judge(case: Case, folder: Path, *, start: bool = True) -> tuple[CaseGas, list[Complaint]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
@@ -65,15 +65,18 @@ def run(
     from ..run.outputs import Outputs
 
     comm = ranks()
-    file = case_file.read(shipped.find(case), changes)
-    outputs = Outputs.plan(file.case, output, picture=not no_picture)
-    world.on_first(comm, lambda: outputs.check(force=force))  # before the imports below, which take a second
+
+    def planned() -> tuple[case_file.CaseFile, Outputs]:
+        file = case_file.read(shipped.find(case), changes)
+        outputs = Outputs.plan(file.case, output, picture=not no_picture)
+        outputs.check(force=force)  # before the imports below, which take a second
+        return file, outputs
+
+    found: Any = world.on_first(comm, planned) or (None, None)
 
     from ..run import job
 
-    return _ended(
-        lambda: job.run(file, outputs, force=force, max_hours=hours, say=note, warn=warn, comm=comm)
-    )
+    return _ended(lambda: job.run(*found, force=force, max_hours=hours, say=note, warn=warn, comm=comm))
 
 
 def resume(
@@ -101,7 +104,7 @@ def resume(
     from ..run import resume as resuming
 
     comm = ranks()
-    resuming.find(place)  # before anything takes a second
+    world.on_first(comm, lambda: resuming.find(place))  # before anything takes a second
     return _ended(
         lambda: resuming.resume(
             place, ignore_case_changes=ignore_case_changes, threads=int(threads) if threads else None, max_hours=hours,

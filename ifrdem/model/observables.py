@@ -146,7 +146,7 @@ def from_totals(disks: Disks, totals: Array, time: float, wall_hits: int, **put_
     (0.5, 2)
     """
     translational, rotational, momentum_x, momentum_y, shear_pressure, fall, events, _ = totals.tolist()
-    n = max(int(np.count_nonzero(disks.movable)), 1)
+    n = max(disks.n_movable, 1)
     return Measure(
         time=time,
         # Each collision is counted at both of its disks, those with walls once.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass, field
 from typing import ClassVar
@@ -82,6 +83,45 @@ class Disks(Brief):
     def inertia(self) -> Array:
         """Moments of inertia m R^2 / k [mass length^2], shape (n,); infinite for an immovable disk."""
         return self.mass * self.radius**2 / self.k
+
+    @functools.cached_property
+    def n_movable(self) -> int:
+        """Number of disks of a finite mass."""
+        return int(np.count_nonzero(self.movable))
+
+    @functools.cached_property
+    def covered(self) -> float:
+        """Area that all of them cover [length^2]."""
+        return float(np.pi * np.sum(self.radius**2))
+
+    @functools.cached_property
+    def mean_radius(self) -> float:
+        """Mean radius [length]; nan without disks."""
+        return float(self.radius.mean()) if self.n else math.nan
+
+
+class DiskKinds(Disks):
+    """Kinds of disks of a gas that is on several ranks, for those beside the first one, which has the disks.
+
+    `n`, `n_movable`, `covered` and `mean_radius` are those of all disks; mass, radius, k and material have a row for
+    each kind, ascending.
+    """
+
+    @classmethod
+    def of(cls, disks: Disks) -> DiskKinds:
+        """The kinds of some disks."""
+        names = ("mass", "radius", "k", "material")
+        code: NDArray[np.int64] = np.zeros(len(disks.mass), dtype=np.int64)
+        for column in (getattr(disks, name) for name in names):
+            if disks.n and column.min() != column.max():
+                values, index = np.unique(column, return_inverse=True)
+                _, code = np.unique(code * len(values) + index, return_inverse=True)
+        first = np.unique(code, return_index=True)[1] if code.any() else np.arange(min(len(code), 1))
+        found = object.__new__(cls)
+        told = ("n", "n_movable", "covered", "mean_radius")
+        vars(found).update({name: getattr(disks, name)[first] for name in names})
+        vars(found).update({name: getattr(disks, name) for name in told})
+        return found
 
 
 _LOWEST = -(2**31)

@@ -72,41 +72,60 @@ def run(
     Whatever can be refused is refused before a file is touched.
 
     `force` replaces files that exist; after `max_hours` of real time it stops with a checkpoint; `say` and `warn` take
-    the lines to show. `comm` are ranks of MPI that share the gas: all call this, and the first one writes.
+    the lines to show. `comm` are ranks of MPI that share the gas: all call this, and the first one writes. It alone
+    builds the start; `file` and `outputs` may be None on the others.
 
     Raises InputError if the case, the device or the outputs cannot be used. Else the trajectory keeps the frames so
     far: Stopped, with a checkpoint, by a signal or the limit of time; KeyboardInterrupt after a second Ctrl-C
     or one before it has begun; EngineError or TrajectoryError if the engine or the disk fails.
     """
-    case = file.case
-    world.on_first(comm, lambda: outputs.check(force=force))
-    backend.check(case.run.arch, case.run.threads, case.run.precision)
-    if comm is not None:
-        checks.check_ranks(
-            comm.size, file.gas.box, case.run.arch, case.run.precision, case.force, case.output.tracks
-        )
-    check.refuse_beyond_memory(sum(each.number for each in case.species), case.run.arch, case.start.positions)
+    cores = cores_of(comm)
     began = time.perf_counter()
-    gas = file.gas.ready(case)
-    estimate = RunEstimate.of(gas, case)
-    check.refuse_cadences(case, gas, estimate)
-    world.on_first(comm, lambda: check.refuse_beyond_disk(estimate.file_bytes, outputs.trajectory.parent))
-    say(check.summary(case, gas, estimate, how(case, comm)))
-    for text in (*gas.warnings, *gas.crushes(case)):
-        warn(text)
-    try:
+
+    def prepared() -> list[Any]:
+        case = file.case
+        outputs.check(force=force)
+        backend.check(case.run.arch, case.run.threads, case.run.precision)
+        if comm is not None:
+            checks.check_ranks(
+                comm.size, file.gas.box, case.run.arch, case.run.precision, case.force, case.output.tracks
+            )
+        check.refuse_beyond_memory(
+            sum(each.number for each in case.species), case.run.arch, case.start.positions
+        )
+        gas = file.gas.ready(case)
+        estimate = RunEstimate.of(gas, case)
+        check.refuse_cadences(case, gas, estimate)
+        check.refuse_beyond_disk(estimate.file_bytes, outputs.trajectory.parent)
+        say(check.summary(case, gas, estimate, how(case, cores, comm)))
+        for text in (*gas.warnings, *gas.crushes(case)):
+            warn(text)
         state = gas.start(case, Stage("growth"))
-        tracked = gas.tracked(case, state)
-        simulation = gas.simulation(case, state, tracked=tracked, comm=comm)
-        start = state if len(tracked) else None
-        del state  # which is large
+        return [gas, state, gas.tracked(case, state)]
+
+    try:
+        found: Any = world.on_first(comm, prepared)
+        if found is None:
+            case, simulation = CaseGas.beside(comm)
+        else:
+            gas, state, tracked = found
+            case = file.case
+            simulation = gas.simulation(case, state, tracked=tracked, comm=comm)
+            start = state if len(tracked) else None
+            del state, found[1:]  # which is large
     except KeyboardInterrupt:
         raise KeyboardInterrupt("interrupted before the first frame: nothing was written") from None
+    if found is None:
+        course = comm.bcast(None)
+        world.on_first(comm, lambda: None)  # what is to be written may be refused
+        accompany(case, simulation, course)
+        return
     span = Span.to(
         gas.disks.n, simulation.time, simulation.collisions,
         t_end=case.run.t_end, collisions_per_disk=case.run.collisions_per_disk,
     )  # fmt: skip
     course = Course(span, case.output.frame_cadence, case.output.series_cadence)
+    course = world.told(comm, course)
 
     def begin() -> TrajectoryWriter:
         if force:  # the checkpoint of the trajectory that is replaced is of no use
@@ -117,9 +136,7 @@ def run(
         )  # fmt: skip
 
     writer = world.on_first(comm, begin)
-    if writer is None:
-        accompany(simulation, course, case, outputs)
-        return
+    assert writer is not None
     with QueuedWriter(writer) as queue:
         if start is not None:
             queue.begin_histories(tracked, start)
@@ -137,9 +154,14 @@ def stored(case: Case, gas: CaseGas) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def how(case: Case, comm: Any = None) -> str:
-    """Device of a case and its threads, for the summary of a run; called by all ranks."""
-    used = case.run.threads or (world.cores_here(comm, backend.cores()) if comm else backend.cores())
+def cores_of(comm: Any) -> int:
+    """Cores for each rank here; called by all."""
+    return world.cores_here(comm, backend.cores()) if comm else backend.cores()
+
+
+def how(case: Case, cores: int, comm: Any = None) -> str:
+    """Device of a case and its threads, for the summary of a run."""
+    used = case.run.threads or cores
     text = device_of(case) + (f", {used} used" if case.run.arch == "cpu" else "")
     text += f" by each of {comm.size} ranks" if comm else ""
     return text + (f", computing in {case.run.precision}" if case.run.precision != "f64" else "")
@@ -235,14 +257,14 @@ def drive(
     return progress.collisions_per_second
 
 
-def accompany(simulation: Simulation, course: Course, case: Case, outputs: Outputs) -> None:
+def accompany(case: Case, simulation: Simulation, course: Course) -> None:
     """Run to the end, on a rank that writes nothing; the first one drives."""
     stops = Stops(warn=lambda _text: None)
     comm = simulation.comm
 
     def save_too() -> None:
         world.on_first(comm, lambda: None)  # whether what comes before a checkpoint could be written
-        simulation.save_checkpoint(outputs.checkpoint)
+        simulation.save_checkpoint("")  # where the first one says
 
     def between() -> None:
         _agree_to_go_on(simulation, stops)
@@ -251,10 +273,7 @@ def accompany(simulation: Simulation, course: Course, case: Case, outputs: Outpu
 
     try:
         with stops:
-            simulation.follow(
-                course, observers=[lambda state, measure: None], samplers=[lambda measure: None], between=between,
-                stored=_single(case),
-            )  # fmt: skip
+            simulation.follow(course, between=between, stored=_single(case))
     except Stopped:
         save_too()
         raise

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import difflib
 import operator
 import os
@@ -26,7 +25,7 @@ from ..tools import text_file, world
 from ..tools.files import CHECKPOINT, checkpoint_of
 from ..trajectory.background import QueuedWriter
 from ..trajectory.writer import TrajectoryWriter
-from .job import Job, accompany, drive, finish, how, stored
+from .job import Job, accompany, cores_of, drive, finish, how, stored
 from .outputs import Outputs, only
 from .recorder import Ledger
 
@@ -80,47 +79,58 @@ def resume(
     Raises InputError if there is no checkpoint, it belongs to another version, case or trajectory, or the device is not
     there; Stopped or KeyboardInterrupt or EngineError or TrajectoryError as `job.run`.
     """
-    path = find(place)
-    arrays, record = checkpoint.read(path)
-    with checkpoint.reading(path, "its record"):
-        checkpoint.check_versions(record, path)
-        extra: Mapping[str, Any] = record["extra"]
-        if "course" not in extra:
-            text = "a checkpoint of `Simulation.save_checkpoint`: Simulation.load_checkpoint goes on with it"
-            raise InputError(f"{path}: {text}")
-        if not ignore_case_changes:
-            _refuse_changed(path, extra)
-        case = Case.model_validate_json(extra["case_as_set"])
-        trajectory = path.with_name(extra["trajectory"])
-        if checkpoint_of(trajectory) != path:
-            raise InputError(f"{path} belongs to {extra['trajectory']}: rename it back")
-        begun = Path(extra["case_path"]), str(extra["case"]), tuple(map(str, extra["overrides"]))
-        pending = _events(arrays)
-        ledger = Ledger.from_record(extra["ledger"])
-        course = Course.from_record(extra["course"], case.output.frame_cadence, case.output.series_cadence)
-        state, tracked = checkpoint.state_of(arrays), arrays["tracked"]
-        pistons = arrays["state_pistons"][:, 0].tolist()
-        names = ("frames", "series_rows", "events")
-        seen: dict[str, Any] = {name: operator.index(extra["seen"][name]) for name in names}
-    if threads is not None:
-        case = case.model_copy(update={"run": case.run.model_copy(update={"threads": threads})})
-    device.check(case.run.arch, case.run.threads, case.run.precision)
-    summary.refuse_beyond_memory(sum(each.number for each in case.species), case.run.arch)
-    devices = how(case, comm)
+    cores = cores_of(comm)
     began = time.perf_counter()
-    gas = CaseGas.from_case(case, begun[0].parent, start=False)
-    file = CaseFile(*begun, case, gas)
-    outputs = Outputs.plan(case, str(trajectory), picture=picture)
-    writer = world.on_first(
-        comm, lambda: TrajectoryWriter.resume(trajectory, gas.disks, gas.box, **stored(case, gas), **seen)
-    )
-    with contextlib.nullcontext() if writer is None else QueuedWriter(writer) as queue:
+
+    def prepared() -> tuple[Any, ...]:
+        path = find(place)
+        arrays, record = checkpoint.read(path)
+        with checkpoint.reading(path, "its record"):
+            checkpoint.check_versions(record, path)
+            extra: Mapping[str, Any] = record["extra"]
+            if "course" not in extra:
+                text = (
+                    "a checkpoint of `Simulation.save_checkpoint`: Simulation.load_checkpoint goes on with it"
+                )
+                raise InputError(f"{path}: {text}")
+            if not ignore_case_changes:
+                _refuse_changed(path, extra)
+            case = Case.model_validate_json(extra["case_as_set"])
+            trajectory = path.with_name(extra["trajectory"])
+            if checkpoint_of(trajectory) != path:
+                raise InputError(f"{path} belongs to {extra['trajectory']}: rename it back")
+            begun = Path(extra["case_path"]), str(extra["case"]), tuple(map(str, extra["overrides"]))
+            ledger = Ledger.from_record(extra["ledger"])
+            course = Course.from_record(
+                extra["course"], case.output.frame_cadence, case.output.series_cadence
+            )
+            names = ("frames", "series_rows", "events")
+            seen: dict[str, Any] = {name: operator.index(extra["seen"][name]) for name in names}
+        if threads is not None:
+            case = case.model_copy(update={"run": case.run.model_copy(update={"threads": threads})})
+        device.check(case.run.arch, case.run.threads, case.run.precision)
+        summary.refuse_beyond_memory(sum(each.number for each in case.species), case.run.arch)
+        gas = CaseGas.from_case(case, begun[0].parent, start=False)
+        file = CaseFile(*begun, case, gas)
+        outputs = Outputs.plan(case, str(trajectory), picture=picture)
+        writer = TrajectoryWriter.resume(trajectory, gas.disks, gas.box, **stored(case, gas), **seen)
+        return path, file, outputs, ledger, course, writer, checkpoint.state_of(arrays), arrays
+
+    found = world.on_first(comm, prepared)
+    if found is None:
+        case, simulation = CaseGas.beside(comm)
+        simulation.load_checkpoint("")
+        accompany(case, simulation, comm.bcast(None))
+        return
+    path, file, outputs, ledger, course, writer, state, arrays = found
+    tracked, pending = arrays["tracked"], _events(arrays)
+    case, gas, devices = file.case, file.gas, how(file.case, cores, comm)
+    with QueuedWriter(writer) as queue:
+        pistons = arrays["state_pistons"][:, 0].tolist()
         simulation = gas.simulation(case, state, tracked=tracked, comm=comm, pistons=pistons)
+        del state, arrays, found  # which are large
         simulation.load_checkpoint(path)
-        if queue is None:
-            accompany(simulation, course, case, outputs)
-            return
-        assert writer is not None
+        course = world.told(comm, course)
         later = len(writer) - ledger.frames
         more = f"; {later} later frames of the file are computed again and compared" if later > 0 else ""
         begun_at = f"t = {simulation.time:.6g}{case.unit('time')}, after {simulation.collisions} collisions"

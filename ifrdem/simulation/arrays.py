@@ -73,9 +73,9 @@ def split_of(radius: NDArray[np.float64]) -> float | None:
 
 
 def kinds_of(disks: Disks) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Kinds of disks, shape (kinds, 6), columns as in `kernels/layout.py`; and each disk's kind."""
+    """Kinds of disks, shape (kinds, 6), columns as in `kernels/layout.py`; and the kind of each row of `disks`."""
     columns = (1.0 / disks.mass, disks.k, disks.radius, disks.material.astype(np.float64))
-    code: NDArray[np.int64] = np.zeros(disks.n, dtype=np.int64)
+    code: NDArray[np.int64] = np.zeros(len(disks.mass), dtype=np.int64)
     for column in columns:
         if disks.n and column.min() != column.max():
             values, index = np.unique(column, return_inverse=True)
@@ -83,7 +83,7 @@ def kinds_of(disks: Disks) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     _, first = (
         np.unique(code, return_index=True)
         if code.any()
-        else (None, np.zeros(min(disks.n, 1), dtype=np.int64))
+        else (None, np.zeros(min(len(code), 1), dtype=np.int64))
     )
     mass = np.where(np.isfinite(disks.mass[first]), disks.mass[first], 0.0)
     inertia = mass * disks.radius[first] ** 2 / disks.k[first]
@@ -94,6 +94,16 @@ def stretches(first: NDArray[np.integer], count: NDArray[np.integer]) -> NDArray
     """Numbers of stretches that begin at `first` and are so long, one stretch after another."""
     before = np.cumsum(count) - count
     found: NDArray[np.intp] = np.repeat(first - before, count) + np.arange(int(count.sum()))
+    return found
+
+
+def sums_of_blocks(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sums over blocks of BLOCK_OF_TILES rows, row after row, shape (blocks, columns)."""
+    padded = np.zeros((-(-len(rows) // k.BLOCK_OF_TILES), k.BLOCK_OF_TILES, rows.shape[1]))
+    padded.reshape(-1, rows.shape[1])[: len(rows)] = rows
+    found = padded[:, 0].copy()
+    for i in range(1, k.BLOCK_OF_TILES):
+        found += padded[:, i]
     return found
 
 
@@ -111,6 +121,9 @@ class DeviceArrays:
     uses : Uses
         What is compiled.
     """
+
+    found: Any
+    blocks: Any
 
     def __init__(
         self,
@@ -138,8 +151,8 @@ class DeviceArrays:
         # Walls are noted in one layer of cells.
         layered = self._split is not None and not (uses.walled or uses.rests)
         self.uses = uses = uses._replace(mixed=len(kinds) > 1, layered=layered)
-        self.kind: Any = self._array(ti.i32, n if uses.mixed else 1)
-        if uses.mixed:
+        self.kind: Any = self._array(ti.i32, n if uses.mixed and not uses.shared else 1)
+        if uses.mixed and not uses.shared:
             self.kind.from_numpy(self._kind.astype(np.int32))
         self.law: Any = ti.ndarray(self._type, law_table.shape)
         self.law.from_numpy(law_table.astype(self.real))
@@ -239,6 +252,8 @@ class DeviceArrays:
         self._replace("hits", self._vectors(2, ti.i32, rows if counted else 1))
         self._replace("spent", self._vectors(k.MECHANISMS, ti.f64, rows if uses.itemised else 1))
         self._replace("slept", self._array(ti.i32, rows if uses.rests else 1))
+        if uses.shared:
+            self._replace("kind", self._array(ti.i32, rows if uses.mixed else 1))
         for name, old in before.items():
             new = getattr(self, name).to_numpy()
             kept = min(len(old), len(new), 2 * self.room)
@@ -353,6 +368,9 @@ class DeviceArrays:
         self._replace("tile", self._array(ti.i32, total, 10))
         self._replace("listed", self._array(ti.i32, total))
         self._replace("reach", self._array(self._type, total, 5))
+        blocks = -(-total // k.BLOCK_OF_TILES)
+        self._replace("blocks", self._array(ti.i32, blocks))  # that this process adds up
+        self.blocks.from_numpy(np.arange(blocks, dtype=np.int32))
         self.total: NDArray[np.float64] = np.zeros(0)
         self._make_sums()
         self.scale[k.LENGTH_X], self.scale[k.LENGTH_Y] = (
@@ -368,14 +386,13 @@ class DeviceArrays:
             return
         self._replace("tally", self._array(ti.f64, total, times, k.TALLY))
         self._replace("heat", self._array(ti.f64, total, times, heats))
-        blocks = (total + k.BLOCK_OF_TILES - 1) // k.BLOCK_OF_TILES
-        self._replace("found", self._array(ti.f64, blocks, columns))
+        self._replace("found", self._array(ti.f64, -(-total // k.BLOCK_OF_TILES), columns))
         self.total = np.zeros(columns)
         self.total[: min(len(known), columns)] = known[:columns]
 
     def share(self) -> None:
         """Add up again what tiles have added up."""
-        self.launch(sum_shared)
+        self.launch(sum_shared, self.found.shape[0], 1)
 
     def lay(self, disks: Disks, options: Any, state: State) -> None:
         """Divide the box, or what an open gas fills, into tiles, and begin a window from a state."""
@@ -390,7 +407,7 @@ class DeviceArrays:
                     f"positions spread over {(high - low).max():.3g}: too far apart to compute with"
                 )
         self.area: float = float(np.prod(high - low))
-        phi = min(float(np.pi * np.sum(disks.radius**2)) / self.area, 0.85)
+        phi = min(disks.covered / self.area, 0.85)
         self.packing_fraction: float = phi
         collisions, tile_disks = division(phi)
         if self.on_gpu:
@@ -402,7 +419,7 @@ class DeviceArrays:
             collisions *= FEWER_WINDOWS
         if options.window_collisions is not None:  # whatever the device: windows decide the bits
             collisions = options.window_collisions
-        mean = 2.0 * float(disks.radius.mean()) if n else 1.0
+        mean = 2.0 * disks.mean_radius if n else 1.0
         self.clock[k.PATH] = collisions * free / (math.sqrt(2.0 * math.pi) * mean * chi(phi))
         # A gas in one tile: nobody goes round the box in a window, for the grid of places.
         own = float((high - low).min())
@@ -476,6 +493,10 @@ class DeviceArrays:
         }
         return found | {"tile": self.tile.to_numpy()[:, [k.START + part, k.COUNT + part]]}
 
+    def told(self, value: Any) -> Any:
+        """What all know of a value that the first rank has."""
+        return value
+
     def rows_here(self, part: int) -> int:
         """Number of disks that a part holds: all."""
         return self.n
@@ -484,9 +505,9 @@ class DeviceArrays:
         """Rows that `read_out` filled for this part, as rows of all disks by id."""
         return list(arrays)
 
-    def shared(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Rows of all tiles."""
-        return rows
+    def sums_of(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Sums over all tiles of what each has, shape (tiles, columns): block by block, always in one order."""
+        return np.add.accumulate(sums_of_blocks(rows), axis=0)[-1]
 
     def displace_rows(self, time: float) -> None:
         """Note how far rows of tiles in a sheared gas have moved against those below until `time` [time]."""
@@ -520,11 +541,20 @@ class DeviceArrays:
 
     def put(self, state: State) -> None:
         """Write a state into the lists of the tiles, as the beginning of a window."""
-        n, part = self.n, 0
-        self.grid[k.PART] = part
-        velocity, crossed = state.velocity, np.zeros((n, 2))
+        self.grid[k.PART] = 0
         if self.uses.sheared:
             self.displace_rows(state.time)
+        rows, count = self.rows_from(state)
+        for name, values in rows.items():
+            array = np.zeros_like(getattr(self, name).to_numpy())
+            array[: self.n] = values
+            getattr(self, name).from_numpy(array)
+        self.set_lists(0, count)
+
+    def rows_from(self, state: State) -> tuple[dict[str, NDArray[Any]], NDArray[np.int64]]:
+        """Rows of the arrays for a state, tile after tile, by the arrays' names; and the disks of each tile."""
+        velocity, crossed = state.velocity, np.zeros((self.n, 2))
+        if self.uses.sheared:
             position, velocity, crossed = self._in_frames(state)
         else:
             position = self.box.wrap(state.position)
@@ -537,47 +567,32 @@ class DeviceArrays:
         columns = [np.searchsorted(self.edges[a], position[:, a], side="right") - 1 for a in (0, 1)]
         index = np.clip(np.stack(columns, axis=1), 0, counts - 1)
         tile = index[:, 0] * counts[1] + index[:, 1]
-        order = self._kept(np.argsort(tile, kind="stable"), tile)
-        n = len(order)
+        order = np.argsort(tile, kind="stable")
         local = position - np.stack([self.edges[a][index[:, a]] for a in (0, 1)], axis=1)
-        rows = int(self.disk.shape[0])
-        disk = np.zeros((rows, 5), dtype=self.real)
-        disk[:n, 0:2] = local[order]
-        disk[:n, 2:4] = velocity[order]
-        disk[:n, 4] = state.spin[order]
-        meta = np.zeros((rows, 4), dtype=np.int32)
-        meta[:n, k.ID] = order
-        meta[:n, k.EVENTS] = (state.collisions + state.wall_hits)[order]
-        meta[:n, k.IMAGE_X :] = (state.image + crossed.astype(np.int32))[order]
-        self.disk.from_numpy(disk)
-        self.meta.from_numpy(meta)
-        if self.uses.remembers or self.uses.turned:
-            past = self.past.to_numpy()
-            past[:n, k.LATEST] = (state.latest_collision - state.time)[order]
-            past[:n, k.ANGLE] = state.angle[order]
-            self.past.from_numpy(past)
-        if self.uses.walled or self.uses.partnered:
-            hits = self.hits.to_numpy()
-            hits[:n, k.WALL_HITS] = state.wall_hits[order]
-            hits[:n, k.LAST_PARTNER] = state.last_partner[order]
-            self.hits.from_numpy(hits)
-        if self.uses.itemised:
-            spent = self.spent.to_numpy()
-            spent[:n] = state.dissipated[order]
-            self.spent.from_numpy(spent)
-        if self.uses.rests:
-            slept = self.slept.to_numpy()
-            slept[:n] = np.where(state.asleep[order], k.SAID_ASLEEP, k.WOKEN)  # either is to be judged
-            self.slept.from_numpy(slept)
-        self.set_lists(0, np.bincount(tile[order], minlength=self.tiles))
+        events = state.collisions + state.wall_hits
+        kept: dict[str, Callable[[], NDArray[Any]]] = {
+            "disk": lambda: np.column_stack([local, velocity, state.spin])[order],
+            "meta": lambda: np.column_stack(
+                [np.arange(self.n), events, state.image + crossed.astype(np.int32)]
+            )[order],
+            "past": lambda: np.column_stack([state.latest_collision - state.time, state.angle])[order],
+            "hits": lambda: np.column_stack([state.wall_hits, state.last_partner])[order],
+            "spent": lambda: state.dissipated[order],
+            # Either is to be judged.
+            "slept": lambda: np.where(state.asleep[order], k.SAID_ASLEEP, k.WOKEN),
+            "kind": lambda: self._kind[order],
+        }
+        types = {"disk": self.real, "past": np.float64, "spent": np.float64}
+        found: dict[str, NDArray[Any]] = {
+            name: kept[name]().astype(types.get(name, np.int32), copy=False)
+            for name, wanted in self.state_arrays().items()
+            if wanted
+        }
+        return found, np.bincount(tile, minlength=self.tiles)
 
     def _first_room(self, n: int) -> int:
         """Slots to begin with."""
         return max(n, 1)
-
-    def _kept(self, order: NDArray[np.intp], _tile: NDArray[np.int64]) -> NDArray[np.intp]:
-        """Those of the disks, sorted by tile, that lie in the tiles here: all."""
-        return order
 
     def set_lists(self, part: int, count: NDArray[np.int64], start: NDArray[np.int64] | None = None) -> None:
         """Say how many disks each tile lists, and where its list begins: one after another, if not told."""
@@ -632,7 +647,8 @@ class DeviceArrays:
         uses = self.uses
         dated, counted = uses.remembers or uses.turned, uses.walled or uses.partnered
         return {
-            "disk": True, "meta": True, "past": dated, "hits": counted, "spent": uses.itemised, "slept": uses.rests
+            "disk": True, "meta": True, "past": dated, "hits": counted, "spent": uses.itemised, "slept": uses.rests,
+            "kind": uses.mixed and uses.shared,
         }  # fmt: skip
 
     # ------------------------------------------------------------------ kernels

@@ -40,7 +40,7 @@ import math
 import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -51,7 +51,7 @@ from ..kernels.limits import MECHANISMS, PISTON_STATE, REGIMES, WALL_SUMS
 from ..model.box import Box
 from ..model.ifr import IFRLaw
 from ..model.law import CollisionLaw, compiled
-from ..model.state import Disks, State
+from ..model.state import DiskKinds, Disks, State
 from ..model.walls import Wall, rows_of, sides
 from ..model.walls import check as check_walls
 from ..tools import checked, seeds, world
@@ -208,15 +208,35 @@ class Engine:
         self._whole = True  # False while a window is run: an interrupt would leave it half done
         given = EngineOptions(**options)
         self.options: EngineOptions = given
-        self.disks: Disks = disks
+        self.comm: Any = comm if comm is not None and comm.size > 1 else None
         self.box: Box = box
-        self.n: int = disks.n
         self._law_table, self._law = np.ascontiguousarray(law_table, dtype=np.float64), law
-        checks.check(
-            disks, box, state, len(self._law_table), walls, given.gravity, given.precision, forces,
-            velocity_cutoff=given.velocity_cutoff, contact_time=given.contact_time,
-            resting_speed=given.resting_speed, ranks=comm.size if comm else 1,
-        )  # fmt: skip
+        self.gravity: tuple[float, float] = given.gravity
+        self.precision: str = given.precision
+        self.walls: tuple[Wall, ...] = (*walls, *sides(box))
+        self.given_walls: int = len(walls)
+
+        def judged() -> tuple[Any, ...]:
+            checks.check(
+                disks, box, state, len(self._law_table), walls, given.gravity, given.precision, forces,
+                velocity_cutoff=given.velocity_cutoff, contact_time=given.contact_time,
+                resting_speed=given.resting_speed, ranks=comm.size if comm else 1,
+            )  # fmt: skip
+            met, hits = (
+                int(state.collisions.sum(dtype=np.int64)) // 2,
+                int(state.wall_hits.sum(dtype=np.int64)),
+            )
+            check_walls(
+                self.walls, box, state.position, disks.radius, len(self._law_table), float(state.time), collisions=met
+            )  # fmt: skip
+            kinds = None if self.comm is None else DiskKinds.of(disks)
+            return kinds, float(state.time), met, hits, int(np.count_nonzero(state.asleep))
+
+        kinds, time, *self._before, self._slept = world.from_first(self.comm, judged)
+        if not world.is_first(self.comm):
+            disks, state = kinds, State(np.empty((0, 2)), np.empty((0, 2)), np.empty(0), time)
+        self.disks: Disks = disks
+        self.n: int = disks.n
         if given.resting_speed:
             self._check_resting(given.gravity, forces, law)
         checks.check_pistons(
@@ -228,22 +248,13 @@ class Engine:
             given.order,
             comm.size if comm else 1,
         )
-        self.gravity: tuple[float, float] = given.gravity
-        self.precision: str = given.precision
-        self.walls: tuple[Wall, ...] = (*walls, *sides(box))
-        self.given_walls: int = len(walls)
-        met = int(state.collisions.sum()) // 2
-        check_walls(
-            self.walls, box, state.position, disks.radius, len(self._law_table), float(state.time), collisions=met
-        )  # fmt: skip
         self.statistics: Statistics = Statistics()
         self.keep_collisions = False
         self.last_collisions: CollisionTimes | None = None
         self.tracking = tracking
         self._resting = 0
         self._parted = False  # nobody can meet anybody any more
-        self._collided_at = float(state.time)
-        self.comm: Any = comm if comm is not None and comm.size > 1 else None
+        self._collided_at = time
         threads = given.threads
         if self.comm is not None:
             checks.check_ranks(
@@ -256,6 +267,7 @@ class Engine:
                 given.order,
                 given.resting_speed > 0.0,
             )
+            self._check_alike(forces)
             threads = threads or world.cores_here(self.comm, device.cores())
         device.start(given.arch, threads=threads, precision=given.precision)
         from ..kernels.layout import WALL_SPEED, Uses
@@ -305,14 +317,11 @@ class Engine:
             "asleep": state.asleep,
         }  # fmt: skip
         if self.comm is not None:
-            self.past = {name: _thin(value) for name, value in self.past.items()}
-        self._before = int(state.collisions.sum()) // 2, int(state.wall_hits.sum())
-        self._slept = int(np.count_nonzero(state.asleep))
+            kept = self.past if self.comm.rank == 0 else {}
+            self.past = {name: _thin(value) for name, value in kept.items()}
         of_ranks = Windows if self.comm is None else RankWindows
-        self.windows: Windows = of_ranks(self.arrays, self.statistics, float(state.time))
-        self.set_gates(
-            np.array([not wall.stands(state.time, self._before[0]) for wall in self.walls], dtype=bool)
-        )
+        self.windows: Windows = of_ranks(self.arrays, self.statistics, time)
+        self.set_gates(np.array([not wall.stands(time, self._before[0]) for wall in self.walls], dtype=bool))
         self._lay(state)
         self.force_steps: ForceSteps = ForceSteps(forces, self.arrays, disks, given.seed, self.time)
         # Kinetic energy in the frames of rows of tiles beyond that in the flow, at the start.
@@ -469,6 +478,13 @@ class Engine:
         else:
             self.windows.settle()
 
+    def _check_alike(self, forces: Sequence[Force]) -> None:
+        """Refuse ranks that were given different gases."""
+        told = [replace(self.options, threads=None), self.box.lengths, self.box.periodic, self.box.shear_rate]
+        told += [self._law, self._law_table.tobytes(), rows_of(self.walls).tobytes()]
+        told += [(type(force).__name__, force.parameters, force.step) for force in forces]
+        world.check_alike(self.comm, repr(told), "box, law, walls, forces or options")
+
     def _check_resting(
         self, gravity: tuple[float, float], forces: Sequence[Force], law: type[CollisionLaw]
     ) -> None:
@@ -547,10 +563,14 @@ class Engine:
         InputError
             If an immovable disk would move, or they are too large or small to compute with.
         """
-        checks.check_motion(self.disks, state)
-        hottest = max((wall.temperature or 0.0 for wall in self.walls), default=0.0)
-        speed = checks.fastest(self.disks, state.velocity, state.spin)
-        checks.check_magnitudes(self.disks, self.box, speed, self.precision, hottest)
+
+        def judge() -> None:
+            checks.check_motion(self.disks, state)
+            hottest = max((wall.temperature or 0.0 for wall in self.walls), default=0.0)
+            speed = checks.fastest(self.disks, state.velocity, state.spin)
+            checks.check_magnitudes(self.disks, self.box, speed, self.precision, hottest)
+
+        world.on_first(self.comm, judge)
         with self.changing():
             present = self._state()
             excess = self._excess()
@@ -804,7 +824,7 @@ class Engine:
     def _free_time(self, speed: float) -> float:
         """Usual time between two collisions anywhere, if all disks moved at this speed: area / (n^2 sigma v)."""
         area = self.box.area if not self.box.is_open else self.arrays.area
-        return area / (self.n**2 * 2.0 * float(self.disks.radius.mean()) * max(speed, 1e-300))
+        return area / (self.n**2 * 2.0 * self.disks.mean_radius * max(speed, 1e-300))
 
     # ------------------------------------------------------------------ reading
 

@@ -8,8 +8,9 @@ tiles, and in each window copies of those of the *ring*, the tiles of others bes
 2. each rank runs its own tiles (`kernels/tiles.py`), which gather from tiles beside them, all of which are there;
 3. *trails*: the hash of a disk's history and its way are known to the rank that ran the tile which the disk is in, and
    a disk may have left the tile that lists it. So ranks first tell owners about disks of the ring that they ran, then
-   owners tell all who have a copy of their lists;
-4. *share*: what tiles have added up (`tally`, `heat`, `reach`) goes to all, and is added up tile by tile;
+   owners tell all who have a copy of their lists, with `reach` of the tiles;
+4. *share*: what tiles have added up (`tally`, `heat`, `reach`) is added up by the owner of the first tile in each block
+   of 128 numbers of tiles, tile by tile; the sums of blocks go to all, and are added up block by block;
 5. each rank verifies its own tiles; bad ones run again, and steps 3 to 5 are repeated, until no rank has a bad tile.
    Where no halo is wide enough, every rank gets the whole box for this window, and runs it in order.
 
@@ -19,7 +20,7 @@ they are in a process that has all tiles. Lists are copied in their order; what 
 of each tile that gathers from them (`bands`, of which its owner tells), where nobody looks. A hash
 is computed once, by the one rank that owns the tile in which the disk begins. So each tile finds the same, is good or
 bad as it is there, and the proof in `kernels/tiles.py` holds: it speaks of tiles, not of who runs them. The length of
-the next window follows from the sums of step 4, which all ranks add up from the same numbers in the same order: so all
+the next window follows from the sums of step 4, which are added up in the order of one process: so all
 plan the same window. By induction over windows each disk moves as on one rank.
 
 Checked as it runs: each listed disk has been run by exactly one rank in each window (3), and no disk is lost or there
@@ -45,9 +46,10 @@ from numpy.typing import NDArray
 from ..errors import EngineError, InputError
 from ..kernels import layout as k
 from ..kernels.language import ti
-from ..kernels.windows import WIDEN, survey, verify
+from ..kernels.windows import WIDEN, sum_shared, survey, verify
+from ..model.state import State
 from ..tools import world
-from .arrays import DeviceArrays, stretches
+from .arrays import DeviceArrays, stretches, sums_of_blocks
 from .windows import Windows, _Again
 
 SLACK = 1.2  # of slots for disks, beyond those in use
@@ -153,30 +155,25 @@ class RankArrays(DeviceArrays):
         self.traffic: Traffic = Traffic()
         self.lost: int = 0  # listed disks that no rank has run
         self._graph: Any = None
+        self._adding: Any = None
         self._partners: list[int] = []
         super().__init__(*given)
-        self._kind = self._kind[:0]  # the device has it
+        if not self.uses.mixed:
+            self._kind = self._kind[:0]
 
     # ------------------------------------------------------------------ who owns what
 
     def _first_room(self, n: int) -> int:
         return 1
 
-    def _kept(self, order: NDArray[np.intp], tile: NDArray[np.int64]) -> NDArray[np.intp]:
-        self.assign(np.bincount(tile, minlength=self.tiles))
-        kept = order[self.owner[tile[order]] == self.comm.rank]
-        self.make_room(len(kept))
-        return kept
-
     def assign(self, count: NDArray[np.integer]) -> None:
         """Divide the tiles, with so many disks each, among the ranks."""
         tiles = int(self.grid[k.TILES_X]), int(self.grid[k.TILES_Y])
         self.owner: NDArray[np.int32] = owners(count, tiles, self.comm.size)
         self.own: NDArray[np.intp] = np.flatnonzero(self.owner == self.comm.rank)
-        self._by_rank = np.argsort(self.owner, kind="stable")
-        self._n_owned = np.bincount(self.owner, minlength=self.comm.size)
         view(self.tile)[:, k.OWNED] = self.owner == self.comm.rank
         self._around_for = -1
+        self._plan_sums()
 
     def _beside(self) -> NDArray[np.int64]:
         """The eight tiles around each, shape (8, tiles); -1 beyond an end of the box."""
@@ -252,8 +249,8 @@ class RankArrays(DeviceArrays):
         return [name for name, kept in self.state_arrays().items() if kept]
 
     def bands(self) -> NDArray[np.float64]:
-        """Halo that each tile begins with, and what it may grow to when it runs again for the first time."""
-        wider = np.maximum(k.NARROWER * view(self.reach)[:, k.WIDER], 1.0)
+        """Halo that each own tile begins with, and what it may grow to when it runs again for the first time."""
+        wider = np.maximum(k.NARROWER * view(self.reach)[self.own, k.WIDER], 1.0)
         halo = WIDEN * wider * float(self.scale[k.USUAL_HALO])
         return np.minimum(halo, float(self.scale[k.MOST_HALO]))
 
@@ -290,8 +287,9 @@ class RankArrays(DeviceArrays):
         part, tile, names = int(self.grid[k.PART]), view(self.tile), self._names()
         first, count = k.START + part, k.COUNT + part
         whole = whole or self.uses.sheared
-        self.band: NDArray[np.float64] = np.full(self.tiles, np.inf) if whole else self.bands()
+        self.band: NDArray[np.float64] = np.full(self.tiles, np.inf)
         if not whole:  # owners say how wide the halos of their tiles are
+            self.band[self.own] = self.bands()
             told = self._swap([(self.band[tiles],) for tiles in self._given_tiles])
             for tiles, (band,) in zip(self._taken_tiles, told, strict=True):
                 self.band[tiles] = band
@@ -354,15 +352,19 @@ class RankArrays(DeviceArrays):
             trail[given[ran]], way[given[ran]] = hashes, ways
         self.lost = int(np.count_nonzero(way[: self.used] < 0.0))
         messages = []
-        for q, given in enumerate(self._given):
+        reach = view(self.reach)
+        for q, (given, tiles) in enumerate(zip(self._given, self._given_tiles, strict=True)):
             hashes, ways, changed = trail[given], way[given], np.arange(len(given), dtype=np.int32)
             if (sent := self._sent[q]) is not None:
                 changed = changed[np.any(hashes != sent[0], axis=1) | (ways != sent[1])]
             self._sent[q] = hashes, ways
-            messages.append((changed, hashes[changed], ways[changed]))
+            messages.append((changed, hashes[changed], ways[changed], reach[tiles]))
         size += sum(each.nbytes for message in messages for each in message)
-        for slots, (changed, hashes, ways) in zip(self._taken, self._swap(messages), strict=True):
+        for slots, tiles, (changed, hashes, ways, reached) in zip(
+            self._taken, self._taken_tiles, self._swap(messages), strict=True
+        ):
             trail[slots.start + changed], way[slots.start + changed] = hashes, ways
+            reach[tiles] = reached
         self.traffic.trails += size
         self.traffic.rounds += 1
 
@@ -372,25 +374,68 @@ class RankArrays(DeviceArrays):
         halo = view(self.reach)[tiles, k.WIDER] * float(self.scale[k.USUAL_HALO])
         return int(np.count_nonzero(np.minimum(halo, float(self.scale[k.MOST_HALO])) > self.band[tiles]))
 
-    def shared(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Rows of all tiles, of which this rank knows its own ones."""
-        own = np.ascontiguousarray(rows[self.own])
-        gathered = np.empty_like(rows)
-        self.comm.Allgatherv(own, [gathered, self._n_owned * rows.shape[1]])
-        found = np.empty_like(rows)
-        found[self._by_rank] = gathered
+    def _plan_sums(self) -> None:
+        """Find out whose tiles lie in blocks of tiles that other ranks add up: a block is its first tile's owner's."""
+        of_block = self.owner[:: k.BLOCK_OF_TILES]
+        rank, number = self.comm.rank, np.arange(self.tiles)
+        adder = of_block[number // k.BLOCK_OF_TILES]
+        self._adders, self._told_by = (
+            [int(q) for q in np.unique(ranks[mine]) if q != rank]
+            for ranks, mine in ((adder, self.owner == rank), (self.owner, adder == rank))
+        )
+        self._tiles_told = [np.flatnonzero((self.owner == rank) & (adder == q)) for q in self._adders]
+        self._tiles_heard = [np.flatnonzero((self.owner == q) & (adder == rank)) for q in self._told_by]
+        if self._adding is not None:
+            self._adding.Free()
+        self._adding = self.comm.Create_dist_graph_adjacent(self._told_by, self._adders)
+        own = np.flatnonzero(of_block == rank).astype(np.int32)
+        self._own_blocks = own
+        self._replace("blocks", self._array(ti.i32, len(own)))
+        view(self.blocks)[: len(own)] = own
+        self._blocks_by_rank = np.argsort(of_block, kind="stable")
+        self._n_blocks = np.bincount(of_block, minlength=self.comm.size)
+
+    def _tell_adders(self, rows: Sequence[NDArray[Any]]) -> None:
+        """Give each block's adder the rows of its tiles, of several arrays by tile: they are written there."""
+        wide = sum(each.shape[1] for each in rows)
+
+        def sizes(tiles: list[NDArray[np.intp]]) -> list[int]:
+            return [wide * len(each) for each in tiles]
+
+        told = np.concatenate([np.zeros(0, np.intp), *self._tiles_told])
+        heard = np.concatenate([np.zeros(0, np.intp), *self._tiles_heard])
+        sent = np.concatenate([each[told].astype(np.float64) for each in rows], axis=1)
+        got = np.empty((len(heard), wide))
+        self._adding.Neighbor_alltoallv([sent, sizes(self._tiles_told)], [got, sizes(self._tiles_heard)])
+        at = 0
+        for each in rows:
+            each[heard] = got[:, at : at + each.shape[1]]
+            at += each.shape[1]
+        self.traffic.sums += sent.nbytes
+        self.traffic.messages += len(self._adders)
+
+    def _all_blocks(self, blocks: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Sums of all blocks, of which this rank knows its own ones."""
+        own = np.ascontiguousarray(blocks[self._own_blocks])
+        gathered, found = np.empty_like(blocks), np.empty_like(blocks)
+        self.comm.Allgatherv(own, [gathered, self._n_blocks * blocks.shape[1]])
+        found[self._blocks_by_rank] = gathered
         self.traffic.sums += own.nbytes
         return found
 
+    def sums_of(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """As on one rank, of rows of which this rank knows its own ones."""
+        self._tell_adders([rows])
+        return np.add.accumulate(self._all_blocks(sums_of_blocks(rows)), axis=0)[-1]
+
     def share(self) -> None:
-        """Have all ranks know what each tile added up, and add that up."""
-        parts = [view(getattr(self, name)).reshape(self.tiles, -1) for name in ("tally", "heat", "reach")]
-        rows = self.shared(np.concatenate(parts, axis=1).astype(np.float64))
-        at = 0
-        for part in parts:
-            part[:] = rows[:, at : at + part.shape[1]]
-            at += part.shape[1]
-        super().share()
+        """Have all ranks know the sums of what tiles added up."""
+        self._tell_adders([
+            view(getattr(self, name)).reshape(self.tiles, -1) for name in ("tally", "heat", "reach")
+        ])  # fmt: skip
+        self.launch(sum_shared, len(self._own_blocks), 0)
+        view(self.found)[:] = self._all_blocks(view(self.found))
+        self.launch(sum_shared, 0, 1)
 
     # ------------------------------------------------------------------ the state
 
@@ -413,22 +458,54 @@ class RankArrays(DeviceArrays):
             view(getattr(self, name))[part * self.room : part * self.room + len(order)] = values[order]
         self.set_lists(part, np.bincount(tile, minlength=self.tiles))
 
-    def take_lists(self, found: dict[str, NDArray[Any]]) -> None:
-        """As on one rank: of all lists, own ones stay."""
-        start, count = found["tile"].T
+    def put(self, state: State) -> None:
+        """As on one rank, of a state that the first one has; of the others' only the time is looked at."""
+        self.grid[k.PART] = 0
+        if self.uses.sheared:
+            self.displace_rows(state.time)
+        rows, count = world.on_first(self.comm, lambda: self.rows_from(state)) or ({}, None)
+        self._deal(rows, count)
+
+    def _deal(
+        self,
+        rows: dict[str, NDArray[Any]],
+        count: NDArray[np.int64] | None,
+        start: NDArray[np.int64] | None = None,
+    ) -> None:
+        """Divide the tiles among the ranks, and give each one rows of its disks, which the first one has.
+
+        `count` tells how many disks each tile has, `start` where they begin in `rows`: tile after tile, if not told.
+        """
+        count = self.comm.bcast(count)
+        start = np.cumsum(count) - count if start is None else start
         self.assign(count)
-        rows = stretches(start[self.own], count[self.own])
-        self.make_room(len(rows))
+        here = int(count[self.own].sum())
+        self.make_room(here)
         for name in self._names():
-            view(getattr(self, name))[: len(rows)] = found[name][rows]
+            array = view(getattr(self, name))
+            for q in range(1, self.comm.size) if self.comm.rank == 0 else ():
+                tiles = np.flatnonzero(self.owner == q)
+                self.comm.Send(rows[name][stretches(start[tiles], count[tiles])], q)
+            if self.comm.rank == 0:
+                array[:here] = rows[name][stretches(start[self.own], count[self.own])]
+            else:
+                self.comm.Recv(array[:here])
         own = np.zeros_like(count)
         own[self.own] = count[self.own]
         self.set_lists(0, own)
 
+    def take_lists(self, found: dict[str, NDArray[Any]]) -> None:
+        """As on one rank, of lists that the first one has."""
+        rows = dict(found)
+        if self.uses.mixed and self.comm.rank == 0:
+            rows["kind"] = self._kind[found["meta"][:, k.ID]].astype(np.int32)
+        start, count = found["tile"].T
+        self._deal(rows, count, start)
+
     def lists(self, part: int) -> dict[str, NDArray[Any]]:
         """As on one rank, put together on the first one; the others get their own ones."""
         rows, listed = self.rows_of(part)
-        own = {name: view(getattr(self, name))[rows] for name in self._names()}
+        own = {name: view(getattr(self, name))[rows] for name in self._names() if name != "kind"}
         gathered = self.comm.gather((listed, own))
         count = np.bincount(listed, minlength=self.tiles)
         if gathered is not None:
@@ -437,6 +514,10 @@ class RankArrays(DeviceArrays):
             own = {name: np.concatenate([rows[name] for _, rows in gathered])[order] for name in own}
             count = np.bincount(listed, minlength=self.tiles)
         return own | {"tile": np.stack([np.cumsum(count) - count, count], axis=1).astype(np.int32)}
+
+    def told(self, value: Any) -> Any:
+        """As on one rank: what the first one has."""
+        return self.comm.bcast(value)
 
     def rows_here(self, part: int) -> int:
         """Number of disks that this rank has at the beginning or end of a window, or at a moment in it."""

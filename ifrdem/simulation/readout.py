@@ -31,12 +31,10 @@ def totals(engine: Engine) -> NDArray[np.float64]:
         read_out, part, engine.time, 0, real_out=one, int_out=whole, past_out=np.zeros((1, 2)), hits_out=whole,
         spent_out=np.zeros((1, MECHANISMS)), totals=found,
     )  # fmt: skip
-    return _sum(engine.arrays.shared(found), engine.time)
+    return _finite(engine.arrays.sums_of(found), engine.time)
 
 
-def _sum(found: NDArray[np.float64], time: float) -> NDArray[np.float64]:
-    """Tile by tile: one order for any number of threads."""
-    sums: NDArray[np.float64] = np.ascontiguousarray(found.T).sum(axis=1)
+def _finite(sums: NDArray[np.float64], time: float) -> NDArray[np.float64]:
     if not np.isfinite(sums).all():
         raise EngineError(f"t = {time:.9g}: a velocity or spin is not finite; please report this")
     return sums
@@ -65,7 +63,7 @@ def read(
         read_out, part, time, 1, real_out=real, int_out=whole, past_out=past, hits_out=hits, spent_out=spent,
         totals=found,
     )  # fmt: skip
-    sums = _sum(arrays.shared(found), time)
+    sums = _finite(arrays.sums_of(found), time)
     columns = arrays.by_id(part, to_all, (real[:rows], whole[:rows], past, hits, spent))
     if columns is None:
         return None, sums
@@ -74,7 +72,8 @@ def read(
     for axis, periodic in enumerate(engine.box.periodic):
         if periodic:  # rounding can put a disk onto the far side, which is the next box already
             np.minimum(place[:, axis], below(engine.box.lengths[axis], real.dtype), out=place[:, axis])
-    told: dict[str, Any] = {name: _read_only(np.asarray(value)) for name, value in engine.past.items()}
+    past_before = arrays.told(engine.past) if to_all else engine.past
+    told: dict[str, Any] = {name: _read_only(np.asarray(value)) for name, value in past_before.items()}
     if uses.walled:
         told["wall_hits"] = hits[:, WALL_HITS].copy()
     if uses.rests:

@@ -23,7 +23,7 @@ from ..model.law import CollisionLaw, checked_class
 from ..model.law_table import check_energy, coefficient_table, law_table
 from ..model.observables import Measure, from_totals, measure
 from ..model.overlaps import check_no_overlap
-from ..model.state import Disks, State
+from ..model.state import DiskKinds, Disks, State
 from ..model.walls import Wall, WallSums, check_types, sides, wall_names
 from ..tools import checked, world
 from ..tools.pictured import PicturedDisks
@@ -123,7 +123,8 @@ class Simulation(Sealed, PicturedDisks):
         Disks of which every collision is kept, for `take_events`. Not in a sheared box.
     comm : mpi4py.MPI.Comm, optional
         Ranks of MPI that have a part of the gas each (`ifrdem docs ranks`); bitwise the same trajectory. All make
-        the same simulation and call the same methods. Observers and samplers are called on the first rank only.
+        the same simulation and call the same methods; `disks` and `state` are taken from the first rank, and may be
+        None on the others. Observers and samplers are called on the first rank only.
 
     Raises
     ------
@@ -186,22 +187,32 @@ class Simulation(Sealed, PicturedDisks):
         tracked: Sequence[int] | NDArray[np.integer] = (),
         comm: Any = None,
     ) -> None:
-        for name, value, kind in (("disks", disks, Disks), ("box", box, Box), ("state", state, State)):
-            if not isinstance(value, kind):
-                raise InputError(f"{name} = {value!r}: a {kind.__name__} is needed")
-        check_types(walls)
-        state = replace(state)  # whoever made it may have changed it since: everything is looked at again
-        if state.n != disks.n:
-            raise InputError(f"the state has {state.n} disks, the list of disks {disks.n}: they must agree")
+        comm = comm if comm is not None and comm.size > 1 else None
         remedy = Collapse(collapse, contact_time, velocity_cutoff, resting_speed)
-        materials = max((wall.material for wall in walls), default=0)
-        self._laws = law_table(law, disks, materials)
-        law_class = checked_class(self._laws)
-        check_energy(self._laws, disks, (wall.material for wall in [*walls, *sides(box)]))
-        check_no_overlap(box, disks.radius, state.position, time=state.time)
-        table = coefficient_table(self._laws)
-        checks.check_coefficients(table, precision)
-        self._tracking = self._follow_disks(tracked, disks, box, walls)
+
+        def judged() -> tuple[State, Disks | None]:
+            for name, value, kind in (("disks", disks, Disks), ("box", box, Box), ("state", state, State)):
+                if not isinstance(value, kind):
+                    raise InputError(f"{name} = {value!r}: a {kind.__name__} is needed")
+            check_types(walls)
+            begin = replace(state)  # whoever made it may have changed it since: everything is looked at again
+            if begin.n != disks.n:
+                raise InputError(
+                    f"the state has {begin.n} disks, the list of disks {disks.n}: they must agree"
+                )
+            laws = law_table(law, disks, max((wall.material for wall in walls), default=0))
+            checked_class(laws)
+            check_energy(laws, disks, (wall.material for wall in [*walls, *sides(box)]))
+            check_no_overlap(box, disks.radius, begin.position, time=begin.time)
+            checks.check_coefficients(coefficient_table(laws), precision)
+            return begin, None if comm is None else DiskKinds.of(disks)
+
+        begin, kinds = world.on_first(comm, judged) or (state, None)
+        kinds = world.told(comm, kinds)
+        here = kinds if kinds is not None and not world.is_first(comm) else disks
+        self._laws = law_table(law, here, max((wall.material for wall in walls), default=0))
+        law_class, table = checked_class(self._laws), coefficient_table(self._laws)
+        self._tracking = self._follow_disks(tracked, here, box, walls)
         ledger = ledger or dissipated
         self._has_ledger = ledger
         self._stopping = False
@@ -209,7 +220,7 @@ class Simulation(Sealed, PicturedDisks):
         self._given = 0.0  # energy that changes between runs put in
         with backend.sole_use():
             self._engine = Engine(
-                disks, box, state, table, arch=arch, threads=threads, precision=precision,
+                here, box, begin, table, arch=arch, threads=threads, precision=precision,
                 window_collisions=window_collisions, walls=walls, gravity=gravity,
                 velocity_cutoff=remedy.velocity_cutoff or 0.0, contact_time=remedy.contact_time or 0.0,
                 resting_speed=remedy.resting_speed or 0.0, forces=forces, seed=seed,
@@ -217,11 +228,11 @@ class Simulation(Sealed, PicturedDisks):
                 wall_sums=wall_sums, tracking=self._tracking, comm=comm,
             )  # fmt: skip
             # The engine's state of a sheared gas knows its flow, whose energy does not count.
-            begin = self.state if box.shear_rate else state
-            self._first = measure(disks, begin).energy + self._fall_energy(begin)
+            flowing = self._engine.observed()[0] if box.shear_rate else begin
+            self._first = self._energy_of(flowing)
             self._judged = law_class is IFRLaw  # whether it is known not to add energy
             if not self._judged:
-                self._try_on(law_class, table, state)
+                world.on_first(comm, lambda: self._try_on(law_class, table, begin))
 
     def _follow_disks(
         self, tracked: Sequence[int] | NDArray[np.integer], disks: Disks, box: Box, walls: Sequence[Wall]
@@ -266,7 +277,8 @@ class Simulation(Sealed, PicturedDisks):
         checks.check_coefficients(table, self._engine.precision)
         with backend.sole_use():
             if kind is not IFRLaw:
-                self._try_on(kind, table, self.state)
+                present = self.state
+                world.on_first(self.comm, lambda: self._try_on(kind, table, present))
             self._engine.set_law(table, kind)
         self._laws = laws
         self._judged = self._judged and kind is IFRLaw
@@ -367,7 +379,7 @@ class Simulation(Sealed, PicturedDisks):
 
     @property
     def disks(self) -> Disks:
-        """The constant properties of the disks."""
+        """The constant properties of the disks; on ranks beside the first, of their kinds (`DiskKinds`)."""
         return self._engine.disks
 
     @property
@@ -476,16 +488,24 @@ class Simulation(Sealed, PicturedDisks):
         gravity have put in.
         Below 0, beyond rounding, the law adds energy.
         """
-        state = self.state  # which settles the walls' work
-        present = measure(self.disks, state).energy + self._fall_energy(state)
+        present = self._energy_of(self.state)  # which settles the walls' work
         return self._first + self.energy_input + self.wall_work + self.wall_heat - present
 
-    def _fall_energy(self, state: State) -> float:
-        """Potential energy [energy] in a gravity, which acts along directions that are not periodic only."""
-        movable = self.disks.movable
-        return -float(
-            np.sum(self.disks.mass[movable] * (state.position[movable] @ np.array(self._engine.gravity)))
-        )
+    def _energy_of(self, state: State | None) -> float:
+        """Kinetic and potential energy [energy] of a state that the first rank has.
+
+        Gravity acts along directions that are not periodic only.
+        """
+
+        def energy() -> float:
+            assert state is not None
+            movable = self.disks.movable
+            fall = np.sum(
+                self.disks.mass[movable] * (state.position[movable] @ np.array(self._engine.gravity))
+            )
+            return measure(self.disks, state).energy - float(fall)
+
+        return world.from_first(self._engine.comm, energy)
 
     def save_checkpoint(
         self,
@@ -514,16 +534,16 @@ class Simulation(Sealed, PicturedDisks):
         from . import snapshot
 
         checkpoint.check_extra(path, extra, arrays)
-        meta = {
-            "fingerprint": snapshot.fingerprint(self._engine),
-            "first": self._first,
-            "given": self._given,
-            "extra": dict(extra or {}),
-        }
         found = snapshot.take(self._engine)
         state, _totals = self._engine.observed()  # settles
 
         def write() -> None:
+            meta = {
+                "fingerprint": snapshot.fingerprint(self._engine),
+                "first": self._first,
+                "given": self._given,
+                "extra": dict(extra or {}),
+            }
             plain = {f"state_{name}": getattr(state, name) for name in ("position", "velocity", "spin")}
             plain["state_pistons"] = self.pistons
             checkpoint.write(path, {**found, **plain, **(arrays or {})}, meta)
@@ -543,13 +563,21 @@ class Simulation(Sealed, PicturedDisks):
         """
         from . import snapshot
 
-        found, meta = checkpoint.read(path)
-        if meta["fingerprint"] != snapshot.fingerprint(self._engine):
-            raise InputError(
-                f"{path}: the checkpoint of another gas: disks, box, laws, walls, forces, seed, precision or device "
-                "differ"
-            )
-        snapshot.put_back(self._engine, found)
+        comm = self._engine.comm
+
+        def read() -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+            found, meta = checkpoint.read(path)
+            if meta["fingerprint"] != snapshot.fingerprint(self._engine):
+                raise InputError(
+                    f"{path}: the checkpoint of another gas: disks, box, laws, walls, forces, seed, precision or "
+                    "device differ"
+                )
+            return found, meta
+
+        whole = world.on_first(comm, read)
+        known: Any = None if whole is None else (snapshot.small(whole[0]), whole[1])
+        small, meta = world.told(comm, known)
+        snapshot.put_back(self._engine, whole[0] if whole else small)
         self._first, self._given = float(meta["first"]), float(meta["given"])
         extra: dict[str, Any] = meta["extra"]
         return extra
@@ -695,6 +723,11 @@ class Simulation(Sealed, PicturedDisks):
             if value is not None and not callable(value):
                 raise InputError(f"{name} = {value!r}: a function is needed")
         self._stopping = False
+        if (comm := self._engine.comm) is not None:
+            world.check_alike(comm, repr(course), "the end of a run, its frames or its series")
+            numbers = world.told(comm, (len(observers), len(samplers)))
+            if not world.is_first(comm):  # where none is called, but all take part
+                observers, samplers = ([lambda *_: None] * number for number in numbers)
         with backend.sole_use(), contextlib.suppress(_Stopped):
             self._follow(course, observers, samplers, progress, between, stored)
         if not self._judged:

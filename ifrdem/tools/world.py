@@ -108,6 +108,17 @@ def told(comm: Any, value: Result) -> Result:
     return value if comm is None else comm.bcast(value)
 
 
+def from_first(comm: Any, work: Callable[[], Result]) -> Result:
+    """Have the first rank do something, and give all its result. An error is raised on all."""
+    return told(comm, on_first(comm, work))  # type: ignore[return-value]  # it is the first one's that all get
+
+
+def check_alike(comm: Any, text: str, what: str) -> None:
+    """Refuse what differs from rank to rank: InputError on all."""
+    if comm is not None and len(set(comm.allgather(text))) > 1:
+        raise InputError(f"{what} differ from rank to rank: all have to run the same lines")
+
+
 def end(status: int, message: str, complain: Callable[[str], None]) -> int:
     """End this rank with an exit status; a message of an error is told once.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -35,6 +36,7 @@ frames = 4
 picture = false
 views = false
 """
+SUPPORT = Path(__file__).parents[1] / "support"
 RECORD = {"case", "overrides", "case_in_full", "started", "threads", "ranks"}  # of a run, not of the gas
 
 
@@ -165,6 +167,28 @@ def test_the_lines_of_the_manual_run(tmp_path: Path) -> None:
     collisions, temperature = map(float, done.stdout.split())
     assert collisions == 30_000
     assert 0.5 < temperature < 1.0
+
+
+@mpi.needed
+def test_calls_that_differ_from_rank_to_rank_end_on_all() -> None:
+    """Two of three ranks share a gas that only the first has disks of; wrong lines are told to both, and it goes on."""
+    done = mpi.on(3, sys.executable, "-m", "mpi4py", SUPPORT / "rank_calls.py")
+    assert done.returncode == 0, done.stderr
+    first, second = sorted(map(json.loads, done.stdout.splitlines()), key=lambda each: each["seen"] == "[]")
+    assert first["kinds"] == "(24000, 24000)"
+    assert second["kinds"] == "(24000, 2)"  # no array of all disks there
+    for each in (first, second):
+        assert each["law"].startswith(
+            "InputError: box, law, walls, forces or options differ from rank to rank"
+        )
+        assert each["end"].startswith("InputError: the end of a run, its frames or its series differ")
+    assert first["seen"] == "[0, 6000]"
+    assert second["seen"] == "[]"
+    assert first["fails"] == "ValueError: an observer has had enough"
+    assert second["fails"] == "EngineError: ValueError: an observer has had enough"
+    assert first["there"] == second["there"]
+    assert first["there"].startswith("(18000, 24000, ")
+    assert first["momentum"] == second["momentum"] == "True"  # masses went with their disks
 
 
 def test_without_mpi4py_several_ranks_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from support.gases import COIN, ELASTIC, ROLLING, equal_disks, equilibrated, mixture
 
-from ifrdem.kernels.layout import HASH_1, HASH_2, USUAL_HALO
+from ifrdem.kernels.layout import HASH_1, HASH_2, ID, LAST_PARTNER, USUAL_HALO
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
@@ -312,3 +312,32 @@ def test_hashes_that_agree_are_as_rare_as_chance_makes_them(partners: int) -> No
         count = np.unique(word, return_counts=True)[1].astype(np.int64)
         assert (count * (count - 1) // 2).sum() == pytest.approx(128, abs=5 * 128**0.5)
     assert len(np.unique(one * 2**32 + two)) == n
+
+
+def test_ids_up_to_the_last_of_32_bits() -> None:
+    """The last disk has number 2^31 - 1, as in a gas of so many: it moves as disk 3999 does, and names its partners."""
+    disks, box, state, law, _ = periodic(0.3, COIN)
+    shift = 2**31 - N
+    found = []
+    for first in (0, shift):
+        engine = Engine(
+            disks, box, state, np.array([[law]]), order="tiles", tile_disks=250, threads=1, partners=True
+        )
+        meta = engine.arrays.meta.to_numpy()
+        meta[:N, ID] += first
+        engine.arrays.meta.from_numpy(meta)
+        engine.keep_collisions = True
+        while engine.collisions < 10 * N:
+            engine.advance(collisions=10 * N)
+        lists = engine.arrays.lists(engine.windows.part[0])
+        lists["meta"][:, ID] -= first
+        partner = lists["hits"][:, LAST_PARTNER]
+        assert partner.min() >= first - 1
+        lists["hits"][:, LAST_PARTNER] = np.where(partner >= 0, partner - first, partner)
+        assert engine.last_collisions is not None
+        found.append(
+            lists | {"pair": engine.last_collisions.pair - first, "time": engine.last_collisions.time}
+        )
+    assert len(found[0]["pair"]) > 0
+    for name, values in found[0].items():
+        assert np.array_equal(values, found[1][name]), name

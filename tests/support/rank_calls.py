@@ -1,0 +1,66 @@
+"""`mpiexec -n 3 python rank_calls.py`: two of the ranks share a gas and do wrong things with it. Each prints what came.
+
+Of disks, start, observers and samplers only the first one has any.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+import ifrdem
+
+RANK = MPI.COMM_WORLD.rank
+COMM = MPI.COMM_WORLD.Split(0 if RANK < 2 else MPI.UNDEFINED)
+N = 24_000
+
+
+def outcome(work: Callable[[], Any]) -> str:
+    try:
+        return repr(work())
+    except (ifrdem.InputError, ifrdem.EngineError, ValueError) as error:
+        return f"{type(error).__name__}: {error}"
+
+
+def gas(e_n: float) -> ifrdem.Simulation:
+    disks: Any = None
+    state: Any = None
+    if RANK == 0:
+        disks = ifrdem.Disks(N, mass=np.where(np.arange(N) % 3 == 0, 2.0, 1.0), radius=0.5)
+        box = ifrdem.Box.from_packing_fraction(disks.radius, 0.3)
+        position = ifrdem.initial.hexagonal_positions(box, disks.radius, seed=1)
+        velocity = ifrdem.initial.maxwellian(disks.mass, temperature=1.0, seed=1)
+        state = ifrdem.State(position, velocity, np.zeros(N))
+    side = np.sqrt(N * np.pi * 0.25 / 0.3)
+    law = ifrdem.IFRLaw(e_n=e_n, e_t=-0.9, mu=0.2)
+    return ifrdem.Simulation(disks, ifrdem.Box((side, side)), law, state, comm=COMM)
+
+
+def fails(_state: Any, measure: Any) -> None:
+    if measure.time > 0.0:
+        raise ValueError("an observer has had enough")
+
+
+if __name__ == "__main__":
+    if COMM == MPI.COMM_NULL:
+        sys.exit()
+    found = {"law": outcome(lambda: gas(0.9 - 0.1 * RANK))}
+    simulation, seen = gas(0.9), []
+    found["kinds"] = outcome(lambda: (simulation.disks.n, len(simulation.disks.mass)))
+    found["end"] = outcome(lambda: simulation.run(collisions_per_disk=1.0 + RANK))
+    observers = [lambda _state, measure: seen.append(measure.collisions)] if RANK == 0 else []
+    simulation.run(collisions_per_disk=0.5, observers=observers)
+    found["seen"] = repr(seen)
+    found["fails"] = outcome(
+        lambda: simulation.run(collisions_per_disk=1.0, observers=[fails] if RANK == 0 else [])
+    )
+    simulation.run(collisions_per_disk=1.5)  # it goes on
+    state = simulation.state
+    found["there"] = repr((simulation.collisions, state.n, float(np.sum(state.position))))
+    found["momentum"] = repr(bool(np.abs(simulation.measure().momentum).max() < 1e-9))
+    print(json.dumps(found), flush=True)
