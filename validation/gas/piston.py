@@ -139,7 +139,7 @@ def follow(n: int, seed: int, forces: tuple[float, float], stay: float, ramp: fl
 
 def run(quick: bool, seed: int) -> Result:
     """See the module's QUESTION."""
-    n, replicas, stay, ramp = (400, 3, 400.0, 600.0) if quick else (1000, 8, 2000.0, 3000.0)
+    n, replicas, stay, ramp = (400, 3, 250.0, 400.0) if quick else (1000, 8, 2000.0, 3000.0)
     on_adiabat = adiabat(Equilibrium.at(force(FROM, 1.0), 1.0, n), n)
     forces = float(force(FROM, 1.0)), float(np.interp(TO, PHI, force(PHI, on_adiabat)))
     seeds = seeds_of(seed, replicas, 7000)
