@@ -28,6 +28,7 @@ ORDER = (
     "drum",
     "hopper",
     "heap",
+    "piston",
     "wake",
     "coins_on_table",
     "coins_from_video",

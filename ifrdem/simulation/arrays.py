@@ -20,10 +20,11 @@ from ..kernels import layout as k
 from ..kernels.language import ti
 from ..kernels.limits import ADDRESSABLE, ALONE, OWNER, PISTON_STATE, WALL, WALL_SUMS
 from ..kernels.shear import displacement
-from ..kernels.walls import FREE, GONE, HEAT, MOTION, NEXT_PISTON, PISTON, SUMS, TEMPERATURE, TYPE
+from ..kernels.walls import FREE, GONE, HEAT, MOTION, NEXT_PISTON, PISTON, PUSH, SUMS, TEMPERATURE, TYPE
 from ..kernels.windows import exchange, sum_shared
 from ..model.box import Box
 from ..model.state import Disks, State
+from ..model.walls import Wall
 from . import device
 
 CELL = 1.0 + 1e-6  # side of a cell in largest diameters, at least: what rounding leaves of it
@@ -475,6 +476,10 @@ class DeviceArrays:
         rows = self.wall_rows.copy()
         rows[gone[rows[:, OWNER].astype(np.int64)], TYPE] = GONE
         self.walls.from_numpy(rows.astype(self.real))
+
+    def change_wall(self, number: int, wall: Wall) -> None:
+        """Have the piston that is this wall be driven by another force; `open_walls` then sends it."""
+        self.wall_rows[self.wall_rows[:, OWNER] == number, PUSH] = wall.rows()[:, PUSH]
 
     def take_lists(self, found: dict[str, NDArray[Any]]) -> None:
         """Go on from lists that `lists` gave, as the beginning of a window."""

@@ -419,7 +419,7 @@ class Engine:
     def set_gates(self, gone: NDArray[np.bool_]) -> None:
         """Say which walls are gone, shape (walls,)."""
         self.open_gates: NDArray[np.bool_] = np.asarray(gone, dtype=bool)
-        if self.arrays.uses.timed:
+        if self.arrays.uses.timed or self.arrays.uses.pistons:
             self.arrays.open_walls(self.open_gates)
 
     def _open_gates(self) -> None:
@@ -553,6 +553,28 @@ class Engine:
             self._wake()
             self.gravity = gravity
             self.arrays.set_gravity(gravity, self.options.resting_speed)
+            self._begin_anew()
+
+    def set_piston_force(self, number: int, force: float) -> None:
+        """Have another constant force act on the piston that is wall `number` from now on.
+
+        Raises
+        ------
+        InputError
+            If that wall is no piston, or the force no finite number.
+        """
+        pistons = [w for w, wall in enumerate(self.walls) if wall.piston is not None]
+        if number not in pistons:
+            known = ", ".join(map(str, pistons)) or "none"
+            raise InputError(f"wall = {number!r}: the number of a piston is needed; there are: {known}")
+        wall = self.walls[number]
+        assert wall.piston is not None
+        changed = replace(wall, piston=replace(wall.piston, force=force))
+        with self.changing():
+            self._end_window()
+            self.walls = (*self.walls[:number], changed, *self.walls[number + 1 :])
+            self.arrays.change_wall(number, changed)
+            self.set_gates(self.open_gates)
             self._begin_anew()
 
     def set_velocities(self, state: State) -> None:

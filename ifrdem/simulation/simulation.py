@@ -313,6 +313,16 @@ class Simulation(Sealed, PicturedDisks):
         self._engine.set_gravity(gravity)
         self._count_change(before)
 
+    def set_piston_force(self, wall: int, force: float) -> None:
+        """Have another constant force [mass length/time^2] act on a piston from now on; `wall` is its number.
+
+        Raises
+        ------
+        InputError
+            If that wall is no piston, or the force no finite number; the gas is as it was then.
+        """
+        self._engine.set_piston_force(wall, force)
+
     def set_velocities(self, velocity: ArrayLike, spin: ArrayLike | None = None) -> None:
         """Give the disks other velocities, and spins if given; the change of energy counts as `energy_input`.
 

@@ -168,6 +168,23 @@ def test_a_run_that_jumps_by_collisions_has_the_same_bits() -> None:
     np.testing.assert_array_equal(one.state.position, other.state.position)
 
 
+def test_another_force_acts_from_a_time_on() -> None:
+    disks = Disks(1, mass=1.0, radius=0.5)
+    start = State([[5.0, 1.0]], np.zeros((1, 2)), np.zeros(1))
+    simulation = Simulation(disks, BOX, ELASTIC, start, walls=[lid(mass=2.0, force=3.0)])
+    simulation.run(t_end=1.0)
+    simulation.set_piston_force(0, -1.0)
+    simulation.run(t_end=3.0)
+    # s = a t^2 / 2 and v = a t with a = 3/2 for t = 1, then with -1/2 for 2.
+    np.testing.assert_allclose(simulation.pistons[0], (0.75 + 3.0 - 1.0, 0.5, 0.25 + 2.75), rtol=1e-13)
+    assert simulation.walls[0].piston == Piston(mass=2.0, force=-1.0)
+    for wall in (1, -1):
+        with pytest.raises(InputError, match="the number of a piston is needed; there are: 0"):
+            simulation.set_piston_force(wall, 1.0)
+    with pytest.raises(InputError, match="piston force = nan"):
+        simulation.set_piston_force(0, math.nan)
+
+
 def test_tracked_disks_tell_what_the_piston_did() -> None:
     simulation = gas(ROUGH, [lid(mass=4.0, force=3.0)], tracked=range(30))
     simulation.run(t_end=10.0)
