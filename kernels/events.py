@@ -518,6 +518,7 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
         looking, first, second, half = 0, 0, 0, 0
         x_low, x_high, y_low, y_high = -1, 1, -1, 1
         keeps = 0
+        collided_at = FAR + 0.0 * window
         if fresh < n:
             first, looking, half, x_low = places + fresh, 1, 1, 0
             fresh += 1
@@ -574,10 +575,7 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                         take_out(partner, bins, gas)
                         collide(i, partner, t, tile, region, gas)
                         second, looking = partner, 2
-                        if t <= noting:
-                            first_counts = gas.link[i][WHO] < gas.link[partner][WHO]
-                            take_note(i, t, ti.cast(first_counts, ti.i32), tile, gas)
-                            take_note(partner, t, 1 - ti.cast(first_counts, ti.i32), tile, gas)
+                        collided_at = t
                         if pausing == 1 and pauses == 1:
                             if (
                                 gas.sums[COLLISIONS] + gas.tally[tile, AT_END, COLLISIONS]
@@ -593,8 +591,7 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                             if how >= ELASTIC and is_support((FIRST_WALL - partner) // 9, gas):
                                 count_hit(i, t, since, gas)
                                 fall_asleep(i, t, tile, gas)
-                        if t <= noting:
-                            take_note(i, t, 0, tile, gas)
+                        collided_at = t
                 if events - checked > patience:
                     # So many events without progress of time have no end.
                     if t - checked_at < 1e-9 * window:
@@ -609,6 +606,8 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
             i = first
             if q == 1:
                 i = second
+            if collided_at <= noting:
+                take_note(i, collided_at, tile, gas)
             t = predict(i, x_low, x_high, y_low, y_high, half, keeps, region, gas)
             put_in(i, t, present, bins, n_bins, rate, gas)
     ti.atomic_add(gas.counter[N_EVENTS], events)

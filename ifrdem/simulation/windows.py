@@ -573,7 +573,9 @@ class Windows:
             a.clock[:], a.grid[k.PART], a.scale[k.MOMENT_IN :] = clock, part, told
             places, cells, bins, items = (int(a.grid[each]) for each in (k.PLACES, k.CELLS, k.BINS, k.ITEMS))
             if full & k.FULL_CLAIMS:
-                a.claims(int(SLACK * self._claimed) + 64)
+                # Threads of a CPU have stopped before the other tiles, which will have as many.
+                ran = tiles if a.on_gpu else max(int(a.counter[k.NEXT_TILE] - a.grid[k.LANES]), 1)
+                a.claims(int(SLACK * self._claimed * max(tiles / ran, 1.0)) + 64)
                 if again:
                     raise _Again
             if full & k.FULL_WATCHED:
