@@ -413,7 +413,7 @@ class Windows:
 
     def _times_of_notes(self) -> NDArray[np.float64]:
         """Times of collisions that were noted."""
-        a, n = self.arrays, self._noted
+        a, n = self.arrays, min(self._noted, int(self.arrays.grid[k.NOTES]))
         latest = np.arange(n) >= a.tile.to_numpy()[a.note[:n, 1], k.NOTED]
         return a.note_at[:n][latest & (a.note[:n, 2] == 1)]
 
@@ -489,8 +489,9 @@ class Windows:
             if begin != self.begin and a.counter[k.PAUSED] != k.BY_COUNT:
                 told = float(a.clock[k.STOP]) - self.begin if told < k.FAR else k.FAR
             moments = [known(told)] if told < k.FAR else []
-        if not self._agreed(self._noted <= a.grid[k.NOTES]):  # more than there was room for
-            moments = [each for each in moments if each.at == each.at]
+        noting = any(math.isnan(each.at) for each in moments)
+        if noting and not self._agreed(self._noted <= a.grid[k.NOTES]):  # notes for which there was no room
+            moments = [replace(each, until=-math.inf) for each in moments]
         for m, each in enumerate(moments):
             each.sums = self._tally(k.AT_MOMENT + m)
         self._moments = moments
