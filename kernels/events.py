@@ -519,6 +519,7 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
         all_look, stop, stopped = 0, window, -1  # for a piston, after an event of it
         x_low, x_high, y_low, y_high = -1, 1, -1, 1
         keeps = 0
+        collided_at = FAR + 0.0 * window
         if fresh < n:
             first, looking, half, x_low = places + fresh, 1, 1, 0
             fresh += 1
@@ -587,10 +588,7 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                         take_out(partner, bins, gas)
                         collide(i, partner, t, tile, region, gas)
                         second, looking = partner, 2
-                        if t <= noting:
-                            first_counts = gas.link[i][WHO] < gas.link[partner][WHO]
-                            take_note(i, t, ti.cast(first_counts, ti.i32), tile, gas)
-                            take_note(partner, t, 1 - ti.cast(first_counts, ti.i32), tile, gas)
+                        collided_at = t
                         if pausing == 1 and pauses == 1:
                             if (
                                 gas.sums[COLLISIONS] + gas.tally[tile, AT_END, COLLISIONS]
@@ -609,8 +607,7 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                             if how >= ELASTIC and is_support((FIRST_WALL - partner) // 9, gas):
                                 count_hit(i, t, since, gas)
                                 fall_asleep(i, t, tile, gas)
-                        if t <= noting:
-                            take_note(i, t, 0, tile, gas)
+                        collided_at = t
                 if events - checked > patience:
                     # So many events without progress of time have no end.
                     if t - checked_at < 1e-9 * window:
@@ -625,6 +622,8 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
             i = first
             if q == 1:
                 i = second
+            if collided_at <= noting:
+                take_note(i, collided_at, tile, gas)
             if ti.static(gas.uses.pistons):
                 if all_look == 1:
                     i = places + q

@@ -517,7 +517,7 @@ def fly(row, dt, time, fall_x, fall_y, gas: ti.template()):
 
 
 @ti.func
-def take_note(i, t, counts, tile, gas: ti.template()):
+def take_note(i, t, tile, gas: ti.template()):
     """Note the disk at place i, if it is the tile's own, after its collision at t, and what the tile has added up."""
     if gas.link[i][OWN] > 0:
         n = ti.atomic_add(gas.counter[N_NOTED], 1)
@@ -527,6 +527,9 @@ def take_note(i, t, counts, tile, gas: ti.template()):
                 slot += gas.tile[tile, START + 1 - gas.grid[PART]]
             row = (TOLD + gas.grid[MOMENTS]) * gas.grid[ROOM] + n
             put_down(i, row, x, y, gas.work[i][VX], gas.work[i][VY], lap_x, lap_y, gas)
+            partner, counts = gas.link[i][LAST], 0
+            if partner >= 0:
+                counts = ti.cast(gas.link[i][WHO] < gas.link[partner][WHO], ti.i32)
             gas.note[n, 0], gas.note[n, 1], gas.note[n, 2] = slot, tile, counts
             gas.note_at[n] = ti.cast(t, ti.f64)
             for column in range(TALLY):

@@ -330,10 +330,9 @@ def run_windows(
         spent=spent, slept=slept, told_at=told_at, note=note, note_at=note_at, note_tally=note_tally, rest=rest,
         balance=balance, edge=edge, kind=kind, kinds=kinds, trail=trail, way=way, back=back, tile=tile,
         listed=listed, reach=reach, edge_x=edge_x, edge_y=edge_y, tally=tally, heat=heat, claim=claim,
-        claim_at=claim_at, work=work,
-        link=link, mark=mark, begun=begun, chosen=chosen, since=since, turn=turn, loss=loss, head=head, bin=bin,
-        wall_start=wall_start, wall_item=wall_item, walls=walls, law=law, watched=watched, event=event,
-        event_int=event_int, found=found, total=total, uses=uses,
+        claim_at=claim_at, work=work, link=link, mark=mark, begun=begun, chosen=chosen, since=since, turn=turn,
+        loss=loss, head=head, bin=bin, wall_start=wall_start, wall_item=wall_item, walls=walls, law=law,
+        watched=watched, event=event, event_int=event_int, found=found, total=total, uses=uses,
     ))  # fmt: skip
     for _ in range(1):
         round_products(gas)

@@ -362,7 +362,7 @@ class Windows:
         if self._times is not None and self._times[0] == self.begin:
             times = [self._nth(self._times[1], int(count)) for count in wanted if count >= 1]
             found += [known(time) for time in times if begin - self.begin < time < length]
-        elif self._before is not None and self._before[0] > 0 and not a.on_gpu and not a.uses.rests:
+        elif self._before is not None and self._before[0] > 0 and not (a.on_gpu or a.uses.rests or a.uses.pistons):
             collisions, lasted, speed = self._before
             now = float(a.clock[k.SPEED])
             growth = math.log(now / speed) / lasted
@@ -431,7 +431,7 @@ class Windows:
 
     def _times_of_notes(self) -> NDArray[np.float64]:
         """Times of collisions that were noted."""
-        a, n = self.arrays, self._noted
+        a, n = self.arrays, min(self._noted, int(self.arrays.grid[k.NOTES]))
         latest = np.arange(n) >= a.tile.to_numpy()[a.note[:n, 1], k.NOTED]
         return a.note_at[:n][latest & (a.note[:n, 2] == 1)]
 
@@ -507,8 +507,9 @@ class Windows:
             if begin != self.begin and a.counter[k.PAUSED] != k.BY_COUNT:
                 told = float(a.clock[k.STOP]) - self.begin if told < k.FAR else k.FAR
             moments = [known(told)] if told < k.FAR else []
-        if not self._agreed(self._noted <= a.grid[k.NOTES]):  # more than there was room for
-            moments = [each for each in moments if each.at == each.at]
+        noting = any(math.isnan(each.at) for each in moments)
+        if noting and not self._agreed(self._noted <= a.grid[k.NOTES]):  # notes for which there was no room
+            moments = [replace(each, until=-math.inf) for each in moments]
         for m, each in enumerate(moments):
             each.sums = self._tally(k.AT_MOMENT + m)
         self._moments = moments
@@ -591,7 +592,9 @@ class Windows:
             a.clock[:], a.grid[k.PART], a.scale[k.MOMENT_IN :] = clock, part, told
             places, cells, bins, items = (int(a.grid[each]) for each in (k.PLACES, k.CELLS, k.BINS, k.ITEMS))
             if full & k.FULL_CLAIMS:
-                a.claims(int(SLACK * self._claimed) + 64)
+                # Threads of a CPU have stopped before the other tiles, which will have as many.
+                ran = tiles if a.on_gpu else max(int(a.counter[k.NEXT_TILE] - a.grid[k.LANES]), 1)
+                a.claims(int(SLACK * self._claimed * max(tiles / ran, 1.0)) + 64)
                 if again:
                     raise _Again
             if full & k.FULL_WATCHED:

@@ -191,6 +191,33 @@ def test_moments_are_told_with_their_window_as_the_whole_box_in_order_passes_the
     assert engine.statistics.windows >= 3
 
 
+def few_notes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of which there is room for 16."""
+    from ifrdem.simulation.arrays import DeviceArrays
+
+    make_notes = DeviceArrays.make_notes
+    monkeypatch.setattr(DeviceArrays, "make_notes", lambda self, notes: make_notes(self, min(notes, 16)))
+
+
+def too_sure(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Moments are looked for within three collisions of where they are expected, where most are not."""
+    monkeypatch.setattr("ifrdem.simulation.windows.leeway", lambda count: 3.0)
+
+
+@pytest.mark.parametrize("fault", [few_notes, too_sure])
+def test_moments_that_are_not_where_they_are_expected_are_found_by_another_run(
+    fault: Callable[[pytest.MonkeyPatch], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    expected, _, _ = looked_at("phi = 0.3", FRAMES, monkeypatch, order="alone")
+    fault(monkeypatch)
+    found, _, again = looked_at("phi = 0.3", FRAMES, monkeypatch, order="tiles", tile_disks=250)
+    assert again > 4
+    assert len(found) == len(expected)
+    for (state, *_), (state_1, *_) in zip(found, expected, strict=True):
+        for each in LOOKED_AT:
+            assert np.array_equal(getattr(state, each), getattr(state_1, each)), each
+
+
 # --- what verification is for: without a part of it, the bits change ----------------------------------------------
 
 # Halos narrower than the engine would take them: as wide as who may come at all, and a little for chains.
