@@ -157,6 +157,7 @@ class RankArrays(DeviceArrays):
     """The arrays of one rank: own tiles, and the ring around them. Arguments after `comm` as for `DeviceArrays`."""
 
     reach: Any
+    tally: Any
     found: Any
     blocks: Any
 

@@ -32,7 +32,8 @@ def lines(ranks: int, *names: str) -> list[dict[str, Any]]:
     [
         (1, ["elastic"]),
         (2, ["cooling", "mixture", "walls", "shear"]),
-        (3, ["cooling", "mixture", "walls", "shear", "fast", "spreading"]),
+        (3, ["cooling", "mixture", "walls", "shear", "fast"]),
+        (3, ["spreading"]),
         (4, ["elastic"]),
     ],
 )
