@@ -104,10 +104,11 @@ def refuse_beyond_disk(needed: int, folder: Path) -> None:
         raise InputError(f"output: the trajectory needs some {size(needed)}, and {place}: {fewer}")
 
 
-def refuse_beyond_memory(n: int, arch: str, positions: str = "random") -> None:
+def refuse_beyond_memory(n: int, arch: str, positions: str = "random", share: float = 1.0) -> None:
     """Raise InputError if n disks need more memory than is free, or than a GPU has.
 
-    `positions` is start.positions: growth needs more.
+    `positions` is start.positions: growth needs more. Of several ranks, a `share` is on this machine, with the first
+    one, which has all disks.
     """
     if arch != "cpu":
         memory = backend.gpu_memory()
@@ -116,7 +117,7 @@ def refuse_beyond_memory(n: int, arch: str, positions: str = "random") -> None:
             raise InputError(f"{n} disks: the GPU has {size(memory)} of memory, in which {most} fit")
     host = GROWTH_BYTES_PER_DISK if positions == "growth" else HOST_BYTES_PER_DISK
     engine = BYTES_PER_DISK if arch == "cpu" else 0
-    needed = n * (host + WRITER_BYTES_PER_DISK + engine)
+    needed = int(n * (host + WRITER_BYTES_PER_DISK + share * engine))
     free = backend.memory_available()
     if free is not None and needed > free:
         both = f"some {size(needed)} of memory, and {size(free)} are free"

@@ -79,7 +79,7 @@ def run(
     far: Stopped, with a checkpoint, by a signal or the limit of time; KeyboardInterrupt after a second Ctrl-C
     or one before it has begun; EngineError or TrajectoryError if the engine or the disk fails.
     """
-    cores = cores_of(comm)
+    cores, share = cores_of(comm), world.share_here(comm)
     began = time.perf_counter()
 
     def prepared() -> list[Any]:
@@ -91,7 +91,7 @@ def run(
                 comm.size, file.gas.box, case.run.arch, case.run.precision, case.force, case.output.tracks
             )
         check.refuse_beyond_memory(
-            sum(each.number for each in case.species), case.run.arch, case.start.positions
+            sum(each.number for each in case.species), case.run.arch, case.start.positions, share
         )
         gas = file.gas.ready(case)
         estimate = RunEstimate.of(gas, case)
@@ -264,7 +264,10 @@ def accompany(case: Case, simulation: Simulation, course: Course) -> None:
 
     def save_too() -> None:
         world.on_first(comm, lambda: None)  # whether what comes before a checkpoint could be written
-        simulation.save_checkpoint("")  # where the first one says
+        try:
+            simulation.save_checkpoint("")  # where the first one says
+        except InputError as error:  # as in `save`
+            raise TrajectoryError(str(error)) from error
 
     def between() -> None:
         _agree_to_go_on(simulation, stops)

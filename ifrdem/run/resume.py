@@ -79,7 +79,7 @@ def resume(
     Raises InputError if there is no checkpoint, it belongs to another version, case or trajectory, or the device is not
     there; Stopped or KeyboardInterrupt or EngineError or TrajectoryError as `job.run`.
     """
-    cores = cores_of(comm)
+    cores, share = cores_of(comm), world.share_here(comm)
     began = time.perf_counter()
 
     def prepared() -> tuple[Any, ...]:
@@ -109,7 +109,7 @@ def resume(
         if threads is not None:
             case = case.model_copy(update={"run": case.run.model_copy(update={"threads": threads})})
         device.check(case.run.arch, case.run.threads, case.run.precision)
-        summary.refuse_beyond_memory(sum(each.number for each in case.species), case.run.arch)
+        summary.refuse_beyond_memory(sum(each.number for each in case.species), case.run.arch, share=share)
         gas = CaseGas.from_case(case, begun[0].parent, start=False)
         file = CaseFile(*begun, case, gas)
         outputs = Outputs.plan(case, str(trajectory), picture=picture)

@@ -52,6 +52,11 @@ from ..tools import world
 from .arrays import DeviceArrays, stretches, sums_of_blocks
 from .windows import Windows, _Again
 
+BETWEEN, UNEVEN = (
+    16,
+    1.1,
+)  # windows between looks at who has more to do than others, and how much more is too much
+MOST_EVENTS = 10.0  # of a disk in a window, that count there
 SLACK = 1.2  # of slots for disks, beyond those in use
 STEPS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
 _TYPES = {"f64": np.float64, "f32": np.float32, "i32": np.int32}
@@ -73,6 +78,8 @@ class Traffic:
         Real time of all this, waiting for others included [s].
     whole : int
         Windows that began again with whole lists of the ring, because halos had to be wider than was foreseen.
+    moved : int
+        Tiles that went to another owner (`divide_anew`).
     """
 
     messages: int = 0
@@ -82,6 +89,7 @@ class Traffic:
     windows: int = 0
     rounds: int = 0
     whole: int = 0
+    moved: int = 0
     seconds: float = 0.0
 
 
@@ -96,7 +104,7 @@ def view(array: Any) -> NDArray[Any]:
     return np.ndarray(shape, kind, buffer=memory)
 
 
-def owners(count: NDArray[np.integer], tiles: tuple[int, int], size: int) -> NDArray[np.int32]:
+def owners(count: NDArray[np.number], tiles: tuple[int, int], size: int) -> NDArray[np.int32]:
     """The rank that owns each tile, shape (tiles,): blocks with about as many disks (`count`) each.
 
     The rectangle is cut in two across its longer side, and each part again, so that any number of ranks gets blocks.
@@ -149,6 +157,7 @@ class RankArrays(DeviceArrays):
     """The arrays of one rank: own tiles, and the ring around them. Arguments after `comm` as for `DeviceArrays`."""
 
     reach: Any
+    tally: Any
 
     def __init__(self, comm: Any, *given: Any) -> None:
         self.comm = comm
@@ -166,14 +175,59 @@ class RankArrays(DeviceArrays):
     def _first_room(self, n: int) -> int:
         return 1
 
-    def assign(self, count: NDArray[np.integer]) -> None:
-        """Divide the tiles, with so many disks each, among the ranks."""
+    def assign(self, count: NDArray[np.number]) -> None:
+        """Divide the tiles, with so much work each, among the ranks."""
         tiles = int(self.grid[k.TILES_X]), int(self.grid[k.TILES_Y])
         self.owner: NDArray[np.int32] = owners(count, tiles, self.comm.size)
         self.own: NDArray[np.intp] = np.flatnonzero(self.owner == self.comm.rank)
         view(self.tile)[:, k.OWNED] = self.owner == self.comm.rank
         self._around_for = -1
         self._plan_sums()
+
+    def divide_anew(self) -> None:
+        """Divide the tiles anew where some ranks have more to do than others: their lists go to new owners as they are.
+
+        What a tile has to do is told by its disks, and by what happened to them in the last window; MOST_EVENTS a disk
+        at most, for after a window of the whole box one tile has them all.
+        """
+        part, tile = int(self.grid[k.PART]), view(self.tile)
+        start, count = tile[self.own, k.START + part], tile[self.own, k.COUNT + part]
+        events = 2.0 * view(self.tally)[self.own, k.AT_END, k.COLLISIONS]
+        work = count + np.minimum(events, MOST_EVENTS * count)
+        shares = np.array(self.comm.allgather(float(work.sum())))
+        if shares.max() <= UNEVEN * shares.mean():
+            return
+        told = np.zeros((self.tiles, 3))
+        told[self.own] = np.stack([work, count, view(self.reach)[self.own, k.WIDER]], axis=1)
+        self.comm.Allreduce(told.copy(), told)
+        tiles = int(self.grid[k.TILES_X]), int(self.grid[k.TILES_Y])
+        try:
+            after = owners(told[:, 0], tiles, self.comm.size)
+        except InputError:  # no straight cuts divide these few tiles: the blocks stay
+            return
+        if UNEVEN * np.bincount(after, weights=told[:, 0]).max() > shares.max():
+            return
+        messages = []
+        for q in range(self.comm.size):
+            given = after[self.own] == q
+            slots = part * self.room + stretches(start[given], count[given])
+            messages.append((self.own[given], *(view(getattr(self, name))[slots] for name in self._names())))
+        found = self.comm.alltoall(messages)
+        self.traffic.moved += int(np.count_nonzero(after != self.owner))
+        self.traffic.messages += self.comm.size - 1
+        view(self.reach)[:, k.WIDER] = told[:, 2]
+        self.assign(told[:, 0])
+        listed, *rows = (np.concatenate(each) for each in zip(*found, strict=True))
+        counts = told[:, 1].astype(np.int64)
+        first = np.zeros_like(counts)
+        first[listed] = np.cumsum(counts[listed]) - counts[listed]
+        order = stretches(first[self.own], counts[self.own])
+        self.make_room(len(order))
+        for name, values in zip(self._names(), rows, strict=True):
+            view(getattr(self, name))[part * self.room : part * self.room + len(order)] = values[order]
+        own = np.zeros_like(counts)
+        own[self.own] = counts[self.own]
+        self.set_lists(part, own)
 
     def _beside(self) -> NDArray[np.int64]:
         """The eight tiles around each, shape (8, tiles); -1 beyond an end of the box."""
@@ -557,6 +611,7 @@ class RankWindows(Windows):
 
     arrays: RankArrays
     _short: bool = False
+    _since_look: int = 0
 
     def _survey(self) -> None:
         self.arrays.launch(survey)
@@ -571,6 +626,10 @@ class RankWindows(Windows):
             a.fetch_all()
             view(a.listed)[0] = 0
         elif not again:
+            self._since_look += 1
+            if self._since_look >= BETWEEN:
+                self._since_look = 0
+                a.divide_anew()
             a.fetch()
         elif short := self._short:
             a.fetch(whole=True)

@@ -71,6 +71,18 @@ def cores_here(comm: Any, cores: int) -> int:
     return found
 
 
+def share_here(comm: Any) -> float:
+    """Part of the ranks that this machine has; called by all."""
+    if comm is None:
+        return 1.0
+    from mpi4py import MPI
+
+    here = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    found = float(here.size / comm.size)
+    here.Free()
+    return found
+
+
 def agree(comm: Any, error: BaseException | None) -> None:
     """Return if no rank has an error; else all ranks raise that of the lowest one."""
     if comm is None:

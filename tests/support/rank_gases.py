@@ -78,6 +78,15 @@ def fast() -> Gas:
     return disks, box, state, COIN, 6.0, {"ledger": True}
 
 
+def spreading() -> Gas:
+    """All disks begin in a quarter of the box, and fly on together: tiles go to other ranks."""
+    disks = equal_disks(N)
+    box, state = start(disks, 0.2)
+    wide = Box((4.0 * box.lengths[0], box.lengths[1]))
+    state.velocity[:, 0] += 4.0
+    return disks, wide, state, COIN, 16.0, {"ledger": True}
+
+
 GASES: dict[str, Any] = {
     "elastic": lambda: periodic(0.3, ELASTIC, 20.0),
     "cooling": lambda: periodic(0.4, COIN, 80.0, ledger=True, angles=True, partners=True),
@@ -85,6 +94,7 @@ GASES: dict[str, Any] = {
     "walls": walled,
     "shear": sheared,
     "fast": fast,
+    "spreading": spreading,
 }
 
 
@@ -209,6 +219,7 @@ def told(name: str) -> dict[str, Any]:
     counted = vars(engine.statistics) | {"listed anew": LISTED_ANEW[0]}
     if COMM.size > 1:
         counted["whole"] = engine.arrays.traffic.whole
+        counted["moved"] = engine.arrays.traffic.moved
     own = int(np.sum(np.asarray(getattr(engine.arrays, "own", [])) >= 0))
     differ = [each for each in differ if each != "statistics run_again"]  # depends on room for claims too
     return {"name": name, "differ": differ, **counted, "tiles": engine.arrays.tiles, "own": own}

@@ -33,6 +33,7 @@ def lines(ranks: int, *names: str) -> list[dict[str, Any]]:
         (1, ["elastic"]),
         (2, ["cooling", "mixture", "walls", "shear"]),
         (3, ["cooling", "mixture", "walls", "shear", "fast"]),
+        (3, ["spreading"]),
         (4, ["elastic"]),
     ],
 )
@@ -42,6 +43,11 @@ def test_all_bits_are_those_of_one_rank(ranks: int, names: list[str]) -> None:
         assert each["differ"] == [], each
         assert (0 < each["own"] < each["tiles"]) == (ranks > 1)
         if each["name"] == "cooling":  # what ranks had to tell one another again
+            assert each["run_again"] > 0
+        if (
+            each["name"] == "spreading"
+        ):  # blocks moved, and halos that had to be wider are known to their new owners
+            assert each["moved"] > 0
             assert each["run_again"] > 0
         if each["name"] == "fast":  # disks went to other ranks in all ways
             assert each["in_order"] > 0
