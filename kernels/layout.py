@@ -101,11 +101,11 @@ FULL_PLACES, FULL_CELLS, FULL_CLAIMS, FULL_WALLS, FULL_WATCHED = 1, 2, 4, 8, 16
 # clock, f64: begin and end of the window; where to stop (time, collisions in all), to pause, when a force
 # acts; what sets the length of windows: a path, the side of a tile, the speed of walls; unit of squares of
 # speeds; path in a gas that fills the box, collisions in a window of that; root mean square of speeds at the beginning;
-# the longest window that may be
+# the longest window that may be; when gravity last turned
 (
     BEGIN, END, STOP, WANTED, PAUSE, PAUSE_AFTER, KICK, PATH, TILE_SIDE, WALL_SPEED, SQUARE_UNIT, FREE_PATH,
-    IN_WINDOW, SPEED, LONGEST,
-) = range(15)  # fmt: skip
+    IN_WINDOW, SPEED, LONGEST, TURNED,
+) = range(16)  # fmt: skip
 # grid: disks; tiles; lanes; places, cells, bins and walls of a lane; part of the window's beginning; periodic sides;
 # walls; seed; 1 where one tile is the whole box; rows of cells of all; verification on; small cells along
 # a large one; a 0 that no compiler knows; threads of a GPU for each tile's events, of which one works

@@ -44,9 +44,9 @@ heap are below 4 v_s^2 / g, and it is as much too high. For v_s to 0 all of this
 from .flights import on_grid
 from .language import ti
 from .layout import (
-    ASLEEP, ASLEEP_NOW, AWAKE, BY_REST, CELL, CELLS, CUTOFF, EDGES_OF_DISK, FAR, GX, GY, HITS_NOW,
+    ASLEEP, ASLEEP_NOW, AWAKE, BEGIN, BY_REST, CELL, CELLS, CUTOFF, EDGES_OF_DISK, FAR, GX, GY, HITS_NOW,
     INVERSE_MASS, ITEMS, JAMMED, KIND_RADIUS, LENGTH_X, LENGTH_Y, LOSSES, MATERIAL, MAY_REST,
-    NEXT_IN_CELL, PLACES, SAID_ASLEEP, SLEEPERS, UNJUDGED, VX, VY, W_SPIN, WOKEN, K, X, Y,
+    NEXT_IN_CELL, PLACES, SAID_ASLEEP, SLEEPERS, TURNED, UNJUDGED, VX, VY, W_SPIN, WOKEN, K, X, Y,
 )  # fmt: skip
 from .places import add, charge, kind_of, radius_of
 from .walls import (
@@ -499,11 +499,12 @@ def left_over(i, gas: ti.template()):
 def judge(n, tile, region: ti.template(), gas: ti.template()):
     """Judge at the beginning of a window who may rest: wake those who may not, note who may fall asleep.
 
-    There is nothing to judge where nobody has been woken since the last time, and no slow disk touches anything.
+    There is nothing to judge where nobody has been woken since the last time, no slow disk touches anything and gravity
+    has not turned.
     """
     places = region.lane * gas.grid[PLACES]
     pull = ti.cast(ti.sqrt(gas.scale[GX] ** 2 + gas.scale[GY] ** 2), ti.f64)
-    changed = 0
+    changed = ti.cast(gas.clock[BEGIN] == gas.clock[TURNED], ti.i32)
     for i in range(places, places + n):
         if gas.rest[i][ASLEEP_NOW] == WOKEN:
             gas.rest[i][ASLEEP_NOW] = AWAKE

@@ -635,9 +635,15 @@ class DeviceArrays:
         self.law.from_numpy(law_table.astype(self.real))
         self.uses = self.uses._replace(collision_law=collision_law)
 
-    def set_gravity(self, gravity: tuple[float, float], resting_speed: float) -> None:
-        """Let disks fall otherwise from here on; all must have settled. Windows are as long as who rests may fall."""
+    def set_gravity(
+        self, gravity: tuple[float, float], resting_speed: float, turned_at: float = -math.inf
+    ) -> None:
+        """Let disks fall otherwise from here on; all must have settled. Windows are as long as who rests may fall.
+
+        Who sleeps is judged anew where gravity `turned_at` [time] that the window begins.
+        """
         self.scale[k.GX : k.GX + 2] = gravity
+        self.clock[k.TURNED] = turned_at
         self.clock[k.LONGEST] = np.inf
         if resting_speed:
             pull = math.hypot(*gravity)
