@@ -59,7 +59,7 @@ GAP = 4.0  # v_s^2 / g: disks that are nearer touch
 QUICK, QUICK_HITS, JAMMED_HITS = 1e-3, 8, 64  # v_s / g: times between hits that are none; how many of them
 AT_REST, MOVED = 1e-3, 3e-3  # g: accelerations below which a disk may fall asleep, and above which it wakes
 MU, RHO = 2, 4  # columns of the law's table (`law_table.table_row`)
-NEAR_ENOUGH = 1e-5  # g: accelerations to which forces are found
+NEAR_ENOUGH = 1e-4  # g: accelerations to which forces are found
 # edge of a cone: places of both disks, the second -1 for a wall; what a unit of its force does to either (`per_force`);
 # the force; gradient; a direction, and the change of the gradient along it. balance: accelerations, and along it
 FIRST, SECOND, ON_FIRST, ON_SECOND, FORCE, GRADIENT, DIRECTION_OF, H_DIRECTION = 0, 1, 2, 5, 8, 9, 10, 11

@@ -24,6 +24,7 @@ from ..model.state import Disks, State
 from ..model.walls import Wall, wall_names
 from ..simulation import checks
 from ..simulation.simulation import Simulation
+from ..simulation.turning import FASTEST_DRUM
 from ..tools import seeds
 from . import pair_rules, rules
 from .case import IMPACT_SCAN, Case
@@ -128,6 +129,25 @@ class CaseGas:
             crush.told(each, names, diameter) for each in crush.crushes(walls, self.box, diameter, 0.0, end)
         ]
 
+    def drum(self, case: Case) -> float:
+        """Froude number of the drum in whose frame gravity turns: Omega^2 R / g, R of the widest container.
+
+        Half of the box's longer side where there is none; 0 if gravity does not turn.
+        """
+        radii = [wall.radius for wall in self.walls if wall.shape == "container"]
+        radius = max(radii) if radii else 0.5 * max(self.box.lengths)
+        return case.box.gravity_turns**2 * radius / (math.hypot(*case.box.gravity) or 1.0)
+
+    def fast_drum(self, case: Case) -> list[str]:
+        """Texts that say that gravity turns so fast that a drum's frame would be another."""
+        froude = self.drum(case)
+        if froude <= FASTEST_DRUM:
+            return []
+        return [
+            f"box.gravity_turns = {case.box.gravity_turns:g}: the Froude number of such a drum, {froude:.3g}, is above "
+            f"{FASTEST_DRUM}: its frame has centrifugal and Coriolis accelerations, too, which are left out"
+        ]
+
     def start(self, case: Case, progress: Callable[[float], None] = lambda _: None) -> State:
         """The state at time 0, without overlaps; `progress` gets the part of growing that is done.
 
@@ -195,6 +215,7 @@ class CaseGas:
             return Simulation(
                 self.disks, self.box, laws, begin, arch=run.arch, threads=run.threads,
                 precision=run.precision, walls=self.walls, gravity=(case.box.gravity[0], case.box.gravity[1]),
+                gravity_turns=case.box.gravity_turns, gravity_step=case.box.gravity_step,
                 collapse=run.collapse, contact_time=run.contact_time, velocity_cutoff=run.velocity_cutoff,
                 resting_speed=run.resting_speed,
                 forces=forces_of(case), seed=run.seed, ledger=output.ledger, partners="last_partner" in output.fields,

@@ -92,7 +92,7 @@ def run(
     check.refuse_cadences(case, gas, estimate)
     world.on_first(comm, lambda: check.refuse_beyond_disk(estimate.file_bytes, outputs.trajectory.parent))
     say(check.summary(case, gas, estimate, how(case, comm)))
-    for text in (*gas.warnings, *gas.crushes(case)):
+    for text in (*gas.warnings, *gas.crushes(case), *gas.fast_drum(case)):
         warn(text)
     try:
         state = gas.start(case, Stage("growth"))
@@ -426,6 +426,7 @@ def _record(file: CaseFile, gas: CaseGas, device: str, comm: Any = None) -> dict
         "laws": json.dumps(laws),
         "forces": json.dumps([each.model_dump(exclude_none=True) for each in case.force]),
         "gravity": json.dumps(case.box.gravity),
+        **({"gravity_turns": case.box.gravity_turns} if case.box.gravity_turns else {}),
         "collapse": case.run.collapse,
         "device": device,
         "threads": case.run.threads or backend.cores(),
