@@ -34,7 +34,7 @@ found        (blocks, ...)        sums over BLOCK_OF_TILES tiles, f64 (columns b
 total        (...)                the same over all
 watched      (n,)                 1 for disks whose collisions are written down, by id
 work, ...    (lanes * places,)    the scratch space of a lane, which runs one tile after another
-edge         (...) of 12          edges of the cones of contact forces of disks that may rest, f64 (`rest.py`)
+touch        (...) of 25          contacts of disks that may rest, and the forces there, f64 (`rest.py`)
 ===========  ===================  =====================================================================================
 """
 
@@ -82,7 +82,7 @@ W_SPIN = 7
 # hits of something at rest, one after the other
 ASLEEP_NOW, MAY_REST, HITS_NOW = range(3)
 AWAKE, ASLEEP, WOKEN, SAID_ASLEEP = range(4)  # by a state that nobody has judged yet
-EDGES_OF_DISK = 32  # for which there is room, on average
+TOUCHES_OF_DISK = 8  # for which there is room, on average
 # mark: slot at the window's beginning; boxes travelled in this window; collisions before it, and with walls in it; tile
 # that lists it
 SLOT, LAP_X, LAP_Y, BEFORE, AT_WALLS, LISTED = range(6)
@@ -223,7 +223,7 @@ class GasArrays(NamedTuple):
     begun: Any = None
     rest: Any = None
     balance: Any = None
-    edge: Any = None
+    touch: Any = None
     chosen: Any = None
     since: Any = None
     turn: Any = None

@@ -138,15 +138,34 @@ class CaseGas:
         radius = max(radii) if radii else 0.5 * max(self.box.lengths)
         return case.box.gravity_turns**2 * radius / (math.hypot(*case.box.gravity) or 1.0)
 
-    def fast_drum(self, case: Case) -> list[str]:
-        """Texts that say that gravity turns so fast that a drum's frame would be another."""
-        froude = self.drum(case)
-        if froude <= FASTEST_DRUM:
-            return []
-        return [
-            f"box.gravity_turns = {case.box.gravity_turns:g}: the Froude number of such a drum, {froude:.3g}, is above "
-            f"{FASTEST_DRUM}: its frame has centrifugal and Coriolis accelerations, too, which are left out"
-        ]
+    def cautions(self, case: Case) -> list[str]:
+        """Texts about what gravity that turns leaves out, and about walls upon which nobody rests."""
+        texts, froude = [], self.drum(case)
+        if froude > FASTEST_DRUM:
+            texts.append(
+                f"box.gravity_turns = {case.box.gravity_turns:g}: the Froude number of such a drum, {froude:.3g}, is "
+                f"above {FASTEST_DRUM}: its frame has centrifugal and Coriolis accelerations, too, which are left out"
+            )
+        if case.run.resting_speed is None:
+            return texts
+        for i, wall in enumerate(self.walls):
+            if wall.motion.kind == wall.turn.kind == "still" and not (wall.surface_speed or wall.temperature):
+                continue
+            why = "has a temperature" if wall.temperature else "moves"
+            instead = (
+                ""
+                if wall.temperature
+                else "; "
+                + (
+                    "in the frame of a slow drum gravity turns: let the wall stand, and give box.gravity_turns"
+                    if wall.turn.kind == "steady" or (wall.shape == "container" and wall.surface_speed)
+                    else "in the frame of a steady motion the wall stands: let it, and move all others the other way"
+                    if wall.motion.kind == "steady" or wall.surface_speed
+                    else "a floor that shakes has no frame in which gravity is constant: its disks stay awake"
+                )
+            )
+            texts.append(f'wall[{i}] {why}, and supports nobody with run.collapse = "rest"{instead}')
+        return texts
 
     def start(self, case: Case, progress: Callable[[float], None] = lambda _: None) -> State:
         """The state at time 0, without overlaps; `progress` gets the part of growing that is done.

@@ -258,6 +258,15 @@ def test_a_pile_comes_to_rest_at_a_bounded_cost() -> None:
     np.testing.assert_array_equal(run.state.position, state.position)
 
 
+def test_a_pile_rests_at_any_friction() -> None:
+    """Both edges of a cone of mu = 100 are almost opposite: amounts of them would take some mu^2 steps to find."""
+    run = pile(30, law=IFRLaw(e_n=0.6, e_t=-1.0, mu=100.0))
+    run.run(t_end=60.0)
+    assert run.asleep == 30
+    assert run.statistics.unjudged == 0
+    closes(run)
+
+
 @pytest.mark.parametrize(
     ("box", "walls", "law"),
     [

@@ -98,22 +98,24 @@ def test_a_drum_flows_its_ledger_closes_and_looks_and_checkpoints_change_no_bit(
         return state.position, state.velocity, state.spin, state.asleep, state.collisions, run.gravity
 
     plain, numbers = drum(), []
-    plain.run(t_end=14.0, series=28, samplers=[lambda measure: numbers.append(measure.asleep)])
-    assert min(np.diff(numbers)) < -20  # an avalanche, after most had come to rest
-    assert numbers[-1] > 30
+    plain.run(t_end=24.0, series=48, samplers=[lambda measure: numbers.append(measure.asleep)])
+    # They come to rest, but not on a slope of 0.96 rad, which would be there without avalanches.
+    rested = int(np.argmax(numbers))
+    assert numbers[rested] > 30
+    assert min(numbers[rested:]) < 30
     lost = plain.measure().dissipated
     assert lost is not None
     assert plain.energy_input > 0.0
     assert plain.dissipated_energy == pytest.approx(lost.sum(), rel=1e-12)
     looked = drum()
-    looked.run(t_end=14.0, frames=61, observers=[lambda state, measure: None])
+    looked.run(t_end=24.0, frames=61, observers=[lambda state, measure: None])
     stopped = drum()
-    for k, stop in enumerate((0.1, 5.3, 8.05)):  # the last one where gravity turns
+    for k, stop in enumerate((0.1, 5.3, 16.125)):  # the last one where gravity turns
         stopped.run(t_end=stop)
         stopped.save_checkpoint(tmp_path / f"{k}.h5")
         stopped = drum()
         stopped.load_checkpoint(tmp_path / f"{k}.h5")
-    stopped.run(t_end=14.0)
+    stopped.run(t_end=24.0)
     for other in (looked, stopped):
         assert other.energy_input == plain.energy_input
         for found, expected in zip(end(other), end(plain), strict=True):
