@@ -43,7 +43,7 @@ found        (blocks, ...)        sums over BLOCK_OF_TILES tiles, f64 (columns b
 total        (...)                the same over all
 watched      (n,)                 1 for disks whose collisions are written down, by id
 work, ...    (lanes * places,)    the scratch space of a lane, which runs one tile after another
-edge         (...) of 12          edges of the cones of contact forces of disks that may rest, f64 (`rest.py`)
+touch        (...) of 25          contacts of disks that may rest, and the forces there, f64 (`rest.py`)
 ===========  ===================  =====================================================================================
 """
 
@@ -92,7 +92,7 @@ W_SPIN = 7
 # hits of something at rest, one after the other
 ASLEEP_NOW, MAY_REST, HITS_NOW = range(3)
 AWAKE, ASLEEP, WOKEN, SAID_ASLEEP = range(4)  # by a state that nobody has judged yet
-EDGES_OF_DISK = 32  # for which there is room, on average
+TOUCHES_OF_DISK = 8  # for which there is room, on average
 # mark: slot at the window's beginning; boxes travelled in this window; collisions before it, and with walls in it; tile
 # that lists it
 SLOT, LAP_X, LAP_Y, BEFORE, AT_WALLS, LISTED = range(6)
@@ -111,11 +111,11 @@ FULL_PLACES, FULL_CELLS, FULL_CLAIMS, FULL_WALLS, FULL_WATCHED = 1, 2, 4, 8, 16
 # clock, f64: begin and end of the window; where to stop (time, collisions in all), to pause, when a force
 # acts; what sets the length of windows: a path, the side of a tile, the speed of walls; unit of squares of
 # speeds; path in a gas that fills the box, collisions in a window of that; root mean square of speeds at the beginning;
-# the longest window that may be
+# the longest window that may be; when gravity last turned
 (
     BEGIN, END, STOP, WANTED, PAUSE, PAUSE_AFTER, KICK, PATH, TILE_SIDE, WALL_SPEED, SQUARE_UNIT, FREE_PATH,
-    IN_WINDOW, SPEED, LONGEST,
-) = range(15)  # fmt: skip
+    IN_WINDOW, SPEED, LONGEST, TURNED,
+) = range(16)  # fmt: skip
 # grid: disks; tiles; lanes; places, cells, bins and walls of a lane; part of the window's beginning; periodic sides;
 # walls; seed; 1 where one tile is the whole box; rows of cells of all; verification on; small cells along
 # a large one; a 0 that no compiler knows; threads of a GPU for each tile's events, of which one works; room for moments
@@ -241,7 +241,7 @@ class GasArrays(NamedTuple):
     begun: Any = None
     rest: Any = None
     balance: Any = None
-    edge: Any = None
+    touch: Any = None
     chosen: Any = None
     since: Any = None
     turn: Any = None

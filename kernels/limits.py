@@ -14,7 +14,7 @@ MOST_DISKS = ADDRESSABLE // 24  # of the longest array: three parts of eight num
 # Bytes that the arrays take for each disk in double precision: at the beginning and end of a window and at a moment in
 # it places, velocities, spin (40) and id, events, images (16); hash, way and slot (16); claims of disks in halos (14).
 BYTES_PER_DISK = 198
-RESTING_BYTES = 3144  # more, of disks that may rest: the forces at their contacts
+RESTING_BYTES = 1648  # more, of disks that may rest: the forces at their contacts
 
 ALONE = 20_000  # up to so many disks, one thread runs the whole box as one tile
 """Up to how many disks one thread runs whole windows by itself."""

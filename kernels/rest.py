@@ -27,10 +27,13 @@ find the forces that leave the least acceleration,
     min over forces in the cones of  sum (m a^2 + I alpha^2) / 2,   m a = m g + sum F,  I alpha = sum of torques:
 
 a convex problem (M. Anitescu, Math. Program. 105, 113 (2006), doi:10.1007/s10107-005-0590-7), in which the a and alpha
-that are left are unique. Those disks may rest whose a and R alpha are below g / 1000. One that sleeps and has more than
-3 g / 1000 wakes: its support has gone, or what lies on it is too much for it. So the load of a heap goes down to the
-floor, and one without friction flows apart. A torque of rolling friction, rho F_n at most, acts on each spin by itself,
-as in the law.
+that are left are unique. Steps along the gradient, each back into the cones, find them, with momentum that starts anew
+where it leads upwards (B. O'Donoghue and E. Candes, Found. Comput. Math. 15, 715 (2015),
+doi:10.1007/s10208-013-9150-3). Unknown are F_n, F_t and the torques, not amounts of both edges of a cone: two edges of
+large mu are almost opposite, and the way grows as mu^2. Those disks may rest whose a and R alpha are below g / 1000.
+One that sleeps and has more than 3 g / 1000 wakes: its support has gone, or what lies on it is too much for it. So the
+load of a heap goes down to the floor, and one without friction flows apart. A torque of rolling friction, rho F_n at
+most, acts on each spin by itself, as in the law.
 
 A window lasts 8 v_s / g at most, so that who has lost his support falls late by that; and no longer than a fall by a
 twentieth of the largest diameter, by which a disk that sleeps may leave its cell in the falling frame.
@@ -44,9 +47,9 @@ heap are below 4 v_s^2 / g, and it is as much too high. For v_s to 0 all of this
 from .flights import on_grid
 from .language import ti
 from .layout import (
-    ASLEEP, ASLEEP_NOW, AWAKE, BY_REST, CELL, CELLS, CUTOFF, EDGES_OF_DISK, FAR, GX, GY, HITS_NOW,
+    ASLEEP, ASLEEP_NOW, AWAKE, BEGIN, BY_REST, CELL, CELLS, CUTOFF, FAR, GX, GY, HITS_NOW,
     INVERSE_MASS, ITEMS, JAMMED, KIND_RADIUS, LENGTH_X, LENGTH_Y, LOSSES, MATERIAL, MAY_REST,
-    NEXT_IN_CELL, PLACES, SAID_ASLEEP, SLEEPERS, UNJUDGED, VX, VY, W_SPIN, WOKEN, K, X, Y,
+    NEXT_IN_CELL, PLACES, SAID_ASLEEP, SLEEPERS, TOUCHES_OF_DISK, TURNED, UNJUDGED, VX, VY, W_SPIN, WOKEN, K, X, Y,
 )  # fmt: skip
 from .places import add, charge, kind_of, radius_of
 from .walls import (
@@ -59,11 +62,13 @@ GAP = 4.0  # v_s^2 / g: disks that are nearer touch
 QUICK, QUICK_HITS, JAMMED_HITS = 1e-3, 8, 64  # v_s / g: times between hits that are none; how many of them
 AT_REST, MOVED = 1e-3, 3e-3  # g: accelerations below which a disk may fall asleep, and above which it wakes
 MU, RHO = 2, 4  # columns of the law's table (`law_table.table_row`)
-NEAR_ENOUGH = 1e-5  # g: accelerations to which forces are found
-# edge of a cone: places of both disks, the second -1 for a wall; what a unit of its force does to either (`per_force`);
-# the force; gradient; a direction, and the change of the gradient along it. balance: accelerations, and along it
-FIRST, SECOND, ON_FIRST, ON_SECOND, FORCE, GRADIENT, DIRECTION_OF, H_DIRECTION = 0, 1, 2, 5, 8, 9, 10, 11
-DIRECTIONAL = 3
+NEAR_ENOUGH = 1e-4  # g: what steps still change of accelerations when forces are found
+# contact that may bear: places of both disks, the second -1 for a wall; the normal; what a unit of its four forces
+# (normal, along the contact, torques on both disks) does to either, scaled so that each changes sqrt(m) a by 1 in all;
+# bounds of the last three over the first; the forces, those of the next step and those that are tried (`note_touch`)
+FIRST, SECOND, NORMAL_FIRST, NORMAL_SECOND, PUSH, DRAG, SPIN_UP = 0, 1, 2, 3, 4, 6, 8
+BOUND, FORCE, NEXT_FORCE, TRIED = 10, 13, 17, 21
+FORCES = 4
 
 
 @ti.func
@@ -192,40 +197,37 @@ def meeting_with_sleeper(rx, ry, vx, vy, noise, sigma, within, gas: ti.template(
 
 @ti.func
 def note_touch(i, j, nx, ny, mu, rho, count, gas: ti.template()):
-    """Enter the edges of the cone of forces at a contact of the disk at place i with that at j, or a wall (-1).
+    """Enter the contact of the disk at place i with that at j, or a wall (-1), n towards i; the length of the list.
 
-    Each edge is a unit force n F_n on i and the friction and rolling friction that go with it at most, with one sign or
-    the other. Returns the length of the list.
+    A force F_n n + F_t t acts on i at -R n from its centre, the opposite on j; t = (-n_y, n_x). The friction torque T
+    on each disk acts by itself. sqrt(m) a and sqrt(I) alpha = sqrt(k / m) (T / R - F_t) are what is made small.
     """
-    found = count
-    sides = ti.select(mu > 0.0, 2, 1)
-    turns_i, turns_j = ti.select(rho > 0.0, 2, 1), ti.select(rho > 0.0 and j >= 0, 2, 1)
-    for edge in range(sides * turns_i * turns_j):
-        if found < EDGES_OF_DISK * gas.grid[PLACES]:
-            along = mu * (1 - 2 * (edge % sides))
-            turn_i = rho * (1 - 2 * (edge // sides % turns_i))
-            turn_j = rho * (1 - 2 * (edge // (sides * turns_i)))
-            one = per_force(i, nx, ny, along, turn_i, gas)
-            other = ti.Vector([0.0, 0.0, 0.0], ti.f64)
-            if j >= 0:
-                # Seen from there n and t are the opposite, and so is the force: its parts are the same.
-                other = per_force(j, -nx, -ny, along, turn_j, gas)
-            size = 1.0 / ti.sqrt(one.norm_sqr() + other.norm_sqr())
-            for column in ti.static(range(3)):
-                gas.edge[found][ON_FIRST + column] = one[column] * size
-                gas.edge[found][ON_SECOND + column] = other[column] * size
-            gas.edge[found][FIRST], gas.edge[found][SECOND] = ti.cast(i, ti.f64), ti.cast(j, ti.f64)
-        found += 1
-    return found
+    if count < TOUCHES_OF_DISK * gas.grid[PLACES]:
+        one = mobility(i, gas)
+        other = ti.Vector([0.0, 0.0, 0.0], ti.f64)
+        if j >= 0:
+            other = mobility(j, gas)
+        along = one.xy.norm_sqr() + other.xy.norm_sqr()
+        size_n = ti.sqrt(one.x * one.x + other.x * other.x)
+        size_t = ti.sqrt(along)
+        gas.touch[count][FIRST], gas.touch[count][SECOND] = ti.cast(i, ti.f64), ti.cast(j, ti.f64)
+        gas.touch[count][NORMAL_FIRST], gas.touch[count][NORMAL_SECOND] = nx, ny
+        gas.touch[count][PUSH], gas.touch[count][PUSH + 1] = one.x / size_n, other.x / size_n
+        gas.touch[count][DRAG], gas.touch[count][DRAG + 1] = one.x / size_t, other.x / size_t
+        gas.touch[count][SPIN_UP], gas.touch[count][SPIN_UP + 1] = -one.y / size_t, -other.y / size_t
+        gas.touch[count][BOUND] = mu * size_t / size_n
+        gas.touch[count][BOUND + 1] = rho * one.z / size_n
+        gas.touch[count][BOUND + 2] = rho * other.z / size_n
+    return count + 1
 
 
 @ti.func
-def per_force(i, nx, ny, along, torque, gas: ti.template()):
-    """sqrt(m) a and sqrt(I) alpha that a force n + `along` t at -R n from the centre, and a torque, give a disk."""
+def mobility(i, gas: ti.template()):
+    """1 / sqrt(m), sqrt(k / m) and sqrt(k / m) / R of the disk at place i."""
     kind = kind_of(i, gas)
     root = ti.sqrt(ti.cast(gas.kinds[kind][INVERSE_MASS], ti.f64))
-    turn = ti.sqrt(ti.cast(gas.kinds[kind][K], ti.f64)) * (torque / gas.kinds[kind][KIND_RADIUS] - along)
-    return root * ti.Vector([nx - along * ny, ny + along * nx, turn], ti.f64)
+    turn = root * ti.sqrt(ti.cast(gas.kinds[kind][K], ti.f64))
+    return ti.Vector([root, turn, turn / gas.kinds[kind][KIND_RADIUS]], ti.f64)
 
 
 @ti.func
@@ -330,158 +332,143 @@ def find_touches(n, region: ti.template(), gas: ti.template()):
                     if distance < radius + near and is_support(code // 9, gas):
                         q = ti.cast(gas.walls[code // 9][WALL_MATERIAL], ti.i32)
                         count = note_touch(i, -1, nx, ny, gas.law[p, q, MU], gas.law[p, q, RHO], count, gas)
-    if count > EDGES_OF_DISK * gas.grid[PLACES]:
-        count = EDGES_OF_DISK * gas.grid[PLACES]
+    if count > TOUCHES_OF_DISK * gas.grid[PLACES]:
+        count = TOUCHES_OF_DISK * gas.grid[PLACES]
         gas.counter[UNJUDGED] = gas.counter[UNJUDGED] + 1
     return count
 
 
 @ti.func
-def add_up(count, column: ti.template(), balance: ti.template(), gas: ti.template()):
-    """Add the forces in a column of the list to sqrt(m) a and sqrt(I) alpha of the disks, in columns of `balance`."""
-    for c in range(count):
-        force = gas.edge[c][column]
-        if force != 0.0:
-            i, j = ti.cast(gas.edge[c][FIRST], ti.i32), ti.cast(gas.edge[c][SECOND], ti.i32)
-            for axis in ti.static(range(3)):
-                gas.balance[i][balance + axis] = (
-                    gas.balance[i][balance + axis] + force * gas.edge[c][ON_FIRST + axis]
-                )
-            if j >= 0:
-                for axis in ti.static(range(3)):
-                    gas.balance[j][balance + axis] = (
-                        gas.balance[j][balance + axis] + force * gas.edge[c][ON_SECOND + axis]
-                    )
-
-
-@ti.func
-def gained(c, balance: ti.template(), gas: ti.template()):
-    """Sum over both disks of an edge of the list: change of (m a^2 + I alpha^2) / 2 by a unit more of its force."""
-    i, j = ti.cast(gas.edge[c][FIRST], ti.i32), ti.cast(gas.edge[c][SECOND], ti.i32)
-    found = ti.cast(0.0, ti.f64)
-    for axis in ti.static(range(3)):
-        found += gas.balance[i][balance + axis] * gas.edge[c][ON_FIRST + axis]
-    if j >= 0:
-        for axis in ti.static(range(3)):
-            found += gas.balance[j][balance + axis] * gas.edge[c][ON_SECOND + axis]
-    return found
-
-
-@ti.func
-def bend(count, n, places, gas: ti.template()):
-    """Curvature of the sum of squares along the direction of all edges: into H_DIRECTION; d.H d."""
+def accelerate(count, n, column: ti.template(), weight, places, gas: ti.template()):
+    """Find sqrt(m) a and sqrt(I) alpha of n disks by `weight` times gravity and by forces in columns of the list."""
     for i in range(places, places + n):
-        for axis in ti.static(range(3)):
-            gas.balance[i][DIRECTIONAL + axis] = 0.0
-    add_up(count, DIRECTION_OF, DIRECTIONAL, gas)
-    found = ti.cast(0.0, ti.f64)
-    for c in range(count):
-        gas.edge[c][H_DIRECTION] = gained(c, DIRECTIONAL, gas)
-        found += gas.edge[c][DIRECTION_OF] * gas.edge[c][H_DIRECTION]
-    return found
-
-
-@ti.func
-def anew(count, n, places, gas: ti.template()):
-    """Accelerations by gravity and all forces, and the gradient along each edge."""
-    for i in range(places, places + n):
-        root = 1.0 / ti.sqrt(ti.cast(gas.kinds[kind_of(i, gas)][INVERSE_MASS], ti.f64))
+        root = weight / ti.sqrt(ti.cast(gas.kinds[kind_of(i, gas)][INVERSE_MASS], ti.f64))
         gas.balance[i][0], gas.balance[i][1] = root * gas.scale[GX], root * gas.scale[GY]
         gas.balance[i][2] = 0.0
-    add_up(count, FORCE, 0, gas)
     for c in range(count):
-        gas.edge[c][GRADIENT] = gained(c, 0, gas)
+        i, j = ti.cast(gas.touch[c][FIRST], ti.i32), ti.cast(gas.touch[c][SECOND], ti.i32)
+        nx, ny = gas.touch[c][NORMAL_FIRST], gas.touch[c][NORMAL_SECOND]
+        push, drag = gas.touch[c][column], gas.touch[c][column + 1]
+        p, q = push * gas.touch[c][PUSH], drag * gas.touch[c][DRAG]
+        gas.balance[i][0] = gas.balance[i][0] + p * nx - q * ny
+        gas.balance[i][1] = gas.balance[i][1] + p * ny + q * nx
+        gas.balance[i][2] = gas.balance[i][2] + drag * gas.touch[c][SPIN_UP] + gas.touch[c][column + 2]
+        if j >= 0:
+            p, q = push * gas.touch[c][PUSH + 1], drag * gas.touch[c][DRAG + 1]
+            gas.balance[j][0] = gas.balance[j][0] - p * nx + q * ny
+            gas.balance[j][1] = gas.balance[j][1] - p * ny - q * nx
+            gas.balance[j][2] = (
+                gas.balance[j][2] + drag * gas.touch[c][SPIN_UP + 1] + gas.touch[c][column + 3]
+            )
+
+
+@ti.func
+def gained(c, gas: ti.template()):
+    """Change of the sum of (m a^2 + I alpha^2) / 2 by a unit more of each of the four forces of a contact."""
+    i, j = ti.cast(gas.touch[c][FIRST], ti.i32), ti.cast(gas.touch[c][SECOND], ti.i32)
+    nx, ny = gas.touch[c][NORMAL_FIRST], gas.touch[c][NORMAL_SECOND]
+    ax, ay, turn = gas.balance[i][0], gas.balance[i][1], gas.balance[i][2]
+    push = gas.touch[c][PUSH] * (nx * ax + ny * ay)
+    drag = gas.touch[c][DRAG] * (nx * ay - ny * ax) + gas.touch[c][SPIN_UP] * turn
+    other = ti.cast(0.0, ti.f64)
+    if j >= 0:
+        ax, ay, other = gas.balance[j][0], gas.balance[j][1], gas.balance[j][2]
+        push -= gas.touch[c][PUSH + 1] * (nx * ax + ny * ay)
+        drag -= gas.touch[c][DRAG + 1] * (nx * ay - ny * ax) - gas.touch[c][SPIN_UP + 1] * other
+    return ti.Vector([push, drag, turn, other], ti.f64)
+
+
+@ti.func
+def into_cone(force, c, gas: ti.template()):
+    """The nearest four forces with F >= 0 and |F_q| <= b_q F.
+
+    F is the root of F - F_0 - sum b_q max(|F_q| - b_q F, 0), which grows and bends down: Newton's steps from its left
+    side stay there, and each loses a term at least or is the last one.
+    """
+    push = ti.max(force[0], 0.0)
+    least = force[0]
+    for q in ti.static(range(FORCES - 1)):
+        least += gas.touch[c][BOUND + q] * ti.abs(force[q + 1])
+    found = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)
+    if least > 0.0:
+        for _step in range(FORCES):
+            value, slope = push - force[0], ti.cast(1.0, ti.f64)
+            for q in ti.static(range(FORCES - 1)):
+                bound = gas.touch[c][BOUND + q]
+                over = ti.abs(force[q + 1]) - bound * push
+                if over > 0.0:
+                    value -= bound * over
+                    slope += bound * bound
+            push -= value / slope
+        found[0] = push
+        for q in ti.static(range(FORCES - 1)):
+            most = gas.touch[c][BOUND + q] * push
+            found[q + 1] = ti.max(-most, ti.min(force[q + 1], most))
+    return found
 
 
 @ti.func
 def balanced(count, n, most, places, gas: ti.template()):
-    """Find the forces, not below 0, along all edges that leave the least accelerations; 1 if that was done, else 0.
-
-    MPRGP: conjugate gradients on those above 0, a projected step where one of them would fall below, and steps into
-    those at 0 where that gains more. Z. Dostal and J. Schoeberl, Comput. Optim. Appl. 30, 23 (2005),
-    doi:10.1007/s10589-005-4557-7.
-    """
-    pull = ti.cast(ti.sqrt(gas.scale[GX] ** 2 + gas.scale[GY] ** 2), ti.f64)
-    enough = ti.cast(0.0, ti.f64)
+    """Find the forces in all cones that leave the least accelerations; 1 if that was done in `most` steps, else 0."""
+    lightest = ti.cast(0.0, ti.f64)
     for c in range(count):
-        i = ti.cast(gas.edge[c][FIRST], ti.i32)
-        enough = ti.max(enough, ti.cast(gas.kinds[kind_of(i, gas)][INVERSE_MASS], ti.f64))
-        gas.edge[c][FORCE], gas.edge[c][DIRECTION_OF] = 0.0, 1.0
-    enough = (NEAR_ENOUGH * pull) ** 2 / ti.max(enough, 1.0e-300)
+        i = ti.cast(gas.touch[c][FIRST], ti.i32)
+        lightest = ti.max(lightest, ti.cast(gas.kinds[kind_of(i, gas)][INVERSE_MASS], ti.f64))
+        # Torques against the force along the contact: what turns a disk most.
+        gas.touch[c][TRIED], gas.touch[c][TRIED + 1] = 1.0, -1.0 - 0.1 * ti.cast(c % 3, ti.f64)
+        gas.touch[c][TRIED + 2], gas.touch[c][TRIED + 3] = 1.0, 1.0
+    pull = ti.cast(ti.sqrt(gas.scale[GX] ** 2 + gas.scale[GY] ** 2), ti.f64)
+    enough = (NEAR_ENOUGH * pull) ** 2 / ti.max(lightest, 1.0e-300)
     # The largest curvature, by the power method; a tenth more is above it.
     largest = ti.cast(1.0, ti.f64)
     for _turn in range(20):
-        bend(count, n, places, gas)
+        accelerate(count, n, TRIED, 0.0, places, gas)
         square = ti.cast(0.0, ti.f64)
         for c in range(count):
-            square += gas.edge[c][H_DIRECTION] ** 2
-        largest = ti.sqrt(square)
+            square += gained(c, gas).norm_sqr()
+        largest = ti.sqrt(ti.max(square, 1.0e-300))
         for c in range(count):
-            gas.edge[c][DIRECTION_OF] = gas.edge[c][H_DIRECTION] / largest
-    step = 1.7 / largest
-    anew(count, n, places, gas)
+            change = gained(c, gas) / largest
+            for q in ti.static(range(FORCES)):
+                gas.touch[c][TRIED + q] = change[q]
+    step = 1.0 / (1.1 * largest)
     for c in range(count):
-        gas.edge[c][DIRECTION_OF] = 0.0
-    going, done, turn = 1, 0, 0
+        for q in ti.static(range(FORCES)):
+            gas.touch[c][TRIED + q] = 0.0
+            gas.touch[c][FORCE + q] = 0.0
+    going, done, turn, momentum = 1, 0, 0, ti.cast(1.0, ti.f64)
     while going == 1:
-        free, projected, bound = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
+        accelerate(count, n, TRIED, 1.0, places, gas)
+        changed, upwards = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
         for c in range(count):
-            force, gradient = gas.edge[c][FORCE], gas.edge[c][GRADIENT]
-            if force > 0.0:
-                free += gradient * gradient
-                projected += gradient * ti.min(force / step, gradient)
-            elif gradient < 0.0:
-                bound += gradient * gradient
+            slope = gained(c, gas)
+            force = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)
+            for q in ti.static(range(FORCES)):
+                force[q] = gas.touch[c][TRIED + q] - step * slope[q]
+            force = into_cone(force, c, gas)
+            for q in ti.static(range(FORCES)):
+                gas.touch[c][NEXT_FORCE + q] = force[q]
+                changed += (force[q] - gas.touch[c][TRIED + q]) ** 2
+                upwards += slope[q] * (force[q] - gas.touch[c][FORCE + q])
         turn += 1
-        if free + bound < enough:
+        if changed < enough * step * step:
             going, done = 0, 1
         elif turn > most:
             going = 0
-        elif bound <= projected:
-            curvature = bend(count, n, places, gas)
-            slope, room = ti.cast(0.0, ti.f64), ti.cast(FAR, ti.f64)
-            for c in range(count):
-                direction = gas.edge[c][DIRECTION_OF]
-                slope += gas.edge[c][GRADIENT] * direction
-                if direction > 0.0 and gas.edge[c][FORCE] > 0.0:
-                    room = ti.min(room, gas.edge[c][FORCE] / direction)
-            length = room
-            if curvature > 0.0:
-                length = ti.min(slope / curvature, room)
-            mixed = ti.cast(0.0, ti.f64)
-            for c in range(count):
-                gas.edge[c][FORCE] = ti.max(gas.edge[c][FORCE] - length * gas.edge[c][DIRECTION_OF], 0.0)
-                gas.edge[c][GRADIENT] = gas.edge[c][GRADIENT] - length * gas.edge[c][H_DIRECTION]
-                if gas.edge[c][FORCE] > 0.0:
-                    mixed += gas.edge[c][GRADIENT] * gas.edge[c][H_DIRECTION]
-            if length < room:
-                for c in range(count):
-                    gradient = ti.select(gas.edge[c][FORCE] > 0.0, gas.edge[c][GRADIENT], 0.0)
-                    gas.edge[c][DIRECTION_OF] = gradient - mixed / curvature * gas.edge[c][DIRECTION_OF]
-            else:
-                for c in range(count):
-                    if gas.edge[c][FORCE] > 0.0:
-                        gas.edge[c][FORCE] = ti.max(gas.edge[c][FORCE] - step * gas.edge[c][GRADIENT], 0.0)
-                anew(count, n, places, gas)
-                restart(count, gas)
+        further = ti.cast(0.0, ti.f64)
+        if upwards > 0.0:
+            momentum = 1.0
         else:
-            for c in range(count):
-                at_zero = gas.edge[c][FORCE] == 0.0 and gas.edge[c][GRADIENT] < 0.0
-                gas.edge[c][DIRECTION_OF] = ti.select(at_zero, gas.edge[c][GRADIENT], 0.0)
-            length = bound / bend(count, n, places, gas)
-            for c in range(count):
-                gas.edge[c][FORCE] = gas.edge[c][FORCE] - length * gas.edge[c][DIRECTION_OF]
-                gas.edge[c][GRADIENT] = gas.edge[c][GRADIENT] - length * gas.edge[c][H_DIRECTION]
-            restart(count, gas)
-    anew(count, n, places, gas)
+            later = 0.5 * (1.0 + ti.sqrt(1.0 + 4.0 * momentum * momentum))
+            further = (momentum - 1.0) / later
+            momentum = later
+        for c in range(count):
+            for q in ti.static(range(FORCES)):
+                force = gas.touch[c][NEXT_FORCE + q]
+                gas.touch[c][TRIED + q] = force + further * (force - gas.touch[c][FORCE + q])
+                gas.touch[c][FORCE + q] = force
+    accelerate(count, n, FORCE, 1.0, places, gas)
     return done
-
-
-@ti.func
-def restart(count, gas: ti.template()):
-    """Take the gradient of forces above 0 as the direction."""
-    for c in range(count):
-        gas.edge[c][DIRECTION_OF] = ti.select(gas.edge[c][FORCE] > 0.0, gas.edge[c][GRADIENT], 0.0)
 
 
 @ti.func
@@ -499,11 +486,12 @@ def left_over(i, gas: ti.template()):
 def judge(n, tile, region: ti.template(), gas: ti.template()):
     """Judge at the beginning of a window who may rest: wake those who may not, note who may fall asleep.
 
-    There is nothing to judge where nobody has been woken since the last time, and no slow disk touches anything.
+    There is nothing to judge where nobody has been woken since the last time, no slow disk touches anything and gravity
+    has not turned.
     """
     places = region.lane * gas.grid[PLACES]
     pull = ti.cast(ti.sqrt(gas.scale[GX] ** 2 + gas.scale[GY] ** 2), ti.f64)
-    changed = 0
+    changed = ti.cast(gas.clock[BEGIN] == gas.clock[TURNED], ti.i32)
     for i in range(places, places + n):
         if gas.rest[i][ASLEEP_NOW] == WOKEN:
             gas.rest[i][ASLEEP_NOW] = AWAKE
@@ -521,7 +509,7 @@ def judge(n, tile, region: ti.template(), gas: ti.template()):
                         changed = 1
     count = find_touches(n, region, gas)
     for c in range(count):
-        i, j = ti.cast(gas.edge[c][FIRST], ti.i32), ti.cast(gas.edge[c][SECOND], ti.i32)
+        i, j = ti.cast(gas.touch[c][FIRST], ti.i32), ti.cast(gas.touch[c][SECOND], ti.i32)
         if not sleeps(i, gas):
             changed = 1
         if j >= 0:
@@ -531,7 +519,7 @@ def judge(n, tile, region: ti.template(), gas: ti.template()):
         resting = 0
         for i in range(places, places + n):
             resting += gas.rest[i][MAY_REST]
-        if not balanced(count, n, 2000 + 10 * resting, places, gas):
+        if not balanced(count, n, 4000 + 10 * resting, places, gas):
             gas.counter[UNJUDGED] = gas.counter[UNJUDGED] + 1
         for i in range(places, places + n):
             over = left_over(i, gas)

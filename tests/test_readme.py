@@ -293,11 +293,18 @@ def test_shapes_of_the_case_file_are_walls() -> None:
 
 
 def test_heap_example_rests_and_wakes(capsys: pytest.CaptureFixture[str]) -> None:
-    exec(compile(block("heap"), "heaps.md", "exec"), {})
+    names: dict[str, Any] = {}
+    exec(compile(block("heap"), "heaps.md", "exec"), names)
     asleep, collisions, moves, after = capsys.readouterr().out.split()
     assert (asleep, moves) == ("40", "False")
     assert int(collisions) > 1000
     assert int(after) < 40
+    exec(compile(block("turning"), "heaps.md", "exec"), names)
+    # 30 units of time at -0.02, in steps of 0.005: at the angle 0.6, and one step more or less.
+    assert math.atan2(*names["drum"].gravity) == pytest.approx(
+        math.atan2(-math.sin(0.6), -math.cos(0.6)), abs=0.006
+    )
+    assert 0.0 < names["drum"].energy_input < names["drum"].dissipated_energy
 
 
 def test_walls_of_the_case_file_are_those_of_the_template() -> None:

@@ -24,6 +24,7 @@ from ..model.state import Disks, State
 from ..model.walls import Wall, at_displacements, wall_names
 from ..simulation import checks
 from ..simulation.simulation import Simulation
+from ..simulation.turning import FASTEST_DRUM
 from ..tools import seeds, world
 from . import pair_rules, rules
 from .case import IMPACT_SCAN, Case
@@ -128,6 +129,44 @@ class CaseGas:
             crush.told(each, names, diameter) for each in crush.crushes(walls, self.box, diameter, 0.0, end)
         ]
 
+    def drum(self, case: Case) -> float:
+        """Froude number of the drum in whose frame gravity turns: Omega^2 R / g, R of the widest container.
+
+        Half of the box's longer side where there is none; 0 if gravity does not turn.
+        """
+        radii = [wall.radius for wall in self.walls if wall.shape == "container"]
+        radius = max(radii) if radii else 0.5 * max(self.box.lengths)
+        return case.box.gravity_turns**2 * radius / (math.hypot(*case.box.gravity) or 1.0)
+
+    def cautions(self, case: Case) -> list[str]:
+        """Texts about what gravity that turns leaves out, and about walls upon which nobody rests."""
+        texts, froude = [], self.drum(case)
+        if froude > FASTEST_DRUM:
+            texts.append(
+                f"box.gravity_turns = {case.box.gravity_turns:g}: the Froude number of such a drum, {froude:.3g}, is "
+                f"above {FASTEST_DRUM}: its frame has centrifugal and Coriolis accelerations, too, which are left out"
+            )
+        if case.run.resting_speed is None:
+            return texts
+        for i, wall in enumerate(self.walls):
+            if wall.motion.kind == wall.turn.kind == "still" and not (wall.surface_speed or wall.temperature):
+                continue
+            why = "has a temperature" if wall.temperature else "moves"
+            instead = (
+                ""
+                if wall.temperature
+                else "; "
+                + (
+                    "in the frame of a slow drum gravity turns: let the wall stand, and give box.gravity_turns"
+                    if wall.turn.kind == "steady" or (wall.shape == "container" and wall.surface_speed)
+                    else "in the frame of a steady motion the wall stands: let it, and move all others the other way"
+                    if wall.motion.kind == "steady" or wall.surface_speed
+                    else "a floor that shakes has no frame in which gravity is constant: its disks stay awake"
+                )
+            )
+            texts.append(f'wall[{i}] {why}, and supports nobody with run.collapse = "rest"{instead}')
+        return texts
+
     def start(self, case: Case, progress: Callable[[float], None] = lambda _: None) -> State:
         """The state at time 0, without overlaps; `progress` gets the part of growing that is done.
 
@@ -197,7 +236,8 @@ class CaseGas:
             return {
                 "disks": self.disks, "box": self.box, "law": laws, "state": begin, "arch": run.arch,
                 "threads": run.threads, "precision": run.precision, "walls": walls,
-                "gravity": (case.box.gravity[0], case.box.gravity[1]), "collapse": run.collapse,
+                "gravity": (case.box.gravity[0], case.box.gravity[1]), "gravity_turns": case.box.gravity_turns,
+                "gravity_step": case.box.gravity_step, "collapse": run.collapse,
                 "contact_time": run.contact_time, "velocity_cutoff": run.velocity_cutoff,
                 "resting_speed": run.resting_speed, "forces": forces_of(case), "seed": run.seed,
                 "ledger": output.ledger, "partners": "last_partner" in output.fields,

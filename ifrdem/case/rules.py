@@ -210,6 +210,11 @@ def wrong_output(case: Case, n: int, box: Box) -> Iterator[Complaint]:
     if output.tracks and box.shear_rate:
         text = "not supported in a sheared box: leave histories out, or shear between walls that move"
         yield Complaint("output.histories", None, text)
+    if output.tracks and case.box.gravity_turns:
+        text = (
+            f"not where gravity turns (box.gravity_turns = {case.box.gravity_turns:g}): leave histories out"
+        )
+        yield Complaint("output.histories", None, text)
 
 
 def wrong_room(

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ..model.box import Box
+from ..simulation.turning import MOST_STEP, USUAL_STEP
 from .section import Keys, Section, key
 from .walls_section import Pair
 
@@ -89,12 +90,17 @@ class BoxSection(Section):
     another one with a [[pair]] for each material of the disks."""
     gravity: Pair = key([0.0, -9.81], [0.0, 0.0])
     """Acceleration [gx, gy] of all disks [m/s^2]; only along directions that are not periodic."""
+    gravity_turns: float = key(0.02, 0.0)
+    """Rate at which gravity turns [rad/s], positive counter-clockwise, as in the frame of a slow drum that turns the
+    other way; it begins with gravity, and no side may be periodic."""
+    gravity_step: float = key(USUAL_STEP, USUAL_STEP, gt=0.0, le=MOST_STEP)
+    """Angle of the steps in which gravity turns [rad]."""
 
     @classmethod
     def mistakes(cls, data: dict[str, Any]) -> list[str]:
         """Also whether sides that are walls have a material, and gravity has a floor. An open box needs no size."""
         if data.get("open") is True:
-            walled = ("periodic", "material", "gravity", "shear_rate")
+            walled = ("periodic", "material", "gravity", "gravity_turns", "shear_rate")
             wrong = [f"{key}: not in an open box" for key in walled if key in data]
             if {"packing_fraction", "lengths"} & set(data):
                 return wrong + super().mistakes(data)
@@ -112,6 +118,16 @@ class BoxSection(Section):
                 f"shear_rate = {data['shear_rate']}: the box must be periodic along x and y; shear between walls by "
                 "walls that move or have a surface_speed"
             )
+        if turns := data.get("gravity_turns"):
+            if not isinstance(gravity, list) or not any(gravity):
+                wrong.append(f"gravity_turns = {turns}: there is no gravity to turn; gravity is missing")
+            if any(periodic):
+                wrong.append(
+                    f"gravity_turns = {turns}: disks would fall for ever where a side is periodic; periodic = [false, "
+                    "false] is needed"
+                )
+        elif "gravity_step" in data:
+            wrong.append("gravity_step: only where gravity_turns")
         if isinstance(gravity, list) and len(gravity) == 2:
             wrong += [
                 f"gravity = {gravity}: disks would fall for ever along {axis}, which is periodic; periodic = "

@@ -264,6 +264,11 @@ def _walls(case: Case, gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, s
         x, y = case.box.gravity
         lifted = f"{mass * g * diameter:.4g}{energy} lift the mean disk by its diameter"
         lines.append(("gravity", f"({x:g}, {y:g}){speed}{'^2' if speed else ''}: {lifted}"))
+    if case.box.gravity_turns:
+        rate = f"{case.box.gravity_turns:g}{f' rad/{time.strip()}' if time else ''}"
+        froude = gas.drum(case)
+        text = f"turns at {rate} in steps of {case.box.gravity_step:g} rad; Froude number of such a drum {froude:.3g}"
+        lines.append(("", text))
     if gas.room.all_walls:
         area = f"{gas.room.area():.5g}{f'{length}^2' if length else ''}"
         part = gas.room.area() / gas.box.area

@@ -28,7 +28,7 @@ def check(case: Case, /, *, set: Set = None) -> None:
     estimate = RunEstimate.of(gas, file.case)
     summary.refuse_cadences(file.case, gas, estimate)
     say(summary.report(file.case, gas, estimate))
-    for text in gas.crushes(file.case):
+    for text in (*gas.crushes(file.case), *gas.cautions(file.case)):
         warn(text)
     try:
         summary.refuse_beyond_disk(estimate.file_bytes, Path())

@@ -98,7 +98,7 @@ def run(
         check.refuse_cadences(case, gas, estimate)
         check.refuse_beyond_disk(estimate.file_bytes, outputs.trajectory.parent)
         say(check.summary(case, gas, estimate, how(case, cores, comm)))
-        for text in (*gas.warnings, *gas.crushes(case)):
+        for text in (*gas.warnings, *gas.crushes(case), *gas.cautions(case)):
             warn(text)
         state = gas.start(case, Stage("growth"))
         return [gas, state, gas.tracked(case, state)]
@@ -343,7 +343,9 @@ def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str]
     if job.file.case.run.resting_speed is not None:
         say(f"  {job.simulation.asleep} of {job.simulation.disks.n} disks sleep")
         if unjudged := job.simulation.statistics.unjudged:
-            say(f"  in {unjudged} windows the forces in the heap were not found: who rests there is in doubt")
+            part = 100.0 * unjudged / job.simulation.statistics.windows
+            told = f"  in {unjudged} windows, {part:.2g} % of all, the forces in the heap were not found"
+            say(f"{told}: who rests there is in doubt")
         if jammed := job.simulation.statistics.jammed:
             say(f"  {jammed} disks jammed between others fell asleep at speed")
     rows, frames = job.writer.series_rows, len(job.writer)
@@ -450,6 +452,7 @@ def _record(file: CaseFile, gas: CaseGas, device: str, comm: Any = None) -> dict
         "laws": json.dumps(laws),
         "forces": json.dumps([each.model_dump(exclude_none=True) for each in case.force]),
         "gravity": json.dumps(case.box.gravity),
+        **({"gravity_turns": case.box.gravity_turns} if case.box.gravity_turns else {}),
         "collapse": case.run.collapse,
         "device": device,
         "threads": case.run.threads or backend.cores(),

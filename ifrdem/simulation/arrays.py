@@ -307,8 +307,8 @@ class DeviceArrays:
         self._replace("mark", self._vectors(6, ti.i32, rows))
         self._replace("begun", self._vectors(2, self._type, rows))
         self._replace("rest", self._vectors(3, ti.i32, rows if uses.rests else 1))
-        self._replace("balance", self._vectors(6, ti.f64, rows if uses.rests else 1))
-        self._replace("edge", self._vectors(12, ti.f64, k.EDGES_OF_DISK * rows if uses.rests else 1))
+        self._replace("balance", self._vectors(3, ti.f64, rows if uses.rests else 1))
+        self._replace("touch", self._vectors(25, ti.f64, k.TOUCHES_OF_DISK * rows if uses.rests else 1))
         self._replace("chosen", self._vectors(4, ti.i32, rows))
         self._replace("since", self._array(self._type, rows if uses.remembers else 1))
         self._replace("turn", self._array(ti.f64, rows if uses.turned else 1))
@@ -700,9 +700,15 @@ class DeviceArrays:
         self.law.from_numpy(law_table.astype(self.real))
         self.uses = self.uses._replace(collision_law=collision_law)
 
-    def set_gravity(self, gravity: tuple[float, float], resting_speed: float) -> None:
-        """Let disks fall otherwise from here on; all must have settled. Windows are as long as who rests may fall."""
+    def set_gravity(
+        self, gravity: tuple[float, float], resting_speed: float, turned_at: float = -math.inf
+    ) -> None:
+        """Let disks fall otherwise from here on; all must have settled. Windows are as long as who rests may fall.
+
+        Who sleeps is judged anew where gravity `turned_at` [time] that the window begins.
+        """
         self.scale[k.GX : k.GX + 2] = gravity
+        self.clock[k.TURNED] = turned_at
         self.clock[k.LONGEST] = np.inf
         if resting_speed:
             pull = math.hypot(*gravity)

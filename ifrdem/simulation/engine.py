@@ -63,6 +63,7 @@ from ..tools import checked, seeds, world
 from . import checks, device
 from .interrupts import Deferred
 from .tracking import Statistics
+from .turning import USUAL_STEP, TurningGravity, check_turning
 from .unbounded import nobody_meets
 
 if TYPE_CHECKING:
@@ -100,6 +101,8 @@ class EngineOptions:
         it: with the same, a CPU and a GPU give the same (`exactness`).
     gravity : two floats
         Acceleration of all disks [length/time^2]; only in directions that are not periodic.
+    gravity_turns, gravity_step : float
+        Rate at which gravity turns [rad/time], counter-clockwise, and the angle of its steps [rad] (`turning.py`).
     velocity_cutoff : float
         Collisions whose normal speed of approach is below this [length/time] are elastic, and without friction.
     contact_time : float
@@ -120,6 +123,8 @@ class EngineOptions:
     tile_disks: int | None = None
     window_collisions: float | None = None
     gravity: tuple[float, float] = (0.0, 0.0)
+    gravity_turns: float = 0.0
+    gravity_step: float = USUAL_STEP
     velocity_cutoff: float = 0.0
     contact_time: float = 0.0
     resting_speed: float = 0.0
@@ -132,6 +137,8 @@ class EngineOptions:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "gravity", checked.finite_pair("gravity", self.gravity))
+        for name in ("gravity_turns", "gravity_step"):
+            object.__setattr__(self, name, checked.real(name, getattr(self, name)))
         object.__setattr__(self, "seed", seeds.of_device(self.seed))
         if self.order not in (None, *ORDERS):
             raise InputError(f"order = {self.order!r}: allowed are {', '.join(ORDERS)}")
@@ -216,7 +223,10 @@ class Engine:
         self.comm: Any = comm if comm is not None and comm.size > 1 else None
         self.box: Box = box
         self._law_table, self._law = np.ascontiguousarray(law_table, dtype=np.float64), law
-        self.gravity: tuple[float, float] = given.gravity
+        check_turning(
+            given.gravity, box.periodic, given.gravity_turns, given.gravity_step, tracking is not None,
+            comm.size if comm else 1,
+        )  # fmt: skip
         self.precision: str = given.precision
         self.walls: tuple[Wall, ...] = (*walls, *sides(box))
         self.given_walls: int = len(walls)
@@ -253,6 +263,10 @@ class Engine:
             given.order,
             comm.size if comm else 1,
         )
+        if given.gravity_turns and any(wall.piston is not None for wall in walls):
+            raise InputError(f"gravity_turns = {given.gravity_turns:g}: not with a piston; let gravity stay")
+        self.turning = TurningGravity(given.gravity, given.gravity_turns, given.gravity_step, time)
+        self.gravity: tuple[float, float] = self.turning.gravity
         self.statistics: Statistics = Statistics()
         self.keep_collisions = False
         self.last_collisions: CollisionTimes | None = None
@@ -311,6 +325,7 @@ class Engine:
             self.arrays: DeviceArrays = RankArrays(self.comm, disks, box, self._law_table, given, rows, uses)
         else:
             self.arrays = DeviceArrays(disks, box, self._law_table, given, rows, uses)
+        self.put_gravity()
         self._released = False
         device.register(self)
         if tracking is not None:
@@ -412,9 +427,9 @@ class Engine:
 
     @property
     def next_kick(self) -> float:
-        """Time of the next event that is no collision [time]: a force acts, a gate opens, a wall starts or
-        stops."""
-        kick, now = self.force_steps.next_time, self.time
+        """Time of the next event that is no collision [time]: a force acts, gravity turns, a gate opens, a wall
+        starts or stops."""
+        kick, now = min(self.force_steps.next_time, self.turning.next_time), self.time
         if self.arrays.uses.timed:
             times = [time for wall in self.walls for time in wall.moving_times]
             times += [wall.opens_at for wall in self.walls if wall.opens_at is not None]
@@ -549,6 +564,11 @@ class Engine:
         InputError
             If it is not two finite numbers, or acts along a periodic direction.
         """
+        if self.options.gravity_turns:
+            raise InputError(
+                f"gravity = {gravity}: it turns (gravity_turns = {self.options.gravity_turns:g}), and cannot be set; "
+                "begin a new simulation from this state"
+            )
         gravity = checked.finite_pair("gravity", gravity)
         checks.check_between_collisions(self.disks, self.box, gravity, self.force_steps.forces)
         if self.options.resting_speed:
@@ -581,6 +601,23 @@ class Engine:
             self.arrays.change_wall(number, changed)
             self.set_gates(self.open_gates)
             self._begin_anew()
+
+    def put_gravity(self) -> None:
+        """Let disks fall as gravity has turned; all must have settled."""
+        self.gravity = self.turning.gravity
+        self.arrays.set_gravity(self.gravity, self.options.resting_speed, self.turning.turned_at)
+
+    def _turn_gravity(self) -> None:
+        """Turn gravity, if it is time. Nobody is woken: the next window begins with a judgement of who still rests."""
+        from ..kernels.readout import FALL
+
+        if self.time < self.turning.next_time:
+            return
+        self._end_window()
+        before = self._totals()[FALL]
+        self.turning.next_step += 1
+        self.put_gravity()
+        self.turning.work += float(before - self._totals()[FALL])
 
     def set_velocities(self, state: State) -> None:
         """Go on with the velocities and spins of another state, from the present places.
@@ -666,6 +703,7 @@ class Engine:
             else:
                 self._run(t_end, collisions, kick, pause_at, pause_after, ahead)
             self._apply_forces()
+            self._turn_gravity()
             self._open_gates()
 
     def _next_gate(self) -> int | None:
@@ -690,7 +728,8 @@ class Engine:
         self.windows.go_on(self.next_kick)
         walls_move = self.arrays.clock[WALL_SPEED] > 0.0 or self.arrays.uses.pistons
         all_sleep = self.options.resting_speed and not self.windows.inside and self.asleep == self.n
-        if all_sleep and self.statistics.windows > 0:  # in the first it is judged whether they may
+        judged = self.statistics.windows > 0 and self.time != self.turning.turned_at
+        if all_sleep and judged:  # else it is judged first whether they may
             return not walls_move
         forced = any(self.gravity) or walls_move or self.box.shear_rate
         return not forced and not self.windows.inside and self.windows.fastest == 0.0
@@ -738,6 +777,7 @@ class Engine:
         self.statistics.elastic = windows.elastic
         if windows.sums[COLLISIONS] > before:  # of several ranks, all ask here: one may later, alone
             self._collided_at = self.time
+            self._resting = 0
         elif not math.isfinite(t_end):
             # Disks of a lattice that all begin to move at once may take a disk's own free time to meet.
             patience = max(PATIENCE, self.n * PATIENCE // 10)
@@ -832,7 +872,8 @@ class Engine:
         next_motion = math.inf if resting else kick
         stop = min(t_end, next_motion)
         self._resting += 1
-        if not math.isfinite(ends) and (not math.isfinite(next_motion) or self._resting > PATIENCE):
+        patience = max(PATIENCE, self.turning.steps_per_turn)  # after a whole turn all is as it was
+        if not math.isfinite(ends) and (not math.isfinite(next_motion) or self._resting > patience):
             apart = "the disks have flown apart, and none" if self._parted and moving else "no disk"
             raise NoMoreCollisions(
                 f"t = {self.time:.6g}: {apart} can meet another one any more, but collisions are asked for"

@@ -22,9 +22,7 @@ from ..kernels.forces import kernels_of
 from ..model.forces import Force
 from ..model.state import Disks
 from .arrays import DeviceArrays
-
-# Times that differ by rounding only are one time: (1 + 1/2) * 0.1 and (0 + 1/2) * 0.3.
-SAME_TIME = 8.0 * float(np.finfo(np.float64).eps)
+from .schedule import first_after, reached, time_of
 
 _kernels = functools.cache(kernels_of)  # compiled once for all objects of a class
 
@@ -76,7 +74,7 @@ class ForceSteps:
         self.arrays = arrays
         self._seed = seed
         self._steps = [force.step for force in self.forces]
-        self.next_steps: list[int] = [_first_after(time, step) for step in self._steps]
+        self.next_steps: list[int] = [first_after(time, step) for step in self._steps]
         self.energy_inputs: NDArray[np.float64] = np.zeros(len(self.forces))
         self._most = max(2, *(force.totals for force in self.forces)) if self.forces else 2
 
@@ -84,7 +82,7 @@ class ForceSteps:
     def next_time(self) -> float:
         """Time at which the next force acts [time]; infinite without forces."""
         return min(
-            (_time(k, step) for k, step in zip(self.next_steps, self._steps, strict=True)), default=math.inf
+            (time_of(k, step) for k, step in zip(self.next_steps, self._steps, strict=True)), default=math.inf
         )
 
     @property
@@ -96,14 +94,14 @@ class ForceSteps:
         """Leave out what the forces would do until `time` [time]: nothing."""
         if math.isfinite(time):
             self.next_steps = [
-                max(k, _first_after(time, step)) for k, step in zip(self.next_steps, self._steps, strict=True)
+                max(k, first_after(time, step)) for k, step in zip(self.next_steps, self._steps, strict=True)
             ]
 
     def due(self, now: float) -> list[int]:
         """Indices of the forces that act at `now` [time], in the order in which they do."""
         if now < self.next_time:  # by rounding too: that somebody looks just before changes nothing
             return []
-        found = [i for i, step in enumerate(self._steps) if _reached(_time(self.next_steps[i], step), now)]
+        found = [i for i, step in enumerate(self._steps) if reached(time_of(self.next_steps[i], step), now)]
         return found[::-1] if found and self.next_steps[found[0]] % 2 else found
 
     def apply(self, index: int, now: float) -> float:
@@ -120,7 +118,7 @@ class ForceSteps:
         kind: Any = type(force)  # mypy does not take a class for hashable
         sum_totals, apply_force = _kernels(kind, len(force.parameters))
         given: dict[str, Any] = {
-            "when": np.array([_time(k, step), step]),
+            "when": np.array([time_of(k, step), step]),
             "counter_words": _words(k, index, self._seed),
             "parameters": parameters,
             "block_sums": np.zeros((self.arrays.tiles, self._most)),
@@ -137,23 +135,6 @@ class ForceSteps:
             )
         self.energy_inputs[index] += gained[0]
         return float(gained[1])
-
-
-def _time(k: int, step: float) -> float:
-    """Time at which a force acts for the k-th time: a product, because a sum of steps would gather rounding errors."""
-    return (k + 0.5) * step
-
-
-def _reached(time: float, now: float) -> bool:
-    return time <= now + SAME_TIME * abs(now)
-
-
-def _first_after(now: float, step: float) -> int:
-    """Number of the first step whose middle comes after `now`."""
-    k = math.floor(now / step - 0.5) - 1  # rounding may have put it one too late
-    while _reached(_time(k, step), now):
-        k += 1
-    return k
 
 
 def _words(k: int, index: int, seed: int) -> NDArray[np.uint32]:

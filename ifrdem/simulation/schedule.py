@@ -1,8 +1,12 @@
-"""Times at which a run writes something: evenly, at intervals of time or of collisions, or ever more rarely."""
+"""Times at which a run writes something: evenly, at intervals of time or of collisions, or ever more rarely.
+
+And those of the steps of forces and of gravity that turns.
+"""
 
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from fractions import Fraction
@@ -303,3 +307,25 @@ class Schedule:
             if holds(self.due(k + step)):
                 k += step
         return k + 1
+
+
+# Times that differ by rounding only are one time: (1 + 1/2) * 0.1 and (0 + 1/2) * 0.3.
+SAME_TIME = 8.0 * sys.float_info.epsilon
+
+
+def time_of(k: int, step: float) -> float:
+    """Time of step k = 0, 1, ... [time]: a product, because a sum of steps would gather rounding errors."""
+    return (k + 0.5) * step
+
+
+def reached(time: float, now: float) -> bool:
+    """True if a time has come, but for rounding."""
+    return time <= now + SAME_TIME * abs(now)
+
+
+def first_after(now: float, step: float) -> int:
+    """Number of the first step whose middle comes after `now`."""
+    k = math.floor(now / step - 0.5) - 1  # rounding may have put it one too late
+    while reached(time_of(k, step), now):
+        k += 1
+    return k

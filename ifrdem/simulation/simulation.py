@@ -35,6 +35,7 @@ from . import device as backend
 from .engine import CollisionTimes, Engine
 from .schedule import MOST, Cadence, Course, Observer, Progress, Sampler, Span, earlier, refuse_endless
 from .tracking import Events, Tracking, checked_ids
+from .turning import USUAL_STEP
 
 if TYPE_CHECKING:
     from ..model.forces import Force
@@ -94,6 +95,11 @@ class Simulation(Sealed, PicturedDisks):
         first.
     gravity : two floats
         Acceleration of all disks [length/time^2]; only in directions that are not periodic.
+    gravity_turns : float
+        Rate at which gravity turns [rad/time], counter-clockwise, as in the frame of a slow drum that turns clockwise
+        (`ifrdem docs heaps`): between walls only, and `gravity` is that at time 0.
+    gravity_step : float
+        Angle of its steps [rad], up to 0.1: between two of them gravity is constant, and collisions are exact.
     collapse : {"none", "tc", "velocity_cutoff", "rest"}
         What is done about inelastic collapse (`ifrdem.model.collapse.Collapse`): nothing, or some collisions are
         elastic and without friction, which `statistics.elastic` counts, those with walls included; or disks may rest.
@@ -173,6 +179,8 @@ class Simulation(Sealed, PicturedDisks):
         window_collisions: float | None = None,
         walls: Sequence[Wall] = (),
         gravity: tuple[float, float] = (0.0, 0.0),
+        gravity_turns: float = 0.0,
+        gravity_step: float = USUAL_STEP,
         collapse: str = "none",
         contact_time: float | None = None,
         velocity_cutoff: float | None = None,
@@ -222,6 +230,7 @@ class Simulation(Sealed, PicturedDisks):
             self._engine = Engine(
                 here, box, begin, table, arch=arch, threads=threads, precision=precision,
                 window_collisions=window_collisions, walls=walls, gravity=gravity,
+                gravity_turns=gravity_turns, gravity_step=gravity_step,
                 velocity_cutoff=remedy.velocity_cutoff or 0.0, contact_time=remedy.contact_time or 0.0,
                 resting_speed=remedy.resting_speed or 0.0, forces=forces, seed=seed,
                 law=law_class, ledger=ledger, partners=partners, angles=angles, itemised=dissipated,
@@ -253,7 +262,7 @@ class Simulation(Sealed, PicturedDisks):
 
     @property
     def gravity(self) -> tuple[float, float]:
-        """Acceleration of all disks [length/time^2]."""
+        """Present acceleration of all disks [length/time^2]."""
         return self._engine.gravity
 
     @property
@@ -307,7 +316,8 @@ class Simulation(Sealed, PicturedDisks):
         Raises
         ------
         InputError
-            If it is not two finite numbers, or acts along a periodic direction; the gas is as it was then.
+            If it is not two finite numbers, acts along a periodic direction, or gravity turns; the gas is as it was
+            then.
         """
         before = self.measure()
         self._engine.set_gravity(gravity)
@@ -485,10 +495,11 @@ class Simulation(Sealed, PicturedDisks):
     def energy_input(self) -> float:
         """Energy that all forces, and the flow of a sheared box, have put in since this simulation was made [energy].
 
-        Less what they took out; of the flow, up to the latest `state`. `set_velocities`, `set_gravity` and forces that
-        act no more count too.
+        Less what they took out; of the flow, up to the latest `state`. `set_velocities`, `set_gravity`, forces that
+        act no more and the change of potential energy where gravity turns count too.
         """
-        return math.fsum((*self._engine.force_steps.energy_inputs, self.shear_work, self._given))
+        done = self._engine.force_steps.energy_inputs
+        return math.fsum((*done, self.shear_work, self._engine.turning.work, self._given))
 
     @property
     def dissipated_energy(self) -> float:

@@ -30,18 +30,21 @@ def fingerprint(engine: Engine) -> str:
     """A hash of what must be the same for a snapshot to fit: disks, box, laws, walls, forces, seed, precision."""
     engine.check_whole()
     a, disks, box, options = engine.arrays, engine.disks, engine.box, engine.options
+    gravity = options.gravity if options.gravity_turns else engine.gravity
     digest = hashlib.sha256()
     walls = a.wall_rows.copy()
     walls[a.pistons[:, None], [NOW_0, SPEED_0]] = 0.0  # where a piston starts, as where disks do
     parts: list[Any] = [
         disks.mass, disks.radius, disks.k, disks.material, np.array(box.lengths), np.array(box.periodic),
         np.array([
-            box.shear_rate, *engine.gravity, options.velocity_cutoff, options.contact_time, options.resting_speed,
+            box.shear_rate, *gravity, options.velocity_cutoff, options.contact_time, options.resting_speed,
         ]), a.law.to_numpy(),
         walls, repr([(wall.opens_at, wall.opens_after) for wall in engine.walls]),
         options.precision, options.arch, options.seed, options.wall_sums,
         options.ledger, options.partners, options.angles, options.itemised, a.uses.collision_law.impulses.__qualname__,
     ]  # fmt: skip
+    if options.gravity_turns:
+        parts.append((options.gravity_turns, options.gravity_step))
     for force in engine.force_steps.forces:
         parts += [type(force).__name__, np.array(force.parameters), force.step]
     for part in parts:
@@ -71,6 +74,7 @@ def take(engine: Engine) -> Snapshot:
         )
         found["statistics"] = np.array(list(asdict(engine.statistics).values()), dtype=np.int64)
         found["next_steps"] = np.array(steps.next_steps, dtype=np.int64)
+        found["turning"] = np.array([engine.turning.next_step, engine.turning.work])
         found["energy_inputs"] = steps.energy_inputs.copy()
         for name, value in engine.past.items():
             found[f"before_{name}"] = np.asarray(value)
@@ -119,6 +123,10 @@ def _put_back(engine: Engine, found: Snapshot) -> None:
     _time, engine._collided_at, engine._flow_excess = found["clock"].tolist()
     *before, engine._resting, parted, engine._until_looked = found["counts"].tolist()
     engine._before, engine._slept, engine._parted = before[:2], before[2], bool(parted)
+    if engine.options.gravity_turns:
+        step, engine.turning.work = found["turning"].tolist()
+        engine.turning.next_step = int(step)
+        engine.put_gravity()
     windows.protrudes = float(found["protrudes"].max())
     engine.set_gates(found["gates"])
     windows.put_back(found, k.TRACKED if engine.tracking is not None else 0)

@@ -362,7 +362,11 @@ class Windows:
         if self._times is not None and self._times[0] == self.begin:
             times = [self._nth(self._times[1], int(count)) for count in wanted if count >= 1]
             found += [known(time) for time in times if begin - self.begin < time < length]
-        elif self._before is not None and self._before[0] > 0 and not (a.on_gpu or a.uses.rests or a.uses.pistons):
+        elif (
+            self._before is not None
+            and self._before[0] > 0
+            and not (a.on_gpu or a.uses.rests or a.uses.pistons)
+        ):
             collisions, lasted, speed = self._before
             now = float(a.clock[k.SPEED])
             growth = math.log(now / speed) / lasted

@@ -369,6 +369,52 @@ def test_check_refuses_rest_where_the_run_would() -> None:
         CaseGas.from_case(Case.model_validate(changed("run.collapse=rest", "run.resting_speed=0.25")))
 
 
+def test_gravity_that_turns_reaches_the_engine_and_check_says_how_fast(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given: dict[str, object] = {}
+    monkeypatch.setattr(gas_module, "Simulation", lambda *args, **options: given.update(options))
+    overrides = ["box.gravity_turns=-0.05", "box.gravity_step=0.01"]
+    case = Case.model_validate(changed(*overrides))
+    CaseGas.from_case(case).simulation(case)
+    assert (given["gravity_turns"], given["gravity_step"]) == (-0.05, 0.01)
+    (tmp_path / "case.toml").write_text(SHAKEN)
+    words = [word for each in overrides for word in ("--set", each)]
+    assert main(["check", str(tmp_path / "case.toml"), *words]) == 0
+    said = capsys.readouterr()
+    # Omega^2 R / g with R = 24 / 2, half of the longer side.
+    assert re.search(r"turns at -0\.05 in steps of 0\.01 rad; Froude number of such a drum 0\.03", said.out)
+    assert "the Froude number of such a drum, 0.03, is above 0.01" in said.err
+
+
+@pytest.mark.parametrize(
+    ("override", "told"),
+    [
+        (["box.gravity_turns=0.1", "box.gravity=[0.0, 0.0]"], "there is no gravity to turn"),
+        (["box.gravity_turns=0.1", "box.periodic=[true, false]"], "for ever where a side is periodic"),
+        (["box.gravity_step=0.01"], "gravity_step: only where gravity_turns"),
+        (["box.gravity_turns=0.1", "box.gravity_step=0.2"], "gravity_step"),
+        (["box.gravity_turns=0.1", "output.histories=[0]"], "not where gravity turns"),
+    ],
+)
+def test_gravity_that_cannot_turn_is_refused(
+    override: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "case.toml").write_text(SHAKEN)
+    words = [word for each in override for word in ("--set", each)]
+    assert main(["check", str(tmp_path / "case.toml"), *words]) == 2
+    assert told in capsys.readouterr().err
+
+
+def test_check_names_walls_upon_which_nobody_rests(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "case.toml").write_text(SHAKEN)
+    words = ["--set", "run.collapse=rest", "--set", "run.resting_speed=0.05"]
+    assert main(["check", str(tmp_path / "case.toml"), *words]) == 0
+    assert "moves, and supports nobody" in capsys.readouterr().err
+
+
 def test_check_says_what_walls_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "shaken.toml"
     path.write_text(SHAKEN)
