@@ -227,24 +227,10 @@ def bench(
     comm: Any = None,
     **timing: Any,
 ) -> Benchmark:
-    """Time a case file, or the elastic gas of n disks at packing fraction phi.
+    """Time (`measure`) a case file or a shipped case, or else the elastic gas of n disks at packing fraction phi.
 
-    Parameters
-    ----------
-    case : str, optional
-        A case file or a shipped case, with `overrides` of its keys; device, threads, precision and seed are its own. It
-        is timed after so many collisions per disk.
-    n, phi, arch, threads, precision, seed
-        The elastic gas: see `elastic_gas`.
-    comm : mpi4py.MPI.Comm, optional
-        Ranks of MPI that share the gas.
-    **timing
-        See `measure`.
-
-    Raises
-    ------
-    InputError
-        As `measure`, and if the case file is wrong.
+    A case, with `overrides` of its keys, has its own device, threads, precision and seed; it is timed after so many
+    collisions per disk. InputError as `measure`, and if the case file is wrong.
     """
     if case is not None:
         file = case_file.read(shipped.find(case), list(overrides))
