@@ -81,6 +81,8 @@ def test_example_in_the_docstring_prints_what_it_says(
     test = examples(public().get(name, ifrdem), name)
     for file in re.findall(r'"(\w+\.h5)"', test.docstring or "") if ".plots." in name else ():
         write_gas(tmp_path / file)
+    if '"data.csv"' in (test.docstring or ""):
+        (tmp_path / "data.csv").write_text(fit.example())
     assert test.examples, f"{name} has no example"
     if any("import pybullet" in example.source for example in test.examples):
         pytest.importorskip("pybullet", reason="the extra `bullet`, of Python 3.11 and older")

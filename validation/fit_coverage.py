@@ -8,10 +8,9 @@ one descent instead of many.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from scipy.special import chdtri
@@ -22,6 +21,7 @@ from ifrdem.fit.likelihood import Likelihood
 from ifrdem.fit.maximum import TRANSIT, Search, covariance_of
 from ifrdem.fit.model import AngleProblem, Pair, Problem
 from ifrdem.validation.paper.equations import TABLE_II
+from ifrdem.validation.speed.bench import script
 
 TRUTH = {
     "ifr-percussion": [0.87, -0.88, 0.21],
@@ -141,23 +141,19 @@ def coins(seed: int, n: int = 20, error: float = 1.0) -> Iterator[str]:
         yield f"  {row.disks:<24} {' | '.join(each)} | chi2 {loss:.1f} for {2 * n - 3}"
 
 
-def main() -> None:
-    """Print the tables that the command line names."""
-    parser = argparse.ArgumentParser(prog="python -m ifrdem.validation.fit_coverage")
-    parser.add_argument("table", choices=("coverage", "selection", "coins"))
-    parser.add_argument("kind", nargs="?", choices=tuple(KINDS), default="angles")
-    parser.add_argument("--sets", type=int, default=1000)
-    parser.add_argument("--seed", type=int, default=1)
-    given = parser.parse_args()
-    lines = {
-        "selection": selection(given.sets, given.seed),
-        "coverage": coverage(given.kind, given.sets, given.seed),
-        "coins": coins(given.seed),
-    }[given.table]
-    for line in lines:
-        print(line)
-        sys.stdout.flush()
+def main(
+    table: Literal["coverage", "selection", "coins"], kind: Literal["angles", "collisions"] = "angles", /, *,
+    sets: int = 1000, seed: int = 1,
+) -> None:  # fmt: skip
+    """Print a table."""
+    tables = {
+        "selection": selection(sets, seed),
+        "coverage": coverage(kind, sets, seed),
+        "coins": coins(seed),
+    }
+    for line in tables[table]:
+        print(line, flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(script(main))

@@ -9,9 +9,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import InputError, nearest
+from ..errors import InputError
 from ..model.box import Box
-from ..tools.checked import Array
+from ..tools.checked import Array, one_of
 from ..tools.pictured import PicturedResult
 from ..tools.reprs import Brief
 from .common import as_box
@@ -136,9 +136,7 @@ def _lags(times: ArrayLike, name: str, values: Any, origins: str, most: int) -> 
         other = f", {name} are an array of shape {values.shape}" if isinstance(values, np.ndarray) else ""
         needed = f"first times of shape (frames,), then {name} of shape (frames, n, d) are needed"
         raise InputError(f"times are {of}{other}: {needed}")
-    if origins not in ORIGINS:
-        allowed = f"{', '.join(ORIGINS)}{nearest(origins, ORIGINS)}"
-        raise InputError(f"origins = {origins!r}: must be one of {allowed}")
+    one_of("origins", origins, ORIGINS)
     if len(t) < 2:
         raise InputError(f"times hold {len(t)}: 2 frames or more are needed")
     if not np.all(np.diff(t) > 0.0):

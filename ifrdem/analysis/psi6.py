@@ -8,9 +8,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError, nearest
+from ..errors import InputError
 from ..model.box import Box
-from ..tools.checked import Array
+from ..tools.checked import Array, one_of
 from ..tools.pictured import PicturedResult
 from ..tools.reprs import Brief
 from . import common as libraries
@@ -62,10 +62,7 @@ def hexatic(
     >>> round(analysis.hexatic(position, (10.0, 10.0 * 3**0.5 / 2)).local, 6)
     1.0
     """
-    if neighbours not in NEIGHBOURS:
-        raise InputError(
-            f"neighbours = {neighbours!r}: must be one of {', '.join(NEIGHBOURS)}{nearest(neighbours, NEIGHBOURS)}"
-        )
+    one_of("neighbours", neighbours, NEIGHBOURS)
     box = as_box(box)
     (x,) = each(position)
     if len(x) < 7:

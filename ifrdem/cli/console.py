@@ -116,7 +116,7 @@ class Help:
         column = min(max(len(label) for label, _ in rows), 30) + 4
         print(f"{_plain(panel.title)}:")
         for label, entry in rows:
-            text = _plain(entry.description) + (" [needed]" if entry.required else "")
+            text = " ".join(_plain(entry.description).split()) + (" [needed]" if entry.required else "")
             lines = textwrap.wrap(text, _width(console) - column) or [""]
             if len(label) + 4 > column:
                 print(f"  {label}")

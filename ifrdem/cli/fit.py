@@ -5,17 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from cyclopts import Group, Parameter
 
 from ..errors import InputError, there_are
 from .console import FAILED, complain, note, say
-from .options import Force, Wrong, flag, number, option, whole
-
-if TYPE_CHECKING:
-    from ..fit.result import Fit
+from .options import Force, Wrong, flag, number, whole
 
 FORMAT = """\
 DATA is a CSV file: a line with the names of the columns, then a line an impact. Lines that begin with # are comments.
@@ -55,10 +53,101 @@ brackets, as in psi (rad) or vx_1 [cm/s]. For instance:
 """
 
 DISKS = Group("The disks; --M or --pair for angles, --disk-1 and --disk-2 for collisions", sort_key=1)
-TABLE = Group("The table", sort_key=2)
-HOW = Group("The fit", sort_key=3)
-FILES = Group("Files to write", sort_key=4)
 POSITIVE = "a positive finite number"
+C, K, N, R = (Parameter(metavar=each) for each in "CKNR")
+FILE, PAIRS = Parameter(metavar="FILE"), Parameter(metavar="NAME=VALUE")
+
+
+@Parameter(name="*", group=DISKS, help="the two disks")
+@dataclass(frozen=True, kw_only=True)
+class DiskOptions:
+    """Options that name the two disks."""
+
+    M: Annotated[str | None, Parameter(name="--M", metavar="M")] = None
+    """mass ratio m_1 / m_2; disk 1 is the one that moves; 0 for a wall"""
+    k_1: Annotated[str | None, K] = None
+    """k in I = m R^2 / k of disk 1: 2 homogeneous disk (default), 1 hoop"""
+    k_2: Annotated[str | None, K] = None
+    """the same of disk 2"""
+    R_1: Annotated[str | None, R, Parameter(name="--R-1")] = None
+    """radius of disk 1 [length]; only --rolling needs radii"""
+    R_2: Annotated[str | None, R, Parameter(name="--R-2")] = None
+    """radius of disk 2 [the same length]"""
+    pair: Annotated[tuple[str, str] | None, Parameter(metavar="COIN COIN")] = None
+    """two coins of the paper instead, in SI units"""
+    disk_1: Annotated[str | None, Parameter(metavar="MASS,RADIUS,K")] = None
+    """disk 1 of whole collisions; K is 2 unless told"""
+    disk_2: Annotated[str | None, Parameter(metavar="MASS,RADIUS,K")] = None
+    """disk 2, or wall"""
+
+
+@Parameter(name="*", group=Group("The table", sort_key=2), help="the writing of the table")
+@dataclass(frozen=True, kw_only=True)
+class TableOptions:
+    """Options on the writing of the table."""
+
+    column: Annotated[list[str] | None, Parameter(metavar="NAME=TEXT")] = None
+    """the column that NAME stands for, such as psi="impact angle"; repeatable"""
+    unit: Annotated[list[str] | None, Parameter(metavar="NAME=UNIT")] = None
+    """unit of a column, such as psi=rad or vx_1=cm/s, or a factor; repeatable. Angles of a table of angles become
+    degrees, all else SI units"""
+    known: Annotated[list[str] | None, PAIRS, Parameter(name="--set")] = None
+    """a value that every line has exactly, such as spin_1=0; repeatable"""
+    delimiter: Annotated[str | None, C] = None
+    """separates columns: a character, or tab (default: ,)"""
+    decimal: Annotated[str | None, C] = None
+    """separates decimals: . or , (default: .)"""
+
+
+@Parameter(name="*", group=Group("The fit", sort_key=3), help="the fit")
+@dataclass(frozen=True, kw_only=True)
+class FitOptions:
+    """Options on the fit."""
+
+    error: Annotated[list[str] | None, Parameter(metavar="E")] = None
+    """standard error of all angles [degrees], or NAME=E of a column or of positions, velocities, spins, normal [rad];
+    estimate: those not given, by the residuals; repeatable. Columns such as delta_2_error come first"""
+    model: Annotated[list[str] | None, Parameter(metavar="LAW")] = None
+    """ifr-percussion, ifr-contact, walton, brach, smooth or all; repeatable (default: both kinds of IFR)"""
+    law: Annotated[str | None, Parameter(metavar="FILE.py:CLASS")] = None
+    """a law of one's own beside them, see own-law in the manual"""
+    range: Annotated[list[str] | None, Parameter(metavar="NAME=LOW:HIGH")] = None
+    """range of a coefficient of that law; repeatable"""
+    fix: Annotated[list[str] | None, PAIRS] = None
+    """a coefficient that is not fitted, such as e_t=-1; repeatable"""
+    robust: bool = False
+    """Student-t likelihood: outliers have little weight"""
+    level: Annotated[str | None, Parameter(metavar="PERCENT")] = None
+    """confidence of the intervals (default: 95)"""
+    cross_validate: bool = False
+    """predict each tenth of the impacts from the others"""
+    design: Annotated[str | None, N] = None
+    """expected gain of N further impacts by angle: the next experiment"""
+    rolling: bool = False
+    """fit rolling friction rho too, from Rw_2 or e_t_apparent"""
+    bootstrap: Annotated[str | None, N] = None
+    """intervals by N synthetic data sets beside the others"""
+    seed: Annotated[str | None, N] = None
+    """seed of the bootstrap and of --draw (default: 1)"""
+
+
+@Parameter(name="*", group=Group("Files to write", sort_key=4), help="files")
+@dataclass(frozen=True, kw_only=True)
+class FileOptions:
+    """Options that name files."""
+
+    json: Annotated[str | None, FILE] = None
+    """everything that was found"""
+    picture: Annotated[str | None, Parameter(metavar="NAME")] = None
+    """NAME.png and NAME.pdf: data, laws, residuals; NAME_corner: coefficients in pairs"""
+    draw: Annotated[str | None, N] = None
+    """N sets of coefficients drawn with their covariance, into --draws"""
+    draws: Annotated[str | None, FILE] = None
+    """CSV file for --draw (default: draws.csv)"""
+    write_material: Annotated[str | None, FILE] = None
+    """a [[material]] table for case files (TOML)"""
+    material_name: Annotated[str | None, Parameter(metavar="NAME")] = None
+    """its name (default: that of the data file)"""
 
 
 def fit(
@@ -68,134 +157,10 @@ def fit(
     /,
     *,
     example: Annotated[bool, flag("print a synthetic CSV file and do nothing else")] = False,
-    M: Annotated[
-        str | None,
-        option("M", "mass ratio m_1 / m_2; disk 1 is the one that moves; 0 for a wall", "--M", group=DISKS),
-    ] = None,
-    k_1: Annotated[
-        str | None,
-        option("K", "k in I = m R^2 / k of disk 1: 2 homogeneous disk (default), 1 hoop", group=DISKS),
-    ] = None,
-    k_2: Annotated[str | None, option("K", "the same of disk 2", group=DISKS)] = None,
-    R_1: Annotated[
-        str | None, option("R", "radius of disk 1 [length]; only --rolling needs radii", "--R-1", group=DISKS)
-    ] = None,
-    R_2: Annotated[
-        str | None, option("R", "radius of disk 2 [the same length]", "--R-2", group=DISKS)
-    ] = None,
-    pair: Annotated[
-        tuple[str, str] | None,
-        option("COIN COIN", "two coins of the paper instead, in SI units", group=DISKS),
-    ] = None,
-    disk_1: Annotated[
-        str | None,
-        option("MASS,RADIUS,K", "disk 1 of whole collisions; K is 2 unless told", "--disk-1", group=DISKS),
-    ] = None,
-    disk_2: Annotated[str | None, option("MASS,RADIUS,K", "disk 2, or wall", "--disk-2", group=DISKS)] = None,
-    column: Annotated[
-        list[str] | None,
-        option(
-            "NAME=TEXT",
-            'the column that NAME stands for, such as psi="impact angle"; repeatable',
-            group=TABLE,
-        ),
-    ] = None,
-    unit: Annotated[
-        list[str] | None,
-        option(
-            "NAME=UNIT",
-            "unit of a column, such as psi=rad or vx_1=cm/s, or a factor; repeatable. Angles of a table "
-            "of angles become "
-            "degrees, all else SI units",
-            group=TABLE,
-        ),
-    ] = None,
-    set_: Annotated[
-        list[str] | None,
-        option(
-            "NAME=VALUE",
-            "a value that every line has exactly, such as spin_1=0; repeatable",
-            "--set",
-            group=TABLE,
-        ),
-    ] = None,
-    delimiter: Annotated[
-        str | None, option("C", "separates columns: a character, or tab (default: ,)", group=TABLE)
-    ] = None,
-    decimal: Annotated[
-        str | None, option("C", "separates decimals: . or , (default: .)", group=TABLE)
-    ] = None,
-    error: Annotated[
-        list[str] | None,
-        option(
-            "E",
-            "standard error of all angles [degrees], or NAME=E of a column or of positions, velocities, "
-            "spins, normal [rad]; "
-            "estimate: those not given, by the residuals; repeatable. Columns such as delta_2_error come first",
-            group=HOW,
-        ),
-    ] = None,
-    model: Annotated[
-        list[str] | None,
-        option(
-            "LAW",
-            "ifr-percussion, ifr-contact, walton, brach, smooth or all; repeatable (default: both kinds of IFR)",
-            group=HOW,
-        ),
-    ] = None,
-    law: Annotated[
-        str | None,
-        option("FILE.py:CLASS", "a law of one's own beside them, see own-law in the manual", group=HOW),
-    ] = None,
-    range_: Annotated[
-        list[str] | None,
-        option("NAME=LOW:HIGH", "range of a coefficient of that law; repeatable", "--range", group=HOW),
-    ] = None,
-    fix: Annotated[
-        list[str] | None,
-        option("NAME=VALUE", "a coefficient that is not fitted, such as e_t=-1; repeatable", group=HOW),
-    ] = None,
-    robust: Annotated[bool, flag("Student-t likelihood: outliers have little weight", group=HOW)] = False,
-    level: Annotated[
-        str | None, option("PERCENT", "confidence of the intervals (default: 95)", group=HOW)
-    ] = None,
-    cross_validate: Annotated[
-        bool, flag("predict each tenth of the impacts from the others", group=HOW)
-    ] = False,
-    design: Annotated[
-        str | None, option("N", "expected gain of N further impacts by angle: the next experiment", group=HOW)
-    ] = None,
-    rolling: Annotated[
-        bool, flag("fit rolling friction rho too, from Rw_2 or e_t_apparent", group=HOW)
-    ] = False,
-    bootstrap: Annotated[
-        str | None, option("N", "intervals by N synthetic data sets beside the others", group=HOW)
-    ] = None,
-    seed: Annotated[
-        str | None, option("N", "seed of the bootstrap and of --draw (default: 1)", group=HOW)
-    ] = None,
-    json: Annotated[str | None, option("FILE", "everything that was found", group=FILES)] = None,
-    picture: Annotated[
-        str | None,
-        option(
-            "NAME",
-            "NAME.png and NAME.pdf: data, laws, residuals; NAME_corner: coefficients in pairs",
-            group=FILES,
-        ),
-    ] = None,
-    draw: Annotated[
-        str | None,
-        option("N", "N sets of coefficients drawn with their covariance, into --draws", group=FILES),
-    ] = None,
-    draws: Annotated[
-        str | None, option("FILE", "CSV file for --draw (default: draws.csv)", group=FILES)
-    ] = None,
-    write_material: Annotated[
-        str | None, option("FILE", "a [[material]] table for case files (TOML)", group=FILES)
-    ] = None,
-    material_name: Annotated[
-        str | None, option("NAME", "its name (default: that of the data file)", group=FILES)
-    ] = None,
+    disks: DiskOptions = DiskOptions(),
+    table: TableOptions = TableOptions(),
+    how: FitOptions = FitOptions(),
+    files: FileOptions = FileOptions(),
     force: Force = False,
 ) -> int:
     """Fit the coefficients of collision laws to measured impacts.
@@ -215,114 +180,84 @@ def fit(
     wrong = Wrong()
     if data is None:
         wrong.append("DATA is missing: a CSV file is needed; `ifrdem fit --example` prints one")
-    given = {"M": M, "k_1": k_1, "k_2": k_2, "R_1": R_1, "R_2": R_2}
-    whole_collisions = disk_1 is not None or disk_2 is not None
-    disks = _disks({k: v for k, v in given.items() if v is not None}, pair, rolling, wrong, whole_collisions)
-    both = _collision_disks(disk_1, disk_2, wrong)
-    form = _form(column, unit, set_, delimiter, decimal, wrong)
-    errors = _errors(error or [], wrong)
-    fixed = _pairs("--fix", fix, wrong)
-    ranges = _ranges(range_, wrong)
-    if range_ and law is None:
+    pair = _disks(disks, how.rolling, wrong)
+    both = _collision_disks(disks, wrong)
+    form = _form(table.column, table.unit, table.known, table.delimiter, table.decimal, wrong)
+    errors = _errors(how.error or [], wrong)
+    fixed = _pairs("--fix", how.fix, wrong)
+    ranges = _ranges(how.range, wrong)
+    if how.range and how.law is None:
         wrong.append("--range: only beside --law")
-    confidence = wrong.take(
-        95.0, number, "--level", level, "a percentage between 0 and 100", lambda value: 0.0 < value < 100.0
-    )
-    further = wrong.take(0, whole, "--design", design, 1, 1_000_000)
-    drawn = wrong.take(0, whole, "--draw", draw, 1, 1_000_000)
-    sets = wrong.take(0, whole, "--bootstrap", bootstrap, 40, 1_000_000)
-    start = wrong.take(1, whole, "--seed", seed, 0, 2**63 - 1)
-    if seed is not None and bootstrap is None and draw is None:
+    need = "a percentage between 0 and 100"
+    confidence = wrong.take(95.0, number, "--level", how.level, need, lambda value: 0.0 < value < 100.0)
+    further = wrong.take(0, whole, "--design", how.design, 1, 1_000_000)
+    drawn = wrong.take(0, whole, "--draw", files.draw, 1, 1_000_000)
+    sets = wrong.take(0, whole, "--bootstrap", how.bootstrap, 40, 1_000_000)
+    seed = wrong.take(1, whole, "--seed", how.seed, 0, 2**63 - 1)
+    if how.seed is not None and how.bootstrap is None and files.draw is None:
         wrong.append("--seed: only beside --bootstrap or --draw")
-    if draws is not None and draw is None:
+    if files.draws is not None and files.draw is None:
         wrong.append("--draws: only beside --draw")
-    if material_name is not None and write_material is None:
+    if files.material_name is not None and files.write_material is None:
         wrong.append("--material-name: only beside --write-material")
     source = Path(data or "data.csv")
-    name = source.stem if material_name is None else material_name
-    if write_material is not None and not 1 <= len(name) <= 100:
+    name = source.stem if files.material_name is None else files.material_name
+    if files.write_material is not None and not 1 <= len(name) <= 100:
         wrong.append(f"--material-name {name!r}: 1 to 100 characters are needed")
-    stem = None if picture is None else picture.removesuffix(".png").removesuffix(".pdf")
-    record = [] if json is None else [Path(json)]
-    pictures = (
-        []
-        if stem is None
-        else [Path(f"{stem}{end}") for end in (".png", ".pdf", "_corner.png", "_corner.pdf")]
-    )
-    sample = [Path(draws or "draws.csv")] if drawn else []
-    material = [] if write_material is None else [Path(write_material)]
-    _check_files([*record, *pictures, *material, *sample], source, force, wrong)
+    stem = (files.picture or "").removesuffix(".png").removesuffix(".pdf")
+    endings = () if files.picture is None else (".png", ".pdf", "_corner.png", "_corner.pdf")
+    pictures = [Path(f"{stem}{end}") for end in endings]
+    record, material = (None if text is None else Path(text) for text in (files.json, files.write_material))
+    sample = Path(files.draws or "draws.csv") if drawn else None
+    written = [each for each in (record, *pictures, material, sample) if each is not None]
+    _check_files(written, source, force, wrong)
     wrong.end()
 
     from ..fit import laws as of_laws
     from ..fit import maximum, report
+    from ..tools.files import write_text
 
-    kinds = list(model or (of_laws.IFR if law is None else ()))
-    own = [] if law is None else [of_laws.own_from_file(law, ranges)]
+    kinds = list(how.model or (of_laws.IFR if how.law is None else ()))
+    own = [] if how.law is None else [of_laws.own_from_file(how.law, ranges)]
     number_of_laws = len(of_laws.chosen(kinds, fixed, own))
     measured = maximum.read(source, errors, form=form, **both)
-    if not isinstance(measured, maximum.Data) and disks:
+    if not isinstance(measured, maximum.Data) and pair:
         raise InputError(
-            f"{', '.join(_dashed(each) for each in disks)}: of tables of angles; collisions need --disk-1 and --disk-2"
+            f"{', '.join(map(_dashed, pair))}: of tables of angles; collisions need --disk-1 and --disk-2"
         )
-    if isinstance(measured, maximum.Data) and "M" not in disks:
+    if isinstance(measured, maximum.Data) and "M" not in pair:
         raise InputError(
             "--M is missing: the mass ratio m_1 / m_2 is needed, 0 for a wall, or --pair with two coins of the paper"
         )
     with _progress(sets * number_of_laws) as bar:
         found = maximum.fit(
-            measured,
-            **dict[str, Any](disks),
-            model=kinds,
-            own=own,
-            fix=fixed,
-            rolling=rolling,
-            robust=robust,
-            level=0.01 * confidence,
-            cross_validate=cross_validate,
-            bootstrap=sets,
-            seed=start,
+            measured, **dict[str, Any](pair), model=kinds, own=own, fix=fixed, rolling=how.rolling,
+            robust=how.robust, level=0.01 * confidence, cross_validate=how.cross_validate, bootstrap=sets, seed=seed,
             progress=None if bar is None else bar.update,
-        )
+        )  # fmt: skip
     say(report.table(found))
     if further:
-        from ..fit.next_experiment import design as designed
+        from ..fit.next_experiment import design
 
-        say("\n" + designed(found, further).table())
-    if sample:
-        from ..tools.files import write_text
-    for path in sample:
-        write_text(path, report.draws(found, drawn, start))
-    return _write(found, record, pictures, material, name, sample)
-
-
-def _write(
-    found: Fit,
-    record: Sequence[Path],
-    pictures: Sequence[Path],
-    material: Sequence[Path],
-    name: str,
-    sample: Sequence[Path],
-) -> int:
-    """Write the files that are asked for; FAILED if the material is one that no case would take."""
-    from ..fit import report
-    from ..tools.files import write_text
-
-    status = 0
-    for path in record:
-        write_text(path, report.as_json(found))
+        say("\n" + design(found, further).table())
+    if sample is not None:
+        write_text(sample, report.draws(found, drawn, seed))
+    if record is not None:
+        write_text(record, report.as_json(found))
     if pictures:
         from ..fit import figure
 
         figure.draw(found, pictures[:2])
         figure.corner(found, pictures[2:])
-    try:
-        for path in material:
-            write_text(path, report.material(found, name))
-    except InputError as error:
-        complain(str(error))
-        status, material = FAILED, ()
-    if written := [*record, *pictures, *material, *sample]:
+    status = 0
+    if material is not None:
+        try:
+            write_text(material, report.material(found, name))
+        except InputError as error:  # a law that no case would take
+            complain(str(error))
+            status = FAILED
+            written.remove(material)
+    if written:
         note(f"\nwrote {', '.join(map(str, written))}")
     return status
 
@@ -363,36 +298,31 @@ def _dashed(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
-def _disks(
-    texts: dict[str, str], pair: tuple[str, str] | None, rolling: bool, wrong: Wrong, collisions: bool
-) -> dict[str, float]:
+def _disks(given: DiskOptions, rolling: bool, wrong: Wrong) -> dict[str, float]:
     """Mass ratio, moments of inertia and radii of a table of angles."""
-    option = _dashed
-    if collisions:
-        wrong += [
-            f"{option(name)}: not beside --disk-1 and --disk-2"
-            for name in (*texts, *(["pair"] if pair else []))
-        ]
+    texts = {
+        name: text for name in ("M", "k_1", "k_2", "R_1", "R_2") if (text := getattr(given, name)) is not None
+    }
+    if given.disk_1 is not None or given.disk_2 is not None:
+        names = [*texts, *(["pair"] if given.pair else [])]
+        wrong += [f"{_dashed(name)}: not beside --disk-1 and --disk-2" for name in names]
         return {}
-    if pair is not None:
+    if given.pair is not None:
         from ..model.coin_table import coins
 
-        wrong += [f"{option(name)}: not beside --pair, which says it" for name in texts]
-        unknown = [
-            f"--pair '{coin}': no such coin{there_are(coin, coins)}" for coin in pair if coin not in coins
-        ]
-        if unknown:
-            wrong += unknown
+        wrong += [f"{_dashed(name)}: not beside --pair, which says it" for name in texts]
+        if unknown := [coin for coin in given.pair if coin not in coins]:
+            wrong += [f"--pair '{coin}': no such coin{there_are(coin, coins)}" for coin in unknown]
             return {"M": 1.0}
-        a, b = (coins[coin] for coin in pair)
+        a, b = (coins[coin] for coin in given.pair)
         return {"M": a.mass / b.mass, "k_1": a.k, "k_2": b.k, "R_1": a.radius, "R_2": b.radius}
     if rolling:
         missing = [name for name in ("R_1", "R_2") if name not in texts]
-        wrong += [f"{option(name)} is missing: --rolling needs it" for name in missing]
+        wrong += [f"{_dashed(name)} is missing: --rolling needs it" for name in missing]
     elif ("R_1" in texts) != ("R_2" in texts):
         wrong.append("--R-1, --R-2: both radii are needed, or none")
     return {
-        name: wrong.take(1.0, _mass_ratio if name == "M" else _positive, option(name), text)
+        name: wrong.take(1.0, _mass_ratio if name == "M" else _positive, _dashed(name), text)
         for name, text in texts.items()
     }
 
@@ -409,17 +339,17 @@ def disk_of(option: str, text: str, wrong: Wrong, also: str = "") -> Any:
     return Disk(mass=values[0], radius=values[1], k=values[2] if len(values) == 3 else 2.0)
 
 
-def _collision_disks(disk_1: str | None, disk_2: str | None, wrong: Wrong) -> dict[str, Any]:
+def _collision_disks(given: DiskOptions, wrong: Wrong) -> dict[str, Any]:
     """The disks of whole collisions."""
     found: dict[str, Any] = {}
-    if disk_1 is not None:
-        found["disk_1"] = disk_of(f"--disk-1 {disk_1}", disk_1, wrong)
-    if disk_2 is not None and disk_2.strip() == "wall":
+    if given.disk_1 is not None:
+        found["disk_1"] = disk_of(f"--disk-1 {given.disk_1}", given.disk_1, wrong)
+    if given.disk_2 is not None and given.disk_2.strip() == "wall":
         from ..fit.data import WALL
 
         found["disk_2"] = WALL
-    elif disk_2 is not None:
-        found["disk_2"] = disk_of(f"--disk-2 {disk_2}", disk_2, wrong, " or wall")
+    elif given.disk_2 is not None:
+        found["disk_2"] = disk_of(f"--disk-2 {given.disk_2}", given.disk_2, wrong, " or wall")
     return found
 
 

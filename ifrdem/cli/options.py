@@ -104,23 +104,17 @@ Force = Annotated[bool, flag("replace files that exist")]
 @contextlib.contextmanager
 def styled(style: str | None) -> Iterator[None]:
     """Draw in a style of Matplotlib; InputError names near ones if there is none of this name."""
-    if style is None:
-        yield
-        return
-    import matplotlib.style
+    with contextlib.ExitStack() as stack:
+        if style is not None:
+            import matplotlib.style
 
-    try:
-        context = matplotlib.style.context(style)
-        context.__enter__()
-    except OSError:
-        known = matplotlib.style.available
-        raise InputError(
-            f"--style {style}: neither a style of Matplotlib nor a file of one{nearest(style, known)}"
-        ) from None
-    try:
+            try:
+                stack.enter_context(matplotlib.style.context(style))
+            except OSError:
+                near = nearest(style, matplotlib.style.available)
+                text = f"neither a style of Matplotlib nor a file of one{near}"
+                raise InputError(f"--style {style}: {text}") from None
         yield
-    finally:
-        context.__exit__(None, None, None)
 
 
 def overrides(given: list[str] | None, **run: str | None) -> list[str]:

@@ -332,9 +332,7 @@ def read(
     Examples
     --------
     >>> from ifrdem import fit
-    >>> from pathlib import Path
-    >>> _ = Path("data.csv").write_text(fit.example())
-    >>> data = fit.read("data.csv", {"angles": 0.7})
+    >>> data = fit.read("data.csv", {"angles": 0.7})  # of `ifrdem fit --example > data.csv`
     >>> sorted(data.measured)
     ['delta_1', 'delta_2']
     """

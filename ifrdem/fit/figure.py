@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..tools.files import write_aside
 from .data import Collisions, Data
 from .likelihood import Array
 from .model import MEASURED, CollisionProblem
@@ -189,12 +191,9 @@ def corner(fit: Fit, paths: Sequence[Path]) -> None:
 
 
 def save(figure: Figure, paths: Sequence[Path]) -> None:
-    """Write a figure into files; InputError if one cannot be written."""
+    """Write a figure into files, each whole or not at all; InputError if one cannot be written."""
     for path in paths:
-        try:
-            figure.savefig(path)
-        except OSError as error:
-            raise InputError(f"picture {path} cannot be written: {error.strerror}") from error
+        write_aside(path, partial(figure.savefig, format=path.suffix[1:] or "png"))
 
 
 def _panels(fit: Fit) -> list[_Panel]:

@@ -88,9 +88,7 @@ def fit(
     Examples
     --------
     >>> from ifrdem import fit
-    >>> from pathlib import Path
-    >>> _ = Path("data.csv").write_text(fit.example())
-    >>> data = fit.read("data.csv", {"angles": 0.7})
+    >>> data = fit.read("data.csv", {"angles": 0.7})  # of `ifrdem fit --example > data.csv`
     >>> found = fit.fit(data, M=1.0)
     >>> found.best
     'ifr-percussion'

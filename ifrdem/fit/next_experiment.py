@@ -63,9 +63,7 @@ def design(fit: Fit, number: int = 10, psi: Array | None = None) -> Design:
     Examples
     --------
     >>> from ifrdem import fit
-    >>> from pathlib import Path
-    >>> _ = Path("data.csv").write_text(fit.example())
-    >>> data = fit.read("data.csv", {"angles": 0.7})
+    >>> data = fit.read("data.csv", {"angles": 0.7})  # of `ifrdem fit --example > data.csv`
     >>> found = fit.fit(data, M=1.0, model=["brach"])
     >>> list(fit.design(found).errors)
     ['e_n', 'mu']

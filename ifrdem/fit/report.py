@@ -27,9 +27,7 @@ def table(fit: Fit) -> str:
     Examples
     --------
     >>> from ifrdem import fit
-    >>> from pathlib import Path
-    >>> _ = Path("data.csv").write_text(fit.example())
-    >>> data = fit.read("data.csv", {"angles": 0.7})
+    >>> data = fit.read("data.csv", {"angles": 0.7})  # of `ifrdem fit --example > data.csv`
     >>> fit.table(fit.fit(data, M=1.0, model=["smooth"])).splitlines()[0]
     'data.csv: 18 impacts, psi 4.24 to 71.43 degrees; fitted: delta_1, delta_2'
     """
@@ -223,9 +221,7 @@ def as_json(fit: Fit) -> str:
     Examples
     --------
     >>> from ifrdem import fit
-    >>> from pathlib import Path
-    >>> _ = Path("data.csv").write_text(fit.example())
-    >>> data = fit.read("data.csv", {"angles": 0.7})
+    >>> data = fit.read("data.csv", {"angles": 0.7})  # of `ifrdem fit --example > data.csv`
     >>> import json
     >>> sorted(json.loads(fit.as_json(fit.fit(data, M=1.0, model=["smooth"]))))[:3]
     ['best', 'data', 'decided']
@@ -254,9 +250,7 @@ def material(fit: Fit, name: str) -> str:
     Examples
     --------
     >>> from ifrdem import fit
-    >>> from pathlib import Path
-    >>> _ = Path("data.csv").write_text(fit.example())
-    >>> data = fit.read("data.csv", {"angles": 0.7})
+    >>> data = fit.read("data.csv", {"angles": 0.7})  # of `ifrdem fit --example > data.csv`
     >>> fit.material(fit.fit(data, M=1.0, model=["brach"]), "coins").splitlines()[0]
     '# Fitted to 18 impacts of data.csv (delta_1, delta_2) by `ifrdem fit`; M = 1, k_1 = 2, k_2 = 2.'
     """
@@ -314,8 +308,6 @@ def draws(fit: Fit, number: int, seed: int = 1) -> str:
     Examples
     --------
     >>> from ifrdem import fit
-    >>> from pathlib import Path
-    >>> _ = Path("data.csv").write_text(fit.example())
     >>> found = fit.fit(fit.read("data.csv", {"angles": 0.7}), M=1.0)
     >>> fit.draws(found, 2).splitlines()[2]
     'e_n,e_t,mu,rho'

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any
 
 from ..case import summary
 from ..case.estimate import RunEstimate
@@ -323,21 +323,18 @@ class Study:
 
 
 class StudyProgress:
-    """Runs that are done and the time that is left: a bar on a terminal, a line every `interval` seconds elsewhere."""
+    """Runs that are done and the time that is left: a line that stays in its place on a terminal, else a line every
+    5 seconds."""
 
-    def __init__(
-        self, runs: int, weights: list[float], status: Status, *, stream: TextIO | None = None, interval: float = 5.0,
-        clock: Callable[[], float] = time.perf_counter,
-    ) -> None:  # fmt: skip
-        self._runs, self._all, self._status, self._clock = runs, sum(weights) or 1.0, status, clock
-        self._stream, self._interval = sys.stderr if stream is None else stream, interval
+    def __init__(self, runs: int, weights: list[float], status: Status) -> None:
+        self._runs, self._all, self._status = runs, sum(weights) or 1.0, status
         self._done, self._weight = runs - len(weights), 0.0
         self._first: tuple[float, float] | None = None
-        self._printed, self._bar = clock(), self._stream.isatty()
+        self._printed, self._bar = time.perf_counter(), sys.stderr.isatty()
 
     def __call__(self, weight: float | None, failed: int) -> None:
         """Take note of a run that has ended, with this part of the work; of None, that time has passed."""
-        now = self._clock()
+        now = time.perf_counter()
         if weight is not None:
             self._done += 1
             self._weight += weight
@@ -349,17 +346,15 @@ class StudyProgress:
         fraction = self._done / self._runs if self._runs else 1.0
         counts = {"runs": self._runs, "runs_done": self._done, "runs_failed": failed}
         self._status.update(fraction=fraction, eta_seconds=left, **counts)
-        due = now - self._printed >= (0.2 if self._bar else self._interval)
+        due = now - self._printed >= (0.2 if self._bar else 5.0)
         if not quiet() and (due or self._done == self._runs):
-            ill = f", {failed} failed" if failed else ""
-            text = (
-                f"{100.0 * fraction:5.1f} %  {self._done} of {self._runs} runs{ill}, ETA {clock_face(left)}"
-            )
+            runs = f"{self._done} of {self._runs} runs" + (f", {failed} failed" if failed else "")
+            text = f"{100.0 * fraction:5.1f} %  {runs}, ETA {clock_face(left)}"
             shown, end = (f"\r{text:<60}", "") if self._bar else (text, "\n")
-            print(shown, end=end, file=self._stream, flush=True)
+            print(shown, end=end, file=sys.stderr, flush=True)
             self._printed = now
 
     def close(self) -> None:
         """Let go of the terminal."""
         if self._bar and not quiet():
-            print(file=self._stream, flush=True)
+            print(file=sys.stderr, flush=True)

@@ -26,7 +26,6 @@ from ..tools.files import write_aside
 from ..trajectory.file import TrajectoryError
 
 PerFrame = Literal["velocity", "g", "S", "fields", "clusters", "psi6"]
-PER_FRAME: tuple[str, ...] = get_args(PerFrame)
 """Analyses of single frames, at chosen places of a run."""
 OverTime = Literal["msd", "vacf", "pressure", "cooling", "impact"]
 OVER_TIME: tuple[str, ...] = get_args(OverTime)

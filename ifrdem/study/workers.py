@@ -9,19 +9,17 @@ from __future__ import annotations
 import contextlib
 import importlib.util
 import inspect
-import multiprocessing
-import os
 import queue
 import shutil
 import signal
 import threading
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import connection
 from typing import Any
 
 from ..errors import InputError, nearest
+from ..tools.processes import Died, Worker
 from .plan import ClusterSection
 from .task import Task
 
@@ -41,78 +39,49 @@ def here(tasks: Sequence[Task], threads: int) -> Done:
 
 def pool(tasks: Sequence[Task], workers: int, threads: int) -> Done:
     """Runs in processes of this machine; one that is killed is replaced, and its run done again."""
-    slots = [_Slot() for _ in range(workers)]
-    ended: queue.SimpleQueue[tuple[_Slot, Task | None, Future[str | None]]] = queue.SimpleQueue()
-    waiting, lost = deque(tasks), Counter[str]()
+    waiting, lost, idle = deque(tasks), Counter[str](), [Worker() for _ in range(workers)]
+    busy: dict[Any, tuple[Worker, Task | None]] = {}
 
-    def submit(slot: _Slot, task: Task | None) -> None:
-        work = slot.executor.submit(tasks[0].warm if task is None else task.perform, threads)
-        work.add_done_callback(lambda future: ended.put((slot, task, future)))
+    def call(task: Task | None) -> None:
+        worker = idle.pop()
+        busy[worker.line] = worker, task
+        worker.call(_attempt, tasks[0].warm if task is None else task.perform, threads)
 
     try:
-        submit(slots[0], None)  # compiles the kernels, which the others find
-        idle = 0
-        while idle < workers:
-            try:
-                slot, task, future = ended.get(timeout=1.0)
-            except queue.Empty:
+        call(None)  # compiles the kernels, which the others find
+        while busy:
+            ready = connection.wait(list(busy), timeout=1.0)
+            if not ready:
                 yield None
                 continue
-            error = future.exception()
-            if isinstance(error, BrokenProcessPool):
-                slot.replace()
+            for line in ready:
+                worker, task = busy.pop(line)
+                found = worker.result()
+                if isinstance(found, Died):
+                    worker.end()
+                    worker = Worker()
+                    found = f"its process died {TRIES} times (out of memory?)"
+                    if task is not None:
+                        lost[task.key] += 1
+                        if lost[task.key] < TRIES:
+                            waiting.append(task)
+                            task = None
+                idle.append(worker)
                 if task is not None:
-                    lost[task.key] += 1
-                    if lost[task.key] < TRIES:
-                        waiting.append(task)
-                        task = None
-            if task is not None:
-                broken = f"its process died {TRIES} times (out of memory?)"
-                known = broken if isinstance(error, BrokenProcessPool) else repr(error)
-                yield task, known if error is not None else future.result()
-            free = slots if idle == 0 and task is None and len(waiting) == len(tasks) else [slot]
-            for each in free:
-                if waiting:
-                    submit(each, waiting.popleft())
-                else:
-                    idle += 1
+                    yield task, found
+            while waiting and idle:
+                call(waiting.popleft())
     finally:
-        for slot in slots:
-            slot.end()
+        for worker in (*idle, *(worker for worker, _ in busy.values())):
+            worker.end()
 
 
-class _Slot:
-    """A place for one process."""
-
-    def __init__(self) -> None:
-        self.executor: ProcessPoolExecutor
-        self.replace()
-
-    def replace(self) -> None:
-        """Start a process; one that is there has died."""
-        context = multiprocessing.get_context("spawn")  # a fork of a process in which Taichi runs hangs
-        self.executor = ProcessPoolExecutor(1, context, initializer=_begin)
-        self._pid = self.executor.submit(os.getpid)
-
-    def end(self) -> None:
-        """End the process, whatever it does."""
-        self.executor.shutdown(wait=False, cancel_futures=True)
-        if self._pid.done() and not self._pid.cancelled() and self._pid.exception() is None:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(self._pid.result(), signal.SIGKILL)
-
-
-def _begin() -> None:
-    """Ignore Ctrl-C, and end when the process does that has started this one."""
-    _ignore_interrupts()
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-
-    def watch() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
+def _attempt(work: Callable[[int], str | None], threads: int) -> str | None:
+    """Message of a run that failed."""
+    try:
+        return work(threads)
+    except Exception as error:  # a fault of the program costs one run, not the study
+        return repr(error)
 
 
 def has_dask() -> bool:
@@ -154,7 +123,10 @@ def dask(
             """Workers ignore Ctrl-C."""
 
             def setup(self, worker: Any) -> None:
-                _ignore_interrupts()
+                if threading.current_thread() is threading.main_thread():
+                    signal.signal(
+                        signal.SIGINT, signal.SIG_IGN
+                    )  # the matter of the one that asks for the runs
 
         client.register_plugin(Deaf())
         say(f"dashboard: {client.dashboard_link}")
@@ -185,12 +157,6 @@ def dask(
                 told = died if isinstance(fault, distributed.KilledWorker) else repr(fault)
                 yield task, told if fault is not None else future.result()
             del held[future.key]
-
-
-def _ignore_interrupts() -> None:
-    """Leave Ctrl-C, which reaches all processes of a terminal, to the one that asks for the runs."""
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _jobs(cluster: ClusterSection, threads: int) -> Any:

@@ -11,8 +11,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import InputError, nearest
-from ..tools.checked import Array
+from ..errors import InputError
+from ..tools.checked import Array, one_of
 
 VIRIAL = (
     1.0,
@@ -89,10 +89,7 @@ def of_equal_disks(packing_fraction: float, contact: Contact = "virial") -> floa
 
     InputError if there is no such, or as `contact_value`.
     """
-    if contact not in CONTACT:
-        raise InputError(
-            f"contact = '{contact}': allowed are {', '.join(CONTACT)}{nearest(str(contact), CONTACT)}"
-        )
+    one_of("contact", contact, CONTACT)
     if contact == "dilute":
         checked_packing_fraction(packing_fraction)
         return 1.0

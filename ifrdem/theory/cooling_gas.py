@@ -11,7 +11,8 @@ Symbols: m mass, R radius, sigma = 2 R, I = m R^2 / k, phi packing fraction.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -120,20 +121,32 @@ def checked_times(times: ArrayLike) -> Array:
     return when
 
 
+def integrated(
+    slope: Callable[..., Sequence[float] | Array], start: Sequence[float] | Array, at: Array, what: str,
+    *, rtol: float = 1e-9, atol: float = 1e-12,
+) -> Array:  # fmt: skip
+    """Solution of dy/dt = slope(t, y) at rising times (steps,), y = start at 0, by LSODA; shape (unknowns, steps).
+
+    TheoryError if the equations of `what` cannot be integrated.
+    """
+    from scipy.integrate import solve_ivp
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # `success` and `message` say the same
+        span = (0.0, max(float(at[-1]), 1e-300))
+        found = solve_ivp(slope, span, start, method="LSODA", t_eval=at, rtol=rtol, atol=atol)
+    if not found.success:
+        raise TheoryError(f"the equations of the {what} could not be integrated: {found.message}")
+    return np.asarray(found.y)
+
+
 def cooled(slope: Callable[[Array], Array], start: Array, x: Array) -> Array:
     """Solution of dy/dx = slope(y) at x (steps,), y = start at x = 0; shape (unknowns, steps).
 
     Integrated over ln(1 + x), x being time in units of the first mean free time: temperatures fall like powers of time
     and collisions grow like its logarithm, so that a decade of time takes a bounded number of steps.
     """
-    from scipy.integrate import solve_ivp
-
-    when = np.log1p(x)
-    options = {"method": "LSODA", "t_eval": when, "rtol": 1e-10, "atol": 1e-12}
-    solution = solve_ivp(lambda s, y: math.exp(s) * slope(y), (0.0, float(when[-1])), start, **options)
-    if not solution.success:
-        raise TheoryError(f"the cooling equations could not be integrated: {solution.message}")
-    return np.asarray(solution.y)
+    return integrated(lambda s, y: math.exp(s) * slope(y), start, np.log1p(x), "cooling gas", rtol=1e-10)
 
 
 def cooling(

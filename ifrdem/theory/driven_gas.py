@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import InputError, TheoryError
+from ..errors import InputError
 from ..model.ifr import IFRLaw
 from ..tools.checked import Array
 from .collisions import collision_rate
-from .cooling_gas import checked_times, cooling_rates
+from .cooling_gas import checked_times, cooling_rates, integrated
 
 
 @dataclass(frozen=True)
@@ -147,8 +147,6 @@ def driven(
     Arguments and what is returned as for `theory.cooling`, but T0 may be 0. InputError as there, or if nothing moves
     (T0 = 0) and only spins, if any, are driven: without motion there are no collisions.
     """
-    from scipy.integrate import solve_ivp
-
     when = checked_times(times)
     if not (0.0 <= T0 < math.inf and 0.0 <= T_rot0 < math.inf):
         raise InputError(f"T0 = {T0}, T_rot0 = {T_rot0}: finite numbers of 0 or more are needed")
@@ -174,10 +172,6 @@ def driven(
         collisions = collision_rate(packing_fraction, scale * T, mass, radius)
         return dT / scale, dT_rot / scale, collisions
 
-    start, options = (T0 / scale, T_rot0 / scale, 0.0), {"t_eval": until, "rtol": 1e-9, "atol": 1e-12}
-    solution = solve_ivp(slope, (0.0, float(until[-1])), start, method="LSODA", **options)
-    if not solution.success:
-        raise TheoryError(f"the equations of the driven gas could not be integrated: {solution.message}")
-    T, T_rot, collisions = solution.y[:, at]
+    T, T_rot, collisions = integrated(slope, (T0 / scale, T_rot0 / scale, 0.0), until, "driven gas")[:, at]
     collisions += collision_rate(packing_fraction, scale * float(T[-1]), mass, radius) * (when - until[at])
     return scale * T, scale * T_rot, collisions

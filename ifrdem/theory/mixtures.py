@@ -19,13 +19,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError, TheoryError
+from ..errors import InputError
 from ..model.ifr import IFRLaw
 from ..model.state import Disks
 from ..tools.checked import Array
 from .collisions import Collider, checked_law, energy_changes, mixture_collision_rates
 from .contact import Contact, checked_packing_fraction, mixture_contact_values
-from .cooling_gas import checked_times, cooled
+from .cooling_gas import checked_times, cooled, integrated
 from .driven_gas import Drive
 
 MOST_SPECIES = 64  # every pair of them is summed at every step
@@ -291,8 +291,6 @@ def mixture_driven(
     array([[1., 1.],
            [2., 2.]])
     """
-    from scipy.integrate import solve_ivp
-
     when = checked_times(times)
     T0, T_rot0 = _temperatures(mixture, T0, T_rot0)
     s = mixture.species
@@ -316,11 +314,6 @@ def mixture_driven(
         dT_rot = 2.0 * (spin_power - spin_rate * T_rot) + rotation
         return np.concatenate([dT / scale, dT_rot / scale, often.sum(axis=1)])
 
-    solution = solve_ivp(
-        slope, (0.0, max(float(when[-1]), 1e-300)), np.concatenate([T0 / scale, T_rot0 / scale, np.zeros(s)]),
-        method="LSODA", t_eval=when, rtol=1e-9, atol=1e-12,
-    )  # fmt: skip
-    if not solution.success:
-        raise TheoryError(f"the equations of the driven mixture could not be integrated: {solution.message}")
-    y = solution.y
+    start = np.concatenate([T0 / scale, T_rot0 / scale, np.zeros(s)])
+    y = integrated(slope, start, when, "driven mixture")
     return MixtureTemperatures(scale * y[:s].T, scale * y[s : 2 * s].T, y[2 * s :].T)

@@ -39,7 +39,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -49,7 +49,7 @@ from ..model.ifr import IFRLaw
 from ..tools.checked import Array
 from .collisions import collision_rate
 from .contact import checked_positive, contact_value
-from .cooling_gas import changes_per_collision, checked_times
+from .cooling_gas import changes_per_collision, checked_times, integrated
 
 LEAST_E_N = 0.65
 MOST_PACKING = 0.5
@@ -311,7 +311,6 @@ def sheared(
 
     Arguments and what is returned as for `theory.cooling`, with the shear rate [1/time].
     """
-    from scipy.integrate import solve_ivp
 
     _check(law, packing_fraction, shear_rate)
     checked_positive(mass=mass, radius=radius, k=k)
@@ -344,11 +343,6 @@ def sheared(
         return (*rates, often)
 
     start = (*_Flow.of(1.0, 1.0, 0.0, 0.0, T_rot0 / T0), 0.0)
-    options: Any = {"method": "LSODA", "t_eval": unit * when, "rtol": 1e-8, "atol": 1e-10}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # `success` and `message` say the same
-        solution = solve_ivp(slope, (0.0, unit * when[-1]), start, **options)
-    if not solution.success:
-        raise TheoryError(f"the equations of the sheared gas could not be integrated: {solution.message}")
-    T, T_rot = np.array([_Flow._make(one).temperatures(k) for one in solution.y[:5].T]).T
-    return T0 * T, T0 * T_rot, solution.y[5]
+    *state, collisions = integrated(slope, start, unit * when, "sheared gas", rtol=1e-8, atol=1e-10)
+    T, T_rot = np.array([_Flow._make(one).temperatures(k) for one in np.transpose(state)]).T
+    return T0 * T, T0 * T_rot, collisions

@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...errors import EngineError, InputError, nearest
+from ...errors import EngineError
 from ...initial.placement import check_no_overlap
 from ...model import ifr as law_module
 from ...model.box import Box
 from ...model.state import Disks, State
 from ...simulation.engine import Engine
-from ...tools.checked import Array
+from ...tools.checked import Array, one_of
 from ...trajectory.reader import Trajectory
 from ...trajectory.writer import TrajectoryWriter
 from ..report.registry import ROUND_OFF as ROUND_OFF
@@ -211,11 +211,7 @@ def broadcast(impact: Impact, sticking: ArrayLike, w_2o: ArrayLike) -> tuple[Imp
         *values, np.asarray(w_2o, dtype=np.float64), np.asarray(sticking)
     )
     for name in np.unique(sticking):
-        if name not in law_module.STICKING:
-            allowed = ", ".join(law_module.STICKING)
-            raise InputError(
-                f"sticking = '{name}': allowed are {allowed}{nearest(name, law_module.STICKING)}"
-            )
+        one_of("sticking", str(name), law_module.STICKING)
     flat = {name: value.reshape(-1).copy() for name, value in zip(names, values, strict=True)}
     return replace(impact, **flat), sticking.reshape(-1), w_2o.reshape(-1).copy()
 

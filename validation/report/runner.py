@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 from ... import bullet
 from ...errors import InputError
 from ...simulation import device
+from ...tools.files import write_text
 from ...tools.versions import __version__
 from . import registry, workers
 from .registry import Result, Row, Skip
@@ -114,7 +115,8 @@ def validate(
         record["seed"] = str(seed)
     if jobs > 1:
         record["cases at a time"] = str(jobs)
-    _write(place / "results.json", json.dumps(rows_as_json(outcomes), indent=1, allow_nan=False))
+    results = json.dumps(rows_as_json(outcomes), indent=1, allow_nan=False)
+    write_text(place / "results.json", f"{results}\n")
     say("writing the report")
     page.write(place, outcomes, record)
     status = exit_status(outcomes, named=bool(names))
@@ -152,13 +154,6 @@ def _folder(folder: str, force: bool) -> Path:
     except OSError as error:
         raise InputError(f"-o {folder}: a folder cannot be made there: {error.strerror}") from error
     return place
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.write_text(text + "\n", encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def _jobs(jobs: int | None, chosen: Sequence[str]) -> int:

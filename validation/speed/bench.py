@@ -50,24 +50,12 @@ Note = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Run:
-    """One timed run of whole windows.
+    """One timed run of whole windows."""
 
-    Attributes
-    ----------
-    seconds : float
-        Real time [s].
-    collisions : int
-        Collisions that stand.
-    done : dict
-        Growth of the engine's `Statistics`: windows, in_order, run_again, elastic.
-    slowest : float
-        The longest window [s]; where one launch runs several, their mean.
-    """
-
-    seconds: float
-    collisions: int
-    done: dict[str, int]
-    slowest: float
+    seconds: float  # real time
+    collisions: int  # that stand
+    done: dict[str, int]  # growth of the engine's `Statistics`: windows, in_order, run_again, elastic
+    slowest: float  # the longest window [s]; where one launch runs several, their mean
 
     @property
     def rate(self) -> float:
@@ -122,31 +110,17 @@ class Profile:
 
 @dataclass(frozen=True)
 class Benchmark:
-    """Measured speed and memory of one gas.
+    """Measured speed and memory of one gas."""
 
-    Attributes
-    ----------
-    gas : str
-        Its name.
-    n, phi : int, float
-        Disks and packing fraction.
-    collisions_before : int
-        Collisions before the first timed run.
-    bytes_per_disk : float
-        Memory of the engine's arrays at the end [bytes].
-    runs : list of Run
-        The timed runs.
-    """
-
-    gas: str
+    gas: str  # its name
     n: int
     phi: float
     arch: str
     threads: int
     precision: str
     seed: int
-    collisions_before: int
-    bytes_per_disk: float
+    collisions_before: int  # before the first timed run
+    bytes_per_disk: float  # memory of the engine's arrays at the end
     runs: list[Run]
     ranks: int = 1
     sent: dict[str, float] | None = None  # by a rank in a window, of several: messages, rounds, bytes
@@ -221,17 +195,13 @@ class Benchmark:
             "memory": f"{self.bytes_per_disk:.4g} bytes a disk",
         }
         if self.sent is not None:
+            kinds = (("ghosts", "disks"), ("trails", "hashes and ways"), ("sums", "sums"))
+            sizes = ", ".join(f"{self.sent[name] / 1e3:.4g} kB of {what}" for name, what in kinds)
             rows["ranks"] = (
-                f"{self.ranks}; in a window one sends {self.sent['messages']:.3g} messages: "
-                + ", ".join(
-                    f"{self.sent[name] / 1e3:.4g} kB of {what}"
-                    for name, what in (("ghosts", "disks"), ("trails", "hashes and ways"), ("sums", "sums"))
-                )
+                f"{self.ranks}; in a window one sends {self.sent['messages']:.3g} messages: {sizes}"
             )
-        if self.sent is not None:
-            rows["exchanges"] = (
-                f"{1e3 * self.sent['seconds']:.4g} ms a window, verifying and waiting included"
-            )
+            seconds = f"{1e3 * self.sent['seconds']:.4g} ms a window"
+            rows["exchanges"] = f"{seconds}, verifying and waiting included"
         return "\n".join(
             [
                 f"{self.gas}: {self.n} disks, packing fraction {self.phi:.4g}, "
@@ -257,24 +227,10 @@ def bench(
     comm: Any = None,
     **timing: Any,
 ) -> Benchmark:
-    """Time a case file, or the elastic gas of n disks at packing fraction phi.
+    """Time (`measure`) a case file or a shipped case, or else the elastic gas of n disks at packing fraction phi.
 
-    Parameters
-    ----------
-    case : str, optional
-        A case file or a shipped case, with `overrides` of its keys; device, threads, precision and seed are its own. It
-        is timed after so many collisions per disk.
-    n, phi, arch, threads, precision, seed
-        The elastic gas: see `elastic_gas`.
-    comm : mpi4py.MPI.Comm, optional
-        Ranks of MPI that share the gas.
-    **timing
-        See `measure`.
-
-    Raises
-    ------
-    InputError
-        As `measure`, and if the case file is wrong.
+    A case, with `overrides` of its keys, has its own device, threads, precision and seed; it is timed after so many
+    collisions per disk. InputError as `measure`, and if the case file is wrong.
     """
     if case is not None:
         file = case_file.read(shipped.find(case), list(overrides))

@@ -295,21 +295,11 @@ def _run(
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Outcome of a run.
+    """Outcome of a run."""
 
-    Attributes
-    ----------
-    state : State
-        At the time of the last collision; positions in the box.
-    time : array (c,)
-        Times of the first collisions [time], as many as were to be recorded.
-    pair : array (c, 2) of int32
-        Their disks, the smaller number first.
-    """
-
-    state: State
-    time: NDArray[np.float64]
-    pair: NDArray[np.int32]
+    state: State  # at the time of the last collision; positions in the box
+    time: NDArray[np.float64]  # (c,): times of the first collisions, as many as were to be recorded
+    pair: NDArray[np.int32]  # (c, 2): their disks, the smaller number first
 
 
 class SerialEvents:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from . import serial_events, soft_disks
 from .serial_events import SerialEvents
 from .soft_disks import SoftDisks, SoftDisksError
 
+T = TypeVar("T")
 MIXING = 20
 """Elastic collisions per disk before the start."""
 
@@ -97,58 +98,51 @@ def start(options: Options) -> GasAtStart:
     return GasAtStart(disks, box, law, State(mixed.position, mixed.velocity, spin), options.threads)
 
 
-# --- the codes: each makes its row and yields, then does one timed run each time it is resumed -----------------------
+# --- the codes: each fills its row and returns a function that does a run and gives collisions/s, one run being done --
 
 
-def _ifrdem(row: Timing, gas: GasAtStart, options: Options) -> Iterator[None]:
-    for timed in _warm_then_timed():
+def _ifrdem(row: Timing, gas: GasAtStart, options: Options) -> Callable[[], float]:
+    def run() -> float:
         simulation = gas.simulation()
         begin = time.perf_counter()
         simulation.run(collisions_per_disk=options.collisions)
         seconds = time.perf_counter() - begin
-        if timed:
-            row.rates.append(simulation.collisions / seconds)
-        else:
-            row.temperature = row.expected = gas.temperature(simulation)
-        yield
+        row.temperature = row.expected = gas.temperature(simulation)
+        return simulation.collisions / seconds
+
+    run()
+    return run
 
 
-def _serial(row: Timing, gas: GasAtStart, options: Options, ours: Timing) -> Iterator[None]:
-    count = math.ceil(options.collisions * options.n / 2.0)
-    for timed in _warm_then_timed():
+def _serial(row: Timing, gas: GasAtStart, options: Options, ours: Timing) -> Callable[[], float]:
+    def run() -> float:
         events = SerialEvents(gas.box, 1.0, options.e_n, gas.state)
         begin = time.perf_counter()
-        events.run(count)
+        events.run(math.ceil(options.collisions * options.n / 2.0))
         seconds = time.perf_counter() - begin
-        if timed:
-            row.rates.append(events.collisions / seconds)
-        else:
-            row.temperature, row.expected = events.temperature, ours.temperature
-        yield
+        row.temperature, row.expected = events.temperature, ours.temperature
+        return events.collisions / seconds
+
+    run()
+    return run
 
 
-def _soft(row: Timing, gas: GasAtStart, options: Options, folder: Path) -> Iterator[None]:
-    free_time = 1.0 / theory.collision_rate(options.phi, 1.0, 1.0, 0.5)
+def _soft(row: Timing, gas: GasAtStart, options: Options, folder: Path) -> Callable[[], float]:
     soft = SoftDisks(
-        folder,
-        gas.box,
-        1.0,
-        options.e_n,
-        gas.state,
-        free_time=free_time,
-        ranks=options.threads,
-        steps_per_contact=options.steps_per_contact,
-    )
+        folder, gas.box, 1.0, options.e_n, gas.state, ranks=options.threads,
+        free_time=1.0 / theory.collision_rate(options.phi, 1.0, 1.0, 0.5), steps_per_contact=options.steps_per_contact,
+    )  # fmt: skip
     # Whole contact times, in tens for the ten comparisons.
     contact_times = max(10, 10 * round(options.soft_collisions / soft_disks.CONTACT_TIME / 10.0))
     soft.choose_skin(max(10, contact_times // 5))
     collisions = _same_gas(row, gas, options, soft, contact_times)
-    yield
-    while True:
-        run = soft.run(contact_times)
-        row.rates.append(collisions / run.seconds)
-        row.temperature = run.temperature
-        yield
+
+    def run() -> float:
+        done = soft.run(contact_times)
+        row.temperature = done.temperature
+        return collisions / done.seconds
+
+    return run
 
 
 def _same_gas(row: Timing, gas: GasAtStart, options: Options, soft: SoftDisks, contact_times: int) -> int:
@@ -187,13 +181,6 @@ def _same_gas(row: Timing, gas: GasAtStart, options: Options, soft: SoftDisks, c
     return collisions
 
 
-def _warm_then_timed() -> Iterator[bool]:
-    """First False, for the run that compiles, then True."""
-    yield False
-    while True:
-        yield True
-
-
 # --- the comparison -------------------------------------------------------------------------------------------------
 
 
@@ -205,41 +192,40 @@ def compare(options: Options, say: Callable[[str], None]) -> list[Timing]:
     serial = Timing("serial events", 1)
     soft = Timing("LAMMPS, soft disks", options.threads)
     with tempfile.TemporaryDirectory(prefix="ifrdem-peers-") as folder:
-        codes = {
-            "ifrdem": (ours, _ifrdem(ours, gas, options)),
-            "serial": (serial, _serial(serial, gas, options, ours)),
-            "LAMMPS": (soft, _soft(soft, gas, options, Path(folder))),
+        codes: dict[str, tuple[Timing, Callable[[], Callable[[], float]]]] = {
+            "ifrdem": (ours, lambda: _ifrdem(ours, gas, options)),
+            "serial": (serial, lambda: _serial(serial, gas, options, ours)),
+            "LAMMPS": (soft, lambda: _soft(soft, gas, options, Path(folder))),
         }
         if not serial_events.COMPILED:
             serial.not_measured = f"Numba is not installed: {soft_disks.INSTALL}"
         soft.not_measured = soft_disks.absence()
-        for name in list(codes):
-            row, steps = codes[name]
+        ready = {}
+        for name, (row, make) in codes.items():
             if row.not_measured is not None:
                 say(f"{name}: not measured. {row.not_measured}")
-                del codes[name]
                 continue
             say(f"{name}: warming up")
-            if not _resume(row, steps):
-                del codes[name]
+            if (once := _attempt(row, make)) is not None:
+                ready[name] = row, once
         for run in range(1, options.runs + 1):
-            for name in list(codes):
-                row, steps = codes[name]
-                if _resume(row, steps):
-                    say(f"run {run} of {options.runs}: {name} {row.rates[-1]:.3g} collisions/s")
-                else:
-                    del codes[name]
+            for name, (row, once) in list(ready.items()):
+                rate = _attempt(row, once)
+                if rate is None:
+                    del ready[name]
+                    continue
+                row.rates.append(rate)
+                say(f"run {run} of {options.runs}: {name} {rate:.3g} collisions/s")
         for row in (ours, serial, soft):
             if row.failed is not None:
                 say(f"{row.code}: {row.failed}")
     return [ours, serial, soft]
 
 
-def _resume(row: Timing, steps: Iterator[None]) -> bool:
-    """Let a code go on to its next stop; False if it is a peer that failed."""
+def _attempt(row: Timing, work: Callable[[], T]) -> T | None:
+    """The result of a code's work; None, and told in its row, if the code fails."""
     try:
-        next(steps)
+        return work()
     except SoftDisksError as error:
         row.failed, row.rates = str(error), []
-        return False
-    return True
+        return None

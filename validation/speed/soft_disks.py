@@ -85,25 +85,13 @@ def absence() -> str | None:
 
 @dataclass(frozen=True, eq=False)
 class SoftRun:
-    """Outcome of one run of LAMMPS.
+    """Outcome of one run of LAMMPS; arrays (samples,), one after each contact time, empty if not sampled."""
 
-    Attributes
-    ----------
-    seconds : float
-        Wall time of its loop over the steps, without its set-up.
-    temperature : float
-        Kinetic energy per disk at the end [energy].
-    time, energy : arrays (samples,)
-        After each contact time [time], kinetic and spring energy per disk [energy]; empty if not sampled.
-    contacts : int
-        Sum over these samples of the pairs in contact. A contact lasts one sampling interval, so it is seen once:
-        this counts collisions.
-    """
-
-    seconds: float
-    temperature: float
+    seconds: float  # wall time of its loop over the steps, without its set-up
+    temperature: float  # kinetic energy per disk at the end [energy]
     time: NDArray[np.float64]
-    energy: NDArray[np.float64]
+    energy: NDArray[np.float64]  # kinetic and spring energy per disk [energy]
+    # Sum over the samples of the pairs in contact: a contact lasts one sampling interval, so this counts collisions.
     contacts: int
 
 

@@ -19,28 +19,19 @@ from .bench import Benchmark, Run
 COLUMNS = ("gas", "measured", "to reach", "reached")
 AFTER = 300.0  # collisions per disk, after which coins are in clusters
 BIG = 10.0  # radius of the larger disks of two sizes, of the smaller one's
+Timed = Callable[[float], Run]
+"""A function that times a run of so many seconds."""
 
 
 @dataclass(frozen=True)
 class Speed:
-    """Collisions per second to reach, by elastic disks at equilibrium or by coins in clusters.
-
-    Attributes
-    ----------
-    n, phi : int, float
-        Disks and packing fraction.
-    target : float
-        Collisions per second.
-    threads : int, optional
-        By default as many as the table is for.
-    slowest : float, optional
-        Makes it coins after `AFTER` collisions per disk, no window of which may take longer [s].
-    """
+    """Collisions per second to reach, by elastic disks at equilibrium or by coins in clusters."""
 
     n: int
     phi: float
-    target: float
-    threads: int | None = None
+    target: float  # collisions per second
+    threads: int | None = None  # by default as many as the table is for
+    # Makes it coins after `AFTER` collisions per disk, no window of which may take longer [s].
     slowest: float | None = None
 
     @property
@@ -53,13 +44,8 @@ class Speed:
     def measure(self, runs: int, seconds: float, **gas: Any) -> str:
         """Its row."""
         gas |= {} if self.threads is None else {"threads": self.threads}
-        if self.slowest is None:
-            return self.row(
-                bench.measure(bench.elastic_gas(self.n, self.phi, **gas), runs=runs, seconds=seconds)
-            )
-        return self.row(
-            bench.measure(coins(self.n, self.phi, **gas), runs=runs, seconds=seconds, after=AFTER)
-        )
+        make, after = (bench.elastic_gas, None) if self.slowest is None else (coins, AFTER)
+        return self.row(bench.measure(make(self.n, self.phi, **gas), runs=runs, seconds=seconds, after=after))
 
     def row(self, found: Benchmark) -> str:
         measured, target = f"{_power(found.rate)} {_range(found.rates, _power)}", _power(self.target)
@@ -74,23 +60,12 @@ class Speed:
 
 @dataclass(frozen=True)
 class Cost:
-    """Time a collision in one gas, in units of that in another, at most: one run of each in turn.
-
-    Attributes
-    ----------
-    name : str
-    n : int
-        Disks.
-    target : float
-        The most that it may be.
-    make : callable
-        Makes two functions that time a run of so many seconds of either gas.
-    """
+    """Time a collision in one gas, in units of that in another, at most: one run of each in turn."""
 
     name: str
     n: int
-    target: float
-    make: Callable[..., tuple[Callable[[float], Run], Callable[[float], Run]]]
+    target: float  # the most that it may be
+    make: Callable[..., tuple[Timed, Timed]]  # of both gases
 
     def measure(self, runs: int, seconds: float, **gas: Any) -> str:
         """Its row."""
@@ -114,9 +89,8 @@ class Memory:
 
     def measure(self, runs: int, seconds: float, **gas: Any) -> str:
         """Its row."""
-        return self.row(
-            bench.measure(with_ledger(bench.elastic_gas(self.n, 0.3, **gas)), runs=1, seconds=0.0)
-        )
+        case = with_ledger(bench.elastic_gas(self.n, 0.3, **gas))
+        return self.row(bench.measure(case, runs=1, seconds=0.0))
 
     def row(self, found: Benchmark) -> str:
         size = found.bytes_per_disk
@@ -148,32 +122,31 @@ def with_ledger(case: Case) -> Case:
     return case.model_copy(update={"output": case.output.model_copy(update={"ledger": True})})
 
 
-def timing(case: Case, after: float | None = None) -> Callable[[float], Run]:
+def timing(case: Case, after: float | None = None) -> Timed:
     """A function that times a run of the gas of a case, which is warm."""
     _, simulation = bench.prepared(case, after=after)
     return lambda seconds: bench.timed(simulation, seconds)
 
 
-def thin(phi: float) -> Cost:
+def thin(phi: float, target: float) -> Cost:
     """The cost of a collision in a thin gas against phi = 0.1."""
-    target = {1e-4: 10.0, 1e-6: 50.0}[phi]
 
-    def make(n: int, **gas: Any) -> tuple[Callable[[float], Run], Callable[[float], Run]]:
+    def make(n: int, **gas: Any) -> tuple[Timed, Timed]:
         return timing(bench.elastic_gas(n, phi, **gas)), timing(bench.elastic_gas(n, 0.1, **gas))
 
     return Cost(f"a collision at phi = {phi:g}, against phi = 0.1", 10_000, target, make)
 
 
-def unequal(n: int, **gas: Any) -> tuple[Callable[[float], Run], Callable[[float], Run]]:
+def unequal(n: int, **gas: Any) -> tuple[Timed, Timed]:
     """Two sizes against one."""
     return timing(two_sizes(n, 0.5, **gas), 5.0), timing(bench.elastic_gas(n, 0.5, **gas))
 
 
-def accounted(n: int, **gas: Any) -> tuple[Callable[[float], Run], Callable[[float], Run]]:
+def accounted(n: int, **gas: Any) -> tuple[Timed, Timed]:
     """The IFR law with the ledger against the same gas without."""
     _, simulation = bench.prepared(with_ledger(coins(n, 0.3, **gas)), after=2.0)
 
-    def switched(on: bool) -> Callable[[float], Run]:
+    def switched(on: bool) -> Timed:
         def run(seconds: float) -> Run:
             simulation.switch_ledger(on)
             bench.timed(simulation, 0.0)  # compiles its kernels
@@ -187,8 +160,8 @@ def accounted(n: int, **gas: Any) -> tuple[Callable[[float], Run], Callable[[flo
 ROWS: tuple[Speed | Cost | Memory, ...] = (
     Speed(1_000, 0.3, 2.2e6, threads=1),
     Speed(10_000, 0.3, 2.2e6, threads=1),
-    thin(1e-4),
-    thin(1e-6),
+    thin(1e-4, 10.0),
+    thin(1e-6, 50.0),
     Cost("two sizes 1 : 10 of equal areas, against one, phi = 0.5", 10_000, 2.0, unequal),
     Speed(100_000, 0.1, 1.5e6),
     Speed(100_000, 0.3, 2.4e6),
