@@ -88,6 +88,8 @@ def figure(
     axes = drawn.subplots(squeeze=False, **layout).ravel()
     outcome = _draw([*axes], trajectory, what, frames, over, color)
     head = title(trajectory)
+    if size[0] < 7.0:
+        head = ",\n".join(head.rsplit(", ", 1))
     if outcome is not None:
         head += f"\n{span_text(trajectory, outcome)}"
         width = 150 if wide else 95
