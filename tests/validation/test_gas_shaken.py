@@ -12,7 +12,7 @@ from ifrdem.validation.gas import shaken
 
 
 def test_the_swing_of_an_oscillator_that_noise_drives_is_found() -> None:
-    """x'' = -2 x' / 10 - x / 4 + noise: omega_0 = 1/2. Exact steps of the linear equation, by its matrix exponential."""
+    """x'' = -0.2 x' - x / 4 + noise: omega_0 = 1/2. Exact steps, by the matrix exponential."""
     own, damping, step, n = 0.5, 0.2, 0.5, 8000
     free = math.sqrt(own**2 - 0.25 * damping**2)
     c, s, fade = math.cos(free * step), math.sin(free * step) / free, math.exp(-0.5 * damping * step)
