@@ -91,8 +91,9 @@ def run(
     estimate = RunEstimate.of(gas, case)
     check.refuse_cadences(case, gas, estimate)
     world.on_first(comm, lambda: check.refuse_beyond_disk(estimate.file_bytes, outputs.trajectory.parent))
+    crushes = gas.crushes(case)
     say(check.summary(case, gas, estimate, how(case, comm)))
-    for text in (*gas.warnings, *gas.crushes(case)):
+    for text in (*gas.warnings, *crushes):
         warn(text)
     try:
         state = gas.start(case, Stage("growth"))
