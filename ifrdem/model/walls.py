@@ -291,8 +291,9 @@ class Wall:
         if self.shape in ("polyline", "polygon"):
             set_(self, "points", outlines.checked_points(name, self.points, closed=self.shape == "polygon"))
             set_(self, "place", self.points[0])
-        elif not isinstance(self.points, tuple) or self.points:
+        elif not isinstance(self.points, Sequence | np.ndarray) or len(self.points):
             raise InputError(f"{name}, points: only a polyline or polygon has them")
+        set_(self, "points", tuple(self.points))
         for key in ("place", "towards"):
             if np.any(np.abs(getattr(self, key)) > MOST):
                 raise InputError(f"{name}, {key} = {getattr(self, key)}: numbers up to {MOST:g} are allowed")
