@@ -24,6 +24,7 @@ ORDER = (
     "mixture",
     "elastic",
     "vibrated",
+    "brazil_nut",
     "thermal_walls",
     "drum",
     "hopper",

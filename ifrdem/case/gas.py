@@ -121,13 +121,16 @@ class CaseGas:
         return list(texts)
 
     def crushes(self, case: Case) -> list[str]:
-        """One text for each two walls that would crush a disk between them in the run."""
-        walls, diameter = self.room.all_walls, 2.0 * float(self.disks.radius.max(initial=0.0))
-        names = wall_names(walls, self.box)
+        """One text for each two walls that may crush a disk between them in the run; InputError if they must."""
+        if not self.disks.n:
+            return []
+        walls, radius = self.room.all_walls, self.disks.radius
+        names, diameter = wall_names(walls, self.box), 2.0 * float(radius.max())
         end = math.inf if case.run.t_end is None else case.run.t_end
-        return [
-            crush.told(each, names, diameter) for each in crush.crushes(walls, self.box, diameter, 0.0, end)
-        ]
+        found = list(crush.crushes(walls, self.box, diameter, 0.0, end))
+        for each in found:
+            crush.refuse_certain(each, walls, names, 2.0 * float(radius.min()), end)
+        return [crush.told(each, names, diameter) for each in found]
 
     def drum(self, case: Case) -> float:
         """Froude number of the drum in whose frame gravity turns: Omega^2 R / g, R of the widest container.

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from ..errors import InputError
 from ..model import outlines
 from ..model.walls import FULL_TURN, Motion, Piston, Turn, Wall
 from .section import Keys, Section, key
@@ -126,7 +125,9 @@ class WallSection(Section):
     """Instead: a file of them [path from the case file], with x and y in each line [m], or an SVG drawing of one
     path."""
     path: str | None = key("M 0.1 0.1 L 0.2 0.3 C 0.3 0.3 0.3 0.2 0.4 0.1", None, min_length=1)
-    """Instead: the data of an SVG path, y upwards [text of numbers in m]: commands M, L, H, V, Z, C, Q, A."""
+    """Instead: the data of an SVG path, y upwards [text of numbers in m]: commands M, L, H, V, Z, C, S, Q, T, A."""
+    scale: float | None = key(1.0e-3, None, gt=0.0)
+    """Length of a unit of the file [m]; 1 if not given."""
     tolerance: float | None = key(1.0e-5, None, gt=0.0)
     """Largest distance of the straight pieces that stand for curves of a path [m]; 1e-4 of its size if not given."""
     holds: Literal["both", "inside", "outside"] | None = key("inside", None)
@@ -165,8 +166,8 @@ class WallSection(Section):
         "container": Keys(("center", "radius")),
         "post": Keys(("center", "radius")),
         "arc": Keys(("center", "radius"), also=("angles",)),
-        "polyline": Keys(one=_POINTS, also=("tolerance",)),
-        "polygon": Keys(one=_POINTS, also=("tolerance", "holds")),
+        "polyline": Keys(one=_POINTS, also=("tolerance", "scale")),
+        "polygon": Keys(one=_POINTS, also=("tolerance", "scale", "holds")),
     }
 
     @classmethod
@@ -183,6 +184,8 @@ class WallSection(Section):
             wrong.append("turn: a line has no end, so it cannot turn; use a segment")
         if "tolerance" in data and "points" in data:
             wrong.append("tolerance: points have no curves")
+        if "scale" in data and "file" not in data:
+            wrong.append("scale: only a file has it; points and paths are lengths")
         if data.get("shape") == "segment" and "start" in data and data["start"] == data.get("end"):
             wrong.append('start = end: a segment has two ends; a point is a "post" of radius 0')
         return wrong + _nowhere(data, "normal")
@@ -228,26 +231,14 @@ class WallSection(Section):
             case "polygon":
                 return Wall.polygon(self._outline(folder, closed=True), self.holds or "both", **options)
 
-    def _outline(self, folder: Path | None, *, closed: bool) -> list[tuple[float, float]]:
+    def _outline(self, folder: Path | None, *, closed: bool) -> Sequence[tuple[float, float]]:
         """Points as they are given, from a file, or of a path.
 
         Raises InputError if a polygon's outline does not come back to where it begins.
         """
         if self.points is not None:
             return [(x, y) for x, y in self.points]
-        place = None if self.file is None else (folder or Path()) / self.file
-        if place is None:
-            found, ends = outlines.of_path(self.path or "", self.tolerance)
-        elif place.suffix.lower() == ".svg":
-            found, ends = outlines.of_svg(place, self.tolerance)
-        else:
-            found, ends = outlines.of_csv(place), False
-        ends = ends or found[0] == found[-1]
-        if closed and not ends:
-            (x, y), (u, v) = found[0], found[-1]
-            raise InputError(
-                f"{self.file or 'path'}: it begins at ({x:.6g}, {y:.6g}) and ends at ({u:.6g}, {v:.6g}): a polygon "
-                "must come back to its beginning (in a path by Z, in a text file by the first point once more); or "
-                'take shape = "polyline"'
-            )
-        return [*found, found[0]] if ends and not closed and found[0] != found[-1] else found
+        if self.file is not None:
+            place = (folder or Path()) / self.file
+            return outlines.given(self.shape, place, self.scale or 1.0, self.tolerance, closed=closed)
+        return outlines.outline("path", *outlines.of_path(self.path or "", self.tolerance), closed=closed)

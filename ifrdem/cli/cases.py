@@ -27,8 +27,9 @@ def check(case: Case, /, *, set: Set = None) -> None:
     gas = file.gas.ready(file.case)
     estimate = RunEstimate.of(gas, file.case)
     summary.refuse_cadences(file.case, gas, estimate)
+    crushes = gas.crushes(file.case)
     say(summary.report(file.case, gas, estimate))
-    for text in (*gas.crushes(file.case), *gas.cautions(file.case)):
+    for text in (*crushes, *gas.cautions(file.case)):
         warn(text)
     try:
         summary.refuse_beyond_disk(estimate.file_bytes, Path())

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..errors import InputError
 from ..tools.checked import Array
 from .box import Box
 from .walls import FULL_TURN, Wall
@@ -72,6 +73,29 @@ def told(crush: Crush, names: Sequence[str], diameter: float) -> str:
         f"{names[crush.one]} and {names[crush.other]} come within {crush.gap:.3g} of each other at t = "
         f"{crush.time:.4g}, less than the diameter {diameter:.3g}: a disk between them would be crushed"
     )
+
+
+def refuse_certain(
+    crush: Crush, walls: Sequence[Wall], names: Sequence[str], smallest: float, end: float
+) -> None:
+    """Refuse two lines that face each other and close, in a run until a known time: no disk can leave the room between.
+
+    Other walls have ends, or a side behind them, by which disks may get away: they are warned of.
+
+    Raises
+    ------
+    InputError
+        With both walls and the time, if the gap gets below the diameter of the smallest disk [length].
+    """
+    one, other = walls[crush.one], walls[crush.other]
+    facing = one.shape == other.shape == "line" and float(np.dot(one.towards, other.towards)) < -1.0 + 1e-9
+    gated = one.opens_after is not None or other.opens_after is not None
+    if facing and not gated and math.isfinite(end) and crush.gap < smallest:
+        raise InputError(
+            f"{names[crush.one]} and {names[crush.other]} close to {crush.gap:.3g} at t = {crush.time:.4g}, less than "
+            f"the diameter {smallest:.3g} of the smallest disk, and all disks are between them: end the run before, or "
+            "let the wall stop (moves_until) or open"
+        )
 
 
 def _relative_speed(one: Wall, other: Wall) -> float:

@@ -1,7 +1,7 @@
 """Outlines: the points of polylines and polygons, from lists, CSV files and paths of SVG drawings.
 
-Of SVG paths the commands M, L, H, V, Z, C, Q and A are known, and their relative forms. Curves become straight pieces
-that are nowhere further from them than a tolerance:
+Of SVG paths all commands are known: M, L, H, V, Z, C, S, Q, T and A, and their relative forms. Curves become straight
+pieces that are nowhere further from them than a tolerance:
 
 - a Bezier curve B(u), 0 <= u <= 1, with |B''| <= M lies within M h^2 / 8 of its chords over steps h of u; M is 6
   (cubic) or 2 (quadratic) times the largest second difference of its control points;
@@ -29,7 +29,11 @@ from ..tools.checked import Array
 TOLERANCE = 1e-4
 """Of curves, as a part of the larger side of the rectangle around the points of a path, where none is given."""
 _TOKEN = re.compile(r"([A-Za-z])|([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)|([\s,]+)|(.)")
-_NUMBERS = {"M": 2, "L": 2, "H": 1, "V": 1, "Z": 0, "C": 6, "Q": 4, "A": 7}
+_NUMBERS = {"M": 2, "L": 2, "H": 1, "V": 1, "Z": 0, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7}
+MOST = 1e50
+"""Largest number of a point: products of some of them overflow far above it."""
+FLAT = 1e-12
+"""Area of a polygon over that of the square of its perimeter, below which it encloses nothing: rounding of the area."""
 AT_ONCE = 2_000_000
 """Pairs of sides that are looked at together at most."""
 
@@ -37,11 +41,15 @@ AT_ONCE = 2_000_000
 def checked_points(name: str, points: Any, *, closed: bool) -> tuple[tuple[float, float], ...]:
     """Points as pairs of finite numbers; a polygon's last one is dropped where it is the first again.
 
-    InputError if they are too few, two that follow each other are the same, or sides of a polygon cross.
+    InputError if they are too few or too large, two that follow each other are the same, or sides of a polygon cross,
+    double back or enclose no area.
     """
     if not isinstance(points, Sequence | np.ndarray) or isinstance(points, str):
         raise InputError(f"{name}, points = {points!r}: a list of points [x, y] is needed")
     found = [checked.finite_pair(f"{name}, points[{i}]", point) for i, point in enumerate(points)]
+    for i, point in enumerate(found):
+        if max(map(abs, point)) > MOST:
+            raise InputError(f"{name}, points[{i}] = {point}: numbers up to {MOST:g} are allowed")
     if closed and len(found) > 1 and found[0] == found[-1]:
         del found[-1]
     least = 3 if closed else 2
@@ -54,12 +62,69 @@ def checked_points(name: str, points: Any, *, closed: bool) -> tuple[tuple[float
                 f"{name}, points[{i}] and points[{(i + 1) % len(found)}] are both ({one[0]:.6g}, {one[1]:.6g}): a side "
                 "between them has no length"
             )
-    if closed and (crossing := first_crossing(np.array(around))):
+    if not closed:
+        return tuple(found)
+    corners = np.array(around)
+    for i, (before, after) in enumerate(
+        itertools.pairwise([*np.diff(corners, axis=0), corners[1] - corners[0]])
+    ):
+        if before[0] * after[1] == before[1] * after[0] and before @ after < 0.0:
+            j = (i + 1) % len(found)
+            raise InputError(
+                f"{name}, points[{j}] = ({found[j][0]:.6g}, {found[j][1]:.6g}): the outline doubles back there"
+            )
+    if crossing := first_crossing(corners):
         i, j = crossing
         raise InputError(
             f"{name}, points: the sides from points[{i}] and from points[{j}] cross; a polygon must not cross itself"
         )
+    x, y = (corners - corners[0]).T
+    around_it = float(np.hypot(*np.diff(corners, axis=0).T).sum())
+    if abs(float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))) <= FLAT * around_it**2:
+        raise InputError(f"{name}, points: they enclose no area (nearly all on one line); take a polyline")
     return tuple(found)
+
+
+def given(
+    name: str, points: Any, scale: float = 1.0, tolerance: float | None = None, *, closed: bool
+) -> Sequence[tuple[float, float]]:
+    """Points as they are given, or those of a file: x and y in each line of a text, or an SVG drawing (.svg).
+
+    InputError if the file cannot be read, or a polygon's outline does not come back to where it begins.
+
+    Parameters
+    ----------
+    scale : float
+        The length of a unit of the file [length].
+    tolerance : float, optional
+        Of the curves of a drawing [length]; see `of_path`.
+    """
+    unit = checked.real(f"{name}, scale", scale)
+    if not 0.0 < unit < math.inf:
+        raise InputError(f"{name}, scale = {scale}: a positive length is needed")
+    if not isinstance(points, str | os.PathLike):
+        if unit != 1.0:
+            raise InputError(f"{name}, scale = {scale}: only a file has it; points are lengths")
+        return points
+    if Path(points).suffix.lower() == ".svg":
+        found, ends = of_svg(points, None if tolerance is None else tolerance / unit)
+    else:
+        found, ends = of_csv(points), False
+    return outline(str(points), [(unit * x, unit * y) for x, y in found], ends, closed=closed)
+
+
+def outline(
+    name: str, found: list[tuple[float, float]], ends: bool, *, closed: bool
+) -> list[tuple[float, float]]:
+    """Points of a polyline or of a polygon, which must come back to its beginning: `ends` if a path says so by Z."""
+    ends = ends or found[0] == found[-1]
+    if closed and not ends:
+        (x, y), (u, v) = found[0], found[-1]
+        raise InputError(
+            f"{name}: it begins at ({x:.6g}, {y:.6g}) and ends at ({u:.6g}, {v:.6g}): a polygon must come back to its "
+            "beginning (in a path by Z, in a text file by the first point once more); or take a polyline"
+        )
+    return [*found, found[0]] if ends and not closed and found[0] != found[-1] else found
 
 
 def first_crossing(corners: Array) -> tuple[int, int] | None:
@@ -167,6 +232,7 @@ def of_path(
         tolerance = TOLERANCE * (float(np.ptp(ends, axis=0).max()) or 1.0)
     points: list[tuple[float, float]] = []
     x = y = 0.0
+    last, handle = "", (0.0, 0.0)  # the command before, and the control point next to its end
     closed = False
     for command, args in commands:
         if closed or (command in "Mm" and points):
@@ -183,13 +249,18 @@ def of_path(
                 new = [(args[0], y)]
             case "V":
                 new = [(x, args[0])]
-            case "C" | "Q":
+            case "C" | "S" | "Q" | "T":
+                if command in "SsTt":  # a curve that goes on smoothly: the mirror image of the handle before
+                    smooth = last in ("CS" if command in "Ss" else "QT")
+                    args = [*((2.0 * x - handle[0], 2.0 * y - handle[1]) if smooth else (x, y)), *args]
+                handle = (args[-4], args[-3])
                 new = _bezier(np.array([x, y, *args]).reshape(-1, 2), tolerance, name)
             case "A":
                 new = _arc((x, y), args, tolerance, name)
             case _:
                 closed, new = True, []
         points += new
+        last = command.upper()
         if new:
             x, y = new[-1]
     if closed and len(points) > 1 and points[0] == points[-1]:

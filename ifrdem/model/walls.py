@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
+import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal, TypedDict, Unpack
@@ -21,6 +22,7 @@ from ..tools import checked
 from ..tools.checked import Array
 from . import outlines
 from .box import Box
+from .outlines import MOST
 
 Point = tuple[float, float]
 PIECES = ("line", "segment", "container", "post", "arc inside", "arc outside")
@@ -51,6 +53,8 @@ def _number(
         between = "" if low == -math.inf else f" {'above' if open_ else 'not below'} {low:g}"
         between += "" if high == math.inf else f" and {'below' if open_ else 'not above'} {high:g}"
         raise InputError(f"{name} = {value}: a finite number{between} is needed")
+    if abs(number) > MOST:
+        raise InputError(f"{name} = {value}: numbers up to {MOST:g} are allowed")
     return number
 
 
@@ -89,10 +93,7 @@ class Motion:
     rise: float = 0.5
 
     def __post_init__(self) -> None:
-        if self.kind not in MOTIONS:
-            raise InputError(
-                f"motion kind = '{self.kind}': allowed are {', '.join(MOTIONS)}{nearest(self.kind, MOTIONS)}"
-            )
+        checked.one_of("motion kind", self.kind, MOTIONS)
         x, y = checked.finite_pair("motion direction", self.direction)
         length = math.hypot(x, y)
         if length == 0.0:
@@ -168,10 +169,7 @@ class Turn:
     phase: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.kind not in TURNS:
-            raise InputError(
-                f"turn kind = '{self.kind}': allowed are {', '.join(TURNS)}{nearest(self.kind, TURNS)}"
-            )
+        checked.one_of("turn kind", self.kind, TURNS)
         set_ = object.__setattr__
         set_(self, "center", checked.finite_pair("turn center", self.center))
         for name, low in (("rate", -math.inf), ("amplitude", 0.0), ("frequency", 0.0), ("phase", -math.inf)):
@@ -345,10 +343,7 @@ class Wall:
     """A mass with which a line, or a segment across the whole box, moves freely along its normal."""
 
     def __post_init__(self) -> None:
-        if self.shape not in SHAPES:
-            raise InputError(
-                f"wall shape = '{self.shape}': allowed are {', '.join(SHAPES)}{nearest(self.shape, SHAPES)}"
-            )
+        checked.one_of("wall shape", self.shape, SHAPES)
         set_, name = object.__setattr__, f"{self.shape} wall"
         set_(self, "place", checked.finite_pair(f"{name}, place", self.place))
         set_(self, "towards", checked.finite_pair(f"{name}, direction", self.towards))
@@ -363,18 +358,20 @@ class Wall:
         set_(self, "radius", _number(f"{name}, radius", self.radius, 0.0, open_=round_))
         begin, end = checked.finite_pair(f"{name}, angles", self.angles)
         set_(self, "angles", (begin, end))
-        if self.shape == "arc":
-            if not 0.0 < end - begin <= FULL_TURN * (1.0 + 1e-15):
-                raise InputError(
-                    f"{name}, angles = ({begin:.6g}, {end:.6g}): the second must be above the first, by a full turn (2 "
-                    "pi) at most; an arc without length is a post of radius 0"
-                )
-        elif len(self.points) and self.shape not in ("polyline", "polygon"):
-            raise InputError(f"{name}, points: only a polyline or polygon has them")
-        set_(self, "points", tuple(self.points))
+        if self.shape == "arc" and not 0.0 < end - begin <= FULL_TURN * (1.0 + 1e-15):
+            raise InputError(
+                f"{name}, angles = ({begin:.6g}, {end:.6g}): the second must be above the first, by a full turn (2 pi) "
+                "at most; an arc without length is a post of radius 0"
+            )
         if self.shape in ("polyline", "polygon"):
             set_(self, "points", outlines.checked_points(name, self.points, closed=self.shape == "polygon"))
             set_(self, "place", self.points[0])
+        elif not isinstance(self.points, Sequence | np.ndarray) or len(self.points):
+            raise InputError(f"{name}, points: only a polyline or polygon has them")
+        set_(self, "points", tuple(self.points))
+        for key in ("place", "towards"):
+            if np.any(np.abs(getattr(self, key)) > MOST):
+                raise InputError(f"{name}, {key} = {getattr(self, key)}: numbers up to {MOST:g} are allowed")
         checked.one_of(f"{name}, holds", self.holds, HOLDS)
         set_(self, "material", checked.whole(f"{name}, material", self.material, 0))
         set_(self, "surface_speed", _number(f"{name}, surface speed", self.surface_speed))
@@ -462,22 +459,37 @@ class Wall:
         return cls("arc", center, radius=radius, angles=angles, **options)
 
     @classmethod
-    def polyline(cls, points: Sequence[Point] | Array, **options: Unpack[WallOptions]) -> Wall:
-        """Straight walls from point to point, without thickness; disks collide with both sides and the ends."""
-        return cls("polyline", (0.0, 0.0), points=points, **options)  # type: ignore[arg-type]
+    def polyline(
+        cls,
+        points: Sequence[Point] | Array | str | os.PathLike[str],
+        *,
+        scale: float = 1.0,
+        **options: Unpack[WallOptions],
+    ) -> Wall:
+        """Straight walls from point to point, without thickness; disks collide with both sides and the ends.
+
+        `points` may be a file of them: x and y in each line of a text, or an SVG drawing of one path; `scale` is the
+        length of its unit [length].
+        """
+        given = outlines.given("polyline wall", points, scale, closed=False)
+        return cls("polyline", (0.0, 0.0), points=given, **options)  # type: ignore[arg-type]
 
     @classmethod
     def polygon(
         cls,
-        points: Sequence[Point] | Array,
+        points: Sequence[Point] | Array | str | os.PathLike[str],
         holds: Literal["both", "inside", "outside"] = "both",
+        *,
+        scale: float = 1.0,
         **options: Unpack[WallOptions],
     ) -> Wall:
         """The closed outline through some points, without thickness: a container, an obstacle, or both.
 
-        Disks collide with both sides; on which of them they start is for `holds` to say.
+        Disks collide with both sides; on which of them they start is for `holds` to say. `points` may be a file, as
+        of a `polyline`.
         """
-        return cls("polygon", (0.0, 0.0), points=points, holds=holds, **options)  # type: ignore[arg-type]
+        given = outlines.given("polygon wall", points, scale, closed=True)
+        return cls("polygon", (0.0, 0.0), points=given, holds=holds, **options)  # type: ignore[arg-type]
 
     @property
     def corners(self) -> Array:

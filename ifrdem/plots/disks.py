@@ -173,14 +173,22 @@ def draw(axes: Axes, view: View, color: str = "spin") -> None:
 
 
 def last_frame(axes: Axes, trajectory: Trajectory, index: int = -1, color: str | None = None) -> None:
-    """The disks of the last frame (or another), by default coloured by spin if the file holds it."""
+    """The disks of the last frame (or another), by default coloured by spin, or by material where nothing turns."""
     frame = trajectory[index]
     if "position" not in trajectory.fields:
         place_axes(axes, trajectory, shown_region(trajectory, np.zeros((1, 2))))
         draw_walls(axes, trajectory, frame.time, collisions_of(frame), frame.walls)
         axes.set_title("the file holds no positions")
         return
-    draw(axes, View.of(frame), color or ("spin" if "angular_velocity" in trajectory.fields else "none"))
+    view = View.of(frame)
+    draw(axes, view, color or default_color(view))
+
+
+def default_color(view: View) -> str:
+    """Spin; where nothing turns, the material if there are several."""
+    if "angular_velocity" in view.stored and view.moving.spin.any():
+        return "spin"
+    return "material" if len(np.unique(view.disks.material)) > 1 else "none"
 
 
 def shown_region(gas: Gas, position: Array) -> Array:

@@ -150,7 +150,7 @@ def _thumbnail(view: plot_disks.View) -> Figure:
 
     figure = Figure(figsize=THUMBNAIL, layout="constrained")
     axes = figure.subplots()
-    plot_disks.draw(axes, view, "spin" if "angular_velocity" in view.stored else "none")
+    plot_disks.draw(axes, view, plot_disks.default_color(view))
     axes.set(title="", xlabel="", ylabel="", xticks=[], yticks=[])
     for bar in axes.child_axes:
         bar.remove()

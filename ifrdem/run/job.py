@@ -97,8 +97,9 @@ def run(
         estimate = RunEstimate.of(gas, case)
         check.refuse_cadences(case, gas, estimate)
         check.refuse_beyond_disk(estimate.file_bytes, outputs.trajectory.parent)
+        crushes = gas.crushes(case)
         say(check.summary(case, gas, estimate, how(case, cores, comm)))
-        for text in (*gas.warnings, *gas.crushes(case), *gas.cautions(case)):
+        for text in (*gas.warnings, *crushes, *gas.cautions(case)):
             warn(text)
         state = gas.start(case, Stage("growth"))
         return [gas, state, gas.tracked(case, state)]

@@ -698,14 +698,15 @@ class Simulation(Sealed, PicturedDisks):
             )
 
     def _foresee(self, t_end: float) -> None:
-        """Warn, once, of walls that would crush a disk between them until `t_end` [time]."""
+        """Warn, once, of walls that may crush a disk between them until `t_end` [time]; InputError if they must."""
         walls, diameter = self._engine.walls, 2.0 * float(self.disks.radius.max(initial=0.0))
         if self._foreseen or not self.disks.n or self.box.is_open:
             return
-        self._foreseen = True
         names = wall_names(walls, self.box)
         for each in crush.crushes(walls, self.box, diameter, self.time, t_end):
+            crush.refuse_certain(each, walls, names, 2.0 * float(self.disks.radius.min()), t_end)
             warnings.warn(crush.told(each, names, diameter), crush.WallWarning, stacklevel=3)
+        self._foreseen = True
 
     def switch_ledger(self, on: bool) -> None:
         """Go on without the energy ledger, or with it again; what it holds is then of the time with it only.

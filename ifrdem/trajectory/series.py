@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
@@ -17,7 +18,8 @@ from .damage import text_of
 class Series(Sealed, Mapping[str, NDArray[Any]]):
     """Quantities by name: arrays over a time of their own, shape (rows, ...), read when asked for.
 
-    A quantity with named columns gives one of them too: `series["dissipated_by_mechanism/sliding"]`.
+    A quantity with named columns gives one of them too: `series["dissipated_by_mechanism/sliding"]`,
+    `series["walls_work/wall 0 line"]`; by the name of a group of walls, their sum: `series["walls_work/paddle"]`.
 
     Attributes
     ----------
@@ -53,6 +55,9 @@ class Series(Sealed, Mapping[str, NDArray[Any]]):
         if not column:
             return value
         if column not in columns:
+            group = [i for i, one in enumerate(columns) if re.fullmatch(rf"{re.escape(column)} \d+ .*", one)]
+            if group:  # of walls
+                return np.asarray(value[:, group].sum(axis=1))
             raise NameMissing(
                 f"{self._kind} {whole!r} of the file has no column {column!r}{there_are(column, columns)}"
             )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -105,3 +106,50 @@ def test_a_simulation_and_a_check_tell_of_it(tmp_path: Path, capsys: pytest.Capt
     path.write_text(PISTON)
     assert main(["check", str(path)]) == 0
     assert "piston 0 segment and wall 1 segment come within 0.25" in capsys.readouterr().err
+
+
+PRESS = """
+run = { name = "press", t_end = 20.0, units = "reduced" }
+box = { lengths = [10.0, 10.0], periodic = [true, false], material = "m" }
+material = [{ name = "m", e_n = 0.9, e_t = -1.0, mu = 0.0 }]
+species = [{ name = "d", material = "m", mass = 1.0, diameter = 0.5, number = 5, speed_rms = 1.0 }]
+[[wall]]
+shape = "line"
+material = "m"
+point = [0.0, 0.5]
+normal = [0.0, 1.0]
+motion = { kind = "steady", speed = 0.5 }
+"""
+
+
+def test_lines_that_close_on_all_disks_are_refused_before_any_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A floor that rises from 0.5 at 0.5 is at the ceiling, at 10, at t = 19."""
+    monkeypatch.chdir(tmp_path)
+    path = Path("press.toml")
+    path.write_text(PRESS)
+    for verb in ("check", "run"):
+        assert main([verb, str(path)]) == 2
+        told = capsys.readouterr()
+        assert re.search(
+            r"wall 0 line and .*(upper|top|y).* close to .* all disks are between them", told.err
+        ), told.err
+        assert not told.out
+    assert list(tmp_path.iterdir()) == [tmp_path / path]
+    for change in ("moves_until = 10.0", "opens_at = 15.0", "opens_after = 10"):  # no more, or perhaps not
+        path.write_text(f"{PRESS}{change}\n")
+        assert main(["check", str(path)]) == 0
+        capsys.readouterr()
+    path.write_text(PRESS.replace("20.0", "18.0"))  # 0.5 is left
+    assert main(["check", str(path)]) == 0
+
+
+def test_a_simulation_refuses_lines_that_close_on_all_disks() -> None:
+    walls = [Wall.line((0.0, 0.5), (0.0, 1.0), motion=Motion("steady", speed=0.5))]
+    disks, start = ifrdem.Disks(1, 1.0, 0.25), ifrdem.State([[5.0, 5.0]], [[0.0, 0.0]], np.zeros(1))
+    run = ifrdem.Simulation(disks, BOX, ifrdem.IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0), start, walls=walls)
+    with pytest.raises(ifrdem.InputError, match="all disks are between them"):
+        run.run(t_end=20.0)
+    assert run.time == 0.0
+    run.run(t_end=1.0)

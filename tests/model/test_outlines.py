@@ -85,6 +85,55 @@ def test_crossing_sides_are_found_also_where_a_corner_touches_a_side() -> None:
     Wall.polygon(np.column_stack((np.cos(angle), np.sin(angle))))
 
 
+def test_smooth_curves_go_on_with_the_mirror_image_of_the_handle_before() -> None:
+    """SVG 2, 9.3.6 and 9.3.7: S and T after C and Q, and after other commands from where they stand."""
+    for short, long in (
+        ("M 0 0 C 1 3 4 -2 3 1 S 5 5 6 0", "M 0 0 C 1 3 4 -2 3 1 C 2 4 5 5 6 0"),
+        ("M 0 0 c 1 3 4 -2 3 1 s 2 4 3 -1", "M 0 0 C 1 3 4 -2 3 1 C 2 4 5 5 6 0"),
+        ("M 0 0 Q 1 3 3 1 T 6 0", "M 0 0 Q 1 3 3 1 Q 5 -1 6 0"),
+        ("M 0 0 Q 1 3 3 1 t 3 -1 T 9 1", "M 0 0 Q 1 3 3 1 Q 5 -1 6 0 Q 7 1 9 1"),
+        ("M 0 0 L 3 1 S 5 5 6 0", "M 0 0 L 3 1 C 3 1 5 5 6 0"),
+        ("M 0 0 C 1 3 4 -2 3 1 T 6 0", "M 0 0 C 1 3 4 -2 3 1 Q 3 1 6 0"),
+    ):
+        found, expected = (outlines.of_path(each, 1e-3)[0] for each in (short, long))
+        np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+def test_walls_come_from_files_with_the_length_of_their_unit(tmp_path: Path) -> None:
+    drawing, text = tmp_path / "a.svg", tmp_path / "a.csv"
+    drawing.write_text('<svg viewBox="0 0 10 20"><path d="M 0 20 h 4 v -3 z"/></svg>')
+    text.write_text("1 1\n3 1\n3 2\n")
+    assert Wall.polygon(drawing, "inside", scale=0.5).points == ((0.0, 0.0), (2.0, 0.0), (2.0, 1.5))
+    assert Wall.polyline(str(text), scale=2.0).points == ((2.0, 2.0), (6.0, 2.0), (6.0, 4.0))
+    drawing.write_text('<svg viewBox="0 0 10 20"><path d="M 0 20 h 4 v -3 q 0 -1 4 -4"/></svg>')
+    near = outlines.given(
+        "wall", drawing, 0.01, 1e-5, closed=False
+    )  # the tolerance is a length, not a part of the file
+    u = np.linspace(0.0, 1.0, 1000)[:, None]
+    curve = 0.01 * ((1 - u) ** 2 * (4.0, 3.0) + 2 * u * (1 - u) * (4.0, 4.0) + u**2 * (8.0, 7.0))
+    assert 1e-6 < distance_to(list(near), curve) <= 1e-5
+    for points, scale, says in (
+        (text, 1.0, "a.csv: it begins at .1, 1. and ends at .3, 2.: a polygon must come back"),
+        (tmp_path / "none.csv", 1.0, "none.csv: cannot be read"),
+        (text, 0.0, "scale = 0.0: a positive length"),
+        ([(0, 0), (1, 0), (0, 1)], 2.0, "scale = 2.0: only a file has it"),
+    ):
+        with pytest.raises(InputError, match=says):
+            Wall.polygon(points, scale=scale)
+
+
+def test_polygons_without_area_are_refused_with_their_place() -> None:
+    for points, says in (
+        ([(0, 0), (1, 1), (3, 3)], r"points\[2\] = .3, 3.: the outline doubles back"),
+        ([(0, 0), (4, 0), (4, 4), (4, 1)], r"points\[2\] = .4, 4.: the outline doubles back"),
+        ([(0, 0), (1, 1e-16), (2, 0)], "they enclose no area"),
+        ([(0, 0), (1e300, 0), (0, 1e300)], r"points\[1\] = .1e\+300, 0.0.: numbers up to 1e\+50"),
+    ):
+        with pytest.raises(InputError, match=says):
+            Wall.polygon(points)
+    Wall.polygon([(0, 0), (1, 1e-6), (2, 0)])
+
+
 def test_rooms_with_polygons_have_their_area() -> None:
     """A hexagon of side 1 has the area 3 sqrt(3) / 2; a post in it, and a triangle that is an obstacle, take theirs."""
     angle = np.pi / 3.0 * np.arange(6)

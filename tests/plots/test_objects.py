@@ -414,3 +414,15 @@ def test_pictures_of_disks_are_as_large_as_the_box_and_cut_nothing(
     bar = figure.axes[0].child_axes[0]
     # right beside the axes: nearer than a tenth of the figure
     assert 0.0 < bar.get_window_extent().x0 - figure.axes[0].get_window_extent().x1 < 0.1 * figure.bbox.width
+
+
+@pytest.mark.parametrize(
+    ("spin", "materials", "expected"), [(1.0, 2, "spin"), (0.0, 2, "material"), (0.0, 1, "none")]
+)
+def test_disks_of_which_none_turns_show_their_materials(spin: float, materials: int, expected: str) -> None:
+    many = Disks(2, 1.0, 0.5, material=[0, materials - 1])
+    still = State([[2.0, 2.0], [5.0, 5.0]], [[1.0, 0.0], [0.0, 1.0]], [0.0, spin])
+    law = ifrdem.IFRLaw(e_n=0.9, e_t=-0.9, mu=0.2)
+    laws = law if materials == 1 else [[law, law], [law, law]]
+    view = disks.View.of(ifrdem.Simulation(many, Box((8.0, 8.0)), laws, still))
+    assert disks.default_color(view) == expected

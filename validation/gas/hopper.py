@@ -1,0 +1,145 @@
+r"""Disks that flow out of a hopper: Beverloo's law.
+
+Units: mean diameter d of a disk, its mass and g are 1. The rate at which disks leave an outlet of width D does not
+depend on how much lies above. They fall from an arch as wide as the room of their centres, with a speed that goes
+like the root of this width, so that in two dimensions W = C (D - k)^(3/2) disks leave in a unit of time (W. A.
+Beverloo, H. A. Leniger and J. van de Velde, Chem. Eng. Sci. 15, 260 (1961), doi:10.1016/0009-2509(61)85030-6, with
+5/2 in three dimensions; both measured by C. Mankoc et al., Granul. Matter 9, 407 (2007),
+doi:10.1007/s10035-007-0062-2). Nothing predicts C and k; with them the exponent is fitted, to the logarithms of mean
+rates. Its value and error are those of the jackknife over replicas.
+
+Disks with friction, whose radii spread by 10 %, rest in the hopper as `collapse = "rest"` has it, until a gate opens.
+The rate is a straight line through the number of disks that are out, from 20 to 65 % of them.
+
+Broken on purpose: rates times D^(1/2), an exponent of 2, fail the row.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...initial import placement
+from ...model.box import Box
+from ...model.ifr import IFRLaw
+from ...model.state import Disks, State
+from ...model.walls import Wall
+from ...simulation.simulation import Simulation
+from ..report import style
+from ..report.registry import Picture, Result
+from .sample import compare, seeds_of
+
+QUESTION = "Does a hopper empty by Beverloo's law, with the exponent 3/2 of two dimensions?"
+REFERENCE = "Beverloo, Leniger and van de Velde (1961), doi:10.1016/0009-2509(61)85030-6"
+
+LAW = IFRLaw(e_n=0.7, e_t=-0.6, mu=0.4)
+SLOPE = math.tan(math.radians(56.0))
+FLOOR, RESTED = 25.0, 14.0  # height of the outlet, and the time at which its gate opens
+OUT = (0.2, 0.65)  # parts of the disks that are out
+Array = NDArray[np.float64]
+
+
+def run(quick: bool, seed: int) -> Result:
+    """See the module's QUESTION."""
+    result = Result()
+    outlets, replicas, filling = ((6.0, 10.0, 18.0), 8, 25.0) if quick else ((6.0, 9.0, 12.0, 18.0), 12, 40.0)
+    rates = np.array(
+        [
+            [flow(D, round(filling * D), one) for one in seeds_of(seed, replicas, 6600 + 50 * i)]
+            for i, D in enumerate(outlets)
+        ]
+    )
+    whole = beverloo(outlets, rates.mean(axis=1))
+    without = np.array([beverloo(outlets, np.delete(rates, i, axis=1).mean(axis=1)) for i in range(replicas)])
+    each = replicas * whole - (replicas - 1) * without
+    compare(
+        result, f"exponent of Beverloo's law, outlets of {outlets[0]:g} to {outlets[-1]:g} diameters", each[:, 2], 1.5,
+        disks=round(filling * outlets[-1]), seeds=seeds_of(seed, replicas, 6600), systematic=0.05,
+        why="0.05: outlets of few diameters", widest=0.5 if quick else 0.3, source=REFERENCE,
+    )  # fmt: skip
+    errors = each.std(axis=0, ddof=1) / math.sqrt(replicas)
+    rows: list[tuple[str | float, ...]] = [
+        (name, float(value), float(error))
+        for name, value, error in zip(("C", "k", "exponent"), whole, errors, strict=True)
+    ]
+    result.table("W = C (D - k)^exponent, of all rates", ("", "value", "standard error"), rows)
+    result.pictures.append(_figure(outlets, rates))
+    return result
+
+
+def beverloo(outlets: Any, rates: Array) -> Array:
+    """C, k and the exponent of W = C (D - k)^exponent, by least squares of ln W."""
+    from scipy.optimize import least_squares
+
+    D = np.asarray(outlets, dtype=float)
+    found = least_squares(
+        lambda q: q[0] + q[2] * np.log(D - q[1]) - np.log(rates), (0.0, 1.0, 1.5),
+        bounds=((-20.0, -60.0, 0.2), (20.0, D.min() - 0.5, 12.0)),
+    ).x  # fmt: skip
+    return np.array([math.exp(found[0]), found[1], found[2]])
+
+
+def flow(outlet: float, n: int, seed: int) -> float:
+    """Disks that leave an outlet in a unit of time."""
+    width = outlet + 20.0
+    radius = 0.5 * (1.0 + np.random.default_rng(seed).uniform(-0.1, 0.1, n))
+    left, right, top = 0.5 * (width - outlet), 0.5 * (width + outlet), FLOOR + SLOPE * 0.5 * (width - outlet)
+    walls = [
+        Wall.segment((0.0, top), (left, FLOOR)),
+        Wall.segment((width, top), (right, FLOOR)),
+        Wall.segment((left, FLOOR), (right, FLOOR), opens_at=RESTED),
+        Wall.line((0.0, top + 0.1), (0.0, 1.0), opens_at=1e-6),  # the start is above the funnel
+    ]
+    # The packing fraction of the start, and so the height of the box, bounds the time of the fall.
+    box = Box((width, top + math.pi * n / (4.0 * 0.3 * width) + 1.0), (False, False))
+    disks = Disks(n, mass=4.0 * radius**2, radius=radius)
+    position = placement.random_positions(box, radius, seed=seed, walls=walls)
+    start = State(position, placement.maxwellian(disks.mass, speed_rms=0.3, seed=seed), np.zeros(n))
+    hopper = Simulation(
+        disks, box, LAW, start, walls=walls, gravity=(0.0, -1.0), collapse="rest", resting_speed=0.05
+    )
+    hopper.run(t_end=RESTED)
+    time: list[float] = []
+    out: list[int] = []
+
+    def count(state: State, _: Any) -> None:
+        time.append(state.time)
+        out.append(int((state.position[:, 1] < FLOOR).sum()))
+
+    hopper.run(t_end=RESTED + 1.5 * n / (outlet - 1.5) ** 1.5, frames=400, observers=[count])
+    t, gone = np.array(time), np.array(out)
+    used = (gone > OUT[0] * n) & (gone < OUT[1] * n)
+    return float(np.polyfit(t[used], gone[used], 1)[0])
+
+
+def _figure(outlets: Any, rates: Array) -> Picture:
+    figure, (axes,) = style.panels(width=4.2)
+    mean = rates.mean(axis=1)
+    error = rates.std(axis=1, ddof=1) / math.sqrt(rates.shape[1])
+    power = mean ** (2.0 / 3.0)
+    axes.errorbar(
+        outlets,
+        power,
+        2.0 / 3.0 * power * error / mean,
+        fmt="o",
+        mfc="none",
+        color=style.BLUE,
+        label="simulated",
+    )
+    slope, zero = np.polyfit(outlets, power, 1)
+    at = np.array((-zero / slope, max(outlets) + 1.0))
+    axes.plot(at, slope * at + zero, color=style.BLACK, label=f"$C$ = {slope**1.5:.2f}, $k$ = {at[0]:.2f}")
+    axes.set(
+        xlabel="width of the outlet / $d$",
+        ylabel=r"$(W\ (d / g)^{1/2})^{2/3}$",
+        xlim=(0.0, None),
+        ylim=(0.0, None),
+    )
+    axes.legend()
+    caption = (
+        "Disks that leave a hopper in a unit of time, to the power 2/3: by Beverloo's law a straight line."
+    )
+    return Picture("gas_hopper", caption, figure)
