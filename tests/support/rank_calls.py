@@ -1,4 +1,4 @@
-"""`mpiexec -n 3 python rank_calls.py`: two of the ranks share a gas and do wrong things with it. Prints what came of each.
+"""`mpiexec -n 3 python rank_calls.py`: two of the ranks share a gas, do wrong things with it, and tell what came.
 
 Of disks, start, observers and samplers only the first one has any.
 """
