@@ -26,8 +26,12 @@ plan the same window. By induction over windows each disk moves as on one rank.
 Checked as it runs: each listed disk has been run by exactly one rank in each window (3), and no disk is lost or there
 twice whenever a state is put together.
 
-What each rank holds: its disks and those of its ring (198 bytes each); 450 bytes for each tile of the whole box; at
-the start, while a state is put together on the first rank, and in a window that is left to the whole box, all disks.
+What each rank holds: its disks and those of its ring (198 bytes each), with their kinds where there are several; 450
+bytes for each tile of the whole box; in a window that is left to the whole box, all disks. The first rank has the disks
+and the start, and puts states together.
+
+Blocks move (`divide_anew`) between windows: whole lists of tiles go to other ranks, in their order. No bit depends on
+who owns a tile, so none changes.
 
 Imports Taichi: import this module only after `device.start`. Needs mpi4py.
 """

@@ -1,4 +1,4 @@
-"""`mpiexec -n 3 python rank_calls.py`: two of the ranks share a gas and do wrong things with it. Each prints what came.
+"""`mpiexec -n 3 python rank_calls.py`: two of the ranks share a gas, do wrong things with it, and tell what came.
 
 Of disks, start, observers and samplers only the first one has any.
 """
@@ -63,4 +63,5 @@ if __name__ == "__main__":
     state = simulation.state
     found["there"] = repr((simulation.collisions, state.n, float(np.sum(state.position))))
     found["momentum"] = repr(bool(np.abs(simulation.measure().momentum).max() < 1e-9))
-    print(json.dumps(found), flush=True)
+    for each in COMM.gather(found) or ():  # by one rank: lines of two may run into each other
+        print(json.dumps(each))

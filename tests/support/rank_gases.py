@@ -170,6 +170,12 @@ def no_verification() -> None:
     ranks.RankWindows._verify = lambda self, watching: None  # type: ignore[method-assign]
 
 
+def other_order() -> None:
+    """Blocks of tiles are added up in another order."""
+    whole = ranks.RankArrays._all_blocks
+    ranks.RankArrays._all_blocks = lambda self, blocks: whole(self, blocks)[::-1]  # type: ignore[method-assign]
+
+
 def wrong_owner() -> None:
     """A tile is nobody's: its owner does not run it."""
     whole = ranks.RankWindows._run_own
@@ -186,7 +192,7 @@ def wrong_owner() -> None:
 FAULTS = {
     each.__name__: each
     for each in (
-        no_foresight, half_a_ring, half_a_halo, no_trails, no_verification, wrong_owner,
+        no_foresight, half_a_ring, half_a_halo, no_trails, no_verification, other_order, wrong_owner,
     )
 }  # fmt: skip
 LISTED_ANEW = [0]

@@ -56,12 +56,13 @@ def test_all_bits_are_those_of_one_rank(ranks: int, names: list[str]) -> None:
 
 @mpi.needed
 def test_faults_are_found_out() -> None:
-    """Half of a ring, a narrow one, no hashes, no verification, a tile that is nobody's: each shows.
+    """Half of a ring, a narrow one, no hashes, no verification, sums in another order, a tile of nobody: each shows.
 
     Rings that turn out to be too narrow are no fault: they come whole then. (Sums may change in their last digit: where
     a window is left to the whole box, disks stand in another order in their lists.)
     """
-    faults = ["no_foresight", "half_a_ring", "half_a_halo", "no_trails", "no_verification", "wrong_owner"]
+    faults = ["no_foresight", "half_a_ring", "half_a_halo", "no_trails", "no_verification", "other_order"]
+    faults += ["wrong_owner"]
     done = mpi.on(2, sys.executable, "-m", "mpi4py", GASES, ",".join(faults), "cooling", **OPTIMISER)
     assert done.returncode == 0, done.stderr + done.stdout
     found = {each["fault"]: each for each in map(json.loads, done.stdout.splitlines())}
@@ -72,6 +73,7 @@ def test_faults_are_found_out() -> None:
     assert found["no_foresight"]["whole"] > 0
     assert found["half_a_halo"]["differ"]
     assert {"position", "velocity", "spin"} <= set(found["no_verification"]["differ"])
+    assert {"sums", "totals"} == set(found["other_order"]["differ"])  # in their last digits
 
 
 def owners(count: list[int], tiles: tuple[int, int], size: int) -> np.ndarray:
