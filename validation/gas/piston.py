@@ -155,7 +155,8 @@ def run(quick: bool, seed: int) -> Result:
 
     def row(quantity: str, found: list[float], more: float = 0.0) -> None:
         compare(
-            result, quantity, found, 1.0, disks=n, seeds=seeds, systematic=systematic + more, why=why_slow if more else why, source=SOURCE,
+            result, quantity, found, 1.0, disks=n, seeds=seeds, systematic=systematic + more,
+            why=why_slow if more else why, source=SOURCE,
             widest=0.04 if quick else 0.008,
         )  # fmt: skip
 
