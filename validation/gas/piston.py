@@ -209,6 +209,6 @@ def _picture(n: int, forces: tuple[float, float], paths: list[Path], on_adiabat:
     left.legend()
     caption = (
         f"{n} elastic disks under a piston whose force grows and falls slowly; means of {len(paths)} gases. Line: the "
-        "adiabat from the equation of state of Kolafa and Rottner."
+        "adiabat from the equation of state of Kolafa and Rottner, about which the piston swings."
     )
     return Picture("gas_piston", caption, figure)
