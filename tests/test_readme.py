@@ -28,7 +28,7 @@ from ifrdem.cases import gallery
 from ifrdem.cli import docs
 from ifrdem.cli import main as cli
 from ifrdem.model.observables import measure
-from ifrdem.model.walls import Motion, Wall
+from ifrdem.model.walls import Motion, Piston, Wall
 from ifrdem.plots import pictures
 from ifrdem.theory import sheared_gas
 
@@ -281,6 +281,21 @@ def test_paddle_example_works_as_its_torque_says(capsys: pytest.CaptureFixture[s
     assert hits > 10
     assert work == pytest.approx(by_torque, rel=1e-6)
     assert work > 0.0
+
+
+def test_piston_example_keeps_the_energy_of_both(capsys: pytest.CaptureFixture[str]) -> None:
+    exec(compile(block("piston"), "walls.md", "exec"), {})
+    height, speed, energy = map(float, capsys.readouterr().out.split())
+    assert energy == pytest.approx(100.0, rel=1e-12)  # T = 1 of 100 disks, exactly, and a piston at rest
+    assert 10.0 < height < 60.0
+    assert speed != 0.0
+
+
+def test_piston_of_the_case_file_is_one() -> None:
+    raw = tomllib.loads(template.write("walls"))
+    raw["wall"] = tomllib.loads(block("piston case"))["wall"]
+    (wall,) = CaseGas.from_case(Case.model_validate(raw)).walls
+    assert wall.piston == Piston(mass=0.05, force=0.1)
 
 
 def test_shapes_of_the_case_file_are_walls() -> None:

@@ -218,8 +218,8 @@ class Piston:
     --------
     >>> import ifrdem
     >>> piston = ifrdem.Piston(mass=50.0, force=3.0, spring=2.0)
-    >>> piston.energy(1.0, velocity=0.2)  # 50 0.2^2 / 2 - 3 + 2 / 2
-    -1.0
+    >>> piston.energy(1.0, velocity=0.5)  # 50 0.5^2 / 2 - 3 + 2 / 2
+    4.25
     """
 
     mass: float
