@@ -13,7 +13,9 @@ ADDRESSABLE = 2**31 - 1  # numbers of one array that 32-bit indices reach
 MOST_DISKS = ADDRESSABLE // 24  # of the longest array: three parts of eight numbers
 # Bytes that the arrays take for each disk in double precision: at the beginning and end of a window and at a moment in
 # it places, velocities, spin (40) and id, events, images (16); hash, way and slot (16); claims of disks in halos (14).
+# Further moments of gases of up to TOLD_DISKS disks have another 28 MB in all, those of collisions 8 bytes a disk more.
 BYTES_PER_DISK = 198
+TOLD_DISKS = 500_000  # times moments of a window for which there is room, at least of one moment
 RESTING_BYTES = 1648  # more, of disks that may rest: the forces at their contacts
 
 ALONE = 20_000  # up to so many disks, one thread runs the whole box as one tile

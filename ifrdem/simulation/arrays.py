@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..errors import EngineError
 from ..kernels import layout as k
 from ..kernels.language import ti
-from ..kernels.limits import ADDRESSABLE, ALONE, OWNER, PISTON_STATE, WALL, WALL_SUMS
+from ..kernels.limits import ADDRESSABLE, ALONE, OWNER, PISTON_STATE, TOLD_DISKS, WALL, WALL_SUMS
 from ..kernels.shear import displacement
 from ..kernels.walls import FREE, GONE, HEAT, MOTION, NEXT_PISTON, PISTON, PUSH, SUMS, TEMPERATURE, TYPE
 from ..kernels.windows import exchange, sum_shared
@@ -40,7 +40,6 @@ GPU_THREADS = 32768  # of which some work on events, spread over all multiproces
 BURST = 64  # windows of a gas in one tile that one launch runs at most
 GPU_BURST = 20_000_000  # disks times windows, of a GPU
 ROOM = 0.5  # around an open gas, in extents of what it fills: beyond, its cells have no ends
-TOLD_DISKS = 500_000  # times moments of a window for which there is room, at least of one moment
 SLACK = 1.3  # of the scratch space of a lane, beyond what the densest tile needed
 
 
