@@ -26,6 +26,7 @@ ORDER = (
     "vibrated",
     "thermal_walls",
     "drum",
+    "avalanches",
     "hopper",
     "heap",
     "wake",
