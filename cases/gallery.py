@@ -27,6 +27,7 @@ ORDER = (
     "brazil_nut",
     "thermal_walls",
     "drum",
+    "avalanches",
     "hopper",
     "heap",
     "piston",

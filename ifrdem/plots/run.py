@@ -83,7 +83,7 @@ def walled(run: Run, path_png: Place = None) -> Figure:
     """Draw a gas between walls: temperatures against time, profiles across it (`profiles.py`), and its last frame.
 
     As `cooling`, without theory. Profiles go upwards under gravity (the parameter `gravity`, two numbers as JSON), else
-    from wall to wall; they are means over the second half of the frames.
+    from wall to wall; they are means over the second half of the frames. Where gravity turns there are none.
 
     Examples
     --------
@@ -95,8 +95,8 @@ def walled(run: Run, path_png: Place = None) -> Figure:
         right = 7.0 / max(min(height / width, 2.0), 1.0)
         figure.set_size_inches(8.2 + right, 7.5)
         grid = figure.add_gridspec(2, 2, width_ratios=(8.2, right), height_ratios=(1.0, 1.5))
-        temperatures.draw(figure.add_subplot(grid[0, 0]), trajectory)
-        found = profiles.of(trajectory)
+        found = None if "gravity_turns" in trajectory.parameters else profiles.of(trajectory)
+        temperatures.draw(figure.add_subplot(grid[:, 0] if found is None else grid[0, 0]), trajectory)
         if found is not None:
             profiles.draw(figure, grid[1, 0], trajectory, found)
         disks.last_frame(figure.add_subplot(grid[:, 1]), trajectory)

@@ -75,13 +75,16 @@ def test_the_change_of_potential_energy_is_put_in_and_elastic_disks_lose_nothing
     assert abs(run.dissipated_energy) < 1e-11
 
 
-@pytest.mark.parametrize("rate", [0.01, -0.01])
-def test_a_disk_wakes_when_rolling_friction_holds_it_no_longer(rate: float) -> None:
-    """On a floor it is held while tan(angle) < rho / R. Steps of 0.1 degrees; it wakes 0.003 g / cos later at most."""
-    law = IFRLaw(e_n=0.6, e_t=-1.0, mu=0.5, rho=0.5 * math.tan(math.radians(10.0)))
+@pytest.mark.parametrize(("rate", "others"), [(0.01, 0), (-0.01, 0), (0.01, 1)])
+def test_a_disk_wakes_when_rolling_friction_holds_it_no_longer(rate: float, others: int) -> None:
+    """On a floor it is held while tan(angle) < rho / R. Steps of 0.1 degrees; it wakes 0.003 g / cos later at most.
+
+    So it does where another one, behind a wall, jumps on, for which windows follow one another.
+    """
+    law = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.5, rho=0.5 * math.tan(math.radians(10.0)))
     run = gas(
-        [[6.0, 0.5]], law=law, collapse="rest", resting_speed=0.02, gravity_turns=rate,
-        gravity_step=math.radians(0.1),
+        [[8.0, 0.5], [2.0, 9.0]][: 1 + others], law=law, walls=[Wall.segment((4.0, 0.0), (4.0, 12.0))],
+        collapse="rest", resting_speed=0.02, gravity_turns=rate, gravity_step=math.radians(0.1),
     )  # fmt: skip
     run.run(t_end=math.radians(9.8) / 0.01)
     assert run.asleep == 1
