@@ -56,7 +56,7 @@ class View:
             )  # fmt: skip
         state = thing.state
         stored: tuple[str, ...] = ("position", "velocity", "angular_velocity", "collisions")
-        stored += ("dissipated",) * bool(state.dissipated.any())
+        stored += ("dissipated",) * bool(state.dissipated.any()) + ("asleep",) * bool(state.asleep.any())
         return cls(thing.disks, thing.box, thing.walls, None, state, stored)
 
     @property
@@ -104,6 +104,9 @@ COLOURS = {
     "material": Colour(lambda view: view.disks.material.astype(float), lambda view: "material", "kinds"),
     "collisions": Colour(
         lambda view: view.moving.collisions.astype(float), lambda view: "collisions of the disk", "span", "collisions"
+    ),
+    "asleep": Colour(
+        lambda view: view.moving.asleep.astype(float), lambda view: "0: awake, 1: asleep", "kinds", "asleep"
     ),
     "dissipated": Colour(
         lambda view: np.asarray(view.moving.dissipated.sum(axis=1)),

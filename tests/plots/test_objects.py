@@ -426,3 +426,16 @@ def test_disks_of_which_none_turns_show_their_materials(spin: float, materials: 
     laws = law if materials == 1 else [[law, law], [law, law]]
     view = disks.View.of(ifrdem.Simulation(many, Box((8.0, 8.0)), laws, still))
     assert disks.default_color(view) == expected
+
+
+def test_disks_can_be_coloured_by_who_sleeps(tmp_path: Path) -> None:
+    state = State([[2.0, 2.0], [5.0, 5.0]], np.zeros((2, 2)), np.zeros(2), asleep=[0, 1])
+    with TrajectoryWriter(
+        tmp_path / "a.h5", Disks(2, 1.0, 0.5), Box((8.0, 8.0)), fields=("position", "asleep")
+    ) as file:
+        file.write(state)
+    with Trajectory(tmp_path / "a.h5") as run:
+        figure = pictures.figure(run, "disks", color="asleep")
+    (drawn,) = (one for one in figure.axes[0].collections if isinstance(one, EllipseCollection))
+    np.testing.assert_array_equal(drawn.get_array(), (0.0, 1.0))
+    assert "1: asleep" in texts(figure)
