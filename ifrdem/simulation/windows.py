@@ -213,8 +213,8 @@ class Windows:
         if not self.end > self.begin:
             raise InelasticCollapse(
                 f"t = {self.now:.9g}: windows have become too short for the clock, as disks are too fast or collide "
-                "too often. Look for walls that crush disks (check foretells them) or give energy without end, for a time "
-                "that is too large for the speeds, and for a remedy against collapse (collapse = ...)"
+                "too often. Look for walls that crush disks (check foretells them) or give energy without end, for a "
+                "time that is too large for the speeds, and for a remedy against collapse (collapse = ...)"
             )
 
     def _survey(self) -> None:
