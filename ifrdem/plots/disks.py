@@ -32,6 +32,9 @@ POST, HOT, PLAIN = "#999999", "#CC79A7", "#888888"
 MOST_DISKS = 100_000
 """Above this many disks one by one are smaller than a pixel, and slow: a density map is drawn."""
 
+PIXELS = 700.0
+"""Pixels along the longer side of the axes of a picture, about: no disk is drawn smaller than one."""
+
 MAP_CELL = 6.0  # side of the density map's cells in mean diameters: some 10 to 30 disks each at phi = 0.25
 
 
@@ -56,7 +59,7 @@ class View:
             )  # fmt: skip
         state = thing.state
         stored: tuple[str, ...] = ("position", "velocity", "angular_velocity", "collisions")
-        stored += ("dissipated",) * bool(state.dissipated.any())
+        stored += ("dissipated",) * bool(state.dissipated.any()) + ("asleep",) * bool(state.asleep.any())
         walls = at_displacements(thing.walls, thing.pistons[:, 0].tolist())
         return cls(thing.disks, thing.box, walls, None, state, stored)
 
@@ -105,6 +108,9 @@ COLOURS = {
     "material": Colour(lambda view: view.disks.material.astype(float), lambda view: "material", "kinds"),
     "collisions": Colour(
         lambda view: view.moving.collisions.astype(float), lambda view: "collisions of the disk", "span", "collisions"
+    ),
+    "asleep": Colour(
+        lambda view: view.moving.asleep.astype(float), lambda view: "0: awake, 1: asleep", "kinds", "asleep"
     ),
     "dissipated": Colour(
         lambda view: np.asarray(view.moving.dissipated.sum(axis=1)),
@@ -168,8 +174,9 @@ def draw(axes: Axes, view: View, color: str = "spin") -> None:
         size = with_unit(view, f"{_density_map(axes, view, position):.3g}", "length")
         axes.set_title(f"area fraction at {time}, in cells of {size}\n(too many disks to draw each)")
     else:
-        _disks(axes, view, position, colour)
-        axes.set_title(f"disks at {time}")
+        enlarged = _disks(axes, view, position, colour)
+        small = f"\n({enlarged} disks smaller than a pixel are drawn as one)" if enlarged else ""
+        axes.set_title(f"disks at {time}{small}")
 
 
 def last_frame(axes: Axes, trajectory: Trajectory, index: int = -1, color: str | None = None) -> None:
@@ -209,12 +216,14 @@ def figure_size(gas: Gas, position: Array) -> tuple[float, float]:
     return max(min(7.5, 1.6 + 5.2 * width / height), room_for_a_title), min(6.2, 1.2 + 5.9 * height / width)
 
 
-def _disks(axes: Axes, view: View, position: Array, colour: Colour | None) -> None:
+def _disks(axes: Axes, view: View, position: Array, colour: Colour | None) -> int:
+    """Draw disks, and return how many of them larger than they are, that they show at all."""
     from matplotlib.collections import EllipseCollection
 
     radius = view.disks.radius
     position, owner = with_images(position, radius, view.box, view.time)
-    width = 2.0 * radius[owner]
+    pixel = float(np.ptp(shown_region(view, view.moving.position), axis=1).max()) / PIXELS
+    width = np.maximum(2.0 * radius[owner], pixel)
     drawn = EllipseCollection(
         width, width, np.zeros(len(owner)), units="xy", offsets=position, offset_transform=axes.transData,
         linewidths=0.0,
@@ -230,6 +239,7 @@ def _disks(axes: Axes, view: View, position: Array, colour: Colour | None) -> No
         )  # fmt: skip
         bar_beside(axes, drawn, colour.label(view), extend(colour.scale))
     axes.add_collection(drawn)
+    return int(np.sum(2.0 * radius < pixel))
 
 
 def extend(scale: str) -> str:

@@ -265,6 +265,9 @@ class Scene:
             pixels = self._shades[self._numbers(covered)[x[None, :], y[:, None]]]
         else:
             pixels = self._disks(index, rows, columns)
+            pixel = float(np.mean(np.ptp(self._region, axis=1) / (columns, rows)))
+            if 2.0 * self._trajectory.disks.radius.min(initial=np.inf) < pixel:
+                time += ", small disks enlarged"
         self._title.set_text(time)
         self._axes.draw_artist(self._title)
         picture = np.asarray(self._canvas.buffer_rgba())
@@ -284,7 +287,7 @@ class Scene:
         drawn = draw(
             (FINER * rows, FINER * columns),
             (position - self._region[:, 0]) * scale,
-            radius[owner] * float(scale.mean()),
+            np.maximum(radius[owner] * float(scale.mean()), 0.5 * FINER),  # a pixel at least
             self._numbers(self._values(index))[owner],
             empty=EMPTY,
             angle=None if self._angle is None else frame[self._angle][owner],

@@ -82,7 +82,7 @@ def figure(
 
     layout = _layout(trajectory, what)
     wide = layout.get("ncols", 1) > 1
-    size = (12.0, 5.2) if wide else (7.5, 6.2)
+    size = (12.0, 8.0) if what == "walls" else (12.0, 5.2) if wide else (7.5, 6.2)
     if what == "disks" and "position" in trajectory.fields:
         size = figure_size(trajectory, trajectory[frames[-1] if frames else -1].position)
     drawn: Figure = make(size) if make is not None else Figure(size, dpi=200, layout="constrained")

@@ -46,9 +46,13 @@ class Strips:
 
 
 def of(trajectory: Trajectory) -> Strips | None:
-    """The profile of the second half of the frames; None if the file lacks positions, velocities or spins."""
-    if not {"position", "velocity", "angular_velocity"} <= set(trajectory.fields):
+    """The profile of the second half of the frames; None if the file lacks positions or velocities.
+
+    Without spins it has no rotational temperature (nan).
+    """
+    if not {"position", "velocity"} <= set(trajectory.fields):
         return None
+    turning = "angular_velocity" in trajectory.fields
     axis = _axis(trajectory)
     frames = trajectory[len(trajectory) // 2 :]
     disks = trajectory.disks
@@ -67,7 +71,11 @@ def of(trajectory: Trajectory) -> Strips | None:
         covered += np.diff([np.sum(_area_below(edge, position[:, axis], disks.radius)) for edge in edges])
         strip = np.clip(np.floor((position[:, axis] - low) / span * strips).astype(np.intp), 0, strips - 1)
         inside = position[:, axis] < edges[-1]
-        moving = (*(disks.mass * velocity.T), *(disks.mass * velocity.T**2), disks.inertia * frame.spin**2)
+        moving = (
+            *(disks.mass * velocity.T),
+            *(disks.mass * velocity.T**2),
+            disks.inertia * frame.spin**2 if turning else np.full(disks.n, np.nan),
+        )
         for row, weight in zip(sums, (np.ones(disks.n), disks.mass, *moving), strict=True):
             row += np.bincount(strip[inside], weight[inside], minlength=strips)
     room = trajectory.room.strips(axis, edges)
@@ -152,10 +160,13 @@ def _value_axis(axes: Axes, profile: Strips, text: str, *, from_zero: bool = Tru
 
 def _temperatures(axes: Axes, trajectory: Trajectory, profile: Strips) -> None:
     along, across = ("y", "x") if profile.axis == 1 else ("x", "y")
+    spins = (
+        "" if np.isfinite(profile.rotational_temperature).any() else ": the file holds no angular_velocity"
+    )
     for values, colour, style, text in (
         (profile.temperature[:, profile.axis], TRANSLATION, "o-", rf"$T_{along}$, along"),
         (profile.temperature[:, 1 - profile.axis], ACROSS, "s--", rf"$T_{across}$, across"),
-        (profile.rotational_temperature, ROTATION, "^:", r"$T_\mathrm{rot}$"),
+        (profile.rotational_temperature, ROTATION, "^:", rf"$T_\mathrm{{rot}}${spins}"),
     ):
         _line(axes, profile, values, color=colour, marker=style[0], ls=style[1:], ms=3, lw=1.2, label=text)
     text = "thermal wall"

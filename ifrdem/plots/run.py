@@ -99,6 +99,11 @@ def walled(run: Run, path_png: Place = None) -> Figure:
         temperatures.draw(figure.add_subplot(grid[:, 0] if found is None else grid[0, 0]), trajectory)
         if found is not None:
             profiles.draw(figure, grid[1, 0], trajectory, found)
+        else:
+            lacks = [one for one in ("position", "velocity") if one not in trajectory.fields]
+            empty = figure.add_subplot(grid[1, 0])
+            empty.set_axis_off()
+            empty.text(0.5, 0.5, f"no profiles: the file holds no {' and no '.join(lacks)}", ha="center")
         disks.last_frame(figure.add_subplot(grid[:, 1]), trajectory)
     return figure
 

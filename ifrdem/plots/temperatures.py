@@ -77,16 +77,24 @@ def _with_steady_state(
 
 def walled(upper: Axes, trajectory: Trajectory, over: str = "t") -> None:
     """Both temperatures against time, on plain axes that begin at 0; there is no theory of gases between walls."""
-    _points(upper, None, trajectory, np.ones(len(trajectory), dtype=bool), over)
+    _points(upper, None, trajectory, np.ones(len(trajectory), dtype=bool), over, zeros=True)
     _label(upper, None, trajectory, over)
     from_zero(upper)
     upper.legend(loc="best", frameon=False)
 
 
 def _points(
-    upper: Axes, lower: Axes | None, trajectory: Trajectory, shown: NDArray[np.bool_], over: str
+    upper: Axes,
+    lower: Axes | None,
+    trajectory: Trajectory,
+    shown: NDArray[np.bool_],
+    over: str,
+    *,
+    zeros: bool = False,
 ) -> Array:
     """Draw T, T_rot and, if it has axes, their ratio at the frames that are `shown`; returns T of all frames.
+
+    `zeros` are drawn on plain axes: disks at rest.
 
     Bands reach two standard errors of n independent disks, whose velocities and spins are Gaussian, to both sides: the
     relative variance of T is 1 / n, that of T_rot 2 / n. Streams and clusters make it larger.
@@ -100,7 +108,7 @@ def _points(
     ):
         if axes is None:
             continue
-        y, part = positive(value[shown]), BAND * variance**0.5
+        y, part = value[shown] if zeros else positive(value[shown]), BAND * variance**0.5
         # Open, so that the theory shows where it agrees.
         axes.plot(x, y, "o", ms=5, mfc="none", color=colour, label=name)
         axes.fill_between(x, y * max(1.0 - part, 0.0), y * (1.0 + part), color=colour, alpha=0.25, lw=0.0)

@@ -51,7 +51,10 @@ def names_of(trajectory: Trajectory) -> list[str]:
 
 
 def draw(axes: Sequence[Axes], trajectory: Trajectory, over: str = "t") -> None:
-    """Mean force and torque *on* walls between rows of the series, and the work and heat that they gave until then."""
+    """Mean force and torque *on* walls between rows of the series, and the work and heat that they gave until then.
+
+    Torques are about the centre of a wall's turn, or the origin.
+    """
     series, names = trajectory.series, names_of(trajectory)
     rows = np.unique(np.linspace(0, len(series.time) - 1, POINTS + 1).astype(int))
     rows = rows[np.concatenate(([True], np.diff(series.time[rows]) > 0.0))]
@@ -81,7 +84,7 @@ def draw(axes: Sequence[Axes], trajectory: Trajectory, over: str = "t") -> None:
     torque.set_ylabel(label(trajectory, "mean torque on the wall", "mass length^2/time^2"))
     work.set_ylabel(label(trajectory, "work given to disks", "energy"))
     heat.set_ylabel(label(trajectory, "heat given to disks", "energy"))
-    for panel in axes:
+    for panel in (work, heat):
         panel.set_xlabel(axis_label(trajectory, over))
-        grid(panel)
+    grid(*axes)
     legend_above(force, 2)

@@ -338,7 +338,9 @@ def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str]
     if job.outputs.picture is not None:
         _draw(job.file.case, job.gas)(job.outputs.trajectory, job.outputs.picture)
     overall = (last.collisions - before) / ran
-    say(_closing(job.file.case, job.gas, job.ledger, last, time.perf_counter() - began, rate, overall))
+    say(
+        _closing(job.file.case, job.gas, job.ledger, last, time.perf_counter() - began, rate, overall, before)
+    )
     if elastic := job.simulation.statistics.elastic:
         say(f"  {elastic} collisions were elastic, against inelastic collapse")
     if job.file.case.run.resting_speed is not None:
@@ -346,9 +348,15 @@ def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str]
         if unjudged := job.simulation.statistics.unjudged:
             part = 100.0 * unjudged / job.simulation.statistics.windows
             told = f"  in {unjudged} windows, {part:.2g} % of all, the forces in the heap were not found"
-            say(f"{told}: who rests there is in doubt")
+            say(
+                f"{told}: who rests there is in doubt; if they are many, hold the heap against one of another "
+                "resting_speed"
+            )
         if jammed := job.simulation.statistics.jammed:
-            say(f"  {jammed} disks jammed between others fell asleep at speed")
+            say(
+                f"  {jammed} disks jammed between others fell asleep at speed; if they are many, look for a start that "
+                "is too dense, or walls that close on disks"
+            )
     rows, frames = job.writer.series_rows, len(job.writer)
     say(f"  output, {frames} frames and {rows} rows of series, took {100.0 * job.output_share:.2g} % of it")
     for path, bytes_there in job.outputs.sizes().items():
@@ -391,13 +399,26 @@ def _remains(job: Job, reason: str) -> str:
 
 
 def _closing(
-    case: Case, gas: CaseGas, ledger: Ledger, last: Measure, wall: float, rate: float, overall: float
+    case: Case,
+    gas: CaseGas,
+    ledger: Ledger,
+    last: Measure,
+    wall: float,
+    rate: float,
+    overall: float,
+    before: int,
 ) -> str:
-    """The lines below a run; `last` is its end, rates are collisions a second without and with compilation."""
+    """The lines below a run; `last` is its end, rates are collisions a second without and with compilation.
+
+    `before` collisions were there when this process began: more than at the start, if it was resumed.
+    """
     first, energy, lines = ledger.first, case.unit("energy"), []
     assert first is not None
     done = last.collisions - first.collisions
-    head = f"done in {wall:.1f} s: {done} collisions ({2.0 * done / gas.disks.n:.4g} per disk) "
+    head = f"done in {wall:.1f} s: "
+    if before > first.collisions:
+        head += f"{last.collisions - before} collisions since it was resumed, in all "
+    head += f"{done} collisions ({2.0 * done / gas.disks.n:.4g} per disk) "
     head += f"to t = {last.time:.5g}{case.unit('time')}; {rate:.3g} collisions/s once compiled, {overall:.3g} in all"
     temperatures = []
     if first.temperature > 0.0:

@@ -243,7 +243,11 @@ class Windows:
         self.end = min(self.begin + length, kick)
         self.fastest = math.sqrt(fastest2)
         if not self.end > self.begin:
-            raise InelasticCollapse(f"t = {self.now:.9g}: windows have become too short for the clock")
+            raise InelasticCollapse(
+                f"t = {self.now:.9g}: windows have become too short for the clock, as disks are too fast or collide "
+                "too often. Look for walls that crush disks (check foretells them) or give energy without end, for a "
+                "time that is too large for the speeds, and for a remedy against collapse (collapse = ...)"
+            )
 
     def _piston_columns(self) -> Iterator[tuple[int, int]]:
         """Row of each piston among the pieces of walls, and the column of `sums` with its displacement."""

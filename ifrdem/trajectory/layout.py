@@ -340,8 +340,26 @@ def load_compression(file: h5py.File, path: str) -> None:
             return
 
 
+def version_of(file: h5py.File) -> tuple[int, ...]:
+    """Layout of a file, (0, 0) if it says none."""
+    module = file.get("h5md/modules/ifrdem")
+    version = () if module is None else np.ravel(module.attrs.get("version", ()))
+    return tuple(int(part) for part in version) or (0, 0)
+
+
+def newer(file: h5py.File, path: str) -> str:
+    """Message about a file of a newer layout that cannot be read."""
+    found, known = (".".join(map(str, one)) for one in (version_of(file), LAYOUT_VERSION))
+    return (
+        f"{path} was written by a newer ifrdem: its layout is {found}, this one reads up to {known}; upgrade with "
+        "`pip install --upgrade ifrdem`"
+    )
+
+
 def check_layout(file: h5py.File, path: str) -> None:
     """Raise InputError that says what is missing or wrong unless the file has this layout, and holds all its data."""
+    if version_of(file)[0] > LAYOUT_VERSION[0]:
+        raise InputError(newer(file, path))
     damage.check_links(file, path, VIEWS)
     load_compression(file, path)
     with damage.reading(path, "its layout"):
@@ -381,7 +399,7 @@ def _check_frames(file: h5py.File, path: str) -> None:
         raise InputError(
             f"{path} is H5MD but not a trajectory of ifrdem (its creator: {creator}): missing {', '.join(missing)}"
         )
-    version = tuple(int(part) for part in file["h5md/modules/ifrdem"].attrs["version"])
+    version = version_of(file)
     if version[0] != LAYOUT_VERSION[0]:
         raise InputError(
             f"{path} has layout version {version[0]}.{version[1]}; this ifrdem reads {LAYOUT_VERSION[0]}.x"

@@ -93,6 +93,14 @@ class DiskPath:
         )
 
 
+def _is_newer(file: h5py.File) -> bool:
+    """True for a file of a newer layout, as far as it tells."""
+    try:
+        return layout.version_of(file) > layout.LAYOUT_VERSION
+    except damage.FAULTS:
+        return False
+
+
 class Trajectory(Sealed, Pictured, Sequence[Frame]):
     """A trajectory file as a sequence of frames, read lazily: memory holds what was asked for.
 
@@ -157,6 +165,12 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         self._open()
         try:
             self._again(self._read_head)
+        except DamageError as error:
+            text = layout.newer(self._file, str(self.path)) if _is_newer(self._file) else ""
+            self._file.close()
+            if text:
+                raise InputError(f"{text} ({error})") from error
+            raise
         except BaseException:
             self._file.close()
             raise

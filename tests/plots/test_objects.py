@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import json
+import math
 import re
 from pathlib import Path
 
@@ -22,7 +23,7 @@ import ifrdem
 from ifrdem import InputError, Trajectory, TrajectoryWriter, analysis, plots
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
-from ifrdem.plots import analyses, disks, pictures
+from ifrdem.plots import analyses, disks, movie, pictures
 
 pytestmark = pytest.mark.unoptimised
 
@@ -93,7 +94,7 @@ def test_colours_are_those_of_the_quantity(gas: ifrdem.Simulation) -> None:
         "temperature": [0.5, 0.5, 0.0], "radius": [0.5, 0.4, 0.6], "collisions": [0.0, 0.0, 0.0],
         "material": [0.0, 0.0, 0.0],
     }  # fmt: skip
-    assert {*expected, "dissipated"} == set(disks.COLOURS)
+    assert {*expected, "dissipated", "asleep"} == set(disks.COLOURS)
     for color, values in expected.items():
         axes = gas.plot(color=color)
         (drawn,) = axes.findobj(EllipseCollection)
@@ -426,3 +427,36 @@ def test_disks_of_which_none_turns_show_their_materials(spin: float, materials: 
     laws = law if materials == 1 else [[law, law], [law, law]]
     view = disks.View.of(ifrdem.Simulation(many, Box((8.0, 8.0)), laws, still))
     assert disks.default_color(view) == expected
+
+
+def test_disks_can_be_coloured_by_who_sleeps(tmp_path: Path) -> None:
+    state = State([[2.0, 2.0], [5.0, 5.0]], np.zeros((2, 2)), np.zeros(2), asleep=[0, 1])
+    with TrajectoryWriter(
+        tmp_path / "a.h5", Disks(2, 1.0, 0.5), Box((8.0, 8.0)), fields=("position", "asleep")
+    ) as file:
+        file.write(state)
+    with Trajectory(tmp_path / "a.h5") as run:
+        figure = pictures.figure(run, "disks", color="asleep")
+    (drawn,) = (one for one in figure.axes[0].collections if isinstance(one, EllipseCollection))
+    np.testing.assert_array_equal(drawn.get_array(), (0.0, 1.0))
+    assert "1: asleep" in texts(figure)
+
+
+def test_disks_below_a_pixel_are_drawn_as_one_and_it_is_said(tmp_path: Path) -> None:
+    """A box of 7000 diameters on some 700 pixels: a pixel is 10 wide; the large disk is larger than that."""
+    box, radius = Box((7000.0, 7000.0)), np.array([0.5, 0.5, 20.0])
+    start = State([[100.0, 100.0], [3000.0, 5000.0], [5000.0, 1000.0]], np.zeros((3, 2)), np.zeros(3))
+    with TrajectoryWriter(tmp_path / "a.h5", Disks(3, 1.0, radius), box) as file:
+        file.write(start)
+    with Trajectory(tmp_path / "a.h5") as run:
+        figure = pictures.figure(run, "disks")
+        assert "2 disks smaller than a pixel are drawn as one" in texts(figure)
+        (drawn,) = (one for one in figure.axes[0].collections if isinstance(one, EllipseCollection))
+        np.testing.assert_allclose(drawn.get_widths(), (10.0, 10.0, 40.0))
+        scene = movie.Scene(run, [0], (400, 400), "none")
+        empty, plain = (scene._shades[k].astype(float).sum() for k in (movie.EMPTY, 0))
+        image = scene._disks(0, 350, 350).astype(float).sum(axis=2)
+        covered = ((empty - image) / (empty - plain))[:100, :100].sum()  # of the disk at (100, 100)
+        assert covered == pytest.approx(math.pi / 4.0, abs=0.3)  # the area of a disk of one pixel
+        assert scene.draw(0).shape[2] == 3
+        assert "small disks enlarged" in scene._title.get_text()

@@ -194,3 +194,25 @@ def test_a_file_without_velocities_has_no_profile_and_a_picture(tmp_path: Path, 
         writer.write(state, {"temperature": 1.0, "rotational_temperature": 0.0})
     run.walled(tmp_path / "a.h5", tmp_path / "a.png")
     assert "packing fraction $" not in texts(drawn[0])
+
+
+def test_what_profiles_lack_is_said_and_gases_at_rest_have_temperature_0(tmp_path: Path) -> None:
+    disks, box = Disks(40, 1.0, 0.5), Box((WIDTH, HEIGHT), (True, False))
+    position = np.random.default_rng(1).random((40, 2)) * (WIDTH, HEIGHT)
+    still = State(position, np.zeros((40, 2)), np.zeros(40))
+    for fields, says in (
+        (("position", "velocity"), "the file holds no angular_velocity"),
+        (("position",), "no profiles: the file holds no velocity"),
+    ):
+        path = tmp_path / f"{len(fields)}.h5"
+        with TrajectoryWriter(path, disks, box, fields=fields) as writer:
+            for time in (0.0, 1.0, 2.0):
+                state = State(still.position, still.velocity, still.spin, time=time)
+                writer.write(
+                    state, {"temperature": 1.0 - time / 2.0, "rotational_temperature": 0.0, "collisions": 0}
+                )
+        figure = run.walled(path)
+        assert says in texts(figure)
+        lines = figure.axes[0].lines
+        np.testing.assert_array_equal(lines[0].get_ydata(), (1.0, 0.5, 0.0))
+        np.testing.assert_array_equal(lines[1].get_ydata(), 0.0)

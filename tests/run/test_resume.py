@@ -196,17 +196,20 @@ def test_rates_after_a_resume_are_those_of_what_was_done_since(
     stopping += [60]
     assert cli.main(["run", str(whole.parent / "gas.toml"), "-o", f"{tmp_path}/"]) == 130
     told: list[tuple[int, float, float]] = []
+    closing_lines = run._closing
 
-    def closing(_case, _gas, _ledger, last, wall, _rate, overall) -> str:  # type: ignore[no-untyped-def]
+    def closing(case, gas, ledger, last, wall, rate, overall, before) -> str:  # type: ignore[no-untyped-def]
         told.append((last.collisions, wall, overall))
-        return ""
+        return closing_lines(case, gas, ledger, last, wall, rate, overall, before)
 
     monkeypatch.setattr(run, "_closing", closing)
     monkeypatch.setattr(run, "write_views", lambda _: None)  # which takes time, and is no part of the rate
     capsys.readouterr()
     assert cli.main(["resume", str(tmp_path), "--no-picture"]) == 0
-    before = int(re.search(r"after (\d+) collisions", capsys.readouterr().out).group(1))  # type: ignore[union-attr]
+    said = capsys.readouterr().out
+    before = int(re.search(r"after (\d+) collisions", said).group(1))  # type: ignore[union-attr]
     done, wall, overall = told[0]
+    assert f" s: {done - before} collisions since it was resumed, in all {done} collisions (" in said
     assert 2 * before > done
     assert overall * wall == pytest.approx(done - before, rel=0.3)
 

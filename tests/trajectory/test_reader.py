@@ -16,7 +16,7 @@ import pytest
 
 import ifrdem
 from ifrdem.case.case import UNITS
-from ifrdem.errors import InputError, TrajectoryError
+from ifrdem.errors import DamageError, InputError, TrajectoryError
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.run.info import describe
@@ -373,8 +373,24 @@ def test_a_layout_of_the_future_is_refused(tmp_path):
     write(path)
     with h5py.File(path, "r+") as file:
         file["h5md/modules/ifrdem"].attrs["version"] = [2, 0]
-    with pytest.raises(InputError, match=r"layout version 2\.0"):
+    with pytest.raises(
+        InputError,
+        match=r"written by a newer ifrdem: its layout is 2\.0, this one reads up to 1\.\d; upgrade",
+    ):
         Trajectory(path)
+
+
+def test_a_newer_layout_that_cannot_be_read_is_no_damage(tmp_path):
+    path = tmp_path / "run.h5"
+    write(path)
+    with h5py.File(path, "r+") as file:
+        file["h5md/modules/ifrdem"].attrs["version"] = [1, 99]
+    Trajectory(path).close()  # what is there can be read
+    with h5py.File(path, "r+") as file:
+        file["parameters/walls"] = '[{"shape": "spiral", "place": [0, 0], "motion": {}}]'
+    with pytest.raises(InputError, match=r"written by a newer ifrdem: its layout is 1\.99") as found:
+        Trajectory(path)
+    assert not isinstance(found.value, DamageError)
 
 
 def test_describe_says_what_a_file_holds(tmp_path):

@@ -303,7 +303,7 @@ def _settled(mass: float, seed: int, collisions: float) -> tuple[float, float, A
 
 
 def _mixtures(result: Result, quick: bool, seed: int, left: Any, right: Any) -> None:
-    replicas, collisions = (10, 4000.0) if quick else (16, 10000.0)
+    replicas, collisions = (10, 4000.0) if quick else (12, 6000.0)
     apart, expected = {}, {}
     for i, mass in enumerate(MASSES):
         if quick and 0 < i < 3:

@@ -1,0 +1,63 @@
+"""Picture of what walls take from the disks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.figures import texts
+
+from ifrdem import Box, Disks, InputError, State, Trajectory, TrajectoryWriter, Wall
+from ifrdem.model.walls import wall_names
+from ifrdem.plots import pictures
+
+pytestmark = pytest.mark.unoptimised
+
+WALLS = [Wall.post((2.0 + i, 3.0), 0.1, group="rake" if i < 2 else "") for i in range(3)]
+BOX = Box((9.0, 9.0), (True, False))
+
+
+def write(path: Path, *, sums: bool = True) -> Path:
+    """Walls whose sums grow steadily: wall j gives the momentum (0, -j t), the work 2 j t and the torque 3 j t."""
+    disks, state = Disks(1, 1.0, 0.5), State([[5.0, 5.0]], [[0.0, 0.0]], [0.0])
+    with TrajectoryWriter(path, disks, BOX, walls=WALLS) as file:
+        names = (*wall_names([*WALLS, *WALLS[:2]], BOX)[:3], "bottom", "top")
+        each = np.arange(1.0, 6.0)
+        rows, columns = [], {}
+        for t in np.linspace(0.0, 10.0, 21):
+            row = {"momentum_x": 0.0 * each, "momentum_y": -each * t, "torque": 3.0 * each * t, "work": 2.0 * each * t,
+                   "heat": 0.0 * each, "hits": each * t}  # fmt: skip
+            rows.append(
+                (float(t), {f"walls_{name}": value for name, value in row.items()} if sums else {"x": 0.0})
+            )
+            columns = dict.fromkeys(rows[-1][1], names) if sums else {}
+        file.write(state)
+        file.write_series_rows(rows, columns)
+    return path
+
+
+def test_forces_are_the_momentum_that_walls_take_over_the_time(tmp_path: Path) -> None:
+    with Trajectory(write(tmp_path / "a.h5")) as run:
+        np.testing.assert_allclose(run.series["walls_work/rake"], 6.0 * run.series.time)  # 2 (1 + 2) t
+        np.testing.assert_allclose(run.series["walls_work/wall 2 post"], 6.0 * run.series.time)
+        with pytest.raises(KeyError, match="no column 'rak'"):
+            run.series["walls_work/rak"]
+        figure = pictures.figure(run, "walls")
+        force, torque, work, _ = figure.axes
+        lines = {line.get_label(): line for line in force.lines}
+        assert next(iter(lines)) == "rake"
+        np.testing.assert_allclose(lines["rake"].get_ydata(), 3.0)
+        np.testing.assert_allclose(lines["top"].get_ydata(), 5.0)
+        np.testing.assert_allclose(torque.lines[0].get_ydata(), -9.0)
+        np.testing.assert_allclose(work.lines[0].get_ydata(), 6.0 * run.series.time)
+        assert "mean force on the wall" in texts(figure)
+        figure.draw_without_rendering()
+
+
+def test_a_file_without_sums_of_walls_says_which_key_they_take(tmp_path: Path) -> None:
+    with (
+        Trajectory(write(tmp_path / "a.h5", sums=False)) as run,
+        pytest.raises(InputError, match=r"output\.wall_sums = true is needed"),
+    ):
+        pictures.figure(run, "walls")
