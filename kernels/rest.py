@@ -391,7 +391,8 @@ def into_cone(force, c, gas: ti.template()):
         least += gas.touch[c][BOUND + q] * ti.abs(force[q + 1])
     found = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)
     if least > 0.0:
-        for _step in range(FORCES):
+        going, steps = 1, 0
+        while going == 1:
             value, slope = push - force[0], ti.cast(1.0, ti.f64)
             for q in ti.static(range(FORCES - 1)):
                 bound = gas.touch[c][BOUND + q]
@@ -400,6 +401,8 @@ def into_cone(force, c, gas: ti.template()):
                     value -= bound * over
                     slope += bound * bound
             push -= value / slope
+            steps += 1
+            going = ti.cast(value < 0.0 and steps < FORCES, ti.i32)
         found[0] = push
         for q in ti.static(range(FORCES - 1)):
             most = gas.touch[c][BOUND + q] * push
