@@ -515,7 +515,10 @@ def test_plots_have_colours_styles_and_an_axis_of_collisions(
         (("disks", "--colour", "sped"), "--colour sped: allowed are spin, speed"),
         (("energy", "--colour", "speed"), "color = speed: only of disks, not of energy"),
         (("disks", "--style", "dark_backgroud"), "(did you mean 'dark_background'?)"),
-        (("g", "--over", "tau"), "over = tau: only of temperatures, energy, ledger, mechanisms, walls, not of g"),
+        (
+            ("g", "--over", "tau"),
+            "over = tau: only of temperatures, energy, ledger, mechanisms, walls, not of g",
+        ),
     ):
         assert run("plot", "run.h5", *words, "-o", "no.png") == 2
         assert said in capsys.readouterr().err
