@@ -276,6 +276,16 @@ def without_claims(monkeypatch: pytest.MonkeyPatch) -> None:
     narrowed(monkeypatch, NARROW)
 
 
+def test_notes_of_tiles_that_are_run_again_do_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    expected, _, _ = looked_at("phi = 0.6", FRAMES, monkeypatch, order="alone")
+    narrowed(monkeypatch, NARROW)
+    found, engine, again = looked_at("phi = 0.6", FRAMES, monkeypatch, order="tiles", tile_disks=250)
+    assert engine.statistics.run_again > engine.statistics.windows > 2 * engine.statistics.in_order
+    assert again <= 4  # as above: a wrong time would be found out, and found by another run
+    for (state, *_), (state_1, *_) in zip(found, expected, strict=True):
+        assert all(np.array_equal(getattr(state, each), getattr(state_1, each)) for each in LOOKED_AT)
+
+
 @pytest.mark.parametrize("fault", [unverified, with_half_halos_unverified, without_claims])
 def test_without_verification_the_bits_would_change(
     fault: Callable[[pytest.MonkeyPatch], None], monkeypatch: pytest.MonkeyPatch
