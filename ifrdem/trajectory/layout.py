@@ -343,7 +343,7 @@ def load_compression(file: h5py.File, path: str) -> None:
 def version_of(file: h5py.File) -> tuple[int, ...]:
     """Layout of a file, (0, 0) if it says none."""
     module = file.get("h5md/modules/ifrdem")
-    version = () if module is None else np.ravel(module.attrs.get("version", ()))
+    version = () if module is None else module.attrs.get("version", ())
     return tuple(int(part) for part in version) or (0, 0)
 
 
@@ -358,8 +358,9 @@ def newer(file: h5py.File, path: str) -> str:
 
 def check_layout(file: h5py.File, path: str) -> None:
     """Raise InputError that says what is missing or wrong unless the file has this layout, and holds all its data."""
-    if version_of(file)[0] > LAYOUT_VERSION[0]:
-        raise InputError(newer(file, path))
+    with damage.reading(path, "its version"):
+        if version_of(file)[0] > LAYOUT_VERSION[0]:
+            raise InputError(newer(file, path))
     damage.check_links(file, path, VIEWS)
     load_compression(file, path)
     with damage.reading(path, "its layout"):

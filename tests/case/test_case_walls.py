@@ -18,13 +18,13 @@ from ifrdem.case import rules, template
 from ifrdem.case.case import Case
 from ifrdem.case.estimate import RunEstimate
 from ifrdem.case.gas import CaseGas
-from ifrdem.case.walls_section import MotionSection, WallSection
+from ifrdem.case.walls_section import MotionSection, PistonSection, WallSection
 from ifrdem.cli.main import main
 from ifrdem.errors import InputError
 from ifrdem.model.collapse import Collapse
 from ifrdem.model.free_area import Room
 from ifrdem.model.observables import measure
-from ifrdem.model.walls import Motion, Turn, Wall, from_json, to_json
+from ifrdem.model.walls import Motion, Piston, Turn, Wall, from_json, to_json
 from ifrdem.plots import profiles, theory_curves
 from ifrdem.run.info import describe
 from ifrdem.trajectory.reader import Trajectory
@@ -298,10 +298,24 @@ def test_every_key_of_a_wall_reaches_the_engine() -> None:
         | {"motion": {"kind": kind} | keys}
         for kind, (keys, _) in motions.items()
     ]
+    piston = {
+        "mass": 9.0,
+        "force": 2.0,
+        "spring": 3.0,
+        "displacement": 0.1,
+        "velocity": 0.2,
+        "low": -1.0,
+        "high": 1.0,
+    }
+    assert piston.keys() == PistonSection.model_fields.keys()
+    raw["wall"] += [  # type: ignore[operator]
+        {"shape": "line", "material": "coin", "point": [0.0, 14.0], "normal": [0.0, -1.0], "piston": piston}
+    ]
     gas = CaseGas.from_case(Case.model_validate(raw))
     assert gas.materials == ("glass", "coin", "steel")  # the engine makes the sides of the first
     expected = [wall for _, wall in shapes.values()]
     expected += [Wall.post((5.0, 5.0), 1.0, material=1, motion=motion) for _, motion in motions.values()]
+    expected += [Wall.line((0.0, 14.0), (0.0, -1.0), material=1, piston=Piston(**piston))]
     assert list(gas.walls) == expected
     assert from_json(to_json(gas.walls)) == gas.walls
     law = gas.laws[1][2]
@@ -310,7 +324,7 @@ def test_every_key_of_a_wall_reaches_the_engine() -> None:
     assert gas.laws[2][1] is law or gas.laws[2][1] == law
     assert gas.laws[0][2] is None  # glass and steel never meet
     keys = {key for each in WallSection.kinds.values() for key in each.all}
-    keys |= {"moves_from", "moves_until", "opens_at", "opens_after", "group", "turn"}
+    keys |= {"moves_from", "moves_until", "opens_at", "opens_after", "group", "turn", "piston"}
     assert keys | {"shape", "material", "motion", "surface_speed", "temperature"} == set(
         WallSection.model_fields
     )
