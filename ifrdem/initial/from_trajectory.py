@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import InputError, nearest
 from ..model.box import Box
 from ..model.free_area import Room
+from ..model.overlaps import TOLERANCE
 from ..model.walls import Wall
 from ..model.walls import check as check_walls
 from ..tools.checked import Array
@@ -66,7 +67,9 @@ def read(
             all_walls = Room(box, tuple(walls)).all_walls
             if not single:
                 check_no_overlap(box, radius, position)
-                check_walls(all_walls, box, position, radius)
+                check_walls(
+                    all_walls, box, position, radius, tolerance=TOLERANCE * float(radius.max(initial=0.0))
+                )
             else:
                 check_no_overlap(
                     box, radius, position, tolerance=ROUNDING * size / (2.0 * float(radius.min()))

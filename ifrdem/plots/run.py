@@ -95,11 +95,12 @@ def walled(run: Run, path_png: Place = None) -> Figure:
         right = 7.0 / max(min(height / width, 2.0), 1.0)
         figure.set_size_inches(8.2 + right, 7.5)
         grid = figure.add_gridspec(2, 2, width_ratios=(8.2, right), height_ratios=(1.0, 1.5))
-        found = None if "gravity_turns" in trajectory.parameters else profiles.of(trajectory)
-        temperatures.draw(figure.add_subplot(grid[:, 0] if found is None else grid[0, 0]), trajectory)
+        turns = "gravity_turns" in trajectory.parameters
+        found = None if turns else profiles.of(trajectory)
+        temperatures.draw(figure.add_subplot(grid[:, 0] if turns else grid[0, 0]), trajectory)
         if found is not None:
             profiles.draw(figure, grid[1, 0], trajectory, found)
-        else:
+        elif not turns:
             lacks = [one for one in ("position", "velocity") if one not in trajectory.fields]
             empty = figure.add_subplot(grid[1, 0])
             empty.set_axis_off()

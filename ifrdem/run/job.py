@@ -222,7 +222,7 @@ def drive(
             stops.stored()
 
     began = time.process_time()
-    say("compiling kernels: a second or two if this machine has compiled them before, else some ten")
+    say("compiling kernels: a second or two if this machine has compiled them before, else ten to forty")
     try:
         with stops, progress:
             with recorder:

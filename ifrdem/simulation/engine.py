@@ -56,6 +56,7 @@ from ..kernels.limits import MECHANISMS, PISTON_STATE, REGIMES, WALL_SUMS
 from ..model.box import Box
 from ..model.ifr import IFRLaw
 from ..model.law import CollisionLaw, compiled
+from ..model.overlaps import TOLERANCE
 from ..model.state import DiskKinds, Disks, State
 from ..model.walls import Wall, rows_of, sides
 from ..model.walls import check as check_walls
@@ -242,7 +243,8 @@ class Engine:
                 int(state.wall_hits.sum(dtype=np.int64)),
             )
             check_walls(
-                self.walls, box, state.position, disks.radius, len(self._law_table), float(state.time), collisions=met
+                self.walls, box, state.position, disks.radius, len(self._law_table), float(state.time), collisions=met,
+                tolerance=TOLERANCE * float(disks.radius.max(initial=0.0)),
             )  # fmt: skip
             kinds = None if self.comm is None else DiskKinds.of(disks)
             return kinds, float(state.time), met, hits, int(np.count_nonzero(state.asleep))

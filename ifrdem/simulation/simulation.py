@@ -628,7 +628,8 @@ class Simulation(Sealed, PicturedDisks):
         collisions_per_disk : float
             End by 2 * collisions / n. Exactly one of the two must be given.
         frames : int or Cadence
-            Frames after the first one, evenly spaced in the quantity that ends the run, or another cadence; a frame at
+            Frames after the first one, evenly spaced in the quantity that ends the run, or another cadence
+            (`ifrdem.simulation.schedule.Cadence`); a frame at
             a number of collisions stands right after the last of them, and after any others at exactly that time.
         observers : iterable of callables
             Each is called as `observer(state, measure)` at the beginning and at every frame. What tells mechanisms

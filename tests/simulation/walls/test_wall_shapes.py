@@ -294,3 +294,19 @@ def test_sums_are_there_only_where_they_are_asked_for() -> None:
     assert run.wall_sums.of("paddle").values.shape == (1, 6)
     with pytest.raises(InputError, match="did you mean 'paddle'"):
         run.wall_sums.of("padle")
+
+
+def test_a_disk_at_a_wall_may_start_but_for_rounding() -> None:
+    """As disks that rest upon a wall do when a run is resumed: they stand a few times 1e-15 inside it."""
+    container, law = Wall.container(MIDDLE, 4.0), IFRLaw(e_n=0.9, e_t=0.1, mu=0.2)
+
+    def start(overlap: float) -> Simulation:
+        state = State(np.array([[18.5 + overlap, 15.0]]), np.array([[0.1, 0.3]]), np.zeros(1))
+        return Simulation(Disks(1, mass=1.0, radius=0.5), BOX, law, state, walls=[container], threads=1)
+
+    gas = start(5e-15)
+    gas.run(t_end=20.0)
+    assert gas.wall_hits > 0
+    assert np.hypot(*(gas.state.position[0] - MIDDLE)) < 3.5 + 1e-12
+    with pytest.raises(InputError, match=r"disk 0 at \(18.5, 15\) overlaps wall 0 \(container\) by 1e-08"):
+        start(1e-8)
