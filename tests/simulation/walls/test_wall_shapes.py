@@ -298,7 +298,7 @@ def test_sums_are_there_only_where_they_are_asked_for() -> None:
 
 def test_a_disk_at_a_wall_may_start_but_for_rounding() -> None:
     """As disks that rest upon a wall do when a run is resumed: they stand a few times 1e-15 inside it."""
-    container, law = Wall.container(MIDDLE, 4.0), IFRLaw(e_n=0.9, e_t=0.1, mu=0.2)
+    container, law = Wall.container(MIDDLE, 4.0), IFRLaw(e_n=0.9, e_t=-0.7, mu=0.2)
 
     def start(overlap: float) -> Simulation:
         state = State(np.array([[18.5 + overlap, 15.0]]), np.array([[0.1, 0.3]]), np.zeros(1))
