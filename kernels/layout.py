@@ -43,7 +43,8 @@ found        (blocks, ...)        sums over BLOCK_OF_TILES tiles, f64 (columns b
 total        (...)                the same over all
 watched      (n,)                 1 for disks whose collisions are written down, by id
 work, ...    (lanes * places,)    the scratch space of a lane, which runs one tile after another
-touch        (...) of 25          contacts of disks that may rest, and the forces there, f64 (`rest.py`)
+touch        (...) of 21          contacts of disks that may rest, and the forces there, f64 (`rest.py`)
+held, grip   (rows,), (places,) of 20  forces that the last judgement found at contacts of a disk, f64 (`rest.py`)
 ===========  ===================  =====================================================================================
 """
 
@@ -93,6 +94,8 @@ W_SPIN = 7
 ASLEEP_NOW, MAY_REST, HITS_NOW = range(3)
 AWAKE, ASLEEP, WOKEN, SAID_ASLEEP = range(4)  # by a state that nobody has judged yet
 TOUCHES_OF_DISK = 8  # for which there is room, on average
+# held: contacts of a disk whose forces are kept; of each the other's id, FIRST_WALL - wall or NOBODY, and four forces
+HELD, OF_HELD = 4, 5
 # mark: slot at the window's beginning; boxes travelled in this window; collisions before it, and with walls in it; tile
 # that lists it
 SLOT, LAP_X, LAP_Y, BEFORE, AT_WALLS, LISTED = range(6)
@@ -217,6 +220,7 @@ class GasArrays(NamedTuple):
     hits: Any = None
     spent: Any = None
     slept: Any = None
+    held: Any = None
     told_at: Any = None
     note: Any = None
     note_at: Any = None
@@ -242,6 +246,7 @@ class GasArrays(NamedTuple):
     rest: Any = None
     balance: Any = None
     touch: Any = None
+    grip: Any = None
     chosen: Any = None
     since: Any = None
     turn: Any = None

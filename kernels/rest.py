@@ -38,18 +38,22 @@ most, acts on each spin by itself, as in the law.
 A window lasts 8 v_s / g at most, so that who has lost his support falls late by that; and no longer than a fall by a
 twentieth of the largest diameter, by which a disk that sleeps may leave its cell in the falling frame.
 
-What this is not. Forces in a heap at rest are not unique, and not kept: each judgement finds its own. Where contacts
-are held by a stress of their own (a disk wedged between walls that friction locks), disks may rest. Walls that move,
-have a moving surface or a temperature support nobody: disks that they can reach in a window are awake. All gaps of a
-heap are below 4 v_s^2 / g, and it is as much too high. For v_s to 0 all of this vanishes.
+The steps begin with the forces that the last judgement found at the same contact, 0 at a new one: in a heap that moves
+little they are few. These forces belong to the state, so that a run that is resumed goes on to the bit.
+
+What this is not. Forces in a heap at rest are not unique: which are found depends on where the steps begin. Where
+contacts are held by a stress of their own (a disk wedged between walls that friction locks), disks may rest. Walls that
+move, have a moving surface or a temperature support nobody: disks that they can reach in a window are awake. All gaps
+of a heap are below 4 v_s^2 / g, and it is as much too high. For v_s to 0 all of this vanishes.
 """
 
 from .flights import on_grid
 from .language import ti
 from .layout import (
-    ASLEEP, ASLEEP_NOW, AWAKE, BEGIN, BY_REST, CELL, CELLS, CUTOFF, FAR, GX, GY, HITS_NOW,
+    ASLEEP, ASLEEP_NOW, AWAKE, BEGIN, BY_REST, CELL, CELLS, CUTOFF, FAR, FIRST_WALL, GX, GY, HELD, HITS_NOW,
     INVERSE_MASS, ITEMS, JAMMED, KIND_RADIUS, LENGTH_X, LENGTH_Y, LOSSES, MATERIAL, MAY_REST,
-    NEXT_IN_CELL, PLACES, SAID_ASLEEP, SLEEPERS, TOUCHES_OF_DISK, TURNED, UNJUDGED, VX, VY, W_SPIN, WOKEN, K, X, Y,
+    NEXT_IN_CELL, NOBODY, OF_HELD, PLACES, SAID_ASLEEP, SLEEPERS, TOUCHES_OF_DISK, TURNED, UNJUDGED, VX, VY, WHO, WOKEN,
+    W_SPIN, K, X, Y,
 )  # fmt: skip
 from .places import add, charge, kind_of, radius_of
 from .walls import (
@@ -65,9 +69,9 @@ MU, RHO = 2, 4  # columns of the law's table (`law_table.table_row`)
 NEAR_ENOUGH = 1e-4  # g: what steps still change of accelerations when forces are found
 # contact that may bear: places of both disks, the second -1 for a wall; the normal; what a unit of its four forces
 # (normal, along the contact, torques on both disks) does to either, scaled so that each changes sqrt(m) a by 1 in all;
-# bounds of the last three over the first; the forces, those of the next step and those that are tried (`note_touch`)
+# bounds of the last three over the first; the forces, and those that are tried, or the last change (`note_touch`)
 FIRST, SECOND, NORMAL_FIRST, NORMAL_SECOND, PUSH, DRAG, SPIN_UP = 0, 1, 2, 3, 4, 6, 8
-BOUND, FORCE, NEXT_FORCE, TRIED = 10, 13, 17, 21
+BOUND, FORCE, TRIED = 10, 13, 17
 FORCES = 4
 
 
@@ -331,7 +335,16 @@ def find_touches(n, region: ti.template(), gas: ti.template()):
                     nx, ny, distance = from_wall(i, code, region, gas)
                     if distance < radius + near and is_support(code // 9, gas):
                         q = ti.cast(gas.walls[code // 9][WALL_MATERIAL], ti.i32)
-                        count = note_touch(i, -1, nx, ny, gas.law[p, q, MU], gas.law[p, q, RHO], count, gas)
+                        count = note_touch(
+                            i,
+                            FIRST_WALL - code // 9,
+                            nx,
+                            ny,
+                            gas.law[p, q, MU],
+                            gas.law[p, q, RHO],
+                            count,
+                            gas,
+                        )
     if count > TOUCHES_OF_DISK * gas.grid[PLACES]:
         count = TOUCHES_OF_DISK * gas.grid[PLACES]
         gas.counter[UNJUDGED] = gas.counter[UNJUDGED] + 1
@@ -339,8 +352,11 @@ def find_touches(n, region: ti.template(), gas: ti.template()):
 
 
 @ti.func
-def accelerate(count, n, column: ti.template(), weight, places, gas: ti.template()):
-    """Find sqrt(m) a and sqrt(I) alpha of n disks by `weight` times gravity and by forces in columns of the list."""
+def accelerate(count, n, further, weight, rolls, places, gas: ti.template()):
+    """Find sqrt(m) a and sqrt(I) alpha of n disks by `weight` times gravity and forces, which become those tried.
+
+    These are the forces and `further` of their last change. Friction torques count only if some contact `rolls`.
+    """
     for i in range(places, places + n):
         root = weight / ti.sqrt(ti.cast(gas.kinds[kind_of(i, gas)][INVERSE_MASS], ti.f64))
         gas.balance[i][0], gas.balance[i][1] = root * gas.scale[GX], root * gas.scale[GY]
@@ -348,18 +364,24 @@ def accelerate(count, n, column: ti.template(), weight, places, gas: ti.template
     for c in range(count):
         i, j = ti.cast(gas.touch[c][FIRST], ti.i32), ti.cast(gas.touch[c][SECOND], ti.i32)
         nx, ny = gas.touch[c][NORMAL_FIRST], gas.touch[c][NORMAL_SECOND]
-        push, drag = gas.touch[c][column], gas.touch[c][column + 1]
+        push = gas.touch[c][FORCE] + further * gas.touch[c][TRIED]
+        drag = gas.touch[c][FORCE + 1] + further * gas.touch[c][TRIED + 1]
+        gas.touch[c][TRIED], gas.touch[c][TRIED + 1] = push, drag
         p, q = push * gas.touch[c][PUSH], drag * gas.touch[c][DRAG]
-        gas.balance[i][0] = gas.balance[i][0] + p * nx - q * ny
-        gas.balance[i][1] = gas.balance[i][1] + p * ny + q * nx
-        gas.balance[i][2] = gas.balance[i][2] + drag * gas.touch[c][SPIN_UP] + gas.touch[c][column + 2]
+        gas.balance[i][0] = gas.balance[i][0] + (p * nx - q * ny)
+        gas.balance[i][1] = gas.balance[i][1] + (p * ny + q * nx)
+        gas.balance[i][2] = gas.balance[i][2] + drag * gas.touch[c][SPIN_UP]
         if j >= 0:
             p, q = push * gas.touch[c][PUSH + 1], drag * gas.touch[c][DRAG + 1]
-            gas.balance[j][0] = gas.balance[j][0] - p * nx + q * ny
-            gas.balance[j][1] = gas.balance[j][1] - p * ny - q * nx
-            gas.balance[j][2] = (
-                gas.balance[j][2] + drag * gas.touch[c][SPIN_UP + 1] + gas.touch[c][column + 3]
-            )
+            gas.balance[j][0] = gas.balance[j][0] - (p * nx - q * ny)
+            gas.balance[j][1] = gas.balance[j][1] - (p * ny + q * nx)
+            gas.balance[j][2] = gas.balance[j][2] + drag * gas.touch[c][SPIN_UP + 1]
+        if rolls == 1:
+            for q in ti.static(range(2, FORCES)):
+                gas.touch[c][TRIED + q] = gas.touch[c][FORCE + q] + further * gas.touch[c][TRIED + q]
+            gas.balance[i][2] = gas.balance[i][2] + gas.touch[c][TRIED + 2]
+            if j >= 0:
+                gas.balance[j][2] = gas.balance[j][2] + gas.touch[c][TRIED + 3]
 
 
 @ti.func
@@ -376,6 +398,17 @@ def gained(c, gas: ti.template()):
         push -= gas.touch[c][PUSH + 1] * (nx * ax + ny * ay)
         drag -= gas.touch[c][DRAG + 1] * (nx * ay - ny * ax) - gas.touch[c][SPIN_UP + 1] * other
     return ti.Vector([push, drag, turn, other], ti.f64)
+
+
+@ti.func
+def into_wedge(push, drag, bound):
+    """The nearest F_n >= 0 and F_t with |F_t| <= b F_n."""
+    most = bound * push
+    if push < 0.0 or ti.abs(drag) > most:
+        push = ti.max((push + bound * ti.abs(drag)) / (1.0 + bound * bound), 0.0)
+        most = bound * push
+        drag = ti.max(-most, ti.min(drag, most))
+    return push, drag
 
 
 @ti.func
@@ -413,65 +446,122 @@ def into_cone(force, c, gas: ti.template()):
 @ti.func
 def balanced(count, n, most, places, gas: ti.template()):
     """Find the forces in all cones that leave the least accelerations; 1 if that was done in `most` steps, else 0."""
-    lightest = ti.cast(0.0, ti.f64)
+    lightest, rolls = ti.cast(0.0, ti.f64), 0
     for c in range(count):
         i = ti.cast(gas.touch[c][FIRST], ti.i32)
         lightest = ti.max(lightest, ti.cast(gas.kinds[kind_of(i, gas)][INVERSE_MASS], ti.f64))
+        if gas.touch[c][BOUND + 1] > 0.0:
+            rolls = 1
         # Torques against the force along the contact: what turns a disk most.
-        gas.touch[c][TRIED], gas.touch[c][TRIED + 1] = 1.0, -1.0 - 0.1 * ti.cast(c % 3, ti.f64)
-        gas.touch[c][TRIED + 2], gas.touch[c][TRIED + 3] = 1.0, 1.0
+        gas.touch[c][FORCE], gas.touch[c][FORCE + 1] = 1.0, -1.0 - 0.1 * ti.cast(c % 3, ti.f64)
+        gas.touch[c][FORCE + 2], gas.touch[c][FORCE + 3] = 1.0, 1.0
+        for q in ti.static(range(FORCES)):
+            gas.touch[c][TRIED + q] = 0.0
     pull = ti.cast(ti.sqrt(gas.scale[GX] ** 2 + gas.scale[GY] ** 2), ti.f64)
     enough = (NEAR_ENOUGH * pull) ** 2 / ti.max(lightest, 1.0e-300)
     # The largest curvature, by the power method; a tenth more is above it.
     largest = ti.cast(1.0, ti.f64)
     for _turn in range(20):
-        accelerate(count, n, TRIED, 0.0, places, gas)
+        accelerate(count, n, 0.0, 0.0, rolls, places, gas)
         square = ti.cast(0.0, ti.f64)
         for c in range(count):
-            square += gained(c, gas).norm_sqr()
+            change = gained(c, gas)
+            for q in ti.static(range(FORCES)):
+                if q < 2 or rolls == 1:
+                    square += change[q] * change[q]
+                    gas.touch[c][FORCE + q] = change[q]
         largest = ti.sqrt(ti.max(square, 1.0e-300))
         for c in range(count):
-            change = gained(c, gas) / largest
             for q in ti.static(range(FORCES)):
-                gas.touch[c][TRIED + q] = change[q]
+                gas.touch[c][FORCE + q] = gas.touch[c][FORCE + q] / largest
     step = 1.0 / (1.1 * largest)
     for c in range(count):
-        for q in ti.static(range(FORCES)):
-            gas.touch[c][TRIED + q] = 0.0
-            gas.touch[c][FORCE + q] = 0.0
-    going, done, turn, momentum = 1, 0, 0, ti.cast(1.0, ti.f64)
+        recall(c, gas)
+    going, done, turn, further, momentum = 1, 0, 0, ti.cast(0.0, ti.f64), ti.cast(1.0, ti.f64)
     while going == 1:
-        accelerate(count, n, TRIED, 1.0, places, gas)
+        accelerate(count, n, further, 1.0, rolls, places, gas)
         changed, upwards = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
         for c in range(count):
             slope = gained(c, gas)
             force = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)
+            force[0] = gas.touch[c][TRIED] - step * slope[0]
+            force[1] = gas.touch[c][TRIED + 1] - step * slope[1]
+            if rolls == 1:
+                force[2] = gas.touch[c][TRIED + 2] - step * slope[2]
+                force[3] = gas.touch[c][TRIED + 3] - step * slope[3]
+                force = into_cone(force, c, gas)
+            else:
+                force[0], force[1] = into_wedge(force[0], force[1], gas.touch[c][BOUND])
             for q in ti.static(range(FORCES)):
-                force[q] = gas.touch[c][TRIED + q] - step * slope[q]
-            force = into_cone(force, c, gas)
-            for q in ti.static(range(FORCES)):
-                gas.touch[c][NEXT_FORCE + q] = force[q]
-                changed += (force[q] - gas.touch[c][TRIED + q]) ** 2
-                upwards += slope[q] * (force[q] - gas.touch[c][FORCE + q])
+                if q < 2 or rolls == 1:
+                    change = force[q] - gas.touch[c][FORCE + q]
+                    changed += (force[q] - gas.touch[c][TRIED + q]) ** 2
+                    upwards += slope[q] * change
+                    gas.touch[c][TRIED + q] = change
+                    gas.touch[c][FORCE + q] = force[q]
         turn += 1
         if changed < enough * step * step:
             going, done = 0, 1
         elif turn > most:
             going = 0
-        further = ti.cast(0.0, ti.f64)
+        further = 0.0
         if upwards > 0.0:
             momentum = 1.0
         else:
             later = 0.5 * (1.0 + ti.sqrt(1.0 + 4.0 * momentum * momentum))
             further = (momentum - 1.0) / later
             momentum = later
-        for c in range(count):
-            for q in ti.static(range(FORCES)):
-                force = gas.touch[c][NEXT_FORCE + q]
-                gas.touch[c][TRIED + q] = force + further * (force - gas.touch[c][FORCE + q])
-                gas.touch[c][FORCE + q] = force
-    accelerate(count, n, FORCE, 1.0, places, gas)
+    accelerate(count, n, 0.0, 1.0, rolls, places, gas)
+    keep(count, n, places, gas)
     return done
+
+
+@ti.func
+def who_touches(c, gas: ti.template()):
+    """The other one of a contact: the id of the disk, or the wall as a partner."""
+    other = ti.cast(gas.touch[c][SECOND], ti.i32)
+    if other >= 0:
+        other = gas.link[other][WHO]
+    return other
+
+
+@ti.func
+def recall(c, gas: ti.template()):
+    """Set the forces of a contact to those that the last judgement found there, 0 without.
+
+    Seen from the other disk n, t and the force are the opposite: F_n and F_t are the same, and torques change places.
+    """
+    i, j = ti.cast(gas.touch[c][FIRST], ti.i32), ti.cast(gas.touch[c][SECOND], ti.i32)
+    other = who_touches(c, gas)
+    found = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)
+    for h in ti.static(range(0, HELD * OF_HELD, OF_HELD)):
+        if gas.grip[i][h] == other:
+            for q in ti.static(range(FORCES)):
+                found[q] = gas.grip[i][h + 1 + q]
+        if j >= 0:
+            if gas.grip[j][h] == gas.link[i][WHO]:
+                found = ti.Vector(
+                    [gas.grip[j][h + 1], gas.grip[j][h + 2], gas.grip[j][h + 4], gas.grip[j][h + 3]], ti.f64
+                )
+    for q in ti.static(range(FORCES)):
+        gas.touch[c][FORCE + q], gas.touch[c][TRIED + q] = found[q], 0.0  # no change yet
+
+
+@ti.func
+def keep(count, n, places, gas: ti.template()):
+    """Keep the forces that were found, for the next judgement: at the first HELD contacts that a disk lists."""
+    for i in range(places, places + n):
+        for h in ti.static(range(0, HELD * OF_HELD, OF_HELD)):
+            gas.grip[i][h] = NOBODY
+    for c in range(count):
+        i = ti.cast(gas.touch[c][FIRST], ti.i32)
+        going = ti.cast(gas.touch[c][FORCE] > 0.0, ti.i32)
+        for h in ti.static(range(0, HELD * OF_HELD, OF_HELD)):
+            if going == 1 and gas.grip[i][h] == NOBODY:
+                gas.grip[i][h] = who_touches(c, gas)
+                for q in ti.static(range(FORCES)):
+                    gas.grip[i][h + 1 + q] = gas.touch[c][FORCE + q]
+                going = 0
 
 
 @ti.func

@@ -27,12 +27,12 @@ from .language import on_gpu, ti
 from .layout import (
     AGAIN, ALONE, ANGLE, ASIDE, ASLEEP, ASLEEP_NOW, AT_END, AT_MOMENT, AT_WALLS, BEFORE, BEYOND, BINS,
     BOXES_ASIDE, CELL, CELLS, CELL_SIDE, CLAIMS, COARSE, COUNT, DRIFT, EVENTS, FASTEST, FIRST_WALL, FLOW_WORK, FULL,
-    FULL_CLAIMS, FURTHEST, GATHERED, GX, GY, HALO, HASH_1, HASH_2, ID, IMAGE_X, IMAGE_Y, INVERSE_MASS,
+    FULL_CLAIMS, FURTHEST, GATHERED, GX, GY, HALO, HASH_1, HASH_2, HELD, ID, IMAGE_X, IMAGE_Y, INVERSE_MASS,
     KIND, LAP_X, LAP_Y, LAST, LAST_PARTNER, LATEST, LENGTH_X, LENGTH_Y, LISTED, MOMENTS, MOMENT_IN, MECHANISMS,
     MOST_CLAIMS, HITS_NOW, MAY_REST, MOST_HALO, NARROWER, NEXT_IN_CELL, NOBODY, NOTED, NOTES, NUMBER,
-    N_CLAIMED, N_CLAIMS, N_NOTED, N_SLOTS, OWN, PART, PARTNER, PERIODIC_X, PERIODIC_Y, PLACES, PREVIOUS, PROTRUDES,
-    ROOM, ROW, SLOT, SPIN, SPLIT, SQUARES, SQUARE_UNIT, START, TALLY, TAU, TEAM, TILES_ASIDE, TILES_X, TILES_Y, TOLD,
-    TOP, USUAL_HALO, VX, VY, WALL_HITS, WHO, WIDER, WIDEST, WINDOW, W_SPIN, Uses, X, Y,
+    N_CLAIMED, N_CLAIMS, N_NOTED, N_SLOTS, OF_HELD, OWN, PART, PARTNER, PERIODIC_X, PERIODIC_Y, PLACES, PREVIOUS,
+    PROTRUDES, ROOM, ROW, SLOT, SPIN, SPLIT, SQUARES, SQUARE_UNIT, START, TALLY, TAU, TEAM, TILES_ASIDE, TILES_X,
+    TILES_Y, TOLD, TOP, USUAL_HALO, VX, VY, WALL_HITS, WHO, WIDER, WIDEST, WINDOW, W_SPIN, Uses, X, Y,
 )  # fmt: skip
 from .places import add, kind_of, largest_speed, listed_kind, note_speed, radius_of
 from .walls import write_pistons
@@ -378,6 +378,8 @@ def lay(m, tile, region: ti.template(), gas: ti.template()):
             gas.loss[i][column] = 0.0
     if ti.static(gas.uses.rests):
         gas.rest[i][ASLEEP_NOW], gas.rest[i][MAY_REST], gas.rest[i][HITS_NOW] = gas.slept[s], 0, 0
+        for column in ti.static(range(HELD * OF_HELD)):
+            gas.grip[i][column] = gas.held[s][column]
     if ti.static(gas.uses.sheared):
         # Into the frame of the row that it is in now.
         crossed = row - step_y
@@ -486,6 +488,8 @@ def put_down(i, row, x, y, vx, vy, lap_x, lap_y, gas: ti.template()):
         gas.past[row][LATEST] = ti.cast(gas.since[i], ti.f64)
     if ti.static(gas.uses.rests):
         gas.slept[row] = gas.rest[i][ASLEEP_NOW]
+        for column in ti.static(range(HELD * OF_HELD)):
+            gas.held[row][column] = gas.grip[i][column]
     if ti.static(gas.uses.turned):
         gas.past[row][ANGLE] = gas.past[s][ANGLE] + gas.turn[i]
     if ti.static(gas.uses.itemised):

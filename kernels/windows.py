@@ -311,11 +311,11 @@ def sum_blocks(column, gas: ti.template()):
 def run_windows(
     first: ti.i32, n_listed: ti.i32, most_windows: ti.i32, uses: ti.template(), grid: Rows, scale: Rows, clock: Rows,
     sums: Rows, counter: Rows,
-    disk: Rows, meta: Rows, past: Rows, hits: Rows, spent: Rows, slept: Rows, told_at: Rows, note: Table, note_at: Rows,
-    note_tally: Table, kind: Rows, kinds: Rows, trail: Rows,
+    disk: Rows, meta: Rows, past: Rows, hits: Rows, spent: Rows, slept: Rows, held: Rows, told_at: Rows, note: Table,
+    note_at: Rows, note_tally: Table, kind: Rows, kinds: Rows, trail: Rows,
     way: Rows, back: Rows, tile: Table, listed: Rows, reach: Table, edge_x: Rows, edge_y: Rows, tally: Cube, heat: Cube,
     claim: Rows, claim_at: Rows, work: Rows, link: Rows, mark: Rows,
-    begun: Rows, rest: Rows, balance: Rows, touch: Rows, chosen: Rows,
+    begun: Rows, rest: Rows, balance: Rows, touch: Rows, grip: Rows, chosen: Rows,
     since: Rows, turn: Rows, loss: Rows, head: Rows, bin: Rows, wall_start: Rows, wall_item: Rows,
     walls: Rows, law: Cube, watched: Rows, event: Rows, event_int: Rows, found: Table, total: Rows,
 ):  # fmt: skip
@@ -327,9 +327,9 @@ def run_windows(
     """
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, clock=clock, sums=sums, counter=counter, disk=disk, meta=meta, past=past, hits=hits,
-        spent=spent, slept=slept, told_at=told_at, note=note, note_at=note_at, note_tally=note_tally, rest=rest,
-        balance=balance, touch=touch, kind=kind, kinds=kinds, trail=trail, way=way, back=back, tile=tile,
-        listed=listed, reach=reach, edge_x=edge_x, edge_y=edge_y, tally=tally, heat=heat, claim=claim,
+        spent=spent, slept=slept, held=held, told_at=told_at, note=note, note_at=note_at, note_tally=note_tally,
+        rest=rest, balance=balance, touch=touch, grip=grip, kind=kind, kinds=kinds, trail=trail, way=way, back=back,
+        tile=tile, listed=listed, reach=reach, edge_x=edge_x, edge_y=edge_y, tally=tally, heat=heat, claim=claim,
         claim_at=claim_at, work=work, link=link, mark=mark, begun=begun, chosen=chosen, since=since, turn=turn,
         loss=loss, head=head, bin=bin, wall_start=wall_start, wall_item=wall_item, walls=walls, law=law,
         watched=watched, event=event, event_int=event_int, found=found, total=total, uses=uses,

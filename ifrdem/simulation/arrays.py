@@ -204,6 +204,7 @@ class DeviceArrays:
         self.hits: Any = None
         self.spent: Any = None
         self.slept: Any = None
+        self.held: Any = None
         self.told_at: Any = None
         self._lanes = 0
         self.batch: int = 0
@@ -252,6 +253,7 @@ class DeviceArrays:
         self._replace("hits", self._vectors(2, ti.i32, rows if counted else 1))
         self._replace("spent", self._vectors(k.MECHANISMS, ti.f64, rows if uses.itemised else 1))
         self._replace("slept", self._array(ti.i32, rows if uses.rests else 1))
+        self._replace("held", self._vectors(k.HELD * k.OF_HELD, ti.f64, rows if uses.rests else 1))
         if uses.shared:
             self._replace("kind", self._array(ti.i32, rows if uses.mixed else 1))
         for name, old in before.items():
@@ -307,7 +309,8 @@ class DeviceArrays:
         self._replace("begun", self._vectors(2, self._type, rows))
         self._replace("rest", self._vectors(3, ti.i32, rows if uses.rests else 1))
         self._replace("balance", self._vectors(3, ti.f64, rows if uses.rests else 1))
-        self._replace("touch", self._vectors(25, ti.f64, k.TOUCHES_OF_DISK * rows if uses.rests else 1))
+        self._replace("touch", self._vectors(21, ti.f64, k.TOUCHES_OF_DISK * rows if uses.rests else 1))
+        self._replace("grip", self._vectors(k.HELD * k.OF_HELD, ti.f64, rows if uses.rests else 1))
         self._replace("chosen", self._vectors(4, ti.i32, rows))
         self._replace("since", self._array(self._type, rows if uses.remembers else 1))
         self._replace("turn", self._array(ti.f64, rows if uses.turned else 1))
@@ -584,9 +587,10 @@ class DeviceArrays:
             "spent": lambda: state.dissipated[order],
             # Either is to be judged.
             "slept": lambda: np.where(state.asleep[order], k.SAID_ASLEEP, k.WOKEN),
+            "held": lambda: np.full((self.n, k.HELD * k.OF_HELD), k.NOBODY),
             "kind": lambda: self._kind[order],
         }
-        types = {"disk": self.real, "past": np.float64, "spent": np.float64}
+        types = {"disk": self.real, "past": np.float64, "spent": np.float64, "held": np.float64}
         found: dict[str, NDArray[Any]] = {
             name: kept[name]().astype(types.get(name, np.int32), copy=False)
             for name, wanted in self.state_arrays().items()
@@ -652,7 +656,7 @@ class DeviceArrays:
         dated, counted = uses.remembers or uses.turned, uses.walled or uses.partnered
         return {
             "disk": True, "meta": True, "past": dated, "hits": counted, "spent": uses.itemised, "slept": uses.rests,
-            "kind": uses.mixed and uses.shared,
+            "held": uses.rests, "kind": uses.mixed and uses.shared,
         }  # fmt: skip
 
     # ------------------------------------------------------------------ kernels

@@ -83,7 +83,7 @@ def take(engine: Engine) -> Snapshot:
 
 def small(found: Snapshot) -> Snapshot:
     """What a snapshot has beside arrays of all disks."""
-    large = ("disk", "meta", "past", "hits", "spent", "slept", "tracked")
+    large = ("disk", "meta", "past", "hits", "spent", "slept", "held", "tracked")
     beginnings = ("before_", "state_", "extra_")
     return {
         name: each for name, each in found.items() if name not in large and not name.startswith(beginnings)

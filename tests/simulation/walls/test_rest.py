@@ -17,6 +17,7 @@ from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.observables import MECHANISMS
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Wall
+from ifrdem.simulation import checkpoint
 from ifrdem.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.unoptimised
@@ -318,7 +319,11 @@ def test_gravity_that_turns_wakes_a_pile_which_flows_and_rests_again() -> None:
 def test_frames_series_and_checkpoints_change_no_bit(tmp_path: Path) -> None:
     def end(run: Simulation) -> tuple[Any, ...]:
         state = run.state
-        return state.position, state.velocity, state.spin, state.asleep, state.collisions, run.asleep
+        run.save_checkpoint(tmp_path / "end.h5")
+        kept, _ = checkpoint.read(tmp_path / "end.h5")
+        forces = kept["held"][np.argsort(kept["meta"][:, 0])]  # with which the next judgement begins
+        assert np.count_nonzero(forces[:, 1] > 0.0) > 10
+        return state.position, state.velocity, state.spin, state.asleep, state.collisions, run.asleep, forces
 
     plain = pile(40)
     plain.run(t_end=7.0)
