@@ -219,7 +219,8 @@ def set_piston(w, t, s, speed, gas: ti.template()):
         if rate == 0.0:
             delay = ti.min(fall_time(s - low, speed, push), fall_time(high - s, -speed, -push))
         else:
-            x = s - push / (rate * rate)
+            a = push - rate * rate * s
+            x = -a / (rate * rate)
             size, phase = ti.sqrt(x * x + (speed / rate) ** 2), ti.atan2(speed / rate, x)
             # s = middle + size cos(rate t - phase): falls to `low` at phase + acos, rises to `high` at phase - acos.
             below, above = (low - s + x) / size, (high - s + x) / size
@@ -227,6 +228,16 @@ def set_piston(w, t, s, speed, gas: ti.template()):
                 delay = ti.min(delay, turn_of(phase + ti.acos(ti.min(below, 1.0))) / rate)
             if above < 1.0:
                 delay = ti.min(delay, turn_of(phase - ti.acos(ti.max(above, -1.0))) / rate)
+            if rate * gas.scale[WINDOW] < 1e-4:  # in a window as good as constant acceleration
+                delay = ti.min(fall_time(s - low, speed, a), fall_time(high - s, -speed, -a))
+            for _ in range(2):  # angles are as exact as 1e-16 of a turn, which may be long
+                if delay < gas.scale[WINDOW]:
+                    there, u, _bound, _pull = piston_motion(w, t + delay, gas)
+                    stop = low
+                    if ti.abs(there - high) < ti.abs(there - low):
+                        stop = high
+                    if u != 0.0:
+                        delay = ti.max(delay + (stop - there) / u, 0.0)
             if (s <= low and speed < 0.0) or (s >= high and speed > 0.0):
                 delay = 0.0 * t
     gas.walls[w][STOP_AT] = t + delay
@@ -279,11 +290,12 @@ def piston_motion(w, time, gas: ti.template()):
             speed += push * t
             bound, pull = ti.abs(push), push
         else:
-            middle = push / (rate * rate)
-            x, c, sine = s - middle, ti.cos(rate * t), ti.sin(rate * t)
-            bound = rate * ti.sqrt(rate * rate * x * x + speed * speed)
-            s = middle + x * c + speed / rate * sine
-            speed = speed * c - rate * x * sine
+            # Without the middle of the oscillation, push / rate^2, which is far away where the spring is soft.
+            half, sine = ti.sin(0.5 * rate * t) / rate, ti.sin(rate * t) / rate
+            a = push - rate * rate * s
+            bound = ti.sqrt(a * a + (rate * speed) ** 2)
+            s += speed * sine + 2.0 * a * half * half
+            speed = speed * ti.cos(rate * t) + a * sine
     return s, speed, bound, pull
 
 
@@ -301,11 +313,11 @@ def next_stop(gas: ti.template()):
 
 @ti.func
 def bounce(w, t, gas: ti.template()):
-    """Let piston w bounce off its stop at time t; a bounce that the clock cannot see is none, and it stays there."""
+    """Let piston w bounce off its stop at time t; bounces of a millionth of a window are none, and it stays there."""
     s, speed, bound, _pull = piston_motion(w, t, gas)
     low, high = gas.walls[w][LOW], gas.walls[w][HIGH]
     away = ti.abs(speed)
-    if away < 1.0e-12 * bound * gas.scale[WINDOW]:
+    if away < 1.0e-6 * bound * gas.scale[WINDOW]:
         away = 0.0 * away
     if ti.abs(s - low) < ti.abs(s - high):
         set_piston(w, t, low, away, gas)

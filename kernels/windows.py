@@ -75,6 +75,13 @@ def square_unit(fastest2):
     return ti.bit_cast(exponent << ti.i64(52), ti.f64)
 
 
+@ti.pyfunc
+def least_square(pull, length, wall_speed):
+    """Square of a speed that counts, of gases that gravity or walls set in motion from rest in a window."""
+    speed = 1e-3 * (pull * length + wall_speed)
+    return speed * speed
+
+
 @ti.func
 def tile_of(k, gas: ti.template()):
     """Tile number k of those that are run."""
@@ -196,7 +203,7 @@ def plan(gas: ti.template()):
     gas.scale[WINDOW] = ti.cast(window, float)
     gas.grid[PART] = 1 - gas.grid[PART]
     gas.counter[N_SLOTS] = 0
-    gas.clock[SQUARE_UNIT] = square_unit(fastest2)
+    gas.clock[SQUARE_UNIT] = square_unit(ti.max(fastest2, least_square(pull, length, wall_speed)))
     for m in range(2 * MOST_MOMENTS):
         gas.scale[MOMENT_IN + m] = FAR
     if gas.clock[STOP] < gas.clock[END]:

@@ -21,6 +21,7 @@ from ..kernels.walls import NOW_0, PISTON, PUSH, RATE, SPEED_0, UX, UY, piston_s
 from ..kernels.windows import (
     LARGEST_WAY,
     LEAST_HALO,
+    least_square,
     path_from,
     run_windows,
     survey,
@@ -234,7 +235,7 @@ class Windows:
         wall_speed = a.clock[k.WALL_SPEED] + self._fastest_piston()
         length = window_length(mean_square, fastest2, a.clock[k.PATH], a.clock[k.TILE_SIDE], pull, wall_speed)
         length = min(length, float(a.clock[k.LONGEST]))
-        a.clock[k.SQUARE_UNIT] = square_unit(fastest2)
+        a.clock[k.SQUARE_UNIT] = square_unit(max(fastest2, least_square(pull, length, wall_speed)))
         a.clock[k.SPEED] = math.sqrt(mean_square)
         if a.uses.sheared:  # rows of tiles move against each other
             most = math.sqrt(fastest2) + 2.0 * abs(float(a.scale[k.DRIFT]))
@@ -368,7 +369,7 @@ class Windows:
             found += [known(time) for time in times if begin - self.begin < time < length]
         elif (
             self._before is not None
-            and self._before[0] > 0
+            and min(self._before[0], self._before[2], float(a.clock[k.SPEED])) > 0.0
             and not (a.on_gpu or a.uses.rests or a.uses.pistons)
         ):
             collisions, lasted, speed = self._before
