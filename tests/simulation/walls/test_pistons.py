@@ -78,6 +78,21 @@ def test_momentum_and_energy_hold_over_a_hundred_thousand_hits() -> None:
     assert abs(s) < 8.0
 
 
+@pytest.mark.parametrize("stop", [None, -5.0])
+def test_a_soft_spring_is_as_good_as_none(stop: float | None) -> None:
+    # The middle of the oscillation is at force / spring, up to 1e16 box heights away; in t = 10 the spring changes
+    # displacements of 15 by 15 spring t^2 / M: below 1e-9 for 1e-12.
+    found = []
+    for spring in (0.0, 1e-16, 1e-12):
+        simulation = gas(ELASTIC, [lid(mass=2.0, force=1.0, spring=spring, low=stop)], n=5)
+        before = whole_energy(simulation)
+        simulation.run(t_end=3.0)
+        assert whole_energy(simulation) == pytest.approx(before, rel=1e-13)
+        found.append(simulation.pistons[0, :2])
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-9)
+    np.testing.assert_allclose(found[2], found[0], rtol=1e-7)
+
+
 def test_two_pistons_under_friction_lose_what_the_ledger_says() -> None:
     walls = [
         lid(mass=4.0, force=3.0, spring=0.5),

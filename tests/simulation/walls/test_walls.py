@@ -378,3 +378,25 @@ def test_windows_under_oblique_gravity_are_the_same_for_whoever_plans_them():
         run.run(t_end=5.0)
         found.append(run.state.position)
     assert np.array_equal(*found)
+
+
+def test_a_gas_that_starts_at_rest_falls_alike_in_tiles_and_in_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Squares of speeds are added up in a unit that fits speeds at the end of a window, which nobody has before."""
+    side, n = 40, 1600
+    lattice = np.stack(np.meshgrid(*[1.3 * np.arange(side) + 0.65] * 2), axis=-1).reshape(-1, 2)
+    position = lattice + np.random.default_rng(5).uniform(-0.05, 0.05, lattice.shape)
+    start = State(position, np.zeros((n, 2)), np.zeros(n))
+    box = Box((1.3 * side, 1.3 * side + 5.0), (True, False))
+    found = []
+    for alone in (20_000, 100):
+        monkeypatch.setattr("ifrdem.simulation.arrays.ALONE", alone)
+        gas = Simulation(
+            Disks(n, mass=1.0, radius=0.5), box, IFRLaw(e_n=0.9, e_t=-0.6, mu=0.3), start, gravity=(0.0, -1.0),
+            window_collisions=1.0,
+        )  # fmt: skip
+        gas.run(t_end=2.0)
+        found.append(gas)
+    assert found[0].collisions > 300
+    assert [gas.collisions for gas in found] == [found[0].collisions] * 2
+    np.testing.assert_array_equal(found[1].state.position, found[0].state.position)
+    np.testing.assert_array_equal(found[1].state.velocity, found[0].state.velocity)
