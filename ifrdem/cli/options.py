@@ -94,7 +94,8 @@ Style = Annotated[
 Colour = Annotated[
     str | None,
     option(
-        "BY", "of disks: spin, speed, direction, temperature, radius, material, collisions or none (default: spin)",
+        "BY",
+        "of disks: spin, speed, direction, temperature, radius, material, collisions, asleep or none (default: spin)",
         "--colour", "--color",
     ),
 ]  # fmt: skip
