@@ -501,7 +501,7 @@ class DeviceArrays:
         return found | {"tile": self.tile.to_numpy()[:, [k.START + part, k.COUNT + part]]}
 
     def told(self, value: Any) -> Any:
-        """What all know of a value that the first rank has."""
+        """A value of the first rank, made known to all."""
         return value
 
     def rows_here(self, part: int) -> int:

@@ -82,7 +82,7 @@ def take(engine: Engine) -> Snapshot:
 
 
 def small(found: Snapshot) -> Snapshot:
-    """What a snapshot has beside arrays of all disks."""
+    """The parts of a snapshot beside arrays of all disks."""
     large = ("disk", "meta", "past", "hits", "spent", "slept", "held", "tracked")
     beginnings = ("before_", "state_", "extra_")
     return {

@@ -146,7 +146,7 @@ FRAMES = [Due(collisions=int(0.4 * N / 2 * i)) for i in range(1, 13)]  # one to 
 def looked_at(
     name: str, due: list[Due], monkeypatch: pytest.MonkeyPatch, **options: Any
 ) -> tuple[list[tuple[State, Any, Any]], Engine, int]:
-    """What an engine tells at points of a run, and how often it ran a window again."""
+    """States, times and totals that an engine tells at points of a run; number of windows that it ran again."""
     computed = []
     compute = Windows._compute
     monkeypatch.setattr(
