@@ -311,9 +311,9 @@ def test_gravity_that_turns_wakes_a_pile_which_flows_and_rests_again() -> None:
     assert run.asleep == 0
     run.run(t_end=200.0)
     assert run.asleep == 30
-    # Gravity is 53 degrees askew, and a heap at rest at most some 35 from level: so its surface is 18 or more from the
-    # floor, and with h = 2.4, its mean height in the box of width w = 12, the mean of x at least w^2 tan(18) / 12 h = 1.6
-    # beside the middle.
+    # Gravity is 53 degrees askew, and a heap at rest at most some 35 from level: so its surface is 18 or more from
+    # the floor, and with h = 2.4, its mean height in the box of width w = 12, the mean of x is at least
+    # w^2 tan(18) / 12 h = 1.6 beside the middle.
     assert run.state.position[:, 0].mean() > 6.0 + 1.6
     closes(run)
 
