@@ -441,7 +441,7 @@ def check_part(file: h5py.File, path: str, parts: Parts, number: int, *, locking
             raise DamageError(f"{what} holds {disks[0]} disks instead{parted.SEE}")
         held = len(part[f"{EDGES}/step"])
         if held < frames:
-            raise DamageError(f"{what} is too short: it holds {held} of {frames} frames{parted.SEE}")
+            raise parted.ShortPart(f"{what} is too short: it holds {held} of {frames} frames{parted.SEE}")
         for name in stored_fields(file):
             if name not in stored_fields(part):
                 raise DamageError(f"{what} lacks {name}{parted.SEE}")

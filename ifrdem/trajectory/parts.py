@@ -32,6 +32,10 @@ ZEROS = f"{GROUP}/zeros"
 SEE = "; `ifrdem repair` lists all parts"
 
 
+class ShortPart(DamageError):
+    """A part that holds fewer frames than NAME.h5 counts."""
+
+
 def folder_of(path: str | os.PathLike[str]) -> Path:
     """Folder with the parts of a trajectory."""
     whole = Path(path)

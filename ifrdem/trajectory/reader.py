@@ -9,7 +9,7 @@ import operator
 import os
 import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -344,6 +344,14 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
     def parts(self) -> Parts | None:
         """The parts that the trajectory is in; None if its file holds all data."""
         return self._parts
+
+    def holders(self) -> Iterator[h5py.File]:
+        """The files that hold the fields, open one after another: this one, or its parts."""
+        if self._parts is None:
+            yield self._opened()
+            return
+        for _, _, file in self._parts.each(self.path, locking=not self._written_to):
+            yield file
 
     @property
     def room(self) -> Room:
