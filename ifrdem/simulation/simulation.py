@@ -403,6 +403,16 @@ class Simulation(Sealed, PicturedDisks):
         return self._engine.disks
 
     @property
+    def disks_here(self) -> Disks:
+        """The disks."""
+        return self._engine.disks
+
+    @property
+    def sliced(self) -> bool:
+        """False."""
+        return False
+
+    @property
     def box(self) -> Box:
         """The box."""
         return self._engine.box

@@ -60,6 +60,9 @@ class QueuedWriter:
         with contextlib.suppress(*(() if error is None else (TrajectoryError,))):
             self.close()
 
+    def commit(self) -> None:
+        """Nothing: frames count as they are written, unlike those in parts."""
+
     def flush(self) -> None:
         """Wait until all that was given is committed."""
         self._jobs.join()

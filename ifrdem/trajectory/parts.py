@@ -273,6 +273,15 @@ def of(file: h5py.File, path: str | os.PathLike[str] = "") -> Parts | None:
         return Parts(folder, run, tuple(int(one) for one in first))
 
 
+def are_in(path: str | os.PathLike[str]) -> bool:
+    """True if a file that can be opened says that it is in parts."""
+    try:
+        with h5py.File(path, "r") as file:
+            return GROUP in file
+    except OSError:
+        return False
+
+
 def existing(path: str | os.PathLike[str]) -> list[Path]:
     """Parts that are there in the folder beside a trajectory."""
     folder = folder_of(path)

@@ -18,12 +18,12 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError, TrajectoryError
 from ..model.box import Box
 from ..model.state import Disks, State
-from ..tools import world
+from ..tools import slices, world
 from . import layout
 from . import parts as parted
 from .background import QueuedWriter
 from .parts import Parts
-from .writer import TrajectoryWriter
+from .writer import DEFAULT_FIELDS, TrajectoryWriter
 
 Result = TypeVar("Result")
 
@@ -80,27 +80,27 @@ class PartsWriter:
     @classmethod
     def create(
         cls,
-        path: str | Path,
+        path: str | Path | None,
         disks: Disks,
         own: Disks,
-        box: Box,
+        box: Box | None,
         *,
         comm: Any = None,
         number: int | None = None,
         force: bool = False,
         parameters: Mapping[str, str | int | float] | None = None,
-        fields: Sequence[str],
+        fields: Sequence[str] = DEFAULT_FIELDS,
         **options: Any,
     ) -> PartsWriter:
         """Begin a trajectory in so many parts, by default one for each rank.
 
-        `disks` tell the number of all (only the first rank looks at them), `own` are those of this rank; `options`, as
-        `TrajectoryWriter` has them, are the same on all, but for the `parameters`, which only NAME.h5 gets. `force`
-        removes a trajectory that is there, with its parts, at once: there might be no room for both.
+        `disks` tell the number of all, `own` are those of this rank; all else is as `TrajectoryWriter` has it, and
+        counts on the first rank only. `parameters` stand in NAME.h5 alone. `force` removes a trajectory that is there,
+        with its parts, at once: there might be no room for both.
 
         Raises InputError, on all ranks, as `TrajectoryWriter`, or if a rank has no disk; nothing is left behind then.
         """
-        place = Path(path)
+        place, box, fields, options = _told(comm, path, box, fields, options)
 
         def begin() -> Parts:
             if force:
@@ -113,8 +113,8 @@ class PartsWriter:
             except OSError as error:
                 raise InputError(f"output {folder}: cannot be made: {error.strerror}") from error
             count = number or (1 if comm is None else comm.size)
-            first = tuple(i * disks.n // count for i in range(count + 1))
-            return Parts(folder.name, secrets.token_hex(16), first)
+            first = slices.bounds(disks.n, count).tolist()
+            return Parts(folder.name, secrets.token_hex(16), tuple(first))
 
         made: list[TrajectoryWriter] = []
 
@@ -141,35 +141,32 @@ class PartsWriter:
     @classmethod
     def resume(
         cls,
-        path: str | Path,
+        path: str | Path | None,
         disks: Disks,
         own: Disks,
-        box: Box,
+        box: Box | None,
         *,
         comm: Any = None,
-        fields: Sequence[str],
-        frames: int,
+        fields: Sequence[str] = DEFAULT_FIELDS,
+        frames: int = 0,
         series_rows: int = 0,
         events: int = 0,
-        walls: Sequence[Any] = (),
         **options: Any,
     ) -> PartsWriter:
-        """Go on with a trajectory, as `TrajectoryWriter.resume`, on any number of ranks.
+        """Go on with a trajectory, as `TrajectoryWriter.resume`, on any number of ranks; arguments as for `create`.
 
         Raises InputError, on all ranks, as that does; if a part is missing or not that of this run, it is named.
         """
-        place = Path(path)
+        place, box, fields, options = _told(comm, path, box, fields, options | {"frames": frames})
+        options["fields"] = fields
 
         def head() -> TrajectoryWriter:
             return TrajectoryWriter.resume(
-                place, disks, box, fields=fields, frames=frames, series_rows=series_rows, events=events, walls=walls,
-                **options,
-            )  # fmt: skip
+                place, disks, box, series_rows=series_rows, events=events, **options
+            )
 
         def part(i: int, of: Disks) -> TrajectoryWriter:
-            return TrajectoryWriter.resume(
-                place.parent / parts.name(i), of, box, fields=fields, frames=frames, **options
-            )
+            return TrajectoryWriter.resume(place.parent / parts.name(i), of, box, **options)
 
         def said() -> Parts:
             found = parted.of(made[0].file)
@@ -286,6 +283,14 @@ class PartsWriter:
         return sum(queue.seconds for queue in self._queues)
 
 
+def _told(
+    comm: Any, path: str | Path | None, box: Box | None, fields: Sequence[str], options: dict[str, Any]
+) -> tuple[Path, Box, Sequence[str], dict[str, Any]]:
+    """Arguments of the first rank, which counts."""
+    found: Any = world.told(comm, None if path is None else (Path(path), box, fields, options))
+    return found
+
+
 def _each_part(
     parts: Parts,
     comm: Any,
@@ -322,26 +327,17 @@ def _dealt(
 ) -> dict[int, dict[str, NDArray[Any]]]:
     """Rows of the disks of all ranks, each of which has its own, as rows of the parts that this one writes."""
     size, rank = (1, 0) if comm is None else (comm.size, comm.rank)
-    bounds = [number * parts.n // size for number in range(size + 1)]
-    low, high = bounds[rank], bounds[rank + 1]
     present = {name: each for name, each in columns.items() if each is not None}
-    given: list[list[tuple[int, dict[str, NDArray[Any]]]]] = [[] for _ in range(size)]
-    for number in range(len(parts)):
-        own = parts.disks(number)
-        start, end = max(low, own.start), min(high, own.stop)
-        if start < end:
-            rows = {name: each[start - low : end - low] for name, each in present.items()}
-            given[number % size].append((number, rows))
-    found = given if list(parts.first) == bounds or comm is None else comm.alltoall(given)
-    pieces: dict[int, list[dict[str, NDArray[Any]]]] = {}
-    for number, rows in (each for one in found for each in one):
-        pieces.setdefault(number, []).append(rows)
-    return {
-        number: some[0]
-        if len(some) == 1
-        else {name: np.concatenate([rows[name] for rows in some]) for name in present}
-        for number, some in sorted(pieces.items())
-    }
+    rows = list(present.values())
+    if parts.first != tuple(slices.bounds(parts.n, size).tolist()) and comm is not None:
+        ids = np.array(slices.slice_of(parts.n, comm))
+        rows = slices.exchange(comm, (np.searchsorted(parts.first, ids, side="right") - 1) % size, rows)
+    found, at = {}, 0
+    for number in range(rank, len(parts), size):
+        end = at + parts.first[number + 1] - parts.first[number]
+        found[number] = {name: each[at:end] for name, each in zip(present, rows, strict=True)}
+        at = end
+    return found
 
 
 def _remove_empty(path: Path) -> None:
