@@ -146,7 +146,7 @@ class Recorder:
         self._clock, self._wrote = clock, -math.inf
         self.seconds: float = 0.0
         self._rows: list[tuple[float, dict[str, Any]]] = []
-        self._frames: list[tuple[State, dict[str, Any]]] = []
+        self._frames: list[tuple[Any, dict[str, Any]]] = []
         self._parts: list[tuple[Mapping[str, Any], float]] = []
         self._pending = [] if pending is None or not len(pending) else [pending]
 

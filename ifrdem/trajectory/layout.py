@@ -193,11 +193,11 @@ def create(
     edges = particles.create_group("box/edges")
     for name, dtype, tail in (("step", np.int64, ()), ("time", np.float64, ()), ("value", np.float64, (3,))):
         _growing(edges, name, dtype, CHUNK_FRAMES, tail)
-    for name, dtype in STATIC.items():
+    for name, kind in STATIC.items():
         if parts is None:
             particles[name] = getattr(disks, name)
         else:
-            parts.show(particles, name, f"/{PARTICLES}/{name}", (), dtype, frames=False)
+            parts.show(particles, name, f"/{PARTICLES}/{name}", (), kind, frames=False)
     particles["species"] = particles["material"]
     for name in fields:
         field = FIELDS[name]
