@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..tools import slices
 from ..tools.checked import Array
 from .box import Box
 from .walls import Point, Wall, sides
@@ -181,7 +182,7 @@ class Room:
         if not self.all_walls:
             return self.box.packing_fraction(radius)
         area = self.area()
-        return math.pi * float(np.sum(np.square(radius))) / area if area > 0.0 else math.inf
+        return math.pi * float(slices.total(np.square(radius))) / area if area > 0.0 else math.inf
 
     def wall_length(self, inset: float = 0.0) -> float:
         """Length of what is `inset` [length] from walls: along it move the centres of disks that touch them.

@@ -25,7 +25,7 @@ from ..tools import files, slices, world
 from ..tools.versions import package_versions
 from ..trajectory import damage
 
-FORMAT = 8
+FORMAT = 9
 BEGIN_ANEW = '; begin a new run from a stored frame: start.positions = "NAME.h5"'
 _KIND = "ifrdem checkpoint"
 

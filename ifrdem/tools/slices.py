@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import EngineError
+from ..errors import EngineError, InputError
+from . import world
 
 BLOCK = 1 << 18
 """Ids whose random numbers are drawn, and whose rows are added up, together."""
@@ -209,3 +210,15 @@ def digest(rows: NDArray[Any], comm: Any = None) -> bytes:
     """A hash of the rows of all disks, on all ranks, of which each gives those of its slice."""
     parts = _of_blocks(comm, rows, lambda block: hashlib.sha256(np.ascontiguousarray(block).data).digest())
     return hashlib.sha256(f"{rows.dtype.str} {rows.shape[1:]}".encode() + b"".join(parts)).digest()
+
+
+def judged(comm: Any, work: Callable[[], None]) -> None:
+    """Have each rank look at its slice. An InputError of one is raised on all, and tells whose disks it numbers."""
+
+    def told() -> None:
+        try:
+            work()
+        except InputError as error:
+            raise InputError(f"{error} (rank {comm.rank} numbers the disks of its slice from 0 on)") from None
+
+    world.together(comm, told)
