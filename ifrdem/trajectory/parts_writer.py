@@ -231,7 +231,7 @@ class PartsWriter:
             for queue in self._own.values():
                 queue.flush()
 
-        _on_each(self._comm, own)
+        world.together(self._comm, own)
         self.commit()
         world.on_first(self._comm, self._head.flush if self._head is not None else lambda: None)
 
@@ -308,18 +308,7 @@ def _each_part(
             made.append(found[number])
         return found
 
-    return _on_each(comm, all_made)
-
-
-def _on_each(comm: Any, work: Callable[[], Result]) -> Result:
-    """Have each rank do something; an error of one is raised on all."""
-    result, error = None, None
-    try:
-        result = work()
-    except BaseException as raised:
-        error = raised
-    world.agree(comm, error)
-    return result  # type: ignore[return-value]
+    return world.together(comm, all_made)
 
 
 def _dealt(
