@@ -108,8 +108,8 @@ class RunEstimate:
     @classmethod
     def of(cls, gas: CaseGas, case: Case) -> RunEstimate:
         """The estimate for a gas and the case that it comes from."""
-        n, area, output = gas.disks.n, gas.room.area(), case.output
-        phi = gas.room.packing_fraction(gas.disks.radius)
+        n, area, output = gas.n, gas.room.area(), case.output
+        phi = gas.room.covered_part(gas.kinds.covered)
         rates, speeds = _rates_and_speeds(gas)
         paths = [speed / rate if rate > 0.0 else math.nan for speed, rate in zip(speeds, rates, strict=True)]
         mean_rate = sum(each.number * rate for each, rate in zip(gas.species, rates, strict=True)) / n
@@ -151,11 +151,11 @@ def _tracked(output: OutputSection, gas: CaseGas) -> int:
     """About how many disks have histories."""
     if output.histories_region is None or gas.box.is_open:
         listed = len(output.histories or ()) or output.histories_sample or 0
-        return gas.disks.n if output.histories_all else listed
+        return gas.n if output.histories_all else listed
     x_low, y_low, x_high, y_high = output.histories_region
     width = min(x_high, gas.box.lengths[0]) - max(x_low, 0.0)
     height = min(y_high, gas.box.lengths[1]) - max(y_low, 0.0)
-    return round(gas.disks.n * width * height / gas.box.area)
+    return round(gas.n * width * height / gas.box.area)
 
 
 def _rates_and_speeds(gas: CaseGas) -> tuple[list[float], list[float]]:
@@ -191,7 +191,7 @@ def _wall_hits(gas: CaseGas) -> float:
     room, rate = gas.room, 0.0
     if not room.all_walls:
         return rate
-    phi = room.packing_fraction(gas.disks.radius)
+    phi = room.covered_part(gas.kinds.covered)
     crowding = 1.0 + 2.0 * phi * theory.contact_value(min(phi, 0.9))
     for each in gas.species:
         inset = float(each.radius.mean())

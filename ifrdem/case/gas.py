@@ -20,12 +20,12 @@ from ..model import crush
 from ..model.box import Box
 from ..model.free_area import Room
 from ..model.ifr import EnergyWarning, IFRLaw
-from ..model.state import Disks, State
+from ..model.state import COLUMNS, DiskKinds, Disks, State, unlike
 from ..model.walls import Wall, at_displacements, wall_names
 from ..simulation import checks
 from ..simulation.simulation import Simulation
 from ..simulation.turning import FASTEST_DRUM
-from ..tools import seeds, world
+from ..tools import seeds, slices, world
 from . import pair_rules, rules
 from .case import IMPACT_SCAN, Case
 from .pair_rules import PairVerdict
@@ -80,14 +80,53 @@ class CaseGas:
     @functools.cached_property
     def disks(self) -> Disks:
         """The disks, species by species."""
-        numbers = [each.number for each in self.species]
+        return self.rows(range(self.n))
+
+    @property
+    def n(self) -> int:
+        """Number of disks."""
+        return sum(each.number for each in self.species)
+
+    def rows(self, ids: range) -> Disks:
+        """The disks of some ids."""
+        parts = self._of_species(ids)
+        numbers = [len(own) for _, own in parts]
         return Disks(
-            n=sum(numbers),
-            mass=np.concatenate([each.mass for each in self.species]),
-            radius=np.concatenate([each.radius for each in self.species]),
-            k=np.repeat([each.k for each in self.species], numbers),
-            material=np.repeat([self.materials.index(each.material) for each in self.species], numbers),
+            n=len(ids),
+            mass=np.concatenate([self.species[i].mass[own.start : own.stop] for i, own in parts]),
+            radius=np.concatenate([self.species[i].radius[own.start : own.stop] for i, own in parts]),
+            k=np.repeat([self.species[i].k for i, _ in parts], numbers),
+            material=np.repeat([self.materials.index(self.species[i].material) for i, _ in parts], numbers),
         )
+
+    def _of_species(self, ids: range) -> list[tuple[int, range]]:
+        """Of some ids, those of each species, counted from its first disk; at least one, that may be empty."""
+        found, first = [], 0
+        for i, each in enumerate(self.species):
+            found.append((i, range(max(ids.start - first, 0), max(min(ids.stop - first, each.number), 0))))
+            first += each.number
+        return [each for each in found if len(each[1])] or [(0, range(0))]
+
+    @functools.cached_property
+    def kinds(self) -> DiskKinds:
+        """The kinds of disks, without an array of all disks where those of each species are equal."""
+        rows, known, sums = [], dict[int, tuple[float, float]](), [0.0, 0.0]
+        for i, each in enumerate(self.species):
+            first = sum(one.number for one in self.species[:i])
+            rows.append(self.rows(range(first, first + (1 if each.equal else each.number))))
+        for at, block in enumerate(slices.blocks(range(self.n))):
+            (i, _), *others = self._of_species(block)
+            alike = not others and self.species[i].equal and len(block) == slices.BLOCK
+            if not (alike and i in known):
+                radius = self.rows(block).radius
+                here = float(np.sum(np.square(radius))), float(np.sum(radius))
+                if alike:
+                    known[i] = here
+            else:
+                here = known[i]
+            sums = list(here) if at == 0 else [sums[0] + here[0], sums[1] + here[1]]
+        columns = [np.concatenate([getattr(each, name) for each in rows]) for name in COLUMNS]
+        return DiskKinds.made(unlike(columns), self.n, self.n, *sums)
 
     @functools.cached_property
     def laws(self) -> list[list[IFRLaw | None]]:
@@ -122,9 +161,9 @@ class CaseGas:
 
     def crushes(self, case: Case) -> list[str]:
         """One text for each two walls that may crush a disk between them in the run; InputError if they must."""
-        if not self.disks.n:
+        if not self.n:
             return []
-        walls, radius = self.room.all_walls, self.disks.radius
+        walls, radius = self.room.all_walls, self.kinds.radius
         names, diameter = wall_names(walls, self.box), 2.0 * float(radius.max())
         end = math.inf if case.run.t_end is None else case.run.t_end
         found = list(crush.crushes(walls, self.box, diameter, 0.0, end))
@@ -305,7 +344,6 @@ def judge(case: Case, folder: Path, *, start: bool = True) -> tuple[CaseGas, lis
     A start file's path begins at `folder`; without `start`, in a run that has begun, it is looked at no more.
     """
     species = species_of(case)
-    radius = np.concatenate([each.radius for each in species])
     verdicts = (*pair_rules.verdicts(case, species), *pair_rules.wall_verdicts(case, species))
     # The engine makes the sides of the first one.
     sides = () if case.box.material is None else (case.box.material,)
@@ -315,21 +353,24 @@ def judge(case: Case, folder: Path, *, start: bool = True) -> tuple[CaseGas, lis
     found = [*rules.wrong_names(case), *rules.wrong_pairs(verdicts), *rules.wrong_motion(case)]
     found += rules.wrong_forces(case)
     box, patch, given = Box.open(), None, None
+    gas = CaseGas(species, materials, verdicts, box, walls)
+    kinds = gas.kinds
     try:
-        patch = case.box.patch(radius)
+        patch = case.box.patch(kinds.covered)
     except InputError as error:
         found.append(Complaint("box", None, str(error)))
     else:
         box = box if case.box.open or patch is None else patch
-        wrong_walls = wrong_shapes or [*rules.wrong_walls(case, walls, box, radius)]
+        wrong_walls = wrong_shapes or [*rules.wrong_walls(case, walls, box, kinds.radius)]
         found += wrong_walls
         if start:
             standing = () if wrong_walls else walls
-            found += rules.wrong_room(case, species, radius, None if patch is None else Room(patch, standing))
+            found += rules.wrong_room(case, species, kinds, None if patch is None else Room(patch, standing))
             found += [*rules.wrong_open(case, patch), *rules.wrong_scan(case)]
-            given = rules.given_start(case, radius, Room(box, standing), folder, found)
-    found += rules.wrong_output(case, len(radius), box)
-    return CaseGas(species, materials, verdicts, box, walls, patch, given), found
+            if not case.start.placed:
+                given = rules.given_start(case, gas.disks.radius, Room(box, standing), folder, found)
+    found += rules.wrong_output(case, kinds.n, box)
+    return replace(gas, box=box, patch=patch, given=given), found
 
 
 def forces_of(case: Case) -> list[Force]:

@@ -74,12 +74,12 @@ def _wrong_cadence(
             yield f"{what}_interval", interval, f"{text}: {length / MOST_FRAMES:.3g} or more is needed"
     collisions = getattr(case.output, f"{what}_collisions")
     if collisions is not None:
-        one, per_disk = 2.0 / gas.disks.n, 2.0 * estimate.collisions / gas.disks.n
+        one, per_disk = 2.0 / gas.n, 2.0 * estimate.collisions / gas.n
         least = one if math.isnan(per_disk) else max(one, per_disk / MOST_FRAMES)
         if collisions < least * (1.0 - 1e-9):
             text = f"more than {many} in {per_disk:.4g} collisions per disk"
             if least == one:
-                text = f"more often than one collision of {gas.disks.n} disks"
+                text = f"more often than one collision of {gas.n} disks"
             yield f"{what}_collisions", collisions, f"{text}: {least:.3g} or more is needed"
 
 
@@ -133,19 +133,25 @@ def summary(case: Case, gas: CaseGas, estimate: RunEstimate, device: str) -> str
         ends = " to ".join(f"{path:.4g}" for path in dict.fromkeys((min(paths), max(paths)))) if paths else ""
         path = f"mean free path {ends}{case.unit('length')}" if paths else "nothing moves at the start"
         where = f", packing fraction {estimate.packing_fraction:.4g}, {path}"
-    return f"{case.run.name}: {gas.disks.n} disks{where}\nto {_end(case, estimate)}\non {device}"
+    return f"{case.run.name}: {gas.n} disks{where}\nto {_end(case, estimate)}\non {device}"
 
 
 def report(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
     """Everything that can be said of a case before it runs."""
     length, mass, time = (case.unit(quantity) for quantity in ("length", "mass", "time"))
     lines = _density(case, gas, estimate)
-    radius = gas.disks.radius
+    radius = gas.kinds.radius
     if np.ptp(radius) > 0.0:
         ratio = float(radius.max() / radius.min())
-        lines.append(_row("radii", f"{_span(radius)}{length}, largest/smallest {ratio:.4g}: {_cost(ratio)}"))
+        lines.append(
+            _row(
+                "radii",
+                f"{_span(radius, gas.kinds.mean_radius)}{length}, largest/smallest {ratio:.4g}: {_cost(ratio)}",
+            )
+        )
     for each, rate, path in zip(gas.species, estimate.collision_rate, estimate.free_path, strict=True):
-        text = f"{each.number} of {each.material}: mass {_span(each.mass)}{mass}, radius {_span(each.radius)}{length}, "
+        text = f"{each.number} of {each.material}: mass {_span(each.mass, each.mass.mean())}{mass}, "
+        text += f"radius {_span(each.radius, each.radius.mean())}{length}, "
         text += f"k = {each.k:g}, speed {each.speed_rms:.4g}{_per(length, time)} rms"
         lines.append(_row(f"species {each.name}", text))
         if rate > 0.0:
@@ -167,11 +173,11 @@ def report(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
     lines.append(_row("run", f"to {_end(case, estimate)}"))
     stored = f"{size(estimate.file_bytes)}: {_stored(case, gas, estimate)}"
     lines.append(_row("file", f"{case.run.name}.h5, {stored}"))
-    if case.output.in_parts(gas.disks.n, ranks=2):
+    if case.output.in_parts(gas.n, ranks=2):
         on_ranks = "" if case.output.parts is True else "on several ranks of MPI, "
         lines.append(_row("", f"{on_ranks}its fields in {case.run.name}.parts, a file for each rank"))
-    per_disk = estimate.array_bytes // max(gas.disks.n, 1)
-    engine = f"{size(estimate.array_bytes)} for the engine ({gas.disks.n} disks x {per_disk} bytes)"
+    per_disk = estimate.array_bytes // max(gas.n, 1)
+    engine = f"{size(estimate.array_bytes)} for the engine ({gas.n} disks x {per_disk} bytes)"
     lines.append(_row("memory", f"{engine}, beside Python, Taichi and their libraries"))
     if case.run.arch == "cpu" and estimate.collisions > 0.0 and estimate.packing_fraction > 0.0:
         lines.append(_row("time", _time(case, gas, estimate)))
@@ -180,7 +186,7 @@ def report(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
 
 def _time(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
     """Time that a run takes, about, and why it is long."""
-    n, phi, threads = gas.disks.n, estimate.packing_fraction, case.run.threads or backend.cores()
+    n, phi, threads = gas.n, estimate.packing_fraction, case.run.threads or backend.cores()
     collisions = estimate.collisions
     if n > ALONE:  # tiles compute a window once more for each frame in it
         collisions += estimate.frames * 0.5 * n * IN_A_WINDOW
@@ -206,7 +212,9 @@ def size_of_time(seconds: float) -> str:
 def _stored(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
     """Content of the trajectory file."""
     output = case.output
-    text = f"{estimate.frames} frames x ({gas.disks.n} disks x {disk_bytes(output)} bytes + {len(OBSERVABLES)} totals)"
+    text = (
+        f"{estimate.frames} frames x ({gas.n} disks x {disk_bytes(output)} bytes + {len(OBSERVABLES)} totals)"
+    )
     text += f", {'' if output.series_cadence.exact else 'up to '}{estimate.rows} rows of series"
     if estimate.tracked:
         text += f", histories of {estimate.tracked} disks"
@@ -228,13 +236,13 @@ def _density(case: Case, gas: CaseGas, estimate: RunEstimate) -> list[str]:
         box = f"a periodic box of {sides}{rate if gas.box.shear_rate else ''}"
     else:
         box = f"a box of {sides}, {describe_sides(gas.box)}"
-    lines = [f"{case.run.name}: {gas.disks.n} disks in {box}, {case.run.units} units"]
+    lines = [f"{case.run.name}: {gas.n} disks in {box}, {case.run.units} units"]
     if not gas.box.is_open:
         lines.append(_row("packing fraction", f"{estimate.packing_fraction:.5g}"))
         per = f" per{length}^2" if length else ""
         lines.append(_row("number density", f"{estimate.number_density:.5g}{per}"))
     elif gas.patch is not None:
-        start = gas.patch.packing_fraction(gas.disks.radius)
+        start = gas.kinds.covered / gas.patch.area
         lines.append(_row("start", f"in {sides}, packing fraction {start:.5g} there"))
     return lines
 
@@ -261,7 +269,8 @@ def _walls(case: Case, gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, s
     """Name and text of each line; none for a periodic gas without gravity."""
     length, time, energy = (case.unit(quantity) for quantity in ("length", "time", "energy"))
     speed, lines = _per(length, time), []
-    mass, diameter = float(gas.disks.mass.mean()), 2.0 * float(gas.disks.radius.mean())
+    mass = sum(each.number * float(each.mass.mean()) for each in gas.species) / gas.n
+    diameter = 2.0 * gas.kinds.mean_radius
     g = math.hypot(*case.box.gravity)
     if g > 0.0:
         x, y = case.box.gravity
@@ -338,10 +347,10 @@ def _motion(case: Case, wall: Wall, g: float, mass: float) -> str:
     return text
 
 
-def _span(values: NDArray[np.float64]) -> str:
+def _span(values: NDArray[np.float64], mean: float) -> str:
     """One number for equal values, else their ends and mean."""
     low, high = float(values.min()), float(values.max())
-    return f"{low:.5g}" if low == high else f"{low:.5g} to {high:.5g} (mean {float(values.mean()):.5g})"
+    return f"{low:.5g}" if low == high else f"{low:.5g} to {high:.5g} (mean {mean:.5g})"
 
 
 def _cost(ratio: float) -> str:

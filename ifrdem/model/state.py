@@ -115,10 +115,10 @@ class DiskKinds(Disks):
     @classmethod
     def of(cls, disks: Disks, comm: Any = None) -> DiskKinds:
         """The kinds of some disks; of ranks, each gives those of its slice, and gets the kinds of all."""
-        rows = _unlike([getattr(disks, name) for name in COLUMNS])
+        rows = unlike([getattr(disks, name) for name in COLUMNS])
         n, movable = disks.n, disks.n_movable
         if comm is not None:
-            rows = _unlike([np.concatenate(each) for each in zip(*comm.allgather(rows), strict=True)])
+            rows = unlike([np.concatenate(each) for each in zip(*comm.allgather(rows), strict=True)])
             n, movable = comm.allreduce(n), comm.allreduce(movable)
         return cls.made(
             rows, n, movable, slices.total(np.square(disks.radius), comm), slices.total(disks.radius, comm)
@@ -140,7 +140,7 @@ class DiskKinds(Disks):
         return Disks(len(self.mass), *(getattr(self, name) for name in COLUMNS))
 
 
-def _unlike(columns: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
+def unlike(columns: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
     """Rows of columns, ascending, each once."""
     code: NDArray[np.int64] = np.zeros(len(columns[0]), dtype=np.int64)
     for column in columns:
@@ -297,9 +297,11 @@ def dealt(comm: Any, disks: Disks, state: State) -> tuple[Disks, State]:
 
 
 def thin(array: NDArray[Any]) -> NDArray[Any]:
-    """The same array, in the memory of one row where all are equal."""
-    same = len(array) > 1 and bool(np.all(array == array[0]))
-    return np.broadcast_to(array[:1].copy(), array.shape) if same else array
+    """The same array, in the memory of one row where all are equal to the bit."""
+    if len(array) < 2 or array.strides[0] == 0 or array[-1:].tobytes() != array[:1].tobytes():
+        return array
+    bits = np.ascontiguousarray(array).reshape(len(array), -1).view(np.uint8)
+    return np.broadcast_to(array[:1].copy(), array.shape) if bool(np.all(bits == bits[0])) else array
 
 
 @dataclass(eq=False, repr=False)

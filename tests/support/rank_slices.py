@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+import ifrdem
+from ifrdem import initial
 from ifrdem.errors import EngineError
 from ifrdem.tools import slices
 
@@ -59,6 +61,24 @@ again = slices.gather(COMM, 50, dealt)
 found["thin"] = dealt[0].strides[0] == 0 and (
     again is None or (again[0].strides[0] == 0 and len(again[0]) == 50)
 )
+BOX = ifrdem.Box((100.0, 70.0))
+for n in (3, 100, 257):  # the same start for any number of ranks, of one block and of many
+    mass = np.where(np.arange(n) % 3 == 0, 2.0, 1.0)
+    radius = 0.4 * mass
+    ids = ifrdem.slice_of(n, COMM)
+    here = slice(ids.start, ids.stop)
+    starts = [
+        (
+            initial.hexagonal_positions(BOX, radius[own], seed=5, comm=comm),
+            initial.hexagonal_positions(BOX, radius[own], comm=comm),
+            initial.maxwellian(mass[own], temperature=2.0, seed=5, comm=comm),
+            initial.gaussian_spins(len(mass[own]), spin_rms=3.0, seed=5, comm=comm),
+            np.array(ifrdem.Box.from_packing_fraction(radius[own], 0.3, comm=comm).lengths),
+        )
+        for own, comm in ((here, COMM), (slice(None), None))
+    ]
+    same = [np.array_equal(a, b[here] if len(b) == n else b) for a, b in zip(*starts, strict=True)]
+    found[f"start {n}"] = bool(COMM.allreduce(int(all(same)), MPI.MIN))
 lost, twice = anywhere(50), anywhere(50)
 if len(lost):
     lost = lost[:-1]

@@ -19,12 +19,12 @@ MISSING = "a disk is on no rank, or on two: please report this"
 @mpi.needed
 @pytest.mark.parametrize("ranks", [2, 3, 4])
 def test_slices_are_dealt_out_and_put_together_again(ranks: int) -> None:
-    """Rows from anywhere, from and to the first rank; sums and digests are those of one process, to the bit."""
+    """Rows from anywhere, from and to the first rank; sums, digests and starts are those of one process, to the bit."""
     done = mpi.on(ranks, sys.executable, "-m", "mpi4py", SCRIPT)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert found.pop("lost") == found.pop("twice") == MISSING
-    assert len(found) == 27
+    assert len(found) == 30
     assert [name for name, right in found.items() if not right] == []
 
 
