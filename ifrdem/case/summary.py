@@ -104,11 +104,13 @@ def refuse_beyond_disk(needed: int, folder: Path) -> None:
         raise InputError(f"output: the trajectory needs some {size(needed)}, and {place}: {fewer}")
 
 
-def refuse_beyond_memory(n: int, arch: str, positions: str = "random", share: float = 1.0) -> None:
+def refuse_beyond_memory(
+    n: int, arch: str, positions: str = "random", share: float = 1.0, *, sliced: bool = False
+) -> None:
     """Raise InputError if n disks need more memory than is free, or than a GPU has.
 
     `positions` is start.positions: growth needs more. Of several ranks, a `share` is on this machine, with the first
-    one, which has all disks.
+    one, which has all disks, unless each makes its own ones (`sliced`).
     """
     if arch != "cpu":
         memory = backend.gpu_memory()
@@ -117,7 +119,7 @@ def refuse_beyond_memory(n: int, arch: str, positions: str = "random", share: fl
             raise InputError(f"{n} disks: the GPU has {size(memory)} of memory, in which {most} fit")
     host = GROWTH_BYTES_PER_DISK if positions == "growth" else HOST_BYTES_PER_DISK
     engine = BYTES_PER_DISK if arch == "cpu" else 0
-    needed = int(n * (host + WRITER_BYTES_PER_DISK + share * engine))
+    needed = int(n * ((share if sliced else 1.0) * (host + WRITER_BYTES_PER_DISK) + share * engine))
     free = backend.memory_available()
     if free is not None and needed > free:
         both = f"some {size(needed)} of memory, and {size(free)} are free"

@@ -283,10 +283,12 @@ OF_STATE = (
 """What a state has of each disk, beside the flow, which the box gives."""
 
 
-def dealt(comm: Any, disks: Disks, state: State) -> tuple[Disks, State]:
+def dealt(comm: Any, disks: Disks | None, state: State | None) -> tuple[Disks, State]:
     """Disks and state of the own slice, of those that the first rank has; what the others give is not looked at."""
     arrays, n, time = None, None, None
     if comm.rank == 0:
+        assert disks is not None
+        assert state is not None
         n, time = disks.n, float(state.time)
         arrays = [thin(getattr(disks, name)) for name in COLUMNS]
         arrays += [thin(getattr(state, name)) for name in OF_STATE]

@@ -95,8 +95,10 @@ def run(
                 comm.size, file.gas.box, case.run.arch, case.run.precision, case.force, case.output.tracks
             )
         check.refuse_beyond_memory(
-            sum(each.number for each in case.species), case.run.arch, case.start.positions, share
-        )
+            sum(each.number for each in case.species), case.run.arch, case.start.positions, share,
+            sliced=file.gas.is_told_in_slices(comm) and file.gas.drawn_in_slices(case),
+        )  # fmt: skip
+        checks.check_number(file.gas.n, comm.size if comm else 1)
         gas = file.gas.ready(case)
         estimate = RunEstimate.of(gas, case)
         check.refuse_cadences(case, gas, estimate)
@@ -105,7 +107,8 @@ def run(
         say(check.summary(case, gas, estimate, how(case, cores, comm)))
         for text in (*gas.warnings, *crushes, *gas.cautions(case)):
             warn(text)
-        state = gas.start(case, Stage("growth"))
+        drawn = gas.is_told_in_slices(comm) and gas.drawn_in_slices(case)
+        state = None if drawn else gas.start(case, Stage("growth"))
         return [gas, state, gas.tracked(case, state)]
 
     try:
