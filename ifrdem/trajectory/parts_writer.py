@@ -226,7 +226,7 @@ class PartsWriter:
                 queue.close()
             except (TrajectoryError, InputError) as raised:
                 error = error or raised
-        if self._head is not None and len(self._head) == 0:
+        if self._head is not None and not self.path.exists():  # without a frame, it is gone
             parted.remove(self.path)
         _remove_empty(self.path)
         if error is not None:
