@@ -175,6 +175,9 @@ def report(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
     lines.append(_row("run", f"to {_end(case, estimate)}"))
     stored = f"{size(estimate.file_bytes)}: {_stored(case, gas, estimate)}"
     lines.append(_row("file", f"{case.run.name}.h5, {stored}"))
+    if case.output.in_parts(gas.n, ranks=2):
+        on_ranks = "" if case.output.parts is True else "on several ranks of MPI, "
+        lines.append(_row("", f"{on_ranks}its fields in {case.run.name}.parts, a file for each rank"))
     per_disk = estimate.array_bytes // max(gas.n, 1)
     engine = f"{size(estimate.array_bytes)} for the engine ({gas.n} disks x {per_disk} bytes)"
     lines.append(_row("memory", f"{engine}, beside Python, Taichi and their libraries"))

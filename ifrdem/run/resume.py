@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 import operator
 import os
@@ -23,7 +24,10 @@ from ..simulation.schedule import Course
 from ..simulation.tracking import Events
 from ..tools import text_file, world
 from ..tools.files import CHECKPOINT, checkpoint_of
+from ..trajectory import parts
 from ..trajectory.background import QueuedWriter
+from ..trajectory.parts_writer import PartsWriter
+from ..trajectory.reader import Trajectory
 from ..trajectory.writer import TrajectoryWriter
 from .job import Job, accompany, cores_of, drive, finish, how, stored
 from .outputs import Outputs, only
@@ -113,25 +117,43 @@ def resume(
         gas = CaseGas.from_case(case, begun[0].parent, start=False)
         file = CaseFile(*begun, case, gas)
         outputs = Outputs.plan(case, str(trajectory), picture=picture)
-        writer = TrajectoryWriter.resume(trajectory, gas.disks, gas.box, **stored(case, gas), **seen)
-        return path, file, outputs, ledger, course, writer, checkpoint.state_of(arrays), arrays
+        writer = None
+        if parts.are_in(trajectory):
+            Trajectory(trajectory).close()  # a part may be missing
+        else:
+            writer = TrajectoryWriter.resume(trajectory, gas.disks, gas.box, **stored(case, gas), **seen)
+        return path, file, outputs, ledger, course, writer, checkpoint.state_of(arrays), arrays, seen
 
     found = world.on_first(comm, prepared)
     if found is None:
         case, simulation = CaseGas.beside(comm)
         simulation.load_checkpoint("")
-        accompany(case, simulation, comm.bcast(None))
+        course = comm.bcast(None)
+        own = None
+        if comm.bcast(None):
+            own = PartsWriter.resume(None, simulation.disks, simulation.disks_here, None, comm=comm)
+        accompany(case, simulation, course, own)
         return
-    path, file, outputs, ledger, course, writer, state, arrays = found
+    path, file, outputs, ledger, course, writer, state, arrays, seen = found
     tracked, pending = arrays["tracked"], _events(arrays)
     case, gas, devices = file.case, file.gas, how(file.case, cores, comm)
-    with QueuedWriter(writer) as queue:
+    with contextlib.ExitStack() as stack:
+        queue: QueuedWriter | PartsWriter
+        if writer is not None:
+            queue = stack.enter_context(QueuedWriter(writer))
         pistons = arrays["state_pistons"][:, 0].tolist()
         simulation = gas.simulation(case, state, tracked=tracked, comm=comm, pistons=pistons)
         del state, arrays, found  # which are large
         simulation.load_checkpoint(path)
         course = world.told(comm, course)
-        later = len(writer) - ledger.frames
+        if world.told(comm, writer is None):
+            queue = stack.enter_context(
+                PartsWriter.resume(
+                    outputs.trajectory, gas.disks, simulation.disks_here, gas.box, comm=comm, **stored(case, gas),
+                    **seen,
+                )
+            )  # fmt: skip
+        later = len(queue) - ledger.frames
         more = f"; {later} later frames of the file are computed again and compared" if later > 0 else ""
         begun_at = f"t = {simulation.time:.6g}{case.unit('time')}, after {simulation.collisions} collisions"
         frames = f"{ledger.frames} frames, on {devices}{more}"

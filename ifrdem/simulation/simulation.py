@@ -574,7 +574,8 @@ class Simulation(Sealed, PicturedDisks):
     ) -> None:
         """Write all that decides the future, to the last bit, into a file of its own: it appears whole or not at all.
 
-        Events of tracked disks that nobody has taken are not in it.
+        Events of tracked disks that nobody has taken are not in it. Where ranks have slices (`sliced`), each writes its
+        own (`checkpoint.write_parts`), and any number of ranks can go on with them.
 
         Parameters
         ----------
@@ -598,19 +599,16 @@ class Simulation(Sealed, PicturedDisks):
         state = self._engine.state_here()  # settles
         found |= {f"state_{name}": getattr(state, name) for name in ("position", "velocity", "spin")}
         found["state_pistons"] = self.pistons
-        meta = {"fingerprint": snapshot.fingerprint(self._engine), "first": self._first, "given": self._given}
-        own = snapshot.of_disks(found)
+        meta: dict[str, Any] = {"fingerprint": snapshot.fingerprint(self._engine)}
+        meta |= {"first": self._first, "given": self._given, "extra": dict(extra or {})}
+        own, small = snapshot.of_disks(found), {**snapshot.small(found), **(arrays or {})}
+        if self.sliced:
+            checkpoint.write_parts(path, comm, own, small, meta)
+            return
         rows = slices.gather(comm, n, list(own.values()))
-
-        def write() -> None:
-            whole = dict(zip(own, rows or (), strict=True))
-            checkpoint.write(
-                path,
-                {**snapshot.small(found), **whole, **(arrays or {})},
-                meta | {"extra": dict(extra or {})},
-            )
-
-        world.on_first(comm, write)
+        world.on_first(
+            comm, lambda: checkpoint.write(path, small | dict(zip(own, rows or (), strict=True)), meta)
+        )
 
     def load_checkpoint(self, path: str | os.PathLike[str]) -> dict[str, Any]:
         """Go on from where `save_checkpoint` was called, bitwise as if nothing had been between; returns `extra`.
@@ -627,23 +625,18 @@ class Simulation(Sealed, PicturedDisks):
 
         comm, fingerprint = self._engine.comm, snapshot.fingerprint(self._engine)
 
-        def read() -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-            found, meta = checkpoint.read(path)
-            if meta["fingerprint"] != fingerprint:
-                raise InputError(
-                    f"{path}: the checkpoint of another gas: disks, box, laws, walls, forces, seed, precision or "
-                    "device differ"
-                )
-            return found, meta
-
-        whole, known = world.on_first(comm, read), None  # type: Any, Any
-        if whole is not None:
-            known = snapshot.small(whole[0]), list(snapshot.of_disks(whole[0])), whole[1]
-        small, names, meta = world.told(comm, known)
-        rows = slices.scatter(
-            comm, self.disks.n, None if whole is None else [whole[0][name] for name in names]
-        )
-        snapshot.put_back(self._engine, small | dict(zip(names, rows, strict=True)))
+        found, meta, in_parts = checkpoint.read_parts(path, comm)
+        if meta["fingerprint"] != fingerprint:
+            raise InputError(
+                f"{path}: the checkpoint of another gas: disks, box, laws, walls, forces, seed, precision or device "
+                "differ"
+            )
+        if not in_parts and comm is not None:  # the first rank has all of it
+            own = snapshot.of_disks(found)
+            names, small = world.told(comm, (list(own), snapshot.small(found)))
+            rows = slices.scatter(comm, self.disks.n, list(own.values()) if comm.rank == 0 else None)
+            found = small | dict(zip(names, rows, strict=True))
+        snapshot.put_back(self._engine, found)
         self._first, self._given = float(meta["first"]), float(meta["given"])
         extra: dict[str, Any] = meta["extra"]
         return extra
