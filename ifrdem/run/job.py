@@ -96,7 +96,7 @@ def run(
             )
         check.refuse_beyond_memory(
             sum(each.number for each in case.species), case.run.arch, case.start.positions, share,
-            sliced=file.gas.is_told_in_slices(comm) and file.gas.drawn_in_slices(case),
+            sliced=file.gas.is_told_in_slices(case, comm) and file.gas.drawn_in_slices(case),
         )  # fmt: skip
         checks.check_number(file.gas.n, comm.size if comm else 1)
         gas = file.gas.ready(case)
@@ -107,7 +107,7 @@ def run(
         say(check.summary(case, gas, estimate, how(case, cores, comm)))
         for text in (*gas.warnings, *crushes, *gas.cautions(case)):
             warn(text)
-        drawn = gas.is_told_in_slices(comm) and gas.drawn_in_slices(case)
+        drawn = gas.is_told_in_slices(case, comm) and gas.drawn_in_slices(case)
         state = None if drawn else gas.start(case, Stage("growth"))
         return [gas, state, gas.tracked(case, state)]
 
