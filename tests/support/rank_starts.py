@@ -54,6 +54,7 @@ def simulation(comm: Any, ids: range, change: Callable[..., None] = lambda *_: N
         "partners": True,
         "angles": True,
         "dissipated": True,
+        "threads": 1,
         "comm": comm,
         "sliced": comm is not None,
     }
