@@ -242,8 +242,10 @@ class CaseGas:
         return self.given is None and case.start.positions == "hexagonal" and not self.room.all_walls
 
     def is_told_in_slices(self, case: Case, comm: Any) -> bool:
-        """True if a run on these ranks tells its states in slices: of many disks (`GATHERED`), or written in parts."""
-        return comm is not None and (self.n > slices.GATHERED or case.output.in_parts(self.n, comm.size))
+        """True if a run on these ranks tells its states in slices: of many disks, or for a file in parts."""
+        if comm is None:
+            return False
+        return self.n > slices.GATHERED or case.output.in_parts(self.n, comm.size)
 
     def _drawn_motion(self, seed: int, comm: Any = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Velocities relative to the flow, shape (n, 2), and spins, (n,), that a seed gives; of ranks, of the slice."""

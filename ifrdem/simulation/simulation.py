@@ -237,7 +237,7 @@ class Simulation(Sealed, PicturedDisks):
 
         kinds: Disks = disks
         if sliced:
-            begin = world.together(comm, typed)
+            begin = slices.judged(comm, typed)
             _refuse_other_slices(disks.n, comm)
             kinds = DiskKinds.of(disks, comm)
             world.together(comm, judged)

@@ -12,13 +12,15 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import EngineError, InputError
 from . import world
+
+Result = TypeVar("Result")
 
 BLOCK = 1 << 18
 """Ids whose random numbers are drawn, and whose rows are added up, together."""
@@ -212,13 +214,13 @@ def digest(rows: NDArray[Any], comm: Any = None) -> bytes:
     return hashlib.sha256(f"{rows.dtype.str} {rows.shape[1:]}".encode() + b"".join(parts)).digest()
 
 
-def judged(comm: Any, work: Callable[[], None]) -> None:
+def judged(comm: Any, work: Callable[[], Result]) -> Result:
     """Have each rank look at its slice. An InputError of one is raised on all, and tells whose disks it numbers."""
 
-    def told() -> None:
+    def told() -> Result:
         try:
-            work()
+            return work()
         except InputError as error:
             raise InputError(f"{error} (rank {comm.rank} numbers the disks of its slice from 0 on)") from None
 
-    world.together(comm, told)
+    return world.together(comm, told)
