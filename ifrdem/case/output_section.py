@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
-from ..errors import InputError
+from ..errors import InputError, nearest
 from ..simulation.schedule import MOST as MOST_FRAMES
 from ..simulation.schedule import Cadence
 from ..tools.slices import GATHERED
@@ -101,6 +101,14 @@ class OutputSection(Section):
             except InputError as error:
                 raise refusal(str(error), "package") from error
         return compression
+
+    @field_validator("parts", mode="before")
+    @classmethod
+    def _choice(cls, parts: object) -> object:
+        if isinstance(parts, bool) or parts == "auto":
+            return parts
+        text = 'must be true, false or "auto"' + nearest(str(parts), ["auto", "true", "false"])
+        raise refusal(text, "unknown_name")
 
     @classmethod
     def mistakes(cls, data: dict[str, Any]) -> list[str]:
