@@ -160,7 +160,10 @@ class Parts:
         if not os.path.isfile(place):
             raise DamageError(f"{what} is no file{SEE}")
         try:
-            file = h5py.File(place, "r", locking=False)
+            try:
+                file = h5py.File(place, "r")
+            except OSError:  # its rank writes it, or HDF5 has opened it so for a virtual dataset
+                file = h5py.File(place, "r", locking=False)
         except OSError as error:
             raise DamageError(f"{what} cannot be opened: {error}{SEE}") from error
         try:
