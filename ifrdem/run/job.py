@@ -94,11 +94,11 @@ def run(
             checks.check_ranks(
                 comm.size, file.gas.box, case.run.arch, case.run.precision, case.force, case.output.tracks
             )
+        checks.check_number(file.gas.n, comm.size if comm else 1)
         check.refuse_beyond_memory(
             sum(each.number for each in case.species), case.run.arch, case.start.positions, share,
             sliced=file.gas.is_told_in_slices(case, comm) and file.gas.drawn_in_slices(case),
         )  # fmt: skip
-        checks.check_number(file.gas.n, comm.size if comm else 1)
         gas = file.gas.ready(case)
         estimate = RunEstimate.of(gas, case)
         check.refuse_cadences(case, gas, estimate)
