@@ -40,7 +40,7 @@ def _gas(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     yield "size on disk", size(trajectory.path.stat().st_size)
     if (parts := trajectory.parts) is not None:
         for number in range(len(parts)):
-            own, there = parts.disks(number), trajectory.path.parent / parts.name(number)
+            own, there = parts.disks(number), parts.place(trajectory.path, number)
             held = f"disks {own.start} to {own.stop - 1}, {size(there.stat().st_size)}"
             yield "" if number else f"{counted(len(parts), 'part')}", f"{parts.name(number)}: {held}"
     span = f", time {times[0]:.6g} to {times[-1]:.6g}{time}" if len(times) else ""

@@ -133,7 +133,7 @@ def run(
         accompany(case, simulation, course, own)
         return
     span = Span.to(
-        gas.disks.n, simulation.time, simulation.collisions,
+        gas.n, simulation.time, simulation.collisions,
         t_end=case.run.t_end, collisions_per_disk=case.run.collisions_per_disk,
     )  # fmt: skip
     course = Course(span, case.output.frame_cadence, case.output.series_cadence)
@@ -156,7 +156,7 @@ def run(
         made = QueuedWriter(writer)
     else:
         made = PartsWriter.create(
-            outputs.trajectory, gas.disks, simulation.disks_here, gas.box, comm=comm, **options
+            outputs.trajectory, simulation.disks, simulation.disks_here, gas.box, comm=comm, **options
         )
     with made as queue:
         if start is not None:
@@ -213,7 +213,7 @@ def drive(
         collisions_per_disk_end=run.collisions_per_disk, device=device_of(case),
     )  # fmt: skip
     stops = Stops(max_hours=max_hours, every_minutes=case.output.checkpoint_minutes, warn=warn)
-    n, unit = job.gas.disks.n, UNITS[run.units]["time"] if run.units == "SI" else ""
+    n, unit = job.gas.n, UNITS[run.units]["time"] if run.units == "SI" else ""
     progress = Progress(
         n, t_end=run.t_end, collisions_per_disk=run.collisions_per_disk, unit=unit, kernels=backend.kernels
     )
@@ -480,7 +480,7 @@ def _closing(
     head = f"done in {wall:.1f} s: "
     if before > first.collisions:
         head += f"{last.collisions - before} collisions since it was resumed, in all "
-    head += f"{done} collisions ({2.0 * done / gas.disks.n:.4g} per disk) "
+    head += f"{done} collisions ({2.0 * done / gas.n:.4g} per disk) "
     head += f"to t = {last.time:.5g}{case.unit('time')}; {rate:.3g} collisions/s once compiled, {overall:.3g} in all"
     temperatures = []
     if first.temperature > 0.0:

@@ -201,8 +201,10 @@ def check_extra(path: object, extra: object, arrays: object) -> None:
             raise InputError(f"arrays[{key!r}] = {value!r}: an array of numbers by its name is needed")
 
 
-def read(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """The arrays and the record of a checkpoint, whole also where it is in parts.
+def read(
+    path: str | os.PathLike[str], *, rows: bool = True
+) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """The arrays and the record of a checkpoint, whole also where it is in parts; without `rows`, none of its parts.
 
     Raises
     ------
@@ -210,7 +212,7 @@ def read(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dict[st
         If there is no such file, or it is none of ours, or damaged, or a part is missing.
     """
     arrays, record = _read(path)
-    return arrays | _rows(path, record, None), record
+    return (arrays | _rows(path, record, None) if rows else arrays), record
 
 
 def read_parts(

@@ -403,11 +403,11 @@ def newer(file: h5py.File, path: str) -> str:
     )
 
 
-def check_layout(file: h5py.File, path: str, *, locking: bool = True) -> Parts | None:
+def check_layout(file: h5py.File, path: str) -> Parts | None:
     """The parts that a file is in, None if it holds all data itself.
 
     Raises InputError that says what is missing or wrong unless the file has this layout, and it or its parts hold all
-    data. `locking` of the parts is as `h5py.File` takes it.
+    data.
     """
     with damage.reading(path, "its version"):
         if version_of(file)[0] > LAYOUT_VERSION[0]:
@@ -423,14 +423,14 @@ def check_layout(file: h5py.File, path: str, *, locking: bool = True) -> Parts |
             _check_histories(file[HISTORIES], path)
     if parts is not None:
         for number in range(len(parts)):
-            check_part(file, path, parts, number, locking=locking)
+            check_part(file, path, parts, number)
     return parts
 
 
-def check_part(file: h5py.File, path: str, parts: Parts, number: int, *, locking: bool = True) -> None:
+def check_part(file: h5py.File, path: str, parts: Parts, number: int) -> None:
     """Raise DamageError that names a part of a trajectory unless it is there, and has all frames that count."""
     what = f"{path}: its {parts.described(number)}"
-    with parts.open(path, number, locking=locking) as part:
+    with parts.open(path, number) as part:
         try:
             check_layout(part, str(part.filename))
             disks = part[f"{PARTICLES}/radius"].shape

@@ -145,21 +145,22 @@ class Parts:
             file.create_dataset(name, shape=(0, self.n), maxshape=(None, self.n), chunks=chunks, dtype=kind)
         return name
 
-    def open(self, path: str | os.PathLike[str], number: int, *, locking: bool = True) -> h5py.File:
-        """A part of the trajectory at `path`, to be read.
+    def place(self, path: str | os.PathLike[str], number: int) -> Path:
+        """Path of a part of the trajectory at `path`."""
+        return Path(os.path.realpath(path)).parent / self.name(number)
+
+    def open(self, path: str | os.PathLike[str], number: int) -> h5py.File:
+        """A part of the trajectory at `path`, to be read, also while its rank adds frames.
 
         Raises DamageError that names it if it is missing, cannot be read, or is not this part of this run.
         """
-        place, what = (
-            Path(path).parent / self.name(number),
-            f"{os.fspath(path)}: its {self.described(number)}",
-        )
+        place, what = self.place(path, number), f"{os.fspath(path)}: its {self.described(number)}"
         if not os.path.exists(place):
             raise DamageError(f"{what} is missing{SEE}")
         if not os.path.isfile(place):
             raise DamageError(f"{what} is no file{SEE}")
         try:
-            file = h5py.File(place, "r", **({} if locking else {"locking": False}))
+            file = h5py.File(place, "r", locking=False)
         except OSError as error:
             raise DamageError(f"{what} cannot be opened: {error}{SEE}") from error
         try:
@@ -173,7 +174,7 @@ class Parts:
         return file
 
     def each(
-        self, path: str | os.PathLike[str], disks: slice | None = None, *, locking: bool = True
+        self, path: str | os.PathLike[str], disks: slice | None = None
     ) -> Iterator[tuple[slice, slice, h5py.File]]:
         """The parts that have some of these disks (a slice with a step above 0), open one after another.
 
@@ -190,17 +191,11 @@ class Parts:
             if low == high:
                 continue
             rows = slice(asked[low] - own.start, asked[high - 1] - own.start + 1, asked.step)
-            with self.open(path, number, locking=locking) as file:
+            with self.open(path, number) as file:
                 yield rows, slice(low, high), file
 
     def read(
-        self,
-        path: str | os.PathLike[str],
-        name: str,
-        selection: Any = (),
-        *,
-        axis: int = 1,
-        locking: bool = True,
+        self, path: str | os.PathLike[str], name: str, selection: Any = (), *, axis: int = 1
     ) -> NDArray[Any]:
         """Numbers of a dataset of all disks, which are along `axis` (0 or 1), as `damage.read` has them.
 
@@ -216,15 +211,15 @@ class Parts:
         if isinstance(disks, slice) and (disks.step or 1) < 0:
             turned = range(self.n)[disks][::-1]
             forward = slice(turned.start, turned.stop, turned.step)
-            found = self.read(path, name, (*before, forward, *after), axis=axis, locking=locking)
+            found = self.read(path, name, (*before, forward, *after), axis=axis)
             return np.flip(found, axis=sum(isinstance(each, slice) for each in before))
         pieces = []
-        for rows, _, file in self.each(path, disks, locking=locking):
+        for rows, _, file in self.each(path, disks):
             pieces.append(damage.read(file[name], (*before, rows.start if one else rows, *after)))
         if one:
             return pieces[0]
         if not pieces:  # of no disks
-            with self.open(path, 0, locking=locking) as file:
+            with self.open(path, 0) as file:
                 return damage.read(file[name], (*before, slice(0, 0), *after))
         return np.concatenate(pieces, axis=sum(isinstance(each, slice) for each in before))
 
@@ -246,6 +241,8 @@ class Part:
     @classmethod
     def of(cls, file: h5py.File) -> Part:
         """That of an open file; one of those of `damage.FAULTS` if it has none."""
+        if GROUP in file:
+            raise ValueError("it is in parts itself")
         given = file[PART].attrs
         return cls(given["run"].decode(), int(given["number"]), int(given["first"]))
 

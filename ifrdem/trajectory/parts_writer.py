@@ -140,50 +140,33 @@ class PartsWriter:
 
     @classmethod
     def resume(
-        cls,
-        path: str | Path | None,
-        disks: Disks,
-        own: Disks,
-        box: Box | None,
-        *,
-        comm: Any = None,
-        fields: Sequence[str] = DEFAULT_FIELDS,
-        frames: int = 0,
-        series_rows: int = 0,
-        events: int = 0,
-        **options: Any,
-    ) -> PartsWriter:
-        """Go on with a trajectory, as `TrajectoryWriter.resume`, on any number of ranks; arguments as for `create`.
+        cls, head: TrajectoryWriter | None, own: Disks, box: Box | None, *, comm: Any = None, frames: int = 0,
+        fields: Sequence[str] = DEFAULT_FIELDS, **options: Any,
+    ) -> PartsWriter:  # fmt: skip
+        """Go on with a trajectory on any number of ranks.
 
-        Raises InputError, on all ranks, as that does; if a part is missing or not that of this run, it is named.
+        `head` is NAME.h5, as `TrajectoryWriter.resume` has opened it on the first rank, which has seen that all parts
+        are there; it is the caller's to close if this fails. `own` are the disks of this rank; all else is as given
+        there, and counts on the first rank only.
+
+        Raises InputError, on all ranks, if a part cannot be gone on with, as `TrajectoryWriter.resume`.
         """
+        path = None if head is None else head.path
         place, box, fields, options = _told(comm, path, box, fields, options | {"frames": frames})
-        options["fields"] = fields
-
-        def head() -> TrajectoryWriter:
-            return TrajectoryWriter.resume(
-                place, disks, box, series_rows=series_rows, events=events, **options
-            )
 
         def part(i: int, of: Disks) -> TrajectoryWriter:
-            return TrajectoryWriter.resume(place.parent / parts.name(i), of, box, **options)
+            return TrajectoryWriter.resume(place.parent / parts.name(i), of, box, fields=fields, **options)
 
-        def said() -> Parts:
-            found = parted.of(made[0].file)
-            if found is None:
-                raise InputError(f"{place} holds all data itself: it cannot be gone on with in parts")
-            return found
-
-        first = world.on_first(comm, head)
-        made = [] if first is None else [first]
+        made: list[TrajectoryWriter] = []
         try:
-            parts = world.from_first(comm, said)
+            said: Any = world.told(comm, None if head is None else head.parts)
+            parts: Parts = said
             here = _each_part(parts, comm, own, part, made)
         except BaseException:
             for each in made:
                 each.close()
             raise
-        return cls(parts, here, first, fields, comm, place)
+        return cls(parts, here, head, fields, comm, place)
 
     def shares(self, state: State) -> Shares:
         """A state of this rank's disks as the parts get it that this rank writes; called by all ranks."""
@@ -243,7 +226,7 @@ class PartsWriter:
                 queue.close()
             except (TrajectoryError, InputError) as raised:
                 error = error or raised
-        if self._head is not None and len(self._head) == 0:
+        if self._head is not None and not self.path.exists():  # without a frame, it is gone
             parted.remove(self.path)
         _remove_empty(self.path)
         if error is not None:

@@ -206,7 +206,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         dataset = self.dataset(name)
         if self._parts is None:
             return damage.read(dataset, selection)
-        return self._parts.read(self.path, str(dataset.name), selection, locking=not self._written_to)
+        return self._parts.read(self.path, str(dataset.name), selection)
 
     def _read_rows(self, name: str, rows: int, columns: int) -> NDArray[Any]:
         """The first rows of a quantity; with columns, each has so many numbers."""
@@ -229,7 +229,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
     def _read_head(self) -> None:
         """Read everything but the frames."""
         file = self._file
-        self._parts = layout.check_layout(file, str(self.path), locking=not self._written_to)
+        self._parts = layout.check_layout(file, str(self.path))
         self._fields = layout.stored_fields(file)
         self._frames = len(file[f"{layout.EDGES}/step"])
         particles, rows = file[layout.PARTICLES], file.get(layout.TIMESERIES)
@@ -256,7 +256,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         place = f"{layout.PARTICLES}/{name}"
         if self._parts is None:
             return damage.read(self._file[place])
-        return self._parts.read(self.path, place, axis=0, locking=not self._written_to)
+        return self._parts.read(self.path, place, axis=0)
 
     def _moments(self, group: h5py.Group) -> NDArray[np.float64]:
         """Times of the committed rows of a group."""
@@ -350,7 +350,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         if self._parts is None:
             yield self._opened()
             return
-        for _, _, file in self._parts.each(self.path, locking=not self._written_to):
+        for _, _, file in self._parts.each(self.path):
             yield file
 
     @property
@@ -392,7 +392,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         return self._fields
 
     def dataset(self, name: str) -> h5py.Dataset:
-        """The stored data of a field, to read across frames: `dataset("position")[:, 7]` is a disk's path.
+        """The data of a field, to read across frames: `dataset("position")[:, 7]` is a disk's path.
 
         Shape (frames, n) or (frames, n, 2); after a kill it may hold an uncommitted frame behind the last.
 

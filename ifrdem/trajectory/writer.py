@@ -206,7 +206,8 @@ class TrajectoryWriter(Sealed):
                 raise InputError(
                     f"{self.path} holds {held} {what}, the checkpoint had seen {seen}: it is another file's"
                 )
-        names = () if parted.GROUP in file else layout.stored_fields(file)  # parts have their own
+        self._parts = parted.of(file, self.path)
+        names = layout.stored_fields(file) if self._parts is None else ()  # parts have their own
         fields = {name: layout.field_dataset(file, name) for name in names}
         self._fields = like(fields)
         datasets = {"time": time, "edges": edges, **fields}
@@ -228,9 +229,9 @@ class TrajectoryWriter(Sealed):
         return self._rows.committed
 
     @property
-    def file(self) -> h5py.File:
-        """The open file."""
-        return self._output.file
+    def parts(self) -> Parts | None:
+        """The parts, if this is NAME.h5 of a trajectory that has some."""
+        return self._parts
 
     @property
     def gone(self) -> str | None:

@@ -20,6 +20,7 @@ from test_writer_resume import content
 
 from ifrdem.cli.main import main
 from ifrdem.errors import DamageError, InputError, TrajectoryError
+from ifrdem.model.state import Disks
 from ifrdem.run.info import describe
 from ifrdem.trajectory import parts as parted
 from ifrdem.trajectory.parts_writer import PartsWriter
@@ -58,9 +59,18 @@ def write_one(path: Path, frames: int = 5, n: int = N, **options) -> None:
         go_on(writer, 0, frames, n)
 
 
-def resume(path: Path, frames: int, **options) -> PartsWriter:
-    disks, seen = some_disks(N), {"frames": frames, "series_rows": frames, "events": 50 * frames}
-    return PartsWriter.resume(path, disks, disks, BOX, **seen, **options)
+def resume(
+    path: Path, frames: int, n: int = N, disks: Disks | None = None, plain: bool = False, **options
+) -> PartsWriter:
+    """Go on from a checkpoint that had seen so many frames, rows and batches of events; `plain` had frames only."""
+    seen = {} if plain else {"series_rows": frames, "events": 50 * frames}
+    disks = some_disks(n) if disks is None else disks
+    head = TrajectoryWriter.resume(path, disks, BOX, frames=frames, **seen, **options)
+    try:
+        return PartsWriter.resume(head, disks, BOX, frames=frames, **options)
+    except BaseException:
+        head.close()
+        raise
 
 
 def shown(path: Path) -> dict[str, bytes]:
@@ -358,15 +368,11 @@ def test_the_slowest_part_decides(tmp_path, monkeypatch):
     with Trajectory(path) as trajectory:
         assert len(trajectory) == 1
     assert [len(h5py.File(part(path, i))["particles/all/box/edges/step"]) for i in range(3)] == [3, 1, 3]
-    with resume_plain(path, 1) as writer:  # frames that only some parts have are compared there
+    with resume(path, 1, plain=True) as writer:  # frames that only some parts have are compared there
         go_on_without_commit(writer, 1, 4)
         writer.flush()
     with Trajectory(path) as trajectory:
         assert len(trajectory) == 4
-
-
-def resume_plain(path: Path, frames: int) -> PartsWriter:
-    return PartsWriter.resume(path, some_disks(N), some_disks(N), BOX, frames=frames)
 
 
 @pytest.mark.parametrize("options", [{}, SOME])
@@ -398,18 +404,10 @@ def test_another_run_is_refused_by_the_part_that_sees_it(made):
     mass[7] = 3.0
     heavier = type(heavier)(N, mass=mass, radius=heavier.radius, k=heavier.k, material=heavier.material)
     with pytest.raises(InputError, match=r"0000\.h5 has other disks: mass of disk 7"):
-        PartsWriter.resume(made, heavier, heavier, BOX, frames=3)
+        resume(made, 3, disks=heavier)
     part(made, 3).unlink()
     with pytest.raises(InputError, match=r"0003\.h5 .* is missing"):
         resume(made, 3)
-
-
-def test_a_trajectory_in_one_file_is_not_gone_on_with_in_parts(tmp_path):
-    write_one(tmp_path / "run.h5")
-    with pytest.raises(InputError, match="holds all data itself"):
-        resume(tmp_path / "run.h5", 5)
-    with Trajectory(tmp_path / "run.h5") as trajectory:
-        assert len(trajectory) == 5
 
 
 def test_what_is_there_is_replaced_only_by_force(made, tmp_path):
@@ -474,8 +472,8 @@ def test_a_killed_writer_leaves_frames_that_are_whole_in_all_parts(tmp_path):
             lengths.append(len(trajectory))
             for index, frame in enumerate(trajectory):
                 assert np.array_equal(frame.position, some_state(MANY, index).position.astype("f4"))
-        seen, disks = max(lengths[-1] - 1, 0), some_disks(MANY)
-        with PartsWriter.resume(path, disks, disks, BOX, frames=seen) as again:
+        seen = max(lengths[-1] - 1, 0)
+        with resume(path, seen, MANY, plain=True) as again:
             go_on_frames(again, seen, lengths[-1] + 3)
             again.flush()
         with Trajectory(path) as trajectory:
