@@ -11,20 +11,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, refuse
-from ..kernels.limits import ALONE, BYTES_PER_DISK
+from ..kernels.limits import BYTES_PER_DISK
 from ..model.box import describe_sides
 from ..model.walls import Wall
 from ..simulation import device as backend
+from ..tools.slices import GATHERED
 from .case import Case
-from .estimate import OBSERVABLES, RunEstimate, disk_bytes, run_seconds
+from .estimate import (
+    GROWTH_BYTES_PER_DISK,
+    HOST_BYTES_PER_DISK,
+    OBSERVABLES,
+    RankPlan,
+    RunEstimate,
+    disk_bytes,
+    run_seconds,
+)
 from .gas import CaseGas
 from .output_section import MOST_FRAMES
 
-HOST_BYTES_PER_DISK = 300
-"""Memory of NumPy at most while a gas is placed and checked: 245 bytes a disk were seen, and its search trees."""
-
-GROWTH_BYTES_PER_DISK = 1000
-"""The same for a start by growth: 940 bytes a disk were seen."""
 WRITER_BYTES_PER_DISK = 200
 """Frames that are being told, wait or are written.
 
@@ -32,8 +36,6 @@ A run of 2e6 disks took 750 bytes for each more than one of 2e5, engine and all.
 GPU_BYTES_PER_DISK, GPU_SCRATCH, GPU_BYTES_OF_FEW = 330, 9_000_000_000, 2500
 """State and claims of a disk on a GPU; scratch space of the tiles that run at the same time; all of it, if few do."""
 
-IN_A_WINDOW = 1.2
-"""Collisions of a disk in a window of tiles, about."""
 THIN = 1e-3
 """Packing fraction below which crossings of cells cost more than ten times what they do at 0.1."""
 
@@ -183,16 +185,32 @@ def report(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
     lines.append(_row("memory", f"{engine}, beside Python, Taichi and their libraries"))
     if case.run.arch == "cpu" and estimate.collisions > 0.0 and estimate.packing_fraction > 0.0:
         lines.append(_row("time", _time(case, gas, estimate)))
+    if case.run.arch == "cpu" and gas.n > GATHERED and estimate.packing_fraction > 0.0:
+        plans = [RankPlan.of(gas, case, estimate, ranks) for ranks in planned_ranks(gas.n)]
+        lines += [_row("on ranks of MPI" if i == 0 else "", _planned(each)) for i, each in enumerate(plans)]
+        if not gas.drawn_in_slices(case):
+            text = f"the first rank builds the start, in {size(plans[0].whole)} more"
+            lines.append(
+                _row("", f'{text}; start.positions = "hexagonal" without walls each rank draws alone')
+            )
     return "\n".join(lines)
+
+
+def planned_ranks(n: int) -> list[int]:
+    """Numbers of ranks to plan for: some sixteen, four and one million disks on each."""
+    return sorted({max(math.ceil(n / each), 2) for each in (16e6, 4e6, 1e6)})
+
+
+def _planned(plan: RankPlan) -> str:
+    time = "" if math.isnan(plan.seconds) else f", some {size_of_time(plan.seconds)}"
+    text = f"{plan.ranks}: each {plan.disks:.3g} disks, {size(plan.memory)} of memory, {size(plan.file)} of files{time}"
+    return f"{text}, with one thread each"
 
 
 def _time(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
     """Time that a run takes, about, and why it is long."""
     n, phi, threads = gas.n, estimate.packing_fraction, case.run.threads or backend.cores()
-    collisions = estimate.collisions
-    if n > ALONE:  # tiles compute a window once more for each frame in it
-        collisions += estimate.frames * 0.5 * n * IN_A_WINDOW
-    seconds = run_seconds(collisions, n, phi, threads)
+    seconds = run_seconds(estimate.computed(n), n, phi, threads)
     rate = 1e6 / run_seconds(1e6, n, phi, threads)
     text = f"some {size_of_time(seconds)} of collisions and frames, at {rate:.2g} collisions/s (`ifrdem bench --n {n} "
     text += f"--phi {phi:.2g}` says what this machine does)"

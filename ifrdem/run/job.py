@@ -94,11 +94,11 @@ def run(
             checks.check_ranks(
                 comm.size, file.gas.box, case.run.arch, case.run.precision, case.force, case.output.tracks
             )
+        checks.check_number(file.gas.n, comm.size if comm else 1)
         check.refuse_beyond_memory(
             sum(each.number for each in case.species), case.run.arch, case.start.positions, share,
             sliced=file.gas.is_told_in_slices(case, comm) and file.gas.drawn_in_slices(case),
         )  # fmt: skip
-        checks.check_number(file.gas.n, comm.size if comm else 1)
         gas = file.gas.ready(case)
         estimate = RunEstimate.of(gas, case)
         check.refuse_cadences(case, gas, estimate)
@@ -509,7 +509,7 @@ def _closing(
             f"the energy ledger closes to {abs(residual):.1e} of the energy that was there or put in"
         )
     # Against the momentum that the disks' typical speed would add up to, all one way.
-    scale = float(np.sqrt(2.0 * first.translational_energy * np.sum(gas.disks.mass)))
+    scale = float(np.sqrt(2.0 * first.translational_energy * sum(float(np.sum(each.mass)) for each in gas.species)))
     if first.energy > 0.0 and scale > 0.0:
         drift = float(np.linalg.norm(last.momentum - first.momentum))
         what = "change" if case.force or case.walled else "drift"  # heat baths, drag and walls change it

@@ -27,8 +27,9 @@ Checked as it runs: each listed disk has been run by exactly one rank in each wi
 twice whenever a state is put together.
 
 What each rank holds: its disks and those of its ring (198 bytes each), with their kinds where there are several; 450
-bytes for each tile of the whole box; in a window that is left to the whole box, all disks. The first rank has the disks
-and the start, and puts states together.
+bytes for each tile of the whole box; in a window that is left to the whole box, all disks. Whenever a state is put
+together, at the start, for frames and for checkpoints, each has its slice (`tools/slices.py`): rows go there from the
+owners of tiles, and back, in one exchange of all with all.
 
 Blocks move (`divide_anew`) between windows: whole lists of tiles go to other ranks, in their order. No bit depends on
 who owns a tile, so none changes.

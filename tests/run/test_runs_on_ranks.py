@@ -275,6 +275,15 @@ def test_the_lines_of_the_manual_run(tmp_path: Path) -> None:
 
 
 @mpi.needed
+def test_the_lines_of_the_manual_on_slices_run(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(block("ranks slices"))
+    done = mpi.on(2, sys.executable, "-m", "mpi4py", script)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["15000"] * 4  # two frames of two slices
+
+
+@mpi.needed
 def test_calls_that_differ_from_rank_to_rank_end_on_all() -> None:
     """Two of three ranks share a gas that only the first has disks of; wrong lines are told to both, and it goes on."""
     done = mpi.on(3, sys.executable, "-m", "mpi4py", SUPPORT / "rank_calls.py")

@@ -11,6 +11,7 @@ from mpi4py import MPI
 import ifrdem
 from ifrdem import initial
 from ifrdem.errors import EngineError
+from ifrdem.model.overlaps import check_no_overlap_of_slices
 from ifrdem.tools import slices
 
 COMM = MPI.COMM_WORLD
@@ -79,6 +80,24 @@ for n in (3, 100, 257):  # the same start for any number of ranks, of one block 
     ]
     same = [np.array_equal(a, b[here] if len(b) == n else b) for a, b in zip(*starts, strict=True)]
     found[f"start {n}"] = bool(COMM.allreduce(int(all(same)), MPI.MIN))
+HIGH = ifrdem.Box((10.0, 20.0))
+FAR = np.stack(np.meshgrid([1.0, 4.0], np.arange(6) * 3.0 + 0.5), axis=-1).reshape(-1, 2)
+
+
+def pair_is_found(y: float, distance: float) -> bool:
+    """Disk 13 above disk 0, across the upper side of the box too, among twelve others."""
+    position = np.concatenate([[[8.0, y]], FAR, [[8.0, (y + distance) % 20.0]]])
+    ids = ifrdem.slice_of(14, COMM)
+    try:
+        check_no_overlap_of_slices(HIGH, np.full(len(ids), 0.5), position[ids.start : ids.stop], COMM)
+    except ifrdem.InputError as error:
+        return str(error).startswith("disks 0 and 13 overlap by 0.1")
+    return False
+
+
+heights = np.linspace(0.0, 20.0, 41)
+found["overlaps"] = all(pair_is_found(y, 0.9) for y in heights)
+found["no overlaps"] = not any(pair_is_found(y, 1.01) for y in heights)
 lost, twice = anywhere(50), anywhere(50)
 if len(lost):
     lost = lost[:-1]

@@ -121,14 +121,18 @@ found["overlap"] = outcome(lambda: simulation(COMM, IDS, overlapping))
 found["infinite"] = outcome(lambda: simulation(COMM, IDS, halved))
 found["slices"] = outcome(lambda: simulation(COMM, range(N // COMM.size + COMM.rank)))
 # A case, whose slices are drawn by each rank alone.
-given = whole = None
-if COMM.rank == 0:
-    text = file.read(sys.argv[1])
-    sliced = text.gas.ready(text.case).simulation(text.case, comm=COMM, sliced=True)
-    whole = text.gas.simulation(text.case).state
-else:
-    sliced = CaseGas.beside(COMM)[1]
-found["case"] = differing(sliced.state, whole, FIELDS[:3])
-found["case sliced"] = sliced.sliced
+for name, changes in (
+    ("case", []),
+    ("random case", ["start.positions=random"]),
+):  # the first rank's, dealt out
+    whole = None
+    if COMM.rank == 0:
+        text = file.read(sys.argv[1], changes)
+        sliced = text.gas.ready(text.case).simulation(text.case, comm=COMM, sliced=True)
+        whole = text.gas.simulation(text.case).state
+    else:
+        sliced = CaseGas.beside(COMM)[1]
+    found[name] = differing(sliced.state, whole, FIELDS[:3])
+    found["case sliced"] = sliced.sliced
 for each in COMM.gather(found) or ():
     print(json.dumps(each))
