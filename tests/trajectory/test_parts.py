@@ -267,6 +267,14 @@ def test_repair_names_every_part_that_is_wrong(made, capsys):
     assert "2 of its 4 parts cannot be used" in told.err
 
 
+def test_repair_keeps_no_frame_that_a_part_does_not_count(made, capsys):
+    with h5py.File(part(made, 1), "r+") as file:  # its fields are there, as after a kill before they counted
+        for name in ("step", "time", "value"):
+            file[f"particles/all/box/edges/{name}"].resize(4, axis=0)
+    assert main(["repair", str(made)]) == 0
+    assert "4 of 5 frames are kept" in capsys.readouterr().out
+
+
 def test_repair_finds_nothing_wrong_and_does_not_replace_parts(made, capsys):
     write_views(made)
     assert main(["repair", str(made)]) == 0
@@ -366,6 +374,7 @@ def test_the_slowest_part_decides(tmp_path, monkeypatch):
             queue.flush()
         writer._own[1] = slow
         writer.commit()
+        writer.commit()  # which changes nothing
         writer._head.flush()
         assert len(writer) == 1
     with Trajectory(path) as trajectory:
