@@ -56,7 +56,20 @@ class PartsWriter:
     A file that is gone on with keeps its parts: of P' ranks then, number p % P' writes part p, and gets its rows from
     those who have them (`shares`).
 
-    All ranks call `create` or `resume`, `shares`, `commit` and `flush`; without `comm` one process writes everything.
+    All ranks call `create` or `resume`, `write` (or `shares` and `commit`) and `flush`; without `comm` one process
+    writes everything. Use it as a context manager: leaving it commits all that was given.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> disks = ifrdem.Disks(2, mass=1.0, radius=0.5)
+    >>> box = ifrdem.Box((10.0, 10.0))
+    >>> state = ifrdem.State([[1.0, 5.0], [4.0, 5.0]], [[1.0, 0.0], [0.0, 0.0]], spin=[0.0, 0.0])
+    >>> with ifrdem.PartsWriter.create("gas.h5", disks, disks, box, number=2) as file:
+    ...     file.write(state, {"temperature": 0.25})
+    ...
+    >>> ifrdem.Trajectory("gas.h5")[0].position.tolist()
+    [[1.0, 5.0], [4.0, 5.0]]
     """
 
     def __init__(
@@ -178,6 +191,14 @@ class PartsWriter:
                 setattr(states[number], name, values)
         return Shares(state.time, sum(each.n for each in states.values()), states)
 
+    def write(self, state: State, observables: Mapping[str, ArrayLike] | None = None) -> None:
+        """Append a frame of this rank's disks; called by all ranks, of which the first one's `observables` are kept.
+
+        Raises InputError and TrajectoryError as `QueuedWriter`: what went wrong with an earlier frame.
+        """
+        self.write_frames([(self.shares(state), observables)])
+        self.commit()
+
     def write_frames(self, frames: Sequence[tuple[Shares, Mapping[str, ArrayLike] | None]]) -> None:
         """Give frames to the parts of this rank, and keep their observables, on the first one, until `commit`."""
         for number, queue in self._own.items():
@@ -238,8 +259,12 @@ class PartsWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        with contextlib.suppress(*(() if error is None else (TrajectoryError,))):
-            self.close()
+        try:
+            if error is None:
+                self.flush()
+        finally:
+            with contextlib.suppress(*(() if error is None else (TrajectoryError,))):
+                self.close()
 
     @property
     def _queues(self) -> list[QueuedWriter]:
