@@ -365,11 +365,14 @@ def _agree_to_go_on(simulation: Simulation, stops: Stops, work: Callable[[], obj
 def save(job: Job, recorder: Recorder) -> None:
     """Write a checkpoint, after all that was given to the trajectory is committed."""
 
-    world.on_first(job.simulation.comm, recorder.write)
-    if isinstance(job.writer, PartsWriter):
+    def commit() -> None:
+        recorder.write()
+        if isinstance(job.writer, QueuedWriter):
+            job.writer.flush()
+
+    world.on_first(job.simulation.comm, commit)
+    if isinstance(job.writer, PartsWriter):  # which all ranks have
         job.writer.flush()
-    else:
-        world.on_first(job.simulation.comm, job.writer.flush)
     pending = recorder.pending
     arrays = {} if pending is None else {f"extra_{name}": each for name, each in pending.columns().items()}
     arrays["tracked"] = job.simulation.tracked
