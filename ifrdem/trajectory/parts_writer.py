@@ -38,7 +38,7 @@ class Shares:
 
 
 @dataclass(frozen=True)
-class Moment:
+class BareFrame:
     """A frame as NAME.h5 gets it, which has no fields."""
 
     n: int
@@ -205,7 +205,7 @@ class PartsWriter:
             queue.write_frames([(shares.states[number], None) for shares, _ in frames])
         if self._head is not None:
             self._waiting += [
-                (Moment(self.parts.n, shares.time), observables) for shares, observables in frames
+                (BareFrame(self.parts.n, shares.time), observables) for shares, observables in frames
             ]
 
     def commit(self) -> None:
