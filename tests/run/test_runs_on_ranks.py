@@ -204,6 +204,22 @@ def _counted(path: Path) -> int:
 
 
 @mpi.needed
+def test_many_disks_go_into_one_file_if_the_case_says_so(case: Path, plain: Path) -> None:
+    """No rank has all disks, but frames are gathered; checkpoints are in parts, and another number goes on."""
+    folder = case.parent / "gathered"
+    folder.mkdir()
+    start = [sys.executable, SUPPORT / "few_gathered.py"]
+    words = ["run", case, "-o", f"{folder}/", "--set", "output.parts=false", "--maxh", "1e-6"]
+    done = mpi.on(2, *start, *words)
+    assert done.returncode == 3, done.stderr
+    assert len(list((folder / "gas.checkpoint.parts").iterdir())) == 2
+    done = mpi.on(3, *start, "resume", folder / "gas.h5")
+    assert done.returncode == 0, done.stderr
+    assert differing(plain, folder / "gas.h5") == []
+    assert sorted(each.name for each in folder.iterdir()) == ["gas.h5", "gas.status.json"]
+
+
+@mpi.needed
 def test_a_checkpoint_or_trajectory_that_lacks_a_part_is_refused_on_all_ranks(case: Path) -> None:
     folder = case.parent / "lacking"
     folder.mkdir()
