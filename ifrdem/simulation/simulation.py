@@ -267,8 +267,12 @@ class Simulation(Sealed, PicturedDisks):
                 wall_sums=wall_sums, tracking=self._tracking, comm=comm, sliced=sliced,
             )  # fmt: skip
             # The engine's state of a sheared gas knows its flow, whose energy does not count.
-            known = box.shear_rate == 0.0 and (comm is None or sliced)
-            self._first = self._energy_of(begin if known else self._engine.state_here())
+            whole = comm is not None and not sliced  # the first rank has all of the start
+            known = box.shear_rate == 0.0 and not whole
+            if whole and not box.shear_rate:
+                self._first = world.from_first(comm, lambda: self._energy_of(begin, whole=True))
+            else:
+                self._first = self._energy_of(begin if known else self._engine.state_here())
             self._judged = law_class is IFRLaw  # whether it is known not to add energy
             if not self._judged:
                 self._try_on(law_class, table, begin if known else self._engine.state_here())
@@ -556,14 +560,13 @@ class Simulation(Sealed, PicturedDisks):
         present = self._energy_of(self._engine.state_here())  # which settles the walls' work
         return self._first + self.energy_input + self.wall_work + self.wall_heat - present
 
-    def _energy_of(self, state: State) -> float:
-        """Kinetic and potential energy [energy] of a state; of ranks, each gives that of its slice.
+    def _energy_of(self, state: State, *, whole: bool = False) -> float:
+        """Kinetic and potential energy [energy] of a state; of ranks, each gives its slice, or one of them the `whole`.
 
         Gravity acts along directions that are not periodic only.
         """
-        translational, rotational, *_, fall, _events, _ = sums(
-            self.disks_here, state, self._engine.gravity, self.comm
-        ).tolist()
+        disks, comm = (self.disks, None) if whole else (self.disks_here, self.comm)
+        translational, rotational, *_, fall, _, _ = sums(disks, state, self._engine.gravity, comm).tolist()
         return float(translational + rotational - fall)
 
     def save_checkpoint(
