@@ -387,6 +387,28 @@ def test_the_slowest_part_decides(tmp_path, monkeypatch):
         assert len(trajectory) == 4
 
 
+def test_the_slowest_rank_decides(tmp_path):
+    """Here three frames are in the part; another rank has one."""
+    pytest.importorskip("mpi4py")
+
+    class Slow:
+        def allreduce(self, done: int, _least: object) -> int:
+            return min(done, 1)
+
+    path, disks = tmp_path / "run.h5", some_disks(N)
+    with PartsWriter.create(path, disks, disks, BOX) as writer:
+        go_on_without_commit(writer, 0, 3)
+        writer._own[0].flush()
+        writer._comm = Slow()
+        writer.commit()
+        writer._head.flush()
+        with Trajectory(path) as trajectory:
+            assert len(trajectory) == 1
+        writer._comm = None
+    with Trajectory(path) as trajectory:
+        assert len(trajectory) == 3
+
+
 @pytest.mark.parametrize("options", [{}, SOME])
 @pytest.mark.parametrize("seen", [0, 2, 5])
 def test_a_resumed_trajectory_is_that_of_an_uninterrupted_run(tmp_path, seen, options):
