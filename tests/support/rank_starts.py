@@ -119,7 +119,7 @@ found["end"] = differing(gas.state, plain and plain.state)
 found["again"] = differing(again.state, plain and plain.state)
 found["overlap"] = outcome(lambda: simulation(COMM, IDS, overlapping))
 found["infinite"] = outcome(lambda: simulation(COMM, IDS, halved))
-found["slices"] = outcome(lambda: simulation(COMM, range(N // COMM.size + COMM.rank)))
+found["slices"] = outcome(lambda: simulation(COMM, range(N // COMM.size - COMM.rank)))
 # A case, whose slices are drawn by each rank alone.
 for name, changes in (
     ("case", []),
