@@ -310,12 +310,18 @@ def test_another_program_ends_with_one_message(
     assert re.search(f"^peers: {option} = {other}: it ended with {message}", err, re.MULTILINE)
 
 
-def test_spheres_that_leave_the_plane_or_have_too_few_cells_are_refused(tmp_path: Path) -> None:
+def test_spheres_that_leave_the_plane_or_whose_program_fails_are_refused(tmp_path: Path) -> None:
     box, state = start(equal_disks(100), 0.3)
     with pytest.raises(InputError, match="100 spheres do not stay in the plane; `Single` of EDMD with"):
         spheres.edmd(edmd(tmp_path / "edmd", height=1e-3), tmp_path, box, state)
     with pytest.raises(InputError, match="it made 2 layers of cells and needs three"):
         spheres.edmd(edmd(tmp_path / "edmd", layers=2), tmp_path, box, state)
+    for one in (edmd(tmp_path / "edmd"), dynamo(tmp_path / "dynarun")):
+        one.write_text(one.read_text() + "raise SystemExit(3)\n")
+    with pytest.raises(InputError, match="it ended with status 3"):
+        spheres.edmd(tmp_path / "edmd", tmp_path, box, state)
+    with pytest.raises(InputError, match="it ended with status 3"):
+        spheres.dynamo(tmp_path / "dynarun", tmp_path, box, 1.0, state, 10)
     (tmp_path / "text").write_text("no program")
     (tmp_path / "text").chmod(0o755)
     with pytest.raises(InputError, match="it cannot be started: Exec format error"):

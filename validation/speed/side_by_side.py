@@ -238,13 +238,13 @@ def compare(options: Options, say: Callable[[str], None]) -> list[Timing]:
             rows.append(row := Timing("EDMD, in a plane", 1))
             if options.e_n < 1.0:
                 row.not_measured = f"EDMD moves elastic spheres, and e_n = {options.e_n:g}"
-            run = partial(spheres.edmd, edmd, Path(folder), gas.box, gas.state)
-            codes["EDMD"] = row, partial(_spheres, row, run, options, ours)
+            job = partial(spheres.edmd, edmd, Path(folder), gas.box, gas.state)
+            codes["EDMD"] = row, partial(_spheres, row, job, options, ours)
         if (dynamo := options.dynamo) is not None:
             rows.append(row := Timing("DynamO, in a plane", 1))
             collisions = math.ceil(options.collisions * options.n / 2.0)
-            run = partial(spheres.dynamo, dynamo, Path(folder), gas.box, options.e_n, gas.state, collisions)
-            codes["DynamO"] = row, partial(_spheres, row, run, options, ours)
+            job = partial(spheres.dynamo, dynamo, Path(folder), gas.box, options.e_n, gas.state, collisions)
+            codes["DynamO"] = row, partial(_spheres, row, job, options, ours)
         if not serial_events.COMPILED:
             serial.not_measured = f"Numba is not installed: {soft_disks.INSTALL}"
         soft.not_measured = soft_disks.absence()
