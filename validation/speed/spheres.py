@@ -8,8 +8,8 @@ Neither program comes with ifrdem; each is timed where its executable is given. 
 **EDMD** (F. Smallenburg, "Efficient event-driven simulations of hard spheres", Eur. Phys. J. E 45, 22 (2022),
 doi:10.1140/epje/s10189-022-00180-8; `Single` of https://github.com/FSmallenburg/EDMD, with `mt19937ar.c` of `Grow`).
 Parameters and velocities stand in its source: it draws Maxwellian velocities of all three components, and a thermostat
-is on. Two lines have to be changed; shells of 1.8 diameters, with room for fewer neighbours, were the fastest in a plane
-at packing fraction 0.3; and it is compiled with the flags of its Makefile:
+is on. Two lines have to be changed; shells of 1.8 diameters, with room for fewer neighbours, were the fastest in a
+plane at packing fraction 0.3; and it is compiled with the flags of its Makefile:
 
     sed -i -e 's/usethermostat = 1/usethermostat = 0/' -e 's/p->vz = imsq .*/p->vz = 0;/' mdSingle.c
     sed -i -e 's/shellsize = 1.5/shellsize = 1.8/' -e 's/MAXNEIGH 24/MAXNEIGH 16/' mdSingle.c
