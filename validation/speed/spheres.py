@@ -1,7 +1,8 @@
 """EDMD and DynamO as peers: programs of hard spheres, on the gas of disks as a thin gas of spheres in one plane.
 
 Spheres of diameter 1 whose centres lie in one plane, without velocity across it, stay there and collide as disks do: a
-thin box of three dimensions, periodic along each, then holds the gas of disks at its packing fraction by area. What remains of the third dimension is its cost: coordinates, and cells above and below that are empty.
+thin box of three dimensions, periodic along each, then holds the gas of disks at its packing fraction by area. What
+remains of the third dimension is its cost: coordinates, and cells above and below that are empty.
 Neither program comes with ifrdem; each is timed where its executable is given. Both use one thread.
 
 **EDMD** (F. Smallenburg, "Efficient event-driven simulations of hard spheres", Eur. Phys. J. E 45, 22 (2022),
