@@ -412,7 +412,7 @@ def test_denser_series_are_used_where_the_file_has_them(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "what", [one for one in pictures.PICTURES if one not in ("mechanisms", "dissipation", "walls")]
+    "what", [one for one in pictures.PICTURES if one not in ("mechanisms", "dissipation", "walls", "piston")]
 )
 def test_every_picture_is_drawn_with_labels_and_legends(what: str, tmp_path: Path) -> None:
     path = write(tmp_path / "run.h5")
