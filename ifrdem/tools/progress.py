@@ -38,10 +38,11 @@ class Progress:
     line leaves out what matters least; time left and rate are always there.
 
     The run of n disks ends at the simulated time `t_end` [time] or at `collisions_per_disk`; exactly one is given
-    (ValueError). The time left (ETA) goes by the pace of the latest half of the real time or more, so that of a gas which
-    comes to rest is not told by how fast it began; what passed before the first call, which compiles the kernels, does
-    not count. `interval` are the seconds between plain lines, `clock` gives those of real time. `kernels` counts the
-    kernels compiled so far: until the first call, the bar says how many more there are, and for how long it compiles.
+    (ValueError). The time left (ETA) goes by the pace of the latest half of the real time or more, so that of a gas
+    which comes to rest is not told by how fast it began; what passed before the first call, which compiles the kernels,
+    does not count. `interval` are the seconds between plain lines, `clock` gives those of real time. `kernels` counts
+    the kernels compiled so far: until the first call, the bar says how many more there are, and for how long it
+    compiles.
     With `brief` the bar appears after half a second, and goes at the end unless a notebook shows it.
     """
 
