@@ -31,6 +31,12 @@ from ...model.ifr import IFRLaw
 from ...model.state import Disks, State
 from ...model.walls import Wall
 from ...simulation.simulation import Simulation
+from ..report import style
+from ..report.registry import Picture, Result
+from .sample import Mean, add, seeds_of
+
+QUESTION = "Has a slow drum whose bulk rests the angle that soft disks with friction have?"
+REFERENCE = "LAMMPS, pair_style granular: validation/gas/drum.csv"
 
 Array = NDArray[np.float64]
 
@@ -49,6 +55,53 @@ class Angles(NamedTuple):
     surface: float
     centre: float
     asleep: float
+
+
+def run(quick: bool, seed: int) -> Result:
+    """See the module's QUESTION."""
+    result = Result()
+    lammps = measured("LAMMPS")
+    # Pieces scatter alike at all speeds: LAMMPS's scatter about the mean of each is that of both codes.
+    deviations = [np.array([one.surface for one in each]) for each in lammps.values()]
+    freedom = sum(len(each) - 1 for each in deviations)
+    scatter = math.sqrt(sum(float(((each - each.mean()) ** 2).sum()) for each in deviations) / freedom)
+    runs, pieces = (1, 3) if quick else (2, 3)
+    ours: dict[float, list[Angles]] = {}
+    for i, rate in enumerate((0.0125,) if quick else (0.005, 0.0125, 0.03)):
+        seeds = seeds_of(seed, runs, 7000 + 50 * i)
+        ours[rate] = [one for each in seeds for one in turned(rate, each, pieces)]
+        expected = mean_of(lammps[rate], "surface").value
+        add(
+            result, f"angle of the surface at Fr = {rate**2 * RADIUS:.2g} [degrees]",
+            mean_of(ours[rate], "surface").value, expected,
+            scatter * math.sqrt(1.0 / len(ours[rate]) + 1.0 / len(lammps[rate])), freedom, 0.0, "none",
+            REFERENCE, widest=0.35, disks=NUMBER, seeds=seeds, replicas=len(ours[rate]),
+        )  # fmt: skip
+    figure, (axes,) = style.panels(width=4.6)
+    draw(axes, {"LAMMPS": lammps, "this run": ours})
+    caption = (
+        "Mean angle of the surface in a slow drum, against its speed; bars: standard errors of the means."
+    )
+    result.pictures.append(Picture("gas_drum", caption, figure))
+    return result
+
+
+def mean_of(pieces: list[Angles], name: str) -> Mean:
+    """Mean over pieces of one of the `Angles`."""
+    return Mean.of([getattr(one, name) for one in pieces])
+
+
+def draw(axes: Any, found: dict[str, dict[float, list[Angles]]]) -> None:
+    """Draw angles of the surface against the speed, of several codes."""
+    looks = zip(found.items(), (style.BLACK, style.BLUE), ("s", "o"), strict=False)
+    for (name, each), colour, marker in looks:
+        means = [mean_of(pieces, "surface") for pieces in each.values()]
+        axes.errorbar(
+            list(each), [one.value for one in means], [one.error for one in means], fmt=marker, mfc="none",
+            color=colour, capsize=2.0, label=name,
+        )  # fmt: skip
+    axes.set(xlabel=r"$\Omega\ (d / g)^{1/2}$", ylabel="angle of the surface [degrees]", xlim=(0.0, None))
+    axes.legend()
 
 
 def start(seed: int) -> tuple[Disks, Wall, State]:

@@ -65,7 +65,7 @@ def main() -> None:
                     drum.MEASURED, {"code": "ifrdem", **key}, drum.Angles._fields,
                     lambda r=rate, s=seed: drum.turned(r, s, PIECES),
                 )  # fmt: skip
-        if "lammps" in wanted:
+        if "heap" in wanted:
             keep(
                 HEAPS, {"code": "LAMMPS", "resting_speed": 0.0, "seed": seed}, heap.Heap._fields,
                 lambda s=seed: [by_lammps(heap.rained_by_lammps, s)],

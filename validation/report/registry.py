@@ -31,7 +31,7 @@ BULLET = ("bullet_pair", "bullet_anomaly", "bullet_flight", "bullet_box", "bulle
 
 GAS = (
     "gas_state", "gas_equilibrium", "gas_elastic", "gas_haff", "gas_rough", "gas_cooling", "gas_driven",
-    "gas_piston", "gas_collapse", "gas_clusters", "gas_shaken", "gas_hopper",
+    "gas_piston", "gas_collapse", "gas_clusters", "gas_shaken", "gas_hopper", "gas_drum",
 )  # fmt: skip
 """Cases that hold many disks against the literature and kinetic theory; they take minutes, and a seed."""
 
