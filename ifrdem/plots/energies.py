@@ -56,7 +56,8 @@ def energy(axes: Axes, trajectory: Trajectory, over: str = "t") -> None:
         when, (value,) = result.series(trajectory, f"{OF_PISTONS}energy")
         pistons = np.asarray(value).sum(axis=1)
         axes.plot(along(trajectory, when, over), pistons, ":", color=INPUT, lw=1.8, label="energy of pistons")
-    axes.set_ylim(bottom=0.0 if axes.get_ylim()[0] >= 0.0 or np.all(values[0] >= 0.0) else None)
+    if all(np.min(np.asarray(line.get_ydata()), initial=0.0) >= 0.0 for line in axes.lines):
+        axes.set_ylim(bottom=0.0)
     _finish(axes, trajectory, "energy", over)
 
 

