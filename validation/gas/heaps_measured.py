@@ -20,7 +20,7 @@ from . import drum, heap
 
 HEAPS = Path(__file__).parent / "heap.csv"
 RATES = (0.005, 0.008, 0.0125, 0.02, 0.03)
-PIECES = {"LAMMPS": 4, "ifrdem": 2}
+PIECES = {"LAMMPS": 4, "ifrdem": 1}
 SEEDS = (1, 2, 3)
 RESTING_SPEEDS = (0.05, 0.02, 0.01)
 
