@@ -67,15 +67,22 @@ def run(quick: bool, seed: int) -> Result:
     scatter = math.sqrt(sum(float(((each - each.mean()) ** 2).sum()) for each in deviations) / freedom)
     runs, pieces = (1, 3) if quick else (2, 3)
     ours: dict[float, list[Angles]] = {}
-    for i, rate in enumerate((0.0125,) if quick else (0.005, 0.0125, 0.03)):
-        seeds = seeds_of(seed, runs, 7000 + 50 * i)
+    rates = (0.0125,) if quick else (0.005, 0.0125, 0.03)
+    every = [seeds_of(seed, runs, 7000 + 50 * i) for i in range(len(rates))]
+    for rate, seeds in zip(rates, every, strict=True):
         ours[rate] = [one for each in seeds for one in turned(rate, each, pieces)]
-        expected = mean_of(lammps[rate], "surface").value
+    told = {f"at Fr = {rate**2 * RADIUS:.2g}": (rate,) for rate in rates}
+    if len(rates) > 1:
+        told["over these speeds"] = rates
+    for where, some in told.items():
+        found, expected = (
+            float(np.mean([mean_of(each[rate], "surface").value for rate in some])) for each in (ours, lammps)
+        )
+        number = sum(1.0 / len(each[rate]) for each in (ours, lammps) for rate in some)
         add(
-            result, f"angle of the surface at Fr = {rate**2 * RADIUS:.2g} [degrees]",
-            mean_of(ours[rate], "surface").value, expected,
-            scatter * math.sqrt(1.0 / len(ours[rate]) + 1.0 / len(lammps[rate])), freedom, 0.0, "none",
-            REFERENCE, widest=0.35, disks=NUMBER, seeds=seeds, replicas=len(ours[rate]),
+            result, f"mean angle of the surface {where} [degrees]", found, expected,
+            scatter * math.sqrt(number) / len(some), freedom, 0.0, "none", REFERENCE, widest=0.25, disks=NUMBER,
+            seeds=[one for seeds in every for one in seeds], replicas=sum(len(ours[rate]) for rate in some),
         )  # fmt: skip
     figure, (axes,) = style.panels(width=4.6)
     draw(axes, {"LAMMPS": lammps, "this run": ours})
