@@ -27,7 +27,7 @@ HEAPS = Path(__file__).parent / "heap.csv"
 RATES = (0.005, 0.008, 0.0125, 0.02, 0.03)
 PIECES = {"LAMMPS": 4, "ifrdem": 1}
 SEEDS = (1, 2, 3)
-RESTING_SPEEDS = (0.05, 0.02, 0.01)
+RESTING_SPEEDS = (0.02, 0.05, 0.01)
 
 
 HEAD = """\
@@ -136,7 +136,7 @@ def measured_heaps() -> dict[str, list[heap.Heap]]:
             name = "LAMMPS" if one["code"] == "LAMMPS" else f"resting speed {float(one['resting_speed']):g}"
             values = (float(one[key]) for key in heap.Heap._fields[:-1])
             found.setdefault(name, []).append(heap.Heap(*values, int(one["awake"])))
-    return {name: each for name, each in found.items() if len(each) > 1}
+    return {name: found[name] for name in sorted(found) if len(found[name]) > 1}
 
 
 def short(mean: Mean) -> str:
@@ -162,8 +162,8 @@ def main() -> None:
             heaps("LAMMPS", seed)
         if "drum" in wanted:
             drums("ifrdem", seed)
-    for seed in SEEDS:
-        for resting_speed in RESTING_SPEEDS if "heap" in wanted else ():
+    for resting_speed in RESTING_SPEEDS if "heap" in wanted else ():
+        for seed in SEEDS:
             heaps("ifrdem", seed, resting_speed)
     if "tell" in wanted:
         tell()
