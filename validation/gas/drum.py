@@ -104,12 +104,12 @@ def mean_of(pieces: list[Angles], name: str) -> Mean:
 
 def draw(axes: Any, found: dict[str, dict[float, list[Angles]]]) -> None:
     """Draw angles of the surface against the speed, of several codes."""
-    looks = zip(found.items(), (style.BLACK, style.BLUE), ("s", "o"), strict=False)
-    for (name, each), colour, marker in looks:
+    looks = zip(found.items(), (style.BLACK, style.BLUE), ("s", "o"), (-1e-4, 1e-4), strict=False)
+    for (name, each), colour, marker, beside in looks:
         means = [mean_of(pieces, "surface") for pieces in each.values()]
         axes.errorbar(
-            list(each), [one.value for one in means], [one.error for one in means], fmt=marker, mfc="none",
-            color=colour, capsize=2.0, label=name,
+            [rate + beside for rate in each], [one.value for one in means], [one.error for one in means],
+            fmt=marker, mfc="none", color=colour, capsize=2.0, label=name,
         )  # fmt: skip
     axes.set(xlabel=r"$\Omega\ (d / g)^{1/2}$", ylabel="angle of the surface [degrees]", xlim=(0.0, None))
     axes.legend()
