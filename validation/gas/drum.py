@@ -74,7 +74,7 @@ def run(quick: bool, seed: int) -> Result:
     every = [seeds_of(seed, runs, 7000 + 50 * i) for i in range(len(rates))]
     for rate, seeds in zip(rates, every, strict=True):
         ours[rate] = [one for each in seeds for one in turned(rate, each, pieces)]
-    told = {f"at Fr = {rate**2 * RADIUS:.2g}": (rate,) for rate in rates}
+    told: dict[str, tuple[float, ...]] = {f"at Fr = {rate**2 * RADIUS:.2g}": (rate,) for rate in rates}
     if len(rates) > 1:
         told["over these speeds"] = rates
     for where, some in told.items():
@@ -164,10 +164,8 @@ def of_pieces(
     """Means over pieces, from samples (S,) of time and who sleeps, and (S, n, 2) of positions."""
     each = np.array([angles(disks, -rate * t, at) for t, at in zip(time, position, strict=True)])
     piece = np.floor((rate * time - BEGIN) / PIECE + 1e-6)
-    return [
-        Angles(*each[piece == p].mean(axis=0).tolist(), float(asleep[piece == p].mean()))
-        for p in range(pieces)
-    ]
+    means = [np.append(each[piece == p].mean(axis=0), asleep[piece == p].mean()) for p in range(pieces)]
+    return [Angles(*one.tolist()) for one in means]
 
 
 def angles(disks: Disks, turned: float, position: Array) -> tuple[float, float]:

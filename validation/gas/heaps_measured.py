@@ -109,15 +109,16 @@ def tell() -> None:
         lines.append(row([*cells, f"{drum.mean_of(ours[rate], 'asleep').value:.2f}"]))
     lines += [
         "", f"## {heap.NUMBER} disks that rain onto a plate of {heap.RIGHT - heap.LEFT:g} diameters", "",
-        "Angle of repose [degrees], and packing fraction inside (`validation/gas/heap.py` says where).", "",
+        "Angle of repose [degrees], and packing fraction inside (where: `validation/gas/heap.py`). Of LAMMPS's disks",
+        "those count as awake that moved by more than 0.001 in the last 8 units of time of 80.", "",
         "| | heaps | angle | packing fraction | disks awake at the end |", "|---|---|---|---|---|",
     ]  # fmt: skip
-    for name, found in measured_heaps().items():
+    for name, heaps_of in measured_heaps().items():
         angle, packing = (
-            Mean.of([getattr(one, key) for one in found]) for key in ("angle", "packing_fraction")
+            Mean.of([getattr(one, key) for one in heaps_of]) for key in ("angle", "packing_fraction")
         )
-        awake = ", ".join(str(one.awake) for one in found)
-        lines.append(row([name, str(len(found)), short(angle), short(packing), awake]))
+        awake = ", ".join(str(one.awake) for one in heaps_of)
+        lines.append(row([name, str(len(heaps_of)), short(angle), short(packing), awake]))
     root = Path(__file__).resolve().parents[2]
     (root / "validation" / "results" / "drum_and_heap.md").write_text(
         "\n".join(lines) + "\n", encoding="utf-8"
@@ -134,8 +135,8 @@ def measured_heaps() -> dict[str, list[heap.Heap]]:
     with HEAPS.open(encoding="ascii", newline="") as file:
         for one in csv.DictReader(file):
             name = "LAMMPS" if one["code"] == "LAMMPS" else f"resting speed {float(one['resting_speed']):g}"
-            values = (float(one[key]) for key in heap.Heap._fields[:-1])
-            found.setdefault(name, []).append(heap.Heap(*values, int(one["awake"])))
+            angle, packing, cover = (float(one[key]) for key in ("angle", "packing_fraction", "cover"))
+            found.setdefault(name, []).append(heap.Heap(angle, packing, cover, int(one["awake"])))
     return {name: found[name] for name in sorted(found) if len(found[name]) > 1}
 
 
