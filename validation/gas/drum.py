@@ -11,7 +11,7 @@ Units: mean diameter d of a disk, its mass per area and g are 1. 200 disks (e_n 
 From 0.6 rad of turning on their means over pieces of 0.6 rad, some five avalanches each, are taken as independent.
 They scatter, because a slope can stand at any angle between that at which an avalanche stops and that at which the next
 one begins, and forces in the bulk are not unique: so an angle is defined no better than by the scatter of LAMMPS's
-pieces about the mean of their speed, 2.2 degrees, which is the systematic tolerance.
+pieces about the mean of their speed, 2.1 degrees, which is the systematic tolerance.
 
 The expected angles are those of LAMMPS (`soft_grains`): soft disks of the same coefficients, from starts of the same
 kind, in the same turning gravity. They stand in `drum.csv`, with ours, which nothing is compared with; `python -m
