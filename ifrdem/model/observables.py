@@ -48,8 +48,8 @@ class Measure:
         Collisions of two disks since the start, by regime (`REGIMES`).
     walls : array (W, 6) or None
         Sums of each wall, the sides of the box last (`WallSums`); None unless they are asked for.
-    pistons : array (P, 3) or None
-        Displacement, velocity and energy of each piston (`Simulation.pistons`); None without pistons.
+    pistons : array (P, 4) or None
+        Displacement, velocity, energy and force of each piston (`Simulation.pistons`); None without pistons.
     shear_pressure : float
         Kinetic part of the pressure tensor times the area, sum of m v_x v_y [energy].
 
