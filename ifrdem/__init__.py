@@ -9,8 +9,10 @@
 `collide`, `Regime`, `EnergyWarning`   a single collision, its regime; a law that could add energy
 `initial`                              positions, velocities, spins and radii to start from
 `Simulation`, `DSMC`                   collision by collision; the kinetic equation of a homogeneous gas
+`slice_of`                             which disks a rank of MPI gives and gets, of a gas on many
 `observables`, `Ledger`                temperatures and energies of a state; energy by mechanism
 `TrajectoryWriter`, `Trajectory`       write and read H5MD files
+`PartsWriter`                          the same in parts, by all ranks of MPI
 `History`                              every collision of a tracked disk
 `Study`, `concat`                      many gases at once; trajectories on one axis of collisions per disk
 `view`                                 a trajectory in a notebook, to play and to zoom

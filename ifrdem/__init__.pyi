@@ -30,8 +30,10 @@ from .simulation.dsmc import DSMC as DSMC
 from .simulation.simulation import Simulation as Simulation
 from .study.study import Study as Study
 from .theory.sheared_gas import TheoryWarning as TheoryWarning
+from .tools.slices import slice_of as slice_of
 from .tools.versions import __version__ as __version__
 from .trajectory.history import History as History
+from .trajectory.parts_writer import PartsWriter as PartsWriter
 from .trajectory.reader import Trajectory as Trajectory
 from .trajectory.tables import concat as concat
 from .trajectory.writer import TrajectoryWriter as TrajectoryWriter

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -74,14 +73,15 @@ def _unsteady(trajectory: Trajectory, T: Array) -> str:
 
 def _parts(trajectory: Trajectory, used: Sequence[int], name: str) -> Iterator[tuple[slice, Array]]:
     """A field of some disks over all frames, a part at a time: memory holds few millions of numbers."""
-    data, n = trajectory.dataset(name), trajectory.disks.n
     size = max(1, 2_000_000 // len(used))
-    rows: Any = list(used)
-    if len(set(np.diff(rows))) == 1 and rows[1] > rows[0]:
-        rows = slice(rows[0], rows[-1] + 1, rows[1] - rows[0])
-    for first in range(0, n, size):
-        disks = slice(first, min(first + size, n))
-        yield disks, data[rows, disks].astype(np.float64)
+    even = len(set(np.diff(used))) == 1 and used[1] > used[0]
+    for first in range(0, trajectory.disks.n, size):
+        disks = slice(first, min(first + size, trajectory.disks.n))
+        if even:
+            found = trajectory.read(name, (slice(used[0], used[-1] + 1, used[1] - used[0]), disks))
+        else:
+            found = np.stack([trajectory.read(name, (index, disks)) for index in used])
+        yield disks, found.astype(np.float64)
 
 
 def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:

@@ -14,7 +14,7 @@ from pydantic import AfterValidator, Field, model_validator
 from ..errors import InputError, nearest, there_are
 from ..fit.tabular import Form
 from ..initial import radii
-from ..kernels.limits import MOST_DISKS
+from ..kernels.limits import ADDRESSABLE, MOST_DISKS
 from ..model.coin_table import coins
 from .forces_section import ForceSection
 from .output_section import OutputSection
@@ -143,7 +143,7 @@ class SpeciesSection(Section):
 
     name: Name = key("coins")
     """Name [text]."""
-    number: int = key(50000, ge=1, le=MOST_DISKS)
+    number: int = key(50000, ge=1, le=ADDRESSABLE)
     """Number of disks [whole number]."""
     material: Name | None = key("aluminium", None)
     """Name of the material [text]; not needed with a coin, which brings its own."""
@@ -167,6 +167,14 @@ class SpeciesSection(Section):
     """Root mean square speed at the start [m/s], Maxwellian, without total momentum."""
     spin_rms: float = key(0.0, 0.0, ge=0.0)
     """Root mean square spin at the start [rad/s], Gaussian."""
+
+    @classmethod
+    def mistakes(cls, data: dict[str, Any]) -> list[str]:
+        """Also more disks of different radii than every process can know."""
+        number = data.get("number")
+        if "radii" in data and isinstance(number, int) and number > MOST_DISKS:
+            return [f"number = {number}: {MOST_DISKS} at most beside radii, all of which each rank knows"]
+        return super().mistakes(data)
 
 
 def is_trajectory(positions: str) -> bool:

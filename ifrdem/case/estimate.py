@@ -64,6 +64,8 @@ FILLED = 0.9 * NODE
 COSTS = np.array([[1e-6, 106.0], [1e-4, 11.9], [0.1, 0.85], [0.3, 0.55], [0.6, 0.49]])
 """Packing fractions, and microseconds of one thread for a collision there, of a gas in one tile
 (`validation/results/bench.md`). Thinner gases cost phi^(-1/2), for disks pass so many more cells."""
+IN_A_WINDOW = 1.2
+"""Collisions of a disk in a window of tiles, about."""
 IN_TILES = 1.75
 """The same in tiles, with their halos, as a multiple."""
 
@@ -81,6 +83,56 @@ def run_seconds(collisions: float, n: int, phi: float, threads: int) -> float:
     cost = float(np.exp(np.interp(math.log(phi), np.log(COSTS[:, 0]), np.log(COSTS[:, 1]))))
     cost *= math.sqrt(max(COSTS[0, 0] / phi, 1.0))
     return 1e-6 * collisions * cost * (1.0 if n <= limits.ALONE else IN_TILES / (0.9 * threads + 0.1))
+
+
+RANK_BYTES = 280_000_000
+"""Memory of a rank without disks: Python, Taichi, MPI and their libraries."""
+RANK_BYTES_PER_DISK = 700
+"""The same for each disk of a rank and of the halos around them, at most: when the start is put together, and later."""
+HOST_BYTES_PER_DISK = 300
+"""Memory of NumPy at most while a gas is placed and checked: 245 bytes a disk were seen, and its search trees."""
+GROWTH_BYTES_PER_DISK = 1000
+"""The same for a start by growth: 940 bytes a disk were seen."""
+TILE_BYTES, TILE_DISKS = 450, 5000
+"""Of each tile of the whole box, on every rank; and its disks."""
+RING = 18.0
+"""Width of the halos around a rank's disks [mean diameters]."""
+
+
+@dataclass(frozen=True)
+class RankPlan:
+    """What each of several ranks of MPI would need for a run (`simulation/ranks.py`), about."""
+
+    ranks: int
+    disks: float
+    """Of its own."""
+    memory: float
+    """[bytes]; where the first one builds the start, it needs `whole` more."""
+    whole: float
+    file: float
+    """Of its part of the trajectory [bytes]."""
+    seconds: float
+    """Real time, with one thread for each rank [s]."""
+
+    @classmethod
+    def of(cls, gas: CaseGas, case: Case, estimate: RunEstimate, ranks: int) -> RankPlan:
+        """The plan for so many ranks: blocks that are squares, and a gas that stays homogeneous.
+
+        With one thread each, as long as for their own disks alone, and for those of the halos.
+        """
+        n, phi = gas.n, estimate.packing_fraction
+        own = n / ranks
+        side = math.sqrt(own * math.pi / (4.0 * phi))  # of a block [mean diameters]
+        there = own * (1.0 + 2.0 * RING / side) ** 2
+        whole = GROWTH_BYTES_PER_DISK if case.start.positions == "growth" else HOST_BYTES_PER_DISK
+        return cls(
+            ranks=ranks,
+            disks=own,
+            memory=RANK_BYTES + RANK_BYTES_PER_DISK * there + TILE_BYTES * n / TILE_DISKS,
+            whole=0.0 if gas.drawn_in_slices(case) else float(whole * n),
+            file=estimate.file_bytes / ranks,
+            seconds=run_seconds(estimate.computed(n) / ranks, n, phi, 1) * there / own,
+        )
 
 
 @dataclass(frozen=True)
@@ -105,11 +157,15 @@ class RunEstimate:
     rows: int  # of the time series, at most
     tracked: int  # disks with histories
 
+    def computed(self, n: int) -> float:
+        """Collisions that are computed: tiles compute a window once more for each frame in it."""
+        return self.collisions + (self.frames * 0.5 * n * IN_A_WINDOW if n > limits.ALONE else 0.0)
+
     @classmethod
     def of(cls, gas: CaseGas, case: Case) -> RunEstimate:
         """The estimate for a gas and the case that it comes from."""
-        n, area, output = gas.disks.n, gas.room.area(), case.output
-        phi = gas.room.packing_fraction(gas.disks.radius)
+        n, area, output = gas.n, gas.room.area(), case.output
+        phi = gas.room.covered_part(gas.kinds.covered)
         rates, speeds = _rates_and_speeds(gas)
         paths = [speed / rate if rate > 0.0 else math.nan for speed, rate in zip(speeds, rates, strict=True)]
         mean_rate = sum(each.number * rate for each, rate in zip(gas.species, rates, strict=True)) / n
@@ -151,11 +207,11 @@ def _tracked(output: OutputSection, gas: CaseGas) -> int:
     """About how many disks have histories."""
     if output.histories_region is None or gas.box.is_open:
         listed = len(output.histories or ()) or output.histories_sample or 0
-        return gas.disks.n if output.histories_all else listed
+        return gas.n if output.histories_all else listed
     x_low, y_low, x_high, y_high = output.histories_region
     width = min(x_high, gas.box.lengths[0]) - max(x_low, 0.0)
     height = min(y_high, gas.box.lengths[1]) - max(y_low, 0.0)
-    return round(gas.disks.n * width * height / gas.box.area)
+    return round(gas.n * width * height / gas.box.area)
 
 
 def _rates_and_speeds(gas: CaseGas) -> tuple[list[float], list[float]]:
@@ -191,7 +247,7 @@ def _wall_hits(gas: CaseGas) -> float:
     room, rate = gas.room, 0.0
     if not room.all_walls:
         return rate
-    phi = room.packing_fraction(gas.disks.radius)
+    phi = room.covered_part(gas.kinds.covered)
     crowding = 1.0 + 2.0 * phi * theory.contact_value(min(phi, 0.9))
     for each in gas.species:
         inset = float(each.radius.mean())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+import operator
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -20,12 +21,12 @@ from ..model import crush
 from ..model.box import Box
 from ..model.free_area import Room
 from ..model.ifr import EnergyWarning, IFRLaw
-from ..model.state import Disks, State
+from ..model.state import COLUMNS, DiskKinds, Disks, State, dealt, unlike
 from ..model.walls import Wall, at_displacements, wall_names
 from ..simulation import checks
 from ..simulation.simulation import Simulation
 from ..simulation.turning import FASTEST_DRUM
-from ..tools import seeds, world
+from ..tools import seeds, slices, world
 from . import pair_rules, rules
 from .case import IMPACT_SCAN, Case
 from .pair_rules import PairVerdict
@@ -80,14 +81,59 @@ class CaseGas:
     @functools.cached_property
     def disks(self) -> Disks:
         """The disks, species by species."""
-        numbers = [each.number for each in self.species]
+        return self.rows(range(self.n))
+
+    @property
+    def n(self) -> int:
+        """Number of disks."""
+        return sum(each.number for each in self.species)
+
+    def rows(self, ids: range) -> Disks:
+        """The disks of some ids."""
+        own = self._of_species(ids)
+        numbers = [len(each) for each in own]
+        columns = {
+            name: np.concatenate([
+                getattr(one, name)[each.start : each.stop] for one, each in zip(self.species, own, strict=True)
+            ])
+            for name in ("mass", "radius")
+        }  # fmt: skip
         return Disks(
-            n=sum(numbers),
-            mass=np.concatenate([each.mass for each in self.species]),
-            radius=np.concatenate([each.radius for each in self.species]),
+            n=len(ids),
             k=np.repeat([each.k for each in self.species], numbers),
             material=np.repeat([self.materials.index(each.material) for each in self.species], numbers),
+            **columns,
         )
+
+    def _of_species(self, ids: range) -> list[range]:
+        """Of some ids, those of each species, counted from its first disk."""
+        found, first = [], 0
+        for each in self.species:
+            start, stop = (min(max(end - first, 0), each.number) for end in (ids.start, ids.stop))
+            found.append(range(start, stop))
+            first += each.number
+        return found
+
+    @functools.cached_property
+    def kinds(self) -> DiskKinds:
+        """The kinds of disks, without an array of all disks where those of each species are equal."""
+        rows, first = [], 0
+        for each in self.species:
+            rows.append(self.rows(range(first, first + (1 if each.equal else each.number))))
+            first += each.number
+        sums: list[tuple[float, float]] = []
+        known: dict[int, tuple[float, float]] = {}  # of whole blocks of equal disks, by species
+        for block in slices.blocks(range(self.n)):
+            i = int(np.argmax([len(own) for own in self._of_species(block)]))
+            alike = self.species[i].equal and len(self._of_species(block)[i]) == slices.BLOCK
+            if not alike or i not in known:
+                radius = self.rows(block).radius
+                here = float(np.sum(np.square(radius))), float(np.sum(radius))
+                known |= {i: here} if alike else {}
+            sums.append(known[i] if alike else here)
+        squares, radii = (functools.reduce(operator.add, each) for each in zip(*sums, strict=True))
+        columns = [np.concatenate([getattr(each, name) for each in rows]) for name in COLUMNS]
+        return DiskKinds.made(unlike(columns), self.n, self.n, squares, radii)
 
     @functools.cached_property
     def laws(self) -> list[list[IFRLaw | None]]:
@@ -122,9 +168,9 @@ class CaseGas:
 
     def crushes(self, case: Case) -> list[str]:
         """One text for each two walls that may crush a disk between them in the run; InputError if they must."""
-        if not self.disks.n:
+        if not self.n:
             return []
-        walls, radius = self.room.all_walls, self.disks.radius
+        walls, radius = self.room.all_walls, self.kinds.radius
         names, diameter = wall_names(walls, self.box), 2.0 * float(radius.max())
         end = math.inf if case.run.t_end is None else case.run.t_end
         found = list(crush.crushes(walls, self.box, diameter, 0.0, end))
@@ -170,42 +216,73 @@ class CaseGas:
             texts.append(f'wall[{i}] {why}, and supports nobody with run.collapse = "rest"{instead}')
         return texts
 
-    def start(self, case: Case, progress: Callable[[float], None] = lambda _: None) -> State:
+    def start(
+        self, case: Case, progress: Callable[[float], None] = lambda _: None, comm: Any = None
+    ) -> State:
         """The state at time 0, without overlaps; `progress` gets the part of growing that is done.
+
+        Of ranks, each gets its slice of a start that is drawn so (`drawn_in_slices`).
 
         Raises InputError if the disks do not fit into the box in the way the case wants: a line with the key.
         """
         if self.given is None:
-            position = self._placed(case.start.positions, case.run.seed, progress)
+            position = self._placed(case.start.positions, case.run.seed, progress, comm)
         else:
             position = self.given.position
             if self.given.velocity is not None and self.given.spin is not None:
                 return State(position=position, velocity=self.given.velocity, spin=self.given.spin)
-        velocity, spin = self._drawn_motion(case.run.seed)
+        velocity, spin = self._drawn_motion(case.run.seed, comm)
         return State(position=position, velocity=velocity + self.box.flow(position), spin=spin)
 
-    def _drawn_motion(self, seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Velocities relative to the flow, shape (n, 2), and spins, (n,), that a seed gives."""
+    def drawn_in_slices(self, case: Case) -> bool:
+        """True if each rank draws the start of its own disks alone: on a lattice in a periodic box.
+
+        Other starts need all disks at once, and are made by one process.
+        """
+        return self.given is None and case.start.positions == "hexagonal" and not self.room.all_walls
+
+    def is_told_in_slices(self, case: Case, comm: Any) -> bool:
+        """True if a run on these ranks tells its states in slices: of many disks, or for a file in parts."""
+        if comm is None:
+            return False
+        return self.n > slices.GATHERED or case.output.in_parts(self.n, comm.size)
+
+    def _drawn_motion(self, seed: int, comm: Any = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Velocities relative to the flow, shape (n, 2), and spins, (n,), that a seed gives; of ranks, of the slice."""
         velocity, spin = [], []
-        for i, each in enumerate(self.species):
-            own = seeds.of_species(seed, i)
-            velocity.append(placement.maxwellian(each.mass, speed_rms=each.speed_rms, seed=own))
-            spin.append(placement.gaussian_spins(each.number, spin_rms=each.spin_rms, seed=own))
+        for i, own in enumerate(self._of_species(slices.slice_of(self.n, comm))):
+            each, options = self.species[i], {"seed": seeds.of_species(seed, i), "comm": comm}
+            mass = each.mass[own.start : own.stop]
+            velocity.append(placement.maxwellian(mass, speed_rms=each.speed_rms, **options))
+            spin.append(placement.gaussian_spins(len(own), spin_rms=each.spin_rms, **options))
         return np.concatenate(velocity), np.concatenate(spin)
+
+    def _fastest_drawn(self) -> tuple[float, float]:
+        """More than the largest speed [length/time] and spin [rad/time] that are drawn: 12 deviations."""
+        lightest = (each.mass.min() for each in self.species)
+        speeds = [
+            each.speed_rms * math.sqrt(float(each.mass.max()) / low)
+            for each, low in zip(self.species, lightest, strict=True)
+        ]
+        return 12.0 * max(speeds), 12.0 * max(each.spin_rms for each in self.species)
 
     def _check_magnitudes(self, case: Case) -> None:
         """Refuse what the engine or the trajectory's precision would refuse when the run begins."""
+        flow = 0.5 * abs(self.box.shear_rate) * self.box.lengths[1] if self.box.shear_rate else 0.0
         if self.given is not None and self.given.velocity is not None and self.given.spin is not None:
             velocity, spin, flow = self.given.velocity, self.given.spin, 0.0
+        elif self.n > slices.GATHERED:
+            fast, turning = self._fastest_drawn()
+            velocity, spin = np.full((len(self.kinds.mass), 2), fast), np.full(len(self.kinds.mass), turning)
         else:
             velocity, spin = self._drawn_motion(case.run.seed)
-            flow = 0.5 * abs(self.box.shear_rate) * self.box.lengths[1] if self.box.shear_rate else 0.0
-        speed = checks.fastest(self.disks, velocity, spin) + flow
+        disks = self.kinds if len(spin) != self.n else self.disks
+        speed = checks.fastest(disks, velocity, spin)
         hottest = max((wall.temperature or 0.0 for wall in self.walls), default=0.0)
-        checks.check_magnitudes(self.disks, self.box, speed, case.run.precision, hottest)
+        checks.check_magnitudes(self.kinds, self.box, speed + flow, case.run.precision, hottest)
         if case.run.resting_speed is not None:
             checks.check_resting(
-                self.disks, self.box, (case.box.gravity[0], case.box.gravity[1]), case.run.resting_speed,
+                self.kinds, self.box, (case.box.gravity[0], case.box.gravity[1]), case.run.resting_speed,
                 [each.kind for each in case.force], IFRLaw, case.run.arch, case.run.precision,
             )  # fmt: skip
         largest = {
@@ -223,21 +300,27 @@ class CaseGas:
         tracked: NDArray[np.int32] | None = None,
         comm: Any = None,
         pistons: Sequence[float] | None = None,
+        sliced: bool | None = None,
     ) -> Simulation:
         """The simulation of this gas on the case's device, from its start or from another `state`.
 
         What `warnings` says is not said again. `tracked` disks, which have histories, else come from the case and the
-        start. `comm` are ranks of MPI that share it; `pistons` displacements [length], by default those of the case.
+        start. `comm` are ranks of MPI that share it, of which the others call `beside`; `pistons` displacements
+        [length], by default those of the case. `sliced` tells states in slices, or not, whatever the number of disks
+        (`is_told_in_slices`); a `state` may be that of the slice then, on all ranks.
         """
         run, output = case.run, case.output
         walls = self.walls if pistons is None else at_displacements(self.walls, pistons)
+        in_slices = comm is not None and (self.is_told_in_slices(case, comm) if sliced is None else sliced)
 
-        def arguments() -> dict[str, Any]:
-            begin = self.start(case) if state is None else state
+        def arguments() -> tuple[dict[str, Any], Case, CaseGas, bool, State | None]:
+            begin = state
+            if begin is None and not (in_slices and self.drawn_in_slices(case)):
+                begin = self.start(case)
             any_law = self.law()  # stands where two walls would meet, which never happens
             laws = [[any_law if one is None else one for one in row] for row in self.laws]
-            return {
-                "disks": self.disks, "box": self.box, "law": laws, "state": begin, "arch": run.arch,
+            given = {
+                "box": self.box, "law": laws, "arch": run.arch,
                 "threads": run.threads, "precision": run.precision, "walls": walls,
                 "gravity": (case.box.gravity[0], case.box.gravity[1]), "gravity_turns": case.box.gravity_turns,
                 "gravity_step": case.box.gravity_step, "collapse": run.collapse,
@@ -247,33 +330,39 @@ class CaseGas:
                 "angles": "angle" in output.fields, "dissipated": "dissipated" in output.fields,
                 "wall_sums": output.wall_sums, "tracked": self.tracked(case, begin) if tracked is None else tracked,
             }  # fmt: skip
+            return given, case, self, in_slices, begin
 
-        return _simulation(case, arguments, comm)[1]
+        return _simulation(arguments, comm)[1]
 
     @staticmethod
-    def beside(comm: Any) -> tuple[Case, Simulation]:
-        """Case and simulation on ranks beside the first, while that calls `simulation`."""
-        return _simulation(None, None, comm)
+    def beside(comm: Any, state: State | None = None) -> tuple[Case, Simulation]:
+        """Case and simulation on ranks beside the first, while that calls `simulation`; from a state of the slice."""
+        return _simulation(lambda: None, comm, state)
 
-    def tracked(self, case: Case, start: State) -> NDArray[np.int32]:
-        """Disks that have histories, ascending.
+    def tracked(self, case: Case, start: State | None) -> NDArray[np.int32]:
+        """Disks that have histories, ascending; none of a start that only ranks know, which have no histories.
 
         Raises InputError if histories are asked for of a region in which no disk starts.
         """
+        if start is None:
+            return np.empty(0, dtype=np.int32)
         found = case.output.tracked(start.position, seeds.stream(case.run.seed, seeds.HISTORIES))
         if case.output.tracks and not len(found):
             region = str(case.output.histories_region)
             raise InputError(str(Complaint("output.histories_region", region, "no disk starts there")))
         return found
 
-    def _placed(self, way: str, seed: int, progress: Callable[[float], None]) -> NDArray[np.float64]:
+    def _placed(
+        self, way: str, seed: int, progress: Callable[[float], None], comm: Any
+    ) -> NDArray[np.float64]:
         assert self.patch is not None  # the rules have seen to it
-        radius, options = self.disks.radius, dict[str, Any](seed=seed, walls=self.walls)
+        disks = self.disks if comm is None else self.rows(slices.slice_of(self.n, comm))
+        radius, options = disks.radius, dict[str, Any](seed=seed, walls=self.walls)
         try:
             if way == "hexagonal":
                 # Several species would lie in layers else.
                 options["seed"] = seed if len(self.species) > 1 or not self.species[0].equal else None
-                return placement.hexagonal_positions(self.patch, radius, **options)
+                return placement.hexagonal_positions(self.patch, radius, comm=comm, **options)
             if way == "growth":
                 return packing.grow(self.patch, radius, progress=progress, **options)
             return placement.random_positions(self.patch, radius, **options)
@@ -282,21 +371,38 @@ class CaseGas:
 
 
 def _simulation(
-    case: Case | None, arguments: Callable[[], dict[str, Any]] | None, comm: Any
+    arguments: Callable[[], tuple[dict[str, Any], Case, CaseGas, bool, State | None] | None],
+    comm: Any,
+    state: State | None = None,
 ) -> tuple[Case, Simulation]:
-    """A simulation from the first rank's arguments; its disks and start stay there."""
+    """A simulation from the first rank's arguments; in slices, each rank makes its own disks and start."""
+    found = world.on_first(comm, arguments)
+    if comm is None:
+        assert found is not None
+        given, case, gas, _, begin = found
+        return case, _quietly(disks=gas.disks, state=begin, **given)
+    small = None
+    if found is not None:
+        given, case, gas, in_slices, state = found
+        way = "drawn" if state is None else "whole" if state.n == gas.n else "slices"
+        small = given, case, replace(gas, given=None) if in_slices else None, way
+    given, case, of_case, way = comm.bcast(small)
+    disks = gas.disks if found is not None and way == "whole" else None
+    if of_case is None:
+        return case, _quietly(disks=disks, state=state, comm=comm, **given)
+    if way == "whole":
+        own, state = dealt(comm, disks, state)
+    else:
+        own = of_case.rows(slices.slice_of(of_case.n, comm))
+        state = of_case.start(case, comm=comm) if way == "drawn" else state
+    return case, _quietly(disks=own, state=state, comm=comm, sliced=True, **given)
 
-    def worked_out() -> dict[str, Any]:
-        assert arguments is not None
-        return arguments()
 
-    given = world.on_first(comm, worked_out)
-    small: Any = None if given is None or comm is None else (given | {"disks": None, "state": None}, case)
-    kept: Any
-    kept, case = (given, case) if comm is None else comm.bcast(small)
+def _quietly(**given: Any) -> Simulation:
+    """A simulation without warnings of laws."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", EnergyWarning)
-        return case, Simulation(**(given or kept), comm=comm)  # type: ignore[return-value]  # the first one's case
+        return Simulation(**given)
 
 
 def judge(case: Case, folder: Path, *, start: bool = True) -> tuple[CaseGas, list[Complaint]]:
@@ -305,7 +411,6 @@ def judge(case: Case, folder: Path, *, start: bool = True) -> tuple[CaseGas, lis
     A start file's path begins at `folder`; without `start`, in a run that has begun, it is looked at no more.
     """
     species = species_of(case)
-    radius = np.concatenate([each.radius for each in species])
     verdicts = (*pair_rules.verdicts(case, species), *pair_rules.wall_verdicts(case, species))
     # The engine makes the sides of the first one.
     sides = () if case.box.material is None else (case.box.material,)
@@ -315,21 +420,24 @@ def judge(case: Case, folder: Path, *, start: bool = True) -> tuple[CaseGas, lis
     found = [*rules.wrong_names(case), *rules.wrong_pairs(verdicts), *rules.wrong_motion(case)]
     found += rules.wrong_forces(case)
     box, patch, given = Box.open(), None, None
+    gas = CaseGas(species, materials, verdicts, box, walls)
+    kinds = gas.kinds
     try:
-        patch = case.box.patch(radius)
+        patch = case.box.patch(kinds.covered)
     except InputError as error:
         found.append(Complaint("box", None, str(error)))
     else:
         box = box if case.box.open or patch is None else patch
-        wrong_walls = wrong_shapes or [*rules.wrong_walls(case, walls, box, radius)]
+        wrong_walls = wrong_shapes or [*rules.wrong_walls(case, walls, box, kinds.radius)]
         found += wrong_walls
         if start:
             standing = () if wrong_walls else walls
-            found += rules.wrong_room(case, species, radius, None if patch is None else Room(patch, standing))
+            found += rules.wrong_room(case, species, kinds, None if patch is None else Room(patch, standing))
             found += [*rules.wrong_open(case, patch), *rules.wrong_scan(case)]
-            given = rules.given_start(case, radius, Room(box, standing), folder, found)
-    found += rules.wrong_output(case, len(radius), box)
-    return CaseGas(species, materials, verdicts, box, walls, patch, given), found
+            if not case.start.placed:
+                given = rules.given_start(case, gas.disks.radius, Room(box, standing), folder, found)
+    found += rules.wrong_output(case, kinds.n, box)
+    return replace(gas, box=box, patch=patch, given=given), found
 
 
 def forces_of(case: Case) -> list[Force]:

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
-from ..errors import InputError
+from ..errors import InputError, nearest
 from ..simulation.schedule import MOST as MOST_FRAMES
 from ..simulation.schedule import Cadence
+from ..tools.slices import GATHERED
 from .section import Section, key, refusal
 
 FieldName = Literal[
@@ -77,6 +78,9 @@ class OutputSection(Section):
     gzip; the package hdf5plugin is needed here and by whatever reads the file)."""
     precision: Literal["f4", "f8"] = key("f4", "f4")
     """ "f4" or "f8": bytes of each number in the file, whatever run.precision is."""
+    parts: bool | Literal["auto"] = key("auto", "auto")
+    """Write fields of disks, and checkpoints, as a file of each rank, in the folder NAME.parts, which NAME.h5 shows as
+    one [true, false or "auto": on several ranks, of more than 1e6 disks]."""
     checkpoint_minutes: float = key(10.0, 10.0, gt=0.0)
     """Real time between two checkpoints, from which `ifrdem resume` goes on [minutes]; one is also written when a run
     is interrupted."""
@@ -97,6 +101,14 @@ class OutputSection(Section):
             except InputError as error:
                 raise refusal(str(error), "package") from error
         return compression
+
+    @field_validator("parts", mode="before")
+    @classmethod
+    def _choice(cls, parts: object) -> object:
+        if isinstance(parts, bool) or parts == "auto":
+            return parts
+        text = 'must be true, false or "auto"' + nearest(str(parts), ["auto", "true", "false"])
+        raise refusal(text, "unknown_name")
 
     @classmethod
     def mistakes(cls, data: dict[str, Any]) -> list[str]:
@@ -142,6 +154,10 @@ class OutputSection(Section):
         if interval is None and collisions is None:
             return Cadence(number=number, spacing=spacing, log_from=self.log_from, exact=exact)
         return Cadence(interval=interval, collisions=collisions, exact=exact)
+
+    def in_parts(self, n: int, ranks: int) -> bool:
+        """True if a run of n disks on so many ranks writes a file for each."""
+        return bool(self.parts) if self.parts != "auto" else ranks > 1 and n > GATHERED
 
     @property
     def tracks(self) -> bool:

@@ -21,6 +21,7 @@ from ..kernels.limits import MOST_WALLS
 from ..model.box import Box
 from ..model.free_area import Room
 from ..model.overlaps import relax
+from ..model.state import DiskKinds
 from ..model.walls import Wall, check_place, pieces
 from ..model.walls import check as check_walls
 from ..simulation.checks import check_pistons
@@ -218,7 +219,7 @@ def wrong_output(case: Case, n: int, box: Box) -> Iterator[Complaint]:
 
 
 def wrong_room(
-    case: Case, species: Sequence[Species], radius: NDArray[np.float64], room: Room | None
+    case: Case, species: Sequence[Species], kinds: DiskKinds, room: Room | None
 ) -> Iterator[Complaint]:
     """`room` is where disks start: that of the box, or of a part of an open one, if any."""
     sides = room.box.lengths if room is not None else (math.inf, math.inf)
@@ -232,31 +233,34 @@ def wrong_room(
             yield Complaint("box", f"{sides[0]:.6g} x {sides[1]:.6g}", f"{text}: {more}")
     if not fits or room is None:
         return
-    covered, dense = room.packing_fraction(radius), _size_key(case)
+    covered, dense = room.covered_part(kinds.covered), _size_key(case)
     if covered >= 1.0:
         place = "room between walls" if room.all_walls else "box"
-        text = f"the disks cover more than the {place} has" + _attainable(species, radius, room)
+        text = f"the disks cover more than the {place} has" + _attainable(kinds, covered)
         yield Complaint(dense, f"{covered:.4g} of the area", text)
     elif case.start.placed and case.start.positions == "hexagonal":
         try:
-            placement.hexagonal_positions(room.box, radius, walls=room.walls)
+            if room.all_walls:
+                placement.sites(room, kinds.n, float(kinds.radius.max()))
+            else:
+                placement.lattice(room.box, kinds.n, 2.0 * float(kinds.radius.max()))
         except InputError as error:
             yield _at(case, "start.positions", str(error))
     elif case.start.placed and case.start.positions == "random":
         # Few disks can be denser: the limit holds for many (see placement.random_positions).
-        limit = placement.SATURATION + 0.5 / np.sqrt(len(radius))
-        if np.ptp(radius) == 0.0 and covered > limit:
+        limit = placement.SATURATION + 0.5 / np.sqrt(kinds.n)
+        if np.ptp(kinds.radius) == 0.0 and covered > limit:
             text = (
                 f"too dense for a random start, which ends at {placement.SATURATION}: a lower one is needed"
             )
             yield Complaint(dense, f"{covered:.4g}", f'{text}, or start.positions = "growth" or "hexagonal"')
 
 
-def _attainable(species: Sequence[Species], radius: NDArray[np.float64], room: Room) -> str:
-    """Number of disks of one kind that would find room, by area."""
-    if len(species) > 1 or np.ptp(radius) > 0.0:
+def _attainable(kinds: DiskKinds, covered: float) -> str:
+    """Number of disks of one size that would find room, by area, where all of them cover this part."""
+    if np.ptp(kinds.radius) > 0.0:
         return ""
-    most = int(placement.SATURATION * len(radius) / room.packing_fraction(radius))
+    most = int(placement.SATURATION * kinds.n / covered)
     return f": some {most} of them find room at random"
 
 

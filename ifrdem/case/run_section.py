@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Annotated, Any, ClassVar, Literal
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from ..model.box import Box
@@ -137,8 +135,8 @@ class BoxSection(Section):
             ]
         return wrong
 
-    def patch(self, radius: NDArray[np.float64]) -> Box | None:
-        """The rectangle that is given a size, for disks of these radii (n,) [length]; None if none is.
+    def patch(self, covered: float) -> Box | None:
+        """The rectangle that is given a size, for disks that cover so much area [length^2]; None if none is.
 
         It is the box, or where disks of an open one start.
 
@@ -146,7 +144,7 @@ class BoxSection(Section):
         """
         periodic = (self.periodic[0], self.periodic[1])
         if self.packing_fraction is not None:
-            lengths = Box.from_packing_fraction(radius, self.packing_fraction, self.aspect).lengths
+            lengths = Box.around(covered, self.packing_fraction, self.aspect).lengths
         elif self.lengths is not None:
             lengths = (self.lengths[0], self.lengths[1])
         else:

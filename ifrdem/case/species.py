@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,13 @@ class Species:
         for name in ("mass", "radius"):
             value = np.asarray(getattr(self, name), dtype=np.float64)
             object.__setattr__(self, name, np.broadcast_to(value, (self.number,)))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """What rebuilds it elsewhere: one mass and radius where they are the memory of all."""
+        mass, radius = (each[0] if each.strides == (0,) else each for each in (self.mass, self.radius))
+        return Species, (
+            self.name, self.material, self.number, mass, radius, self.k, self.speed_rms, self.spin_rms,
+        )  # fmt: skip
 
     @property
     def equal(self) -> bool:

@@ -11,20 +11,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, refuse
-from ..kernels.limits import ALONE, BYTES_PER_DISK
+from ..kernels.limits import BYTES_PER_DISK
 from ..model.box import describe_sides
 from ..model.walls import Wall
 from ..simulation import device as backend
+from ..tools.slices import GATHERED
 from .case import Case
-from .estimate import OBSERVABLES, RunEstimate, disk_bytes, run_seconds
+from .estimate import (
+    GROWTH_BYTES_PER_DISK,
+    HOST_BYTES_PER_DISK,
+    OBSERVABLES,
+    RankPlan,
+    RunEstimate,
+    disk_bytes,
+    run_seconds,
+)
 from .gas import CaseGas
 from .output_section import MOST_FRAMES
 
-HOST_BYTES_PER_DISK = 300
-"""Memory of NumPy at most while a gas is placed and checked: 245 bytes a disk were seen, and its search trees."""
-
-GROWTH_BYTES_PER_DISK = 1000
-"""The same for a start by growth: 940 bytes a disk were seen."""
 WRITER_BYTES_PER_DISK = 200
 """Frames that are being told, wait or are written.
 
@@ -32,8 +36,6 @@ A run of 2e6 disks took 750 bytes for each more than one of 2e5, engine and all.
 GPU_BYTES_PER_DISK, GPU_SCRATCH, GPU_BYTES_OF_FEW = 330, 9_000_000_000, 2500
 """State and claims of a disk on a GPU; scratch space of the tiles that run at the same time; all of it, if few do."""
 
-IN_A_WINDOW = 1.2
-"""Collisions of a disk in a window of tiles, about."""
 THIN = 1e-3
 """Packing fraction below which crossings of cells cost more than ten times what they do at 0.1."""
 
@@ -74,12 +76,12 @@ def _wrong_cadence(
             yield f"{what}_interval", interval, f"{text}: {length / MOST_FRAMES:.3g} or more is needed"
     collisions = getattr(case.output, f"{what}_collisions")
     if collisions is not None:
-        one, per_disk = 2.0 / gas.disks.n, 2.0 * estimate.collisions / gas.disks.n
+        one, per_disk = 2.0 / gas.n, 2.0 * estimate.collisions / gas.n
         least = one if math.isnan(per_disk) else max(one, per_disk / MOST_FRAMES)
         if collisions < least * (1.0 - 1e-9):
             text = f"more than {many} in {per_disk:.4g} collisions per disk"
             if least == one:
-                text = f"more often than one collision of {gas.disks.n} disks"
+                text = f"more often than one collision of {gas.n} disks"
             yield f"{what}_collisions", collisions, f"{text}: {least:.3g} or more is needed"
 
 
@@ -104,11 +106,13 @@ def refuse_beyond_disk(needed: int, folder: Path) -> None:
         raise InputError(f"output: the trajectory needs some {size(needed)}, and {place}: {fewer}")
 
 
-def refuse_beyond_memory(n: int, arch: str, positions: str = "random", share: float = 1.0) -> None:
+def refuse_beyond_memory(
+    n: int, arch: str, positions: str = "random", share: float = 1.0, *, sliced: bool = False
+) -> None:
     """Raise InputError if n disks need more memory than is free, or than a GPU has.
 
     `positions` is start.positions: growth needs more. Of several ranks, a `share` is on this machine, with the first
-    one, which has all disks.
+    one, which has all disks, unless each makes its own ones (`sliced`).
     """
     if arch != "cpu":
         memory = backend.gpu_memory()
@@ -117,7 +121,7 @@ def refuse_beyond_memory(n: int, arch: str, positions: str = "random", share: fl
             raise InputError(f"{n} disks: the GPU has {size(memory)} of memory, in which {most} fit")
     host = GROWTH_BYTES_PER_DISK if positions == "growth" else HOST_BYTES_PER_DISK
     engine = BYTES_PER_DISK if arch == "cpu" else 0
-    needed = int(n * (host + WRITER_BYTES_PER_DISK + share * engine))
+    needed = int(n * ((share if sliced else 1.0) * (host + WRITER_BYTES_PER_DISK) + share * engine))
     free = backend.memory_available()
     if free is not None and needed > free:
         both = f"some {size(needed)} of memory, and {size(free)} are free"
@@ -133,19 +137,25 @@ def summary(case: Case, gas: CaseGas, estimate: RunEstimate, device: str) -> str
         ends = " to ".join(f"{path:.4g}" for path in dict.fromkeys((min(paths), max(paths)))) if paths else ""
         path = f"mean free path {ends}{case.unit('length')}" if paths else "nothing moves at the start"
         where = f", packing fraction {estimate.packing_fraction:.4g}, {path}"
-    return f"{case.run.name}: {gas.disks.n} disks{where}\nto {_end(case, estimate)}\non {device}"
+    return f"{case.run.name}: {gas.n} disks{where}\nto {_end(case, estimate)}\non {device}"
 
 
 def report(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
     """Everything that can be said of a case before it runs."""
     length, mass, time = (case.unit(quantity) for quantity in ("length", "mass", "time"))
     lines = _density(case, gas, estimate)
-    radius = gas.disks.radius
+    radius = gas.kinds.radius
     if np.ptp(radius) > 0.0:
         ratio = float(radius.max() / radius.min())
-        lines.append(_row("radii", f"{_span(radius)}{length}, largest/smallest {ratio:.4g}: {_cost(ratio)}"))
+        lines.append(
+            _row(
+                "radii",
+                f"{_span(radius, gas.kinds.mean_radius)}{length}, largest/smallest {ratio:.4g}: {_cost(ratio)}",
+            )
+        )
     for each, rate, path in zip(gas.species, estimate.collision_rate, estimate.free_path, strict=True):
-        text = f"{each.number} of {each.material}: mass {_span(each.mass)}{mass}, radius {_span(each.radius)}{length}, "
+        text = f"{each.number} of {each.material}: mass {_span(each.mass, each.mass.mean())}{mass}, "
+        text += f"radius {_span(each.radius, each.radius.mean())}{length}, "
         text += f"k = {each.k:g}, speed {each.speed_rms:.4g}{_per(length, time)} rms"
         lines.append(_row(f"species {each.name}", text))
         if rate > 0.0:
@@ -167,21 +177,40 @@ def report(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
     lines.append(_row("run", f"to {_end(case, estimate)}"))
     stored = f"{size(estimate.file_bytes)}: {_stored(case, gas, estimate)}"
     lines.append(_row("file", f"{case.run.name}.h5, {stored}"))
-    per_disk = estimate.array_bytes // max(gas.disks.n, 1)
-    engine = f"{size(estimate.array_bytes)} for the engine ({gas.disks.n} disks x {per_disk} bytes)"
+    if case.output.in_parts(gas.n, ranks=2):
+        on_ranks = "" if case.output.parts is True else "on several ranks of MPI, "
+        lines.append(_row("", f"{on_ranks}its fields in {case.run.name}.parts, a file for each rank"))
+    per_disk = estimate.array_bytes // max(gas.n, 1)
+    engine = f"{size(estimate.array_bytes)} for the engine ({gas.n} disks x {per_disk} bytes)"
     lines.append(_row("memory", f"{engine}, beside Python, Taichi and their libraries"))
     if case.run.arch == "cpu" and estimate.collisions > 0.0 and estimate.packing_fraction > 0.0:
         lines.append(_row("time", _time(case, gas, estimate)))
+    if case.run.arch == "cpu" and gas.n > GATHERED and estimate.packing_fraction > 0.0:
+        plans = [RankPlan.of(gas, case, estimate, ranks) for ranks in planned_ranks(gas.n)]
+        lines += [_row("on ranks of MPI" if i == 0 else "", _planned(each)) for i, each in enumerate(plans)]
+        if not gas.drawn_in_slices(case):
+            text = f"the first rank builds the start, in {size(plans[0].whole)} more"
+            lines.append(
+                _row("", f'{text}; start.positions = "hexagonal" without walls each rank draws alone')
+            )
     return "\n".join(lines)
+
+
+def planned_ranks(n: int) -> list[int]:
+    """Numbers of ranks to plan for: some sixteen, four and one million disks on each."""
+    return sorted({max(math.ceil(n / each), 2) for each in (16e6, 4e6, 1e6)})
+
+
+def _planned(plan: RankPlan) -> str:
+    time = "" if math.isnan(plan.seconds) else f", some {size_of_time(plan.seconds)}"
+    text = f"{plan.ranks}: each {plan.disks:.3g} disks, {size(plan.memory)} of memory, {size(plan.file)} of files{time}"
+    return f"{text}, with one thread each"
 
 
 def _time(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
     """Time that a run takes, about, and why it is long."""
-    n, phi, threads = gas.disks.n, estimate.packing_fraction, case.run.threads or backend.cores()
-    collisions = estimate.collisions
-    if n > ALONE:  # tiles compute a window once more for each frame in it
-        collisions += estimate.frames * 0.5 * n * IN_A_WINDOW
-    seconds = run_seconds(collisions, n, phi, threads)
+    n, phi, threads = gas.n, estimate.packing_fraction, case.run.threads or backend.cores()
+    seconds = run_seconds(estimate.computed(n), n, phi, threads)
     rate = 1e6 / run_seconds(1e6, n, phi, threads)
     text = f"some {size_of_time(seconds)} of collisions and frames, at {rate:.2g} collisions/s (`ifrdem bench --n {n} "
     text += f"--phi {phi:.2g}` says what this machine does)"
@@ -203,7 +232,9 @@ def size_of_time(seconds: float) -> str:
 def _stored(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
     """Content of the trajectory file."""
     output = case.output
-    text = f"{estimate.frames} frames x ({gas.disks.n} disks x {disk_bytes(output)} bytes + {len(OBSERVABLES)} totals)"
+    text = (
+        f"{estimate.frames} frames x ({gas.n} disks x {disk_bytes(output)} bytes + {len(OBSERVABLES)} totals)"
+    )
     text += f", {'' if output.series_cadence.exact else 'up to '}{estimate.rows} rows of series"
     if estimate.tracked:
         text += f", histories of {estimate.tracked} disks"
@@ -225,13 +256,13 @@ def _density(case: Case, gas: CaseGas, estimate: RunEstimate) -> list[str]:
         box = f"a periodic box of {sides}{rate if gas.box.shear_rate else ''}"
     else:
         box = f"a box of {sides}, {describe_sides(gas.box)}"
-    lines = [f"{case.run.name}: {gas.disks.n} disks in {box}, {case.run.units} units"]
+    lines = [f"{case.run.name}: {gas.n} disks in {box}, {case.run.units} units"]
     if not gas.box.is_open:
         lines.append(_row("packing fraction", f"{estimate.packing_fraction:.5g}"))
         per = f" per{length}^2" if length else ""
         lines.append(_row("number density", f"{estimate.number_density:.5g}{per}"))
     elif gas.patch is not None:
-        start = gas.patch.packing_fraction(gas.disks.radius)
+        start = gas.kinds.covered / gas.patch.area
         lines.append(_row("start", f"in {sides}, packing fraction {start:.5g} there"))
     return lines
 
@@ -258,7 +289,8 @@ def _walls(case: Case, gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, s
     """Name and text of each line; none for a periodic gas without gravity."""
     length, time, energy = (case.unit(quantity) for quantity in ("length", "time", "energy"))
     speed, lines = _per(length, time), []
-    mass, diameter = float(gas.disks.mass.mean()), 2.0 * float(gas.disks.radius.mean())
+    mass = sum(each.number * float(each.mass.mean()) for each in gas.species) / gas.n
+    diameter = 2.0 * gas.kinds.mean_radius
     g = math.hypot(*case.box.gravity)
     if g > 0.0:
         x, y = case.box.gravity
@@ -335,10 +367,10 @@ def _motion(case: Case, wall: Wall, g: float, mass: float) -> str:
     return text
 
 
-def _span(values: NDArray[np.float64]) -> str:
+def _span(values: NDArray[np.float64], mean: float) -> str:
     """One number for equal values, else their ends and mean."""
     low, high = float(values.min()), float(values.max())
-    return f"{low:.5g}" if low == high else f"{low:.5g} to {high:.5g} (mean {float(values.mean()):.5g})"
+    return f"{low:.5g}" if low == high else f"{low:.5g} to {high:.5g} (mean {mean:.5g})"
 
 
 def _cost(ratio: float) -> str:

@@ -54,7 +54,7 @@ def export(
     file: File,
     /,
     *,
-    to: Annotated[str, option("FORMAT", "gsd, extxyz or csv")],
+    to: Annotated[str, option("FORMAT", "gsd, extxyz, csv or h5")],
     frames: Frames = None,
     output: Output = None,
     force: Force = False,
@@ -62,7 +62,8 @@ def export(
     """Copy a trajectory into another format.
 
     Copies frames into a file of another format: gsd (HOOMD, OVITO, freud; single precision, origin in the middle of
-    the box), extxyz (ASE, OVITO) or csv (a line a disk and frame). To open a trajectory in ParaView, OVITO, xarray or
+    the box), extxyz (ASE, OVITO), csv (a line a disk and frame) or h5 (a trajectory in one file, such as of one in
+    parts; it needs -o). To open a trajectory in ParaView, OVITO, xarray or
     ASE without a copy, see `ifrdem views`.
     """
     from ..tools import checked

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,7 +25,7 @@ from ..model.overlaps import (
     size_classes,
 )
 from ..model.walls import Wall
-from ..tools import checked, seeds
+from ..tools import checked, seeds, slices, world
 from ..tools.checked import Array
 
 CLOSER, CLEAR = (
@@ -253,35 +254,11 @@ def _most_sites(lengths: tuple[float, float], diameter: float) -> int:
     return int(np.max(columns * rows))
 
 
-def hexagonal_positions(
-    box: Box, radius: ArrayLike, *, seed: int | None = None, walls: Sequence[Wall] = ()
-) -> Array:
-    """Place disks on a hexagonal lattice, stretched so that it continues across the periodic sides.
+def lattice(box: Box, n: int, diameter: float) -> tuple[int, int, bool]:
+    """Columns and rows of the lattice of `hexagonal_positions` for n disks, and if rows are along y.
 
-    Of all such lattices, with rows along x or along y, it takes the one whose nearest sites are farthest apart. Sites
-    that are left over are spread evenly. Disks of different radii need the room of the largest. Between walls it
-    takes those sites where a disk overlaps none. InputError if the lattice does not fit; the message says how
-    many disks of that size would.
-
-    Arguments and what is returned as for `random_positions`; a `seed` deals the disks to the sites in a random order
-    (for mixtures), without it disk by disk, row by row.
-
-    Examples
-    --------
-    >>> import ifrdem
-    >>> ifrdem.initial.hexagonal_positions(ifrdem.Box((4.0, 4.0)), [0.5] * 12).shape
-    (12, 2)
+    InputError if disks of this diameter [length] do not fit.
     """
-    radii = checked_radii(radius)
-    n = len(radii)
-    if n == 0:
-        return np.empty((0, 2))
-    refuse_wider_than_box(box, radii)
-    diameter = 2.0 * float(radii.max())
-    room = Room(box, tuple(walls))
-    if room.all_walls:
-        refuse_no_room(room, radii)
-        return _dealt(box, radii, sites(room, n, 0.5 * diameter), seed)
     best = (0.0, 1, 1, False)  # distance of nearest sites, columns, rows, rows along y?
     for upright in (False, True):
         lengths = box.lengths[::-1] if upright else box.lengths
@@ -291,9 +268,7 @@ def hexagonal_positions(
         i = int(np.argmax(nearest))
         if nearest[i] > best[0]:
             best = (float(nearest[i]), int(columns[i]), int(rows[i]), upright)
-    distance, m_columns, m_rows, upright = best
-    lengths = box.lengths[::-1] if upright else box.lengths
-    if distance < diameter * (1.0 - TOLERANCE):
+    if best[0] < diameter * (1.0 - TOLERANCE):
         most = max(_most_sites(box.lengths, diameter), _most_sites(box.lengths[::-1], diameter))
         covered = most * math.pi * diameter**2 / 4.0 / box.area
         raise InputError(
@@ -301,18 +276,63 @@ def hexagonal_positions(
             f"{box.lengths[0]:.6g} x {box.lengths[1]:.6g}: at most {most} do, which is packing fraction {covered:.4f}. "
             "Sides that are whole numbers of diameters and of pairs of rows (sqrt(3) diameters) hold more"
         )
-    row, column = np.divmod(np.arange(n, dtype=np.int64) * (m_columns * m_rows) // n, m_columns)
+    return best[1:]
+
+
+def hexagonal_positions(
+    box: Box, radius: ArrayLike, *, seed: int | None = None, walls: Sequence[Wall] = (), comm: Any = None
+) -> Array:
+    """Place disks on a hexagonal lattice, stretched so that it continues across the periodic sides.
+
+    Of all such lattices, with rows along x or along y, it takes the one whose nearest sites are farthest apart. Sites
+    that are left over are spread evenly. Disks of different radii need the room of the largest. Between walls it
+    takes those sites where a disk overlaps none. InputError if the lattice does not fit; the message says how
+    many disks of that size would.
+
+    Arguments and what is returned as for `random_positions`; a `seed` deals the disks to the sites in a random order
+    (for mixtures), without it disk by disk, row by row. Of ranks of MPI (`comm`), each gives the radii of its slice
+    (`slice_of`) and gets its places; not between walls.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> ifrdem.initial.hexagonal_positions(ifrdem.Box((4.0, 4.0)), [0.5] * 12).shape
+    (12, 2)
+    """
+
+    def looked_at() -> Array:
+        radii = checked_radii(radius)
+        if len(radii):
+            refuse_wider_than_box(box, radii)
+        return radii
+
+    radii = world.together(comm, looked_at)
+    ids, n = slices.numbered(len(radii), comm)
+    if n == 0:
+        return np.empty((0, 2))
+    diameter = 2.0 * float(radii.max(initial=0.0))
+    diameter = diameter if comm is None else max(comm.allgather(diameter))
+    room = Room(box, tuple(walls))
+    if room.all_walls:
+        if comm is not None:
+            raise InputError("walls: places between them are found by one process: leave comm out")
+        refuse_no_room(room, radii)
+        found = sites(room, n, 0.5 * diameter)
+        if seed is not None:
+            found = found[seeds.permuted(seed, seeds.SITES, n, ids)]
+        check_no_overlap(box, radii, found)
+        return found
+    columns, rows, upright = lattice(box, n, diameter)
+    lengths = box.lengths[::-1] if upright else box.lengths
+    number = np.arange(ids.start, ids.stop) if seed is None else seeds.permuted(seed, seeds.SITES, n, ids)
+    row, column = np.divmod(number * (columns * rows) // n, columns)
     # A quarter column from the side: both kinds of row then have the same margin.
-    x = (column + 0.25 + 0.5 * (row % 2)) * (lengths[0] / m_columns)
-    y = (row + 0.5) * (lengths[1] / m_rows)
-    return _dealt(box, radii, np.column_stack((y, x) if upright else (x, y)), seed)
-
-
-def _dealt(box: Box, radius: Array, sites: Array, seed: int | None) -> Array:
-    """The sites of a lattice for the disks, in a random order if there is a seed."""
-    position = sites if seed is None else sites[seeds.stream(seed, seeds.SITES).permutation(len(sites))]
-    check_no_overlap(box, radius, position)
-    return position
+    x = (column + 0.25 + 0.5 * (row % 2)) * (lengths[0] / columns)
+    y = (row + 0.5) * (lengths[1] / rows)
+    found = np.column_stack((y, x) if upright else (x, y))
+    if comm is None:
+        check_no_overlap(box, radii, found)
+    return found
 
 
 def _size_of(name: str, value: float, most: float = MOST_SPEED) -> float:
@@ -324,8 +344,9 @@ def _size_of(name: str, value: float, most: float = MOST_SPEED) -> float:
 
 
 def maxwellian(
-    mass: ArrayLike, *, speed_rms: float | None = None, temperature: float | None = None, seed: int
-) -> Array:
+    mass: ArrayLike, *, speed_rms: float | None = None, temperature: float | None = None, seed: int,
+    comm: Any = None,
+) -> Array:  # fmt: skip
     """Draw velocities from a Maxwell distribution, with no total momentum and exactly the wanted energy.
 
     Disks of different masses get the same mean energy: each component has variance T / m. The total momentum of the
@@ -338,6 +359,8 @@ def maxwellian(
         Masses m [mass].
     speed_rms, temperature : float
         One of them: sqrt(<v^2>) over all disks [length/time], or T = <m v^2> / 2 [energy].
+    comm : mpi4py.MPI.Comm, optional
+        Ranks of MPI, of which each gives the masses of its slice (`slice_of`), and gets its velocities.
 
     Returns
     -------
@@ -351,27 +374,37 @@ def maxwellian(
     >>> round(float((velocity**2).sum(axis=1).mean() / 2), 12)
     2.0
     """
-    masses = checked.array("mass", mass)
-    if masses.ndim != 1 or not np.all(np.isfinite(masses) & (masses > 0.0)):
-        raise InputError("mass: one positive finite number per disk, shape (n,), is needed")
+
+    def looked_at() -> Array:
+        masses = checked.array("mass", mass)
+        if masses.ndim != 1 or not np.all(np.isfinite(masses) & (masses > 0.0)):
+            raise InputError("mass: one positive finite number per disk, shape (n,), is needed")
+        return masses
+
+    masses = world.together(comm, looked_at)
     if speed_rms is not None and temperature is None:
         wanted, weight = _size_of("speed_rms", speed_rms) ** 2, np.ones_like(masses)
     elif temperature is not None and speed_rms is None:
         wanted, weight = _size_of("temperature", temperature, MOST_SPEED**2), masses / 2.0
     else:
         raise InputError("exactly one of speed_rms and temperature is needed")
-    n = len(masses)
-    velocity = seeds.stream(seed, seeds.VELOCITIES).standard_normal((n, 2)) / np.sqrt(masses)[:, None]
+    ids, n = slices.numbered(len(masses), comm)
+    velocity = seeds.drawn(
+        seed, seeds.VELOCITIES, ids, lambda random, count: random.standard_normal((count, 2))
+    )
+    velocity /= np.sqrt(masses)[:, None]
     if n > 1:
-        velocity -= np.sum(masses[:, None] * velocity, axis=0) / np.sum(masses)
+        velocity -= slices.total(masses[:, None] * velocity, comm) / slices.total(masses, comm)
     if n > 0:
-        velocity *= math.sqrt(wanted / np.mean(weight * np.sum(velocity**2, axis=1)))
+        mean = slices.total(weight * np.sum(velocity**2, axis=1), comm) / n
+        velocity *= math.sqrt(wanted / mean)
     return velocity
 
 
-def gaussian_spins(n: int, *, spin_rms: float, seed: int) -> Array:
+def gaussian_spins(n: int, *, spin_rms: float, seed: int, comm: Any = None) -> Array:
     """Draw spins [rad/time], shape (n,), from a normal distribution with mean 0 and exactly this rms value.
 
+    Of ranks of MPI (`comm`), each gives the number of disks in its slice (`slice_of`), and gets their spins.
     InputError if `spin_rms` is negative or not finite.
 
     Examples
@@ -382,5 +415,6 @@ def gaussian_spins(n: int, *, spin_rms: float, seed: int) -> Array:
     9.0
     """
     wanted = _size_of("spin_rms", spin_rms)
-    spin = seeds.stream(seed, seeds.SPINS).standard_normal(n)
-    return spin * (wanted / math.sqrt(np.mean(spin**2))) if n else spin
+    ids, number = slices.numbered(n, comm)
+    spin = seeds.drawn(seed, seeds.SPINS, ids, lambda random, count: random.standard_normal(count))
+    return spin * (wanted / math.sqrt(slices.total(spin**2, comm) / number)) if number else spin

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from ..errors import InputError
-from ..tools import checked
+from ..tools import checked, slices
 from ..tools.checked import Array
 
 FASTEST_FLOW = 1e140
@@ -115,30 +115,38 @@ class Box:
 
     @classmethod
     def from_packing_fraction(
-        cls, radius: Array, packing_fraction: float, aspect: float = 1.0, *, shear_rate: float = 0.0
-    ) -> Box:
+        cls, radius: Array, packing_fraction: float, aspect: float = 1.0, *, shear_rate: float = 0.0,
+        comm: Any = None,
+    ) -> Box:  # fmt: skip
         """The box in which disks of these radii [length], shape (n,), fill the given fraction of the area.
 
-        `aspect` is Lx / Ly; `shear_rate` as for a box [1/time]. InputError if the packing fraction is not between 0
-        and pi / (2 sqrt 3) = 0.9069, the densest packing of equal disks, or if there are no disks.
+        `aspect` is Lx / Ly; `shear_rate` as for a box [1/time]. Of ranks of MPI (`comm`), each gives the radii of its
+        slice (`slice_of`). InputError if the packing fraction is not between 0 and pi / (2 sqrt 3) = 0.9069, the
+        densest packing of equal disks, or if there are no disks.
         """
+        return cls.around(
+            math.pi * float(slices.total(np.square(radius), comm)), packing_fraction, aspect, shear_rate
+        )
+
+    @classmethod
+    def around(cls, covered: float, packing_fraction: float, aspect: float, shear_rate: float = 0.0) -> Box:
+        """The box of which disks that cover so much area [length^2] fill the given fraction; others as above."""
         densest = math.pi / (2.0 * math.sqrt(3.0))
         if not 0.0 < packing_fraction <= densest:
             raise InputError(
                 f"packing fraction = {packing_fraction}: must lie above 0 and not above {densest:.4f}, "
                 "the densest packing of equal disks"
             )
-        disk_area = math.pi * float(np.sum(np.square(radius)))
-        if disk_area <= 0.0:
+        if covered <= 0.0:
             raise InputError("a packing fraction needs at least one disk")
         if not (math.isfinite(aspect) and aspect > 0.0):
             raise InputError(f"box aspect = {aspect}: a positive finite number is needed")
-        area = disk_area / packing_fraction
+        area = covered / packing_fraction
         return cls((math.sqrt(area * aspect), math.sqrt(area / aspect)), shear_rate=shear_rate)
 
     def packing_fraction(self, radius: Array) -> float:
         """Fraction of the area that disks of these radii [length], shape (n,), cover."""
-        return math.pi * float(np.sum(np.square(radius))) / self.area
+        return math.pi * float(slices.total(np.square(radius))) / self.area
 
     def flow(self, position: Array) -> Array:
         """Velocity of the mean flow [length/time] at positions [length], both of shape (..., 2); 0 without shear."""

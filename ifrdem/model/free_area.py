@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..tools import slices
 from ..tools.checked import Array
 from .box import Box
 from .walls import Point, Wall, sides
@@ -178,10 +179,12 @@ class Room:
 
     def packing_fraction(self, radius: Array) -> float:
         """Fraction of the room that disks of these radii [length], shape (n,), cover."""
-        if not self.all_walls:
-            return self.box.packing_fraction(radius)
-        area = self.area()
-        return math.pi * float(np.sum(np.square(radius))) / area if area > 0.0 else math.inf
+        return self.covered_part(math.pi * float(slices.total(np.square(radius))))
+
+    def covered_part(self, covered: float) -> float:
+        """Fraction of the room that disks of such an area [length^2] in all cover."""
+        area = self.area() if self.all_walls else self.box.area
+        return covered / area if area > 0.0 else math.inf
 
     def wall_length(self, inset: float = 0.0) -> float:
         """Length of what is `inset` [length] from walls: along it move the centres of disks that touch them.

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..tools import slices
 from ..tools.checked import Array
 from .state import Disks, State
 
@@ -114,22 +115,26 @@ def measure(
     """
     if disks.n != state.n:
         raise InputError(f"the state has {state.n} disks, the gas has {disks.n}")
+    totals = sums(disks, state, gravity)
+    put_in = {"energy_input": energy_input, "wall_work": wall_work, "wall_heat": wall_heat}
+    counted: Any = {"dissipated": dissipated, "regimes": regimes}
+    wall_hits = int(np.sum(state.wall_hits, dtype=np.int64))
+    return from_totals(disks, totals, float(state.time), wall_hits, **put_in, **counted)
+
+
+def sums(disks: Disks, state: State, gravity: tuple[float, float] = (0.0, 0.0), comm: Any = None) -> Array:
+    """Sums over all disks that `from_totals` takes; of ranks, each gives the disks and the state of its slice."""
     # An immovable disk is at rest: its infinite mass would make a NaN of that. It counts for nothing.
     movable = disks.movable
     mass, inertia = np.where(movable, disks.mass, 0.0), np.where(movable, disks.inertia, 0.0)
     # np.sum adds pairwise along a contiguous axis: its rounding grows like log n, not like n.
     v_x, v_y = np.ascontiguousarray(state.peculiar_velocity.T)
-    totals = (
-        0.5 * np.sum(mass * (v_x**2 + v_y**2)), 0.5 * np.sum(inertia * state.spin**2), np.sum(mass * v_x),
-        np.sum(mass * v_y), np.sum(mass * v_x * v_y),
-        np.sum(mass * (state.position @ np.array(gravity))) if any(gravity) else 0.0,
-        np.sum(state.collisions, dtype=np.int64) + (wall_hits := int(np.sum(state.wall_hits, dtype=np.int64))), 0.0,
-    )  # fmt: skip
-    put_in = {"energy_input": energy_input, "wall_work": wall_work, "wall_heat": wall_heat}
-    counted: Any = {"dissipated": dissipated, "regimes": regimes}
-    return from_totals(
-        disks, np.array(totals, dtype=np.float64), float(state.time), wall_hits, **put_in, **counted
-    )
+    columns: list[NDArray[Any]] = [
+        mass * (v_x**2 + v_y**2), inertia * state.spin**2, mass * v_x, mass * v_y, mass * v_x * v_y,
+        mass * (state.position @ np.array(gravity)), state.collisions.astype(np.int64) + state.wall_hits,
+    ]  # fmt: skip
+    found = [float(slices.total(each, comm)) for each in columns]
+    return np.array([0.5 * found[0], 0.5 * found[1], *found[2:], 0.0])
 
 
 def from_totals(disks: Disks, totals: Array, time: float, wall_hits: int, **put_in: Any) -> Measure:

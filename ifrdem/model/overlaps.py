@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
-from ..tools import checked
+from ..tools import checked, slices, world
 from ..tools.checked import Array
 from .box import Box
 from .free_area import Room
@@ -97,8 +98,9 @@ def _close_pairs_at(box: Box, radius: Array, position: Array, time: float) -> ND
 
 
 def check_no_overlap(
-    box: Box, radius: ArrayLike, position: ArrayLike, *, tolerance: float = TOLERANCE, time: float = 0.0
-) -> None:
+    box: Box, radius: ArrayLike, position: ArrayLike, *, tolerance: float = TOLERANCE, time: float = 0.0,
+    ids: Sequence[int] | NDArray[np.integer] | None = None,
+) -> None:  # fmt: skip
     """Refuse positions at which disks overlap, across the periodic sides too.
 
     Distances are computed pair by pair and exactly; a tree only finds which pairs are near. InputError names the pair
@@ -115,6 +117,8 @@ def check_no_overlap(
         Overlap that is taken as rounding, as a part of the contact distance R_i + R_j.
     time : float
         The time [time], which says where the images above and below are in a sheared box.
+    ids : sequence of int (n,)
+        Numbers of the disks, for the message; 0 to n - 1 by default.
     """
     radii = checked_radii(radius)
     centres = np.asarray(position, dtype=np.float64)
@@ -135,13 +139,52 @@ def check_no_overlap(
     wrong = overlap > tolerance * contact
     if wrong.any():
         worst = int(np.argmax(np.where(wrong, overlap, -np.inf)))
-        first, second = sorted((int(i[worst]), int(j[worst])))
+        first, second = sorted(int(each if ids is None else ids[each]) for each in (i[worst], j[worst]))
         count = int(np.count_nonzero(wrong))
         others = "" if count == 1 else f"; {count} pairs overlap, this one the most"
         raise InputError(
             f"disks {first} and {second} overlap by {overlap[worst]:.6g} "
             f"(distance {distance[worst]:.6g}, sum of radii {contact[worst]:.6g}){others}"
         )
+
+
+_BANDS = 64
+"""Bands of the box along y for each rank, of which those that it checks are put together."""
+
+
+def check_no_overlap_of_slices(
+    box: Box, radius: Array, position: Array, comm: Any, *, time: float = 0.0
+) -> None:
+    """As `check_no_overlap`, of disks of which each rank has a slice; all raise the error of one.
+
+    Each rank gets the disks of a part of the box along y, with about as many as the others, and those that reach into
+    it from above: it sees every pair whose lower disk is its own.
+    """
+    ids, _ = slices.numbered(len(radius), comm)
+    world.together(comm, lambda: checked_radii(radius))
+    width = 2.0 * max(comm.allgather(float(radius.max(initial=0.0)))) * (1.0 + 2.0 * TOLERANCE)
+    height = box.lengths[1]
+    y = box.wrap(position, time)[:, 1]
+    bands = _BANDS * comm.size
+    band = np.clip((y / height * bands).astype(np.int64), 0, bands - 1)
+    count = np.bincount(band, minlength=bands)
+    comm.Allreduce(count.copy(), count)
+    # Of each band, the rank that checks its disks: about as many for each.
+    rank = np.minimum((np.cumsum(count) - count) * comm.size // max(int(count.sum()), 1), comm.size - 1)
+    low = np.array([np.searchsorted(rank, q) for q in range(comm.size + 1)]) * (height / bands)
+    to, row = [], []
+    for q in range(comm.size):
+        above = (y - low[q]) % height if box.periodic[1] else y - low[q]
+        near = (rank[band] == q) | ((above >= 0.0) & (above <= low[q + 1] - low[q] + width))
+        if low[q + 1] > low[q]:
+            row.append(np.flatnonzero(near))
+            to.append(np.full(len(row[-1]), q))
+    rows = np.concatenate(row) if row else np.zeros(0, np.intp)
+    numbers = np.arange(ids.start, ids.stop)
+    ids_there, radii, places = slices.exchange(
+        comm, np.concatenate(to) if to else rows, [each[rows] for each in (numbers, radius, position)]
+    )
+    world.together(comm, lambda: check_no_overlap(box, radii, places, time=time, ids=ids_there))
 
 
 _APART = 1e-7  # of the contact distance: left between disks that were moved apart, so that none overlaps by rounding

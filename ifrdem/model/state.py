@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..kernels.limits import MECHANISMS
-from ..tools import checked
+from ..tools import checked, slices
 from ..tools.checked import Array
 from ..tools.pictured import Pictured
 from ..tools.reprs import Brief
@@ -92,36 +93,62 @@ class Disks(Brief):
     @functools.cached_property
     def covered(self) -> float:
         """Area that all of them cover [length^2]."""
-        return float(np.pi * np.sum(self.radius**2))
+        return float(np.pi * slices.total(self.radius**2))
 
     @functools.cached_property
     def mean_radius(self) -> float:
         """Mean radius [length]; nan without disks."""
-        return float(self.radius.mean()) if self.n else math.nan
+        return float(slices.total(self.radius) / self.n) if self.n else math.nan
+
+
+COLUMNS = ("mass", "radius", "k", "material")
+"""Constant properties of a disk."""
 
 
 class DiskKinds(Disks):
-    """Kinds of disks of a gas that is on several ranks, for those beside the first one, which has the disks.
+    """Kinds of disks of a gas that is on several ranks, none of which need have all of its disks.
 
     `n`, `n_movable`, `covered` and `mean_radius` are those of all disks; mass, radius, k and material have a row for
     each kind, ascending.
     """
 
     @classmethod
-    def of(cls, disks: Disks) -> DiskKinds:
-        """The kinds of some disks."""
-        names = ("mass", "radius", "k", "material")
-        code: NDArray[np.int64] = np.zeros(len(disks.mass), dtype=np.int64)
-        for column in (getattr(disks, name) for name in names):
-            if disks.n and column.min() != column.max():
-                values, index = np.unique(column, return_inverse=True)
-                _, code = np.unique(code * len(values) + index, return_inverse=True)
-        first = np.unique(code, return_index=True)[1] if code.any() else np.arange(min(len(code), 1))
+    def of(cls, disks: Disks, comm: Any = None) -> DiskKinds:
+        """The kinds of some disks; of ranks, each gives those of its slice, and gets the kinds of all."""
+        rows = unlike([getattr(disks, name) for name in COLUMNS])
+        n, movable = disks.n, disks.n_movable
+        if comm is not None:
+            rows = unlike([np.concatenate(each) for each in zip(*comm.allgather(rows), strict=True)])
+            n, movable = comm.allreduce(n), comm.allreduce(movable)
+        return cls.made(
+            rows, n, movable, slices.total(np.square(disks.radius), comm), slices.total(disks.radius, comm)
+        )
+
+    @classmethod
+    def made(
+        cls, rows: Sequence[NDArray[Any]], n: int, n_movable: int, squares: float, radii: float
+    ) -> DiskKinds:
+        """Kinds from their `COLUMNS`, the sum of squared radii of all disks [length^2], and of their radii [length]."""
         found = object.__new__(cls)
-        told = ("n", "n_movable", "covered", "mean_radius")
-        vars(found).update({name: getattr(disks, name)[first] for name in names})
-        vars(found).update({name: getattr(disks, name) for name in told})
+        vars(found).update(dict(zip(COLUMNS, rows, strict=True)), n=n, n_movable=n_movable)
+        vars(found).update(covered=float(np.pi * squares), mean_radius=float(radii / n) if n else math.nan)
         return found
+
+    @property
+    def rows(self) -> Disks:
+        """A disk of each kind."""
+        return Disks(len(self.mass), *(getattr(self, name) for name in COLUMNS))
+
+
+def unlike(columns: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
+    """Rows of columns, ascending, each once."""
+    code: NDArray[np.int64] = np.zeros(len(columns[0]), dtype=np.int64)
+    for column in columns:
+        if len(column) and column.min() != column.max():
+            values, index = np.unique(column, return_inverse=True)
+            _, code = np.unique(code * len(values) + index, return_inverse=True)
+    first = np.unique(code, return_index=True)[1] if code.any() else np.arange(min(len(code), 1))
+    return [column[first] for column in columns]
 
 
 _LOWEST = -(2**31)
@@ -247,6 +274,36 @@ class State(Brief, Sealed, Pictured):
     def peculiar_velocity(self) -> Array:
         """Velocities relative to the mean flow [length/time], shape (n, 2)."""
         return self.velocity if self.flow is None else self.velocity - self.flow
+
+
+OF_STATE = (
+    "position", "velocity", "spin", "collisions", "image", "wall_hits", "latest_collision", "last_partner", "angle",
+    "dissipated", "asleep",
+)  # fmt: skip
+"""What a state has of each disk, beside the flow, which the box gives."""
+
+
+def dealt(comm: Any, disks: Disks | None, state: State | None) -> tuple[Disks, State]:
+    """Disks and state of the own slice, of those that the first rank has; what the others give is not looked at."""
+    arrays, n, time = None, None, None
+    if comm.rank == 0:
+        assert disks is not None
+        assert state is not None
+        n, time = disks.n, float(state.time)
+        arrays = [thin(getattr(disks, name)) for name in COLUMNS]
+        arrays += [thin(getattr(state, name)) for name in OF_STATE]
+    n, time = comm.bcast((n, time))
+    found = slices.scatter(comm, n, arrays)
+    own = Disks(len(slices.slice_of(n, comm)), *found[: len(COLUMNS)])
+    return own, State(time=time, **dict(zip(OF_STATE, found[len(COLUMNS) :], strict=True)))
+
+
+def thin(array: NDArray[Any]) -> NDArray[Any]:
+    """The same array, in the memory of one row where all are equal to the bit."""
+    if len(array) < 2 or array.strides[0] == 0 or array[-1:].tobytes() != array[:1].tobytes():
+        return array
+    bits = np.ascontiguousarray(array).reshape(len(array), -1).view(np.uint8)
+    return np.broadcast_to(array[:1].copy(), array.shape) if bool(np.all(bits == bits[0])) else array
 
 
 @dataclass(eq=False, repr=False)

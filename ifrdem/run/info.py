@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..case.summary import size
-from ..errors import InputError, printable
+from ..errors import InputError, counted, printable
 from ..model.box import describe_sides
 from ..tools.files import checkpoint_of
 from ..trajectory import damage, layout, views
@@ -38,6 +38,11 @@ def _gas(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     disks, box, times, units = trajectory.disks, trajectory.box, trajectory.times, trajectory.units
     length, time, mass = (f" {units[name]}" if name in units else "" for name in ("length", "time", "mass"))
     yield "size on disk", size(trajectory.path.stat().st_size)
+    if (parts := trajectory.parts) is not None:
+        for number in range(len(parts)):
+            own, there = parts.disks(number), parts.place(trajectory.path, number)
+            held = f"disks {own.start} to {own.stop - 1}, {size(there.stat().st_size)}"
+            yield "" if number else f"{counted(len(parts), 'part')}", f"{parts.name(number)}: {held}"
     span = f", time {times[0]:.6g} to {times[-1]:.6g}{time}" if len(times) else ""
     yield "frames", f"{len(trajectory)}{span}"
     if not units:
@@ -65,11 +70,15 @@ def _describe_fields(trajectory: Trajectory) -> list[str]:
     for name in trajectory.fields:
         with damage.reading(trajectory.path, name):
             dataset = trajectory.dataset(name)
-            filters = f", {damage.compression(dataset)}" if damage.compression(dataset) else ""
-            stored = size(dataset.id.get_storage_size())
+            held = [
+                (file[dataset.name].id.get_storage_size(), damage.compression(file[dataset.name]))
+                for file in trajectory.holders()
+            ]
+            filters = f", {held[0][1]}" if held[0][1] else ""
+            stored = size(sum(each for each, _ in held))
         frame = int(np.prod(dataset.shape[1:])) * dataset.dtype.itemsize
-        held = f"{size(frame)} a frame, {stored} stored{filters}"
-        lines.append(f"  {name:<18}{dataset.dtype}{_shape(dataset.shape[2:])}, {held}")
+        told = f"{size(frame)} a frame, {stored} stored{filters}"
+        lines.append(f"  {name:<18}{dataset.dtype}{_shape(dataset.shape[2:])}, {told}")
         if len(dataset) > len(trajectory):
             lines[-1] += f", {len(dataset) - len(trajectory)} uncommitted"
     lines.append("observables (per frame)")

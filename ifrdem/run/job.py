@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import copy
 import json
 import os
 import shlex
@@ -23,16 +24,19 @@ from ..case.gas import CaseGas
 from ..case.pair_rules import COEFFICIENTS
 from ..errors import EngineError, InputError, Stopped, TrajectoryError
 from ..model.observables import MECHANISMS, Measure
+from ..model.state import State
 from ..model.walls import wall_names
-from ..simulation import checks
+from ..simulation import checkpoint, checks
 from ..simulation import device as backend
 from ..simulation.schedule import Course, Span
 from ..simulation.simulation import Simulation
 from ..simulation.tracking import Events
-from ..tools import world
+from ..tools import slices, world
 from ..tools.progress import Progress, Stage
 from ..tools.versions import revision
+from ..trajectory import parts
 from ..trajectory.background import QueuedWriter
+from ..trajectory.parts_writer import PartsWriter
 from ..trajectory.views import write_views
 from ..trajectory.writer import TrajectoryWriter
 from .outputs import Outputs
@@ -51,7 +55,7 @@ class Job:
     simulation: Simulation
     course: Course
     ledger: Ledger
-    writer: QueuedWriter
+    writer: QueuedWriter | PartsWriter
     pending: Events | None = None
     output_share: float = 0.0
     """Processor time of writing over that of all, when the run is done."""
@@ -90,9 +94,11 @@ def run(
             checks.check_ranks(
                 comm.size, file.gas.box, case.run.arch, case.run.precision, case.force, case.output.tracks
             )
+        checks.check_number(file.gas.n, comm.size if comm else 1)
         check.refuse_beyond_memory(
-            sum(each.number for each in case.species), case.run.arch, case.start.positions, share
-        )
+            sum(each.number for each in case.species), case.run.arch, case.start.positions, share,
+            sliced=file.gas.is_told_in_slices(case, comm) and file.gas.drawn_in_slices(case),
+        )  # fmt: skip
         gas = file.gas.ready(case)
         estimate = RunEstimate.of(gas, case)
         check.refuse_cadences(case, gas, estimate)
@@ -101,7 +107,8 @@ def run(
         say(check.summary(case, gas, estimate, how(case, cores, comm)))
         for text in (*gas.warnings, *crushes, *gas.cautions(case)):
             warn(text)
-        state = gas.start(case, Stage("growth"))
+        drawn = gas.is_told_in_slices(case, comm) and gas.drawn_in_slices(case)
+        state = None if drawn else gas.start(case, Stage("growth"))
         return [gas, state, gas.tracked(case, state)]
 
     try:
@@ -116,29 +123,42 @@ def run(
             del state, found[1:]  # which is large
     except KeyboardInterrupt:
         raise KeyboardInterrupt("interrupted before the first frame: nothing was written") from None
+    in_parts = case.output.in_parts(simulation.disks.n, 1 if comm is None else comm.size)
     if found is None:
         course = comm.bcast(None)
         world.on_first(comm, lambda: None)  # what is to be written may be refused
-        accompany(case, simulation, course)
+        own = None
+        if in_parts:
+            own = PartsWriter.create(None, simulation.disks, simulation.disks_here, None, comm=comm)
+        accompany(case, simulation, course, own)
         return
     span = Span.to(
-        gas.disks.n, simulation.time, simulation.collisions,
+        gas.n, simulation.time, simulation.collisions,
         t_end=case.run.t_end, collisions_per_disk=case.run.collisions_per_disk,
     )  # fmt: skip
     course = Course(span, case.output.frame_cadence, case.output.series_cadence)
     course = world.told(comm, course)
 
-    def begin() -> TrajectoryWriter:
+    options: dict[str, Any] = {
+        "parameters": _record(file, gas, device_of(case), comm), "units": UNITS[case.run.units], "force": force,
+        **stored(case, gas),
+    }  # fmt: skip
+
+    def begin() -> TrajectoryWriter | None:
         if force:  # the checkpoint of the trajectory that is replaced is of no use
-            outputs.checkpoint.unlink(missing_ok=True)
-        return TrajectoryWriter(
-            outputs.trajectory, gas.disks, gas.box, parameters=_record(file, gas, device_of(case), comm),
-            units=UNITS[case.run.units], force=force, **stored(case, gas),
-        )  # fmt: skip
+            checkpoint.remove(outputs.checkpoint)
+            parts.remove(outputs.trajectory)
+        return None if in_parts else TrajectoryWriter(outputs.trajectory, gas.disks, gas.box, **options)
 
     writer = world.on_first(comm, begin)
-    assert writer is not None
-    with QueuedWriter(writer) as queue:
+    made: QueuedWriter | PartsWriter
+    if writer is not None:
+        made = QueuedWriter(writer)
+    else:
+        made = PartsWriter.create(
+            outputs.trajectory, simulation.disks, simulation.disks_here, gas.box, comm=comm, **options
+        )
+    with made as queue:
         if start is not None:
             queue.begin_histories(tracked, start)
         job = Job(file, gas, outputs, simulation, course, Ledger(), queue)
@@ -193,7 +213,7 @@ def drive(
         collisions_per_disk_end=run.collisions_per_disk, device=device_of(case),
     )  # fmt: skip
     stops = Stops(max_hours=max_hours, every_minutes=case.output.checkpoint_minutes, warn=warn)
-    n, unit = job.gas.disks.n, UNITS[run.units]["time"] if run.units == "SI" else ""
+    n, unit = job.gas.n, UNITS[run.units]["time"] if run.units == "SI" else ""
     progress = Progress(
         n, t_end=run.t_end, collisions_per_disk=run.collisions_per_disk, unit=unit, kernels=backend.kernels
     )
@@ -206,6 +226,14 @@ def drive(
             eta_seconds=progress.seconds_left, frames=len(job.writer), series_rows=job.writer.series_rows,
         )  # fmt: skip
 
+    def frame(state: State, measure: Measure) -> None:
+        if isinstance(job.writer, PartsWriter):
+            recorder.frame(job.writer.shares(state), measure)
+        else:
+            whole = _gathered(simulation, state)
+            assert whole is not None  # this is the first rank
+            recorder.frame(whole, measure)
+
     def row(measure: Measure) -> None:
         recorder.row(measure)
         ledger = job.ledger
@@ -217,6 +245,7 @@ def drive(
 
     def between() -> None:
         _agree_to_go_on(simulation, stops, lambda: recorder.between(simulation.time))
+        job.writer.commit()
         if world.told(simulation.comm, stops.checkpoint_due):
             save(job, recorder)
             stops.stored()
@@ -227,7 +256,7 @@ def drive(
         with stops, progress:
             with recorder:
                 simulation.follow(
-                    job.course, observers=[recorder.frame], samplers=[row], progress=tell, between=between,
+                    job.course, observers=[frame], samplers=[row], progress=tell, between=between,
                     stored=_single(case),
                 )  # fmt: skip
             # A signal that comes while the latest frames are written is that of a run that is about to end anyway.
@@ -239,49 +268,82 @@ def drive(
         raise Stopped(text, stop.status) from None
     except KeyboardInterrupt:
         with contextlib.suppress(InputError, TrajectoryError):  # the interrupt is what is told
-            job.writer.flush()
+            if isinstance(job.writer, QueuedWriter) or simulation.comm is None:  # else it takes all ranks
+                job.writer.flush()
         text = _remains(job, "interrupted")
         if len(job.writer):
             status.finish("interrupted", _one_line(text))
         else:
             status.path.unlink(missing_ok=True)
-            job.outputs.checkpoint.unlink(missing_ok=True)
+            checkpoint.remove(job.outputs.checkpoint)
         raise KeyboardInterrupt(text) from None
     except Exception as error:  # whatever it is, nobody must take the run for one that goes on
         known = isinstance(error, EngineError | TrajectoryError | InputError)
         status.finish("failed", _one_line(str(error) if known else repr(error)))
         raise
-    job.outputs.checkpoint.unlink(missing_ok=True)
+    checkpoint.remove(job.outputs.checkpoint)
     status.update(frames=len(job.writer), series_rows=job.writer.series_rows)
     status.finish("done")
     job.output_share = (recorder.seconds + job.writer.seconds) / (time.process_time() - began)
     return progress.collisions_per_second
 
 
-def accompany(case: Case, simulation: Simulation, course: Course) -> None:
-    """Run to the end, on a rank that writes nothing; the first one drives."""
+def accompany(case: Case, simulation: Simulation, course: Course, writer: PartsWriter | None = None) -> None:
+    """Run to the end, on a rank that writes nothing, or only its part; the first one drives."""
+    with contextlib.nullcontext() if writer is None else writer:
+        _accompany(case, simulation, course, writer)
+    simulation.measure()  # after which the first one reads what was written
+
+
+def _accompany(case: Case, simulation: Simulation, course: Course, writer: PartsWriter | None) -> None:
     stops = Stops(warn=lambda _text: None)
     comm = simulation.comm
 
     def save_too() -> None:
         world.on_first(comm, lambda: None)  # whether what comes before a checkpoint could be written
+        if writer is not None:
+            writer.flush()
         try:
             simulation.save_checkpoint("")  # where the first one says
         except InputError as error:  # as in `save`
             raise TrajectoryError(str(error)) from error
 
+    def frame(state: State, _measure: Measure) -> None:
+        if writer is not None:
+            writer.write_frames([(writer.shares(state), None)])
+        else:
+            _gathered(simulation, state)
+
     def between() -> None:
-        _agree_to_go_on(simulation, stops)
+        _agree_to_go_on(simulation, stops, writer.tell if writer is not None else lambda: None)
+        if writer is not None:
+            writer.commit()
         if world.told(comm, False):
             save_too()
 
     try:
         with stops:
-            simulation.follow(course, between=between, stored=_single(case))
+            simulation.follow(course, observers=[frame], between=between, stored=_single(case))
+        if writer is not None:
+            writer.flush()
     except Stopped:
         save_too()
         raise
-    simulation.measure()
+
+
+def _gathered(simulation: Simulation, state: State) -> State | None:
+    """The state of all disks on the first rank, None on others, where each has a slice of it (`tools/slices.py`)."""
+    comm = simulation.comm
+    if not simulation.sliced:
+        return state
+    names = [name for name in sorted(State.assignable - {"time"}) if getattr(state, name) is not None]
+    rows = slices.gather(comm, simulation.disks.n, [getattr(state, name) for name in names])
+    if rows is None:
+        return None
+    whole = copy.copy(state)
+    for name, values in zip(names, rows, strict=True):
+        setattr(whole, name, values)
+    return whole
 
 
 def _single(case: Case) -> Collection[str] | None:
@@ -305,9 +367,12 @@ def save(job: Job, recorder: Recorder) -> None:
 
     def commit() -> None:
         recorder.write()
-        job.writer.flush()
+        if isinstance(job.writer, QueuedWriter):
+            job.writer.flush()
 
     world.on_first(job.simulation.comm, commit)
+    if isinstance(job.writer, PartsWriter):  # which all ranks have
+        job.writer.flush()
     pending = recorder.pending
     arrays = {} if pending is None else {f"extra_{name}": each for name, each in pending.columns().items()}
     arrays["tracked"] = job.simulation.tracked
@@ -424,7 +489,7 @@ def _closing(
     head = f"done in {wall:.1f} s: "
     if before > first.collisions:
         head += f"{last.collisions - before} collisions since it was resumed, in all "
-    head += f"{done} collisions ({2.0 * done / gas.disks.n:.4g} per disk) "
+    head += f"{done} collisions ({2.0 * done / gas.n:.4g} per disk) "
     head += f"to t = {last.time:.5g}{case.unit('time')}; {rate:.3g} collisions/s once compiled, {overall:.3g} in all"
     temperatures = []
     if first.temperature > 0.0:
@@ -453,7 +518,9 @@ def _closing(
             f"the energy ledger closes to {abs(residual):.1e} of the energy that was there or put in"
         )
     # Against the momentum that the disks' typical speed would add up to, all one way.
-    scale = float(np.sqrt(2.0 * first.translational_energy * np.sum(gas.disks.mass)))
+    scale = float(
+        np.sqrt(2.0 * first.translational_energy * sum(float(np.sum(each.mass)) for each in gas.species))
+    )
     if first.energy > 0.0 and scale > 0.0:
         drift = float(np.linalg.norm(last.momentum - first.momentum))
         what = "change" if case.force or case.walled else "drift"  # heat baths, drag and walls change it

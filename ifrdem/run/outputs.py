@@ -10,6 +10,7 @@ from pathlib import Path
 from ..case.case import Case
 from ..errors import InputError
 from ..tools.files import CHECKPOINT, VIEWS, check_files, checkpoint_of
+from ..trajectory import parts
 
 
 @dataclass(frozen=True)
@@ -56,10 +57,15 @@ class Outputs:
         Raises InputError with a line for each thing that is wrong. Nothing is left behind.
         """
         check_files(self._paths, force=force)
+        if (there := parts.existing(self.trajectory)) and not force:
+            raise InputError(
+                f"output {there[0].parent}: holds parts of a trajectory; --force replaces it, -o writes elsewhere"
+            )
 
     def sizes(self) -> dict[Path, int]:
         """Bytes of each file that is there."""
-        return {path: path.stat().st_size for path in self._paths if path.exists()}
+        paths = [*self._paths, *parts.existing(self.trajectory)]
+        return {path: path.stat().st_size for path in paths if path.exists()}
 
     @property
     def _paths(self) -> list[Path]:

@@ -18,6 +18,7 @@ from ..model.state import State
 from ..model.walls import OF_PISTONS, PISTONS, SUMS
 from ..simulation.tracking import Events, joined
 from ..trajectory.background import QueuedWriter
+from ..trajectory.parts_writer import PartsWriter, Shares
 
 ROWS_AT_ONCE, BYTES_AT_ONCE, WAIT = 256, 4 << 20, 2.0
 """Rows of the time series and bytes of frames that are written together at most, and seconds after which the next row
@@ -131,7 +132,7 @@ class Recorder:
 
     def __init__(
         self,
-        writer: QueuedWriter,
+        writer: QueuedWriter | PartsWriter,
         ledger: Ledger,
         take_events: Callable[[], Events] | None = None,
         pending: Events | None = None,
@@ -145,7 +146,7 @@ class Recorder:
         self._clock, self._wrote = clock, -math.inf
         self.seconds: float = 0.0
         self._rows: list[tuple[float, dict[str, Any]]] = []
-        self._frames: list[tuple[State, dict[str, Any]]] = []
+        self._frames: list[tuple[Any, dict[str, Any]]] = []
         self._parts: list[tuple[Mapping[str, Any], float]] = []
         self._pending = [] if pending is None or not len(pending) else [pending]
 
@@ -157,7 +158,7 @@ class Recorder:
         with contextlib.nullcontext() if kind is None else contextlib.suppress(InputError, TrajectoryError):
             self.write()
 
-    def frame(self, state: State, measure: Measure) -> None:
+    def frame(self, state: State | Shares, measure: Measure) -> None:
         """Write a frame, and the events until then, now or together with some others."""
         began = time.thread_time()
         self._close_part(measure.time)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 import operator
 import os
@@ -23,7 +24,9 @@ from ..simulation.schedule import Course
 from ..simulation.tracking import Events
 from ..tools import text_file, world
 from ..tools.files import CHECKPOINT, checkpoint_of
+from ..trajectory import parts
 from ..trajectory.background import QueuedWriter
+from ..trajectory.parts_writer import PartsWriter
 from ..trajectory.writer import TrajectoryWriter
 from .job import Job, accompany, cores_of, drive, finish, how, stored
 from .outputs import Outputs, only
@@ -84,7 +87,7 @@ def resume(
 
     def prepared() -> tuple[Any, ...]:
         path = find(place)
-        arrays, record = checkpoint.read(path)
+        arrays, record = checkpoint.read(path, rows=False)
         with checkpoint.reading(path, "its record"):
             checkpoint.check_versions(record, path)
             extra: Mapping[str, Any] = record["extra"]
@@ -113,29 +116,43 @@ def resume(
         gas = CaseGas.from_case(case, begun[0].parent, start=False)
         file = CaseFile(*begun, case, gas)
         outputs = Outputs.plan(case, str(trajectory), picture=picture)
-        writer = TrajectoryWriter.resume(trajectory, gas.disks, gas.box, **stored(case, gas), **seen)
-        return path, file, outputs, ledger, course, writer, checkpoint.state_of(arrays), arrays
+        disks = gas.kinds if parts.are_in(trajectory) else gas.disks  # parts look at theirs themselves
+        writer = TrajectoryWriter.resume(trajectory, disks, gas.box, **stored(case, gas), **seen)
+        return path, file, outputs, ledger, course, writer, arrays, "parts" in record, seen
 
     found = world.on_first(comm, prepared)
+    in_parts = world.told(comm, found is not None and found[-2])
+    rows = checkpoint.read_parts("" if found is None else found[0], comm)[0] if in_parts else None
     if found is None:
-        case, simulation = CaseGas.beside(comm)
+        case, simulation = CaseGas.beside(comm, None if rows is None else checkpoint.state_of(rows))
+        del rows  # which are large
         simulation.load_checkpoint("")
-        accompany(case, simulation, comm.bcast(None))
+        course, own = comm.bcast(None), None
+        if comm.bcast(None):
+            own = PartsWriter.resume(None, simulation.disks_here, None, comm=comm)
+        accompany(case, simulation, course, own)
         return
-    path, file, outputs, ledger, course, writer, state, arrays = found
+    path, file, outputs, ledger, course, writer, arrays, _, seen = found
     tracked, pending = arrays["tracked"], _events(arrays)
     case, gas, devices = file.case, file.gas, how(file.case, cores, comm)
-    with QueuedWriter(writer) as queue:
-        pistons = arrays["state_pistons"][:, 0].tolist()
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(writer)
+        pistons, state = arrays["state_pistons"][:, 0].tolist(), checkpoint.state_of(rows or arrays)
         simulation = gas.simulation(case, state, tracked=tracked, comm=comm, pistons=pistons)
-        del state, arrays, found  # which are large
+        del state, rows, arrays, found  # which are large
         simulation.load_checkpoint(path)
         course = world.told(comm, course)
-        later = len(writer) - ledger.frames
+        queue: QueuedWriter | PartsWriter
+        if world.told(comm, writer.parts is not None):
+            own, options = simulation.disks_here, {**stored(case, gas), "frames": seen["frames"]}
+            queue = stack.enter_context(PartsWriter.resume(writer, own, gas.box, comm=comm, **options))
+        else:
+            queue = stack.enter_context(QueuedWriter(writer))
+        later = len(queue) - ledger.frames
         more = f"; {later} later frames of the file are computed again and compared" if later > 0 else ""
         begun_at = f"t = {simulation.time:.6g}{case.unit('time')}, after {simulation.collisions} collisions"
         frames = f"{ledger.frames} frames, on {devices}{more}"
-        say(f"{case.run.name}: {gas.disks.n} disks go on at {begun_at} and {frames}")
+        say(f"{case.run.name}: {gas.n} disks go on at {begun_at} and {frames}")
         job = Job(file, gas, outputs, simulation, course, ledger, queue, pending)
         before = simulation.collisions
         rate = drive(job, max_hours=max_hours, say=say, warn=warn)

@@ -25,6 +25,7 @@ from ..kernels.windows import exchange, sum_shared
 from ..model.box import Box
 from ..model.state import Disks, State
 from ..model.walls import Wall
+from ..tools import slices
 from . import device
 
 CELL = 1.0 + 1e-6  # side of a cell in largest diameters, at least: what rounding leaves of it
@@ -124,6 +125,7 @@ class DeviceArrays:
 
     found: Any
     blocks: Any
+    comm: Any = None
 
     def __init__(
         self,
@@ -485,31 +487,36 @@ class DeviceArrays:
 
     def take_lists(self, found: dict[str, NDArray[Any]]) -> None:
         """Go on from lists that `lists` gave, as the beginning of a window."""
-        for name, kept in self.state_arrays().items():
-            if kept:
-                values = getattr(self, name).to_numpy()
-                values[: self.n] = found[name]
-                getattr(self, name).from_numpy(values)
-        self.set_lists(0, found["tile"][:, 1], found["tile"][:, 0])
+        rows = {name: found[name] for name in self._kept()}
+        self._take(rows, found["listed"][:, 0], found["listed"][:, 1])
 
     def lists(self, part: int) -> dict[str, NDArray[Any]]:
-        """Content of a part: rows of the state by array, and where each tile's list begins and how long it is."""
-        rows = slice(part * self.room, part * self.room + self.n)
-        found = {
-            name: getattr(self, name).to_numpy()[rows] for name, kept in self.state_arrays().items() if kept
-        }
-        return found | {"tile": self.tile.to_numpy()[:, [k.START + part, k.COUNT + part]]}
+        """Rows of the state at a part, by array and in order of ids; and `listed`, the tile and the place in its list.
 
-    def told(self, value: Any) -> Any:
-        """A value of the first rank, made known to all."""
-        return value
+        Of ranks, those of the own slice (`slices.py`).
+        """
+        held, tile = self.rows_held(part)
+        held.pop("kind", None)
+        place = np.arange(len(tile)) - np.searchsorted(tile, tile)
+        held["listed"] = np.stack([tile, place], axis=1).astype(np.int32)
+        ids = held["meta"][:, k.ID]
+        return dict(zip(held, slices.by_id(self.comm, self.n, ids, list(held.values())), strict=True))
+
+    def _kept(self) -> list[str]:
+        """Names of the arrays of a state that this gas keeps, beside the kinds of disks, which ids tell."""
+        return [name for name, kept in self.state_arrays().items() if kept and name != "kind"]
+
+    def _values(self, name: str) -> NDArray[Any]:
+        """Content of an array."""
+        found: NDArray[Any] = getattr(self, name).to_numpy()
+        return found
 
     def rows_here(self, part: int) -> int:
         """Number of disks that a part holds: all."""
         return self.n
 
-    def by_id(self, part: int, to_all: bool, arrays: Sequence[NDArray[Any]]) -> list[NDArray[Any]] | None:
-        """Rows that `read_out` filled for this part, as rows of all disks by id."""
+    def by_id(self, part: int, arrays: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
+        """Rows that `read_out` filled for this part, in order of ids; of ranks, those of the own slice."""
         return list(arrays)
 
     def sums_of(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -551,16 +558,25 @@ class DeviceArrays:
         self.grid[k.PART] = 0
         if self.uses.sheared:
             self.displace_rows(state.time)
-        rows, count = self.rows_from(state)
-        for name, values in rows.items():
-            array = np.zeros_like(getattr(self, name).to_numpy())
-            array[: self.n] = values
-            getattr(self, name).from_numpy(array)
-        self.set_lists(0, count)
+        self._take(*self._rows_from(state))
 
-    def rows_from(self, state: State) -> tuple[dict[str, NDArray[Any]], NDArray[np.int64]]:
-        """Rows of the arrays for a state, tile after tile, by the arrays' names; and the disks of each tile."""
-        velocity, crossed = state.velocity, np.zeros((self.n, 2))
+    def _take(
+        self,
+        rows: dict[str, NDArray[Any]],
+        tile: NDArray[np.integer],
+        place: NDArray[np.integer] | None = None,
+    ) -> None:
+        """List rows of the state, which are in order of ids, in their tiles: by `place`, or by ids without it."""
+        order = np.argsort(tile, kind="stable") if place is None else np.lexsort((place, tile))
+        for name, values in rows.items():
+            array = np.zeros_like(self._values(name))
+            array[: self.n] = values[order]
+            getattr(self, name).from_numpy(array)
+        self.set_lists(0, np.bincount(tile, minlength=self.tiles))
+
+    def _rows_from(self, state: State) -> tuple[dict[str, NDArray[Any]], NDArray[np.integer]]:
+        """Rows of the arrays for a state, by the arrays' names; and the tile of each."""
+        velocity, crossed = state.velocity, np.zeros((state.n, 2))
         if self.uses.sheared:
             position, velocity, crossed = self._in_frames(state)
         else:
@@ -574,29 +590,25 @@ class DeviceArrays:
         columns = [np.searchsorted(self.edges[a], position[:, a], side="right") - 1 for a in (0, 1)]
         index = np.clip(np.stack(columns, axis=1), 0, counts - 1)
         tile = index[:, 0] * counts[1] + index[:, 1]
-        order = np.argsort(tile, kind="stable")
         local = position - np.stack([self.edges[a][index[:, a]] for a in (0, 1)], axis=1)
-        events = state.collisions + state.wall_hits
+        events, ids = state.collisions + state.wall_hits, slices.slice_of(self.n, self.comm)
         kept: dict[str, Callable[[], NDArray[Any]]] = {
-            "disk": lambda: np.column_stack([local, velocity, state.spin])[order],
+            "disk": lambda: np.column_stack([local, velocity, state.spin]),
             "meta": lambda: np.column_stack(
-                [np.arange(self.n), events, state.image + crossed.astype(np.int32)]
-            )[order],
-            "past": lambda: np.column_stack([state.latest_collision - state.time, state.angle])[order],
-            "hits": lambda: np.column_stack([state.wall_hits, state.last_partner])[order],
-            "spent": lambda: state.dissipated[order],
+                [np.arange(ids.start, ids.stop), events, state.image + crossed.astype(np.int32)]
+            ),
+            "past": lambda: np.column_stack([state.latest_collision - state.time, state.angle]),
+            "hits": lambda: np.column_stack([state.wall_hits, state.last_partner]),
+            "spent": lambda: state.dissipated,
             # Either is to be judged.
-            "slept": lambda: np.where(state.asleep[order], k.SAID_ASLEEP, k.WOKEN),
-            "held": lambda: np.full((self.n, k.HELD * k.OF_HELD), k.NOBODY),
-            "kind": lambda: self._kind[order],
+            "slept": lambda: np.where(state.asleep, k.SAID_ASLEEP, k.WOKEN),
+            "held": lambda: np.full((state.n, k.HELD * k.OF_HELD), k.NOBODY),
         }
         types = {"disk": self.real, "past": np.float64, "spent": np.float64, "held": np.float64}
         found: dict[str, NDArray[Any]] = {
-            name: kept[name]().astype(types.get(name, np.int32), copy=False)
-            for name, wanted in self.state_arrays().items()
-            if wanted
+            name: kept[name]().astype(types.get(name, np.int32), copy=False) for name in self._kept()
         }
-        return found, np.bincount(tile, minlength=self.tiles)
+        return found, tile
 
     def _first_room(self, n: int) -> int:
         """Slots to begin with."""
@@ -625,12 +637,9 @@ class DeviceArrays:
 
         With the tile that lists each, and the one that it is in.
         """
-        rows, listed = self.rows_of(int(self.grid[k.PART]))
-        held = {
-            name: getattr(self, name).to_numpy()[rows] for name, kept in self.state_arrays().items() if kept
-        }
+        held, listed = self.rows_held(int(self.grid[k.PART]))
         counts = np.array([self.grid[k.TILES_X], self.grid[k.TILES_Y]])
-        index = np.empty((len(rows), 2), dtype=np.int64)
+        index = np.empty((len(listed), 2), dtype=np.int64)
         disk, meta = held["disk"], held["meta"]
         for axis, old in enumerate((listed // counts[1], listed % counts[1])):
             edge = self.edges[axis]
@@ -643,6 +652,11 @@ class DeviceArrays:
             index[:, axis] = np.clip(np.searchsorted(edge, place, side="right") - 1, 0, counts[axis] - 1)
             disk[:, axis] = place - edge[index[:, axis]]
         return held, listed, index[:, 0] * counts[1] + index[:, 1]
+
+    def rows_held(self, part: int) -> tuple[dict[str, NDArray[Any]], NDArray[np.intp]]:
+        """Rows of the state at a part, by array, list after list; and the tile that lists each."""
+        rows, tile = self.rows_of(part)
+        return {name: self._values(name)[rows] for name, kept in self.state_arrays().items() if kept}, tile
 
     def rows_of(self, part: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Rows of a part in the arrays of the state, list after list, and the tile that lists each."""

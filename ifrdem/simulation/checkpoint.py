@@ -1,11 +1,15 @@
-"""Checkpoint files: arrays and a record, in double precision, written whole or not at all."""
+"""Checkpoint files: arrays and a record, in double precision, written whole or not at all, by one rank or by all."""
 
 from __future__ import annotations
 
+import contextlib
 import glob
 import hashlib
+import itertools
 import json
 import os
+import re
+import secrets
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -17,11 +21,11 @@ from numpy.typing import NDArray
 
 from ..errors import DamageError, InputError
 from ..model.state import State
-from ..tools import files
+from ..tools import files, slices, world
 from ..tools.versions import package_versions
 from ..trajectory import damage
 
-FORMAT = 8
+FORMAT = 9
 BEGIN_ANEW = '; begin a new run from a stored frame: start.positions = "NAME.h5"'
 _KIND = "ifrdem checkpoint"
 
@@ -34,7 +38,7 @@ def write(
     Parameters
     ----------
     path : path
-        The file; an existing one is replaced.
+        The file; an existing one is replaced, with its parts.
     arrays : mapping
         Arrays by name.
     record : mapping
@@ -45,7 +49,70 @@ def write(
     InputError
         If it cannot be written; the old file is kept then.
     """
-    place = Path(path)
+    _write(Path(path), arrays, record)
+    _remove_parts(Path(path))
+
+
+def write_parts(
+    path: str | os.PathLike[str],
+    comm: Any,
+    arrays: Mapping[str, NDArray[Any]],
+    small: Mapping[str, NDArray[Any]],
+    record: Mapping[str, Any],
+) -> None:
+    """Write a checkpoint in parts, one for each rank; all ranks call this.
+
+    NAME.checkpoint.h5 holds what is the same on all ranks; the folder NAME.checkpoint.parts has a file of each rank
+    with the rows of its slice of the disks. The files of one checkpoint bear a mark of their own, and those of the one
+    before are there until NAME.checkpoint.h5 names the new ones: whenever a rank is killed, one of both is whole.
+
+    Parameters
+    ----------
+    path : path
+        The file, on the first rank.
+    comm : mpi4py.MPI.Comm
+        The ranks.
+    arrays : mapping
+        Arrays with a row for each disk of this rank's slice (`tools/slices.py`).
+    small : mapping
+        Other arrays, of which those of the first rank are written.
+    record : mapping
+        As for `write`, of the first rank.
+
+    Raises
+    ------
+    InputError
+        On all ranks, if a file cannot be written; the checkpoint that was there is kept then.
+    """
+    counts = comm.allgather(len(next(iter(arrays.values()))))
+
+    def begin() -> tuple[Path, str]:
+        place = Path(path)
+        try:
+            parts_of(place).mkdir(exist_ok=True)
+        except OSError as error:
+            raise InputError(f"checkpoint {parts_of(place)} cannot be made: {error.strerror}") from error
+        return place, secrets.token_hex(8)
+
+    place, mark = world.from_first(comm, begin)
+    own, error = _part(place, mark, comm.rank), None
+    try:
+        _write(own, arrays, {"mark": mark, "part": comm.rank})
+    except InputError as raised:
+        error = raised
+    try:
+        world.agree(comm, error)
+        first = [0, *np.cumsum(counts).tolist()]
+        world.on_first(
+            comm, lambda: _write(place, small, {**record, "parts": {"mark": mark, "first": first}})
+        )
+    except InputError:
+        own.unlink(missing_ok=True)
+        raise
+    world.on_first(comm, lambda: _remove_parts(place, but=mark))
+
+
+def _write(place: Path, arrays: Mapping[str, NDArray[Any]], record: Mapping[str, Any]) -> None:
     for left in place.parent.glob(
         f".{glob.escape(place.name)}.*.part"
     ):  # by a run that was killed while it wrote
@@ -69,7 +136,35 @@ def write(
                 os.close(descriptor)
     except (OSError, RuntimeError) as error:
         reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
-        raise InputError(f"checkpoint {path} cannot be written: {reason}") from error
+        raise InputError(f"checkpoint {place} cannot be written: {reason}") from error
+
+
+def parts_of(path: str | os.PathLike[str]) -> Path:
+    """Folder with the parts of a checkpoint, NAME.checkpoint.parts for NAME.checkpoint.h5."""
+    place = Path(path)
+    return place.with_name(place.name.removesuffix(".h5") + ".parts")
+
+
+def _part(place: Path, mark: str, number: int) -> Path:
+    return parts_of(place) / f"{mark}-{number:04d}.h5"
+
+
+def _remove_parts(place: Path, but: str = "") -> None:
+    """Remove the parts of other checkpoints than that of a mark, and the folder if it is empty then."""
+    folder = parts_of(place)
+    for each in folder.iterdir() if folder.is_dir() else ():
+        if re.fullmatch(r"\.?[0-9a-f]{16}-\d{4,}\.h5(\..*\.part)?", each.name) and not (
+            but and each.name.startswith(but)
+        ):
+            each.unlink(missing_ok=True)
+    with contextlib.suppress(OSError):
+        folder.rmdir()
+
+
+def remove(path: str | os.PathLike[str]) -> None:
+    """Remove a checkpoint, if it is there, with its parts."""
+    Path(path).unlink(missing_ok=True)
+    _remove_parts(Path(path))
 
 
 def _digest(arrays: Mapping[str, NDArray[Any]], record: str) -> str:
@@ -106,14 +201,80 @@ def check_extra(path: object, extra: object, arrays: object) -> None:
             raise InputError(f"arrays[{key!r}] = {value!r}: an array of numbers by its name is needed")
 
 
-def read(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """The arrays and the record of a checkpoint.
+def read(
+    path: str | os.PathLike[str], *, rows: bool = True
+) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """The arrays and the record of a checkpoint, whole also where it is in parts; without `rows`, none of its parts.
 
     Raises
     ------
     InputError
-        If there is no such file, or it is none of ours, or damaged.
+        If there is no such file, or it is none of ours, or damaged, or a part is missing.
     """
+    arrays, record = _read(path)
+    return (arrays | _rows(path, record, None) if rows else arrays), record
+
+
+def read_parts(
+    path: str | os.PathLike[str], comm: Any = None
+) -> tuple[dict[str, NDArray[Any]], dict[str, Any], bool]:
+    """The arrays and the record of a checkpoint, on each rank with the rows of its own slice of the disks.
+
+    All ranks call it, any number of them; the path is the first one's. The last of the three tells if the checkpoint is
+    in parts; if it is not, the first rank has all arrays, and the others have none.
+
+    Raises
+    ------
+    InputError
+        On all ranks, as `read`.
+    """
+
+    def first() -> tuple[Path, dict[str, NDArray[Any]], dict[str, Any]]:
+        return Path(path), *_read(path)
+
+    found = world.on_first(comm, first)
+    in_parts = found is not None and "parts" in found[2]
+    if comm is not None:
+        in_parts = comm.bcast(in_parts)
+        if not in_parts:
+            return ({}, comm.bcast(None), False) if found is None else (found[1], comm.bcast(found[2]), False)
+        found = comm.bcast(found)
+    assert found is not None
+    place, arrays, record = found
+    rows, error = {}, None
+    try:
+        rows = _rows(place, record, comm)
+    except InputError as raised:
+        error = raised
+    world.agree(comm, error)
+    return arrays | rows, record, in_parts
+
+
+def _rows(path: str | os.PathLike[str], record: Mapping[str, Any], comm: Any) -> dict[str, NDArray[Any]]:
+    """Rows of this rank's slice of the disks, from the parts of a checkpoint; none if it has no parts."""
+    if "parts" not in record:
+        return {}
+    with reading(path, "its parts"):
+        mark, first = str(record["parts"]["mark"]), [int(each) for each in record["parts"]["first"]]
+    own, pieces = slices.slice_of(first[-1], comm), []
+    for number, (start, end) in enumerate(itertools.pairwise(first)):
+        low, high = max(start, own.start), min(end, own.stop)
+        if low < high:
+            place = _part(Path(path), mark, number)
+            if not place.exists():
+                raise InputError(
+                    f"checkpoint {path}: its part {place.parent.name}/{place.name} (disks {start} to {end - 1}) is "
+                    f"missing{BEGIN_ANEW}"
+                )
+            arrays, marked = _read(place)
+            if (marked.get("mark"), marked.get("part")) != (mark, number):
+                raise InputError(f"checkpoint {path}: {place} is part of another one{BEGIN_ANEW}")
+            pieces.append({name: each[low - start : high - start] for name, each in arrays.items()})
+    return {name: np.concatenate([each[name] for each in pieces]) for name in pieces[0]}
+
+
+def _read(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """The arrays and the record of a file."""
     if not os.path.isfile(path):
         raise InputError(f"{path}: there is no such file")
     if not h5py.is_hdf5(path):

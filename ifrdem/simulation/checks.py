@@ -120,9 +120,11 @@ def check(
     velocity_cutoff: float,
     contact_time: float,
     resting_speed: float,
-    ranks: int = 1,
+    speed: float,
 ) -> None:
     """Refuse what the engine cannot simulate; arguments as for `Engine`, `materials` the rows of the law's table.
+
+    Of ranks, `disks` and `state` may be those of a slice; `speed` is the largest of all disks (`fastest`).
 
     Raises
     ------
@@ -130,12 +132,6 @@ def check(
         Names what is wrong, and what to do instead.
     """
     n = disks.n
-    most = min(ranks * MOST_DISKS, ADDRESSABLE)  # ids have 32 bits too
-    if n > most:
-        on = f" on {ranks} ranks" if ranks > 1 else ""
-        raise InputError(f"{n} disks: the engine's 32-bit indices allow {most} at most{on}")
-    if state.n != n:
-        raise InputError(f"the state has {state.n} disks: {n} are needed")
     check_motion(disks, state)
     if n and int(disks.material.max()) >= materials:
         raise InputError(f"material index {disks.material.max()}: the law table has {materials} materials")
@@ -161,9 +157,16 @@ def check(
         )
     if box.shear_rate:
         _check_sheared(disks, box, walls)
-    speed = fastest(disks, state.velocity, state.spin)
     check_magnitudes(disks, box, speed, precision, hottest)
     check_between_collisions(disks, box, gravity, forces)
+
+
+def check_number(n: int, ranks: int = 1) -> None:
+    """Refuse more disks than 32-bit indices reach, which count disks of each rank, and ids of all of them."""
+    most = min(ranks * MOST_DISKS, ADDRESSABLE)
+    if n > most:
+        on = f" on {ranks} ranks" if ranks > 1 else ""
+        raise InputError(f"{n} disks: the engine's 32-bit indices allow {most} at most{on}")
 
 
 def check_resting(

@@ -57,10 +57,10 @@ from ..model.box import Box
 from ..model.ifr import IFRLaw
 from ..model.law import CollisionLaw, compiled
 from ..model.overlaps import TOLERANCE
-from ..model.state import DiskKinds, Disks, State
+from ..model.state import DiskKinds, Disks, State, dealt, thin
 from ..model.walls import Wall, rows_of, sides
 from ..model.walls import check as check_walls
-from ..tools import checked, seeds, world
+from ..tools import checked, seeds, slices, world
 from . import checks, device
 from .interrupts import Deferred
 from .tracking import Statistics
@@ -151,12 +151,6 @@ class EngineOptions:
                 raise InputError(f"window_collisions = {self.window_collisions!r}: {needed}")
 
 
-def _thin(array: NDArray[Any]) -> NDArray[Any]:
-    """The same array, in the memory of one number where all are equal."""
-    same = len(array) > 1 and bool(np.all(array == array[0]))
-    return np.broadcast_to(array[:1].copy(), array.shape) if same else array
-
-
 @dataclass(frozen=True)
 class CollisionTimes:
     """Collisions in order of time.
@@ -193,6 +187,9 @@ class Engine:
     comm : communicator of mpi4py, optional
         Whose ranks have a part of the gas each, if there are several (`ranks.py`); all make the same engine, and call
         the same methods.
+    sliced : bool
+        Each rank gives the disks and the start of its slice (`tools/slices.py`), and is told states of it; else the
+        first one gives and is told all of them, and what the others give is not looked at.
     **options
         Those of `EngineOptions`.
 
@@ -215,6 +212,7 @@ class Engine:
         law: type[CollisionLaw] = IFRLaw,
         tracking: Tracking | None = None,
         comm: Any = None,
+        sliced: bool = False,
         **options: Any,
     ) -> None:
         self._released = True  # until there is anything to release
@@ -231,34 +229,46 @@ class Engine:
         self.precision: str = given.precision
         self.walls: tuple[Wall, ...] = (*walls, *sides(box))
         self.given_walls: int = len(walls)
+        self.sliced: bool = sliced and self.comm is not None
 
-        def judged() -> tuple[Any, ...]:
+        def counted() -> tuple[int, float, int, int, int]:
+            if state.n != disks.n:
+                raise InputError(f"the state has {state.n} disks: {disks.n} are needed")
+            met, hits = (int(each.sum(dtype=np.int64)) for each in (state.collisions, state.wall_hits))
+            speed = checks.fastest(disks, state.velocity, state.spin)
+            return disks.n, speed, met, hits, int(np.count_nonzero(state.asleep))
+
+        def judged() -> None:
+            checks.check_number(n, comm.size if comm else 1)
             checks.check(
                 disks, box, state, len(self._law_table), walls, given.gravity, given.precision, forces,
                 velocity_cutoff=given.velocity_cutoff, contact_time=given.contact_time,
-                resting_speed=given.resting_speed, ranks=comm.size if comm else 1,
+                resting_speed=given.resting_speed, speed=max(speeds),
             )  # fmt: skip
-            met, hits = (
-                int(state.collisions.sum(dtype=np.int64)) // 2,
-                int(state.wall_hits.sum(dtype=np.int64)),
-            )
             check_walls(
-                self.walls, box, state.position, disks.radius, len(self._law_table), float(state.time), collisions=met,
-                tolerance=TOLERANCE * float(disks.radius.max(initial=0.0)),
+                self.walls, box, state.position, disks.radius, len(self._law_table), float(state.time),
+                collisions=self._before[0], tolerance=TOLERANCE * float(disks.radius.max(initial=0.0)),
             )  # fmt: skip
-            kinds = None if self.comm is None else DiskKinds.of(disks)
-            return kinds, float(state.time), met, hits, int(np.count_nonzero(state.asleep))
 
-        kinds, time, *self._before, self._slept = world.from_first(self.comm, judged)
-        if not world.is_first(self.comm):
-            disks, state = kinds, State(np.empty((0, 2)), np.empty((0, 2)), np.empty(0), time)
-        self.disks: Disks = disks
-        self.n: int = disks.n
+        count = (world.together if self.sliced else world.on_first)(self.comm, counted)
+        counts = [count] if self.comm is None else self.comm.allgather(count)
+        numbers, speeds, met, hits, slept = map(list, zip(*(each for each in counts if each), strict=True))
+        n = self.n = sum(numbers)
+        self._before, self._slept = [sum(met) // 2, sum(hits)], sum(slept)
+        (slices.judged if self.sliced else world.on_first)(self.comm, judged)
+        if self.sliced:
+            world.check_alike(self.comm, repr(state.time), "times of the start")
+        whole = self.comm is not None and not self.sliced
+        self.disks_here: Disks
+        self.disks_here, begin = dealt(self.comm, disks, state) if whole else (disks, state)
+        self.kinds: Disks = disks if self.comm is None else DiskKinds.of(self.disks_here, self.comm)
+        self.disks: Disks = disks if whole and world.is_first(self.comm) else self.kinds
+        time = float(begin.time)
         if given.resting_speed:
             self._check_resting(given.gravity, forces, law)
         checks.check_pistons(
             walls,
-            disks.n,
+            n,
             given.arch,
             given.precision,
             given.resting_speed,
@@ -324,7 +334,9 @@ class Engine:
             from .ranks import RankArrays, RankWindows
 
             uses = uses._replace(shared=True)
-            self.arrays: DeviceArrays = RankArrays(self.comm, disks, box, self._law_table, given, rows, uses)
+            self.arrays: DeviceArrays = RankArrays(
+                self.comm, self.disks_here, self.kinds, box, self._law_table, given, rows, uses
+            )
         else:
             self.arrays = DeviceArrays(disks, box, self._law_table, given, rows, uses)
         self.put_gravity()
@@ -334,18 +346,17 @@ class Engine:
             self.arrays.watched.from_numpy((tracking.rows > 0).astype(np.int32))
         self.arrays.clock[WALL_SPEED] = max((wall.most_speed for wall in self.walls), default=0.0)
         self.past: dict[str, Any] = {
-            "wall_hits": state.wall_hits, "latest_collision": state.latest_collision,
-            "last_partner": state.last_partner, "angle": state.angle, "dissipated": state.dissipated,
-            "asleep": state.asleep,
+            "wall_hits": begin.wall_hits, "latest_collision": begin.latest_collision,
+            "last_partner": begin.last_partner, "angle": begin.angle, "dissipated": begin.dissipated,
+            "asleep": begin.asleep,
         }  # fmt: skip
         if self.comm is not None:
-            kept = self.past if self.comm.rank == 0 else {}
-            self.past = {name: _thin(value) for name, value in kept.items()}
+            self.past = {name: thin(value) for name, value in self.past.items()}
         of_ranks = Windows if self.comm is None else RankWindows
         self.windows: Windows = of_ranks(self.arrays, self.statistics, time)
         self.set_gates(np.array([not wall.stands(time, self._before[0]) for wall in self.walls], dtype=bool))
-        self._lay(state)
-        self.force_steps: ForceSteps = ForceSteps(forces, self.arrays, disks, given.seed, self.time)
+        self._lay(begin)
+        self.force_steps: ForceSteps = ForceSteps(forces, self.arrays, self.disks, given.seed, self.time)
         # Kinetic energy in the frames of rows of tiles beyond that in the flow, at the start.
         self._flow_excess = 0.0
         if box.shear_rate:
@@ -622,7 +633,7 @@ class Engine:
         self.turning.work += float(before - self._totals()[FALL])
 
     def set_velocities(self, state: State) -> None:
-        """Go on with the velocities and spins of another state, from the present places.
+        """Go on with the velocities and spins of another state (of ranks, of the slice), from the present places.
 
         Raises
         ------
@@ -630,13 +641,15 @@ class Engine:
             If an immovable disk would move, or they are too large or small to compute with.
         """
 
-        def judge() -> None:
-            checks.check_motion(self.disks, state)
-            hottest = max((wall.temperature or 0.0 for wall in self.walls), default=0.0)
-            speed = checks.fastest(self.disks, state.velocity, state.spin)
-            checks.check_magnitudes(self.disks, self.box, speed, self.precision, hottest)
+        hottest = max((wall.temperature or 0.0 for wall in self.walls), default=0.0)
+        speed = checks.fastest(self.disks_here, state.velocity, state.spin)
+        speed = speed if self.comm is None else max(self.comm.allgather(speed))
 
-        world.on_first(self.comm, judge)
+        def judge() -> None:
+            checks.check_motion(self.disks_here, state)
+            checks.check_magnitudes(self.disks_here, self.box, speed, self.precision, hottest)
+
+        world.together(self.comm, judge)
         with self.changing():
             present = self._state()
             excess = self._excess()
@@ -870,6 +883,7 @@ class Engine:
         """
         state = self._state()
         moving = bool(np.any(state.velocity)) or bool(np.any(state.spin))
+        moving = moving if self.comm is None else bool(self.comm.allreduce(int(moving)))
         resting = self.force_steps.keeps_rest and not moving
         next_motion = math.inf if resting else kick
         stop = min(t_end, next_motion)
@@ -899,35 +913,48 @@ class Engine:
     # ------------------------------------------------------------------ reading
 
     def state(self) -> State:
-        """The present state, in id order."""
+        """The present state, in id order; of a gas that is told in slices, that of the own one."""
+        with self.changing():
+            if self.sliced:
+                return self._state()
+            return world.told(self.comm, self._checked(self._read_out(whole=True)[0]))
+
+    def state_here(self) -> State:
+        """The present state of the own slice, in id order; without ranks, of all disks."""
         with self.changing():
             return self._state()
 
     def _state(self) -> State:
-        state, _ = self._read_out()
-        assert state is not None
-        shut = [axis for axis, periodic in enumerate(self.box.periodic) if not periodic]
-        escaped = np.flatnonzero(np.any(state.image[:, shut] != 0, axis=1))
-        if len(escaped):
-            raise EngineError(
-                f"t = {self.time:.9g}: disk {escaped[0]} left the box where a wall should be; please report this"
-            )
-        return state
+        return self._checked(self._read_out()[0])
+
+    def _checked(self, state: State | None) -> Any:
+        def check() -> State | None:
+            shut = [axis for axis, periodic in enumerate(self.box.periodic) if not periodic]
+            if state is None or not shut:
+                return state
+            escaped = np.flatnonzero(np.any(state.image[:, shut] != 0, axis=1))
+            if len(escaped):
+                raise EngineError(
+                    f"t = {self.time:.9g}: disk {escaped[0]} left the box where a wall should be; please report this"
+                )
+            return state
+
+        return world.together(self.comm, check)
 
     def _read_out(
-        self, stored: Collection[str] | None = None, to_all: bool = True
+        self, stored: Collection[str] | None = None, whole: bool = False
     ) -> tuple[State | None, NDArray[np.float64]]:
         from .readout import read
 
-        return read(self, stored, to_all)
+        return read(self, stored, whole)
 
     def observed(self, stored: Collection[str] | None = None) -> tuple[State | None, NDArray[np.float64]]:
-        """The present state, on the first rank, and its sums (`kernels/readout.py`).
+        """The present state, on the first rank or of the own slice, and its sums (`kernels/readout.py`).
 
         With the fields that a file in single precision has (`stored`) it is one for that (`StoredState`).
         """
         with self.changing():
-            return self._read_out(stored, False)
+            return self._read_out(stored, not self.sliced)
 
     def totals(self) -> NDArray[np.float64]:
         """Sums over all disks (`kernels/readout.py`). Less costly than a copy of the state."""

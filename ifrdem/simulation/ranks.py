@@ -27,8 +27,9 @@ Checked as it runs: each listed disk has been run by exactly one rank in each wi
 twice whenever a state is put together.
 
 What each rank holds: its disks and those of its ring (198 bytes each), with their kinds where there are several; 450
-bytes for each tile of the whole box; in a window that is left to the whole box, all disks. The first rank has the disks
-and the start, and puts states together.
+bytes for each tile of the whole box; in a window that is left to the whole box, all disks. Whenever a state is put
+together, at the start, for frames and for checkpoints, each has its slice (`tools/slices.py`): rows go there from the
+owners of tiles, and back, in one exchange of all with all.
 
 Blocks move (`divide_anew`) between windows: whole lists of tiles go to other ranks, in their order. No bit depends on
 who owns a tile, so none changes.
@@ -51,9 +52,9 @@ from ..errors import EngineError, InputError
 from ..kernels import layout as k
 from ..kernels.language import ti
 from ..kernels.windows import WIDEN, sum_shared, survey, verify
-from ..model.state import State
-from ..tools import world
-from .arrays import DeviceArrays, stretches, sums_of_blocks
+from ..model.state import COLUMNS, Disks
+from ..tools import slices, world
+from .arrays import DeviceArrays, kinds_of, stretches, sums_of_blocks
 from .windows import Windows, _Again
 
 BETWEEN, UNEVEN = (
@@ -158,21 +159,25 @@ def counted_tiles(tiles: tuple[int, int]) -> str:
 
 
 class RankArrays(DeviceArrays):
-    """The arrays of one rank: own tiles, and the ring around them. Arguments after `comm` as for `DeviceArrays`."""
+    """The arrays of one rank: own tiles, and the ring around them.
+
+    `disks` are those of the own slice (`tools/slices.py`); the others as for `DeviceArrays`, `kinds` for its `disks`.
+    """
 
     reach: Any
     tally: Any
 
-    def __init__(self, comm: Any, *given: Any) -> None:
+    def __init__(self, comm: Any, disks: Disks, kinds: Disks, *given: Any) -> None:
         self.comm = comm
         self.traffic: Traffic = Traffic()
         self.lost: int = 0  # listed disks that no rank has run
         self._graph: Any = None
         self._adding: Any = None
         self._partners: list[int] = []
-        super().__init__(*given)
-        if not self.uses.mixed:
-            self._kind = self._kind[:0]
+        super().__init__(kinds, *given)
+        # Of the disks of the slice: codes are the same with a disk of each kind before them.
+        both = (np.concatenate([getattr(each, name) for each in (kinds, disks)]) for name in COLUMNS)
+        self._kind = kinds_of(Disks(len(kinds.mass) + disks.n, *both))[1][len(kinds.mass) :].astype(np.int32)
 
     # ------------------------------------------------------------------ who owns what
 
@@ -195,7 +200,7 @@ class RankArrays(DeviceArrays):
         at most, for after a window of the whole box one tile has them all.
         """
         part, tile = int(self.grid[k.PART]), view(self.tile)
-        start, count = tile[self.own, k.START + part], tile[self.own, k.COUNT + part]
+        count = tile[self.own, k.COUNT + part]
         events = 2.0 * view(self.tally)[self.own, k.AT_END, k.COLLISIONS]
         work = count + np.minimum(events, MOST_EVENTS * count)
         shares = np.array(self.comm.allgather(float(work.sum())))
@@ -211,27 +216,11 @@ class RankArrays(DeviceArrays):
             return
         if UNEVEN * np.bincount(after, weights=told[:, 0]).max() > shares.max():
             return
-        messages = []
-        for q in range(self.comm.size):
-            given = after[self.own] == q
-            slots = part * self.room + stretches(start[given], count[given])
-            messages.append((self.own[given], *(view(getattr(self, name))[slots] for name in self._names())))
-        found = self.comm.alltoall(messages)
+        held, listed = self.rows_held(part)
         self.traffic.moved += int(np.count_nonzero(after != self.owner))
-        self.traffic.messages += self.comm.size - 1
         view(self.reach)[:, k.WIDER] = told[:, 2]
         self.assign(told[:, 0])
-        listed, *rows = (np.concatenate(each) for each in zip(*found, strict=True))
-        counts = told[:, 1].astype(np.int64)
-        first = np.zeros_like(counts)
-        first[listed] = np.cumsum(counts[listed]) - counts[listed]
-        order = stretches(first[self.own], counts[self.own])
-        self.make_room(len(order))
-        for name, values in zip(self._names(), rows, strict=True):
-            view(getattr(self, name))[part * self.room : part * self.room + len(order)] = values[order]
-        own = np.zeros_like(counts)
-        own[self.own] = counts[self.own]
-        self.set_lists(part, own)
+        self._send(held, listed, np.zeros_like(listed))
 
     def _beside(self) -> NDArray[np.int64]:
         """The eight tiles around each, shape (8, tiles); -1 beyond an end of the box."""
@@ -505,109 +494,47 @@ class RankArrays(DeviceArrays):
     def list_anew(self) -> None:
         """As on one rank; disks go to the ranks whose tiles they are in."""
         held, listed, tile = self._moved()
-        whose = [np.flatnonzero(self.owner[tile] == q) for q in range(self.comm.size)]
-        messages = [(tile[to], listed[to], *(rows[to] for rows in held.values())) for to in whose]
-        found = self.comm.alltoall(messages)
-        self.traffic.messages += self.comm.size - 1
-        tile, listed, *rows = (np.concatenate(each) for each in zip(*found, strict=True))
-        order, part = np.lexsort((listed, tile)), int(self.grid[k.PART])
-        self.make_room(len(order))
-        for name, values in zip(held, rows, strict=True):
-            view(getattr(self, name))[part * self.room : part * self.room + len(order)] = values[order]
-        self.set_lists(part, np.bincount(tile, minlength=self.tiles))
+        self._send(held, tile, listed)
 
-    def put(self, state: State) -> None:
-        """As on one rank, of a state that the first one has; of the others' only the time is looked at."""
-        self.grid[k.PART] = 0
-        if self.uses.sheared:
-            self.displace_rows(state.time)
-        rows, count = world.on_first(self.comm, lambda: self.rows_from(state)) or ({}, None)
-        self._deal(rows, count)
-
-    def _deal(
+    def _take(
         self,
         rows: dict[str, NDArray[Any]],
-        count: NDArray[np.int64] | None,
-        start: NDArray[np.int64] | None = None,
+        tile: NDArray[np.integer],
+        place: NDArray[np.integer] | None = None,
     ) -> None:
-        """Divide the tiles among the ranks, and give each one rows of its disks, which the first one has.
-
-        `count` tells how many disks each tile has, `start` where they begin in `rows`: tile after tile, if not told.
-        """
-        count = self.comm.bcast(count)
-        start = np.cumsum(count) - count if start is None else start
+        """As on one rank, of the rows of slices; tiles are divided among the ranks."""
+        self.grid[k.PART] = 0
+        count = np.bincount(tile, minlength=self.tiles)
+        self.comm.Allreduce(count.copy(), count)
         self.assign(count)
-        here = int(count[self.own].sum())
-        self.make_room(here)
-        for name in self._names():
-            array = view(getattr(self, name))
-            for q in range(1, self.comm.size) if self.comm.rank == 0 else ():
-                tiles = np.flatnonzero(self.owner == q)
-                self.comm.Send(rows[name][stretches(start[tiles], count[tiles])], q)
-            if self.comm.rank == 0:
-                array[:here] = rows[name][stretches(start[self.own], count[self.own])]
-            else:
-                self.comm.Recv(array[:here])
-        own = np.zeros_like(count)
-        own[self.own] = count[self.own]
-        self.set_lists(0, own)
+        if self.uses.mixed:
+            rows = rows | {"kind": self._kind}
+        self._send(rows, tile, rows["meta"][:, k.ID] if place is None else place)
 
-    def take_lists(self, found: dict[str, NDArray[Any]]) -> None:
-        """As on one rank, of lists that the first one has."""
-        rows = dict(found)
-        if self.uses.mixed and self.comm.rank == 0:
-            rows["kind"] = self._kind[found["meta"][:, k.ID]].astype(np.int32)
-        start, count = found["tile"].T
-        self._deal(rows, count, start)
+    def _send(
+        self, rows: dict[str, NDArray[Any]], tile: NDArray[np.integer], place: NDArray[np.integer]
+    ) -> None:
+        """List rows in their tiles, by `place`, on the ranks that own these: at the beginning of a window."""
+        tile, place, *values = slices.exchange(self.comm, self.owner[tile], [tile, place, *rows.values()])
+        self.traffic.messages += self.comm.size - 1
+        order, part = np.lexsort((place, tile)), int(self.grid[k.PART])
+        self.make_room(len(order))
+        for name, each in zip(rows, values, strict=True):
+            view(getattr(self, name))[part * self.room : part * self.room + len(order)] = each[order]
+        self.set_lists(part, np.bincount(tile, minlength=self.tiles))
 
-    def lists(self, part: int) -> dict[str, NDArray[Any]]:
-        """As on one rank, put together on the first one; the others get their own ones."""
-        rows, listed = self.rows_of(part)
-        own = {name: view(getattr(self, name))[rows] for name in self._names() if name != "kind"}
-        gathered = self.comm.gather((listed, own))
-        count = np.bincount(listed, minlength=self.tiles)
-        if gathered is not None:
-            listed = np.concatenate([tiles for tiles, _ in gathered])
-            order = np.argsort(listed, kind="stable")
-            own = {name: np.concatenate([rows[name] for _, rows in gathered])[order] for name in own}
-            count = np.bincount(listed, minlength=self.tiles)
-        return own | {"tile": np.stack([np.cumsum(count) - count, count], axis=1).astype(np.int32)}
-
-    def told(self, value: Any) -> Any:
-        """As on one rank: what the first one has."""
-        return self.comm.bcast(value)
+    def _values(self, name: str) -> NDArray[Any]:
+        return view(getattr(self, name))
 
     def rows_here(self, part: int) -> int:
         """Number of disks that this rank has at the beginning or end of a window, or at a moment in it."""
         lists = 1 - int(self.grid[k.PART]) if part >= k.TOLD else part
         return int(view(self.tile)[self.own, k.COUNT + lists].sum())
 
-    def by_id(self, part: int, to_all: bool, arrays: Sequence[NDArray[Any]]) -> list[NDArray[Any]] | None:
-        """Rows of disks here, in the order of slots, as rows of all disks by id: on the first rank, or on all."""
-        here = self.rows_here(part)
-        ids = view(self.meta)[part * self.room : part * self.room + here, k.ID].copy()
-        gathered = self.comm.gather((ids, *arrays))
-        found: list[NDArray[Any]] | None = None
-        error = None
-        if gathered is not None:
-            told, *columns = zip(*gathered, strict=True)
-            every = np.concatenate(told)
-            if len(every) != self.n or not np.array_equal(
-                np.bincount(every, minlength=self.n), np.ones(self.n)
-            ):
-                error = EngineError("a disk is on no rank, or on two: please report this")
-            else:
-                found = []
-                for column in columns:
-                    rows = np.concatenate(column)
-                    if len(rows) != self.n:  # no such rows in this gas
-                        found.append(column[0])
-                        continue
-                    ordered = np.empty_like(rows)
-                    ordered[every] = rows
-                    found.append(ordered)
-        world.agree(self.comm, error)
-        return self.comm.bcast(found) if to_all else found
+    def by_id(self, part: int, arrays: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
+        """Rows of disks here, in the order of slots, as rows of the own slice in order of ids."""
+        here = slice(part * self.room, part * self.room + self.rows_here(part))
+        return slices.by_id(self.comm, self.n, view(self.meta)[here, k.ID], arrays)
 
 
 class RankWindows(Windows):

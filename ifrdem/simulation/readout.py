@@ -17,6 +17,7 @@ from ..kernels.layout import ANGLE, LAST_PARTNER, LATEST, MECHANISMS, WALL_HITS
 from ..kernels.readout import SLEEPING, TOTALS, read_out
 from ..model.box import below
 from ..model.state import State, StoredState
+from ..tools import slices
 
 if TYPE_CHECKING:
     from .engine import Engine
@@ -41,39 +42,50 @@ def _finite(sums: NDArray[np.float64], time: float) -> NDArray[np.float64]:
 
 
 def read(
-    engine: Engine, stored: Collection[str] | None, to_all: bool = True
+    engine: Engine, stored: Collection[str] | None, whole: bool = False
 ) -> tuple[State | None, NDArray[np.float64]]:
     """The present state by id, and its sums.
 
-    With the fields that a file in single precision has (`stored`) it is one for that (`StoredState`). Of a gas on
-    several ranks all get it, or only the first one: None elsewhere.
+    With the fields that a file in single precision has (`stored`) it is one for that (`StoredState`). Of ranks each
+    gets its slice; or, of the `whole` gas, the first one all of it, and the others None.
     """
     arrays, uses, time = engine.arrays, engine.arrays.uses, engine.time
     part, since = engine.windows.part
     kind: type[State] = State if stored is None else StoredState
     rows = arrays.rows_here(part)
     real = np.empty((max(rows, 1), 5), np.float64 if stored is None else np.float32)
-    whole = np.empty((max(rows, 1), 3), np.int32)
+    counts = np.empty((max(rows, 1), 3), np.int32)
     dated, counted = uses.remembers or uses.turned, uses.walled or uses.partnered or uses.rests
-    past = np.empty((rows if dated else 1, 2))
-    hits = np.empty((rows if counted else 1, 3), np.int32)
+    past: NDArray[Any] = np.empty((rows if dated else 1, 2))
+    hits: NDArray[Any] = np.empty((rows if counted else 1, 3), np.int32)
     spent = np.empty((rows if uses.itemised else 1, MECHANISMS))
     found = np.zeros((arrays.tiles, TOTALS))
     arrays.launch(
-        read_out, part, time, 1, real_out=real, int_out=whole, past_out=past, hits_out=hits, spent_out=spent,
+        read_out, part, time, 1, real_out=real, int_out=counts, past_out=past, hits_out=hits, spent_out=spent,
         totals=found,
     )  # fmt: skip
     sums = _finite(arrays.sums_of(found), time)
-    columns = arrays.by_id(part, to_all, (real[:rows], whole[:rows], past, hits, spent))
-    if columns is None:
-        return None, sums
-    real, whole, past, hits, spent = columns
+    columns = [real[:rows], counts[:rows]]
+    columns += [past] * dated + [hits] * counted + [spent] * uses.itemised
+    columns = arrays.by_id(part, columns)
+    past_before = [np.asarray(each) for each in engine.past.values()]
+    if whole:
+        gathered = slices.gather(engine.comm, engine.n, [*columns, *past_before])
+        if gathered is None:
+            return None, sums
+        columns, past_before = gathered[: len(columns)], gathered[len(columns) :]
+    real, counts, *columns = columns
+    past, hits, spent = (
+        columns.pop(0) if kept else none
+        for kept, none in ((dated, past), (counted, hits), (uses.itemised, spent))
+    )
     place = real[:, 0:2]
     for axis, periodic in enumerate(engine.box.periodic):
         if periodic:  # rounding can put a disk onto the far side, which is the next box already
             np.minimum(place[:, axis], below(engine.box.lengths[axis], real.dtype), out=place[:, axis])
-    past_before = arrays.told(engine.past) if to_all else engine.past
-    told: dict[str, Any] = {name: _read_only(np.asarray(value)) for name, value in past_before.items()}
+    told: dict[str, Any] = {
+        name: _read_only(value) for name, value in zip(engine.past, past_before, strict=True)
+    }
     if uses.walled:
         told["wall_hits"] = hits[:, WALL_HITS].copy()
     if uses.rests:
@@ -87,17 +99,17 @@ def read(
         told["angle"] = past[:, ANGLE].copy()
     if uses.itemised:
         told["dissipated"] = spent
-    events = whole[:, 0] - (told["wall_hits"] if uses.walled else 0)
+    events = counts[:, 0] - (told["wall_hits"] if uses.walled else 0)
     flow = None
     if engine.box.shear_rate:
         flow = engine.box.flow(place.astype(np.float64))
     if stored is None:
         state = State(
             np.ascontiguousarray(place), np.ascontiguousarray(real[:, 2:4]), np.ascontiguousarray(real[:, 4]), time,
-            events, whole[:, 1:3].copy(), flow=flow, **told,
+            events, counts[:, 1:3].copy(), flow=flow, **told,
         )  # fmt: skip
     else:
-        image = whole[:, 1:3] if "image" in stored else None
+        image = counts[:, 1:3] if "image" in stored else None
         state = kind(place, real[:, 2:4], real[:, 4], time, events, image, flow=flow, **told)  # type: ignore[arg-type]
     assert math.isfinite(since)
     return state, sums

@@ -21,11 +21,11 @@ from ..model.collapse import Collapse
 from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.law import CollisionLaw, checked_class
 from ..model.law_table import check_energy, coefficient_table, law_table
-from ..model.observables import Measure, from_totals, measure
-from ..model.overlaps import check_no_overlap
-from ..model.state import DiskKinds, Disks, State
+from ..model.observables import Measure, from_totals, sums
+from ..model.overlaps import check_no_overlap, check_no_overlap_of_slices
+from ..model.state import DiskKinds, Disks, State, dealt
 from ..model.walls import Wall, WallSums, check_types, sides, wall_names
-from ..tools import checked, world
+from ..tools import checked, slices, world
 from ..tools.pictured import PicturedDisks
 from ..tools.progress import Progress as Bar
 from ..tools.progress import seen
@@ -57,6 +57,17 @@ def _callables(name: str, given: Iterable[Called]) -> list[Called]:
         if not callable(one):
             raise InputError(f"{name}[{i}] = {one!r}: a function is needed")
     return found
+
+
+def _refuse_other_slices(n: int, comm: Any) -> None:
+    """Raise InputError unless each rank has as many disks as its slice."""
+    given = comm.allgather(n)
+    wanted = np.diff(slices.bounds(sum(given), comm.size)).tolist()
+    if given != wanted:
+        raise InputError(
+            f"sliced = True: the ranks give {given} disks, and their slices of {sum(given)} have {wanted}: "
+            "ifrdem.slice_of(n, comm) says which disks a rank has to give"
+        )
 
 
 class _Stopped(Exception):
@@ -131,6 +142,9 @@ class Simulation(Sealed, PicturedDisks):
         Ranks of MPI that have a part of the gas each (`ifrdem docs ranks`); bitwise the same trajectory. All make
         the same simulation and call the same methods; `disks` and `state` are taken from the first rank, and may be
         None on the others. Observers and samplers are called on the first rank only.
+    sliced : bool
+        With `comm`: each rank gives `disks` and `state` of its own slice (`slice_of`) instead, and no rank ever has
+        all disks. `state` and states for observers, which are called on all ranks, are those of the slice too.
 
     Raises
     ------
@@ -194,11 +208,14 @@ class Simulation(Sealed, PicturedDisks):
         wall_sums: bool = False,
         tracked: Sequence[int] | NDArray[np.integer] = (),
         comm: Any = None,
+        sliced: bool = False,
     ) -> None:
         comm = comm if comm is not None and comm.size > 1 else None
         remedy = Collapse(collapse, contact_time, velocity_cutoff, resting_speed)
 
-        def judged() -> tuple[State, Disks | None]:
+        sliced = sliced and comm is not None
+
+        def typed() -> State:
             for name, value, kind in (("disks", disks, Disks), ("box", box, Box), ("state", state, State)):
                 if not isinstance(value, kind):
                     raise InputError(f"{name} = {value!r}: a {kind.__name__} is needed")
@@ -208,19 +225,32 @@ class Simulation(Sealed, PicturedDisks):
                 raise InputError(
                     f"the state has {begin.n} disks, the list of disks {disks.n}: they must agree"
                 )
-            laws = law_table(law, disks, max((wall.material for wall in walls), default=0))
-            checked_class(laws)
-            check_energy(laws, disks, (wall.material for wall in [*walls, *sides(box)]))
-            check_no_overlap(box, disks.radius, begin.position, time=begin.time)
-            checks.check_coefficients(coefficient_table(laws), precision)
-            return begin, None if comm is None else DiskKinds.of(disks)
+            return begin
 
-        begin, kinds = world.on_first(comm, judged) or (state, None)
-        kinds = world.told(comm, kinds)
-        here = kinds if kinds is not None and not world.is_first(comm) else disks
-        self._laws = law_table(law, here, max((wall.material for wall in walls), default=0))
+        def judged() -> None:
+            laws = law_table(law, kinds, max((wall.material for wall in walls), default=0))
+            checked_class(laws)
+            check_energy(laws, kinds, (wall.material for wall in [*walls, *sides(box)]))
+            if not sliced:
+                check_no_overlap(box, disks.radius, begin.position, time=begin.time)
+            checks.check_coefficients(coefficient_table(laws), precision)
+
+        kinds: Disks = disks
+        if sliced:
+            begin = slices.judged(comm, typed)
+            _refuse_other_slices(disks.n, comm)
+            kinds = DiskKinds.of(disks, comm)
+            world.together(comm, judged)
+            check_no_overlap_of_slices(box, disks.radius, begin.position, comm, time=begin.time)
+        else:
+            begin = world.on_first(comm, typed) or state
+            world.on_first(comm, judged)
+            if comm is not None:
+                told: Any = world.told(comm, DiskKinds.of(disks) if comm.rank == 0 else None)
+                kinds = disks if comm.rank == 0 else told
+        self._laws = law_table(law, kinds, max((wall.material for wall in walls), default=0))
         law_class, table = checked_class(self._laws), coefficient_table(self._laws)
-        self._tracking = self._follow_disks(tracked, here, box, walls)
+        self._tracking = self._follow_disks(tracked, kinds, box, walls)
         ledger = ledger or dissipated
         self._has_ledger = ledger
         self._stopping = False
@@ -228,20 +258,24 @@ class Simulation(Sealed, PicturedDisks):
         self._given = 0.0  # energy that changes between runs put in
         with backend.sole_use():
             self._engine = Engine(
-                here, box, begin, table, arch=arch, threads=threads, precision=precision,
+                disks, box, begin, table, arch=arch, threads=threads, precision=precision,
                 window_collisions=window_collisions, walls=walls, gravity=gravity,
                 gravity_turns=gravity_turns, gravity_step=gravity_step,
                 velocity_cutoff=remedy.velocity_cutoff or 0.0, contact_time=remedy.contact_time or 0.0,
                 resting_speed=remedy.resting_speed or 0.0, forces=forces, seed=seed,
                 law=law_class, ledger=ledger, partners=partners, angles=angles, itemised=dissipated,
-                wall_sums=wall_sums, tracking=self._tracking, comm=comm,
+                wall_sums=wall_sums, tracking=self._tracking, comm=comm, sliced=sliced,
             )  # fmt: skip
             # The engine's state of a sheared gas knows its flow, whose energy does not count.
-            flowing = self._engine.observed()[0] if box.shear_rate else begin
-            self._first = self._energy_of(flowing)
+            whole = comm is not None and not sliced  # the first rank has all of the start
+            known = box.shear_rate == 0.0 and not whole
+            if whole and not box.shear_rate:
+                self._first = world.from_first(comm, lambda: self._energy_of(begin, whole=True))
+            else:
+                self._first = self._energy_of(begin if known else self._engine.state_here())
             self._judged = law_class is IFRLaw  # whether it is known not to add energy
             if not self._judged:
-                world.on_first(comm, lambda: self._try_on(law_class, table, begin))
+                self._try_on(law_class, table, begin if known else self._engine.state_here())
 
     def _follow_disks(
         self, tracked: Sequence[int] | NDArray[np.integer], disks: Disks, box: Box, walls: Sequence[Wall]
@@ -286,8 +320,7 @@ class Simulation(Sealed, PicturedDisks):
         checks.check_coefficients(table, self._engine.precision)
         with backend.sole_use():
             if kind is not IFRLaw:
-                present = self.state
-                world.on_first(self.comm, lambda: self._try_on(kind, table, present))
+                self._try_on(kind, table, self._engine.state_here())
             self._engine.set_law(table, kind)
         self._laws = laws
         self._judged = self._judged and kind is IFRLaw
@@ -352,9 +385,12 @@ class Simulation(Sealed, PicturedDisks):
         state = State(
             present.position, velocity, present.spin if spin is None else spin, time=self.time  # type: ignore[arg-type]
         )  # fmt: skip
-        if state.n != self.disks.n:
-            raise InputError(f"spin has {state.n} entries, there are {self.disks.n} disks: they must agree")
+        if state.n != present.n:
+            raise InputError(f"spin has {state.n} entries, there are {present.n} disks: they must agree")
         before = self.measure()
+        comm = self._engine.comm
+        if comm is not None and not self.sliced:
+            state = dealt(comm, self.disks, state)[1]
         self._engine.set_velocities(state)
         self._count_change(before)
 
@@ -366,11 +402,13 @@ class Simulation(Sealed, PicturedDisks):
         """Try a law that nobody has judged."""
         from ..model.law_table import try_on
 
-        fastest = max(
-            float(np.abs(state.velocity).max(initial=0.0)),
-            float(np.abs(self.disks.radius * state.spin).max(initial=0.0)),
-        )
-        try_on(kind, table, self.disks, [wall.material for wall in self._engine.walls], fastest or 1.0)
+        fastest = checks.fastest(self.disks_here, state.velocity, state.spin)
+        disks, comm = self._engine.kinds, self.comm
+        if comm is not None:
+            fastest = max(comm.allgather(fastest))
+            disks = disks.rows if isinstance(disks, DiskKinds) else disks
+        of_walls = [wall.material for wall in self._engine.walls]
+        world.on_first(comm, lambda: try_on(kind, table, disks, of_walls, fastest or 1.0))
 
     @property
     def tracked(self) -> NDArray[np.int32]:
@@ -399,8 +437,18 @@ class Simulation(Sealed, PicturedDisks):
 
     @property
     def disks(self) -> Disks:
-        """The constant properties of the disks; on ranks beside the first, of their kinds (`DiskKinds`)."""
+        """The constant properties of the disks; of their kinds (`DiskKinds`) on ranks that do not have all disks."""
         return self._engine.disks
+
+    @property
+    def sliced(self) -> bool:
+        """True if each rank gave, and is told, the disks of its slice."""
+        return self._engine.sliced
+
+    @property
+    def disks_here(self) -> Disks:
+        """The constant properties of the disks of this rank's slice (`slice_of`); without ranks, of all."""
+        return self._engine.disks_here
 
     @property
     def box(self) -> Box:
@@ -510,24 +558,17 @@ class Simulation(Sealed, PicturedDisks):
         gravity have put in.
         Below 0, beyond rounding, the law adds energy.
         """
-        present = self._energy_of(self.state)  # which settles the walls' work
+        present = self._energy_of(self._engine.state_here())  # which settles the walls' work
         return self._first + self.energy_input + self.wall_work + self.wall_heat - present
 
-    def _energy_of(self, state: State | None) -> float:
-        """Kinetic and potential energy [energy] of a state that the first rank has.
+    def _energy_of(self, state: State, *, whole: bool = False) -> float:
+        """Kinetic and potential energy [energy] of a state; of ranks, each gives its slice, or one of them the `whole`.
 
         Gravity acts along directions that are not periodic only.
         """
-
-        def energy() -> float:
-            assert state is not None
-            movable = self.disks.movable
-            fall = np.sum(
-                self.disks.mass[movable] * (state.position[movable] @ np.array(self._engine.gravity))
-            )
-            return measure(self.disks, state).energy - float(fall)
-
-        return world.from_first(self._engine.comm, energy)
+        disks, comm = (self.disks, None) if whole else (self.disks_here, self.comm)
+        translational, rotational, *_, fall, _, _ = sums(disks, state, self._engine.gravity, comm).tolist()
+        return float(translational + rotational - fall)
 
     def save_checkpoint(
         self,
@@ -537,7 +578,8 @@ class Simulation(Sealed, PicturedDisks):
     ) -> None:
         """Write all that decides the future, to the last bit, into a file of its own: it appears whole or not at all.
 
-        Events of tracked disks that nobody has taken are not in it.
+        Events of tracked disks that nobody has taken are not in it. Where ranks have slices (`sliced`), each writes its
+        own (`checkpoint.write_parts`), and any number of ranks can go on with them.
 
         Parameters
         ----------
@@ -556,21 +598,21 @@ class Simulation(Sealed, PicturedDisks):
         from . import snapshot
 
         checkpoint.check_extra(path, extra, arrays)
+        comm, n = self._engine.comm, self.disks.n
         found = snapshot.take(self._engine)
-        state, _totals = self._engine.observed()  # settles
-
-        def write() -> None:
-            meta = {
-                "fingerprint": snapshot.fingerprint(self._engine),
-                "first": self._first,
-                "given": self._given,
-                "extra": dict(extra or {}),
-            }
-            plain = {f"state_{name}": getattr(state, name) for name in ("position", "velocity", "spin")}
-            plain["state_pistons"] = self.pistons
-            checkpoint.write(path, {**found, **plain, **(arrays or {})}, meta)
-
-        world.on_first(self._engine.comm, write)
+        state = self._engine.state_here()  # settles
+        found |= {f"state_{name}": getattr(state, name) for name in ("position", "velocity", "spin")}
+        found["state_pistons"] = self.pistons
+        meta: dict[str, Any] = {"fingerprint": snapshot.fingerprint(self._engine)}
+        meta |= {"first": self._first, "given": self._given, "extra": dict(extra or {})}
+        own, small = snapshot.of_disks(found), {**snapshot.small(found), **(arrays or {})}
+        if self.sliced:
+            checkpoint.write_parts(path, comm, own, small, meta)
+            return
+        rows = slices.gather(comm, n, list(own.values()))
+        world.on_first(
+            comm, lambda: checkpoint.write(path, small | dict(zip(own, rows or (), strict=True)), meta)
+        )
 
     def load_checkpoint(self, path: str | os.PathLike[str]) -> dict[str, Any]:
         """Go on from where `save_checkpoint` was called, bitwise as if nothing had been between; returns `extra`.
@@ -585,28 +627,27 @@ class Simulation(Sealed, PicturedDisks):
         """
         from . import snapshot
 
-        comm = self._engine.comm
+        comm, fingerprint = self._engine.comm, snapshot.fingerprint(self._engine)
 
-        def read() -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-            found, meta = checkpoint.read(path)
-            if meta["fingerprint"] != snapshot.fingerprint(self._engine):
-                raise InputError(
-                    f"{path}: the checkpoint of another gas: disks, box, laws, walls, forces, seed, precision or "
-                    "device differ"
-                )
-            return found, meta
-
-        whole = world.on_first(comm, read)
-        known: Any = None if whole is None else (snapshot.small(whole[0]), whole[1])
-        small, meta = world.told(comm, known)
-        snapshot.put_back(self._engine, whole[0] if whole else small)
+        found, meta, in_parts = checkpoint.read_parts(path, comm)
+        if meta["fingerprint"] != fingerprint:
+            raise InputError(
+                f"{path}: the checkpoint of another gas: disks, box, laws, walls, forces, seed, precision or device "
+                "differ"
+            )
+        if not in_parts and comm is not None:  # the first rank has all of it
+            own = snapshot.of_disks(found)
+            names, small = world.told(comm, (list(own), snapshot.small(found)))
+            rows = slices.scatter(comm, self.disks.n, list(own.values()) if comm.rank == 0 else None)
+            found = small | dict(zip(names, rows, strict=True))
+        snapshot.put_back(self._engine, found)
         self._first, self._given = float(meta["first"]), float(meta["given"])
         extra: dict[str, Any] = meta["extra"]
         return extra
 
     @property
     def state(self) -> State:
-        """A copy of the present state, in the order of the disks."""
+        """A copy of the present state, in the order of the disks; where it is told in slices, that of this rank's."""
         return self._engine.state()
 
     def run(
@@ -749,9 +790,13 @@ class Simulation(Sealed, PicturedDisks):
         self._stopping = False
         if (comm := self._engine.comm) is not None:
             world.check_alike(comm, repr(course), "the end of a run, its frames or its series")
+            if self.sliced:
+                world.check_alike(comm, str(len(observers)), "the numbers of observers")
             numbers = world.told(comm, (len(observers), len(samplers)))
             if not world.is_first(comm):  # where none is called, but all take part
-                observers, samplers = ([lambda *_: None] * number for number in numbers)
+                nobody: list[Any] = [lambda *_: None]
+                samplers = nobody * numbers[1]
+                observers = observers if self.sliced else nobody * numbers[0]
         with backend.sole_use(), contextlib.suppress(_Stopped):
             self._follow(course, observers, samplers, progress, between, stored)
         if not self._judged:
@@ -883,7 +928,7 @@ class Simulation(Sealed, PicturedDisks):
             for observer in observers:
                 observer(state, measured)
 
-        world.on_first(self._engine.comm, tell)
+        (world.together if self.sliced else world.on_first)(self._engine.comm, tell)
 
     def _sample(self, samplers: list[Sampler]) -> None:
         measured = self.measure()

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..kernels import layout as k
 from ..kernels.walls import NOW_0, SPEED_0
+from ..model.state import COLUMNS
+from ..tools import slices
 from .tracking import Statistics
 
 if TYPE_CHECKING:
@@ -29,13 +31,14 @@ Snapshot = dict[str, NDArray[Any]]
 def fingerprint(engine: Engine) -> str:
     """A hash of what must be the same for a snapshot to fit: disks, box, laws, walls, forces, seed, precision."""
     engine.check_whole()
-    a, disks, box, options = engine.arrays, engine.disks, engine.box, engine.options
+    a, disks, box, options = engine.arrays, engine.disks_here, engine.box, engine.options
     gravity = options.gravity if options.gravity_turns else engine.gravity
     digest = hashlib.sha256()
     walls = a.wall_rows.copy()
     walls[a.pistons[:, None], [NOW_0, SPEED_0]] = 0.0  # where a piston starts, as where disks do
     parts: list[Any] = [
-        disks.mass, disks.radius, disks.k, disks.material, np.array(box.lengths), np.array(box.periodic),
+        *(slices.digest(getattr(disks, name), engine.comm) for name in COLUMNS),
+        np.array(box.lengths), np.array(box.periodic),
         np.array([
             box.shear_rate, *gravity, options.velocity_cutoff, options.contact_time, options.resting_speed,
         ]), a.law.to_numpy(),
@@ -56,7 +59,10 @@ def fingerprint(engine: Engine) -> str:
 
 
 def take(engine: Engine) -> Snapshot:
-    """Copy everything: the beginning of the present window, and how far the run has come in it."""
+    """Copy everything: the beginning of the present window, and how far the run has come in it.
+
+    Arrays of disks (`of_disks`) are in order of ids; of ranks each gets those of its slice, and the others whole.
+    """
     with engine.changing():
         a, windows, steps = engine.arrays, engine.windows, engine.force_steps
         if not engine._nothing_happens():
@@ -82,16 +88,26 @@ def take(engine: Engine) -> Snapshot:
 
 
 def small(found: Snapshot) -> Snapshot:
-    """The parts of a snapshot beside arrays of all disks."""
-    large = ("disk", "meta", "past", "hits", "spent", "slept", "held", "tracked")
-    beginnings = ("before_", "state_", "extra_")
-    return {
-        name: each for name, each in found.items() if name not in large and not name.startswith(beginnings)
-    }
+    """The parts of a snapshot beside arrays of disks."""
+    return {name: each for name, each in found.items() if not _is_of_disks(name)}
+
+
+def of_disks(found: Snapshot) -> Snapshot:
+    """Those that have a row for each disk, in order of ids."""
+    return {name: each for name, each in found.items() if _is_of_disks(name)}
+
+
+def _is_of_disks(name: str) -> bool:
+    large = ("disk", "meta", "past", "hits", "spent", "slept", "held", "listed")
+    return name in large or name.startswith("before_") or name in OF_STATES
+
+
+OF_STATES = ("state_position", "state_velocity", "state_spin")
+"""What a checkpoint has of the present state, beside a snapshot."""
 
 
 def put_back(engine: Engine, found: Snapshot) -> None:
-    """Make an engine of the same gas what the snapshot's was.
+    """Make an engine of the same gas what the snapshot's was; of ranks, each gives the disks of its slice.
 
     Raises
     ------
@@ -107,8 +123,8 @@ def put_back(engine: Engine, found: Snapshot) -> None:
 
 def _put_back(engine: Engine, found: Snapshot) -> None:
     a, windows, steps = engine.arrays, engine.windows, engine.force_steps
-    n = engine.n
-    if "disk" in found and len(found["disk"]) != n:  # beside the first of several ranks, it is not
+    n = len(slices.slice_of(engine.n, engine.comm))
+    if len(found["disk"]) != n:
         raise InputError(f"checkpoint: {len(found['disk'])} disks, here are {n}")
     low, high = (np.array([found["edge_x"][end], found["edge_y"][end]]) for end in (0, -1))
     a.divide((len(found["edge_x"]) - 1, len(found["edge_y"]) - 1), low, high)

@@ -6,10 +6,14 @@ The same seed for positions and velocities must not tie the two together, nor th
 from __future__ import annotations
 
 import operator
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import InputError
+from . import slices
 
 POSITIONS, SITES, VELOCITIES, SPINS, RADII, AGITATION, HISTORIES = range(7)
 """Purposes of random numbers."""
@@ -23,6 +27,53 @@ def stream(seed: int, purpose: int) -> np.random.Generator:
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
         raise InputError(f"seed = {seed}: a whole number, 0 or more, is needed")
     return np.random.default_rng(np.random.SeedSequence(int(seed), spawn_key=(purpose,)))
+
+
+def drawn(
+    seed: int, purpose: int, ids: range, draw: Callable[[np.random.Generator, int], NDArray[Any]]
+) -> NDArray[Any]:
+    """Random rows of some ids: those that they have in whatever range of ids is drawn.
+
+    `draw(random, count)` draws rows of so many ids, one after another. Each block of ids (`slices.BLOCK`) has a stream
+    of its own, the first one that of `stream`.
+    """
+    random, found = stream(seed, purpose), []
+    for block in slices.blocks(ids):
+        number, first = divmod(block.start, slices.BLOCK)
+        if number:
+            random = np.random.default_rng(np.random.SeedSequence(int(seed), spawn_key=(purpose, number)))
+        found.append(draw(random, first + len(block))[first:])
+    return np.concatenate(found) if found else draw(random, 0)
+
+
+def permuted(seed: int, purpose: int, n: int, ids: range) -> NDArray[np.int64]:
+    """Numbers of some of n things, ids, in a random order of all: those that they have in whatever range is asked for.
+
+    Of more than a block (`slices.BLOCK`), a Feistel network of eight rounds permutes the numbers of so many bits (M.
+    Luby, C. Rackoff, doi:10.1137/0217022), again and again until one is below n (J. Black, P. Rogaway,
+    doi:10.1007/3-540-45760-7_9); its rounds mix bits as `SplitMix64` does (doi:10.1145/2660193.2660195).
+    """
+    random = stream(seed, purpose)
+    if n <= slices.BLOCK:
+        return random.permutation(n)[ids.start : ids.stop]
+    half = -(-(n - 1).bit_length() // 2)
+    low = np.uint64((1 << half) - 1)
+    keys = random.integers(0, 2**64, 8, dtype=np.uint64)
+    found = np.arange(ids.start, ids.stop, dtype=np.uint64)
+    beyond = np.arange(len(found))
+    while len(beyond):
+        left, right = found[beyond] >> np.uint64(half), found[beyond] & low
+        for key in keys:
+            left, right = right, left ^ (_mixed(right ^ key) & low)
+        found[beyond] = left << np.uint64(half) | right
+        beyond = beyond[found[beyond] >= np.uint64(n)]
+    return found.astype(np.int64)
+
+
+def _mixed(words: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):
+        words = (words ^ (words >> np.uint64(shift))) * np.uint64(factor)
+    return words ^ (words >> np.uint64(31))
 
 
 def of_species(seed: int, i: int) -> int:

@@ -97,6 +97,17 @@ def agree(comm: Any, error: BaseException | None) -> None:
     raise _made(*told)
 
 
+def together(comm: Any, work: Callable[[], Result]) -> Result:
+    """Have each rank do something, and give its own result. An error of one is raised on all."""
+    result, error = None, None
+    try:
+        result = work()
+    except BaseException as raised:
+        error = raised
+    agree(comm, error)
+    return result  # type: ignore[return-value]  # there was no error
+
+
 def on_first(comm: Any, work: Callable[[], Result]) -> Result | None:
     """Have the first rank do something, and give its result; None on the others. An error is raised on all."""
     if comm is None:

@@ -60,10 +60,13 @@ class QueuedWriter:
         with contextlib.suppress(*(() if error is None else (TrajectoryError,))):
             self.close()
 
+    def commit(self) -> None:
+        """Nothing: frames count as they are written, unlike those in parts."""
+
     def flush(self) -> None:
         """Wait until all that was given is committed."""
         self._jobs.join()
-        self._tell()
+        self.tell()
 
     def close(self) -> None:
         """Write all that waits, and close the file. May be called twice."""
@@ -73,15 +76,16 @@ class QueuedWriter:
         self._thread.join()
         self._writer.close()
         if not self._told:
-            self._tell()
+            self.tell()
 
     def _put(self, job: Callable[[], None]) -> None:
         if self._closed:
             raise TrajectoryError(f"{self._writer.path} is closed: nothing can be added")
-        self._tell()
+        self.tell()
         self._jobs.put(job)
 
-    def _tell(self) -> None:
+    def tell(self) -> None:
+        """Raise what has gone wrong so far."""
         if self._error is not None:
             self._told = True
             raise self._error

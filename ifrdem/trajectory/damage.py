@@ -6,7 +6,7 @@ import contextlib
 import itertools
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 import h5py
@@ -123,11 +123,13 @@ def expect(dataset: h5py.Dataset, shape: tuple[int | None, ...], kinds: str = "i
             )
 
 
-def check_links(file: h5py.File, path: str, views: Mapping[str, str] | None = None) -> None:
+def check_links(
+    file: h5py.File, path: str, views: Mapping[str, Collection[tuple[str, str]]] | None = None
+) -> None:
     """Refuse data that lie elsewhere, before anything is read: HDF5 would follow them to any file or pipe.
 
-    `views` are the virtual datasets that there may be, and the dataset of the same file that each shows; `path` is for
-    messages.
+    `views` are the virtual datasets that there may be, and what each shows: files ("." for this one) and datasets;
+    `path` is for messages.
 
     Raises InputError if there are links to other files, datasets whose numbers lie in other files, or other virtual
     datasets.
@@ -181,7 +183,9 @@ def text_of(name: bytes | str) -> str:
     return name if isinstance(name, str) else name.decode(errors="backslashreplace")
 
 
-def _elsewhere(file: h5py.File, name: bytes, kind: int, views: Mapping[str, str]) -> str | None:
+def _elsewhere(
+    file: h5py.File, name: bytes, kind: int, views: Mapping[str, Collection[tuple[str, str]]]
+) -> str | None:
     """Description of a link to other files, or of a dataset whose numbers lie elsewhere."""
     if kind == h5py.h5l.TYPE_SOFT:  # within the file, where everything is looked at
         return None
@@ -195,14 +199,13 @@ def _elsewhere(file: h5py.File, name: bytes, kind: int, views: Mapping[str, str]
         return "holds its numbers in another file"
     if settings.get_layout() != h5py.h5d.VIRTUAL:
         return None
-    source = views.get(name.decode(errors="replace"))
+    sources = views.get(name.decode(errors="replace"))
     shown = {
         (settings.get_virtual_filename(i), settings.get_virtual_dsetname(i))
         for i in range(settings.get_virtual_count())
     }
-    return (
-        None if source is not None and shown <= {(".", source)} else "is a virtual dataset of another place"
-    )
+    fits = sources is not None and shown.issubset(sources)
+    return None if fits else "is a virtual dataset of another place"
 
 
 def _chosen(dataset: h5py.Dataset, selection: Any) -> list[range]:

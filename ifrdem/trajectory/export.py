@@ -20,8 +20,9 @@ from .damage import FAULTS
 from .frame import SPIN
 from .history import History
 from .reader import Trajectory
+from .repair import write_whole
 
-FORMATS = ("gsd", "extxyz", "csv")
+FORMATS = ("gsd", "extxyz", "csv", "h5")
 EXTXYZ_NAMES = {"position": "pos", "velocity": "velo"}  # what ASE and OVITO call them
 
 
@@ -42,14 +43,15 @@ def export(
     orientations, spins as angular momenta, both also as logged quantities `particles/angle` and
     `particles/angular_velocity`, times as `time`; types are species. extxyz: extended XYZ with z = 0, every stored
     field, and names of species without blanks in the column `kind`. csv: a line a disk and frame, with a header. The
-    last two keep every digit that is stored.
+    last two keep every digit that is stored. h5: a trajectory of these frames, ascending, with series and histories, in
+    one file; so parts are put together.
 
     Raises InputError if the format is none of these, a field it needs is not stored, a package is missing, or it cannot
     be written.
     """
     checked.one_of("to", to, FORMATS)
-    writers = {"gsd": _gsd, "extxyz": _extxyz, "csv": _csv}
-    if to != "csv":
+    writers = {"gsd": _gsd, "extxyz": _extxyz, "csv": _csv, "h5": _h5}
+    if to in ("gsd", "extxyz"):
         trajectory.dataset("position")  # says that it is missing
     check_apart(Path(place), trajectory.path)
     write_aside(Path(place), lambda aside: writers[to](trajectory, aside, progress(frames)))
@@ -99,6 +101,10 @@ def _csv(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
             yield from np.column_stack([*head, *flat]).tolist()
 
     write_csv(place, ["frame", "time", "id", *names], rows())
+
+
+def _h5(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
+    write_whole(trajectory, place, list(frames))
 
 
 def kinds(trajectory: Trajectory) -> tuple[list[str], NDArray[np.intp]] | None:

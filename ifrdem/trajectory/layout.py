@@ -8,7 +8,7 @@ last_partner, timeseries and histories, 1.1 no angle, 1.2 no asleep and dissipat
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,13 +16,15 @@ import h5py
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from ..errors import InputError
+from ..errors import DamageError, InputError
 from ..model.box import Box
 from ..model.observables import MECHANISMS
 from ..model.state import Disks
 from ..tools.versions import package_versions
 from . import damage
+from . import parts as parted
 from .file import staged
+from .parts import Part, Parts
 
 H5MD_VERSION = (1, 1)
 LAYOUT_VERSION = (1, 3)
@@ -32,7 +34,12 @@ TIMESERIES = "timeseries"
 REDUCED = "reduced"
 """Unit of every quantity where there are none."""
 SI_SYMBOLS = ("m", "kg", "s", "rad", "J", "N", "Hz")
-STATIC = ("radius", "mass", "k", "material")
+STATIC: dict[str, DTypeLike] = {
+    "radius": np.float64,
+    "mass": np.float64,
+    "k": np.float64,
+    "material": np.int32,
+}
 
 # Disks per chunk at most: one disk's history needs one chunk a frame, and a chunk must stay small.
 CHUNK_DISKS = 16384
@@ -74,11 +81,11 @@ FIELDS = {
 }
 
 VIEWS = {
-    f"{PARTICLES}/{name}/value": f"/{PARTICLES}/{name}/{field.dataset}"
+    f"{PARTICLES}/{name}/value": {(".", f"/{PARTICLES}/{name}/{field.dataset}")}
     for name, field in FIELDS.items()
     if field.components == 2
 }
-"""Virtual datasets of a trajectory, and what each shows."""
+"""Virtual datasets of a trajectory, and what each shows: files and datasets."""
 PRECISIONS: dict[str, type[np.floating]] = {"f4": np.float32, "f8": np.float64}
 COMPRESSIONS: dict[str, dict[str, object]] = {
     "none": {},
@@ -159,8 +166,15 @@ def create(
     compression: str,
     parameters: Mapping[str, str | int | float],
     units: Mapping[str, str],
+    within: Parts | Part | None = None,
 ) -> None:
-    """Write everything but the frames into an empty file: groups, constant data, empty series; names are checked."""
+    """Write everything but the frames into an empty file: groups, constant data, empty series; names are checked.
+
+    Of a trajectory in parts, `within` are all of them for NAME.h5, which shows their disks, or which one this is.
+    """
+    parts = within if isinstance(within, Parts) else None
+    if within is not None:
+        within.write(file)
     h5md = file.create_group("h5md")
     h5md.attrs["version"] = np.array(H5MD_VERSION, dtype=np.int32)
     h5md.create_group("author").attrs["name"] = str(parameters.get("author", "not stated"))
@@ -179,13 +193,19 @@ def create(
     edges = particles.create_group("box/edges")
     for name, dtype, tail in (("step", np.int64, ()), ("time", np.float64, ()), ("value", np.float64, (3,))):
         _growing(edges, name, dtype, CHUNK_FRAMES, tail)
-    for name in STATIC:
-        particles[name] = getattr(disks, name)
+    for name, kind in STATIC.items():
+        if parts is None:
+            particles[name] = getattr(disks, name)
+        else:
+            parts.show(particles, name, f"/{PARTICLES}/{name}", (), kind, frames=False)
     particles["species"] = particles["material"]
     for name in fields:
         field = FIELDS[name]
         stored_as: DTypeLike = np.int32 if field.count else PRECISIONS[precision]
-        _create_field(file, name, field, disks.n, stored_as, COMPRESSIONS[compression])
+        if parts is None:
+            _create_field(file, name, field, disks.n, stored_as, COMPRESSIONS[compression])
+        else:
+            _show_field(file, name, field, parts, stored_as)
 
     stored = file.create_group("parameters")
     reduced = bool(units) and set(units.values()) == {REDUCED}
@@ -248,6 +268,31 @@ def _create_field(
     frames = slice(0, h5py.h5s.UNLIMITED)  # the view grows with its source
     view[frames, :, :2] = source[frames, :, :]
     group.create_virtual_dataset("value", view, fillvalue=0)
+
+
+def _show_field(file: h5py.File, name: str, field: Field, parts: Parts, dtype: DTypeLike) -> None:
+    """Make a field that shows those of the parts."""
+    group = file.create_group(f"{PARTICLES}/{name}")
+    _link_steps(file, group)
+    source = f"/{PARTICLES}/{name}/{field.dataset}"
+    for shown in dict.fromkeys((field.dataset, "value")):
+        parts.show(group, shown, source, field.tail, dtype, frames=True)
+
+
+def views_of(parts: Parts | None) -> Mapping[str, Collection[tuple[str, str]]]:
+    """Virtual datasets that there may be in a file, and what each shows: files and datasets."""
+    if parts is None:
+        return VIEWS
+    sources = {f"{PARTICLES}/{name}": f"/{PARTICLES}/{name}" for name in STATIC}
+    sources["particles/all/species"] = sources[f"{PARTICLES}/material"]
+    for name, field in FIELDS.items():
+        for shown in (field.dataset, "value"):
+            sources[f"{PARTICLES}/{name}/{shown}"] = f"/{PARTICLES}/{name}/{field.dataset}"
+    names = [parts.name(number) for number in range(len(parts))]
+    found = {place: {(name, source) for name in names} for place, source in sources.items()}
+    for place in VIEWS:
+        found[place] |= {(".", f"/{parted.ZEROS}/{kind}") for kind in ("f4", "f8", "i4")}
+    return found
 
 
 def add_observable(file: h5py.File, name: str, sample: NDArray[Any]) -> h5py.Dataset:
@@ -333,6 +378,8 @@ def need_zstd(what: str) -> None:
 
 def load_compression(file: h5py.File, path: str) -> None:
     """Make the compression of a file's fields known to HDF5; an InputError says which package it needs."""
+    if parted.GROUP in file:  # it holds none
+        return
     for name in stored_fields(file):
         dataset = file[f"{PARTICLES}/{name}"].get(FIELDS[name].dataset)
         if isinstance(dataset, h5py.Dataset) and damage.compression(dataset) == "zstd":
@@ -356,46 +403,76 @@ def newer(file: h5py.File, path: str) -> str:
     )
 
 
-def check_layout(file: h5py.File, path: str) -> None:
-    """Raise InputError that says what is missing or wrong unless the file has this layout, and holds all its data."""
+def check_layout(file: h5py.File, path: str) -> Parts | None:
+    """The parts that a file is in, None if it holds all data itself.
+
+    Raises InputError that says what is missing or wrong unless the file has this layout, and it or its parts hold all
+    data.
+    """
     with damage.reading(path, "its version"):
         if version_of(file)[0] > LAYOUT_VERSION[0]:
             raise InputError(newer(file, path))
-    damage.check_links(file, path, VIEWS)
+    parts = parted.of(file, path)
+    damage.check_links(file, path, views_of(parts))
     load_compression(file, path)
     with damage.reading(path, "its layout"):
-        _check_frames(file, path)
+        _check_frames(file, path, parts)
         if TIMESERIES in file:
             _check_series(file[TIMESERIES], path)
         if HISTORIES in file:
             _check_histories(file[HISTORIES], path)
+    if parts is not None:
+        for number in range(len(parts)):
+            check_part(file, path, parts, number)
+    return parts
+
+
+def check_part(file: h5py.File, path: str, parts: Parts, number: int) -> None:
+    """Raise DamageError that names a part of a trajectory unless it is there, and has all frames that count."""
+    what = f"{path}: its {parts.described(number)}"
+    with parts.open(path, number) as part:
+        try:
+            check_layout(part, str(part.filename))
+            disks = part[f"{PARTICLES}/radius"].shape
+        except InputError as error:
+            raise DamageError(f"{what} cannot be read: {error}") from error
+        own, frames = parts.disks(number), len(file[f"{EDGES}/step"])
+        if disks != (own.stop - own.start,):
+            raise DamageError(f"{what} holds {disks[0]} disks instead{parted.SEE}")
+        held = len(part[f"{EDGES}/step"])
+        if held < frames:
+            raise parted.ShortPart(f"{what} is too short: it holds {held} of {frames} frames{parted.SEE}")
+        for name in stored_fields(file):
+            if name not in stored_fields(part):
+                raise DamageError(f"{what} lacks {name}{parted.SEE}")
 
 
 Expected = Mapping[str, tuple[tuple[int | None, ...], str]]
 """Name of each dataset -> its shape (None: any length), and the kinds of its numbers (NumPy's letters)."""
 
 
-def _check_frames(file: h5py.File, path: str) -> None:
+def _check_frames(file: h5py.File, path: str, parts: Parts | None) -> None:
     if "h5md" not in file or "version" not in file["h5md"].attrs:
         found = ", ".join(sorted(file)) or "nothing"
         raise InputError(
             f"{path} is HDF5 but not H5MD: its group h5md with a version is missing (it holds {found})"
         )
-    n = len(file[f"{PARTICLES}/radius"]) if f"{PARTICLES}/radius" in file else 0
     expected: dict[str, tuple[tuple[int | None, ...], str]] = {
         f"{EDGES}/step": ((None,), "iu"),
         f"{EDGES}/time": ((None,), "f"),
         f"{EDGES}/value": ((None, 3), "f"),
-        **{f"{PARTICLES}/{name}": ((n,), "iu" if name == "material" else "f") for name in STATIC},
     }
-    for name in stored_fields(file):
-        field = FIELDS[name]
-        expected[f"{PARTICLES}/{name}/{field.dataset}"] = (
-            (None, n, *field.tail),
-            "i" if field.count else "f",
-        )
+    shown = [f"{PARTICLES}/{name}" for name in STATIC]
+    shown += [f"{PARTICLES}/{name}/{FIELDS[name].dataset}" for name in stored_fields(file)]
+    if parts is None:  # else the parts have their shapes
+        n = len(file[f"{PARTICLES}/radius"]) if f"{PARTICLES}/radius" in file else 0
+        expected |= {f"{PARTICLES}/{name}": ((n,), "iu" if name == "material" else "f") for name in STATIC}
+        for name in stored_fields(file):
+            field = FIELDS[name]
+            shape = (None, n, *field.tail)
+            expected[f"{PARTICLES}/{name}/{field.dataset}"] = shape, "i" if field.count else "f"
     groups = ("h5md/modules/ifrdem", "parameters", "observables")
-    if missing := [name for name in (*expected, *groups) if name not in file]:
+    if missing := [name for name in (*expected, *shown, *groups) if name not in file]:
         creator = file["h5md/creator"].attrs.get("name", "unknown") if "h5md/creator" in file else "unknown"
         raise InputError(
             f"{path} is H5MD but not a trajectory of ifrdem (its creator: {creator}): missing {', '.join(missing)}"
@@ -406,7 +483,7 @@ def _check_frames(file: h5py.File, path: str) -> None:
             f"{path} has layout version {version[0]}.{version[1]}; this ifrdem reads {LAYOUT_VERSION[0]}.x"
         )
     steps = len(file[f"{EDGES}/step"])
-    for name in stored_fields(file):
+    for name in stored_fields(file) if parts is None else ():
         if (frames := len(field_dataset(file, name))) < steps:
             raise InputError(f"{path} is damaged: {name} holds {frames} of {steps} frames")
     _expect(file, expected)

@@ -9,7 +9,7 @@ import operator
 import os
 import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -38,6 +38,7 @@ from ..tools.sealed import Sealed
 from . import damage, history, layout, tables
 from .frame import SPIN, Frame
 from .history import History
+from .parts import Parts
 from .series import Series
 
 if TYPE_CHECKING:
@@ -196,10 +197,16 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
 
         Raises InputError if the file does not hold the field, or it cannot be read (`DamageError`).
         """
-        value = self._again(lambda: damage.read(self.dataset(name), selection))
+        value = self._again(lambda: self._read_field(name, selection))
         if value.dtype.kind == "f" and not np.isfinite(value).all():  # no writer of ours stores such
             raise DamageError(f"{self.path} is damaged: {name} holds numbers that are not finite")
         return value
+
+    def _read_field(self, name: str, selection: Any) -> NDArray[Any]:
+        dataset = self.dataset(name)
+        if self._parts is None:
+            return damage.read(dataset, selection)
+        return self._parts.read(self.path, str(dataset.name), selection)
 
     def _read_rows(self, name: str, rows: int, columns: int) -> NDArray[Any]:
         """The first rows of a quantity; with columns, each has so many numbers."""
@@ -222,11 +229,11 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
     def _read_head(self) -> None:
         """Read everything but the frames."""
         file = self._file
-        layout.check_layout(file, str(self.path))
+        self._parts = layout.check_layout(file, str(self.path))
         self._fields = layout.stored_fields(file)
         self._frames = len(file[f"{layout.EDGES}/step"])
         particles, rows = file[layout.PARTICLES], file.get(layout.TIMESERIES)
-        columns = {name: damage.read(particles[name]) for name in layout.STATIC}
+        columns = {name: self._constants(name) for name in layout.STATIC}
         with damage.reading(self.path, layout.PARTICLES):
             self._set(disks=Disks(len(columns["mass"]), **columns))
         with damage.reading(self.path, f"{layout.PARTICLES}/box"):
@@ -244,6 +251,12 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
             observables=Series(file["observables"], self.times, "observable", self._read_rows),
             series=Series(rows, moments, "series", self._read_rows),
         )
+
+    def _constants(self, name: str) -> NDArray[Any]:
+        place = f"{layout.PARTICLES}/{name}"
+        if self._parts is None:
+            return damage.read(self._file[place])
+        return self._parts.read(self.path, place, axis=0)
 
     def _moments(self, group: h5py.Group) -> NDArray[np.float64]:
         """Times of the committed rows of a group."""
@@ -328,6 +341,19 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         return self._file
 
     @property
+    def parts(self) -> Parts | None:
+        """The parts that the trajectory is in; None if its file holds all data."""
+        return self._parts
+
+    def holders(self) -> Iterator[h5py.File]:
+        """The files that hold the fields, open one after another: this one, or its parts."""
+        if self._parts is None:
+            yield self._opened()
+            return
+        for _, _, file in self._parts.each(self.path):
+            yield file
+
+    @property
     def room(self) -> Room:
         """The area that walls leave to the disks, at t = 0; gates count as open."""
         return Room(self.box, tuple(wall for wall in self.walls if not wall.gated))
@@ -366,7 +392,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         return self._fields
 
     def dataset(self, name: str) -> h5py.Dataset:
-        """The stored data of a field, to read across frames: `dataset("position")[:, 7]` is a disk's path.
+        """The data of a field, to read across frames: `dataset("position")[:, 7]` is a disk's path.
 
         Shape (frames, n) or (frames, n, 2); after a kill it may hold an uncommitted frame behind the last.
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,9 @@ from ..model.state import Disks
 from ..tools import files
 from ..tools.files import check_apart, checkpoint_of, not_a_file
 from . import damage, history, layout
+from . import parts as parted
 from .file import ON_PAGES
+from .parts import Parts
 from .reader import Trajectory, check_file
 from .reader import _box as box_of
 from .views import paths as view_paths
@@ -57,6 +59,8 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
     if special := not_a_file(place):
         raise InputError(special)
     with _openable(path, say) as (source, whole), h5py.File(source, "r") as file:
+        if place == path and parted.GROUP in file:
+            raise InputError(f"{path} is in parts: --in-place cannot put them together; -o writes one file")
         try:
             with damage.reading(path, "its bookkeeping"):
                 kept = _Kept(file, path, whole, say)
@@ -79,6 +83,17 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
             raise InputError(f"output {place}: cannot be written: {error.strerror or error}") from error
     say(f"  {len(kept.frames)} of {kept.committed} frames are kept")
     return True
+
+
+def write_whole(trajectory: Trajectory, place: Path, frames: Sequence[int]) -> None:
+    """Copy frames, series and histories of a trajectory, which may be in parts, to one file.
+
+    Raises InputError if something cannot be read.
+    """
+    kept = _Kept(trajectory.file, trajectory.path, None, lambda _: None)
+    kept.frames = kept.frames[np.isin(kept.frames, frames)]
+    with h5py.File(place, "w", **ON_PAGES) as new:
+        kept.write(new, part=False)
 
 
 def _in_vain(path: Path, error: InputError, copy: Path | None = None) -> DamageError:
@@ -115,8 +130,8 @@ class _Kept:
     """
 
     def __init__(self, file: h5py.File, path: Path, whole: int | None, say: Callable[[str], object]) -> None:
-        damage.check_links(file, str(path), layout.VIEWS)
-        layout.load_compression(file, str(path))
+        self._parts = parted.of(file, path)
+        damage.check_links(file, str(path), layout.views_of(self._parts))
         self.wrong = False
         self._file, self._path, self._whole, self._say = file, path, whole, say
         edges = [f"{layout.EDGES}/{name}" for name in ("step", "time", "value")]
@@ -125,25 +140,29 @@ class _Kept:
         if missing:
             raise InputError(f"{path} cannot be made a trajectory of ifrdem: {', '.join(missing)} is missing")
         self.committed = len(file[edges[0]])
-        self._fields = {name: layout.field_dataset(file, name) for name in layout.stored_fields(file)}
+        self._fields = layout.stored_fields(file)
+        self._n = len(file[static[0]]) if self._parts is None else self._parts.n
         good = np.ones(self.committed, dtype=bool)
-        for dataset in (*(file[name] for name in edges), *self._fields.values()):
-            name, here = dataset.name[1:], self._good(dataset, self.committed, 1)
-            if not here.all():
-                self._note(f"{name}: {_numbers(np.flatnonzero(~here))} cannot be read")
-            self._beyond(name, dataset, self.committed, "frame")
-            good &= here
+        self._look(file, edges, good)
+        if self._parts is not None:
+            self._look_at_parts(self._parts)
+        columns: dict[str, list[NDArray[Any]]] = {name: [] for name in layout.STATIC}
+        for own, held in self._holders():
+            layout.load_compression(held, str(path))
+            fields = [layout.field_dataset(held, name) for name in self._fields]
+            self._dtypes = [field.dtype for field in fields]
+            self._compression = next((damage.compression(field) for field in fields), None) or "none"
+            self._look(held, [field.name for field in fields], good, own)
+            good[len(held[edges[0]]) :] = False  # of a part that is too short
+            for name, found in columns.items():
+                found.append(self._all_of(held[f"{layout.PARTICLES}/{name}"]))
+        if parted.PART in file:  # whose frames have the places that they have in the others
+            good[np.argmin(good) if not good.all() else len(good) :] = False
         self.frames = np.flatnonzero(good)
         if len(self.frames) == 0:
             none = f"no frame of {self.committed} is whole: nothing can be kept"
             raise InputError(f"{path}: {none}{_otherwise(path)}")
-        columns = {name: self._all_of(file[f"{layout.PARTICLES}/{name}"]) for name in layout.STATIC}
-        self._disks = Disks(len(columns["mass"]), **columns)
-        for dataset in self._fields.values():
-            if dataset.shape[1] != self._disks.n:
-                raise DamageError(
-                    f"{path} is damaged: {dataset.name} has {dataset.shape[1]} disks instead of {self._disks.n}"
-                )
+        self._disks = Disks(self._n, **{name: np.concatenate(found) for name, found in columns.items()})
         self._box = box_of(file[f"{layout.PARTICLES}/box"].attrs)
         self._parameters: dict[str, str | int | float] = {}
         names: list[bytes | str] = []
@@ -183,23 +202,26 @@ class _Kept:
                 cut |= {"committed/events": commits, "committed/time": commits}
                 self._cut[history.GROUP] = cut
 
-    def write(self, new: h5py.File) -> None:
-        """Write a new trajectory with what is kept."""
-        old, floats = self._file, [one for one in self._fields.values() if one.dtype.kind == "f"]
-        double = bool(floats) and floats[0].dtype == np.float64
+    def write(self, new: h5py.File, *, part: bool = True) -> None:
+        """Write a new trajectory with what is kept; of a part another such `part`, if not a plain file."""
+        old = self._file
+        within = parted.Part.of(old) if part and parted.PART in old else None
+        double = next((dtype for dtype in self._dtypes if dtype.kind == "f"), None) == np.float64
         parameters = dict(self._parameters)
         units = {
             name: str(parameters.pop(name)) for name in self._parameters if name.partition("/")[0] == "units"
         }
         layout.create(
-            new, disks=self._disks, box=self._box, fields=tuple(self._fields), precision="f8" if double else "f4",
-            compression=damage.compression(next(iter(self._fields.values()))) or "none",
-            parameters=parameters, units={name.removeprefix("units/"): unit for name, unit in units.items()},
+            new, disks=self._disks, box=self._box, fields=self._fields, precision="f8" if double else "f4",
+            compression=self._compression, within=within, parameters=parameters,
+            units={name.removeprefix("units/"): unit for name, unit in units.items()},
         )  # fmt: skip
         for name in ("step", "time", "value"):
             _append(new[f"{layout.EDGES}/{name}"], old[f"{layout.EDGES}/{name}"], self.frames)
-        for name, dataset in self._fields.items():
-            _append(layout.field_dataset(new, name), dataset, self.frames)
+        for own, one in self._holders():
+            for name in self._fields:
+                field = layout.field_dataset(one, name)
+                _append(layout.field_dataset(new, name), field, self.frames, (own,))
         for name, dataset in self._observables.items():
             sample = np.empty(dataset.shape[1:], dataset.dtype)
             _append(layout.add_observable(new, name, sample), dataset, self.frames)
@@ -208,6 +230,47 @@ class _Kept:
                 old.copy(name, new)
             for dataset, rows in cut.items():
                 new[name][dataset].resize(rows, axis=0)
+
+    def _holders(self) -> Iterator[tuple[slice, h5py.File]]:
+        """Files that hold the fields, open one after another, and numbers of the disks of each."""
+        if self._parts is None:
+            yield slice(0, self._n), self._file
+            return
+        for _, own, file in self._parts.each(self._path):
+            yield own, file
+
+    def _look(
+        self, file: h5py.File, names: Sequence[str], good: NDArray[np.bool_], own: slice | None = None
+    ) -> None:
+        """Note frames that cannot be read in some datasets; with disks (`own`), of another number of these."""
+        part = "" if file is self._file else f"{self._path.parent.joinpath(file.filename).name}: "
+        for dataset in (file[name] for name in names):
+            name = part + dataset.name[1:]
+            if own is not None and dataset.shape[1] != own.stop - own.start:
+                raise DamageError(
+                    f"{self._path} is damaged: {name} has {dataset.shape[1]} disks instead of {own.stop - own.start}"
+                )
+            here = self._good(dataset, self.committed, 1)
+            if not here.all():
+                self._note(f"{name}: {_numbers(np.flatnonzero(~here))} cannot be read")
+            self._beyond(name, dataset, self.committed, "frame")
+            good &= here
+
+    def _look_at_parts(self, parts: Parts) -> None:
+        """Note each part that is missing or wrong; InputError if one cannot be used at all."""
+        unusable = 0
+        for number in range(len(parts)):
+            try:
+                parts.open(self._path, number).close()
+                layout.check_part(self._file, str(self._path), parts, number)
+            except DamageError as error:
+                self._note(str(error).removeprefix(f"{self._path}: its ").removesuffix(parted.SEE))
+                unusable += not isinstance(error, parted.ShortPart)
+        if unusable:
+            raise InputError(
+                f"{self._path}: {unusable} of its {len(parts)} parts cannot be used: no frame is whole. Put them back "
+                "to their places; each of them is a trajectory of its own disks, which `ifrdem repair` can mend"
+            )
 
     def _note(self, text: str) -> None:
         self.wrong = True
@@ -278,13 +341,15 @@ class _Kept:
         return dict.fromkeys(names, kept)
 
 
-def _append(new: h5py.Dataset, old: h5py.Dataset, rows: NDArray[np.intp]) -> None:
-    """Copy rows to a dataset that has none, some megabytes at a time."""
+def _append(
+    new: h5py.Dataset, old: h5py.Dataset, rows: NDArray[np.intp], columns: tuple[slice, ...] = ()
+) -> None:
+    """Copy rows to a dataset that has none, or none in these columns, some megabytes at a time."""
     new.resize(len(rows), axis=0)
     block, first = max(1, BLOCK // max(1, int(np.prod(old.shape[1:])))), 0
     for run in np.split(rows, np.flatnonzero(np.diff(rows) != 1) + 1):
         for some in np.split(run, range(block, len(run), block)):
-            new[first : first + len(some)] = old[int(some[0]) : int(some[-1]) + 1]
+            new[(slice(first, first + len(some)), *columns)] = old[int(some[0]) : int(some[-1]) + 1]
             first += len(some)
 
 

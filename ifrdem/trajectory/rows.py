@@ -38,6 +38,7 @@ class Rows:
         self.what = what
         self.marker = marker
         self.datasets: dict[str, h5py.Dataset] = dict(datasets)
+        self.blank: list[h5py.Dataset] = []  # as long as the others, but nothing is ever written into them
         self.committed: int = committed
         self.at: int = committed if at is None else at
 
@@ -56,6 +57,8 @@ class Rows:
         for name, values in rows.items():
             if known < count:
                 self._append(self.datasets[name], values[known:])
+        for blank in self.blank if known < count else ():
+            blank.resize(self.committed + count - known, axis=0)
         return count - known
 
     def commit(
@@ -77,7 +80,7 @@ class Rows:
 
     def drop_uncommitted(self) -> None:
         """Remove what an interrupted commit left behind the last one."""
-        for dataset in ([] if self.marker is None else [self.marker], self.datasets.values()):
+        for dataset in ([] if self.marker is None else [self.marker], self.datasets.values(), self.blank):
             for each in dataset:
                 if len(each) > self.committed:
                     each.resize(self.committed, axis=0)

@@ -6,7 +6,8 @@ with z = 0), radius, mass, material and id. NAME.nc follows the AMBER convention
 NetCDF-4, for OVITO, xarray and ASE: coordinates, velocities, and the other fields by their names; cell lengths are 0
 where the box is not periodic, as ASE wants it.
 
-The data are virtual datasets of HDF5 that name NAME.h5 without a folder: move the files together. A view shows the
+The data are virtual datasets of HDF5 that name NAME.h5, or its parts, from the folder that they are in: move the files
+together. A view shows the
 frames that were committed when it was made. Where HDF5 cannot reach NAME.h5 (moved away, or locked by a run that still
 writes it), floats read as nan and counts as -2147483648. Neither format knows a sheared box: the images that tools make
 of one above and below are at the wrong places.
@@ -15,8 +16,9 @@ of one above and below are at the wrong places.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -77,18 +79,33 @@ def _view(
 ) -> h5py.Dataset:
     """A virtual dataset of one of the trajectory, in another shape of as many numbers; vectors get z = 0."""
     stored = trajectory.file[source]
-    origin = h5py.VirtualSource(trajectory.path.name, source, shape=stored.shape, dtype=stored.dtype)
     layout = h5py.VirtualLayout(shape=shape, dtype=stored.dtype)
-    chosen = origin if stored.ndim == 1 else origin[: len(trajectory)]
-    if stored.shape[2:] == (2,):
-        layout[..., :2] = chosen
+    vector, frames, n = stored.shape[2:] == (2,), len(trajectory), trajectory.disks.n
+    for place, disks in _holders(trajectory):
+        count = disks.stop - disks.start
+        held = (count,) if stored.ndim == 1 else (frames, count, *stored.shape[2:])
+        origin = h5py.VirtualSource(place, source, shape=held, dtype=stored.dtype)
+        rows: tuple[Any, ...] = (disks,) if stored.ndim == 1 else (slice(None), disks)
+        if count == n:
+            rows = (Ellipsis,)
+        elif stored.ndim > 1 and shape[0] == frames * n:  # frame after frame
+            rows = (h5py.MultiBlockSlice(start=disks.start, count=frames, stride=n, block=count),)
+        layout[(*rows, slice(0, 2)) if vector else rows] = origin if stored.ndim == 1 else origin[:frames]
+    if vector:
         # Numbers of z that were never written take no room and read as 0.
         zeros = group.file.require_dataset(f"{ZEROS}/{stored.dtype.str[1:]}", shape[:-1], stored.dtype)
         layout[..., 2] = h5py.VirtualSource(".", zeros.name, shape=zeros.shape, dtype=zeros.dtype)
-    else:
-        layout[...] = chosen
     nothing = np.nan if stored.dtype.kind == "f" else np.iinfo(stored.dtype).min
     return group.create_virtual_dataset(name, layout, fillvalue=nothing)
+
+
+def _holders(trajectory: Trajectory) -> Iterator[tuple[str, slice]]:
+    """Files that hold the data, and numbers of the disks that each has."""
+    if trajectory.parts is None:
+        yield trajectory.path.name, slice(0, trajectory.disks.n)
+        return
+    for number in range(len(trajectory.parts)):
+        yield trajectory.parts.name(number), trajectory.parts.disks(number)
 
 
 def _fill_vtkhdf(file: h5py.File, trajectory: Trajectory) -> None:

@@ -23,7 +23,9 @@ from ..model.walls import Wall, to_json
 from ..tools import checked
 from ..tools.sealed import Sealed
 from . import damage, layout
+from . import parts as parted
 from .file import OutputFile
+from .parts import Part, Parts
 from .rows import HistoryWriter, Rows, SeriesWriter, check_name, like, stored
 from .rows import checked as checked_row
 
@@ -73,6 +75,9 @@ class TrajectoryWriter(Sealed):
         Replace a file that exists.
     walls : sequence of Wall
         Walls beside those at the sides of the box: the parameter "walls", as JSON.
+    within : Parts or Part, optional
+        For a trajectory in parts (`PartsWriter`): all parts, if this is NAME.h5, which gets no fields of its own; or
+        which of them this is.
 
     Raises
     ------
@@ -109,6 +114,7 @@ class TrajectoryWriter(Sealed):
         compression: str = "none",
         force: bool = False,
         walls: Sequence[Wall] = (),
+        within: Parts | Part | None = None,
     ) -> None:
         parameters = dict(parameters or {}, **({"walls": to_json(walls)} if walls else {}))
         units = units or {}
@@ -124,9 +130,9 @@ class TrajectoryWriter(Sealed):
         _check_record(parameters, units)
         fill = functools.partial(
             layout.create, disks=disks, box=box, fields=fields, precision=precision, compression=compression,
-            parameters=parameters, units=units,
+            parameters=parameters, units=units, within=within,
         )  # fmt: skip
-        self._begin(OutputFile.create(path, fill, force=force), disks, box)
+        self._begin(OutputFile.create(path, fill, force=force), disks.n, box)
 
     @classmethod
     def resume(
@@ -163,7 +169,7 @@ class TrajectoryWriter(Sealed):
             text = to_json(walls) if walls else None
             _check_resumable(output.file, place, disks, box, fields, precision, compression, text)
             writer = cls.__new__(cls)
-            writer._begin(output, disks, box, **seen)
+            writer._begin(output, disks.n, box, **seen)
             writer._drop_uncommitted()
             output.flush()
         except BaseException as error:
@@ -176,7 +182,7 @@ class TrajectoryWriter(Sealed):
     def _begin(
         self,
         output: OutputFile,
-        disks: Disks,
+        n: int,
         box: Box,
         frames: int = 0,
         series_rows: int = 0,
@@ -185,12 +191,12 @@ class TrajectoryWriter(Sealed):
         """Take the file's datasets in hand; so much of each the run has written."""
         self._output = output
         self._set(path=output.path)
-        self._n = disks.n
+        self._n = n
         self._lengths = box.lengths
         file = output.file
         step, time, edges = (file[f"{layout.EDGES}/{name}"] for name in ("step", "time", "value"))
         committed = len(step)
-        self._histories = HistoryWriter(output, disks.n, events)
+        self._histories = HistoryWriter(output, n, events)
         for what, held, seen in (
             ("frames", committed, frames),
             ("rows of series", layout.committed_rows(file), series_rows),
@@ -200,11 +206,13 @@ class TrajectoryWriter(Sealed):
                 raise InputError(
                     f"{self.path} holds {held} {what}, the checkpoint had seen {seen}: it is another file's"
                 )
-        fields = {name: layout.field_dataset(file, name) for name in layout.stored_fields(file)}
+        self._parts = parted.of(file, self.path)
+        names = layout.stored_fields(file) if self._parts is None else ()  # parts have their own
+        fields = {name: layout.field_dataset(file, name) for name in names}
         self._fields = like(fields)
         datasets = {"time": time, "edges": edges, **fields}
         # Views of no disks do not grow by themselves.
-        views = [name for name in self._fields if disks.n == 0 and layout.FIELDS[name].components == 2]
+        views = [name for name in self._fields if n == 0 and layout.FIELDS[name].components == 2]
         datasets |= {f"view {name}": file[f"{layout.PARTICLES}/{name}/value"] for name in views}
         self._empty = {f"view {name}": np.zeros((0, 3)) for name in views}
         observables = (
@@ -212,12 +220,18 @@ class TrajectoryWriter(Sealed):
         )
         self._observables = like(observables)
         self._rows = Rows("frame", step, datasets | _prefixed(observables), committed, frames)
+        self._rows.blank = list(file.get(parted.ZEROS, {}).values())
         self._last_time = float(time[frames - 1]) if frames else -np.inf
         self._series = SeriesWriter(output, series_rows)
 
     def __len__(self) -> int:
         """Number of committed frames."""
         return self._rows.committed
+
+    @property
+    def parts(self) -> Parts | None:
+        """The parts, if this is NAME.h5 of a trajectory that has some."""
+        return self._parts
 
     @property
     def gone(self) -> str | None:
@@ -425,9 +439,10 @@ def _check_resumable(
             f"{layout.LAYOUT_VERSION[0]}.{layout.LAYOUT_VERSION[1]}; begin a new file"
         )
     particles = file[layout.PARTICLES]
-    if (n := len(particles["radius"])) != disks.n:
+    parts = parted.of(file, path)
+    if (n := len(particles["radius"]) if parts is None else parts.n) != disks.n:
         raise InputError(f"{path} has {n} disks, the run has {disks.n}")
-    for name in layout.STATIC:
+    for name in layout.STATIC if parts is None else ():  # else the parts are looked at themselves
         given, stored = getattr(disks, name), particles[name][()]
         if (different := given != stored).any():
             i = int(np.argmax(different))
@@ -445,7 +460,7 @@ def _check_resumable(
     there = layout.stored_fields(file)
     if set(there) != set(fields):
         raise InputError(f"{path} holds the fields {', '.join(there)}, the run has {', '.join(fields)}")
-    for name in there:
+    for name in there if parts is None else ():
         dataset = layout.field_dataset(file, name)
         wanted = np.dtype(layout.PRECISIONS[precision])
         if not layout.FIELDS[name].count and dataset.dtype != wanted:

@@ -315,3 +315,32 @@ def test_check_tells_the_time_and_why_a_thin_gas_is_slow(folder):
     assert "ifrdem bench" in told(*BY_COLLISIONS)
     assert "phi^(-1/2)" not in told(*BY_COLLISIONS)
     assert "phi^(-1/2)" in told(*BY_COLLISIONS, "box.lengths=[3000.0, 3000.0]")
+
+
+@pytest.mark.parametrize(
+    ("given", "n", "ranks", "in_parts"),
+    [
+        ("auto", 1_000_000, 8, False),
+        ("auto", 1_000_001, 8, True),
+        ("auto", 1_000_001, 1, False),
+        (True, 200, 1, True),
+        (False, 1_000_001, 8, False),
+    ],
+)
+def test_many_disks_on_ranks_are_written_in_parts_unless_the_case_says_otherwise(given, n, ranks, in_parts):
+    assert OutputSection(parts=given).in_parts(n, ranks) is in_parts
+    assert OutputSection().parts == "auto"
+
+
+def test_check_tells_of_parts(folder, capsys):
+    path = str(folder / "gas.toml")
+    assert cli.main(["check", path]) == 0
+    assert ".parts" not in capsys.readouterr().out
+    assert cli.main(["check", path, "--set", "output.parts=true"]) == 0
+    assert "its fields in gas.parts, a file for each rank" in capsys.readouterr().out
+    for wrong, said in (
+        ('"aut"', """= "aut": must be true, false or "auto" (did you mean 'auto'?)"""),
+        ("1", "= 1: must"),
+    ):
+        assert cli.main(["check", path, "--set", f"output.parts={wrong}"]) == 2
+        assert f"output.parts {said}" in capsys.readouterr().err

@@ -58,6 +58,16 @@ def plain(case: Path) -> Path:
     return folder / "gas.h5"
 
 
+@pytest.fixture(scope="module")
+def long(case: Path) -> Path:
+    """The same with 40 frames."""
+    folder = case.parent / "long"
+    folder.mkdir()
+    words = mpi.ifrdem("run", case, "-o", f"{folder}/", "--set", "output.frames=40")
+    subprocess.run(list(map(str, words)), check=True, capture_output=True)
+    return folder / "gas.h5"
+
+
 def differing(one: Path, other: Path) -> list[str]:
     """Datasets of a file that are not, bit for bit, those of another one."""
     found: list[str] = []
@@ -114,6 +124,117 @@ def test_a_rank_that_dies_ends_the_run_and_the_checkpoint_is_good(case: Path, pl
         assert np.array_equal(found[-1].velocity, expected[-1].velocity)
 
 
+@mpi.needed
+@pytest.mark.parametrize("ranks", [1, 2, 3, 4])
+def test_a_run_in_parts_has_the_bits_of_one_file(case: Path, plain: Path, ranks: int) -> None:
+    folder = case.parent / f"parts{ranks}"
+    folder.mkdir()
+    words = mpi.ifrdem("run", case, "-o", f"{folder}/", "--set", "output.parts=true")
+    done = mpi.on(ranks, *words)
+    assert done.returncode == 0, done.stderr
+    assert differing(plain, folder / "gas.h5") == []
+    names = [f"{number:04d}.h5" for number in range(ranks)]
+    assert sorted(each.name for each in (folder / "gas.parts").iterdir()) == names
+    assert sorted(each.name for each in folder.iterdir()) == ["gas.h5", "gas.parts", "gas.status.json"]
+    assert all(f"gas.parts/{name}" in done.stdout for name in names)
+    done = mpi.on(ranks, *words)
+    assert done.returncode == 2
+    assert done.stderr.count("exists already; --force replaces it") == 1
+
+
+@mpi.needed
+def test_a_run_in_parts_goes_on_with_any_number_of_ranks(case: Path, plain: Path) -> None:
+    """Three ranks, then two, then one process: three parts, and the file of one process."""
+    folder = case.parent / "going_on"
+    folder.mkdir()
+    words = mpi.ifrdem("run", case, "-o", f"{folder}/", "--set", "output.parts=true", "--maxh", "1e-6")
+    done = mpi.on(3, *words)
+    assert done.returncode == 3, done.stderr
+    assert len(list((folder / "gas.checkpoint.parts").iterdir())) == 3
+    done = mpi.on(2, *mpi.ifrdem("resume", folder / "gas.h5", "--maxh", "1e-6"))
+    assert done.returncode == 3, done.stderr
+    assert len(list((folder / "gas.checkpoint.parts").iterdir())) == 2
+    (moved := folder / "gas.checkpoint.parts" / "gone").touch()  # nobody else's file is removed
+    done = subprocess.run(
+        list(map(str, mpi.ifrdem("resume", folder / "gas.h5"))), capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    moved.unlink()
+    moved.parent.rmdir()  # which nothing else was left in
+    assert differing(plain, folder / "gas.h5") == []
+    assert len(list((folder / "gas.parts").iterdir())) == 3
+    assert sorted(each.name for each in folder.iterdir()) == ["gas.h5", "gas.parts", "gas.status.json"]
+
+
+@mpi.needed
+@pytest.mark.parametrize("victim", [0, 1])
+def test_a_rank_that_dies_leaves_frames_that_are_whole_in_all_parts(
+    case: Path, long: Path, victim: int
+) -> None:
+    """Killed at some frame; what the file counts is the run's, and on three ranks it goes on to the same bits."""
+    folder = case.parent / f"dies{victim}"
+    folder.mkdir()
+    options = ["--set", "output.frames=40", "--set", "output.parts=true"]
+    words = mpi.command(2, *mpi.ifrdem("run", case, "-o", f"{folder}/", *options))
+    run = subprocess.Popen(words, env=mpi.environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    end = time.monotonic() + 100.0
+    while _counted(folder / "gas.h5") < 3:
+        assert run.poll() is None, "it ended before it was killed"
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    os.kill(_rank(run.pid, victim), signal.SIGKILL)
+    assert run.wait(30.0) != 0
+    with ifrdem.Trajectory(folder / "gas.h5") as found, ifrdem.Trajectory(long) as expected:
+        assert 3 <= len(found) < 41
+        for frame, right in zip(found, expected, strict=False):
+            for name in found.fields:
+                assert np.array_equal(frame[name], right[name])
+    done = mpi.on(3, *mpi.ifrdem("resume", folder / "gas.h5"))
+    assert done.returncode == 0, done.stderr
+    assert differing(long, folder / "gas.h5") == []
+
+
+def _counted(path: Path) -> int:
+    """Frames of a file that a run is writing, or about to."""
+    try:
+        with ifrdem.Trajectory(path) as trajectory:
+            return len(trajectory)
+    except ifrdem.InputError:
+        return 0
+
+
+@mpi.needed
+def test_many_disks_go_into_one_file_if_the_case_says_so(case: Path, plain: Path) -> None:
+    """No rank has all disks, but frames are gathered; checkpoints are in parts, and another number goes on."""
+    folder = case.parent / "gathered"
+    folder.mkdir()
+    start = [sys.executable, SUPPORT / "few_gathered.py"]
+    words = ["run", case, "-o", f"{folder}/", "--set", "output.parts=false", "--maxh", "1e-6"]
+    done = mpi.on(2, *start, *words)
+    assert done.returncode == 3, done.stderr
+    assert len(list((folder / "gas.checkpoint.parts").iterdir())) == 2
+    done = mpi.on(3, *start, "resume", folder / "gas.h5")
+    assert done.returncode == 0, done.stderr
+    assert differing(plain, folder / "gas.h5") == []
+    assert sorted(each.name for each in folder.iterdir()) == ["gas.h5", "gas.status.json"]
+
+
+@mpi.needed
+def test_a_checkpoint_or_trajectory_that_lacks_a_part_is_refused_on_all_ranks(case: Path) -> None:
+    folder = case.parent / "lacking"
+    folder.mkdir()
+    words = mpi.ifrdem("run", case, "-o", f"{folder}/", "--set", "output.parts=true", "--maxh", "1e-6")
+    assert mpi.on(2, *words).returncode == 3
+    for part in (folder / "gas.parts" / "0001.h5", *sorted((folder / "gas.checkpoint.parts").iterdir())[1:]):
+        part.rename(folder / "away")
+        done = mpi.on(2, *mpi.ifrdem("resume", folder / "gas.h5"))
+        assert done.returncode == 2, done.stderr
+        assert done.stderr.count(part.name) == 1
+        assert "is missing" in done.stderr
+        assert "Traceback" not in done.stderr
+        (folder / "away").rename(part)
+
+
 def _rank(launcher: int, rank: int) -> int:
     """Process of a rank."""
     for folder in Path("/proc").iterdir():
@@ -167,6 +288,15 @@ def test_the_lines_of_the_manual_run(tmp_path: Path) -> None:
     collisions, temperature = map(float, done.stdout.split())
     assert collisions == 30_000
     assert 0.5 < temperature < 1.0
+
+
+@mpi.needed
+def test_the_lines_of_the_manual_on_slices_run(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(block("ranks slices"))
+    done = mpi.on(2, sys.executable, "-m", "mpi4py", script)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["15000"] * 4  # two frames of two slices
 
 
 @mpi.needed

@@ -24,6 +24,7 @@ from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
 from ifrdem.simulation import arrays, ranks
 from ifrdem.simulation.engine import Engine
+from ifrdem.tools import slices
 
 k.BLOCK_OF_TILES = windows.BLOCK_OF_TILES = 3  # so that blocks lie on several ranks
 arrays.ALONE = 100  # windows as short as those of gases that are divided
@@ -114,7 +115,8 @@ def after(gas: Gas, comm: Any) -> tuple[Engine, dict[str, Any]]:
     found = dict(vars(engine.state())) | {
         f"statistics {name}": n for name, n in vars(engine.statistics).items()
     }
-    found |= {"totals": engine.totals(), "sums": engine.windows.sums, "past": engine.past.get("angle")}
+    past = slices.gather(engine.comm, N, [engine.past["angle"]]) or [None]
+    found |= {"totals": engine.totals(), "sums": engine.windows.sums, "past": past[0]}
     engine.keep_collisions = True
     engine.advance(collisions=2 * half + 500)
     assert engine.last_collisions is not None

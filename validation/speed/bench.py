@@ -290,7 +290,7 @@ def measure(
     for i in range(runs):
         done.append(timed(simulation, seconds))
         note(f"run {i + 1} of {runs}: {done[-1].rate:.4g} collisions/s")
-    size, profiled = simulation.bytes_allocated / gas.disks.n, None
+    size, profiled = simulation.bytes_allocated / gas.n, None
     if sent is not None:
         size = comm.allreduce(size)
         sent = np.array(
@@ -309,8 +309,8 @@ def measure(
             device.stop()
     return Benchmark(
         gas="elastic gas" if after is None else run.name,
-        n=gas.disks.n,
-        phi=gas.room.packing_fraction(gas.disks.radius),
+        n=gas.n,
+        phi=gas.room.covered_part(gas.kinds.covered),
         arch=run.arch,
         threads=_threads(run.threads, comm) if run.arch == "cpu" else 1,
         precision=run.precision,
@@ -352,7 +352,7 @@ def prepared(
         end = {"collisions_per_disk": after}
     if after != 0.0:
         unit = UNITS[run.units]["time"] if run.units == "SI" else ""
-        shown = Progress(gas.disks.n, unit=unit, **end) if world.is_first(comm) else None
+        shown = Progress(gas.n, unit=unit, **end) if world.is_first(comm) else None
         with shown or contextlib.nullcontext():
             simulation.run(progress=shown or False, frames=PIECES, **end)
     warm_up(simulation)
@@ -470,7 +470,7 @@ def elastic_gas(
 
 def mean_free_time(gas: CaseGas) -> float:
     """Time between two collisions of a disk at equilibrium [time], by theory (25 % too long in the solid)."""
-    phi = gas.box.packing_fraction(gas.disks.radius)
+    phi = gas.kinds.covered / gas.box.area
     return 1.0 / theory.collision_rate(phi, TEMPERATURE, MASS, RADIUS)
 
 
@@ -481,7 +481,7 @@ def mixing_time(gas: CaseGas) -> float:
     and 0.3, from 6 on at 0.7, and from 15 on at 0.6, where the lattice melts slowly. Very large gases, whose
     equilibration takes minutes, get less of the room to spare.
     """
-    n, phi = gas.disks.n, gas.box.packing_fraction(gas.disks.radius)
+    n, phi = gas.n, gas.kinds.covered / gas.box.area
     times = 15.0 if phi > 0.5 else 10.0 if n <= 2_000_000 else 5.0
     return times * mean_free_time(gas)
 

@@ -366,7 +366,7 @@ def test_ids_up_to_the_last_of_32_bits() -> None:
         engine.keep_collisions = True
         while engine.collisions < 10 * N:
             engine.advance(collisions=10 * N)
-        lists = engine.arrays.lists(engine.windows.part[0])
+        lists, _tiles = engine.arrays.rows_held(engine.windows.part[0])
         lists["meta"][:, ID] -= first
         partner = lists["hits"][:, LAST_PARTNER]
         assert partner.min() >= first - 1

@@ -1,0 +1,300 @@
+"""Parts of a trajectory: NAME.h5, and beside it NAME.parts/0000.h5, 0001.h5, ..., with the fields of some disks each.
+
+A gas on several ranks of MPI is written by all of them. Each part is a trajectory of its own, of the disks with
+consecutive numbers that one rank had when the file was begun. NAME.h5 has what belongs to all disks (box, record,
+series, observables, times and steps of frames); its datasets with a row for each disk are virtual ones of HDF5, which
+show the rows of the parts, by relative names: NAME.h5 and the folder are moved together. Where a part is missing, HDF5
+gives nan for floats and -2147483648 for counts.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from ..errors import DamageError, InputError
+from . import damage
+
+FOLDER = ".parts"
+"""Ending of the folder with the parts, NAME.parts for NAME.h5."""
+GROUP, PART = "parts", "part"
+"""Groups that tell of the parts in NAME.h5, and in a part which one it is."""
+ZEROS = f"{GROUP}/zeros"
+"""Group with the z of vectors: numbers that are never written read as 0 and take no room."""
+SEE = "; `ifrdem repair` lists all parts"
+
+
+class ShortPart(DamageError):
+    """A part that holds fewer frames than NAME.h5 counts."""
+
+
+def folder_of(path: str | os.PathLike[str]) -> Path:
+    """Folder with the parts of a trajectory."""
+    whole = Path(path)
+    return whole.with_name(whole.name.removesuffix(".h5") + FOLDER)
+
+
+def nothing(dtype: DTypeLike) -> float | int:
+    """Fill value of a type of numbers where data are missing: nan, or the lowest whole number."""
+    kind: np.dtype[Any] = np.dtype(dtype)
+    return float("nan") if kind.kind == "f" else int(np.iinfo(kind).min)
+
+
+@dataclass(frozen=True)
+class Parts:
+    """All parts of a trajectory.
+
+    Attributes
+    ----------
+    folder : str
+        Name of their folder, beside NAME.h5.
+    run : str
+        Mark of the run, which all parts bear.
+    first : tuple of int
+        Number of the first disk of each part; the number of all disks comes last.
+    """
+
+    folder: str
+    run: str
+    first: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.first) < 2 or self.first[0] != 0 or any(np.diff(self.first) <= 0):
+            raise InputError(f"parts begin with the disks {self.first}: each needs one of its own, from 0 on")
+
+    def __len__(self) -> int:
+        """Number of parts."""
+        return len(self.first) - 1
+
+    @property
+    def n(self) -> int:
+        """Number of all disks."""
+        return self.first[-1]
+
+    def disks(self, number: int) -> slice:
+        """Numbers of a part's disks."""
+        return slice(self.first[number], self.first[number + 1])
+
+    def name(self, number: int) -> str:
+        """Path of a part, from the folder that NAME.h5 is in."""
+        return f"{self.folder}/{number:04d}.h5"
+
+    def part(self, number: int) -> Part:
+        """Mark of a part."""
+        return Part(self.run, number, self.first[number])
+
+    def described(self, number: int) -> str:
+        """A part and its disks, for messages."""
+        return f"part {self.name(number)} (disks {self.first[number]} to {self.first[number + 1] - 1})"
+
+    def write(self, file: h5py.File) -> None:
+        """Write them down in NAME.h5."""
+        group = file.create_group(GROUP)
+        # Texts of fixed length: HDF5 may loop for ever in a damaged heap, which holds the others.
+        group.attrs["folder"], group.attrs["run"] = np.bytes_(self.folder.encode()), np.bytes_(self.run)
+        group["first"] = np.array(self.first, dtype=np.int64)
+
+    def show(
+        self,
+        group: h5py.Group,
+        name: str,
+        source: str,
+        tail: tuple[int, ...],
+        dtype: DTypeLike,
+        *,
+        frames: bool,
+    ) -> None:
+        """Make a virtual dataset `name` of the rows that the parts have in theirs at `source`.
+
+        `tail` is the shape of a disk's values; `frames` comes before the disks, without end. A vector's view, named
+        `value`, has z = 0 beside the two numbers that are stored.
+        """
+        flat = frames and tail == (2,) and name == "value"
+        before, ends = ((1,), (None,)) if frames else ((), ())
+        seen = (3,) if flat else tail
+        whole = h5py.VirtualLayout((*before, self.n, *seen), dtype, maxshape=(*ends, self.n, *seen))
+        every = (slice(0, h5py.h5s.UNLIMITED),) if frames else ()
+        for number in range(len(self)):
+            rows = self.disks(number)
+            count = rows.stop - rows.start
+            one = h5py.VirtualSource(
+                self.name(number), source, shape=(*before, count, *tail), dtype=dtype,
+                maxshape=(*ends, count, *tail),
+            )  # fmt: skip
+            columns = (slice(0, 2),) if flat else ()
+            whole[(*every, rows, *columns)] = one[(*every, slice(None))] if frames else one
+        if flat:
+            zeros = self._zeros(group.file, dtype)
+            one = h5py.VirtualSource(".", zeros, shape=(1, self.n), dtype=dtype, maxshape=(None, self.n))
+            whole[(*every, slice(None), 2)] = one[(*every, slice(None))]
+        group.create_virtual_dataset(name, whole, fillvalue=nothing(dtype))
+
+    def _zeros(self, file: h5py.File, dtype: DTypeLike) -> str:
+        kind: np.dtype[Any] = np.dtype(dtype)
+        name = f"/{ZEROS}/{kind.str[1:]}"
+        if name not in file:
+            chunks = (1, min(self.n, 16384))
+            file.create_dataset(name, shape=(0, self.n), maxshape=(None, self.n), chunks=chunks, dtype=kind)
+        return name
+
+    def place(self, path: str | os.PathLike[str], number: int) -> Path:
+        """Path of a part of the trajectory at `path`."""
+        return Path(os.path.realpath(path)).parent / self.name(number)
+
+    def open(self, path: str | os.PathLike[str], number: int) -> h5py.File:
+        """A part of the trajectory at `path`, to be read, also while its rank adds frames.
+
+        Raises DamageError that names it if it is missing, cannot be read, or is not this part of this run.
+        """
+        place, what = self.place(path, number), f"{os.fspath(path)}: its {self.described(number)}"
+        if not os.path.exists(place):
+            raise DamageError(f"{what} is missing{SEE}")
+        if not os.path.isfile(place):
+            raise DamageError(f"{what} is no file{SEE}")
+        try:
+            try:
+                file = h5py.File(place, "r")
+            except OSError:  # its rank writes it, or HDF5 has opened it so for a virtual dataset
+                file = h5py.File(place, "r", locking=False)
+        except OSError as error:
+            raise DamageError(f"{what} cannot be opened: {error}{SEE}") from error
+        try:
+            found = Part.of(file)
+        except (InputError, *damage.FAULTS) as error:
+            file.close()
+            raise DamageError(f"{what} does not say which part it is: {error}{SEE}") from error
+        if found != self.part(number):
+            file.close()
+            raise DamageError(f"{what} is not that part of this run{found.otherwise(self, number)}{SEE}")
+        return file
+
+    def each(
+        self, path: str | os.PathLike[str], disks: slice | None = None
+    ) -> Iterator[tuple[slice, slice, h5py.File]]:
+        """The parts that have some of these disks (a slice with a step above 0), open one after another.
+
+        Each with the disks that are asked for, counted from its first one, their places among all that are, and the
+        file. Errors as `open`.
+        """
+        asked = range(self.n)[slice(None) if disks is None else disks]
+        for number in range(len(self)):
+            own = self.disks(number)
+            low, high = (
+                min(max(-(-(end - asked.start) // asked.step), 0), len(asked))
+                for end in (own.start, own.stop)
+            )
+            if low == high:
+                continue
+            rows = slice(asked[low] - own.start, asked[high - 1] - own.start + 1, asked.step)
+            with self.open(path, number) as file:
+                yield rows, slice(low, high), file
+
+    def read(
+        self, path: str | os.PathLike[str], name: str, selection: Any = (), *, axis: int = 1
+    ) -> NDArray[Any]:
+        """Numbers of a dataset of all disks, which are along `axis` (0 or 1), as `damage.read` has them.
+
+        Raises DamageError if a part is missing or wrong, or they cannot be read there; the message names it.
+        """
+        chosen = selection if isinstance(selection, tuple) else (selection,)
+        chosen = (*chosen, *[slice(None)] * (axis + 1 - len(chosen)))
+        before, disks, after = chosen[:axis], chosen[axis], chosen[axis + 1 :]
+        one = not isinstance(disks, slice)
+        if one:
+            disk = range(self.n)[disks]
+            disks = slice(disk, disk + 1)
+        if isinstance(disks, slice) and (disks.step or 1) < 0:
+            turned = range(self.n)[disks][::-1]
+            forward = slice(turned.start, turned.stop, turned.step)
+            found = self.read(path, name, (*before, forward, *after), axis=axis)
+            return np.flip(found, axis=sum(isinstance(each, slice) for each in before))
+        pieces = []
+        for rows, _, file in self.each(path, disks):
+            pieces.append(damage.read(file[name], (*before, rows.start if one else rows, *after)))
+        if one:
+            return pieces[0]
+        if not pieces:  # of no disks
+            with self.open(path, 0) as file:
+                return damage.read(file[name], (*before, slice(0, 0), *after))
+        return np.concatenate(pieces, axis=sum(isinstance(each, slice) for each in before))
+
+
+@dataclass(frozen=True)
+class Part:
+    """Mark of one part: of which run, its number, and its first disk."""
+
+    run: str
+    number: int
+    first: int
+
+    def write(self, file: h5py.File) -> None:
+        """Write it down in the part."""
+        group = file.create_group(PART)
+        group.attrs["run"] = np.bytes_(self.run)
+        group.attrs["number"], group.attrs["first"] = np.int64(self.number), np.int64(self.first)
+
+    @classmethod
+    def of(cls, file: h5py.File) -> Part:
+        """That of an open file; one of those of `damage.FAULTS` if it has none."""
+        if GROUP in file:
+            raise ValueError("it is in parts itself")
+        given = file[PART].attrs
+        return cls(given["run"].decode(), int(given["number"]), int(given["first"]))
+
+    def otherwise(self, parts: Parts, number: int) -> str:
+        """What is different from a part that is wanted, for a message."""
+        if self.run != parts.run:
+            return ": it belongs to another run"
+        return f": it is part {self.number}"
+
+
+def of(file: h5py.File, path: str | os.PathLike[str] = "") -> Parts | None:
+    """The parts that a file is in; None if it holds its own data.
+
+    Raises DamageError if what it says of them cannot be.
+    """
+    if GROUP not in file:
+        return None
+    with damage.reading(path or file.filename, GROUP):
+        group = file[GROUP]
+        folder, run = group.attrs["folder"].decode(), group.attrs["run"].decode()
+        if not re.fullmatch(r"[^/\\]*" + re.escape(FOLDER), folder):
+            raise ValueError(f"{folder!r} is no folder beside it")
+        first = damage.read(group["first"])
+        damage.expect(group["first"], (None,), "i")
+        return Parts(folder, run, tuple(int(one) for one in first))
+
+
+def are_in(path: str | os.PathLike[str]) -> bool:
+    """True if a file that can be opened says that it is in parts."""
+    try:
+        with h5py.File(path, "r") as file:
+            return GROUP in file
+    except OSError:
+        return False
+
+
+def existing(path: str | os.PathLike[str]) -> list[Path]:
+    """Parts that are there in the folder beside a trajectory."""
+    folder = folder_of(path)
+    return sorted(each for each in folder.glob("*.h5") if re.fullmatch(r"\d{4,}\.h5", each.name))
+
+
+def remove(path: str | os.PathLike[str]) -> None:
+    """Remove a trajectory that has parts, with them; one that has none stays."""
+    found, folder = existing(path), folder_of(path)
+    if not found:
+        return
+    Path(path).unlink(missing_ok=True)
+    for each in found:
+        each.unlink(missing_ok=True)
+    if not any(folder.iterdir()):
+        folder.rmdir()

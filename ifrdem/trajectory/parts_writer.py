@@ -1,0 +1,343 @@
+"""A writer of trajectories in parts (`parts`): each rank of MPI writes some disks, the first one also NAME.h5."""
+
+from __future__ import annotations
+
+import contextlib
+import copy
+import secrets
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import InputError, TrajectoryError
+from ..model.box import Box
+from ..model.state import Disks, State
+from ..tools import slices, world
+from . import layout
+from . import parts as parted
+from .background import QueuedWriter
+from .parts import Parts
+from .writer import DEFAULT_FIELDS, TrajectoryWriter
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class Shares:
+    """A frame as the parts get it that a rank writes: the state of each one's disks, by its number."""
+
+    time: float
+    n: int  # disks of all of them
+    states: dict[int, State]
+
+
+@dataclass(frozen=True)
+class BareFrame:
+    """A frame as NAME.h5 gets it, which has no fields."""
+
+    n: int
+    time: float
+
+
+class PartsWriter:
+    """Writes a trajectory in parts, in threads of its own as `QueuedWriter`, of which it has the methods.
+
+    Each of P ranks writes its part, with the disks that it has (r n // P and following of n), as a trajectory of its
+    own; the first one also writes NAME.h5. A frame counts when NAME.h5 has it: it gets there in `commit`, when all
+    ranks have told that it is whole in their parts and flushed. So a process that is killed, whichever and whenever,
+    leaves in NAME.h5 only frames that are whole in all parts; parts may hold more.
+
+    A file that is gone on with keeps its parts: of P' ranks then, number p % P' writes part p, and gets its rows from
+    those who have them (`shares`).
+
+    All ranks call `create` or `resume`, `write` (or `shares` and `commit`) and `flush`; without `comm` one process
+    writes everything. Use it as a context manager: leaving it commits all that was given.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> disks = ifrdem.Disks(2, mass=1.0, radius=0.5)
+    >>> box = ifrdem.Box((10.0, 10.0))
+    >>> state = ifrdem.State([[1.0, 5.0], [4.0, 5.0]], [[1.0, 0.0], [0.0, 0.0]], spin=[0.0, 0.0])
+    >>> with ifrdem.PartsWriter.create("gas.h5", disks, disks, box, number=2) as file:
+    ...     file.write(state, {"temperature": 0.25})
+    ...
+    >>> ifrdem.Trajectory("gas.h5")[0].position.tolist()
+    [[1.0, 5.0], [4.0, 5.0]]
+    """
+
+    def __init__(
+        self,
+        parts: Parts,
+        own: Mapping[int, TrajectoryWriter],
+        head: TrajectoryWriter | None,
+        fields: Sequence[str],
+        comm: Any,
+        path: Path,
+    ) -> None:
+        self.parts = parts
+        self.path = path
+        self._comm = comm
+        self._own = {number: QueuedWriter(each) for number, each in own.items()}
+        self._head = None if head is None else QueuedWriter(head)
+        self._attributes = {"position", "spin", *(layout.FIELDS[name].attribute for name in fields)}
+        self._waiting: list[tuple[Any, Mapping[str, ArrayLike] | None]] = []
+        self._told = 0 if self._head is None else int(self._head.seen["frames"])
+
+    @classmethod
+    def create(
+        cls,
+        path: str | Path | None,
+        disks: Disks,
+        own: Disks,
+        box: Box | None,
+        *,
+        comm: Any = None,
+        number: int | None = None,
+        force: bool = False,
+        parameters: Mapping[str, str | int | float] | None = None,
+        fields: Sequence[str] = DEFAULT_FIELDS,
+        **options: Any,
+    ) -> PartsWriter:
+        """Begin a trajectory in so many parts, by default one for each rank.
+
+        `disks` tell the number of all, `own` are those of this rank; all else is as `TrajectoryWriter` has it, and
+        counts on the first rank only. `parameters` stand in NAME.h5 alone. `force` removes a trajectory that is there,
+        with its parts, at once: there might be no room for both.
+
+        Raises InputError, on all ranks, as `TrajectoryWriter`, or if a rank has no disk; nothing is left behind then.
+        """
+        place, box, fields, options = _told(comm, path, box, fields, options)
+
+        def begin() -> Parts:
+            if force:
+                parted.remove(place)
+            folder = parted.folder_of(place)
+            if there := parted.existing(place):
+                raise InputError(f"output {there[0]} exists: choose another name, or replace it (--force)")
+            try:
+                folder.mkdir(exist_ok=True)
+            except OSError as error:
+                raise InputError(f"output {folder}: cannot be made: {error.strerror}") from error
+            count = number or (1 if comm is None else comm.size)
+            first = slices.bounds(disks.n, count).tolist()
+            return Parts(folder.name, secrets.token_hex(16), tuple(first))
+
+        made: list[TrajectoryWriter] = []
+
+        def part(i: int, of: Disks) -> TrajectoryWriter:
+            name, mark = place.parent / parts.name(i), parts.part(i)
+            return TrajectoryWriter(name, of, box, fields=fields, within=mark, **options)
+
+        def head() -> TrajectoryWriter:
+            return TrajectoryWriter(
+                place, disks, box, fields=fields, parameters=parameters, force=force, within=parts, **options
+            )
+
+        try:
+            parts = world.from_first(comm, begin)
+            here = _each_part(parts, comm, own, part, made)
+            first = world.on_first(comm, head)
+        except BaseException:
+            for each in made:
+                each.close()
+            _remove_empty(place)
+            raise
+        return cls(parts, here, first, fields, comm, place)
+
+    @classmethod
+    def resume(
+        cls, head: TrajectoryWriter | None, own: Disks, box: Box | None, *, comm: Any = None, frames: int = 0,
+        fields: Sequence[str] = DEFAULT_FIELDS, **options: Any,
+    ) -> PartsWriter:  # fmt: skip
+        """Go on with a trajectory on any number of ranks.
+
+        `head` is NAME.h5, as `TrajectoryWriter.resume` has opened it on the first rank, which has seen that all parts
+        are there; it is the caller's to close if this fails. `own` are the disks of this rank; all else is as given
+        there, and counts on the first rank only.
+
+        Raises InputError, on all ranks, if a part cannot be gone on with, as `TrajectoryWriter.resume`.
+        """
+        path = None if head is None else head.path
+        place, box, fields, options = _told(comm, path, box, fields, options | {"frames": frames})
+
+        def part(i: int, of: Disks) -> TrajectoryWriter:
+            return TrajectoryWriter.resume(place.parent / parts.name(i), of, box, fields=fields, **options)
+
+        made: list[TrajectoryWriter] = []
+        try:
+            said: Any = world.told(comm, None if head is None else head.parts)
+            parts: Parts = said
+            here = _each_part(parts, comm, own, part, made)
+        except BaseException:
+            for each in made:
+                each.close()
+            raise
+        return cls(parts, here, head, fields, comm, place)
+
+    def shares(self, state: State) -> Shares:
+        """A state of this rank's disks as the parts get it that this rank writes; called by all ranks."""
+        columns = {name: getattr(state, name) for name in sorted(self._attributes)}
+        states = {}
+        for number, rows in _dealt(self.parts, self._comm, columns).items():
+            states[number] = copy.copy(state)
+            for name, values in rows.items():
+                setattr(states[number], name, values)
+        return Shares(state.time, sum(each.n for each in states.values()), states)
+
+    def write(self, state: State, observables: Mapping[str, ArrayLike] | None = None) -> None:
+        """Append a frame of this rank's disks; called by all ranks, of which the first one's `observables` are kept.
+
+        Raises InputError and TrajectoryError as `QueuedWriter`: what went wrong with an earlier frame.
+        """
+        self.write_frames([(self.shares(state), observables)])
+        self.commit()
+
+    def write_frames(self, frames: Sequence[tuple[Shares, Mapping[str, ArrayLike] | None]]) -> None:
+        """Give frames to the parts of this rank, and keep their observables, on the first one, until `commit`."""
+        for number, queue in self._own.items():
+            queue.write_frames([(shares.states[number], None) for shares, _ in frames])
+        if self._head is not None:
+            self._waiting += [
+                (BareFrame(self.parts.n, shares.time), observables) for shares, observables in frames
+            ]
+
+    def commit(self) -> None:
+        """Let the frames count that are whole in all parts; called by all ranks."""
+        done = min((int(queue.seen["frames"]) for queue in self._own.values()), default=sys.maxsize)
+        if self._comm is not None:
+            from mpi4py import MPI
+
+            done = self._comm.allreduce(done, MPI.MIN)
+        if self._head is not None and done > self._told:
+            frames, self._waiting = (
+                self._waiting[: done - self._told],
+                self._waiting[done - self._told :],
+            )
+            self._told = done
+            self._head.write_frames(frames)
+
+    def tell(self) -> None:
+        """Raise what has gone wrong in a thread of this rank."""
+        for queue in self._queues:
+            queue.tell()
+
+    def flush(self) -> None:
+        """Wait until all that was given is committed; called by all ranks, which raise what one has to."""
+
+        def own() -> None:
+            for queue in self._own.values():
+                queue.flush()
+
+        world.together(self._comm, own)
+        self.commit()
+        world.on_first(self._comm, self._head.flush if self._head is not None else lambda: None)
+
+    def close(self) -> None:
+        """Close the files of this rank; what is not committed does not count. May be called twice."""
+        error: TrajectoryError | InputError | None = None
+        for queue in reversed(self._queues):  # NAME.h5 last
+            try:
+                queue.close()
+            except (TrajectoryError, InputError) as raised:
+                error = error or raised
+        if self._head is not None and not self.path.exists():  # without a frame, it is gone
+            parted.remove(self.path)
+        _remove_empty(self.path)
+        if error is not None:
+            raise error
+
+    def __enter__(self) -> PartsWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if error is None:
+                self.flush()
+        finally:
+            with contextlib.suppress(*(() if error is None else (TrajectoryError,))):
+                self.close()
+
+    @property
+    def _queues(self) -> list[QueuedWriter]:
+        return [*([] if self._head is None else [self._head]), *self._own.values()]
+
+    def __len__(self) -> int:
+        """Number of committed frames, on the first rank."""
+        return 0 if self._head is None else len(self._head)
+
+    def __getattr__(self, name: str) -> Any:
+        """What series and histories need, which are in NAME.h5."""
+        if name.startswith("_") or self._head is None:
+            raise AttributeError(name)
+        return getattr(self._head, name)
+
+    @property
+    def gone(self) -> str | None:
+        """Reason why a file of this rank is not at its place any more; None if all are."""
+        return next((why for queue in self._queues if (why := queue.gone)), None)
+
+    @property
+    def seconds(self) -> float:
+        """Processor time that the threads of this rank have taken."""
+        return sum(queue.seconds for queue in self._queues)
+
+
+def _told(
+    comm: Any, path: str | Path | None, box: Box | None, fields: Sequence[str], options: dict[str, Any]
+) -> tuple[Path, Box, Sequence[str], dict[str, Any]]:
+    """Arguments of the first rank, which counts."""
+    found: Any = world.told(comm, None if path is None else (Path(path), box, fields, options))
+    return found
+
+
+def _each_part(
+    parts: Parts,
+    comm: Any,
+    own: Disks,
+    make: Callable[[int, Disks], TrajectoryWriter],
+    made: list[TrajectoryWriter],
+) -> dict[int, TrajectoryWriter]:
+    """A writer for each part that this rank writes, by its number; they are added to `made` one by one."""
+    dealt = _dealt(parts, comm, {name: getattr(own, name) for name in layout.STATIC})
+
+    def all_made() -> dict[int, TrajectoryWriter]:
+        found = {}
+        for number, columns in dealt.items():
+            found[number] = make(number, Disks(len(columns["mass"]), **columns))
+            made.append(found[number])
+        return found
+
+    return world.together(comm, all_made)
+
+
+def _dealt(
+    parts: Parts, comm: Any, columns: Mapping[str, NDArray[Any] | None]
+) -> dict[int, dict[str, NDArray[Any]]]:
+    """Rows of the disks of all ranks, each of which has its own, as rows of the parts that this one writes."""
+    size, rank = (1, 0) if comm is None else (comm.size, comm.rank)
+    present = {name: each for name, each in columns.items() if each is not None}
+    rows = list(present.values())
+    if parts.first != tuple(slices.bounds(parts.n, size).tolist()) and comm is not None:
+        ids = np.array(slices.slice_of(parts.n, comm))
+        rows = slices.exchange(comm, (np.searchsorted(parts.first, ids, side="right") - 1) % size, rows)
+    found, at = {}, 0
+    for number in range(rank, len(parts), size):
+        end = at + parts.first[number + 1] - parts.first[number]
+        found[number] = {name: each[at:end] for name, each in zip(present, rows, strict=True)}
+        at = end
+    return found
+
+
+def _remove_empty(path: Path) -> None:
+    """Remove the folder of parts if nothing is in it."""
+    with contextlib.suppress(OSError):
+        parted.folder_of(path).rmdir()

@@ -1,0 +1,142 @@
+"""What a case needs on ranks of MPI, told without a start."""
+
+from __future__ import annotations
+
+import functools
+import math
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from ifrdem.case import file, summary
+from ifrdem.case.estimate import RankPlan, RunEstimate
+from ifrdem.case.gas import CaseGas
+from ifrdem.errors import InputError
+from ifrdem.tools import slices
+
+CASE = """
+[run]
+name = "gas"
+units = "reduced"
+collisions_per_disk = 10.0
+[box]
+packing_fraction = 0.3
+[[material]]
+name = "a"
+e_n = 0.95
+e_t = -0.9
+mu = 0.1
+[[species]]
+name = "light"
+material = "a"
+number = 600000000
+mass = 1.0
+radius = 0.5
+speed_rms = 1.0
+[[species]]
+name = "heavy"
+material = "a"
+number = 400000000
+mass = 2.0
+radius = 0.5
+speed_rms = 1.0
+[start]
+positions = "hexagonal"
+[output]
+frames = 10
+"""
+
+
+def case_of(*changes: str) -> file.CaseFile:
+    return file.of_text(CASE, file.Path("gas.toml"), changes)
+
+
+@functools.cache
+def large() -> tuple[CaseGas, file.CaseFile, RunEstimate, int]:
+    """1e9 disks, and the memory that it took to look at them [bytes]."""
+    tracemalloc.start()
+    found = case_of()
+    gas = found.gas.ready(found.case)
+    estimate = RunEstimate.of(gas, found.case)
+    summary.report(found.case, gas, estimate)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return gas, found, estimate, peak
+
+
+def test_a_case_of_1e9_disks_is_judged_without_an_array_of_them() -> None:
+    gas, _, estimate, peak = large()
+    assert gas.n == 10**9
+    assert peak < 30e6  # an array of a byte for each disk would be 1e9
+    # Sides by hand: pi R^2 N / phi = L^2.
+    assert gas.box.lengths[0] == pytest.approx(math.sqrt(1e9 * math.pi * 0.25 / 0.3), rel=1e-9)
+    assert estimate.collisions == 5e9
+
+
+def test_the_plan_of_1e9_disks_is_its_arithmetic() -> None:
+    """1000 ranks: blocks of 1e6 disks, 1618 diameters wide (sqrt(1e6 pi/4/0.3)), with 18 more on each side."""
+    gas, found, estimate, _ = large()
+    plan = RankPlan.of(gas, found.case, estimate, 1000)
+    with_halos = (1618.02 + 36.0) ** 2 / 1618.02**2
+    assert plan.disks == 1e6
+    assert plan.memory == pytest.approx(280e6 + 700 * 1e6 * with_halos + 450 * 1e9 / 5000, rel=1e-5)
+    assert plan.whole == 0.0
+    assert plan.file == pytest.approx(
+        (11 * 24 + 28) * 1e6, rel=0.01
+    )  # frames of 24 bytes a disk, constants of 28
+    # 10/2 collisions of each disk, 11 frames of 0.6; 0.55 us a collision at phi = 0.3, and 1.75 times that in tiles.
+    assert plan.seconds == pytest.approx(1e6 * (5.0 + 11 * 0.6) * 0.55e-6 * 1.75 * with_halos, rel=1e-4)
+    assert summary.planned_ranks(10**9) == [63, 250, 1000]
+    assert summary.planned_ranks(1_100_000) == [2]
+    assert "1000: each 1e+06 disks, 1.1 GB of memory, 292 MB of files" in summary.report(
+        found.case, gas, estimate
+    )
+
+
+def test_a_start_that_needs_all_disks_is_planned_on_the_first_rank() -> None:
+    found = case_of("species[0].number=1000000", "species[1].number=1000000", "start.positions=random")
+    gas = found.gas.ready(found.case)
+    text = summary.report(found.case, gas, RunEstimate.of(gas, found.case))
+    assert "the first rank builds the start, in 600 MB more" in text  # 2e6 x 300 bytes
+    assert 'start.positions = "hexagonal" without walls each rank draws alone' in text
+
+
+def test_kinds_of_a_case_have_the_sums_of_its_disks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """To the bit, for blocks within a species and across two; radii whose squares do not add up exactly."""
+    monkeypatch.setattr(slices, "BLOCK", 64)
+    radii = ["species[0].radius=0.1", "species[1].radius=0.3", "box.packing_fraction=0.2"]
+    for numbers in ((500, 301), (64, 128), (10, 20)):
+        changes = [f"species[{i}].number={number}" for i, number in enumerate(numbers)]
+        gas = case_of(*radii, *changes).gas
+        for name in ("n", "n_movable", "covered", "mean_radius"):
+            assert getattr(gas.kinds, name) == getattr(gas.disks, name), name
+        assert sorted(gas.kinds.radius.tolist()) == [0.1, 0.3]
+        parts = [gas.rows(range(at, min(at + 77, gas.n))) for at in range(0, gas.n, 77)]
+        for name in ("mass", "radius", "k", "material"):
+            assert np.array_equal(
+                np.concatenate([getattr(each, name) for each in parts]), getattr(gas.disks, name)
+            )
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (
+            ["species[0].number=3000000000"],
+            "species[0].number = 3000000000: must be less than or equal to 2147483647",
+        ),
+        (
+            [
+                "species[0].number=100000000",
+                "species[0].radius=",
+                'species[0].radii={distribution="uniform",low=1,high=2}',
+            ],
+            "number = 100000000: 89478485 at most beside radii, all of which each rank knows",
+        ),
+    ],
+)
+def test_more_disks_than_numbers_can_be_are_refused(changes: list[str], message: str) -> None:
+    with pytest.raises(InputError) as error:
+        case_of(*changes)
+    assert message in str(error.value)

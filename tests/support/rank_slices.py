@@ -1,0 +1,109 @@
+"""`mpiexec -n P python rank_slices.py`: what functions of `tools/slices.py` give on P ranks, a line of JSON."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+import ifrdem
+from ifrdem import initial
+from ifrdem.errors import EngineError
+from ifrdem.model.overlaps import check_no_overlap_of_slices
+from ifrdem.tools import slices
+
+COMM = MPI.COMM_WORLD
+slices.BLOCK = 8  # so that blocks lie on several ranks
+
+
+def rows_of(n: int) -> tuple[Any, Any]:
+    rng = np.random.default_rng(3)
+    return rng.normal(size=(n, 3)), rng.integers(0, 9, n).astype(np.int32)
+
+
+def anywhere(n: int) -> Any:
+    """Ids that this rank has, in no order: on P ranks the same disks for any P, on others."""
+    rng = np.random.default_rng(7)
+    owner, order = rng.integers(0, COMM.size, n), rng.permutation(n)
+    return order[owner[order] == COMM.rank]
+
+
+def outcome(ids: Any, n: int) -> str:
+    try:
+        slices.by_id(COMM, n, ids, [])
+    except EngineError as error:
+        return str(error)
+    return ""
+
+
+found: dict[str, Any] = {}
+for n in (0, 1, 5, 100, 257):
+    real, whole = rows_of(n)
+    ids, own = anywhere(n), slices.slice_of(n, COMM)
+    mine = [real[own.start : own.stop], whole[own.start : own.stop]]
+    right = {
+        "by_id": slices.by_id(COMM, n, ids, [real[ids], whole[ids]]),
+        "scatter": slices.scatter(COMM, n, [real, whole] if COMM.rank == 0 else None),
+    }
+    for name, got in right.items():
+        same = all(a.dtype == b.dtype and np.array_equal(a, b) for a, b in zip(got, mine, strict=True))
+        found[f"{name} {n}"] = bool(COMM.allreduce(int(same), MPI.MIN))
+    whole_again = slices.gather(COMM, n, mine)
+    if whole_again is not None:
+        found[f"gather {n}"] = all(map(np.array_equal, whole_again, (real, whole)))
+    total = slices.total(mine[0], COMM)
+    found[f"total {n}"] = bool(COMM.allreduce(int(np.array_equal(total, slices.total(real))), MPI.MIN))
+    found[f"digest {n}"] = slices.digest(mine[1], COMM) == slices.digest(whole)
+thin = np.broadcast_to(np.float64(0.5), (50, 7))
+dealt = slices.scatter(COMM, 50, [thin] if COMM.rank == 0 else None)
+again = slices.gather(COMM, 50, dealt)
+found["thin"] = dealt[0].strides[0] == 0 and (
+    again is None or (again[0].strides[0] == 0 and len(again[0]) == 50)
+)
+BOX = ifrdem.Box((100.0, 70.0))
+for n in (3, 100, 257):  # the same start for any number of ranks, of one block and of many
+    mass = np.where(np.arange(n) % 3 == 0, 2.0, 1.0)
+    radius = 0.4 * mass
+    ids = ifrdem.slice_of(n, COMM)
+    here = slice(ids.start, ids.stop)
+    starts = [
+        (
+            initial.hexagonal_positions(BOX, radius[own], seed=5, comm=comm),
+            initial.hexagonal_positions(BOX, radius[own], comm=comm),
+            initial.maxwellian(mass[own], temperature=2.0, seed=5, comm=comm),
+            initial.gaussian_spins(len(mass[own]), spin_rms=3.0, seed=5, comm=comm),
+            np.array(ifrdem.Box.from_packing_fraction(radius[own], 0.3, comm=comm).lengths),
+        )
+        for own, comm in ((here, COMM), (slice(None), None))
+    ]
+    same = [np.array_equal(a, b[here] if len(b) == n else b) for a, b in zip(*starts, strict=True)]
+    found[f"start {n}"] = bool(COMM.allreduce(int(all(same)), MPI.MIN))
+HIGH = ifrdem.Box((10.0, 20.0))
+FAR = np.stack(np.meshgrid([1.0, 4.0], np.arange(6) * 3.0 + 0.5), axis=-1).reshape(-1, 2)
+
+
+def pair_is_found(y: float, distance: float) -> bool:
+    """Disk 13 above disk 0, across the upper side of the box too, among twelve others."""
+    position = np.concatenate([[[8.0, y]], FAR, [[8.0, (y + distance) % 20.0]]])
+    ids = ifrdem.slice_of(14, COMM)
+    try:
+        check_no_overlap_of_slices(HIGH, np.full(len(ids), 0.5), position[ids.start : ids.stop], COMM)
+    except ifrdem.InputError as error:
+        return str(error).startswith("disks 0 and 13 overlap by 0.1")
+    return False
+
+
+heights = np.linspace(0.0, 20.0, 41)
+found["overlaps"] = all(pair_is_found(y, 0.9) for y in heights)
+found["no overlaps"] = not any(pair_is_found(y, 1.01) for y in heights)
+lost, twice = anywhere(50), anywhere(50)
+if len(lost):
+    lost = lost[:-1]
+    twice = np.concatenate([twice[:1], twice[:1], twice[2:]]) if len(twice) > 2 else twice[:0]
+found["lost"], found["twice"] = outcome(lost, 50), outcome(twice, 50)
+messages = COMM.gather((found["lost"], found["twice"]))
+if COMM.rank == 0:
+    found["alike"] = len(set(messages)) == 1
+    print(json.dumps(found))

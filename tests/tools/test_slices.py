@@ -1,0 +1,57 @@
+"""Rows of disks by their ids, on one rank and on several."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support import mpi
+
+from ifrdem.tools import slices
+
+SCRIPT = Path(__file__).parents[1] / "support" / "rank_slices.py"
+MISSING = "a disk is on no rank, or on two: please report this"
+
+
+@mpi.needed
+@pytest.mark.parametrize("ranks", [2, 3, 4])
+def test_slices_are_dealt_out_and_put_together_again(ranks: int) -> None:
+    """Rows from anywhere, from and to the first rank; sums, digests and starts are those of one process, to the bit."""
+    done = mpi.on(ranks, sys.executable, "-m", "mpi4py", SCRIPT)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found.pop("lost") == found.pop("twice") == MISSING
+    assert len(found) == 32
+    assert [name for name, right in found.items() if not right] == []
+
+
+@pytest.mark.parametrize(("n", "size"), [(0, 3), (2, 3), (10, 1), (10**9, 1024), (2**31 + 5, 7)])
+def test_every_id_is_in_one_slice_of_nearly_equal_ones(n: int, size: int) -> None:
+    bounds = slices.bounds(n, size)
+    assert bounds[0] == 0
+    assert bounds[-1] == n
+    assert set(np.diff(bounds).tolist()) <= {n // size, -(-n // size)}
+
+
+def test_a_sum_of_one_block_has_the_bits_of_numpy_and_one_of_several_those_of_its_blocks() -> None:
+    rows = np.random.default_rng(1).normal(size=3 * slices.BLOCK // 2)
+    one = rows[: slices.BLOCK]
+    assert slices.total(one) == np.sum(one)
+    assert slices.total(rows) == np.sum(one) + np.sum(rows[slices.BLOCK :])
+    assert slices.total(np.zeros((0, 2))).tolist() == [0.0, 0.0]
+
+
+def test_blocks_of_ids_begin_at_multiples_of_their_length() -> None:
+    found = list(slices.blocks(range(slices.BLOCK - 1, 2 * slices.BLOCK + 1)))
+    assert [(each.start, each.stop) for each in found] == [
+        (slices.BLOCK - 1, slices.BLOCK), (slices.BLOCK, 2 * slices.BLOCK), (2 * slices.BLOCK, 2 * slices.BLOCK + 1),
+    ]  # fmt: skip
+    assert list(slices.blocks(range(0))) == []
+
+
+def test_a_disk_that_is_missing_is_an_error_in_one_process_too() -> None:
+    with pytest.raises(slices.EngineError, match=MISSING):
+        slices.by_id(None, 3, np.array([0, 1, 1]), [])
