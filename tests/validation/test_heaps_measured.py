@@ -1,4 +1,4 @@
-"""The estimators of `gas_drum` and of the heap, by shapes whose angle and packing are known; LAMMPS's disks alone."""
+"""The estimators of angles and packings of drums and heaps, by shapes whose values are known; LAMMPS's disks alone."""
 
 from __future__ import annotations
 
