@@ -425,8 +425,8 @@ def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str]
             )
         if jammed := job.simulation.statistics.jammed:
             say(
-                f"  {jammed} disks jammed between others fell asleep at speed; if they are many, look for a start that "
-                "is too dense, or walls that close on disks"
+                f"  {jammed} times a disk jammed between others fell asleep at speed; if that is often beside its "
+                "collisions, look for a start that is too dense, or walls that close on disks"
             )
     rows, frames = job.writer.series_rows, len(job.writer)
     say(f"  output, {frames} frames and {rows} rows of series, took {100.0 * job.output_share:.2g} % of it")

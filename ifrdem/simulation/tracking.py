@@ -321,7 +321,7 @@ class Statistics:
     unjudged : int
         Windows in which the forces in a heap were not found to the accuracy by which it is judged who may rest.
     jammed : int
-        Disks that fell asleep at speed, jammed between others without room to fly (`kernels/rest.py`).
+        Times that a disk fell asleep at speed, jammed between others without room to fly (`kernels/rest.py`).
     """
 
     windows: int = 0

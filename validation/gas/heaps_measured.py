@@ -142,9 +142,8 @@ def measured_heaps() -> dict[str, list[heap.Heap]]:
 
 def short(mean: Mean) -> str:
     """A mean with its standard error in units of the last digit, such as 27.4(5)."""
-    digits = (
-        max(0, -math.floor(math.log10(mean.error)) + (f"{mean.error:.0e}"[0] == "1")) if mean.error > 0 else 2
-    )
+    first = math.floor(math.log10(mean.error)) if mean.error > 0.0 else -2
+    digits = max(0, -first + (mean.error < 1.95 * 10.0**first))  # two digits of an error that begins with 1
     return f"{mean.value:.{digits}f}({round(mean.error * 10**digits)})"
 
 
