@@ -16,7 +16,6 @@ MOST_DISKS = ADDRESSABLE // 24  # of the longest array: three parts of eight num
 # Further moments of gases of up to TOLD_DISKS disks have another 28 MB in all, those of collisions 8 bytes a disk more.
 BYTES_PER_DISK = 198
 TOLD_DISKS = 500_000  # times moments of a window for which there is room, at least of one moment
-RESTING_BYTES = 1648  # more, of disks that may rest: the forces at their contacts
+RESTING_BYTES = 2032  # more, of disks that may rest: room for eight contacts of each, and the forces at four
 
 ALONE = 20_000  # up to so many disks, one thread runs the whole box as one tile
-"""Up to how many disks one thread runs whole windows by itself."""

@@ -73,8 +73,9 @@ looks for it from the later of its own latest event and that one. Rails hold it 
 an impulse P along n changes the approach by -P (1/m + 1/M), one along t the slip by -P (1 + k)/m, as at a fixed wall.
 The law has both effective masses of a second disk with 1/M and k = -1, whose 1/m_t = (1 + k)/M is nothing. The impulse
 J that it gives works J (s'_before + s'_after)/2: with J = -M (s'_after - s'_before) its kinetic energy changes by minus
-that. At a stop s' changes its sign; pressed against one without speed it stays there. After an event of a piston every
-disk looks for it again, so that a gas with one is one tile.
+that. At a stop s' changes its sign; pressed against one without speed, or with less than 1e-6 of its acceleration times
+the window, it stays there. After an event of a piston every disk looks for it again, so that a gas with one is one
+tile.
 
 Thermal walls: a disk leaves with a random velocity, as if it had come from a gas behind the wall.
 

@@ -24,7 +24,7 @@ from .walls_section import WallSection
 
 _SI = {
     "length": "m", "mass": "kg", "time": "s", "velocity": "m s-1", "angular_velocity": "rad s-1", "energy": "J",
-    "momentum": "kg m s-1", "angle": "rad",
+    "momentum": "kg m s-1", "force": "N", "angle": "rad",
 }  # fmt: skip
 UNITS: Mapping[str, Mapping[str, str]] = {"SI": _SI, "reduced": dict.fromkeys(_SI, "reduced")}
 """Unit of each quantity by the name in run.units, in the notation of H5MD."""

@@ -417,7 +417,12 @@ def judge(case: Case, folder: Path, *, start: bool = True) -> tuple[CaseGas, lis
     materials = tuple(dict.fromkeys((*sides, *(each.material for each in species), *case.materials_of_walls)))
     rows = [0 if each.material is None else materials.index(each.material) for each in case.wall]
     walls, wrong_shapes = rules.made_walls(case, rows, folder)
-    found = [*rules.wrong_names(case), *rules.wrong_pairs(verdicts), *rules.wrong_motion(case)]
+    found = [
+        *rules.wrong_names(case),
+        *rules.wrong_pairs(verdicts),
+        *rules.wrong_motion(case),
+        *rules.too_many(case),
+    ]
     found += rules.wrong_forces(case)
     box, patch, given = Box.open(), None, None
     gas = CaseGas(species, materials, verdicts, box, walls)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..errors import InputError, there_are
 from ..initial import from_csv, from_trajectory, placement
 from ..initial.from_csv import Given
-from ..kernels.limits import MOST_WALLS
+from ..kernels.limits import ADDRESSABLE, MOST_WALLS
 from ..model.box import Box
 from ..model.free_area import Room
 from ..model.overlaps import relax
@@ -94,6 +94,13 @@ def wrong_motion(case: Case) -> Iterator[Complaint]:
     elif start.placed and not case.sets_in_motion and not any(each.speed_rms for each in case.species):
         text = "nothing moves at the start, so nothing ever collides: a species' speed_rms above 0 is needed"
         yield _at(case, key, text)
+
+
+def too_many(case: Case) -> Iterator[Complaint]:
+    """More disks of all species together than ids number."""
+    if (n := _disks(case)) > ADDRESSABLE:
+        each = ", ".join(f"{one.number} of '{one.name}'" for one in case.species)
+        yield _at(case, "species[0].number", f"{n} disks in all ({each}): {ADDRESSABLE} at most are numbered")
 
 
 def _disks(case: Case) -> int:

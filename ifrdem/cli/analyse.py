@@ -275,7 +275,7 @@ def plot(
 
     Of a study (FILE.nc), and of several trajectories, WHAT is a quantity of the whole gas: T, T_rot, theta, energy,
     and so on; of a study, with bands of two standard errors over seeds and kinetic theory beside it. Of one trajectory,
-    temperatures, energy, ledger, mechanisms and walls can be drawn `--over tau`, too.
+    temperatures, energy, ledger, mechanisms, walls and piston can be drawn `--over tau`, too.
     """
     if list:
         say(PICTURE_LIST)

@@ -49,8 +49,8 @@ class Measure:
         Collisions of two disks since the start, by regime (`REGIMES`).
     walls : array (W, 6) or None
         Sums of each wall, the sides of the box last (`WallSums`); None unless they are asked for.
-    pistons : array (P, 3) or None
-        Displacement, velocity and energy of each piston (`Simulation.pistons`); None without pistons.
+    pistons : array (P, 4) or None
+        Displacement, velocity, energy and force of each piston (`Simulation.pistons`); None without pistons.
     shear_pressure : float
         Kinetic part of the pressure tensor times the area, sum of m v_x v_y [energy].
 
@@ -123,7 +123,16 @@ def measure(
 
 
 def sums(disks: Disks, state: State, gravity: tuple[float, float] = (0.0, 0.0), comm: Any = None) -> Array:
-    """Sums over all disks that `from_totals` takes; of ranks, each gives the disks and the state of its slice."""
+    """Sums over all disks that `from_totals` takes; of ranks, each gives the disks and the state of its slice.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> disks = ifrdem.Disks(2, mass=2.0, radius=0.5)
+    >>> state = ifrdem.State([[1.0, 1.0], [3.0, 1.0]], [[1.0, 0.0], [-1.0, 0.0]], [0.0, 0.0])
+    >>> float(ifrdem.observables.sums(disks, state)[0])  # the energy of their motion
+    2.0
+    """
     # An immovable disk is at rest: its infinite mass would make a NaN of that. It counts for nothing.
     movable = disks.movable
     mass, inertia = np.where(movable, disks.mass, 0.0), np.where(movable, disks.inertia, 0.0)

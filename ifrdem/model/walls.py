@@ -35,7 +35,7 @@ TURNS = ("still", "steady", "sine")
 HOLDS = ("both", "inside", "outside")
 SUMS = ("momentum_x", "momentum_y", "torque", "work", "heat", "hits")
 """Columns of `Simulation.wall_sums`."""
-PISTONS = ("displacement", "velocity", "energy")
+PISTONS = ("displacement", "velocity", "energy", "force")
 """Columns of `Simulation.pistons`."""
 OF_PISTONS = "piston_"
 """Prefix of their names in frames and rows of the time series."""

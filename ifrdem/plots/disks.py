@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,6 +15,7 @@ from ..model.state import Disks, State
 from ..model.walls import Wall, at_displacements
 from ..simulation.simulation import Simulation
 from ..tools.checked import Array
+from ..trajectory.export import material_names
 from ..trajectory.frame import Frame
 from ..trajectory.reader import Trajectory
 from .style import KINDS, Gas, bar_beside, foreground, is_dark, label, place_axes, unit_of, with_unit
@@ -76,6 +77,7 @@ class Colour(NamedTuple):
     label: Callable[[View], str]
     scale: str  # "signed", "positive", "span", "cyclic" or "kinds"
     field: str = "position"
+    names: Callable[[View], Sequence[str]] = lambda _view: ()  # of kinds, by their values
 
 
 def spin_label(gas: Gas | None) -> str:
@@ -89,6 +91,10 @@ def spin_label(gas: Gas | None) -> str:
 def _temperature(view: View) -> Array:
     mass = np.where(view.disks.movable, view.disks.mass, 0.0)
     return np.asarray(0.5 * mass * np.sum(view.moving.peculiar_velocity**2, axis=1))
+
+
+def _materials(view: View) -> Sequence[str]:
+    return (isinstance(view.moving, Frame) and material_names(view.moving.trajectory)) or ()
 
 
 COLOURS = {
@@ -105,12 +111,15 @@ COLOURS = {
         _temperature, lambda view: label(view, "temperature of each disk $m c^2 / 2$", "energy"), "positive", "velocity"
     ),
     "radius": Colour(lambda view: view.disks.radius, lambda view: label(view, "radius", "length"), "span"),
-    "material": Colour(lambda view: view.disks.material.astype(float), lambda view: "material", "kinds"),
+    "material": Colour(
+        lambda view: view.disks.material.astype(float), lambda view: "material", "kinds", names=_materials
+    ),
     "collisions": Colour(
         lambda view: view.moving.collisions.astype(float), lambda view: "collisions of the disk", "span", "collisions"
     ),
     "asleep": Colour(
-        lambda view: view.moving.asleep.astype(float), lambda view: "0: awake, 1: asleep", "kinds", "asleep"
+        lambda view: view.moving.asleep.astype(float), lambda view: "", "kinds", "asleep",
+        names=lambda _view: ("awake", "asleep"),
     ),
     "dissipated": Colour(
         lambda view: np.asarray(view.moving.dissipated.sum(axis=1)),
@@ -237,7 +246,7 @@ def _disks(axes: Axes, view: View, position: Array, colour: Colour | None) -> in
             array=values[owner], clim=(low, high),
             cmap=colour_map(colour.scale, dark=is_dark(axes), kinds=round(high + 0.5)),
         )  # fmt: skip
-        bar_beside(axes, drawn, colour.label(view), extend(colour.scale))
+        bar_beside(axes, drawn, colour.label(view), extend(colour.scale), colour.names(view))
     axes.add_collection(drawn)
     return int(np.sum(2.0 * radius < pixel))
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..analysis import result
+from ..model.walls import OF_PISTONS
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .style import ACROSS, RATIO, ROTATION, TRANSLATION, grid, label, legend_above
@@ -41,7 +42,7 @@ def _finish(axes: Any, trajectory: Trajectory, text: str, over: str, columns: in
 
 
 def energy(axes: Axes, trajectory: Trajectory, over: str = "t") -> None:
-    """Translational, rotational and potential energy against time."""
+    """Translational, rotational and potential energy against time, and that of the pistons."""
     names = ["translational_energy", "rotational_energy"]
     when, values = result.series(trajectory, *names)
     for name, value, colour, style in zip(names, values, (TRANSLATION, ROTATION), ("-", "--"), strict=True):
@@ -51,7 +52,12 @@ def energy(axes: Axes, trajectory: Trajectory, over: str = "t") -> None:
     if "potential_energy" in trajectory.observables and np.any(trajectory.observables["potential_energy"]):
         when, (value,) = result.series(trajectory, "potential_energy")
         axes.plot(along(trajectory, when, over), value, "-.", color=RATIO, lw=1.5, label="potential energy")
-    axes.set_ylim(bottom=0.0 if axes.get_ylim()[0] >= 0.0 or np.all(values[0] >= 0.0) else None)
+    if f"{OF_PISTONS}energy" in trajectory.observables:
+        when, (value,) = result.series(trajectory, f"{OF_PISTONS}energy")
+        pistons = np.asarray(value).sum(axis=1)
+        axes.plot(along(trajectory, when, over), pistons, ":", color=INPUT, lw=1.8, label="energy of pistons")
+    if all(np.min(np.asarray(line.get_ydata()), initial=0.0) >= 0.0 for line in axes.lines):
+        axes.set_ylim(bottom=0.0)
     _finish(axes, trajectory, "energy", over)
 
 

@@ -185,9 +185,12 @@ class Scene:
         self._shades = (255.0 * np.vstack([shades, back, back])).round().astype(np.uint8)
         if self._is_map or self._colour is not None:
             view = plot_disks.View.of(self._trajectory[0])
-            text = "area fraction" if self._is_map or self._colour is None else self._colour.label(view)
             drawn = ScalarMappable(Normalize(self._low, self._high), map_)
-            bar_beside(axes, drawn, text, "max" if self._is_map else plot_disks.extend(scale))
+            if self._is_map or self._colour is None:
+                bar_beside(axes, drawn, "area fraction", "max")
+            else:
+                names = self._colour.names(view)
+                bar_beside(axes, drawn, self._colour.label(view), plot_disks.extend(scale), names)
         points = float(axes.title.get_fontsize())
         above = rcParams["axes.titlepad"]
         # Two lines, which may be wider than the axes: the layout leaves room above, and does not know of them.

@@ -22,6 +22,7 @@ PICTURES = {
     "ledger": "present, dissipated and put-in energy against time, and their residual",
     "mechanisms": "energy dissipated by each mechanism",
     "walls": "force, torque, work and heat of each wall or group against time (output.wall_sums)",
+    "piston": "displacement and velocity of each piston against time",
     "dissipation": "a map of the energy that collisions take, and its mechanisms (field dissipated)",
     "velocity": "distributions of velocities and spins beside Gaussians",
     "g": "pair correlation g(r) and its contact value",
@@ -35,7 +36,7 @@ PICTURES = {
     "impact": "angles of impact beside molecular chaos, and regimes",
 }
 """Name -> what is drawn."""
-OVER = ("temperatures", "energy", "ledger", "mechanisms", "walls")
+OVER = ("temperatures", "energy", "ledger", "mechanisms", "walls", "piston")
 """Pictures that can be drawn over collisions per disk."""
 UPPER_AND_LOWER: dict[str, Any] = {"nrows": 2, "sharex": True, "height_ratios": (3.0, 1.0)}
 
@@ -54,7 +55,7 @@ def figure(
     frames : sequence of int, optional
         Of which frames; by default of those that suit it.
     over : {"t", "tau"}
-        Time, or collisions per disk: of temperatures, energy, ledger, mechanisms and walls.
+        Time, or collisions per disk: of temperatures, energy, ledger, mechanisms, walls and piston.
     color : str, optional
         Of the disks, as `Frame.plot` has it.
     make : callable, optional
@@ -107,7 +108,7 @@ def panels(
     """Draw into given axes. InputError if there are not as many as the picture has panels; a lower one may lack."""
     given, layout = as_list(axes), _layout(trajectory, what)
     count = layout.get("ncols", 1) * layout.get("nrows", 1)
-    check_count(f"the picture {what}", given, count, 1 if "nrows" in layout and what != "walls" else count)
+    check_count(f"the picture {what}", given, count, 1 if layout is UPPER_AND_LOWER else count)
     _draw(given, trajectory, what, frames, over, color)
 
 
@@ -147,6 +148,8 @@ def _layout(trajectory: Trajectory, what: str) -> dict[str, Any]:
         return UPPER_AND_LOWER if known else {}
     if what == "walls":
         return {"nrows": 2, "ncols": 2, "sharex": True}
+    if what == "piston":
+        return {"nrows": 2, "sharex": True}
     if what == "dissipation":
         return {"ncols": 2, "width_ratios": (1.4, 1.0)}
     if what in ("disks", "energy", "mechanisms"):
@@ -166,7 +169,7 @@ def _draw(
 ) -> Evaluation | None:
     """Draw a picture into its axes; returns what was found for it, if that is an analysis."""
     from ..tools import checked
-    from . import disks, dissipation, energies, temperatures, wall_forces
+    from . import disks, dissipation, energies, pistons, temperatures, wall_forces
 
     checked.one_of("over", over, tuple(energies.AXES))
     if over != "t" and what not in OVER:
@@ -181,6 +184,8 @@ def _draw(
         dissipation.draw(axes[0], axes[1], trajectory, frames)
     elif what == "walls":
         wall_forces.draw(axes, trajectory, over)
+    elif what == "piston":
+        pistons.draw(axes, trajectory, over)
     elif what in OVER:
         getattr(energies, what)(axes[0], trajectory, over, *axes[1:])
     else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -79,8 +80,8 @@ def foreground(axes: Axes) -> str:
     return "white" if is_dark(axes) else "black"
 
 
-def bar_beside(axes: Axes, drawn: Any, text: str, extend: str = "neither") -> Any:
-    """A colour bar right beside the axes, whatever their aspect."""
+def bar_beside(axes: Axes, drawn: Any, text: str, extend: str = "neither", names: Sequence[str] = ()) -> Any:
+    """A colour bar right beside the axes, whatever their aspect; of kinds, with their `names` instead of numbers."""
     from matplotlib.ticker import MaxNLocator
 
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
@@ -90,6 +91,8 @@ def bar_beside(axes: Axes, drawn: Any, text: str, extend: str = "neither") -> An
     bar.set_label(text)
     if drawn.get_cmap().N < 20:  # kinds
         bar.locator = MaxNLocator(integer=True)
+        if shown := names[: drawn.get_cmap().N]:
+            bar.set_ticks(range(len(shown)), labels=shown, rotation=90, va="center")
     return bar
 
 

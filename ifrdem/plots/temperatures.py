@@ -76,10 +76,19 @@ def _with_steady_state(
 
 
 def walled(upper: Axes, trajectory: Trajectory, over: str = "t") -> None:
-    """Both temperatures against time, on plain axes that begin at 0; there is no theory of gases between walls."""
-    _points(upper, None, trajectory, np.ones(len(trajectory), dtype=bool), over, zeros=True)
+    """Both temperatures against time; there is no theory of gases between walls.
+
+    On a plain axis that begins at 0, which shows disks at rest; where a tenth of the positive temperatures are below a
+    hundredth of the highest one, on a logarithmic axis, which leaves zeros out.
+    """
+    T = np.concatenate([trajectory.observables[f"{kind}temperature"] for kind in ("", "rotational_")])
+    decades = bool(np.any(T > 0.0)) and np.quantile(T[T > 0.0], 0.1) < 0.01 * T.max()
+    _points(upper, None, trajectory, np.ones(len(trajectory), dtype=bool), over, zeros=not decades)
     _label(upper, None, trajectory, over)
-    from_zero(upper)
+    if decades:
+        upper.set_yscale("log")
+    else:
+        from_zero(upper)
     upper.legend(loc="best", frameon=False)
 
 

@@ -33,8 +33,8 @@ def names_of(trajectory: Trajectory) -> list[str]:
     series = trajectory.series
     if "walls_hits" not in series:
         raise InputError(
-            f"{trajectory.path} does not hold what walls give to the disks: output.wall_sums = true is needed "
-            "(in Python Simulation(wall_sums=True))"
+            f"{trajectory.path} does not hold what walls give to the disks: output.wall_sums = true is needed, "
+            "as by `ifrdem run CASE --set output.wall_sums=true` (in Python Simulation(wall_sums=True))"
         )
     if len(series.time) < 2:
         raise InputError(f"{trajectory.path}: two rows of the series at least are needed for forces on walls")

@@ -406,9 +406,15 @@ def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str]
     say(
         _closing(job.file.case, job.gas, job.ledger, last, time.perf_counter() - began, rate, overall, before)
     )
+    resting_speed = job.file.case.run.resting_speed
     if elastic := job.simulation.statistics.elastic:
-        say(f"  {elastic} collisions were elastic, against inelastic collapse")
-    if job.file.case.run.resting_speed is not None:
+        what = (
+            "were elastic, against inelastic collapse"
+            if resting_speed is None
+            else f"were slower than the resting speed, {resting_speed:g}: of contacts that last"
+        )
+        say(f"  {elastic} collisions {what}")
+    if resting_speed is not None:
         say(f"  {job.simulation.asleep} of {job.simulation.disks.n} disks sleep")
         if unjudged := job.simulation.statistics.unjudged:
             part = 100.0 * unjudged / job.simulation.statistics.windows
@@ -419,8 +425,8 @@ def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str]
             )
         if jammed := job.simulation.statistics.jammed:
             say(
-                f"  {jammed} disks jammed between others fell asleep at speed; if they are many, look for a start that "
-                "is too dense, or walls that close on disks"
+                f"  {jammed} times a disk jammed between others fell asleep at speed; if that is often beside its "
+                "collisions, look for a start that is too dense, or walls that close on disks"
             )
     rows, frames = job.writer.series_rows, len(job.writer)
     say(f"  output, {frames} frames and {rows} rows of series, took {100.0 * job.output_share:.2g} % of it")

@@ -165,8 +165,10 @@ def check_number(n: int, ranks: int = 1) -> None:
     """Refuse more disks than 32-bit indices reach, which count disks of each rank, and ids of all of them."""
     most = min(ranks * MOST_DISKS, ADDRESSABLE)
     if n > most:
-        on = f" on {ranks} ranks" if ranks > 1 else ""
-        raise InputError(f"{n} disks: the engine's 32-bit indices allow {most} at most{on}")
+        on = f" on {ranks} ranks" if ranks > 1 else " in one process"
+        least = -(-n // MOST_DISKS)
+        instead = f": run them on {least} ranks or more (mpiexec -n {least})" if n <= ADDRESSABLE else ""
+        raise InputError(f"{n} disks: the engine's 32-bit indices allow {most} at most{on}{instead}")
 
 
 def check_resting(

@@ -425,15 +425,15 @@ class Engine:
 
     @property
     def pistons(self) -> NDArray[np.float64]:
-        """Displacement, velocity and energy of each piston, shape (pistons, 3); columns `model.walls.PISTONS`."""
+        """Displacement, velocity, energy and force of each piston, shape (pistons, 4): `model.walls.PISTONS`."""
         state = self.windows.sums[len(self.windows.sums) - PISTON_STATE * len(self.arrays.pistons) :]
         pistons = [(wall.piston, wall.normal_of_piston) for wall in self.walls if wall.piston is not None]
-        found = np.empty((len(pistons), 3))
+        found = np.empty((len(pistons), 4))
         for row, (piston, normal), (s, speed) in zip(
             found, pistons, state.reshape(-1, PISTON_STATE).tolist(), strict=True
         ):
             pull = piston.mass * (self.gravity[0] * normal[0] + self.gravity[1] * normal[1])
-            row[:] = s, speed, piston.energy(s, speed, pull)
+            row[:] = s, speed, piston.energy(s, speed, pull), piston.force
         return found
 
     # ------------------------------------------------------------------ gates

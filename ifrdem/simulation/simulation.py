@@ -505,9 +505,10 @@ class Simulation(Sealed, PicturedDisks):
 
     @property
     def pistons(self) -> NDArray[np.float64]:
-        """Displacement [length], velocity [length/time] and energy [energy] of each piston, up to the latest `state`.
+        """Displacement, velocity, energy and constant force of each piston, up to the latest `state`.
 
-        Shape (pistons, 3), in the order of the walls; the energy is that of `Piston.energy`, with its weight.
+        In [length], [length/time], [energy] and [mass length/time^2], shape (pistons, 4), in the order of the walls.
+        The energy is that of `Piston.energy`, with its weight; the force is the latest one that was set.
         """
         return self._engine.pistons
 

@@ -80,7 +80,9 @@ def _attempt(work: Callable[[int], str | None], threads: int) -> str | None:
     """Message of a run that failed."""
     try:
         return work(threads)
-    except Exception as error:  # a fault of the program costs one run, not the study
+    except Exception as error:
+        # Whatever goes wrong in one run must not end the others of the study. Nothing is hidden: the message is told at
+        # once, stands in the results beside the run, which has no numbers there, and the run is tried again next time.
         return repr(error)
 
 

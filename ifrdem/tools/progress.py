@@ -38,9 +38,11 @@ class Progress:
     line leaves out what matters least; time left and rate are always there.
 
     The run of n disks ends at the simulated time `t_end` [time] or at `collisions_per_disk`; exactly one is given
-    (ValueError). The time left (ETA) is estimated by it, not counting what passed before the first call, which compiles
-    the kernels. `interval` are the seconds between plain lines, `clock` gives those of real time. `kernels` counts the
-    kernels compiled so far: until the first call, the bar says how many more there are, and for how long it compiles.
+    (ValueError). The time left (ETA) goes by the pace of the latest half of the real time or more, so that of a gas
+    which comes to rest is not told by how fast it began; what passed before the first call, which compiles the kernels,
+    does not count. `interval` are the seconds between plain lines, `clock` gives those of real time. `kernels` counts
+    the kernels compiled so far: until the first call, the bar says how many more there are, and for how long it
+    compiles.
     With `brief` the bar appears after half a second, and goes at the end unless a notebook shows it.
     """
 
@@ -68,6 +70,7 @@ class Progress:
         self._interval = interval
         self._clock = clock
         self._first: Mark | None = None
+        self._early = self._later = Mark(0.0, 0.0, 0)  # the pace of the run is that since the early one
         self._latest = self._printed = Mark(0.0, 0.0, 0)
         self._quiet = quiet()
         notebook = in_notebook() and not self._quiet
@@ -99,8 +102,11 @@ class Progress:
         self._latest = Mark(self._clock(), time, collisions)
         self._compiling.set()
         if self._first is None:
-            self._first = self._printed = self._latest
-        elif self._bar is not None:
+            self._first = self._printed = self._early = self._later = self._latest
+            return
+        if self._latest.clock - self._first.clock >= 2.0 * (self._later.clock - self._first.clock):
+            self._early, self._later = self._later, self._latest
+        if self._bar is not None:
             self._bar.set_description_str(self._fitting(), refresh=False)
             self._bar.update(100.0 * self.fraction - self._bar.n)
         elif self._latest.clock - self._printed.clock >= self._interval:
@@ -114,10 +120,10 @@ class Progress:
     @property
     def seconds_left(self) -> float:
         """Estimated seconds of real time until the end; infinite before there is anything to go by."""
-        done = self.fraction - self._done(self._first) if self._first is not None else 0.0
-        if self._first is None or done <= 0.0:
+        done = self.fraction - self._done(self._early) if self._first is not None else 0.0
+        if done <= 0.0:
             return math.inf
-        return (self._latest.clock - self._first.clock) * (1.0 - self.fraction) / done
+        return (self._latest.clock - self._early.clock) * (1.0 - self.fraction) / done
 
     @property
     def collisions_per_second(self) -> float:
@@ -161,7 +167,7 @@ class Progress:
     def _line(self) -> None:
         if self._quiet:
             return
-        # Between two lines the recent rate says more than the mean; the ETA goes by the mean.
+        # Between two lines the recent rate says more than the mean; the ETA goes by that of a longer time.
         left, rate, per_disk, time = self._texts(self._rate_since(self._printed))
         text = f"{time}, {per_disk} collisions per disk, {rate} collisions/s, {left}"
         print(f"{100.0 * self.fraction:5.1f} %  {text}", file=self._stream, flush=True)

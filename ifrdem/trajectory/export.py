@@ -117,12 +117,18 @@ def kinds(trajectory: Trajectory) -> tuple[list[str], NDArray[np.intp]] | None:
             return [*map(printable, names)], np.repeat(np.arange(len(names)), counts)
     except FAULTS:  # parameters may be anybody's
         pass
+    materials = material_names(trajectory)
+    return None if materials is None else (materials, material.astype(np.intp))
+
+
+def material_names(trajectory: Trajectory) -> list[str] | None:
+    """Names of the materials of disks and walls, by their numbers; None if the file has none."""
     try:
         names = json.loads(str(trajectory.parameters["materials"]))
         known = isinstance(names, list) and all(isinstance(name, str) for name in names)
-        if known and len(names) > material.max(initial=-1):
-            return [*map(printable, names)], material.astype(np.intp)
-    except FAULTS:
+        if known and len(names) > trajectory.disks.material.max(initial=-1):
+            return [*map(printable, names)]
+    except FAULTS:  # parameters may be anybody's
         pass
     return None
 

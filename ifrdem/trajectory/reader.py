@@ -493,7 +493,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         frames : sequence of int, optional
             Of which frames; by default of those that suit the picture.
         over : {"t", "tau"}
-            Time, or collisions per disk: of temperatures, energy, ledger, mechanisms and walls.
+            Time, or collisions per disk: of temperatures, energy, ledger, mechanisms, walls and piston.
         color : str, optional
             Of "disks", as `Frame.plot` has it.
 

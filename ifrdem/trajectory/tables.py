@@ -206,6 +206,7 @@ def concat(trajectories: Iterable[Trajectory | str | os.PathLike[str]]) -> xarra
 QUANTITIES = {
     "time": "time", "position": "length", "radius": "length", "mass": "mass",
     "piston_displacement": "length", "piston_velocity": "velocity", "piston_energy": "energy",
+    "piston_force": "force",
     "momentum": "momentum", "walls_momentum_x": "momentum", "walls_momentum_y": "momentum",
     **dict.fromkeys(
         ("translational_energy", "rotational_energy", "energy", "temperature", "rotational_temperature",

@@ -127,6 +127,10 @@ def test_kinds_of_a_case_have_the_sums_of_its_disks(monkeypatch: pytest.MonkeyPa
             "species[0].number = 3000000000: must be less than or equal to 2147483647",
         ),
         (
+            ["species[0].number=2147483646"],
+            "2547483646 disks in all (2147483646 of 'light', 400000000 of 'heavy'): 2147483647 at most are numbered",
+        ),
+        (
             [
                 "species[0].number=100000000",
                 "species[0].radius=",

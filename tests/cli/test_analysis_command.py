@@ -412,7 +412,7 @@ def test_denser_series_are_used_where_the_file_has_them(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "what", [one for one in pictures.PICTURES if one not in ("mechanisms", "dissipation", "walls")]
+    "what", [one for one in pictures.PICTURES if one not in ("mechanisms", "dissipation", "walls", "piston")]
 )
 def test_every_picture_is_drawn_with_labels_and_legends(what: str, tmp_path: Path) -> None:
     path = write(tmp_path / "run.h5")
@@ -517,7 +517,7 @@ def test_plots_have_colours_styles_and_an_axis_of_collisions(
         (("disks", "--style", "dark_backgroud"), "(did you mean 'dark_background'?)"),
         (
             ("g", "--over", "tau"),
-            "over = tau: only of temperatures, energy, ledger, mechanisms, walls, not of g",
+            "over = tau: only of temperatures, energy, ledger, mechanisms, walls, piston, not of g",
         ),
     ):
         assert run("plot", "run.h5", *words, "-o", "no.png") == 2

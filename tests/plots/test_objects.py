@@ -439,7 +439,18 @@ def test_disks_can_be_coloured_by_who_sleeps(tmp_path: Path) -> None:
         figure = pictures.figure(run, "disks", color="asleep")
     (drawn,) = (one for one in figure.axes[0].collections if isinstance(one, EllipseCollection))
     np.testing.assert_array_equal(drawn.get_array(), (0.0, 1.0))
-    assert "1: asleep" in texts(figure)
+    assert {"awake", "asleep"} <= set(texts(figure).splitlines())
+
+
+def test_the_bar_of_materials_has_their_names(tmp_path: Path) -> None:
+    names = json.dumps(["steel", "cork", "rubber"])  # walls are of the first
+    many = Disks(2, 1.0, 0.5, material=[1, 2])
+    with TrajectoryWriter(tmp_path / "a.h5", many, Box((8.0, 8.0)), parameters={"materials": names}) as file:
+        file.write(State([[2.0, 2.0], [5.0, 5.0]], np.zeros((2, 2)), np.zeros(2)))
+    with Trajectory(tmp_path / "a.h5") as run:
+        (bar,) = pictures.figure(run, "disks", color="material").axes[0].child_axes
+    shown = dict(zip(bar.get_yticks(), (one.get_text() for one in bar.get_yticklabels()), strict=True))
+    assert shown == {0.0: "steel", 1.0: "cork", 2.0: "rubber"}
 
 
 def test_disks_below_a_pixel_are_drawn_as_one_and_it_is_said(tmp_path: Path) -> None:

@@ -216,3 +216,15 @@ def test_what_profiles_lack_is_said_and_gases_at_rest_have_temperature_0(tmp_pat
         lines = figure.axes[0].lines
         np.testing.assert_array_equal(lines[0].get_ydata(), (1.0, 0.5, 0.0))
         np.testing.assert_array_equal(lines[1].get_ydata(), 0.0)
+        assert figure.axes[0].get_yscale() == "linear"
+
+
+def test_temperatures_that_fall_over_decades_have_a_logarithmic_axis_without_zeros(tmp_path: Path) -> None:
+    disks, box = Disks(1, 1.0, 0.5), Box((8.0, 8.0), (True, False))
+    with TrajectoryWriter(tmp_path / "a.h5", disks, box, fields=("position",)) as writer:
+        for time, T in enumerate((1.0, 1e-2, 1e-4, 0.0)):
+            state = State([[4.0, 4.0]], np.zeros((1, 2)), np.zeros(1), time=time)
+            writer.write(state, {"temperature": T, "rotational_temperature": 0.0, "collisions": 0})
+    axes = run.walled(tmp_path / "a.h5").axes[0]
+    assert axes.get_yscale() == "log"
+    np.testing.assert_array_equal(axes.lines[0].get_ydata(), (1.0, 1e-2, 1e-4, np.nan))

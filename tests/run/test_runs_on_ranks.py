@@ -296,7 +296,9 @@ def test_the_lines_of_the_manual_on_slices_run(tmp_path: Path) -> None:
     script.write_text(block("ranks slices"))
     done = mpi.on(2, sys.executable, "-m", "mpi4py", script)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == ["15000"] * 4  # two frames of two slices
+    assert (
+        done.stdout.count("15000") == 4
+    )  # two frames of two slices; lines of two ranks may run into each other
 
 
 @mpi.needed

@@ -8,11 +8,11 @@ hit gives the impulse of the law to both bodies. After each event of a piston al
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
 
-from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Wall
 
 from .serial_walls import STEP, Array, Gas, nearest_at_rest, pair_impulse
@@ -21,14 +21,9 @@ from .serial_walls import STEP, Array, Gas, nearest_at_rest, pair_impulse
 class PistonGas(Gas):
     """Disks among walls, some of them pistons, under gravity."""
 
-    def __init__(
-        self,
-        disks: Disks,
-        state: State,
-        law: tuple[float, ...],
-        walls: list[Wall],
-        gravity: tuple[float, float],
-    ) -> None:
+    def __init__(self, *given: Any) -> None:
+        """As `Gas`."""
+        _, state, _, walls, gravity = given
         self.g = np.array(gravity)
         self.bounces = 0
         self.changed: float | None = None  # time of the latest event of a piston, if nobody has looked since
@@ -37,7 +32,7 @@ class PistonGas(Gas):
             for wall in walls
             if wall.piston
         }
-        super().__init__(disks, state, law, walls, gravity)
+        super().__init__(*given)
 
     def along(self, wall: Wall) -> Array:
         """Unit vector of a positive displacement: a line's normal, a segment's direction turned to the left."""

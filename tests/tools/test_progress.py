@@ -69,6 +69,16 @@ def test_eta_goes_by_simulated_time_if_that_ends_the_run() -> None:
     assert progress.seconds_left == pytest.approx(9.0, rel=1e-12)  # 3 s for 2 of 8: 9 s for the other 6
 
 
+def test_eta_of_a_gas_that_comes_to_rest_forgets_how_fast_it_began() -> None:
+    clock = Clock()
+    progress = Progress(100, t_end=100.0, stream=io.StringIO(), clock=clock)
+    for second in range(161):  # 1 unit of time a second until t = 40, then a tenth of it
+        progress(float(second) if second <= 40 else 40.0 + 0.1 * (second - 40), 10 * second)
+        clock.now += 1.0
+    # At t = 52: 48 units at a tenth a second. The mean pace since the start would say 148 s.
+    assert progress.seconds_left == pytest.approx(480.0, rel=1e-12)
+
+
 def test_compilation_before_the_first_call_counts_neither_for_rate_nor_eta() -> None:
     clock = Clock()
     progress = Progress(100, collisions_per_disk=10.0, stream=io.StringIO(), clock=clock)

@@ -6,9 +6,12 @@ import importlib
 import json
 import math
 import re
+import stat
 import sys
+import textwrap
 import tomllib
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -20,7 +23,7 @@ from support.gases import equal_disks, equilibrated, start
 import ifrdem.validation.speed
 from ifrdem import IFRLaw, InputError, Simulation, State
 from ifrdem.model.observables import measure
-from ifrdem.validation.speed import peers, serial_events, soft_disks
+from ifrdem.validation.speed import peers, serial_events, soft_disks, spheres
 from ifrdem.validation.speed.serial_events import SerialEvents
 from ifrdem.validation.speed.soft_disks import SoftDisks, SoftDisksError, spring_and_damping
 
@@ -189,6 +192,169 @@ def test_lammps_that_fails_is_an_error_with_its_message(tmp_path: Path) -> None:
         soft.run(1)
 
 
+# --- spheres in a plane, by stand-ins that read and write the files of EDMD and DynamO, as their sources have them
+
+
+def program(path: Path, text: str) -> Path:
+    """An executable that does this, in Python."""
+    path.write_text(f"#!{sys.executable}\n" + textwrap.dedent(text), encoding="ascii")
+    path.chmod(path.stat().st_mode | stat.S_IXUSR)
+    return path
+
+
+def edmd(path: Path, *, layers: int = 3, height: float = 0.0, rate: float = 2.4, pause: float = 0.0) -> Path:
+    """EDMD's stand-in: two units of time at so many collisions per disk and sqrt(T / m) / diameter, T = 3/2."""
+    return program(
+        path,
+        f"""\
+        import math, time
+        time.sleep({pause})
+        lines = open("init.sph").read().splitlines()
+        n = int(lines[0])
+        assert len(lines) == n + 2 and len(lines[1].split()) == 3
+        collisions = round({rate} * math.sqrt(1.5) * n / 2)
+        print("Cells: 20, 20, {layers}")
+        for i in range(3):
+            told = f"Simtime: {{i:f}}, Collisions: {{i * collisions}}, Press: 0.1, T: 1.000000, "
+            print(told + "Listsizes: (1.0, 2), Neigh: 0 - 5")
+            time.sleep(0.05)
+        time.sleep({pause})
+        with open("snapshot_end.sph", "w") as end:
+            print(*lines[:2], sep="\\n", file=end)
+            for i, line in enumerate(lines[2:]):
+                kind, x, y, z, radius = line.split()
+                assert kind == "a" and float(radius) == 0.5
+                print(kind, float(x) + 3, y, float(z) + {height} * (i == n - 1), radius, file=end)
+        """,
+    )
+
+
+def dynamo(path: Path, *, rate: float = 2.4) -> Path:
+    """DynamO's stand-in: 1e4 events/s, as many as asked for, at so many per disk and time; cools as a gas does."""
+    return program(
+        path,
+        f"""\
+        import math, sys
+        from xml.etree import ElementTree
+        known = dict(zip(sys.argv[1::2], sys.argv[2::2]))
+        config = ElementTree.parse(sys.argv[-1]).getroot()
+        if config.attrib["version"] != "1.5.0":
+            sys.exit("This version of the config file is obsolete")
+        v = [[float(x) for x in one.attrib.values()] for one in config.findall("./ParticleData/Pt/V")]
+        e_n = float(config.find(".//Interaction").attrib["Elasticity"])
+        n, events = len(v), int(known["-c"])
+        kT = sum(x * x for one in v for x in one) / (3 * n)
+        time = 2 * events / (n * {rate} * math.sqrt(1.5 * kT))
+        kT *= math.exp(-(1 - e_n**2) * events / n)
+        open(known["--out-data-file"], "w").write(f'''<?xml version="1.0"?>
+        <OutputData><Misc><Timing RuntimeSeconds="1" EventsPerSec="1e4" SimTimePerSec="1"/>
+        <Temperature Mean="1" Current="{{kT}}"/>
+        <Duration Events="{{events}}" OneParticleEvents="0" TwoParticleEvents="{{events}}" Time="{{time}}"/>
+        </Misc></OutputData>'''.lstrip())
+        """,
+    )
+
+
+def test_edmd_is_timed_between_its_lines(tmp_path: Path) -> None:
+    box, state = start(equal_disks(100), 0.3)
+    run = spheres.edmd(edmd(tmp_path / "edmd", pause=1.0), tmp_path, box, state)
+    assert 0.1 <= run.seconds < 1.0  # two pauses of 0.05 s; the set-up and the end take a second each
+    assert run.collisions == 2 * round(2.4 * math.sqrt(1.5) * 50)
+    assert 2 * run.collisions / (100 * run.time) == pytest.approx(
+        2.4, rel=1e-2
+    )  # whole numbers of collisions
+    assert run.temperature == 1.0
+    positions = np.loadtxt(tmp_path / "init.sph", skiprows=2, usecols=(1, 2, 3))
+    np.testing.assert_array_equal(positions[:, :2], box.wrap(state.position))
+    assert len(set(positions[:, 2])) == 1
+
+
+def test_dynamo_gets_the_gas_and_tells_its_speed(tmp_path: Path) -> None:
+    box, state = start(equal_disks(100), 0.3)
+    state = State(state.position, 2.0 * state.velocity, state.spin)
+    run = spheres.dynamo(dynamo(tmp_path / "dynarun"), tmp_path, box, 0.9, state, 500)
+    assert run.collisions == 500
+    assert run.collisions / run.seconds == pytest.approx(1e4)
+    assert run.temperature == pytest.approx(math.exp(-(1.0 - 0.81) * 5.0))
+    assert 2 * run.collisions / (100 * run.time) == pytest.approx(2.4)
+    config = ElementTree.parse(tmp_path / "config.xml")
+    sides = {key: float(value) for key, value in config.findall(".//SimulationSize")[0].attrib.items()}
+    assert (sides["x"], sides["y"]) == box.lengths
+    assert sides["z"] > 4.0  # four cells that a sphere fits in
+    found = {
+        tag: np.array([[float(one.attrib[axis]) for axis in "xyz"] for one in config.findall(f".//Pt/{tag}")])
+        for tag in "PV"
+    }
+    np.testing.assert_array_equal(found["V"], np.column_stack((state.velocity, np.zeros(100))))
+    apart = box.minimum_image(found["P"][:, :2] + np.array(box.lengths) / 2.0 - state.position)
+    assert np.abs(apart).max() < 1e-13 * max(box.lengths)
+    assert not found["P"][:, 2].any()
+
+
+@pytest.mark.parametrize(
+    ("option", "text", "message"),
+    [
+        ("--edmd", "", "status 0 and not the output of `Single` of EDMD .* its last words: none"),
+        ("--edmd", "print('Too many neighbors.'); raise SystemExit(3)", "status 3 .* Too many neighbors."),
+        ("--dynamo", "raise SystemExit('This version is obsolete')", "status 1 .* `dynarun` .* obsolete"),
+        ("--dynamo", "open('output.xml', 'w').write('<OutputData/>')", "status 0 and not the output"),
+    ],
+)
+def test_another_program_ends_with_one_message(
+    option: str, text: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = program(tmp_path / "other", text)
+    assert peers.main([*SMALL, option, str(other)]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert re.search(f"^peers: {option} = {other}: it ended with {message}", err, re.MULTILINE)
+
+
+def test_spheres_that_leave_the_plane_or_whose_program_fails_are_refused(tmp_path: Path) -> None:
+    box, state = start(equal_disks(100), 0.3)
+    with pytest.raises(InputError, match="100 spheres do not stay in the plane; `Single` of EDMD with"):
+        spheres.edmd(edmd(tmp_path / "edmd", height=1e-3), tmp_path, box, state)
+    with pytest.raises(InputError, match="it made 2 layers of cells and needs three"):
+        spheres.edmd(edmd(tmp_path / "edmd", layers=2), tmp_path, box, state)
+    for one in (edmd(tmp_path / "edmd"), dynamo(tmp_path / "dynarun")):
+        one.write_text(one.read_text() + "raise SystemExit(3)\n")
+    with pytest.raises(InputError, match="it ended with status 3"):
+        spheres.edmd(tmp_path / "edmd", tmp_path, box, state)
+    with pytest.raises(InputError, match="it ended with status 3"):
+        spheres.dynamo(tmp_path / "dynarun", tmp_path, box, 1.0, state, 10)
+    (tmp_path / "text").write_text("no program")
+    (tmp_path / "text").chmod(0o755)
+    with pytest.raises(InputError, match="it cannot be started: Exec format error"):
+        spheres.edmd(tmp_path / "text", tmp_path, box, state)
+
+
+@pytest.mark.parametrize("e_n", ["1", "0.8"])
+def test_spheres_are_timed_in_turn_and_held_against_the_gas(
+    e_n: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(serial_events, "COMPILED", False)  # not needed here
+    monkeypatch.setattr(soft_disks, "absence", lambda: "not here")
+    options = ["--edmd", str(edmd(tmp_path / "edmd")), "--dynamo", str(dynamo(tmp_path / "dynarun"))]
+    assert peers.main([*SMALL, "--e-n", e_n, *options, "--json"]) == 0
+    out, err = capsys.readouterr()
+    ours, _, _, one, other = json.loads(out)["codes"]
+    assert [one["code"], other["code"]] == ["EDMD, in a plane", "DynamO, in a plane"]
+    assert "run 5 of 5: DynamO" in err
+    assert other["collisions_per_second"] == pytest.approx(1e4)
+    assert other["collisions_per_disk_and_time"] == pytest.approx(2.4)
+    assert ours["collisions_per_disk_and_time"] == pytest.approx(2.4, rel=0.25)
+    if e_n == "1":
+        assert len(one["all"]) == 5
+        # Twice as many collisions are no such gas, nor is one that does not cool.
+        assert peers.main([*SMALL, "--edmd", str(edmd(tmp_path / "edmd", rate=4.8))]) == 1
+        assert "not the same gas: 4.801 collisions" in capsys.readouterr().out
+    else:
+        assert one["not_measured"] == "EDMD moves elastic spheres, and e_n = 0.8"
+        still = (tmp_path / "dynarun").read_text().replace("1 - e_n**2", "0")
+        assert peers.main([*SMALL, "--e-n", e_n, "--dynamo", str(program(tmp_path / "still", still))]) == 1
+        assert "not the same gas: it cools to T = 1 where" in capsys.readouterr().out
+
+
 # --- the benchmark
 
 SMALL = ["--n", "400", "--collisions-per-disk", "2", "--threads", "1"]
@@ -271,6 +437,8 @@ def test_absent_peers_are_not_measured_and_no_failure(
         (["--threads", "0"], "--threads = 0: a whole number, 1 to "),
         (["--steps-per-contact", "2.5"], "--steps-per-contact = 2.5: a whole number, 10 to 1000, is needed"),
         (["--collisions-per-disk", "0"], "--collisions-per-disk = 0: a number from 0.1 to 10000 is needed"),
+        (["--edmd", "nowhere"], "--edmd = nowhere: no such program, or it may not be executed"),
+        (["--dynamo", __file__], f"--dynamo = {__file__}: no such program, or it may not be executed"),
         (["--disks", "5"], "unrecognized arguments: --disks 5"),
     ],
 )

@@ -111,7 +111,7 @@ def follow(n: int, seed: int, forces: tuple[float, float], stay: float, ramp: fl
 
     def sample(measure: Measure) -> None:
         assert measure.pistons is not None
-        s, _, energy = measure.pistons[0]
+        s, _, energy, _ = measure.pistons[0]
         heights.append(start.h - s)
         # The piston's kinetic energy is its whole one but for -F s.
         temperatures.append((measure.translational_energy + energy + F * s) / n)

@@ -11,6 +11,11 @@ What is timed, and what is not:
 | ifrdem | `Simulation.run` for so many collisions, its kernels compiled before |
 | serial events (`serial_events.py`, 1 thread) | as many collisions, compiled before; the set-up untimed |
 | LAMMPS, soft disks (`soft_disks.py`, a rank a thread) | the loop over the steps, set-up untimed |
+| EDMD (`--edmd PATH`, 1 thread) | from its first to its last progress line |
+| DynamO (`--dynamo PATH`, 1 thread) | its events, by its own clock |
+
+The last two move spheres in three dimensions. They run a thin gas of spheres that all stay in one plane, which is the
+gas of disks; `spheres.py` says which executables that takes. EDMD has velocities and a duration of its own.
 
 One run of each in turn, and again, so that a slow spell of the machine meets all; medians over the runs.
 
@@ -28,8 +33,11 @@ disks. For e_n < 1 that is in its favour, for the gas cools, and has fewer colli
 
 A comparison that fails is said and ends with exit status 1; a code that is not installed is `not measured`.
 
-The two event-driven codes have the same collisions until rounding separates them, after some ten per disk; from then
-on a cooling gas has the same T only on average, and in a small one the two differ visibly.
+EDMD and DynamO are held against ifrdem in each run: elastic, T within 1e-3 and collisions per disk and time, scaled to
+T = 1, within 1 % + 5 / sqrt(collisions); else ln T at the end within 5 % + 5 / sqrt(collisions).
+
+Event-driven codes have the same collisions until rounding separates them, after some ten per disk; from then on a
+cooling gas has the same T only on average, and in a small one they differ visibly.
 """
 
 from __future__ import annotations
@@ -50,10 +58,11 @@ from ...errors import EngineError, InputError
 from ...simulation import device
 from ...tools.arguments import Parser, whole
 from ...tools.versions import __version__
-from . import soft_disks
+from . import soft_disks, spheres
 from .side_by_side import Options, Timing, compare
 
 FEWEST_RUNS = 5
+SPHERES = "how: python -m pydoc ifrdem.validation.speed.spheres"
 BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 
 
@@ -93,6 +102,8 @@ def _row_report(row: Timing, ours: float) -> dict[str, Any]:
             "temperature": row.temperature,
             "temperature_of_ifrdem": row.expected,
         }
+    if math.isfinite(row.frequency):
+        found["collisions_per_disk_and_time"] = row.frequency
     if row.details:
         found["details"] = row.details
     if row.failed is not None:
@@ -195,6 +206,16 @@ def parse(arguments: Sequence[str]) -> tuple[Options, bool]:
         default=str(soft_disks.STEPS_PER_CONTACT),
         help=f"time steps of LAMMPS in a contact ({soft_disks.STEPS_PER_CONTACT})",
     )
+    parser.add_argument(
+        "--edmd",
+        metavar="PATH",
+        help=f"time EDMD too, as a thin 3D gas in a plane: {spheres.EDMD}, compiled ({SPHERES})",
+    )
+    parser.add_argument(
+        "--dynamo",
+        metavar="PATH",
+        help=f"time DynamO too, as a thin 3D gas in a plane: {spheres.DYNAMO} ({SPHERES})",
+    )
     parser.add_argument("--seed", metavar="S", default="1", help="seed of the start (1)")
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
     given = parser.parse_args(list(arguments))
@@ -217,6 +238,8 @@ def parse(arguments: Sequence[str]) -> tuple[Options, bool]:
         collisions=length,
         soft_collisions=soft_length,
         steps_per_contact=whole("--steps-per-contact", given.steps_per_contact, 10, 1000),
+        edmd=None if given.edmd is None else spheres.executable("--edmd", given.edmd),
+        dynamo=None if given.dynamo is None else spheres.executable("--dynamo", given.dynamo),
         seed=whole("--seed", given.seed, 0),
     )
     return options, bool(given.json)

@@ -7,6 +7,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -19,9 +20,10 @@ from ...model.ifr import IFRLaw
 from ...model.observables import measure
 from ...model.state import Disks, State
 from ...simulation.simulation import Simulation
-from . import serial_events, soft_disks
+from . import serial_events, soft_disks, spheres
 from .serial_events import SerialEvents
 from .soft_disks import SoftDisks, SoftDisksError
+from .spheres import SpheresRun
 
 T = TypeVar("T")
 MIXING = 20
@@ -33,6 +35,10 @@ ENERGY_TOLERANCE = 1e-2
 DRIFT_TOLERANCE = 1e-3
 # Overlaps are some 1/100 of a mean free path: the more dilute the gas, the smaller its disks look.
 CONTACT_TOLERANCE = 5e-2
+# Numbers of collisions c scatter by some sqrt(c), in both of the runs that are compared: 5 / sqrt(c) is added.
+FREQUENCY_TOLERANCE = 1e-2
+# ln T goes as 1 - e_n^2 times the collisions: 5 % of it is 0.005 of e_n, at e_n = 0.9.
+COOLING_TOLERANCE = 5e-2
 
 
 @dataclass(frozen=True)
@@ -48,6 +54,8 @@ class Options:
     soft_collisions: float
     steps_per_contact: int
     seed: int
+    edmd: Path | None = None
+    dynamo: Path | None = None
 
 
 @dataclass
@@ -59,6 +67,7 @@ class Timing:
     rates: list[float] = field(default_factory=list)
     temperature: float = math.nan
     expected: float = math.nan
+    frequency: float = math.nan  # collisions per disk and time, of a gas that starts at T = 1
     not_measured: str | None = None
     failed: str | None = None
     details: dict[str, Any] = field(default_factory=dict)
@@ -108,6 +117,7 @@ def _ifrdem(row: Timing, gas: GasAtStart, options: Options) -> Callable[[], floa
         simulation.run(collisions_per_disk=options.collisions)
         seconds = time.perf_counter() - begin
         row.temperature = row.expected = gas.temperature(simulation)
+        row.frequency = 2.0 * simulation.collisions / (options.n * simulation.time)
         return simulation.collisions / seconds
 
     run()
@@ -181,6 +191,32 @@ def _same_gas(row: Timing, gas: GasAtStart, options: Options, soft: SoftDisks, c
     return collisions
 
 
+def _spheres(
+    row: Timing, run: Callable[[], SpheresRun], options: Options, ours: Timing
+) -> Callable[[], float]:
+    def timed() -> float:
+        done = run()
+        row.temperature, row.expected = done.temperature, ours.temperature
+        row.frequency = 2.0 * done.collisions / (options.n * done.time)
+        fewest = min(done.collisions, options.collisions * options.n / 2.0)
+        scatter = 5.0 / math.sqrt(max(fewest, 1.0))
+        wrong = None
+        if options.e_n < 1.0:
+            cooling = math.log(row.temperature) / math.log(row.expected) - 1.0
+            if not abs(cooling) <= COOLING_TOLERANCE + scatter:
+                wrong = f"it cools to T = {row.temperature:.4g} where ifrdem cools to {row.expected:.4g}"
+        elif not abs(row.temperature - 1.0) <= DRIFT_TOLERANCE:
+            wrong = f"elastic, its T goes from 1 to {row.temperature:.4g}"
+        elif not abs(row.frequency / ours.frequency - 1.0) <= FREQUENCY_TOLERANCE + scatter:
+            wrong = f"{row.frequency:.4g} collisions per disk and time where ifrdem has {ours.frequency:.4g}"
+        if wrong is not None:
+            row.failed = f"not the same gas: {wrong}"
+        return done.collisions / done.seconds
+
+    timed()
+    return timed
+
+
 # --- the comparison -------------------------------------------------------------------------------------------------
 
 
@@ -197,6 +233,18 @@ def compare(options: Options, say: Callable[[str], None]) -> list[Timing]:
             "serial": (serial, lambda: _serial(serial, gas, options, ours)),
             "LAMMPS": (soft, lambda: _soft(soft, gas, options, Path(folder))),
         }
+        rows = [ours, serial, soft]
+        if (edmd := options.edmd) is not None:
+            rows.append(row := Timing("EDMD, in a plane", 1))
+            if options.e_n < 1.0:
+                row.not_measured = f"EDMD moves elastic spheres, and e_n = {options.e_n:g}"
+            job = partial(spheres.edmd, edmd, Path(folder), gas.box, gas.state)
+            codes["EDMD"] = row, partial(_spheres, row, job, options, ours)
+        if (dynamo := options.dynamo) is not None:
+            rows.append(row := Timing("DynamO, in a plane", 1))
+            collisions = math.ceil(options.collisions * options.n / 2.0)
+            job = partial(spheres.dynamo, dynamo, Path(folder), gas.box, options.e_n, gas.state, collisions)
+            codes["DynamO"] = row, partial(_spheres, row, job, options, ours)
         if not serial_events.COMPILED:
             serial.not_measured = f"Numba is not installed: {soft_disks.INSTALL}"
         soft.not_measured = soft_disks.absence()
@@ -216,10 +264,10 @@ def compare(options: Options, say: Callable[[str], None]) -> list[Timing]:
                     continue
                 row.rates.append(rate)
                 say(f"run {run} of {options.runs}: {name} {rate:.3g} collisions/s")
-        for row in (ours, serial, soft):
+        for row in rows:
             if row.failed is not None:
                 say(f"{row.code}: {row.failed}")
-    return [ours, serial, soft]
+    return rows
 
 
 def _attempt(row: Timing, work: Callable[[], T]) -> T | None:

