@@ -288,7 +288,7 @@ def views_of(parts: Parts | None) -> Mapping[str, Collection[tuple[str, str]]]:
     for name, field in FIELDS.items():
         for shown in (field.dataset, "value"):
             sources[f"{PARTICLES}/{name}/{shown}"] = f"/{PARTICLES}/{name}/{field.dataset}"
-    names = [parts.name(number) for number in range(len(parts))]
+    names = [parted.as_source(parts.name(number)) for number in range(len(parts))]
     found = {place: {(name, source) for name in names} for place, source in sources.items()}
     for place in VIEWS:
         found[place] |= {(".", f"/{parted.ZEROS}/{kind}") for kind in ("f4", "f8", "i4")}

@@ -48,6 +48,11 @@ def nothing(dtype: DTypeLike) -> float | int:
     return float("nan") if kind.kind == "f" else int(np.iinfo(kind).min)
 
 
+def as_source(name: str) -> str:
+    """The name of a file as a virtual dataset takes it: HDF5 reads "%%" there as "%", and "%b" as a number."""
+    return name.replace("%", "%%")
+
+
 @dataclass(frozen=True)
 class Parts:
     """All parts of a trajectory.
@@ -126,7 +131,7 @@ class Parts:
             rows = self.disks(number)
             count = rows.stop - rows.start
             one = h5py.VirtualSource(
-                self.name(number), source, shape=(*before, count, *tail), dtype=dtype,
+                as_source(self.name(number)), source, shape=(*before, count, *tail), dtype=dtype,
                 maxshape=(*ends, count, *tail),
             )  # fmt: skip
             columns = (slice(0, 2),) if flat else ()

@@ -27,6 +27,7 @@ from ..errors import InputError
 from ..tools import files
 from ..tools.files import VIEWS, check_apart, check_files
 from . import layout
+from .parts import as_source
 from .reader import Trajectory, check_file
 
 CONSTANT = ("radius", "mass", "material")  # constant properties that tools are shown
@@ -84,7 +85,7 @@ def _view(
     for place, disks in _holders(trajectory):
         count = disks.stop - disks.start
         held = (count,) if stored.ndim == 1 else (frames, count, *stored.shape[2:])
-        origin = h5py.VirtualSource(place, source, shape=held, dtype=stored.dtype)
+        origin = h5py.VirtualSource(as_source(place), source, shape=held, dtype=stored.dtype)
         rows: tuple[Any, ...] = (disks,) if stored.ndim == 1 else (slice(None), disks)
         if count == n:
             rows = (Ellipsis,)
