@@ -284,6 +284,11 @@ class TrajectoryWriter(Sealed):
             first = self._observables if len(self) else None
             before, found = self._last_time, []
             for state, observables in frames:
+                if not isinstance(observables, Mapping | None):
+                    raise InputError(
+                        f"observables = {type(observables).__name__}: numbers by name are needed, such as "
+                        '{"temperature": measure.temperature}'
+                    )
                 values = checked_row("observable", "frame", observables or {}, first)
                 first = {name: value[None] for name, value in values.items()} if first is None else first
                 frame: dict[str, Any] = {

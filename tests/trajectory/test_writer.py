@@ -14,6 +14,7 @@ from test_reader import BOX, FIELDS, some_disks, some_state
 
 from ifrdem.errors import InputError, TrajectoryError
 from ifrdem.model.box import Box
+from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
 from ifrdem.run.info import describe
 from ifrdem.trajectory.layout import EVENT_COLUMNS
@@ -335,6 +336,15 @@ def test_rows_that_are_none_are_refused_and_the_file_goes_on(tmp_path, time, val
 
 
 # --- batches
+
+
+def test_a_measure_is_no_observables(tmp_path):
+    disks, state = some_disks(N), some_state(N, 0)
+    with TrajectoryWriter(tmp_path / "run.h5", disks, BOX) as writer:
+        with pytest.raises(InputError, match="observables = Measure: numbers by name are needed, such as"):
+            writer.write(state, measure(disks, state))
+        writer.write(state, {"temperature": measure(disks, state).temperature})
+        assert len(writer) == 1
 
 
 def test_what_is_written_together_is_what_is_written_one_by_one(tmp_path):
