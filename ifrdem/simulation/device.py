@@ -352,6 +352,7 @@ def start(
             offline_cache_file_path=cache,
             log_level=ti.WARN,
             enable_fallback=False,
+            unrolling_limit=0,  # no warning of Taichi's own copies of walls, which have 38 columns, to a GPU
             cfg_optimization=False,  # the same bits and speed, a quarter of the time to compile
             kernel_profiler=profile,
         )
