@@ -101,7 +101,7 @@ RING = 18.0
 
 @dataclass(frozen=True)
 class RankPlan:
-    """What each of several ranks of MPI would need for a run (`simulation/ranks.py`), about."""
+    """Estimated needs of each of several ranks of MPI in a run (`simulation/ranks.py`)."""
 
     ranks: int
     disks: float

@@ -36,7 +36,7 @@ class Species:
             object.__setattr__(self, name, np.broadcast_to(value, (self.number,)))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """What rebuilds it elsewhere: one mass and radius where they are the memory of all."""
+        """Class and arguments that rebuild it elsewhere: one mass and radius where they are the memory of all."""
         mass, radius = (each[0] if each.strides == (0,) else each for each in (self.mass, self.radius))
         return Species, (
             self.name, self.material, self.number, mass, radius, self.k, self.speed_rms, self.spin_rms,

@@ -280,7 +280,7 @@ OF_STATE = (
     "position", "velocity", "spin", "collisions", "image", "wall_hits", "latest_collision", "last_partner", "angle",
     "dissipated", "asleep",
 )  # fmt: skip
-"""What a state has of each disk, beside the flow, which the box gives."""
+"""Names of what a state has of each disk, beside the flow, which the box gives."""
 
 
 def dealt(comm: Any, disks: Disks | None, state: State | None) -> tuple[Disks, State]:

@@ -103,7 +103,7 @@ def _is_of_disks(name: str) -> bool:
 
 
 OF_STATES = ("state_position", "state_velocity", "state_spin")
-"""What a checkpoint has of the present state, beside a snapshot."""
+"""Names of what a checkpoint has of the present state, beside a snapshot."""
 
 
 def put_back(engine: Engine, found: Snapshot) -> None:

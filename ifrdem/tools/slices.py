@@ -182,7 +182,7 @@ def numbered(count: int, comm: Any = None) -> tuple[range, int]:
 
 
 def _of_blocks(comm: Any, rows: NDArray[Any], work: Callable[[NDArray[Any]], Any]) -> list[Any]:
-    """What `work` makes of the rows of each block, in order; on all ranks.
+    """Results of `work` on the rows of each block, in order; on all ranks.
 
     Each gives the rows of some ids in order, those of lower ranks come first. A block is made by the rank that has its
     first id.

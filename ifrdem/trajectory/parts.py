@@ -255,7 +255,7 @@ class Part:
         return cls(given["run"].decode(), int(given["number"]), int(given["first"]))
 
     def otherwise(self, parts: Parts, number: int) -> str:
-        """What is different from a part that is wanted, for a message."""
+        """Differences from a part that is wanted, for a message."""
         if self.run != parts.run:
             return ": it belongs to another run"
         return f": it is part {self.number}"

@@ -275,7 +275,7 @@ class PartsWriter:
         return 0 if self._head is None else len(self._head)
 
     def __getattr__(self, name: str) -> Any:
-        """What series and histories need, which are in NAME.h5."""
+        """Attribute of the writer of NAME.h5, which has series and histories."""
         if name.startswith("_") or self._head is None:
             raise AttributeError(name)
         return getattr(self._head, name)

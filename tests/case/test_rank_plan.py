@@ -1,4 +1,4 @@
-"""What a case needs on ranks of MPI, told without a start."""
+"""The needs of a case on ranks of MPI, told without a start."""
 
 from __future__ import annotations
 

@@ -67,7 +67,7 @@ def keep(path: Path, key: dict[str, Any], names: Sequence[str], run: Callable[[]
 
 
 def by_lammps(run: Callable[..., Any], *arguments: Any) -> Any:
-    """What a run of LAMMPS gives in a folder of its own."""
+    """Result of a run of LAMMPS in a folder of its own."""
     with tempfile.TemporaryDirectory() as folder:
         return run(*arguments, Path(folder))
 
