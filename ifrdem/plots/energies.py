@@ -55,7 +55,8 @@ def energy(axes: Axes, trajectory: Trajectory, over: str = "t") -> None:
     if f"{OF_PISTONS}energy" in trajectory.observables:
         when, (value,) = result.series(trajectory, f"{OF_PISTONS}energy")
         pistons = np.asarray(value).sum(axis=1)
-        axes.plot(along(trajectory, when, over), pistons, ":", color=INPUT, lw=1.8, label="energy of pistons")
+        name = "pistons (kinetic and potential)"
+        axes.plot(along(trajectory, when, over), pistons, ":", color=INPUT, lw=1.8, label=name)
     if all(np.min(np.asarray(line.get_ydata()), initial=0.0) >= 0.0 for line in axes.lines):
         axes.set_ylim(bottom=0.0)
     _finish(axes, trajectory, "energy", over)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import InputError
+from ..model.walls import Turn
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .energies import along, axis_label
@@ -72,6 +73,11 @@ def draw(axes: Sequence[Axes], trajectory: Trajectory, over: str = "t") -> None:
         for panel, quantity in ((work, "work"), (heat, "heat")):
             values = series[f"walls_{quantity}/{name}"]
             panel.plot(along(trajectory, series.time, over), values, "-", color=colour, lw=1.2)
+    if not any(np.any(series[f"walls_heat/{name}"]) for name in names):
+        text = "no heat: no wall here has a temperature"
+        heat.text(0.5, 0.5, text, ha="center", va="center", color="0.5", transform=heat.transAxes)
+        heat.set_yticks([])
+    centre = "the centre of its turn" if any(wall.turn != Turn() for wall in trajectory.walls) else "(0, 0)"
     left_out = len(series.columns("walls_hits")) > MOST_CURVES == len(names)
     force.plot(
         [],
@@ -81,7 +87,7 @@ def draw(axes: Sequence[Axes], trajectory: Trajectory, over: str = "t") -> None:
         label="along $x$ (others: $y$)" + ("; those of most hits" if left_out else ""),
     )
     force.set_ylabel(label(trajectory, "mean force on the wall", "mass length/time^2"))
-    torque.set_ylabel(label(trajectory, "mean torque on the wall", "mass length^2/time^2"))
+    torque.set_ylabel(label(trajectory, f"mean torque about {centre}", "mass length^2/time^2"))
     work.set_ylabel(label(trajectory, "work given to disks", "energy"))
     heat.set_ylabel(label(trajectory, "heat given to disks", "energy"))
     for panel in (work, heat):

@@ -46,8 +46,10 @@ def test_place_and_speed_of_each_piston_are_drawn_against_time(tmp_path: Path) -
         over = pictures.figure(run, "piston", over="tau").axes[0].lines[0]
         np.testing.assert_array_equal(over.get_xdata(), (0.0, 6.0, 12.0))
         curves = {line.get_label(): line for line in pictures.figure(run, "energy").axes[0].lines}
-        np.testing.assert_array_equal(curves["energy of pistons"].get_ydata(), (0.0, -3.0, -12.0))
-        assert curves["energy of pistons"].axes.get_ylim()[0] < -12.0  # not cut off at 0
+        np.testing.assert_array_equal(
+            curves["pistons (kinetic and potential)"].get_ydata(), (0.0, -3.0, -12.0)
+        )
+        assert curves["pistons (kinetic and potential)"].axes.get_ylim()[0] < -12.0  # not cut off at 0
 
 
 def test_a_file_without_piston_says_which_key_makes_one(tmp_path: Path) -> None:

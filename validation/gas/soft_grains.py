@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 def run(
     folder: Path, disks: Disks, box: Box, law: IFRLaw, start: State, *, t_end: float, every: float,
-    walls: Sequence[tuple[str, str]] = (), gravity_turns: float = 0.0,
+    walls: Sequence[tuple[str, str]] = (), gravity_turns: float = 0.0, contact_time: float = CONTACT_TIME,
 ) -> tuple[Array, Array]:  # fmt: skip
     """Let LAMMPS run soft disks under g = 1, which points along -y at t = 0.
 
@@ -49,6 +49,8 @@ def run(
         Walls beside the sides of the box: arguments of LAMMPS's `region`, and "in" or "out", the side of the disks.
     gravity_turns : float
         Rate at which gravity turns, counter-clockwise [rad/time].
+    contact_time : float
+        Duration of a collision of two disks of mass 1, whose stiffness goes as 1 / contact_time^2 [time].
 
     Returns
     -------
@@ -61,8 +63,8 @@ def run(
         If LAMMPS fails.
     """
     _write_start(folder / "start.data", disks, box, start)
-    step = CONTACT_TIME / STEPS
-    stiffness, _ = spring_and_damping(law.e_n, CONTACT_TIME, 1.0)
+    step = contact_time / STEPS
+    stiffness, _ = spring_and_damping(law.e_n, contact_time, 1.0)
     contact = (
         f"hooke {stiffness!r} {law.e_n!r} tangential linear_history {stiffness * 2.0 / 7.0!r} 1.0 {law.mu!r} "
         "damping coeff_restitution"
