@@ -105,7 +105,7 @@ def turned(rate: float, seed: int, pieces: int, resting_speed: float = RESTING_S
     return of_pieces(disks, rate, np.array(time), np.array(position), np.array(asleep), pieces)
 
 
-def turned_by_lammps(rate: float, seed: int, pieces: int, folder: Path) -> list[Angles]:
+def turned_by_lammps(rate: float, seed: int, pieces: int, contact_time: float, folder: Path) -> list[Angles]:
     """The same by LAMMPS, which writes its files into a folder."""
     from . import soft_grains
 
@@ -113,6 +113,7 @@ def turned_by_lammps(rate: float, seed: int, pieces: int, folder: Path) -> list[
     time, position = soft_grains.run(
         folder, disks, BOX, LAW, begin, t_end=(BEGIN + pieces * PIECE) / rate, every=SAMPLE / rate,
         walls=[(f"cylinder z {CENTRE} {CENTRE} {RADIUS} -1 1", "in")], gravity_turns=-rate,
+        contact_time=contact_time,
     )  # fmt: skip
     return of_pieces(disks, rate, time, position, np.zeros(len(time)), pieces)
 

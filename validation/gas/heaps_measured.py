@@ -25,16 +25,13 @@ from .sample import Mean
 
 HEAPS = Path(__file__).parent / "heap.csv"
 RATES = (0.005, 0.008, 0.0125, 0.02, 0.03)
-PIECES = {"LAMMPS": 4, "ifrdem": 1}
+PIECES = 4  # of turning in a run of LAMMPS; ours has 1
+CHIPMUNK = "Chipmunk"
 SEEDS = (1, 2, 3)
 RESTING_SPEEDS = (0.02, 0.05, 0.01)
 RAINS = range(1, 13)  # seeds of heaps
-HEAP_PEERS: dict[str, Callable[[int], heap.Heap]] = {
-    "LAMMPS": lambda seed: by_lammps(heap.rained_by_lammps, seed, 0.03),
-    "LAMMPS, contacts of 0.01": lambda seed: by_lammps(heap.rained_by_lammps, seed, 0.01),
-    "LAMMPS, contacts of 0.003": lambda seed: by_lammps(heap.rained_by_lammps, seed, 0.003),
-    "Chipmunk": heap.rained_by_chipmunk,
-}
+CONTACT_TIMES = {"LAMMPS": 0.03, "LAMMPS, contacts of 0.01": 0.01, "LAMMPS, contacts of 0.003": 0.003}
+DRUM_RATES = {"LAMMPS": RATES, "LAMMPS, contacts of 0.01": RATES[3:], "ifrdem": RATES}
 
 
 HEAD = """\
@@ -81,12 +78,12 @@ def by_lammps(run: Callable[..., Any], *arguments: Any) -> Any:
 
 def drums(code: str, seed: int) -> None:
     """Drums at all speeds, the fastest first."""
-    for rate in RATES[::-1]:
+    for rate in DRUM_RATES[code][::-1]:
 
         def run(rate: float = rate) -> list[drum.Angles]:
-            if code == "LAMMPS":
-                return list(by_lammps(drum.turned_by_lammps, rate, seed, PIECES[code]))
-            return drum.turned(rate, seed, PIECES[code])
+            if code in CONTACT_TIMES:
+                return list(by_lammps(drum.turned_by_lammps, rate, seed, PIECES, CONTACT_TIMES[code]))
+            return drum.turned(rate, seed, 1)
 
         keep(drum.MEASURED, {"code": code, "rate": rate, "seed": seed}, drum.Angles._fields, run)
 
@@ -95,7 +92,9 @@ def heaps(code: str, seed: int, resting_speed: float = 0.0) -> None:
     """A heap."""
 
     def run() -> list[heap.Heap]:
-        return [HEAP_PEERS[code](seed) if code in HEAP_PEERS else heap.rained(seed, resting_speed)]
+        if code in CONTACT_TIMES:
+            return [by_lammps(heap.rained_by_lammps, seed, CONTACT_TIMES[code])]
+        return [heap.rained_by_chipmunk(seed) if code == CHIPMUNK else heap.rained(seed, resting_speed)]
 
     key = {"code": code, "resting_speed": resting_speed, "seed": seed}
     keep(HEAPS, key, heap.Heap._fields, run)
@@ -166,10 +165,11 @@ def main() -> None:
     for seed in SEEDS:
         if "lammps" in wanted:
             drums("LAMMPS", seed)
+            drums("LAMMPS, contacts of 0.01", seed)
         if "drum" in wanted:
             drums("ifrdem", seed)
     for seed in RAINS:
-        for code in HEAP_PEERS if "peers" in wanted else ():
+        for code in (*CONTACT_TIMES, CHIPMUNK) if "peers" in wanted else ():
             heaps(code, seed)
         for resting_speed in RESTING_SPEEDS if "heap" in wanted else ():
             heaps("ifrdem", seed, resting_speed)
