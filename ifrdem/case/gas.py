@@ -235,11 +235,11 @@ class CaseGas:
         return State(position=position, velocity=velocity + self.box.flow(position), spin=spin)
 
     def drawn_in_slices(self, case: Case) -> bool:
-        """True if each rank draws the start of its own disks alone: on a lattice in a periodic box.
+        """True if ranks draw the start in slices: on a lattice or at random, between walls or not.
 
         Other starts need all disks at once, and are made by one process.
         """
-        return self.given is None and case.start.positions == "hexagonal" and not self.room.all_walls
+        return self.given is None and case.start.positions in ("hexagonal", "random")
 
     def is_told_in_slices(self, case: Case, comm: Any) -> bool:
         """True if a run on these ranks tells its states in slices: of many disks, or for a file in parts."""
@@ -365,7 +365,7 @@ class CaseGas:
                 return placement.hexagonal_positions(self.patch, radius, comm=comm, **options)
             if way == "growth":
                 return packing.grow(self.patch, radius, progress=progress, **options)
-            return placement.random_positions(self.patch, radius, **options)
+            return placement.random_positions(self.patch, radius, comm=comm, **options)
         except InputError as error:
             raise InputError(str(Complaint("start.positions", f'"{way}"', str(error)))) from None
 

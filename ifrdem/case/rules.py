@@ -248,7 +248,7 @@ def wrong_room(
     elif case.start.placed and case.start.positions == "hexagonal":
         try:
             if room.all_walls:
-                placement.sites(room, kinds.n, float(kinds.radius.max()))
+                placement.check_sites(room, kinds.n, float(kinds.radius.max()))
             else:
                 placement.lattice(room.box, kinds.n, 2.0 * float(kinds.radius.max()))
         except InputError as error:

@@ -191,7 +191,7 @@ def report(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
         if not gas.drawn_in_slices(case):
             text = f"the first rank builds the start, in {size(plans[0].whole)} more"
             lines.append(
-                _row("", f'{text}; start.positions = "hexagonal" without walls each rank draws alone')
+                _row("", f'{text}; start.positions = "random" and "hexagonal" are drawn by all ranks')
             )
     return "\n".join(lines)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -33,37 +34,107 @@ CLOSER, CLEAR = (
     1.0 + 1e-9,
 )  # of the diameter among sites, of the radius at walls: room for rounding
 HALVINGS = 40
+AT_ONCE = 1 << 18  # sites that are looked at together
 
 
-def sites(room: Room, n: int, radius: float) -> Array:
+def check_sites(room: Room, n: int, radius: float, comm: Any = None) -> bool:
+    """Tell if rows of sites are along y, of those at contact, of which n find room between the walls.
+
+    InputError if fewer do; the message says how many. Sites are counted block by block, by each rank some of them.
+    """
+    most = {
+        upright: _free(room, radius, 2.0 * radius * CLOSER, upright).count(comm) for upright in (False, True)
+    }
+    upright = most[True] > most[False]
+    if most[upright] < n:
+        covered = room.packing_fraction(np.full(most[upright], radius))
+        raise InputError(
+            f"{n} disks of diameter {2.0 * radius:.6g} do not fit on a hexagonal lattice between the walls: "
+            f"at most {most[upright]} do, which is packing fraction {covered:.4f}"
+        )
+    return upright
+
+
+def sites(
+    room: Room, n: int, radius: float, numbers: NDArray[np.int64] | None = None, comm: Any = None
+) -> Array:
     """Sites [length], shape (n, 2), for disks of this radius [length] that overlap neither each other nor a wall.
 
     Rows along x or along y, which continue across periodic sides. What sites are left over are spread evenly.
-    InputError if fewer sites than n find room; the message says how many do.
+    InputError if fewer sites than n find room; the message says how many do. Only those of some `numbers`, 0 to n - 1,
+    are returned; of ranks, each asks for its own, and tests some of all sites.
     """
-    low = 2.0 * radius * CLOSER
-    most = {upright: _free(room, radius, low, upright) for upright in (False, True)}
-    upright = len(most[True]) > len(most[False])
-    found = most[upright]
-    if len(found) < n:
-        covered = room.packing_fraction(np.full(len(found), radius))
-        raise InputError(
-            f"{n} disks of diameter {2.0 * radius:.6g} do not fit on a hexagonal lattice between the walls: "
-            f"at most {len(found)} do, which is packing fraction {covered:.4f}"
-        )
-    high = max(room.box.lengths)
+    low, high = 2.0 * radius * CLOSER, max(room.box.lengths)
+    best = _free(room, radius, low, check_sites(room, n, radius, comm))
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        wider = max((_free(room, radius, middle, along_y) for along_y in (False, True)), key=len)
-        if len(wider) >= n:
-            low, found = middle, wider
+        wider = [_free(room, radius, middle, upright) for upright in (False, True)]
+        counts = [each.count(comm) for each in wider]
+        if max(counts) >= n:
+            low, best = middle, wider[counts[1] > counts[0]]
         else:
             high = middle
-    return found[np.arange(n, dtype=np.int64) * len(found) // n]
+    here = best.off_walls(slices.slice_of(best.points, comm))
+    own, found = slices.numbered(len(here), comm)
+    wanted = (np.arange(n) if numbers is None else numbers) * found // n
+    return here[wanted] if comm is None else _asked_for(comm, own.start, here, wanted)
 
 
-def _free(room: Room, radius: float, distance: float, upright: bool) -> Array:
-    """Sites at this distance from their nearest neighbours, or a little more, off the walls; shape (sites, 2).
+def _asked_for(comm: Any, first: int, rows: Array, wanted: NDArray[np.int64]) -> Array:
+    """Rows of some numbers that are anywhere; those here are numbered from `first` on, rank by rank."""
+    firsts = np.array(comm.allgather(first if len(rows) else -1))
+    firsts[firsts < 0] = np.iinfo(np.int64).max  # ranks without rows own none
+    order = np.argsort(firsts, kind="stable")
+    owner = order[np.searchsorted(firsts[order], wanted, side="right") - 1]
+    asker, number = slices.exchange(comm, owner, [np.full(len(wanted), comm.rank), wanted])
+    (answers,) = slices.exchange(comm, asker, [rows[number - first]])  # in the order of who answers
+    found = np.empty((len(wanted), 2))
+    found[np.argsort(owner, kind="stable")] = answers
+    return found
+
+
+@dataclass(frozen=True)
+class _Sites:
+    """Sites row by row, numbered from 0 to `points` - 1, walls or not."""
+
+    room: Room
+    radius: float
+    upright: bool
+    columns: int
+    rows: int
+    origin: tuple[float, float]  # along the rows and across
+    step: float  # along
+    rise: float  # across
+
+    @property
+    def points(self) -> int:
+        """Number of all of them."""
+        return self.columns * self.rows
+
+    def off_walls(self, numbers: range) -> Array:
+        """Those of some numbers at which a disk overlaps no wall; shape (sites, 2)."""
+        along, across = (1, 0) if self.upright else (0, 1)
+        found = [np.empty((0, 2))]
+        for first in range(numbers.start, numbers.stop, AT_ONCE):
+            row, column = np.divmod(np.arange(first, min(first + AT_ONCE, numbers.stop)), self.columns)
+            position = np.empty((len(row), 2))
+            position[:, along] = self.origin[0] + (column + 0.5 * (row % 2)) * self.step
+            position[:, across] = self.origin[1] + row * self.rise
+            found.append(position[self.room.gap(position, np.full(len(position), self.radius)) >= 0.0])
+        return np.concatenate(found)
+
+    def count(self, comm: Any = None) -> int:
+        """Number of sites at which a disk overlaps no wall."""
+        numbers = slices.slice_of(self.points, comm)
+        own = sum(
+            len(self.off_walls(range(first, min(first + AT_ONCE, numbers.stop))))
+            for first in range(numbers.start, numbers.stop, AT_ONCE)
+        )
+        return own if comm is None else int(comm.allreduce(own))
+
+
+def _free(room: Room, radius: float, distance: float, upright: bool) -> _Sites:
+    """Sites at this distance from their nearest neighbours, or a little more.
 
     They keep half of the distance from straight walls along the axes, as if there were sites behind them too.
     """
@@ -73,24 +144,16 @@ def _free(room: Room, radius: float, distance: float, upright: bool) -> Array:
     along, across = (1, 0) if upright else (0, 1)
     side, height = high[along] - low[along], high[across] - low[across]
     columns = int(side / distance) + (0 if periodic[along] else 1)
-    if columns < 1:
-        return np.empty((0, 2))
-    step = side / columns if periodic[along] else distance
+    step = side / columns if periodic[along] and columns > 0 else distance
     # Neighbours in the next row are half a step away along it; those in the second next are straight across.
     rise = max(0.5 * distance, math.sqrt(max(0.0, distance**2 - 0.25 * step**2)))
     if periodic[across]:
         rows = int(height / rise) // 2 * 2  # every second row is shifted, so their number is even
-        if rows < 2:
-            return np.empty((0, 2))
-        rise = height / rows
+        rise = height / rows if rows >= 2 else rise
     else:
         rows = int(height / rise) + 1
-    row, column = np.divmod(np.arange(rows * columns), columns)
-    shift = 0.5 * (row % 2)
-    position = np.empty((rows * columns, 2))
-    position[:, along] = low[along] + (column + shift) * step
-    position[:, across] = low[across] + row * rise
-    return position[room.gap(position, np.full(len(position), radius)) >= 0.0]
+    origin = (float(low[along]), float(low[across]))
+    return _Sites(room, radius, upright, max(columns, 0), max(rows, 0), origin, float(step), float(rise))
 
 
 SATURATION = 0.547
@@ -149,13 +212,26 @@ def _one_by_one(box: Box, candidate: Array, radius: Array, owner: NDArray[np.int
     return np.flatnonzero(success)
 
 
-def random_positions(box: Box, radius: ArrayLike, *, seed: int, walls: Sequence[Wall] = ()) -> Array:
+WIDTH = 8.0
+"""Width of a strip of the box, at the least, in diameters of the largest disk."""
+
+
+def random_positions(
+    box: Box, radius: ArrayLike, *, seed: int, walls: Sequence[Wall] = (), comm: Any = None
+) -> Array:
     """Place disks by random sequential addition: uniformly at random, each where it overlaps nothing before it.
 
     Attempts are drawn and tested in bulk, with the outcome of making them one by one. Large disks go first (in size
     classes of 25 %), which lets mixtures become denser than the equal-disk limit. InputError if the disks do not fit:
     equal disks above packing fraction 0.547 of the room (`room.py`), or any disks when the attempts are used up (400
     per disk; equal disks reach about 0.53). The message says how far it came.
+
+    Of 524,288 disks and more (two blocks, `slices.BLOCK`) each 262,144 to 524,288 are placed in a strip of the box of
+    their own, drawn from all at random, whose free area goes as the area that they cover; each strip has random numbers
+    of its own. The first, third, ... strips are filled, and then those between, which see the disks beside them. It is
+    not the same as one addition of all: numbers of disks do not fluctuate from strip to strip; and centres of disks in
+    strips that are filled first stand within one diameter of their edges a little denser, those in the others thinner,
+    the more the nearer to the limit. A few collisions per disk forget the latter.
 
     Parameters
     ----------
@@ -165,6 +241,9 @@ def random_positions(box: Box, radius: ArrayLike, *, seed: int, walls: Sequence[
         Seed of the random positions.
     walls : sequence of Wall
         What they must not overlap either, at t = 0, beside the sides of the box that are not periodic.
+    comm : mpi4py.MPI.Comm, optional
+        Ranks of MPI, of which each gives the radii of its slice (`slice_of`), and gets its places; each fills some
+        strips, to the bit as one process does. `Simulation` looks for overlaps then.
 
     Returns
     -------
@@ -179,36 +258,146 @@ def random_positions(box: Box, radius: ArrayLike, *, seed: int, walls: Sequence[
     >>> ifrdem.initial.random_positions(box, radius, seed=1).shape
     (100, 2)
     """
-    radii = checked_radii(radius)
-    n = len(radii)
-    position = np.empty((n, 2))
-    if n == 0:
-        return position
-    refuse_wider_than_box(box, radii)
-    rng = seeds.stream(seed, seeds.POSITIONS)
-    room = Room(box, tuple(walls))
-    refuse_no_room(room, radii)
-    wanted = room.packing_fraction(radii)
-    lowest, highest = room.spans(radii)
-    instead = (
-        'use fewer disks, a larger box, positions = "growth" or, for disks of about one size, "hexagonal"'
-    )
-    # Few disks have no sharp limit: 4 of them in a box that just holds a square of them reach 0.785.
-    if wanted > SATURATION + 0.5 / math.sqrt(n) and np.ptp(radii) == 0.0:
-        limit = f"random positions of equal disks end at {SATURATION}"
-        raise InputError(f"packing fraction = {wanted:.4f}: {limit}; {instead}")
 
+    def looked_at() -> Array:
+        radii = checked_radii(radius)
+        if len(radii):
+            refuse_wider_than_box(box, radii)
+        return radii
+
+    radii = world.together(comm, looked_at)
+    ids, n = slices.numbered(len(radii), comm)
+    if n == 0:
+        return np.empty((0, 2))
+    seeds.stream(seed, seeds.POSITIONS)  # refuses what is no seed
+    ends = [(float(radii.min(initial=np.inf)), float(radii.max(initial=0.0)))]
+    ends = ends if comm is None else comm.allgather(ends[0])
+    smallest, largest = min(low for low, _ in ends), max(high for _, high in ends)
+    room = Room(box, tuple(walls))
+    _refuse_no_room(room, radii, comm)
+    wanted = room.covered_part(math.pi * float(slices.total(np.square(radii), comm)))
+    # Few disks have no sharp limit: 4 of them in a box that just holds a square of them reach 0.785.
+    if wanted > SATURATION + 0.5 / math.sqrt(n) and smallest == largest:
+        limit = f"random positions of equal disks end at {SATURATION}"
+        raise InputError(f"packing fraction = {wanted:.4f}: {limit}; {_INSTEAD}")
+    low, high = room.bounds()
+    axis = int(np.argmax(high - low))  # across which the strips are
+    area = room.area() if room.all_walls else box.area
+    narrowest = area / (high - low)[1 - axis]
+    count = min(n // slices.BLOCK, int(narrowest / (WIDTH * 2.0 * largest))) // 2 * 2
+    if count < 2:
+        count, number = 1, np.arange(ids.start, ids.stop)
+    else:
+        number = seeds.permuted(seed, seeds.SITES, n, ids)
+    firsts = slices.bounds(n, count)
+    size, rank = (1, 0) if comm is None else (comm.size, comm.rank)
+    owner = np.arange(count) * size // count
+    own = [int(each) for each in np.flatnonzero(owner == rank)]
+    there: list[NDArray[Any]] = [number, np.arange(ids.start, ids.stop), radii]
+    if comm is not None:
+        there = slices.exchange(comm, owner[np.searchsorted(firsts, number, side="right") - 1], there)
+    order = np.argsort(there[0])
+    who, radii_there = there[1][order], there[2][order]
+    rows = {
+        each: slice(firsts[each] - firsts[own[0]], firsts[each + 1] - firsts[own[0]]) for each in own
+    }  # of the disks here, of each strip
+    covered = {each: float(np.sum(np.square(radii_there[rows[each]]))) for each in own}
+    told = [covered] if comm is None else comm.allgather(covered)
+    areas = np.array([each for some in told for each in some.values()])  # ranks own strips in order
+    shares = areas / areas.sum()
+    edges = _edges(room, axis, shares, float(slices.total(radii, comm)) / n)
+
+    position = np.empty((len(who), 2))
+    beside: dict[int, tuple[Array, Array]] = {}
+
+    def fill(parity: int) -> None:
+        for each in own:
+            if each % 2 == parity:
+                position[rows[each]] = _added(
+                    room, radii_there[rows[each]], seeds.of_block(seed, seeds.POSITIONS, each), wanted,
+                    (axis, edges[each], edges[each + 1]), float(shares[each]),
+                    beside.get(each, (np.empty((0, 2)), np.empty(0))),
+                )  # fmt: skip
+
+    world.together(comm, lambda: fill(0))
+    if count > 1:
+        beside = _beside(comm, axis, edges, owner, rows, position, radii_there)
+        world.together(comm, lambda: fill(1))
+    (found,) = slices.by_id(comm, n, who, [position])
+    if comm is None:
+        check_no_overlap(box, radii, found)
+    return found
+
+
+_INSTEAD = 'use fewer disks, a larger box, positions = "growth" or, for disks of about one size, "hexagonal"'
+_SCANNED = 128  # strips at least in which the area is known along the box, and even in between
+
+
+def _edges(room: Room, axis: int, shares: Array, inset: float) -> Array:
+    """Places [length] across `axis` between which the room for centres has these shares, shape (shares + 1,)."""
+    if len(shares) == 1:
+        return np.array([-np.inf, np.inf])
+    low, high = (corner[axis] for corner in room.bounds())
+    parts = np.cumsum(shares)[:-1]
+    if not room.all_walls:
+        return np.concatenate([[low], low + parts * (high - low), [high]])
+    scanned = np.linspace(low, high, max(_SCANNED, 2 * len(shares)) + 1)
+    below = np.concatenate([[0.0], np.cumsum(room.strips(axis, scanned, inset))])
+    return np.concatenate([[low], np.interp(parts * below[-1], below, scanned), [high]])
+
+
+def _beside(
+    comm: Any, axis: int, edges: Array, owner: NDArray[np.intp], rows: dict[int, slice], position: Array,
+    radius: Array,
+) -> dict[int, tuple[Array, Array]]:  # fmt: skip
+    """Places and radii of disks of strips 0, 2, ... near the strips beside them, by these, on their owners."""
+    count, reach = len(edges) - 1, 2.0 * float(radius.max(initial=0.0)) * (1.0 + 2.0 * TOLERANCE)
+    reach = reach if comm is None else max(comm.allgather(reach))
+    strips, places, radii = [np.empty(0, np.int64)], [np.empty((0, 2))], [np.empty(0)]
+    for each, own in rows.items():
+        if each % 2:
+            continue
+        x = position[own][:, axis]
+        # Where the box ends, the strips at its ends are no neighbours, but disks there are in nobody's way.
+        for near, other in ((x < edges[each] + reach, each - 1), (x > edges[each + 1] - reach, each + 1)):
+            strips.append(np.full(int(near.sum()), other % count))
+            places.append(position[own][near])
+            radii.append(radius[own][near])
+    found = [np.concatenate(each) for each in (strips, places, radii)]
+    if comm is not None:
+        found = slices.exchange(comm, owner[found[0]], found)
+    return {
+        int(each): (found[1][found[0] == each], found[2][found[0] == each]) for each in np.unique(found[0])
+    }
+
+
+def _added(
+    room: Room, radii: Array, rng: np.random.Generator, wanted: float, strip: tuple[int, float, float],
+    share: float, beside: tuple[Array, Array],
+) -> Array:  # fmt: skip
+    """Places of disks that are added in a strip (axis, from, to), with this share of the room, to those beside it.
+
+    InputError if they do not fit; `wanted` is the packing fraction of all disks, for the message.
+    """
+    box, n = room.box, len(radii)
+    position = np.empty((n, 2))
+    axis, begin, end = strip
+    lowest, highest = room.spans(radii)
+    lowest[:, axis], highest[:, axis] = np.maximum(lowest[:, axis], begin), np.minimum(highest[:, axis], end)
     placed = np.empty(0, dtype=np.intp)
     attempts_left = ATTEMPTS_PER_DISK * n + 100_000  # the second term matters for few disks
     if room.walls:  # some attempts fall beyond a wall
-        attempts_left = int(attempts_left * np.prod(np.subtract(*room.bounds()[::-1])) / room.area())
+        corners = np.array(room.bounds())
+        corners[:, axis] = np.clip(corners[:, axis], begin, end)
+        attempts_left = int(attempts_left * np.prod(corners[1] - corners[0]) / (room.area() * share))
     for members in size_classes(radii, 1.25):
         todo = members
         while len(todo):
             if attempts_left <= 0:
-                covered = room.packing_fraction(radii[placed])
+                covered = room.packing_fraction(radii[placed]) / share
                 reached = f"random positions ended at {covered:.4f}, with {len(placed)} of {n} disks placed"
-                raise InputError(f"packing fraction = {wanted:.4f}: {reached}; {instead}")
+                reached += "" if share == 1.0 else " in one of the strips in which so many disks are placed"
+                raise InputError(f"packing fraction = {wanted:.4f}: {reached}; {_INSTEAD}")
             # When few disks are left space is scarce: try each of them many times in one go.
             owner = np.resize(todo, max(len(todo), min(n, 50_000), 200))
             attempts_left -= len(owner)
@@ -217,14 +406,16 @@ def random_positions(box: Box, radius: ArrayLike, *, seed: int, walls: Sequence[
             if room.all_walls:
                 clear = room.gap(candidate, radii[owner]) > TOLERANCE * radii[owner]
                 owner, candidate = owner[clear], candidate[clear]
-            if len(placed):
-                clear = _clear_of(box, candidate, radii[owner], position[placed], radii[placed])
+            if len(placed) + len(beside[1]):
+                there = np.concatenate((beside[0], position[placed]))
+                clear = _clear_of(
+                    box, candidate, radii[owner], there, np.concatenate((beside[1], radii[placed]))
+                )
                 owner, candidate = owner[clear], candidate[clear]
             success = _one_by_one(box, candidate, radii[owner], owner)
             position[owner[success]] = candidate[success]
             placed = np.concatenate((placed, owner[success]))
             todo = np.setdiff1d(todo, owner[success], assume_unique=True)
-    check_no_overlap(box, radii, position)
     return position
 
 
@@ -279,6 +470,14 @@ def lattice(box: Box, n: int, diameter: float) -> tuple[int, int, bool]:
     return best[1:]
 
 
+def _refuse_no_room(room: Room, radii: Array, comm: Any) -> None:
+    """As `refuse_no_room`, of ranks that have slices."""
+    if comm is None:
+        refuse_no_room(room, radii)
+    else:
+        slices.judged(comm, lambda: refuse_no_room(room, radii) if len(radii) else None)
+
+
 def hexagonal_positions(
     box: Box, radius: ArrayLike, *, seed: int | None = None, walls: Sequence[Wall] = (), comm: Any = None
 ) -> Array:
@@ -291,7 +490,7 @@ def hexagonal_positions(
 
     Arguments and what is returned as for `random_positions`; a `seed` deals the disks to the sites in a random order
     (for mixtures), without it disk by disk, row by row. Of ranks of MPI (`comm`), each gives the radii of its slice
-    (`slice_of`) and gets its places; not between walls.
+    (`slice_of`) and gets its places; `Simulation` looks for overlaps then.
 
     Examples
     --------
@@ -314,13 +513,13 @@ def hexagonal_positions(
     diameter = diameter if comm is None else max(comm.allgather(diameter))
     room = Room(box, tuple(walls))
     if room.all_walls:
-        if comm is not None:
-            raise InputError("walls: places between them are found by one process: leave comm out")
-        refuse_no_room(room, radii)
-        found = sites(room, n, 0.5 * diameter)
+        _refuse_no_room(room, radii, comm)
+        number = np.arange(ids.start, ids.stop)
         if seed is not None:
-            found = found[seeds.permuted(seed, seeds.SITES, n, ids)]
-        check_no_overlap(box, radii, found)
+            number = seeds.permuted(seed, seeds.SITES, n, ids)
+        found = sites(room, n, 0.5 * diameter, number, comm)
+        if comm is None:
+            check_no_overlap(box, radii, found)
         return found
     columns, rows, upright = lattice(box, n, diameter)
     lengths = box.lengths[::-1] if upright else box.lengths

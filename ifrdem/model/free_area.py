@@ -168,13 +168,16 @@ class Room:
             return math.inf
         return self._area(self._boundaries(inset))
 
-    def strips(self, axis: int, edges: Array) -> Array:
-        """Areas of the room [length^2] between lines across `axis` at `edges` [length], shape (edges - 1,)."""
+    def strips(self, axis: int, edges: Array, inset: float = 0.0) -> Array:
+        """Areas of the room [length^2] between lines across `axis` at `edges` [length], shape (edges - 1,).
+
+        With an `inset` [length], of what is so far from every wall; as in `area`.
+        """
         across = np.eye(2)[axis]
         found = []
         for low, high in itertools.pairwise(edges):
             cut = [_line(low * across, across), _line(high * across, -across)]
-            found.append(self._area([*self._boundaries(0.0), *cut]))
+            found.append(self._area([*self._boundaries(inset), *cut]))
         return np.array(found)
 
     def packing_fraction(self, radius: Array) -> float:

@@ -14,6 +14,7 @@ from ..errors import InputError, counted, printable
 from ..model.box import describe_sides
 from ..tools.files import checkpoint_of
 from ..trajectory import damage, layout, views
+from ..trajectory.parts import PART, Part
 from ..trajectory.reader import Trajectory
 from . import status
 
@@ -47,6 +48,13 @@ def _gas(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     yield "frames", f"{len(trajectory)}{span}"
     if not units:
         yield "units", str(trajectory.parameters.get("units", "not stated"))
+    part = _part(trajectory)
+    if part is not None:
+        end = part.first + disks.n - 1
+        yield (
+            "part",
+            f"{part.number} of a trajectory, whose NAME.h5 shows all of it: disks {part.first} to {end}",
+        )
     yield "disks", str(disks.n)
     if disks.n:
         for name, unit in (("radius", length), ("mass", mass), ("k", "")):
@@ -61,8 +69,16 @@ def _gas(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     if trajectory.walls:
         shapes = Counter(wall.shape for wall in trajectory.walls)
         yield "walls", ", ".join(f"{count} {shape}" for shape, count in shapes.items())
-    if not box.is_open:
+    if not box.is_open and part is None:
         yield "packing fraction", f"{trajectory.room.packing_fraction(disks.radius):.4f}"
+
+
+def _part(trajectory: Trajectory) -> Part | None:
+    """Mark of a file that is one part of a trajectory; None for others."""
+    if trajectory.parts is not None:
+        return None
+    (file,) = trajectory.holders()
+    return Part.of(file) if PART in file else None
 
 
 def _describe_fields(trajectory: Trajectory) -> list[str]:

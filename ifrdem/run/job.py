@@ -77,7 +77,7 @@ def run(
 
     `force` replaces files that exist; after `max_hours` of real time it stops with a checkpoint; `say` and `warn` take
     the lines to show. `comm` are ranks of MPI that share the gas: all call this, and the first one writes. It alone
-    builds the start; `file` and `outputs` may be None on the others.
+    builds the start where that is not drawn in slices; `file` and `outputs` may be None on the others.
 
     Raises InputError if the case, the device or the outputs cannot be used. Else the trajectory keeps the frames so
     far: Stopped, with a checkpoint, by a signal or the limit of time; KeyboardInterrupt after a second Ctrl-C
@@ -91,9 +91,12 @@ def run(
         outputs.check(force=force)
         backend.check(case.run.arch, case.run.threads, case.run.precision)
         if comm is not None:
+            from ..simulation.ranks import check_tiles
+
             checks.check_ranks(
                 comm.size, file.gas.box, case.run.arch, case.run.precision, case.force, case.output.tracks
             )
+            check_tiles(file.gas.kinds, file.gas.box, comm.size)
         checks.check_number(file.gas.n, comm.size if comm else 1)
         check.refuse_beyond_memory(
             sum(each.number for each in case.species), case.run.arch, case.start.positions, share,
@@ -140,7 +143,7 @@ def run(
     course = world.told(comm, course)
 
     options: dict[str, Any] = {
-        "parameters": _record(file, gas, device_of(case), comm), "units": UNITS[case.run.units], "force": force,
+        "parameters": _record(file, gas, cores, comm), "units": UNITS[case.run.units], "force": force,
         **stored(case, gas),
     }  # fmt: skip
 
@@ -531,7 +534,7 @@ def _closing(
     return "\n  ".join([head, *lines])
 
 
-def _record(file: CaseFile, gas: CaseGas, device: str, comm: Any = None) -> dict[str, str | int | float]:
+def _record(file: CaseFile, gas: CaseGas, cores: int, comm: Any = None) -> dict[str, str | int | float]:
     """Record of a trajectory's origin, its parameters."""
     case = file.case
     species = [{"name": each.name, "number": each.number, "material": each.material} for each in gas.species]
@@ -549,8 +552,8 @@ def _record(file: CaseFile, gas: CaseGas, device: str, comm: Any = None) -> dict
         "gravity": json.dumps(case.box.gravity),
         **({"gravity_turns": case.box.gravity_turns} if case.box.gravity_turns else {}),
         "collapse": case.run.collapse,
-        "device": device,
-        "threads": case.run.threads or backend.cores(),
+        "device": device_of(case) if comm is None else how(case, cores, comm),
+        "threads": case.run.threads or cores,
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "git": revision(),
         **({} if comm is None else {"ranks": comm.size}),

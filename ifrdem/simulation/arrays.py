@@ -91,6 +91,21 @@ def kinds_of(disks: Disks) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     return np.stack([*(column[first] for column in columns), mass, inertia], axis=1), code
 
 
+def tiles_along(sides: NDArray[np.float64], area: float, least: float) -> tuple[int, int]:
+    """Numbers of tiles along x and y, of an area [length^2] and a least side [length]."""
+    side = max(math.sqrt(area), least)
+    return max(1, int(sides[0] / side)), max(1, int(sides[1] / side))
+
+
+def tiles_on_ranks(disks: Disks, box: Box) -> tuple[int, int]:
+    """Numbers of tiles along x and y of a box that is on several ranks (`DeviceArrays.lay`)."""
+    if disks.n <= ALONE and box.shear_rate == 0.0:
+        return 1, 1
+    _, tile_disks = division(min(disks.covered / box.area, 0.85))
+    widest = 2.0 * float(disks.radius.max(initial=0.0))
+    return tiles_along(np.array(box.lengths), tile_disks * box.area / max(disks.n, 1), LEAST_TILE * widest)
+
+
 def stretches(first: NDArray[np.integer], count: NDArray[np.integer]) -> NDArray[np.intp]:
     """Numbers of stretches that begin at `first` and are so long, one stretch after another."""
     before = np.cumsum(count) - count
@@ -446,9 +461,10 @@ class DeviceArrays:
         self.alone = self.alone and not sheared
         if not self.alone:
             least_tile = GPU_LEAST_TILE if self.on_gpu else LEAST_TILE
-            side = max(math.sqrt((options.tile_disks or tile_disks) * free), least_tile * self.widest)
-            tiles = tuple(max(1, int(length / side)) for length in (high - low))  # type: ignore[assignment]
-        self.divide((tiles[0], tiles[1]), low, high)
+            tiles = tiles_along(
+                high - low, (options.tile_disks or tile_disks) * free, least_tile * self.widest
+            )
+        self.divide(tiles, low, high)
         if sheared:  # no last resort: windows are short enough for the tiles
             side = min(float(np.diff(edge).min()) for edge in self.edges)
             self.clock[k.TILE_SIDE] = min(own, side / 3.0)

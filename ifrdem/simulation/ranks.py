@@ -52,9 +52,10 @@ from ..errors import EngineError, InputError
 from ..kernels import layout as k
 from ..kernels.language import ti
 from ..kernels.windows import WIDEN, sum_shared, survey, verify
+from ..model.box import Box
 from ..model.state import COLUMNS, Disks
 from ..tools import slices, world
-from .arrays import DeviceArrays, kinds_of, stretches, sums_of_blocks
+from .arrays import DeviceArrays, kinds_of, stretches, sums_of_blocks, tiles_on_ranks
 from .windows import Windows, _Again
 
 BETWEEN, UNEVEN = (
@@ -150,6 +151,12 @@ def owners(count: NDArray[np.number], tiles: tuple[int, int], size: int) -> NDAr
 
     divide(slice(0, tiles[0]), slice(0, tiles[1]), 0, size)
     return owner.reshape(-1)
+
+
+def check_tiles(disks: Disks, box: Box, size: int) -> None:
+    """Refuse more ranks than a gas has tiles for, before it is made: InputError as of `owners`."""
+    tiles = tiles_on_ranks(disks, box)
+    owners(np.diff(slices.bounds(disks.n, tiles[0] * tiles[1])), tiles, size)
 
 
 def counted_tiles(tiles: tuple[int, int]) -> str:

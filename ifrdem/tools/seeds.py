@@ -29,6 +29,13 @@ def stream(seed: int, purpose: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(int(seed), spawn_key=(purpose,)))
 
 
+def of_block(seed: int, purpose: int, number: int) -> np.random.Generator:
+    """The random numbers of a block of ids, or of a strip of the box: those of `stream` for number 0."""
+    if not number:
+        return stream(seed, purpose)
+    return np.random.default_rng(np.random.SeedSequence(int(seed), spawn_key=(purpose, number)))
+
+
 def drawn(
     seed: int, purpose: int, ids: range, draw: Callable[[np.random.Generator, int], NDArray[Any]]
 ) -> NDArray[Any]:
@@ -37,13 +44,11 @@ def drawn(
     `draw(random, count)` draws rows of so many ids, one after another. Each block of ids (`slices.BLOCK`) has a stream
     of its own, the first one that of `stream`.
     """
-    random, found = stream(seed, purpose), []
+    found = []
     for block in slices.blocks(ids):
         number, first = divmod(block.start, slices.BLOCK)
-        if number:
-            random = np.random.default_rng(np.random.SeedSequence(int(seed), spawn_key=(purpose, number)))
-        found.append(draw(random, first + len(block))[first:])
-    return np.concatenate(found) if found else draw(random, 0)
+        found.append(draw(of_block(seed, purpose, number), first + len(block))[first:])
+    return np.concatenate(found) if found else draw(stream(seed, purpose), 0)
 
 
 def permuted(seed: int, purpose: int, n: int, ids: range) -> NDArray[np.int64]:

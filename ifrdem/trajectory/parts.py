@@ -232,6 +232,11 @@ class Parts:
         return np.concatenate(pieces, axis=sum(isinstance(each, slice) for each in before))
 
 
+def first_of(file: h5py.File) -> int:
+    """Number of the first disk of a file, which may be a part of a trajectory."""
+    return int(file[PART].attrs["first"]) if PART in file else 0
+
+
 @dataclass(frozen=True)
 class Part:
     """Mark of one part: of which run, its number, and its first disk."""

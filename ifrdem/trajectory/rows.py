@@ -24,7 +24,8 @@ class Rows:
 
     `what` is the noun for one row ("frame"); the `marker` has a number for each, and is None where something else
     counts the rows; `datasets` by name may be added to before the first row; `committed` rows count, and `at` is the
-    number of the row that comes next, by default the one after these.
+    number of the row that comes next, by default the one after these. The disks of a part have numbers from
+    `first_disk` on, which messages tell.
     """
 
     def __init__(
@@ -34,8 +35,10 @@ class Rows:
         datasets: Mapping[str, h5py.Dataset],
         committed: int = 0,
         at: int | None = None,
+        first_disk: int = 0,
     ) -> None:
         self.what = what
+        self.first_disk = first_disk
         self.marker = marker
         self.datasets: dict[str, h5py.Dataset] = dict(datasets)
         self.blank: list[h5py.Dataset] = []  # as long as the others, but nothing is ever written into them
@@ -100,7 +103,7 @@ class Rows:
         element = f"{name}[{', '.join(map(str, place))}]" if place else name
         if self.what == "frame" and name in layout.FIELDS:
             component = f", component {'xy'[place[1]]}," if len(place) > 1 else ""
-            element = f"{name} of disk {place[0]}{component}"
+            element = f"{name} of disk {self.first_disk + place[0]}{component}"
         raise TrajectoryError(
             f"{self.what} {self.at + row}, computed again, differs from the file: {element} is {values[where]}, the "
             f"file holds {stored[where]}. This is not the same run: the file is kept as it is"

@@ -219,7 +219,8 @@ class TrajectoryWriter(Sealed):
             {name: group["value"] for name, group in file["observables"].items()} if committed else {}
         )
         self._observables = like(observables)
-        self._rows = Rows("frame", step, datasets | _prefixed(observables), committed, frames)
+        rows = datasets | _prefixed(observables)
+        self._rows = Rows("frame", step, rows, committed, frames, parted.first_of(file))
         self._rows.blank = list(file.get(parted.ZEROS, {}).values())
         self._last_time = float(time[frames - 1]) if frames else -np.inf
         self._series = SeriesWriter(output, series_rows)
@@ -452,7 +453,8 @@ def _check_resumable(
         if (different := given != stored).any():
             i = int(np.argmax(different))
             raise InputError(
-                f"{path} has other disks: {name} of disk {i} is {stored[i]}, the run's is {given[i]}"
+                f"{path} has other disks: {name} of disk {parted.first_of(file) + i} is {stored[i]}, "
+                f"the run's is {given[i]}"
             )
     stored_box, expected = particles["box"].attrs, layout.box_attributes(box)
     for name in dict.fromkeys((*expected, *stored_box)):

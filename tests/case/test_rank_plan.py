@@ -95,11 +95,11 @@ def test_the_plan_of_1e9_disks_is_its_arithmetic() -> None:
 
 
 def test_a_start_that_needs_all_disks_is_planned_on_the_first_rank() -> None:
-    found = case_of("species[0].number=1000000", "species[1].number=1000000", "start.positions=random")
+    found = case_of("species[0].number=1000000", "species[1].number=1000000", "start.positions=growth")
     gas = found.gas.ready(found.case)
     text = summary.report(found.case, gas, RunEstimate.of(gas, found.case))
-    assert "the first rank builds the start, in 600 MB more" in text  # 2e6 x 300 bytes
-    assert 'start.positions = "hexagonal" without walls each rank draws alone' in text
+    assert "the first rank builds the start, in 2 GB more" in text  # 2e6 x 1000 bytes
+    assert 'start.positions = "random" and "hexagonal" are drawn by all ranks' in text
 
 
 def test_kinds_of_a_case_have_the_sums_of_its_disks(monkeypatch: pytest.MonkeyPatch) -> None:

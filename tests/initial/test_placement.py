@@ -19,6 +19,8 @@ from ifrdem.initial.placement import (
     random_positions,
 )
 from ifrdem.model.box import Box
+from ifrdem.model.walls import Wall
+from ifrdem.tools import slices
 
 
 def pair_gaps(
@@ -301,3 +303,26 @@ def test_velocities_and_spins_of_one_seed_are_independent() -> None:
     velocity, spin = np.concatenate(draws, axis=1)
     assert abs(np.corrcoef(velocity, spin)[0, 1]) < 4.0 / math.sqrt(400)
     assert abs(np.corrcoef(np.abs(velocity), np.abs(spin))[0, 1]) < 4.0 / math.sqrt(400)
+
+
+@pytest.mark.parametrize("walls", [(), (Wall.container((60.0, 60.0), 58.0),)])
+def test_strips_of_a_random_start_have_one_density_and_all_kinds(
+    walls: tuple[Wall, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Blocks of 200 disks: no border of a strip shows, and no overlap (it looks itself)."""
+    monkeypatch.setattr(slices, "BLOCK", 200)
+    box, n = Box((120.0, 120.0)), 4000
+    radius = np.where(np.arange(n) < n // 2, 0.6, 0.4)
+    position = np.concatenate([random_positions(box, radius, seed=seed, walls=walls) for seed in range(4)])
+    small = np.tile(radius < 0.5, 4)
+    inside = np.hypot(*(position - 60.0).T) < 50.0 if walls else np.ones(len(position), dtype=bool)
+    edges = np.linspace(10.0, 110.0, 51) if walls else np.linspace(0.0, 120.0, 61)
+    for kind in (small, ~small):
+        count = np.histogram(position[kind & inside, 0], edges)[0]
+        x = np.clip(edges - 60.0, -50.0, 50.0)
+        half = 0.5 * (x * np.sqrt(2500.0 - x * x) + 2500.0 * np.arcsin(x / 50.0))  # of a disk, left of x
+        share = np.diff(half) / (half[-1] - half[0]) if walls else np.full(60, 1.0 / 60.0)
+        z = (count - share * count.sum()) / np.sqrt(share * count.sum())
+        # Hard disks fluctuate less than points do; a gap of one radius at a border would be 0.4 of a bin of 130.
+        assert np.abs(z).max() < 4.0
+        assert np.mean(z * z) < 1.3

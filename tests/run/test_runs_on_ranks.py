@@ -37,7 +37,15 @@ picture = false
 views = false
 """
 SUPPORT = Path(__file__).parents[1] / "support"
-RECORD = {"case", "overrides", "case_in_full", "started", "threads", "ranks"}  # of a run, not of the gas
+RECORD = {
+    "case",
+    "overrides",
+    "case_in_full",
+    "started",
+    "threads",
+    "ranks",
+    "device",
+}  # of a run, not of the gas
 
 
 @pytest.fixture(scope="module")
@@ -275,6 +283,7 @@ def test_what_cannot_be_on_ranks_is_refused_once(case: Path, changes: list[str],
     done = mpi.on(2, *mpi.ifrdem("run", case, "-o", f"{folder}/", *words))
     assert done.returncode == 2, done.stderr
     assert done.stderr.count(message) == 1, done.stderr
+    assert done.stdout == ""  # before the summary
     assert "Traceback" not in done.stderr
     assert list(folder.iterdir()) == []
 

@@ -80,6 +80,39 @@ for n in (3, 100, 257):  # the same start for any number of ranks, of one block 
     ]
     same = [np.array_equal(a, b[here] if len(b) == n else b) for a, b in zip(*starts, strict=True)]
     found[f"start {n}"] = bool(COMM.allreduce(int(all(same)), MPI.MIN))
+WALLED = ifrdem.Box((100.0, 70.0), periodic=(True, False))
+POSTS = [ifrdem.Wall.post((30.0, 20.0), 12.0), ifrdem.Wall.container((50.0, 35.0), 48.0)]
+for n in (3, 900):
+    radius = 0.6 * np.random.default_rng(n).uniform(0.6, 1.0, n)
+    ids = ifrdem.slice_of(n, COMM)
+    here = slice(ids.start, ids.stop)
+    starts = [
+        (
+            initial.random_positions(BOX, radius[own], seed=5, comm=comm),
+            initial.random_positions(BOX, np.full(n, 0.9)[own], seed=5, comm=comm),
+            initial.random_positions(WALLED, radius[own], seed=5, walls=POSTS, comm=comm),
+            initial.hexagonal_positions(WALLED, radius[own], seed=5, walls=POSTS, comm=comm),
+            initial.hexagonal_positions(WALLED, radius[own], walls=POSTS[:1], comm=comm),
+        )
+        for own, comm in ((here, COMM), (slice(None), None))
+    ]
+    for a, b, name in zip(*starts, ("mixture", "random", "random in walls", "dealt", "sites"), strict=True):
+        found[f"{name} {n}"] = bool(COMM.allreduce(int(np.array_equal(a, b[here])), MPI.MIN))
+
+
+def refused(comm: Any, n: int, diameter: float) -> str:
+    try:
+        initial.hexagonal_positions(WALLED, [diameter / 2] * n, walls=POSTS, comm=comm)
+    except ifrdem.InputError as error:
+        return str(error)
+    return ""
+
+
+told = refused(None, 1000, 3.0)
+own_part = len(ifrdem.slice_of(1000, COMM))
+found["refused"] = (
+    told.startswith("1000 disks of diameter 3 do not fit") and refused(COMM, own_part, 3.0) == told
+)
 HIGH = ifrdem.Box((10.0, 20.0))
 FAR = np.stack(np.meshgrid([1.0, 4.0], np.arange(6) * 3.0 + 0.5), axis=-1).reshape(-1, 2)
 

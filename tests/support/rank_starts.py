@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from mpi4py import MPI
 import ifrdem
 from ifrdem.case import file
 from ifrdem.case.gas import CaseGas
+from ifrdem.initial.from_csv import Given
 from ifrdem.tools import slices
 
 COMM = MPI.COMM_WORLD
@@ -120,15 +122,15 @@ found["again"] = differing(again.state, plain and plain.state)
 found["overlap"] = outcome(lambda: simulation(COMM, IDS, overlapping))
 found["infinite"] = outcome(lambda: simulation(COMM, IDS, halved))
 found["slices"] = outcome(lambda: simulation(COMM, range(N // COMM.size - COMM.rank)))
-# A case, whose slices are drawn by each rank alone.
-for name, changes in (
-    ("case", []),
-    ("random case", ["start.positions=random"]),
-):  # the first rank's, dealt out
+# A case, whose slices are drawn by each rank alone; a start that only the first one has, and deals out.
+for name, changes in (("case", []), ("random case", ["start.positions=random"]), ("given", [])):
     whole = None
     if COMM.rank == 0:
         text = file.read(sys.argv[1], changes)
-        sliced = text.gas.ready(text.case).simulation(text.case, comm=COMM, sliced=True)
+        gas_of_case = text.gas.ready(text.case)
+        if name == "given":
+            gas_of_case = replace(gas_of_case, given=Given(gas_of_case.start(text.case).position, None, None))
+        sliced = gas_of_case.simulation(text.case, comm=COMM, sliced=True)
         whole = text.gas.simulation(text.case).state
     else:
         sliced = CaseGas.beside(COMM)[1]

@@ -133,6 +133,10 @@ def test_our_readers_see_the_same_as_in_one_file(tmp_path, made):
     told = describe(made)
     assert "4 parts" in told
     assert "run.parts/0002.h5: disks 20 to 29" in told
+    assert "packing fraction" in told
+    told = describe(part(made, 2))
+    assert "disks 20 to 29" in told
+    assert "packing fraction" not in told  # that of the gas is not known there
 
 
 def test_parts_of_any_selection_are_read(made):
@@ -454,7 +458,7 @@ def test_a_resumed_trajectory_is_that_of_an_uninterrupted_run(tmp_path, seen, op
 def test_another_run_is_refused_by_the_part_that_sees_it(made):
     state = some_state(N, 3)
     state.velocity[27, 1] = 0.25
-    wrong = r"0002\.h5: frame 3.*velocity of disk 7, component y, is 0\.25"
+    wrong = r"0002\.h5: frame 3.*velocity of disk 27, component y, is 0\.25"  # of all, not of the part
     writer = resume(made, 3)
     writer.write_frames([(writer.shares(state), {"energy": 1.5, "momentum": [1.0, 3]})])
     with pytest.raises(TrajectoryError, match=wrong):
@@ -462,9 +466,9 @@ def test_another_run_is_refused_by_the_part_that_sees_it(made):
     writer.close()
     heavier = some_disks(N)
     mass = heavier.mass.copy()
-    mass[7] = 3.0
+    mass[27] = 3.0
     heavier = type(heavier)(N, mass=mass, radius=heavier.radius, k=heavier.k, material=heavier.material)
-    with pytest.raises(InputError, match=r"0000\.h5 has other disks: mass of disk 7"):
+    with pytest.raises(InputError, match=r"0002\.h5 has other disks: mass of disk 27"):
         resume(made, 3, disks=heavier)
     part(made, 3).unlink()
     with pytest.raises(InputError, match=r"0003\.h5 .* is missing"):

@@ -65,7 +65,7 @@ def test_slices_of_ranks_move_as_one_process_does(ranks: int, tmp_path: Path) ->
     lines = [json.loads(line) for line in done.stdout.splitlines()]
     assert len(lines) == ranks
     first = lines[0]
-    for name in ("start", "frame 0", "frame 1", "frame 2", "end", "again", "case", "random case"):
+    for name in ("start", "frame 0", "frame 1", "frame 2", "end", "again", "case", "random case", "given"):
         assert first[name] == [], name
     assert first["alone"]
     assert first["energy"] == first["expected energy"]
