@@ -103,7 +103,7 @@ def sums_of_blocks(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     padded = np.zeros((-(-len(rows) // k.BLOCK_OF_TILES), k.BLOCK_OF_TILES, rows.shape[1]))
     padded.reshape(-1, rows.shape[1])[: len(rows)] = rows
     found = padded[:, 0].copy()
-    for i in range(1, k.BLOCK_OF_TILES):
+    for i in range(1, min(k.BLOCK_OF_TILES, len(rows))):
         found += padded[:, i]
     return found
 
@@ -464,7 +464,8 @@ class DeviceArrays:
         # Windows that follow one another without a look by the host, which would cost a GPU as long as a small gas.
         self.burst = BURST if self.alone else 1
         if self.on_gpu:
-            self.burst = 1 if sheared or self.alone else min(BURST, 1 + GPU_BURST // max(n, 1))
+            followed = sheared or self.alone or self.uses.shared  # by something that the host does
+            self.burst = 1 if followed else min(BURST, 1 + GPU_BURST // max(n, 1))
         self.scale[k.CHAIN] = self.widest * ((GPU_CHAINS if self.on_gpu else CHAINS) + 3.0 * phi)
         if self.alone:
             places, cells = n, int(1.3 * np.prod(np.maximum((high - low) / side, 1.0))) + 64

@@ -240,9 +240,7 @@ def check_pistons(
 def check_ranks(
     size: int,
     box: Box,
-    arch: str,
     precision: str,
-    forces: Sequence[Any],
     tracked: bool,
     order: str | None = None,
     rests: bool = False,
@@ -255,10 +253,8 @@ def check_ranks(
         Names what it is.
     """
     refused = {
-        f"arch = '{arch}'": arch != "cpu",
         f"precision = '{precision}'": precision != "f64",
         "order = 'alone'": order == "alone",
-        "forces": bool(forces),
         "tracked disks (histories)": tracked,
         "an open box": box.is_open,
         'collapse = "rest"': rests,

@@ -13,6 +13,7 @@ import pytest
 from support import mpi
 
 from ifrdem.errors import InputError
+from ifrdem.simulation import device
 
 GASES = Path(__file__).parents[2] / "support" / "rank_gases.py"
 OPTIMISER = {"TI_ADVANCED_OPTIMIZATION": "0"}  # the same bits, a ninth of the time to compile
@@ -32,13 +33,13 @@ def lines(ranks: int, *names: str) -> list[dict[str, Any]]:
     [
         (1, ["elastic"]),
         (2, ["cooling", "mixture", "walls", "shear"]),
-        (3, ["cooling", "mixture", "walls", "shear", "fast"]),
+        (3, ["cooling", "mixture", "walls", "shear", "driven", "fast"]),
         (3, ["spreading"]),
         (4, ["elastic"]),
     ],
 )
 def test_all_bits_are_those_of_one_rank(ranks: int, names: list[str]) -> None:
-    """State, past of disks, sums, ledger, windows, and 250 collisions in their order."""
+    """State, past of disks, sums, ledger, windows, what forces put in, and 250 collisions in their order."""
     for each in lines(ranks, *names):
         assert each["differ"] == [], each
         assert (0 < each["own"] < each["tiles"]) == (ranks > 1)
@@ -52,6 +53,21 @@ def test_all_bits_are_those_of_one_rank(ranks: int, names: list[str]) -> None:
         if each["name"] == "fast":  # disks went to other ranks in all ways
             assert each["in_order"] > 0
             assert each["listed anew"] > 0
+
+
+@mpi.needed
+@pytest.mark.skipif(device.cuda_absence() is not None, reason="no CUDA device on this machine")
+def test_a_gpu_a_rank_has_the_bits_of_one_gpu() -> None:
+    """Of a state with latest partners, after tiles ran again; three ranks share GPUs as they are told to."""
+    script = GASES.with_name("rank_gpus.py")
+    seen = {"CUDA_VISIBLE_DEVICES": "0,0"}
+    done = mpi.on(3, sys.executable, "-m", "mpi4py", script, timeout=300.0, **OPTIMISER, **seen)
+    assert done.returncode == 0, done.stderr + done.stdout
+    found = json.loads(done.stdout)
+    assert found["differ"] == []
+    assert found["tiles"] >= 9
+    assert found["run_again"] > 0
+    assert found["seen"] == ["0", "0", "0"]
 
 
 @mpi.needed
