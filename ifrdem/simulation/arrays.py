@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..errors import EngineError
 from ..kernels import layout as k
 from ..kernels.language import ti
-from ..kernels.limits import ADDRESSABLE, ALONE, OWNER, PISTON_STATE, TOLD_DISKS, WALL, WALL_SUMS
+from ..kernels.limits import ADDRESSABLE, ALONE, MOST_DISKS, OWNER, PISTON_STATE, TOLD_DISKS, WALL, WALL_SUMS
 from ..kernels.shear import displacement
 from ..kernels.walls import FREE, GONE, HEAT, MOTION, NEXT_PISTON, PISTON, PUSH, SUMS, TEMPERATURE, TYPE
 from ..kernels.windows import exchange, sum_shared
@@ -126,6 +126,7 @@ class DeviceArrays:
     found: Any
     blocks: Any
     comm: Any = None
+    first_id: int = 0
 
     def __init__(
         self,
@@ -171,7 +172,8 @@ class DeviceArrays:
         self.scale[k.MOMENT_IN :] = k.FAR
         words = np.array([options.seed & 0xFFFFFFFF, options.seed >> 32], dtype=np.uint32)
         self.grid[k.SEED_LOW : k.SEED_LOW + 2] = words.view(np.int32)
-        self.grid[k.N], self.grid[k.LANES], self.grid[k.ROOM] = n, 1, self.room
+        # Where there are more disks, on several ranks, no kernel asks how many.
+        self.grid[k.N], self.grid[k.LANES], self.grid[k.ROOM] = min(n, ADDRESSABLE), 1, self.room
         self.grid[k.WALLS] = len(walls)
         self.grid[k.PERIODIC_X], self.grid[k.PERIODIC_Y] = box.periodic
         self.widest: float = 2.0 * float(disks.radius.max()) if n else 1.0
@@ -433,7 +435,8 @@ class DeviceArrays:
         elif sheared or not few or self.on_gpu:
             own = min(own, math.sqrt(tile_disks * free))
         self.clock[k.TILE_SIDE] = own
-        least = float((high - low).max()) / 3e4  # columns and rows of cells are counted in 16 bits
+        # Columns and rows of cells are counted in 16 bits; of more disks no region is the whole box.
+        least = float((high - low).max()) / 3e4 if n <= MOST_DISKS else 0.0
         widest = (RESTING_CELL if self.uses.rests else CELL) * self.widest
         self.grid[k.COARSE] = 1
         if self.uses.layered and self._split is not None:
@@ -500,7 +503,7 @@ class DeviceArrays:
         held.pop("kind", None)
         place = np.arange(len(tile)) - np.searchsorted(tile, tile)
         held["listed"] = np.stack([tile, place], axis=1).astype(np.int32)
-        ids = held["meta"][:, k.ID]
+        ids = held["meta"][:, k.ID].astype(np.int64) - self.first_id
         return dict(zip(held, slices.by_id(self.comm, self.n, ids, list(held.values())), strict=True))
 
     def _kept(self) -> list[str]:
@@ -596,7 +599,11 @@ class DeviceArrays:
         kept: dict[str, Callable[[], NDArray[Any]]] = {
             "disk": lambda: np.column_stack([local, velocity, state.spin]),
             "meta": lambda: np.column_stack(
-                [np.arange(ids.start, ids.stop), events, state.image + crossed.astype(np.int32)]
+                [
+                    np.arange(ids.start, ids.stop) + self.first_id,
+                    events,
+                    state.image + crossed.astype(np.int32),
+                ]
             ),
             "past": lambda: np.column_stack([state.latest_collision - state.time, state.angle]),
             "hits": lambda: np.column_stack([state.wall_hits, state.last_partner]),

@@ -159,12 +159,12 @@ class CollisionTimes:
     ----------
     time : array (c,)
         Times [time].
-    pair : array (c, 2) of int32
+    pair : array (c, 2) of int64
         Ids of the two disks, the smaller one first.
     """
 
     time: NDArray[np.float64]
-    pair: NDArray[np.int32]
+    pair: NDArray[np.int64]
 
 
 class Engine:
@@ -239,7 +239,7 @@ class Engine:
             return disks.n, speed, met, hits, int(np.count_nonzero(state.asleep))
 
         def judged() -> None:
-            checks.check_number(n, comm.size if comm else 1)
+            checks.check_number(n, comm.size if comm else 1, given.partners)
             checks.check(
                 disks, box, state, len(self._law_table), walls, given.gravity, given.precision, forces,
                 velocity_cutoff=given.velocity_cutoff, contact_time=given.contact_time,
@@ -829,7 +829,8 @@ class Engine:
         if watching == PAIRS:
             time = windows.begin + real[:, AT].astype(np.float64)
             now = ((time > was) | (windows.begin == was)) & (time <= self.time)
-            pair = np.sort(whole[now, EVENT_ID : EVENT_PARTNER + 1], axis=1).astype(np.int32)
+            pair = np.sort(whole[now, EVENT_ID : EVENT_PARTNER + 1], axis=1).astype(np.int64)
+            pair -= self.arrays.first_id
             order = np.lexsort((pair[:, 1], pair[:, 0], time[now]))
             self.last_collisions = CollisionTimes(time[now][order], pair[order])
         elif self.tracking is not None and windows.fresh:

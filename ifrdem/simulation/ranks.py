@@ -55,6 +55,7 @@ from numpy.typing import NDArray
 from ..errors import EngineError, InputError
 from ..kernels import layout as k
 from ..kernels.language import ti
+from ..kernels.limits import ADDRESSABLE
 from ..kernels.rows import put_rows, take_rows
 from ..kernels.windows import WIDEN, sum_shared, survey, verify
 from ..model.state import COLUMNS, Disks
@@ -112,6 +113,14 @@ def view(array: Any) -> NDArray[Any]:
     size = kind.itemsize * int(np.prod(shape))
     memory: Any = (ctypes.c_char * size).from_address(runtime.prog.get_ndarray_data_ptr_as_int(array.arr))
     return np.ndarray(shape, kind, buffer=memory)
+
+
+def first_id(n: int) -> int:
+    """Id that kernels, whose ids have 32 bits, know the first of n disks by: those of many begin below 0.
+
+    Only the order of ids matters to the motion, and that no two are equal to random numbers.
+    """
+    return 0 if n <= ADDRESSABLE else -(2**31)
 
 
 def numbers_of(at: slice | NDArray[np.integer]) -> NDArray[np.int32]:
@@ -185,6 +194,7 @@ class RankArrays(DeviceArrays):
         self._adding: Any = None
         self._partners: list[int] = []
         super().__init__(kinds, *given)
+        self.first_id = first_id(self.n)
         # Of the disks of the slice: codes are the same with a disk of each kind before them.
         both = (np.concatenate([getattr(each, name) for each in (kinds, disks)]) for name in COLUMNS)
         self._kind = kinds_of(Disks(len(kinds.mass) + disks.n, *both))[1][len(kinds.mass) :].astype(np.int32)
@@ -593,7 +603,8 @@ class RankArrays(DeviceArrays):
     def by_id(self, part: int, arrays: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
         """Rows of disks here, in the order of slots, as rows of the own slice in order of ids."""
         here = slice(part * self.room, part * self.room + self.rows_here(part))
-        return slices.by_id(self.comm, self.n, self._rows("meta", here)[:, k.ID], arrays)
+        ids = self._rows("meta", here)[:, k.ID].astype(np.int64) - self.first_id
+        return slices.by_id(self.comm, self.n, ids, arrays)
 
 
 class RankWindows(Windows):

@@ -204,10 +204,15 @@ def wrong_owner() -> None:
     ranks.RankWindows._run_own = fewer  # type: ignore[method-assign]
 
 
+def ids_below_0() -> None:
+    """Ids begin below 0, as those of more than 2^31 disks. This is no fault."""
+    ranks.first_id = lambda n: -(n // 2)
+
+
 FAULTS = {
     each.__name__: each
     for each in (
-        no_foresight, half_a_ring, half_a_halo, no_trails, no_verification, other_order, wrong_owner,
+        ids_below_0, no_foresight, half_a_ring, half_a_halo, no_trails, no_verification, other_order, wrong_owner,
     )
 }  # fmt: skip
 LISTED_ANEW = [0]

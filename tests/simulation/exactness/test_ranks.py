@@ -23,6 +23,7 @@ def lines(ranks: int, *names: str) -> list[dict[str, Any]]:
     done = mpi.on(ranks, sys.executable, "-m", "mpi4py", GASES, *names, **OPTIMISER)
     assert done.returncode == 0, done.stderr + done.stdout
     found = [json.loads(line) for line in done.stdout.splitlines()]
+    assert found
     assert [each["name"] for each in found] == list(names)[-len(found) :]
     return found
 
@@ -35,11 +36,14 @@ def lines(ranks: int, *names: str) -> list[dict[str, Any]]:
         (2, ["cooling", "mixture", "walls", "shear"]),
         (3, ["cooling", "mixture", "walls", "shear", "driven", "fast"]),
         (3, ["spreading"]),
-        (4, ["elastic"]),
+        (4, ["ids_below_0", "elastic"]),
     ],
 )
 def test_all_bits_are_those_of_one_rank(ranks: int, names: list[str]) -> None:
-    """State, past of disks, sums, ledger, windows, what forces put in, and 250 collisions in their order."""
+    """State, past of disks, sums, ledger, windows, what forces put in, and 250 collisions in their order.
+
+    Ids may begin below 0 on ranks: gases of more than 2^31 disks have such.
+    """
     for each in lines(ranks, *names):
         assert each["differ"] == [], each
         assert (0 < each["own"] < each["tiles"]) == (ranks > 1)
@@ -111,6 +115,15 @@ def test_every_tile_has_an_owner_and_every_rank_a_block(size: int) -> None:
 def test_blocks_have_as_many_disks_each_as_tiles_allow() -> None:
     """All disks in the first quarter of a row of eight tiles: the cut is in the middle of them."""
     assert owners([50, 50, 1, 1, 1, 1, 1, 1], (8, 1), 2).tolist() == [0, 1, 1, 1, 1, 1, 1, 1]
+
+
+@pytest.mark.parametrize("n", [1, 2**31 - 1, 2**31, 3 * 10**9, 2**32 - 1])
+def test_ids_of_up_to_2_to_the_32_disks_have_32_bits(n: int) -> None:
+    from ifrdem.simulation import ranks  # imports Taichi
+
+    first = ranks.first_id(n)
+    assert -(2**31) <= first <= first + n - 1 < 2**31
+    assert first == 0 or n > 2**31 - 1  # random numbers of smaller gases stay what they are
 
 
 def test_more_ranks_than_tiles_are_refused() -> None:
