@@ -11,6 +11,7 @@ from .places import listed_kind, round_products
 from .random import DRAWS
 from .readout import placed
 from .shear import flow_at
+from .windows import is_owned
 
 # Columns of the small arrays that the host hands over. `when`: time and length of the step. `counter_words`: number of
 # the step (low, high word), index of the force, seed (low, high word).
@@ -57,7 +58,8 @@ def energy(mass, inertia, vx, vy, spin):
 def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any]:
     """Kernels of a class of forces with so many parameters: (sum its totals, apply it).
 
-    Sums over disks go tile by tile: their rounding does not depend on threads.
+    Both leave the sums of each tile, of this rank's where there are several, in `tile_sums`; the second one energy
+    gained, and what frames of rows see of that beyond it.
     """
     act, measure = (
         function if hasattr(function, "_is_taichi_function") else ti.func(plain(function))
@@ -76,7 +78,7 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any]:
     def sum_totals(
         uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, disk: Rows, kind: Rows, kinds: Rows, meta: Rows,
         tile: Table, edge_x: Rows, edge_y: Rows, when: Rows, counter_words: Rows, parameters: Rows,
-        block_sums: Table, totals: Rows,
+        tile_sums: Table,
     ):  # fmt: skip
         gas = ti.static(GasArrays(
             grid=grid, scale=scale, clock=clock, disk=disk, kind=kind, kinds=kinds, meta=meta, tile=tile,
@@ -85,7 +87,7 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any]:
         spread = ti.static(spread_of_loops())
         for item in range(spread * gas.grid[TILES_X] * gas.grid[TILES_Y]):
             round_products(gas)
-            if item % spread == 0:
+            if item % spread == 0 and is_owned(item // spread, gas) == 1:
                 b = item // spread
                 total = ti.Vector([ti.cast(0.0, ti.f64) for _ in ti.static(range(n_totals))])
                 first = gas.grid[PART] * gas.grid[ROOM] + gas.tile[b, START + gas.grid[PART]]
@@ -96,19 +98,13 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any]:
                     )  # fmt: skip
                     total += measure(told(s, b, when[TIME], gas), step, vector(parameters, n_parameters))
                 for j in ti.static(range(n_totals)):
-                    block_sums[b, j] = total[j]
-        for _ in range(1):
-            for j in ti.static(range(n_totals)):
-                totals[j] = 0.0
-            for b in range(gas.grid[TILES_X] * gas.grid[TILES_Y]):
-                for j in ti.static(range(n_totals)):
-                    totals[j] += block_sums[b, j]
+                    tile_sums[b, j] = total[j]
 
     @ti.kernel
     def apply_force(
         uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, disk: Rows, kind: Rows, kinds: Rows, meta: Rows,
         tile: Table, edge_x: Rows, edge_y: Rows, when: Rows, counter_words: Rows, parameters: Rows,
-        block_sums: Table, totals: Rows, gained: Rows,
+        tile_sums: Table, totals: Rows,
     ):  # fmt: skip
         gas = ti.static(GasArrays(
             grid=grid, scale=scale, clock=clock, disk=disk, kind=kind, kinds=kinds, meta=meta, tile=tile,
@@ -117,7 +113,7 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any]:
         spread = ti.static(spread_of_loops())
         for item in range(spread * gas.grid[TILES_X] * gas.grid[TILES_Y]):
             round_products(gas)
-            if item % spread == 0:
+            if item % spread == 0 and is_owned(item // spread, gas) == 1:
                 b = item // spread
                 gain, excess = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
                 first = gas.grid[PART] * gas.grid[ROOM] + gas.tile[b, START + gas.grid[PART]]
@@ -141,12 +137,7 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any]:
                     if ti.static(gas.uses.sheared):
                         # What the frame of the row sees of it beyond that is not the flow's doing (`shear.py`).
                         excess += ti.cast(body.mass * flow * (stored - body.vx), ti.f64)
-                block_sums[b, 1] = excess
-                block_sums[b, 0] = gain
-        for _ in range(1):
-            gained[0], gained[1] = 0.0, 0.0
-            for b in range(gas.grid[TILES_X] * gas.grid[TILES_Y]):
-                gained[0] += block_sums[b, 0]
-                gained[1] += block_sums[b, 1]
+                tile_sums[b, 1] = excess
+                tile_sums[b, 0] = gain
 
     return sum_totals if n_totals > 0 else None, apply_force

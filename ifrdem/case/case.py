@@ -14,7 +14,7 @@ from pydantic import AfterValidator, Field, model_validator
 from ..errors import InputError, nearest, there_are
 from ..fit.tabular import Form
 from ..initial import radii
-from ..kernels.limits import ADDRESSABLE, MOST_DISKS
+from ..kernels.limits import MOST_DISKS, MOST_IDS
 from ..model.coin_table import coins
 from .forces_section import ForceSection
 from .output_section import OutputSection
@@ -143,7 +143,7 @@ class SpeciesSection(Section):
 
     name: Name = key("coins")
     """Name [text]."""
-    number: int = key(50000, ge=1, le=ADDRESSABLE)
+    number: int = key(50000, ge=1, le=MOST_IDS)
     """Number of disks [whole number]."""
     material: Name | None = key("aluminium", None)
     """Name of the material [text]; not needed with a coin, which brings its own."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..errors import InputError, there_are
 from ..initial import from_csv, from_trajectory, placement
 from ..initial.from_csv import Given
-from ..kernels.limits import ADDRESSABLE, MOST_WALLS
+from ..kernels.limits import MOST_IDS, MOST_WALLS
 from ..model.box import Box
 from ..model.free_area import Room
 from ..model.overlaps import relax
@@ -98,9 +98,9 @@ def wrong_motion(case: Case) -> Iterator[Complaint]:
 
 def too_many(case: Case) -> Iterator[Complaint]:
     """More disks of all species together than ids number."""
-    if (n := _disks(case)) > ADDRESSABLE:
+    if (n := _disks(case)) > MOST_IDS:
         each = ", ".join(f"{one.number} of '{one.name}'" for one in case.species)
-        yield _at(case, "species[0].number", f"{n} disks in all ({each}): {ADDRESSABLE} at most are numbered")
+        yield _at(case, "species[0].number", f"{n} disks in all ({each}): {MOST_IDS} at most are numbered")
 
 
 def _disks(case: Case) -> int:

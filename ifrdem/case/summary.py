@@ -107,18 +107,26 @@ def refuse_beyond_disk(needed: int, folder: Path) -> None:
 
 
 def refuse_beyond_memory(
-    n: int, arch: str, positions: str = "random", share: float = 1.0, *, sliced: bool = False
+    n: int,
+    arch: str,
+    positions: str = "random",
+    share: float = 1.0,
+    *,
+    ranks: int = 1,
+    sliced: bool = False,
 ) -> None:
     """Raise InputError if n disks need more memory than is free, or than a GPU has.
 
-    `positions` is start.positions: growth needs more. Of several ranks, a `share` is on this machine, with the first
-    one, which has all disks, unless each makes its own ones (`sliced`).
+    `positions` is start.positions: growth needs more. Of several `ranks`, with a GPU each, a `share` is on this
+    machine, with the first one, which has all disks, unless each makes its own ones (`sliced`).
     """
     if arch != "cpu":
         memory = backend.gpu_memory()
         most = int(max((memory - GPU_SCRATCH) / GPU_BYTES_PER_DISK, memory / GPU_BYTES_OF_FEW))
-        if n > most:
-            raise InputError(f"{n} disks: the GPU has {size(memory)} of memory, in which {most} fit")
+        if n > ranks * most:
+            have = f"{ranks} GPUs have {size(memory)} of memory each" if ranks > 1 else ""
+            have = have or f"the GPU has {size(memory)} of memory"
+            raise InputError(f"{n} disks: {have}, in which {ranks * most} fit")
     host = GROWTH_BYTES_PER_DISK if positions == "growth" else HOST_BYTES_PER_DISK
     engine = BYTES_PER_DISK if arch == "cpu" else 0
     needed = int(n * ((share if sliced else 1.0) * (host + WRITER_BYTES_PER_DISK) + share * engine))

@@ -63,6 +63,7 @@ def bench(
     chosen["after"] = wrong.take(0.0, number, "--after", after, need, lambda value: 0.0 <= value < math.inf)
     chosen["threads"] = wrong.take(None, whole, "--threads", threads, 1, device.cores())
     chosen["arch"], chosen["precision"] = arch or "cpu", precision or "f64"
+    comm = ranks()
     try:
         device.check(chosen["arch"], None, chosen["precision"])
     except InputError as error:
@@ -70,7 +71,6 @@ def bench(
     wrong.end()
     if case is not None:
         chosen["overrides"] = overrides(set, arch=arch, seed=seed, threads=threads, precision=precision)
-    comm = ranks()
     found = timing.bench(case, comm=comm, **chosen)
     if not world.is_first(comm):
         return

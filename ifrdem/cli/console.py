@@ -94,6 +94,10 @@ def ranks() -> Any:
     comm = world.world()
     if not world.is_first(comm):
         LOG.setLevel(logging.ERROR)
+    if comm is not None:
+        from ..simulation import device
+
+        device.show_gpu(world.number_here(comm))
     return comm
 
 

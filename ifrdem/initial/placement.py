@@ -478,6 +478,12 @@ def _refuse_no_room(room: Room, radii: Array, comm: Any) -> None:
         slices.judged(comm, lambda: refuse_no_room(room, radii) if len(radii) else None)
 
 
+def _spread(number: NDArray[np.int64], sites: int, n: int) -> NDArray[np.int64]:
+    """Sites of the disks with these numbers, of n that leave some free: number sites // n, in 64 bits for 2^32 too."""
+    found: NDArray[np.int64] = number + number * (sites - n) // n
+    return found
+
+
 def hexagonal_positions(
     box: Box, radius: ArrayLike, *, seed: int | None = None, walls: Sequence[Wall] = (), comm: Any = None
 ) -> Array:
@@ -524,7 +530,7 @@ def hexagonal_positions(
     columns, rows, upright = lattice(box, n, diameter)
     lengths = box.lengths[::-1] if upright else box.lengths
     number = np.arange(ids.start, ids.stop) if seed is None else seeds.permuted(seed, seeds.SITES, n, ids)
-    row, column = np.divmod(number * (columns * rows) // n, columns)
+    row, column = np.divmod(_spread(number, columns * rows, n), columns)
     # A quarter column from the side: both kinds of row then have the same margin.
     x = (column + 0.25 + 0.5 * (row % 2)) * (lengths[0] / columns)
     y = (row + 0.5) * (lengths[1] / rows)

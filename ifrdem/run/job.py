@@ -93,13 +93,12 @@ def run(
         if comm is not None:
             from ..simulation.ranks import check_tiles
 
-            checks.check_ranks(
-                comm.size, file.gas.box, case.run.arch, case.run.precision, case.force, case.output.tracks
-            )
+            checks.check_ranks(comm.size, file.gas.box, case.run.precision, case.output.tracks)
             check_tiles(file.gas.kinds, file.gas.box, comm.size)
         checks.check_number(file.gas.n, comm.size if comm else 1)
         check.refuse_beyond_memory(
             sum(each.number for each in case.species), case.run.arch, case.start.positions, share,
+            ranks=comm.size if comm else 1,
             sliced=file.gas.is_told_in_slices(case, comm) and file.gas.drawn_in_slices(case),
         )  # fmt: skip
         gas = file.gas.ready(case)

@@ -112,7 +112,8 @@ def resume(
         if threads is not None:
             case = case.model_copy(update={"run": case.run.model_copy(update={"threads": threads})})
         device.check(case.run.arch, case.run.threads, case.run.precision)
-        summary.refuse_beyond_memory(sum(each.number for each in case.species), case.run.arch, share=share)
+        n = sum(each.number for each in case.species)
+        summary.refuse_beyond_memory(n, case.run.arch, share=share, ranks=comm.size if comm else 1)
         gas = CaseGas.from_case(case, begun[0].parent, start=False)
         file = CaseFile(*begun, case, gas)
         outputs = Outputs.plan(case, str(trajectory), picture=picture)

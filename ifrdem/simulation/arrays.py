@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..errors import EngineError
 from ..kernels import layout as k
 from ..kernels.language import ti
-from ..kernels.limits import ADDRESSABLE, ALONE, OWNER, PISTON_STATE, TOLD_DISKS, WALL, WALL_SUMS
+from ..kernels.limits import ADDRESSABLE, ALONE, MOST_DISKS, OWNER, PISTON_STATE, TOLD_DISKS, WALL, WALL_SUMS
 from ..kernels.shear import displacement
 from ..kernels.walls import FREE, GONE, HEAT, MOTION, NEXT_PISTON, PISTON, PUSH, SUMS, TEMPERATURE, TYPE
 from ..kernels.windows import exchange, sum_shared
@@ -118,7 +118,7 @@ def sums_of_blocks(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     padded = np.zeros((-(-len(rows) // k.BLOCK_OF_TILES), k.BLOCK_OF_TILES, rows.shape[1]))
     padded.reshape(-1, rows.shape[1])[: len(rows)] = rows
     found = padded[:, 0].copy()
-    for i in range(1, k.BLOCK_OF_TILES):
+    for i in range(1, min(k.BLOCK_OF_TILES, len(rows))):
         found += padded[:, i]
     return found
 
@@ -141,6 +141,7 @@ class DeviceArrays:
     found: Any
     blocks: Any
     comm: Any = None
+    first_id: int = 0
 
     def __init__(
         self,
@@ -186,7 +187,8 @@ class DeviceArrays:
         self.scale[k.MOMENT_IN :] = k.FAR
         words = np.array([options.seed & 0xFFFFFFFF, options.seed >> 32], dtype=np.uint32)
         self.grid[k.SEED_LOW : k.SEED_LOW + 2] = words.view(np.int32)
-        self.grid[k.N], self.grid[k.LANES], self.grid[k.ROOM] = n, 1, self.room
+        # Where there are more disks, on several ranks, no kernel asks how many.
+        self.grid[k.N], self.grid[k.LANES], self.grid[k.ROOM] = min(n, ADDRESSABLE), 1, self.room
         self.grid[k.WALLS] = len(walls)
         self.grid[k.PERIODIC_X], self.grid[k.PERIODIC_Y] = box.periodic
         self.widest: float = 2.0 * float(disks.radius.max()) if n else 1.0
@@ -448,7 +450,8 @@ class DeviceArrays:
         elif sheared or not few or self.on_gpu:
             own = min(own, math.sqrt(tile_disks * free))
         self.clock[k.TILE_SIDE] = own
-        least = float((high - low).max()) / 3e4  # columns and rows of cells are counted in 16 bits
+        # Columns and rows of cells are counted in 16 bits; of more disks no region is the whole box.
+        least = float((high - low).max()) / 3e4 if n <= MOST_DISKS else 0.0
         widest = (RESTING_CELL if self.uses.rests else CELL) * self.widest
         self.grid[k.COARSE] = 1
         if self.uses.layered and self._split is not None:
@@ -480,7 +483,8 @@ class DeviceArrays:
         # Windows that follow one another without a look by the host, which would cost a GPU as long as a small gas.
         self.burst = BURST if self.alone else 1
         if self.on_gpu:
-            self.burst = 1 if sheared or self.alone else min(BURST, 1 + GPU_BURST // max(n, 1))
+            followed = sheared or self.alone or self.uses.shared  # by something that the host does
+            self.burst = 1 if followed else min(BURST, 1 + GPU_BURST // max(n, 1))
         self.scale[k.CHAIN] = self.widest * ((GPU_CHAINS if self.on_gpu else CHAINS) + 3.0 * phi)
         if self.alone:
             places, cells = n, int(1.3 * np.prod(np.maximum((high - low) / side, 1.0))) + 64
@@ -515,7 +519,7 @@ class DeviceArrays:
         held.pop("kind", None)
         place = np.arange(len(tile)) - np.searchsorted(tile, tile)
         held["listed"] = np.stack([tile, place], axis=1).astype(np.int32)
-        ids = held["meta"][:, k.ID]
+        ids = held["meta"][:, k.ID].astype(np.int64) - self.first_id
         return dict(zip(held, slices.by_id(self.comm, self.n, ids, list(held.values())), strict=True))
 
     def _kept(self) -> list[str]:
@@ -611,7 +615,11 @@ class DeviceArrays:
         kept: dict[str, Callable[[], NDArray[Any]]] = {
             "disk": lambda: np.column_stack([local, velocity, state.spin]),
             "meta": lambda: np.column_stack(
-                [np.arange(ids.start, ids.stop), events, state.image + crossed.astype(np.int32)]
+                [
+                    np.arange(ids.start, ids.stop) + self.first_id,
+                    events,
+                    state.image + crossed.astype(np.int32),
+                ]
             ),
             "past": lambda: np.column_stack([state.latest_collision - state.time, state.angle]),
             "hits": lambda: np.column_stack([state.wall_hits, state.last_partner]),

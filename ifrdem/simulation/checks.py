@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..kernels.limits import ADDRESSABLE, ALONE, MOST_DISKS
+from ..kernels.limits import ADDRESSABLE, ALONE, MOST_DISKS, MOST_IDS
 from ..model.box import Box
 from ..model.state import Disks, State
 from ..model.walls import Wall
@@ -161,13 +161,20 @@ def check(
     check_between_collisions(disks, box, gravity, forces)
 
 
-def check_number(n: int, ranks: int = 1) -> None:
-    """Refuse more disks than 32-bit indices reach, which count disks of each rank, and ids of all of them."""
-    most = min(ranks * MOST_DISKS, ADDRESSABLE)
+def check_number(n: int, ranks: int = 1, partners: bool = False) -> None:
+    """Refuse more disks than 32-bit indices reach, which count disks of each rank, and ids of all of them.
+
+    Latest `partners` are told as numbers of 32 bits, of which those below 0 mean walls.
+    """
+    if partners and n > ADDRESSABLE:
+        raise InputError(
+            f"partners = True: {n} disks, and latest partners are known of {ADDRESSABLE} at most"
+        )
+    most = min(ranks * MOST_DISKS, MOST_IDS)
     if n > most:
         on = f" on {ranks} ranks" if ranks > 1 else " in one process"
         least = -(-n // MOST_DISKS)
-        instead = f": run them on {least} ranks or more (mpiexec -n {least})" if n <= ADDRESSABLE else ""
+        instead = f": run them on {least} ranks or more (mpiexec -n {least})" if n <= MOST_IDS else ""
         raise InputError(f"{n} disks: the engine's 32-bit indices allow {most} at most{on}{instead}")
 
 
@@ -240,9 +247,7 @@ def check_pistons(
 def check_ranks(
     size: int,
     box: Box,
-    arch: str,
     precision: str,
-    forces: Sequence[Any],
     tracked: bool,
     order: str | None = None,
     rests: bool = False,
@@ -255,10 +260,8 @@ def check_ranks(
         Names what it is.
     """
     refused = {
-        f"arch = '{arch}'": arch != "cpu",
         f"precision = '{precision}'": precision != "f64",
         "order = 'alone'": order == "alone",
-        "forces": bool(forces),
         "tracked disks (histories)": tracked,
         "an open box": box.is_open,
         'collapse = "rest"': rests,

@@ -47,6 +47,8 @@ class Running:
 
 _running: Running | None = None
 _process: int | None = None  # the one that started Taichi
+_asked = False  # the driver, for GPUs
+_shown: str | None = None  # the GPU that `show_gpu` has chosen
 _in_use = threading.RLock()
 _most_threads: int | None = None
 
@@ -127,8 +129,36 @@ def memory_available() -> int | None:
     return min(found, default=None)
 
 
+def show_gpu(number: int) -> None:
+    """Have this process see one GPU only: of those that CUDA_VISIBLE_DEVICES names, in turn, or of all of the machine.
+
+    `number` is that of a rank among those of its machine. Without that variable rank 2 gets GPU 2, or there is none for
+    it: ranks share GPUs only where the user, or the batch system, says so by naming fewer.
+
+    Raises
+    ------
+    InputError
+        If the driver, which looks at the variable once, has been asked before and shows another one.
+    """
+    global _shown
+    if _shown is not None:
+        return
+    named = os.environ.get("CUDA_VISIBLE_DEVICES")
+    entries = [str(number)] if named is None else [each.strip() for each in named.split(",")]
+    wanted = entries[number % len(entries)]
+    if _asked and wanted != named:
+        raise InputError(
+            f"arch = 'cuda': rank {number} of this machine is to see GPU {wanted}, but it has asked for GPUs "
+            "before, and the driver looks once: set CUDA_VISIBLE_DEVICES for each rank, or make the gas that is on "
+            "several ranks first"
+        )
+    os.environ["CUDA_VISIBLE_DEVICES"] = _shown = wanted
+
+
 def cuda_absence() -> str | None:
     """Reason why no GPU can be used through CUDA, with a way out; None if one can. Asks the driver itself."""
+    global _asked
+    _asked = True
     try:
         driver = ctypes.CDLL("libcuda.so")  # under this name Taichi opens it
     except OSError:
@@ -142,11 +172,12 @@ def cuda_absence() -> str | None:
         )
     failed = driver.cuInit(0)
     if failed:
-        return f"the NVIDIA driver finds no device that works (cuInit gives error {failed})"
+        return f"the NVIDIA driver finds no device that works (cuInit gives error {failed}){_told_of_ranks()}"
     count = ctypes.c_int(0)
     failed = driver.cuDeviceGetCount(ctypes.byref(count))
     if failed or count.value < 1:
-        return f"the NVIDIA driver has no device (CUDA_VISIBLE_DEVICES = {os.environ.get('CUDA_VISIBLE_DEVICES')})"
+        visible = os.environ.get("CUDA_VISIBLE_DEVICES")
+        return f"the NVIDIA driver has no device (CUDA_VISIBLE_DEVICES = {visible}){_told_of_ranks()}"
     from .. import kernels  # noqa: F401  (keeps Taichi from printing its banner)
 
     import taichi as ti  # isort: skip
@@ -154,6 +185,16 @@ def cuda_absence() -> str | None:
     if not ti._lib.core.with_cuda():
         return "Taichi cannot use this NVIDIA driver: it needs one for CUDA 10 or later"
     return None
+
+
+def _told_of_ranks() -> str:
+    """A remedy where each rank was to see another GPU."""
+    if _shown is None:
+        return ""
+    return (
+        f"; this rank was to have GPU {_shown}: start as many ranks on a machine as it has GPUs, or name those that "
+        "ranks are to share in CUDA_VISIBLE_DEVICES"
+    )
 
 
 def _gpu() -> tuple[ctypes.CDLL, ctypes.c_int]:

@@ -159,12 +159,12 @@ class CollisionTimes:
     ----------
     time : array (c,)
         Times [time].
-    pair : array (c, 2) of int32
+    pair : array (c, 2) of int64
         Ids of the two disks, the smaller one first.
     """
 
     time: NDArray[np.float64]
-    pair: NDArray[np.int32]
+    pair: NDArray[np.int64]
 
 
 class Engine:
@@ -239,7 +239,7 @@ class Engine:
             return disks.n, speed, met, hits, int(np.count_nonzero(state.asleep))
 
         def judged() -> None:
-            checks.check_number(n, comm.size if comm else 1)
+            checks.check_number(n, comm.size if comm else 1, given.partners)
             checks.check(
                 disks, box, state, len(self._law_table), walls, given.gravity, given.precision, forces,
                 velocity_cutoff=given.velocity_cutoff, contact_time=given.contact_time,
@@ -291,16 +291,19 @@ class Engine:
             checks.check_ranks(
                 self.comm.size,
                 box,
-                given.arch,
                 given.precision,
-                forces,
                 tracking is not None,
                 given.order,
                 given.resting_speed > 0.0,
             )
             self._check_alike(forces)
             threads = threads or world.cores_here(self.comm, device.cores())
-        device.start(given.arch, threads=threads, precision=given.precision)
+            if given.arch == "cuda":
+                number = world.number_here(self.comm)
+                world.together(self.comm, lambda: device.show_gpu(number))
+        world.together(
+            self.comm, lambda: device.start(given.arch, threads=threads, precision=given.precision)
+        )
         from ..kernels.layout import WALL_SPEED, Uses
         from .arrays import DeviceArrays
         from .force_steps import ForceSteps
@@ -515,7 +518,13 @@ class Engine:
         """Refuse ranks that were given different gases."""
         told = [replace(self.options, threads=None), self.box.lengths, self.box.periodic, self.box.shear_rate]
         told += [self._law, self._law_table.tobytes(), rows_of(self.walls).tobytes()]
-        told += [(type(force).__name__, force.parameters, force.step) for force in forces]
+        given = (
+            forces if isinstance(forces, (list, tuple)) else [forces]
+        )  # what is none, `ForceSteps` refuses
+        told += [
+            (type(force).__name__, getattr(force, "parameters", None), getattr(force, "step", None))
+            for force in given
+        ]
         world.check_alike(self.comm, repr(told), "box, law, walls, forces or options")
 
     def _check_resting(
@@ -558,9 +567,9 @@ class Engine:
         from .force_steps import ForceSteps
 
         self.check_whole()
-        if self.comm is not None:
-            checks.check_ranks(self.comm.size, self.box, "cpu", "f64", forces, False)
         steps = ForceSteps(forces, self.arrays, self.disks, self.options.seed, self.time)
+        if self.comm is not None:
+            self._check_alike(steps.forces)
         checks.check_between_collisions(self.disks, self.box, self.gravity, steps.forces)
         if self.options.resting_speed:
             self._check_resting(self.gravity, steps.forces, self._law)
@@ -820,7 +829,8 @@ class Engine:
         if watching == PAIRS:
             time = windows.begin + real[:, AT].astype(np.float64)
             now = ((time > was) | (windows.begin == was)) & (time <= self.time)
-            pair = np.sort(whole[now, EVENT_ID : EVENT_PARTNER + 1], axis=1).astype(np.int32)
+            pair = np.sort(whole[now, EVENT_ID : EVENT_PARTNER + 1], axis=1).astype(np.int64)
+            pair -= self.arrays.first_id
             order = np.lexsort((pair[:, 1], pair[:, 0], time[now]))
             self.last_collisions = CollisionTimes(time[now][order], pair[order])
         elif self.tracking is not None and windows.fresh:

@@ -76,7 +76,6 @@ class ForceSteps:
         self._steps = [force.step for force in self.forces]
         self.next_steps: list[int] = [first_after(time, step) for step in self._steps]
         self.energy_inputs: NDArray[np.float64] = np.zeros(len(self.forces))
-        self._most = max(2, *(force.totals for force in self.forces)) if self.forces else 2
 
     @property
     def next_time(self) -> float:
@@ -113,7 +112,6 @@ class ForceSteps:
             If it makes a velocity or spin that is not finite.
         """
         force, step, k = self.forces[index], self._steps[index], self.next_steps[index]
-        totals, gained = np.zeros(max(force.totals, 1)), np.zeros(2)
         parameters = np.array([*force.parameters, 0.0])  # one entry at least
         kind: Any = type(force)  # mypy does not take a class for hashable
         sum_totals, apply_force = _kernels(kind, len(force.parameters))
@@ -121,13 +119,15 @@ class ForceSteps:
             "when": np.array([time_of(k, step), step]),
             "counter_words": _words(k, index, self._seed),
             "parameters": parameters,
-            "block_sums": np.zeros((self.arrays.tiles, self._most)),
-            "totals": totals,
-            "gained": gained,
         }
-        if sum_totals is not None:
-            self.arrays.launch(sum_totals, **given)
-        self.arrays.launch(apply_force, **given)
+
+        def sums(kernel: Any, columns: int, **more: Any) -> NDArray[np.float64]:
+            tile_sums = np.zeros((self.arrays.tiles, columns))
+            self.arrays.launch(kernel, tile_sums=tile_sums, **given, **more)
+            return self.arrays.sums_of(tile_sums)
+
+        totals = np.zeros(1) if sum_totals is None else sums(sum_totals, force.totals)
+        gained = sums(apply_force, 2, totals=totals)
         self.next_steps[index] = k + 1
         if not math.isfinite(gained[0]):
             raise EngineError(

@@ -26,6 +26,9 @@ plan the same window. By induction over windows each disk moves as on one rank.
 Checked as it runs: each listed disk has been run by exactly one rank in each window (3), and no disk is lost or there
 twice whenever a state is put together.
 
+On GPUs, of which each rank has one, rows for others go to the host and back (`kernels/rows.py`), and what tiles have
+added up (376 bytes a tile) does in each round.
+
 What each rank holds: its disks and those of its ring (198 bytes each), with their kinds where there are several; 450
 bytes for each tile of the whole box; in a window that is left to the whole box, all disks. Whenever a state is put
 together, at the start, for frames and for checkpoints, each has its slice (`tools/slices.py`): rows go there from the
@@ -41,7 +44,8 @@ from __future__ import annotations
 
 import ctypes
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -51,6 +55,8 @@ from numpy.typing import NDArray
 from ..errors import EngineError, InputError
 from ..kernels import layout as k
 from ..kernels.language import ti
+from ..kernels.limits import ADDRESSABLE
+from ..kernels.rows import put_rows, take_rows
 from ..kernels.windows import WIDEN, sum_shared, survey, verify
 from ..model.box import Box
 from ..model.state import COLUMNS, Disks
@@ -108,6 +114,19 @@ def view(array: Any) -> NDArray[Any]:
     size = kind.itemsize * int(np.prod(shape))
     memory: Any = (ctypes.c_char * size).from_address(runtime.prog.get_ndarray_data_ptr_as_int(array.arr))
     return np.ndarray(shape, kind, buffer=memory)
+
+
+def first_id(n: int) -> int:
+    """Id that kernels, whose ids have 32 bits, know the first of n disks by: those of many begin below 0.
+
+    Only the order of ids matters to the motion, and that no two are equal to random numbers.
+    """
+    return 0 if n <= ADDRESSABLE else -(2**31)
+
+
+def numbers_of(at: slice | NDArray[np.integer]) -> NDArray[np.int32]:
+    """Row numbers for a kernel."""
+    return np.arange(at.start, at.stop, dtype=np.int32) if isinstance(at, slice) else at.astype(np.int32)
 
 
 def owners(count: NDArray[np.number], tiles: tuple[int, int], size: int) -> NDArray[np.int32]:
@@ -182,6 +201,7 @@ class RankArrays(DeviceArrays):
         self._adding: Any = None
         self._partners: list[int] = []
         super().__init__(kinds, *given)
+        self.first_id = first_id(self.n)
         # Of the disks of the slice: codes are the same with a disk of each kind before them.
         both = (np.concatenate([getattr(each, name) for each in (kinds, disks)]) for name in COLUMNS)
         self._kind = kinds_of(Disks(len(kinds.mass) + disks.n, *both))[1][len(kinds.mass) :].astype(np.int32)
@@ -196,7 +216,9 @@ class RankArrays(DeviceArrays):
         tiles = int(self.grid[k.TILES_X]), int(self.grid[k.TILES_Y])
         self.owner: NDArray[np.int32] = owners(count, tiles, self.comm.size)
         self.own: NDArray[np.intp] = np.flatnonzero(self.owner == self.comm.rank)
-        view(self.tile)[:, k.OWNED] = self.owner == self.comm.rank
+        with self.written("tile") as (tile,):
+            tile[:, k.OWNED] = self.owner == self.comm.rank
+            tile[:, k.BAD] = 0  # of a tile that goes elsewhere nobody here would say it again
         self._around_for = -1
         self._plan_sums()
 
@@ -206,15 +228,15 @@ class RankArrays(DeviceArrays):
         What a tile has to do is told by its disks, and by what happened to them in the last window; MOST_EVENTS a disk
         at most, for after a window of the whole box one tile has them all.
         """
-        part, tile = int(self.grid[k.PART]), view(self.tile)
-        count = tile[self.own, k.COUNT + part]
-        events = 2.0 * view(self.tally)[self.own, k.AT_END, k.COLLISIONS]
+        part = int(self.grid[k.PART])
+        count = self._values("tile")[self.own, k.COUNT + part]
+        events = 2.0 * self._values("tally")[self.own, k.AT_END, k.COLLISIONS]
         work = count + np.minimum(events, MOST_EVENTS * count)
         shares = np.array(self.comm.allgather(float(work.sum())))
         if shares.max() <= UNEVEN * shares.mean():
             return
         told = np.zeros((self.tiles, 3))
-        told[self.own] = np.stack([work, count, view(self.reach)[self.own, k.WIDER]], axis=1)
+        told[self.own] = np.stack([work, count, self._values("reach")[self.own, k.WIDER]], axis=1)
         self.comm.Allreduce(told.copy(), told)
         tiles = int(self.grid[k.TILES_X]), int(self.grid[k.TILES_Y])
         try:
@@ -225,7 +247,8 @@ class RankArrays(DeviceArrays):
             return
         held, listed = self.rows_held(part)
         self.traffic.moved += int(np.count_nonzero(after != self.owner))
-        view(self.reach)[:, k.WIDER] = told[:, 2]
+        with self.written("reach") as (reach,):
+            reach[:, k.WIDER] = told[:, 2]
         self.assign(told[:, 0])
         self._send(held, listed, np.zeros_like(listed))
 
@@ -267,12 +290,52 @@ class RankArrays(DeviceArrays):
         found: list[tuple[NDArray[Any], ...]] = self._graph.neighbor_alltoall(messages)
         return found
 
+    # ------------------------------------------------------------------ what lies on the device
+
+    def _values(self, name: str) -> NDArray[Any]:
+        """As on one rank; on a CPU not to be changed, for it is the array itself."""
+        return super()._values(name) if self.on_gpu else view(getattr(self, name))
+
+    @contextmanager
+    def written(self, *names: str) -> Iterator[list[NDArray[Any]]]:
+        """Content of arrays, which may be changed; a GPU gets it back at the end."""
+        found = [self._values(name) for name in names]
+        yield found
+        if self.on_gpu:
+            for name, values in zip(names, found, strict=True):
+                getattr(self, name).from_numpy(values)
+
+    def _rows(self, name: str, at: slice | NDArray[np.integer]) -> NDArray[Any]:
+        """Some rows of an array, to be read: of a GPU's, only these leave it."""
+        found: NDArray[Any]
+        if not self.on_gpu:
+            found = view(getattr(self, name))[at]
+            return found
+        array, at = getattr(self, name), numbers_of(at)
+        found = np.empty((len(at), *(array.element_shape or (1,))), _TYPES[str(array.dtype)])
+        if len(at):
+            take_rows(array, at, found)
+        return found if array.element_shape else found[:, 0]
+
+    def _put_rows(self, name: str, at: slice | NDArray[np.integer], rows: NDArray[Any]) -> None:
+        """Write some rows of an array."""
+        array = getattr(self, name)
+        if not self.on_gpu:
+            view(array)[at] = rows
+        elif len(rows):
+            put_rows(array, numbers_of(at), np.ascontiguousarray(rows.reshape(len(rows), -1)))
+
+    def list_tiles(self, tiles: NDArray[np.integer]) -> None:
+        """Have these tiles be run next."""
+        with self.written("listed") as (listed,):
+            listed[: len(tiles)] = tiles
+
     # ------------------------------------------------------------------ room
 
     @property
     def used(self) -> int:
         """Slots that lists of own tiles take at the beginning of the window: the first ones."""
-        tile, part = view(self.tile), int(self.grid[k.PART])
+        tile, part = self._values("tile"), int(self.grid[k.PART])
         return int((tile[self.own, k.START + part] + tile[self.own, k.COUNT + part]).max(initial=0))
 
     def make_room(self, slots: int) -> None:
@@ -282,7 +345,7 @@ class RankArrays(DeviceArrays):
 
     def set_room(self, room: int) -> None:
         """Another number of slots; what is in the first ones stays."""
-        held = {name: view(getattr(self, name)).copy() for name, kept in self.state_arrays().items() if kept}
+        held = {name: self._values(name).copy() for name, kept in self.state_arrays().items() if kept}
         before, self.room = self.room, room
         self.grid[k.ROOM] = room
         self._replace("trail", self._vectors(2, ti.i32, room))
@@ -293,9 +356,9 @@ class RankArrays(DeviceArrays):
         self._make_parts(self.parts)
         same = min(before, room)
         for name, old in held.items():
-            new = view(getattr(self, name))
-            for part in range(self.parts):
-                new[part * room : part * room + same] = old[part * before : part * before + same]
+            with self.written(name) as (new,):
+                for part in range(self.parts):
+                    new[part * room : part * room + same] = old[part * before : part * before + same]
 
     # ------------------------------------------------------------------ a window
 
@@ -304,7 +367,7 @@ class RankArrays(DeviceArrays):
 
     def bands(self) -> NDArray[np.float64]:
         """Halo that each own tile begins with, and what it may grow to when it runs again for the first time."""
-        wider = np.maximum(k.NARROWER * view(self.reach)[self.own, k.WIDER], 1.0)
+        wider = np.maximum(k.NARROWER * self._values("reach")[self.own, k.WIDER], 1.0)
         halo = WIDEN * wider * float(self.scale[k.USUAL_HALO])
         return np.minimum(halo, float(self.scale[k.MOST_HALO]))
 
@@ -313,7 +376,7 @@ class RankArrays(DeviceArrays):
     ) -> NDArray[Any]:
         """Tell which disks of own tiles are in the halo of a tile of rank q."""
         part = int(self.grid[k.PART])
-        x, y = view(self.disk)[part * self.room + slots, :2].T
+        x, y = self._rows("disk", part * self.room + slots)[:, :2].T
         listed = np.repeat(np.arange(len(tiles)), count)
         sides = [
             np.diff(edge)[index]
@@ -338,7 +401,7 @@ class RankArrays(DeviceArrays):
     def fetch(self, whole: bool = False) -> None:
         """Get the lists of the ring, or what may matter of them."""
         self._meet()
-        part, tile, names = int(self.grid[k.PART]), view(self.tile), self._names()
+        part, tile, names = int(self.grid[k.PART]), self._values("tile"), self._names()
         first, count = k.START + part, k.COUNT + part
         whole = whole or self.uses.sheared
         self.band: NDArray[np.float64] = np.full(self.tiles, np.inf)
@@ -359,7 +422,7 @@ class RankArrays(DeviceArrays):
                     np.bincount(np.repeat(np.arange(len(tiles)), counts)[near], minlength=len(tiles)),
                 )
             self._given.append(slots)
-            rows = (view(getattr(self, name))[part * self.room + slots] for name in names)
+            rows = (self._rows(name, part * self.room + slots) for name in names)
             messages.append((counts.astype(np.int32), *rows))
         self.traffic.windows += 1
         self.traffic.ghosts += sum(each.nbytes for message in messages for each in message)
@@ -368,9 +431,9 @@ class RankArrays(DeviceArrays):
 
     def fetch_all(self) -> None:
         """Get the lists of all other tiles."""
-        part, tile, names = int(self.grid[k.PART]), view(self.tile), self._names()
+        part, tile, names = int(self.grid[k.PART]), self._values("tile"), self._names()
         rows, _listed = self.rows_of(part)
-        lists = (tile[self.own, k.COUNT + part], *(view(getattr(self, name))[rows] for name in names))
+        lists = (tile[self.own, k.COUNT + part], *(self._rows(name, rows) for name in names))
         found = self.comm.allgather(lists)
         self._lay_beside([
             (np.flatnonzero(self.owner == q), found[q]) for q in range(self.comm.size) if q != self.comm.rank
@@ -380,52 +443,60 @@ class RankArrays(DeviceArrays):
         """Lay lists of others behind the own ones: tiles, the lengths of their lists, and rows of the state."""
         part, at, names = int(self.grid[k.PART]), self.used, self._names()
         self.make_room(at + sum(len(rows) for _tiles, (_count, rows, *_more) in lists))
-        tile, state = view(self.tile), [view(getattr(self, name)) for name in names]
         self._taken: list[slice] = []
-        for tiles, (count, *arrays) in lists:
-            slots = slice(at, at + len(arrays[0]))
-            tile[tiles, k.COUNT + part] = count
-            tile[tiles, k.START + part] = at + np.cumsum(count) - count
-            for array, rows in zip(state, arrays, strict=True):
-                array[part * self.room + slots.start : part * self.room + slots.stop] = rows
-            self._taken.append(slots)
-            at = slots.stop
-        view(self.way)[:at] = -1.0
+        with self.written("tile") as (tile,):
+            for tiles, (count, *arrays) in lists:
+                slots = slice(at, at + len(arrays[0]))
+                tile[tiles, k.COUNT + part] = count
+                tile[tiles, k.START + part] = at + np.cumsum(count) - count
+                for name, rows in zip(names, arrays, strict=True):
+                    self._put_rows(name, slice(part * self.room + at, part * self.room + slots.stop), rows)
+                self._taken.append(slots)
+                at = slots.stop
+        self.way.fill(-1.0)
 
     def exchange_trails(self, again: bool) -> None:
         """Get hashes and ways of all disks in the own lists and in those of the ring; in a later round what changed."""
-        trail, way = view(self.trail), view(self.way)
         if not again:
-            self._ran = [np.flatnonzero(way[slots] >= 0.0) for slots in self._taken]
+            self._ran = [np.flatnonzero(self._rows("way", slots) >= 0.0) for slots in self._taken]
         messages: list[tuple[NDArray[Any], ...]] = [
-            (ran.astype(np.int32), trail[slots][ran], way[slots][ran])
+            (
+                ran.astype(np.int32),
+                self._rows("trail", slots.start + ran),
+                self._rows("way", slots.start + ran),
+            )
             for slots, ran in zip(self._taken, self._ran, strict=True)
         ]
         size = sum(each.nbytes for message in messages for each in message)
         for given, (ran, hashes, ways) in zip(self._given, self._swap(messages), strict=True):
-            trail[given[ran]], way[given[ran]] = hashes, ways
-        self.lost = int(np.count_nonzero(way[: self.used] < 0.0))
+            self._put_rows("trail", given[ran], hashes)
+            self._put_rows("way", given[ran], ways)
+        self.lost = int(np.count_nonzero(self._values("way")[: self.used] < 0.0))
         messages = []
-        reach = view(self.reach)
+        reach = self._values("reach")
         for q, (given, tiles) in enumerate(zip(self._given, self._given_tiles, strict=True)):
-            hashes, ways, changed = trail[given], way[given], np.arange(len(given), dtype=np.int32)
+            hashes, ways = self._rows("trail", given), self._rows("way", given)
+            changed = np.arange(len(given), dtype=np.int32)
             if (sent := self._sent[q]) is not None:
                 changed = changed[np.any(hashes != sent[0], axis=1) | (ways != sent[1])]
             self._sent[q] = hashes, ways
             messages.append((changed, hashes[changed], ways[changed], reach[tiles]))
         size += sum(each.nbytes for message in messages for each in message)
-        for slots, tiles, (changed, hashes, ways, reached) in zip(
-            self._taken, self._taken_tiles, self._swap(messages), strict=True
-        ):
-            trail[slots.start + changed], way[slots.start + changed] = hashes, ways
-            reach[tiles] = reached
+        told = self._swap(messages)
+        with self.written("reach") as (reach,):
+            for slots, tiles, (changed, hashes, ways, reached) in zip(
+                self._taken, self._taken_tiles, told, strict=True
+            ):
+                self._put_rows("trail", slots.start + changed, hashes)
+                self._put_rows("way", slots.start + changed, ways)
+                reach[tiles] = reached
         self.traffic.trails += size
         self.traffic.rounds += 1
 
     def n_short(self, bad: int) -> int:
         """Number of the tiles that have to run again whose halo will be wider than what was fetched."""
-        tiles = view(self.listed)[:bad]
-        halo = view(self.reach)[tiles, k.WIDER] * float(self.scale[k.USUAL_HALO])
+        tiles = self._values("listed")[:bad]
+        halo = self._values("reach")[tiles, k.WIDER] * float(self.scale[k.USUAL_HALO])
         return int(np.count_nonzero(np.minimum(halo, float(self.scale[k.MOST_HALO])) > self.band[tiles]))
 
     def _plan_sums(self) -> None:
@@ -445,7 +516,8 @@ class RankArrays(DeviceArrays):
         own = np.flatnonzero(of_block == rank).astype(np.int32)
         self._own_blocks = own
         self._replace("blocks", self._array(ti.i32, len(own)))
-        view(self.blocks)[: len(own)] = own
+        with self.written("blocks") as (blocks,):
+            blocks[: len(own)] = own
         self._blocks_by_rank = np.argsort(of_block, kind="stable")
         self._n_blocks = np.bincount(of_block, minlength=self.comm.size)
 
@@ -484,18 +556,18 @@ class RankArrays(DeviceArrays):
 
     def share(self) -> None:
         """Have all ranks know the sums of what tiles added up."""
-        self._tell_adders([
-            view(getattr(self, name)).reshape(self.tiles, -1) for name in ("tally", "heat", "reach")
-        ])  # fmt: skip
+        with self.written("tally", "heat", "reach") as rows:
+            self._tell_adders([each.reshape(self.tiles, -1) for each in rows])
         self.launch(sum_shared, len(self._own_blocks), 0)
-        view(self.found)[:] = self._all_blocks(view(self.found))
+        with self.written("found") as (found,):
+            found[:] = self._all_blocks(found)
         self.launch(sum_shared, 0, 1)
 
     # ------------------------------------------------------------------ the state
 
     def rows_of(self, part: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """As on one rank, of own tiles."""
-        first, count = (view(self.tile)[self.own, column + part] for column in (k.START, k.COUNT))
+        first, count = (self._values("tile")[self.own, column + part] for column in (k.START, k.COUNT))
         return part * self.room + stretches(first, count), np.repeat(self.own, count)
 
     def list_anew(self) -> None:
@@ -527,21 +599,19 @@ class RankArrays(DeviceArrays):
         order, part = np.lexsort((place, tile)), int(self.grid[k.PART])
         self.make_room(len(order))
         for name, each in zip(rows, values, strict=True):
-            view(getattr(self, name))[part * self.room : part * self.room + len(order)] = each[order]
+            self._put_rows(name, slice(part * self.room, part * self.room + len(order)), each[order])
         self.set_lists(part, np.bincount(tile, minlength=self.tiles))
-
-    def _values(self, name: str) -> NDArray[Any]:
-        return view(getattr(self, name))
 
     def rows_here(self, part: int) -> int:
         """Number of disks that this rank has at the beginning or end of a window, or at a moment in it."""
         lists = 1 - int(self.grid[k.PART]) if part >= k.TOLD else part
-        return int(view(self.tile)[self.own, k.COUNT + lists].sum())
+        return int(self._values("tile")[self.own, k.COUNT + lists].sum())
 
     def by_id(self, part: int, arrays: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
         """Rows of disks here, in the order of slots, as rows of the own slice in order of ids."""
         here = slice(part * self.room, part * self.room + self.rows_here(part))
-        return slices.by_id(self.comm, self.n, view(self.meta)[here, k.ID], arrays)
+        ids = self._rows("meta", here)[:, k.ID].astype(np.int64) - self.first_id
+        return slices.by_id(self.comm, self.n, ids, arrays)
 
 
 class RankWindows(Windows):
@@ -562,7 +632,7 @@ class RankWindows(Windows):
         alone, short = bool(a.grid[k.ALONE]), False
         if alone:
             a.fetch_all()
-            view(a.listed)[0] = 0
+            a.list_tiles(np.zeros(1, dtype=np.int32))
         elif not again:
             self._since_look += 1
             if self._since_look >= BETWEEN:
@@ -617,7 +687,7 @@ class RankWindows(Windows):
         """Run all own tiles, or run them again with the halos that they have."""
         a = self.arrays
         while True:
-            view(a.listed)[: len(a.own)] = a.own
+            a.list_tiles(a.own)
             if again:
                 self._watched, self._claimed = [], 0
             try:

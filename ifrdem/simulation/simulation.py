@@ -910,7 +910,7 @@ class Simulation(Sealed, PicturedDisks):
         finally:
             self._engine.keep_collisions = False
         if not found:
-            return CollisionTimes(np.empty(0), np.empty((0, 2), dtype=np.int32))
+            return CollisionTimes(np.empty(0), np.empty((0, 2), dtype=np.int64))
         return CollisionTimes(
             np.concatenate([c.time for c in found]), np.concatenate([c.pair for c in found])
         )

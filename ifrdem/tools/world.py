@@ -71,6 +71,16 @@ def cores_here(comm: Any, cores: int) -> int:
     return found
 
 
+def number_here(comm: Any) -> int:
+    """Number of this rank among those of its machine; called by all."""
+    from mpi4py import MPI
+
+    here = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    found = int(here.rank)
+    here.Free()
+    return found
+
+
 def share_here(comm: Any) -> float:
     """Part of the ranks that this machine has; called by all."""
     if comm is None:

@@ -22,9 +22,10 @@ from typing import Any
 
 import h5py
 import numpy as np
+from numpy.typing import DTypeLike
 
 from ..errors import InputError
-from ..tools import files
+from ..tools import files, slices
 from ..tools.files import VIEWS, check_apart, check_files
 from . import layout
 from .parts import as_source
@@ -109,6 +110,13 @@ def _holders(trajectory: Trajectory) -> Iterator[tuple[str, slice]]:
         yield trajectory.parts.name(number), trajectory.parts.disks(number)
 
 
+def _number(group: h5py.Group, name: str, count: int, dtype: DTypeLike = np.int64) -> None:
+    """Write 0, 1, ..., block by block: all of them may be more than the memory holds."""
+    whole = group.create_dataset(name, (count,), dtype)
+    for each in slices.blocks(range(count)):
+        whole[each.start : each.stop] = np.arange(each.start, each.stop)
+
+
 def _fill_vtkhdf(file: h5py.File, trajectory: Trajectory) -> None:
     frames, n = len(trajectory), trajectory.disks.n
     root = file.create_group("VTKHDF")
@@ -122,8 +130,8 @@ def _fill_vtkhdf(file: h5py.File, trajectory: Trajectory) -> None:
         # One set of cells, to which all frames point.
         group["NumberOfCells"] = np.full(frames, cells, dtype=np.int64)
         group["NumberOfConnectivityIds"] = np.full(frames, cells, dtype=np.int64)
-        group["Connectivity"] = np.arange(cells, dtype=np.int64)
-        group["Offsets"] = np.arange(cells + 1, dtype=np.int64)
+        _number(group, "Connectivity", cells)
+        _number(group, "Offsets", cells + 1)
     data = root.create_group("PointData")
     steps = root.create_group("Steps")
     steps.attrs["NSteps"] = np.int64(frames)
@@ -144,7 +152,7 @@ def _fill_vtkhdf(file: h5py.File, trajectory: Trajectory) -> None:
     for name in CONSTANT:
         _view(data, name, trajectory, f"{layout.PARTICLES}/{name}", (n,))
         offsets[name] = np.zeros(frames, dtype=np.int64)
-    data["id"] = np.arange(n, dtype=np.int32)
+    _number(data, "id", n, np.int32 if n <= 2**31 else np.int64)
     offsets["id"] = np.zeros(frames, dtype=np.int64)
 
 

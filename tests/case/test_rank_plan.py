@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import math
 import tracemalloc
@@ -13,7 +14,9 @@ from ifrdem.case import file, summary
 from ifrdem.case.estimate import RankPlan, RunEstimate
 from ifrdem.case.gas import CaseGas
 from ifrdem.errors import InputError
-from ifrdem.tools import slices
+from ifrdem.initial import placement
+from ifrdem.simulation import checks
+from ifrdem.tools import seeds, slices
 
 CASE = """
 [run]
@@ -94,6 +97,39 @@ def test_the_plan_of_1e9_disks_is_its_arithmetic() -> None:
     )
 
 
+@pytest.mark.parametrize("n", [10**9, 2**31 - 1, 2 * 2**30 + 5, 2**32 - 1])
+def test_slices_and_lattices_of_up_to_2_to_the_32_disks_are_those_of_whole_numbers(n: int) -> None:
+    """Bounds of slices, sites of disks, and their random order, by Python's whole numbers, which do not overflow."""
+    bounds = slices.bounds(n, 1000)
+    assert bounds.tolist() == [rank * n // 1000 for rank in range(1001)]
+    ids = np.arange(n - 5, n)
+    for sites in (n, n + 1, n + 200_000):
+        assert placement._spread(ids, sites, n).tolist() == [number * sites // n for number in ids.tolist()]
+    order = np.concatenate([seeds.permuted(1, seeds.SITES, n, range(at, at + 1000)) for at in (0, n - 1000)])
+    assert len(set(order.tolist())) == 2000
+    assert 0 <= order.min() < order.max() < n
+    assert order.mean() == pytest.approx(0.5 * (n - 1), abs=5.0 * n / math.sqrt(12.0 * 2000))
+
+
+@pytest.mark.parametrize(
+    ("n", "ranks", "partners", "message"),
+    [
+        (2**32 - 1, 49, False, None),
+        (3 * 10**9, 34, False, None),
+        (2**31 - 1, 24, True, "on 24 ranks: run them on 25 ranks or more"),
+        (2**31 - 1, 25, True, None),
+        (2**31, 25, True, "2147483648 disks, and latest partners are known of 2147483647 at most"),
+        (3 * 10**9, 33, False, "33 ranks: run them on 34 ranks or more"),
+        (2**32, 1000, False, "indices allow 4294967295 at most on 1000 ranks$"),
+    ],
+)
+def test_disks_that_indices_of_32_bits_do_not_reach_are_refused(
+    n: int, ranks: int, partners: bool, message: str | None
+) -> None:
+    with pytest.raises(InputError, match=message) if message else contextlib.nullcontext():
+        checks.check_number(n, ranks, partners)
+
+
 def test_a_start_that_needs_all_disks_is_planned_on_the_first_rank() -> None:
     found = case_of("species[0].number=1000000", "species[1].number=1000000", "start.positions=growth")
     gas = found.gas.ready(found.case)
@@ -123,12 +159,12 @@ def test_kinds_of_a_case_have_the_sums_of_its_disks(monkeypatch: pytest.MonkeyPa
     ("changes", "message"),
     [
         (
-            ["species[0].number=3000000000"],
-            "species[0].number = 3000000000: must be less than or equal to 2147483647",
+            ["species[0].number=5000000000"],
+            "species[0].number = 5000000000: must be less than or equal to 4294967295",
         ),
         (
-            ["species[0].number=2147483646"],
-            "2547483646 disks in all (2147483646 of 'light', 400000000 of 'heavy'): 2147483647 at most are numbered",
+            ["species[0].number=4294967295"],
+            "4694967295 disks in all (4294967295 of 'light', 400000000 of 'heavy'): 4294967295 at most are numbered",
         ),
         (
             [

@@ -267,8 +267,8 @@ def _descends(process: int, ancestor: int) -> bool:
     ("changes", "message"),
     [
         (
-            ['force=[{kind = "drag", rate = 0.1, step = 0.001}]'],
-            "forces: not supported on several ranks (here are 2)",
+            ['run.precision="f32"'],
+            "precision = 'f32': not supported on several ranks (here are 2)",
         ),
         (
             ["species[0].number=2000"],

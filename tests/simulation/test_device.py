@@ -148,6 +148,48 @@ def test_a_driver_without_a_device_is_told_and_no_device(
     assert "InputError: arch = 'cuda': no such device" in started.stderr.splitlines()[-1]
 
 
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler, to make a driver")
+def test_more_ranks_than_gpus_are_told_how_to_share(tmp_path: Path) -> None:
+    (tmp_path / "driver.c").write_text(DRIVER % 100)
+    subprocess.run(["cc", "-shared", "-fPIC", "-o", "libcuda.so", "driver.c"], cwd=tmp_path, check=True)
+    environment = {**os.environ, "LD_LIBRARY_PATH": str(tmp_path)}
+    environment.pop("CUDA_VISIBLE_DEVICES", None)
+    code = "from ifrdem.simulation import device; device.show_gpu(3); device.check('cuda')"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
+    assert "this rank was to have GPU 3: start as many ranks on a machine as it has GPUs" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("named", "number", "seen"),
+    [(None, 2, "2"), ("4,5", 1, "5"), ("4, 5", 3, "5"), ("GPU-8932f937", 1, "GPU-8932f937"), ("", 1, "")],
+)
+def test_a_rank_sees_the_gpu_of_its_number(
+    named: str | None, number: int, seen: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of those that are named, in turn; without names of all."""
+    monkeypatch.setattr(backend, "_shown", None)
+    monkeypatch.setattr(backend, "_asked", False)
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "" if named is None else named)
+    if named is None:
+        monkeypatch.delenv("CUDA_VISIBLE_DEVICES")
+    backend.show_gpu(number)
+    assert os.environ["CUDA_VISIBLE_DEVICES"] == seen
+    backend.show_gpu(number + 1)  # of another gas: it stays
+    assert os.environ["CUDA_VISIBLE_DEVICES"] == seen
+
+
+def test_a_gpu_cannot_be_chosen_after_the_driver_was_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(backend, "_shown", None)
+    monkeypatch.setattr(backend, "_asked", True)
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "4,5")
+    with pytest.raises(
+        InputError, match="rank 1 of this machine is to see GPU 5, but it has asked for GPUs before"
+    ):
+        backend.show_gpu(1)
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "5")
+    backend.show_gpu(1)  # what the driver shows already
+
+
 @pytest.mark.parametrize("cache", [True, False])
 def test_taichi_runs_without_a_home(tmp_path: Path, cache: bool) -> None:
     """Taichi itself aborts then; batch systems and containers may leave HOME out."""

@@ -20,6 +20,7 @@ from ifrdem.errors import EngineError
 from ifrdem.kernels import layout as k
 from ifrdem.kernels import windows
 from ifrdem.model.box import Box
+from ifrdem.model.forces import Drag, RandomKicks, SpinKicks, TableFriction
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
 from ifrdem.simulation import arrays, ranks
@@ -88,12 +89,23 @@ def spreading() -> Gas:
     return disks, wide, state, COIN, 16.0, {"ledger": True}
 
 
+def driven() -> Gas:
+    """Kicked, and braked on a table; kicks need sums over all disks."""
+    forces = [
+        RandomKicks(0.05, power=1.0),
+        SpinKicks(0.08, power=0.2),
+        TableFriction(0.05, mu=0.02, gravity=10.0),
+    ]
+    return periodic(0.3, COIN, 10.0, mixture, seed=3, forces=[*forces, Drag(0.1, rate=0.3)])
+
+
 GASES: dict[str, Any] = {
     "elastic": lambda: periodic(0.3, ELASTIC, 20.0),
     "cooling": lambda: periodic(0.4, COIN, 80.0, ledger=True, angles=True, partners=True),
     "mixture": lambda: periodic(0.4, ROLLING, 10.0, mixture, contact_time=1e-3),
     "walls": walled,
     "shear": sheared,
+    "driven": driven,
     "fast": fast,
     "spreading": spreading,
 }
@@ -117,6 +129,7 @@ def after(gas: Gas, comm: Any) -> tuple[Engine, dict[str, Any]]:
     }
     past = slices.gather(engine.comm, N, [engine.past["angle"]]) or [None]
     found |= {"totals": engine.totals(), "sums": engine.windows.sums, "past": past[0]}
+    found["inputs"] = engine.force_steps.energy_inputs
     engine.keep_collisions = True
     engine.advance(collisions=2 * half + 500)
     assert engine.last_collisions is not None
@@ -191,10 +204,15 @@ def wrong_owner() -> None:
     ranks.RankWindows._run_own = fewer  # type: ignore[method-assign]
 
 
+def ids_below_0() -> None:
+    """Ids begin below 0, as those of more than 2^31 disks. This is no fault."""
+    ranks.first_id = lambda n: -(n // 2)
+
+
 FAULTS = {
     each.__name__: each
     for each in (
-        no_foresight, half_a_ring, half_a_halo, no_trails, no_verification, other_order, wrong_owner,
+        ids_below_0, no_foresight, half_a_ring, half_a_halo, no_trails, no_verification, other_order, wrong_owner,
     )
 }  # fmt: skip
 LISTED_ANEW = [0]

@@ -13,6 +13,7 @@ import pytest
 from support import mpi
 
 from ifrdem.errors import InputError
+from ifrdem.simulation import device
 
 GASES = Path(__file__).parents[2] / "support" / "rank_gases.py"
 OPTIMISER = {"TI_ADVANCED_OPTIMIZATION": "0"}  # the same bits, a ninth of the time to compile
@@ -22,6 +23,7 @@ def lines(ranks: int, *names: str) -> list[dict[str, Any]]:
     done = mpi.on(ranks, sys.executable, "-m", "mpi4py", GASES, *names, **OPTIMISER)
     assert done.returncode == 0, done.stderr + done.stdout
     found = [json.loads(line) for line in done.stdout.splitlines()]
+    assert found
     assert [each["name"] for each in found] == list(names)[-len(found) :]
     return found
 
@@ -32,13 +34,16 @@ def lines(ranks: int, *names: str) -> list[dict[str, Any]]:
     [
         (1, ["elastic"]),
         (2, ["cooling", "mixture", "walls", "shear"]),
-        (3, ["cooling", "mixture", "walls", "shear", "fast"]),
+        (3, ["cooling", "mixture", "walls", "shear", "driven", "fast"]),
         (3, ["spreading"]),
-        (4, ["elastic"]),
+        (4, ["ids_below_0", "elastic"]),
     ],
 )
 def test_all_bits_are_those_of_one_rank(ranks: int, names: list[str]) -> None:
-    """State, past of disks, sums, ledger, windows, and 250 collisions in their order."""
+    """State, past of disks, sums, ledger, windows, what forces put in, and 250 collisions in their order.
+
+    Ids may begin below 0 on ranks: gases of more than 2^31 disks have such.
+    """
     for each in lines(ranks, *names):
         assert each["differ"] == [], each
         assert (0 < each["own"] < each["tiles"]) == (ranks > 1)
@@ -52,6 +57,21 @@ def test_all_bits_are_those_of_one_rank(ranks: int, names: list[str]) -> None:
         if each["name"] == "fast":  # disks went to other ranks in all ways
             assert each["in_order"] > 0
             assert each["listed anew"] > 0
+
+
+@mpi.needed
+@pytest.mark.skipif(device.cuda_absence() is not None, reason="no CUDA device on this machine")
+def test_a_gpu_a_rank_has_the_bits_of_one_gpu() -> None:
+    """Of a state with latest partners, after tiles ran again; three ranks share GPUs as they are told to."""
+    script = GASES.with_name("rank_gpus.py")
+    seen = {"CUDA_VISIBLE_DEVICES": "0,0"}
+    done = mpi.on(3, sys.executable, "-m", "mpi4py", script, timeout=300.0, **OPTIMISER, **seen)
+    assert done.returncode == 0, done.stderr + done.stdout
+    found = json.loads(done.stdout)
+    assert found["differ"] == []
+    assert found["tiles"] >= 9
+    assert found["run_again"] > 0
+    assert found["seen"] == ["0", "0", "0"]
 
 
 @mpi.needed
@@ -95,6 +115,15 @@ def test_every_tile_has_an_owner_and_every_rank_a_block(size: int) -> None:
 def test_blocks_have_as_many_disks_each_as_tiles_allow() -> None:
     """All disks in the first quarter of a row of eight tiles: the cut is in the middle of them."""
     assert owners([50, 50, 1, 1, 1, 1, 1, 1], (8, 1), 2).tolist() == [0, 1, 1, 1, 1, 1, 1, 1]
+
+
+@pytest.mark.parametrize("n", [1, 2**31 - 1, 2**31, 3 * 10**9, 2**32 - 1])
+def test_ids_of_up_to_2_to_the_32_disks_have_32_bits(n: int) -> None:
+    from ifrdem.simulation import ranks  # imports Taichi
+
+    first = ranks.first_id(n)
+    assert -(2**31) <= first <= first + n - 1 < 2**31
+    assert first == 0 or n > 2**31 - 1  # random numbers of smaller gases stay what they are
 
 
 def test_more_ranks_than_tiles_are_refused() -> None:
