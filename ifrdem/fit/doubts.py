@@ -24,8 +24,7 @@ def admissibility(
 ) -> Admissibility:
     """The verdict on the energy of the worst of pairs of k_1, k_2, m_1, m_2."""
     own = {name: coefficients[name] for name in law.ranges}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", EnergyWarning)
+    with warnings.catch_warnings(action="ignore", category=EnergyWarning):
         try:  # the sets are largest for the smaller k: a law that is refused there is refused for all
             made = IFRLaw(**own, sticking=law.sticking, k=min(min(pair[:2]) for pair in pairs))  # type: ignore[arg-type]
         except InputError as error:

@@ -148,8 +148,9 @@ class Fitted:
             raise InputError(f"{self.law.about}: is not an IFR law")
         if not self.admissibility.admissible:
             raise InputError(self.admissibility.message)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", EnergyWarning)  # `admissibility.strict` says the same
+        with warnings.catch_warnings(
+            action="ignore", category=EnergyWarning
+        ):  # `admissibility.strict` says it
             return IFRLaw(**self.coefficients, sticking=self.law.sticking, k=k)  # type: ignore[arg-type]
 
     def draw(self, number: int, seed: int = 1) -> list[dict[str, float]]:
@@ -185,8 +186,7 @@ class Fitted:
 
 
 def _allowed(coefficients: Mapping[str, float], sticking: str) -> bool:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", EnergyWarning)
+    with warnings.catch_warnings(action="ignore", category=EnergyWarning):
         try:
             IFRLaw(**coefficients, sticking=sticking)  # type: ignore[arg-type]
         except InputError:

@@ -269,9 +269,10 @@ def predicted(case: Case, folder: Path, end: float) -> tuple[NDArray[np.float64]
     later = np.linspace(0.0, 1.0, 1500)[1:] if driven else np.geomspace(1e-5, 1.0, 1500)
     steps = BEYOND * end * np.r_[0.0, later]
     try:
-        with warnings.catch_warnings():
-            for each in (EnergyWarning, TheoryWarning):
-                warnings.simplefilter("ignore", each)
+        with (
+            warnings.catch_warnings(action="ignore", category=EnergyWarning),
+            warnings.catch_warnings(action="ignore", category=TheoryWarning),
+        ):
             mixture, which = Mixture.of(disks, laws, phi)
             T0, T_rot0 = (
                 np.array([each[which == kind].mean() for kind in range(mixture.species)])

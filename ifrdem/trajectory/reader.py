@@ -12,7 +12,6 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 
 import h5py
@@ -330,9 +329,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
     def __enter__(self) -> Trajectory:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @property
@@ -350,7 +347,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         if self._parts is None:
             yield self._opened()
             return
-        for _, _, file in self._parts.each(self.path):
+        for _, file in self._parts.each(self.path):
             yield file
 
     @property

@@ -236,8 +236,7 @@ class _Kept:
         if self._parts is None:
             yield slice(0, self._n), self._file
             return
-        for _, own, file in self._parts.each(self._path):
-            yield own, file
+        yield from self._parts.each(self._path)
 
     def _look(
         self, file: h5py.File, names: Sequence[str], good: NDArray[np.bool_], own: slice | None = None
