@@ -73,13 +73,8 @@ def draw(axes: Sequence[Axes], trajectory: Trajectory, over: str = "t") -> None:
             values = series[f"walls_{quantity}/{name}"]
             panel.plot(along(trajectory, series.time, over), values, "-", color=colour, lw=1.2)
     left_out = len(series.columns("walls_hits")) > MOST_CURVES == len(names)
-    force.plot(
-        [],
-        [],
-        ":",
-        color="0.5",
-        label="along $x$ (others: $y$)" + ("; those of most hits" if left_out else ""),
-    )
+    text = "along $x$ (others: $y$)" + ("; those of most hits" if left_out else "")
+    force.plot([], [], ":", color="0.5", label=text)
     force.set_ylabel(label(trajectory, "mean force on the wall", "mass length/time^2"))
     torque.set_ylabel(label(trajectory, "mean torque on the wall", "mass length^2/time^2"))
     work.set_ylabel(label(trajectory, "work given to disks", "energy"))
