@@ -198,14 +198,12 @@ class Parts:
         chosen = (*chosen, *[slice(None)] * (axis + 1 - len(chosen)))
         before, disks, after = chosen[:axis], chosen[axis], chosen[axis + 1 :]
         one = not isinstance(disks, slice)
-        asked = range(self.n)[disks : disks + 1 or None] if one else range(self.n)[disks]
-        ids = np.arange(asked.start, asked.stop, asked.step)
+        some: slice = slice(disks, disks + 1 or None) if one else disks
+        ids = np.arange(*some.indices(self.n))
         along = sum(isinstance(each, slice) for each in before)  # axis of the disks in what is read
         holding = np.searchsorted(self.first, ids, side="right") - 1
         pieces = []
-        for number in dict.fromkeys(holding.tolist()) or (
-            0,
-        ):  # of no disks, numbers of the type that there are
+        for number in dict.fromkeys(holding.tolist()) or (0,):  # of no disks, none of the first part's
             own = ids[holding == number] - self.first[number]
             rows = slice(int(own.min(initial=self.n)), int(own.max(initial=-1)) + 1)
             with self.open(path, number) as file:
@@ -258,6 +256,16 @@ def of(file: h5py.File, path: str | os.PathLike[str] = "") -> Parts | None:
         first = damage.read(group["first"])
         damage.expect(group["first"], (None,), "i")
         return Parts(folder, run, tuple(int(one) for one in first))
+
+
+def holders(
+    file: h5py.File, parts: Parts | None, path: str | os.PathLike[str], n: int
+) -> Iterator[tuple[slice, h5py.File]]:
+    """The files that hold the fields of n disks, open one after another, with numbers of the disks of each."""
+    if parts is None:
+        yield slice(0, n), file
+    else:
+        yield from parts.each(path)
 
 
 def are_in(path: str | os.PathLike[str]) -> bool:

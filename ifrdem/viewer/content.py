@@ -100,7 +100,6 @@ class Content:
     def _forget(self) -> None:
         self._events: tuple[Array, NDArray[np.int32]] | None = None
         self._places: tuple[int, Array, NDArray[np.intp]] | None = None
-        self._available: tuple[list[dict[str, str]], dict[str, str]] | None = None
 
     def _now(self) -> tuple[int, int]:
         """Size of the file and the time of its last change."""
@@ -167,8 +166,6 @@ class Content:
     @property
     def colours(self) -> tuple[list[dict[str, str]], dict[str, str]]:
         """Quantities by which disks can be coloured, and reasons why others cannot."""
-        if self._available is not None:
-            return self._available
         it, found, absent = self.trajectory, [], {}
         for name, one in COLOURS.items():
             if one.field == "species":
@@ -181,8 +178,7 @@ class Content:
                 absent.pop(name, None)
                 label = one.label + (" relative to the flow" if name == "speed" and it.box.shear_rate else "")
                 found.append({"name": name, "label": label, "unit": self._unit(one.unit), "kind": one.kind})
-        self._available = found, absent
-        return self._available
+        return found, absent
 
     def _kinds(self) -> tuple[Sequence[str], NDArray[np.intp]]:
         material = self.trajectory.disks.material.astype(np.intp)
