@@ -355,9 +355,8 @@ def _simulation(gas: CaseGas, case: Case, law: Mapping[str, float] | None, state
     """The simulation of a state, with the coefficients `law` in place of those of every pair of materials."""
     if law is not None:
         numbers: dict[str, Any] = {name: float(law[name]) for name in _COEFFICIENTS if name in law}
-        with warnings.catch_warnings(
-            action="ignore", category=EnergyWarning
-        ):  # the case has said so of its own
+        # The case has said so of its own coefficients.
+        with warnings.catch_warnings(action="ignore", category=EnergyWarning):
             gas = replace(
                 gas,
                 verdicts=tuple(

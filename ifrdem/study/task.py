@@ -73,9 +73,8 @@ class Task:
         level = LOG.level
         LOG.setLevel(logging.WARNING)  # no lines of progress
         try:
-            with warnings.catch_warnings(
-                action="ignore"
-            ):  # the study has told what there is to be told, once
+            # The study has told what there is to be told, once.
+            with warnings.catch_warnings(action="ignore"):
                 if not self.result.exists():
                     began, long = time.perf_counter(), self.analyses or self.trajectory
                     found = self._long(threads) if long else _series_alone(self.file(threads))
