@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -85,13 +85,13 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
     return True
 
 
-def write_whole(trajectory: Trajectory, place: Path, frames: Sequence[int]) -> None:
+def write_whole(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
     """Copy frames, series and histories of a trajectory, which may be in parts, to one file.
 
     Raises InputError if something cannot be read.
     """
     kept = _Kept(trajectory.file, trajectory.path, None, lambda _: None)
-    kept.frames = kept.frames[np.isin(kept.frames, frames)]
+    kept.frames = kept.frames[np.isin(kept.frames, list(frames))]
     with h5py.File(place, "w", **ON_PAGES) as new:
         kept.write(new, part=False)
 
