@@ -97,11 +97,18 @@ def coarse_grain(
     drift = np.average(v, axis=0, weights=m) if n else np.zeros(2)
     w = v - drift
     omega = np.zeros(n) if spin is None else np.asarray(spin, dtype=float)
-    kernel = _Kernel(width, size, cells, box)
+    inside = _smoothed(np.ones(cells), width, size, box) if width else np.ones(cells)
 
     def total(weights: Array, squared: bool = False) -> Array:
-        put = np.bincount(index, weights, minlength=cells[0] * cells[1]).astype(np.float64)
-        return kernel.smooth(put.reshape(cells), squared)
+        """Sums of weights times phi, or phi^2: a Gaussian that sums to 1 over cells, or 1 in the own cell."""
+        put = np.bincount(index, weights, minlength=cells[0] * cells[1]).astype(np.float64).reshape(cells)
+        if not width:
+            return put
+        if not squared:
+            return _smoothed(put, width, size, box) / inside
+        # The square of a Gaussian is one of width / sqrt 2, times this.
+        factor = float(np.prod(size)) / (4.0 * np.pi * width**2)
+        return factor * _smoothed(put, width / np.sqrt(2.0), size, box) / inside**2
 
     one = np.ones(n)
     number, mass_ = total(one), total(m)
@@ -117,29 +124,13 @@ def coarse_grain(
     return Fields(x, y, number / area, total(np.pi * R * R) / area, u + drift, T, T_rot, width)
 
 
-class _Kernel:
-    """Weights phi on the grid: a Gaussian that sums to 1 over cells, or 1 in the own cell."""
+def _smoothed(values: Array, width: float, size: Array, box: Box) -> Array:
+    """Values of cells of a size (2,), spread by a Gaussian."""
+    from scipy.ndimage import gaussian_filter1d
 
-    def __init__(self, width: float, size: Array, cells: tuple[int, int], box: Box) -> None:
-        self.width, self.size, self.box = width, size, box
-        self.inside = self._filter(np.ones(cells), width) if width else np.ones(cells)
-
-    def smooth(self, deposited: Array, squared: bool) -> Array:
-        """Sum of phi, or of phi^2, times what was put into cells."""
-        if not self.width:
-            return deposited
-        if not squared:
-            return self._filter(deposited, self.width) / self.inside
-        # The square of a Gaussian is one of width / sqrt 2, times this.
-        factor = float(np.prod(self.size)) / (4.0 * np.pi * self.width**2)
-        return factor * self._filter(deposited, self.width / np.sqrt(2.0)) / self.inside**2
-
-    def _filter(self, values: Array, width: float) -> Array:
-        from scipy.ndimage import gaussian_filter1d
-
-        for axis in (0, 1):
-            # Being put into the middle of a cell has spread disks by cell^2 / 12 already.
-            sigma = np.sqrt(max(width**2 - self.size[axis] ** 2 / 12.0, 0.0)) / self.size[axis]
-            mode = "wrap" if self.box.periodic[axis] else "constant"
-            values = gaussian_filter1d(values, sigma, axis=axis, mode=mode, truncate=6.0)
-        return values
+    for axis in (0, 1):
+        # Being put into the middle of a cell has spread disks by cell^2 / 12 already.
+        sigma = np.sqrt(max(width**2 - size[axis] ** 2 / 12.0, 0.0)) / size[axis]
+        mode = "wrap" if box.periodic[axis] else "constant"
+        values = gaussian_filter1d(values, sigma, axis=axis, mode=mode, truncate=6.0)
+    return values

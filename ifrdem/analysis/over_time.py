@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -71,17 +72,13 @@ def _unsteady(trajectory: Trajectory, T: Array) -> str:
     return f"{NOT_STEADY}: T goes from {first} to {last} in that time"
 
 
-def _parts(trajectory: Trajectory, used: Sequence[int], name: str) -> Iterator[tuple[slice, Array]]:
+def _parts(trajectory: Trajectory, used: Sequence[int], name: str) -> Iterator[Array]:
     """A field of some disks over all frames, a part at a time: memory holds few millions of numbers."""
     size = max(1, 2_000_000 // len(used))
-    even = len(set(np.diff(used))) == 1 and used[1] > used[0]
     for first in range(0, trajectory.disks.n, size):
         disks = slice(first, min(first + size, trajectory.disks.n))
-        if even:
-            found = trajectory.read(name, (slice(used[0], used[-1] + 1, used[1] - used[0]), disks))
-        else:
-            found = np.stack([trajectory.read(name, (index, disks)) for index in used])
-        yield disks, found.astype(np.float64)
+        found = [trajectory.read(name, (index, disks)) for index in used]
+        yield np.stack(found).astype(np.float64)
 
 
 def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
@@ -94,9 +91,8 @@ def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
         notes.append('no "image" in the file: each step is taken for the shortest through the sides')
 
     def paths() -> Iterator[Array]:
-        images = _parts(trajectory, used, "image") if has_image else None
-        for _, position in _parts(trajectory, used, "position"):
-            image = next(images)[1] if images is not None else None
+        images = _parts(trajectory, used, "image") if has_image else itertools.repeat(None)
+        for position, image in zip(_parts(trajectory, used, "position"), images, strict=False):
             path = displacement.unwrap(position, box, image=image, times=when)
             yield path[:, :, 1:] if box.shear_rate else path
 
@@ -124,7 +120,7 @@ def of_vacf(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
         "over which T changes by "
     )
     used, origins, notes, doubts = _motion(trajectory, chosen, words)
-    parts = (v for _, v in _parts(trajectory, used, "velocity"))
+    parts = _parts(trajectory, used, "velocity")
     found = displacement.velocity_autocorrelation(trajectory.times[used], parts, origins=origins)  # type: ignore[arg-type]
     scale = found.value[0] if found.value[0] > 0.0 else np.nan
     below = np.flatnonzero(found.value < scale / math.e)

@@ -133,11 +133,10 @@ class Evaluation(Brief):
 
 def latest(trajectory: Trajectory, chosen: Sequence[int] | None) -> list[int]:
     """The frames chosen, or some of the second half, evenly, so that the last is among them."""
-    if len(trajectory) == 0:
-        raise InputError(f"{trajectory.path}: no frame to analyse")
+    used = every(trajectory, chosen)
     if chosen is not None:
-        return list(chosen)
-    last = len(trajectory) - 1
+        return used
+    last = used[-1]
     most = int(np.clip(MOST_DISKS // max(trajectory.disks.n, 1), 1, MOST_FRAMES))
     count = min(most, last - last // 2 + 1)
     return sorted({round(i) for i in np.linspace(last, last // 2, count)}) if count > 1 else [last]

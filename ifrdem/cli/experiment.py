@@ -11,18 +11,11 @@ from cyclopts import Parameter
 from ..errors import nearest
 from ..tools.files import write_text
 from .console import note, say
-from .fit import _check_files, _form, _positive, _split, disk_of
+from .fit import TableOptions, _check_files, _positive, _split, disk_of, form_of
 from .options import File, Force, Output, Wrong, counted, number, option, whole
 
 if TYPE_CHECKING:
     from ..fit.data import Disk
-
-Column = Annotated[list[str] | None, option("NAME=TEXT", "the column that NAME stands for; repeatable")]
-Unit = Annotated[
-    list[str] | None, option("NAME=UNIT", "unit of a column, such as x=mm, or a factor; repeatable")
-]
-Delimiter = Annotated[str | None, option("C", "separates columns: a character, or tab (default: ,)")]
-Decimal = Annotated[str | None, option("C", "separates decimals: . or , (default: .)")]
 
 FORMAT = """\
 TRACKS is a CSV file with a line for each disk in each frame: id, x, y, and t or frame (with --fps); angle
@@ -54,10 +47,7 @@ def collisions(
         str | None,
         option("S", "standard error of a coordinate [m] (default: by the scatter about the flights)"),
     ] = None,
-    column: Column = None,
-    unit: Unit = None,
-    delimiter: Delimiter = None,
-    decimal: Decimal = None,
+    table: TableOptions = TableOptions(),  # noqa: B008  (frozen)
     output: Output = None,
     force: Force = False,
 ) -> int:
@@ -68,7 +58,7 @@ def collisions(
     with errors and their correlations.
     """
     wrong = Wrong()
-    form = _form(column, unit, None, delimiter, decimal, wrong)
+    form = form_of(table, wrong)
     rate = wrong.take(None, _positive, "--fps", fps)
     frames = wrong.take(12, whole, "--window", window, 3, 10_000)
     error = wrong.take(None, _positive, "--noise", noise)
@@ -179,10 +169,7 @@ def compare(
         ),
     ] = None,
     seed: Annotated[str | None, option("N", "seed of the drawn starts (default: 1)")] = None,
-    column: Column = None,
-    unit: Unit = None,
-    delimiter: Delimiter = None,
-    decimal: Decimal = None,
+    table: TableOptions = TableOptions(),  # noqa: B008  (frozen)
     picture: Annotated[
         str | None, option("NAME", "NAME.png and NAME.pdf: the run, measured places on top")
     ] = None,
@@ -196,7 +183,7 @@ def compare(
     and of the fitted law give.
     """
     wrong = Wrong()
-    form = _form(column, unit, None, delimiter, decimal, wrong)
+    form = form_of(table, wrong)
     given = _named(error, "--error", ("positions", "angles"), wrong)
     starts = _named(start_error, "--start-error", ("positions", "velocities", "spins"), wrong)
     runs = wrong.take(0, whole, "--members", members, 4, 100_000)

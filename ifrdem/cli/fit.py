@@ -53,6 +53,7 @@ brackets, as in psi (rad) or vx_1 [cm/s]. For instance:
 """
 
 DISKS = Group("The disks; --M or --pair for angles, --disk-1 and --disk-2 for collisions", sort_key=1)
+TABLE = Group("The table", sort_key=2)
 POSITIVE = "a positive finite number"
 C, K, N, R = (Parameter(metavar=each) for each in "CKNR")
 FILE, PAIRS = Parameter(metavar="FILE"), Parameter(metavar="NAME=VALUE")
@@ -81,18 +82,16 @@ class DiskOptions:
     """disk 2, or wall"""
 
 
-@Parameter(name="*", group=Group("The table", sort_key=2), help="the writing of the table")
+@Parameter(name="*", group=TABLE, help="the writing of the table")
 @dataclass(frozen=True, kw_only=True)
 class TableOptions:
-    """Options on the writing of the table."""
+    """Options on the writing of a table."""
 
     column: Annotated[list[str] | None, Parameter(metavar="NAME=TEXT")] = None
     """the column that NAME stands for, such as psi="impact angle"; repeatable"""
     unit: Annotated[list[str] | None, Parameter(metavar="NAME=UNIT")] = None
-    """unit of a column, such as psi=rad or vx_1=cm/s, or a factor; repeatable. Angles of a table of angles become
-    degrees, all else SI units"""
-    known: Annotated[list[str] | None, PAIRS, Parameter(name="--set")] = None
-    """a value that every line has exactly, such as spin_1=0; repeatable"""
+    """unit of a column, such as psi=rad or x=mm, or a factor; repeatable. Angles of a table of angles become degrees,
+    all else SI units"""
     delimiter: Annotated[str | None, C] = None
     """separates columns: a character, or tab (default: ,)"""
     decimal: Annotated[str | None, C] = None
@@ -104,6 +103,8 @@ class TableOptions:
 class FitOptions:
     """Options on the fit."""
 
+    known: Annotated[list[str] | None, PAIRS, Parameter(name="--set", group=TABLE)] = None
+    """a value that every line has exactly, such as spin_1=0; repeatable"""
     error: Annotated[list[str] | None, Parameter(metavar="E")] = None
     """standard error of all angles [degrees], or NAME=E of a column or of positions, velocities, spins, normal [rad];
     estimate: those not given, by the residuals; repeatable. Columns such as delta_2_error come first"""
@@ -182,7 +183,7 @@ def fit(
         wrong.append("DATA is missing: a CSV file is needed; `ifrdem fit --example` prints one")
     pair = _disks(disks, how.rolling, wrong)
     both = _collision_disks(disks, wrong)
-    form = _form(table.column, table.unit, table.known, table.delimiter, table.decimal, wrong)
+    form = form_of(table, wrong, how.known)
     errors = _errors(how.error or [], wrong)
     fixed = _pairs("--fix", how.fix, wrong)
     ranges = _ranges(how.range, wrong)
@@ -392,23 +393,16 @@ def _ranges(texts: list[str] | None, wrong: Wrong) -> dict[str, tuple[float, flo
     return found
 
 
-def _form(
-    column: list[str] | None,
-    unit: list[str] | None,
-    known: list[str] | None,
-    delimiter: str | None,
-    decimal: str | None,
-    wrong: Wrong,
-) -> Any:
-    """The writing of the table."""
+def form_of(table: TableOptions, wrong: Wrong, known: list[str] | None = None) -> Any:
+    """The writing of the table, of which each line has some `known` values."""
     from ..fit.tabular import Form
 
-    separator = {"tab": "\t", "\\t": "\t"}.get(delimiter or ",", delimiter or ",")
-    columns, units, values = (
-        _split("--column", column, wrong), _split("--unit", unit, wrong), _pairs("--set", known, wrong)
-    )  # fmt: skip
+    given = table.delimiter or ","
+    separator = {"tab": "\t", "\\t": "\t"}.get(given, given)
+    columns, units = _split("--column", table.column, wrong), _split("--unit", table.unit, wrong)
+    values = _pairs("--set", known, wrong)
     try:
-        return Form(columns, units, values, separator, decimal or ".")
+        return Form(columns, units, values, separator, table.decimal or ".")
     except InputError as error:
         wrong += [f"--{line}" for line in str(error).splitlines()]
         return Form()

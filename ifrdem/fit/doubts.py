@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from ..errors import InputError
-from ..model.ifr import Admissibility, EnergyWarning, IFRLaw
+from ..model.ifr import Admissibility
 from .data import Collisions, Data
-from .laws import Law
+from .laws import Law, ifr_law
 from .likelihood import Array
 from .model import MEASURED
 from .result import TELLING, Fitted
@@ -23,13 +22,12 @@ def admissibility(
     law: Law, coefficients: Mapping[str, float], pairs: Sequence[tuple[float, float, float, float]]
 ) -> Admissibility:
     """The verdict on the energy of the worst of pairs of k_1, k_2, m_1, m_2."""
+    assert law.sticking is not None
     own = {name: coefficients[name] for name in law.ranges}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", EnergyWarning)
-        try:  # the sets are largest for the smaller k: a law that is refused there is refused for all
-            made = IFRLaw(**own, sticking=law.sticking, k=min(min(pair[:2]) for pair in pairs))  # type: ignore[arg-type]
-        except InputError as error:
-            return Admissibility(False, False, str(error))
+    try:  # the sets are largest for the smaller k: a law that is refused there is refused for all
+        made = ifr_law(own, law.sticking, min(min(pair[:2]) for pair in pairs))
+    except InputError as error:
+        return Admissibility(False, False, str(error))
     return min((made.admissibility(*pair) for pair in pairs), key=lambda each: each[:2])
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib.util
 import inspect
 import math
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, nearest, refuse, there_are
-from ..model.ifr import STICKING, IFRLaw
+from ..model.ifr import STICKING, EnergyWarning, IFRLaw
 from ..model.law import CollisionLaw
 
 Array = NDArray[np.float64]
@@ -219,6 +220,15 @@ LAWS: Mapping[str, Law] = MappingProxyType(
 """The laws of `--model`, by name."""
 
 IFR = ("ifr-percussion", "ifr-contact")
+
+
+def ifr_law(coefficients: Mapping[str, float], sticking: str, k: float = 2.0) -> IFRLaw:
+    """The IFR law of coefficients, without its warning: a fit tells by `admissibility` whether they add energy.
+
+    Raises InputError if the law is refused.
+    """
+    with warnings.catch_warnings(action="ignore", category=EnergyWarning):
+        return IFRLaw(**coefficients, sticking=sticking, k=k)  # type: ignore[arg-type]
 
 
 def own(kind: type[CollisionLaw], ranges: Mapping[str, Range] | None = None) -> Law:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import warnings
+import contextlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..model.ifr import Admissibility, EnergyWarning, IFRLaw, Regime
+from ..model.ifr import Admissibility, IFRLaw, Regime
 from .data import Collisions, Data
-from .laws import Law
+from .laws import Law, ifr_law
 from .likelihood import Array
 from .model import Pair, Problem
 
@@ -148,9 +148,7 @@ class Fitted:
             raise InputError(f"{self.law.about}: is not an IFR law")
         if not self.admissibility.admissible:
             raise InputError(self.admissibility.message)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", EnergyWarning)  # `admissibility.strict` says the same
-            return IFRLaw(**self.coefficients, sticking=self.law.sticking, k=k)  # type: ignore[arg-type]
+        return ifr_law(self.coefficients, self.law.sticking, k)
 
     def draw(self, number: int, seed: int = 1) -> list[dict[str, float]]:
         """Coefficients drawn from their joint distribution, Gaussian with the covariance, within what the law allows.
@@ -175,23 +173,15 @@ class Fitted:
             inside = np.all((drawn >= self.law.low) & (drawn <= self.law.high), axis=1)
             for row in drawn[inside]:
                 whole = {**self.law.fixed, **dict(zip(self.law.free, map(float, row), strict=True))}
-                if self.law.sticking is None or _allowed(whole, self.law.sticking):
+                with contextlib.suppress(InputError):  # of a law that is not allowed
+                    if self.law.sticking is not None:
+                        ifr_law(whole, self.law.sticking)
                     found.append({name: whole[name] for name in self.law.ranges})
             if len(found) >= number:
                 return found[:number]
         raise InputError(
             "the fitted coefficients lie so far outside of what the law allows that none can be drawn"
         )
-
-
-def _allowed(coefficients: Mapping[str, float], sticking: str) -> bool:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", EnergyWarning)
-        try:
-            IFRLaw(**coefficients, sticking=sticking)  # type: ignore[arg-type]
-        except InputError:
-            return False
-    return True
 
 
 @dataclass(frozen=True, eq=False)

@@ -296,29 +296,24 @@ class _Flights:
         size = np.sqrt(np.sum(J**2, axis=0))  # times, lengths and velocities
         covariance = np.linalg.inv((J / size).T @ (J / size)) / np.outer(size, size)
         p = self.parameters
-        names, outputs = [], []
         row: dict[str, float] = {"t": self.time}
         for i, one in enumerate(self.meeting.ids, start=1):
             row[f"id_{i}"] = one
-        count = len(p)
+        by: dict[str, Array] = {}  # derivatives of what is measured by the parameters
         if self.wall is None:
             dx, dy = p[7] - p[1], p[8] - p[2]
             D = math.hypot(dx, dy)
             normal = np.array([dx, dy]) / D
-            by = np.zeros(count)
-            by[[1, 2, 7, 8]] = np.array([dy, -dx, -dy, dx]) / D**2
-            names.append("normal")
-            outputs.append(by)
+            by["normal"] = np.zeros(len(p))
+            by["normal"][[1, 2, 7, 8]] = np.array([dy, -dx, -dy, dx]) / D**2
         else:
             normal = self.wall[0]
         row |= {"nx": float(normal[0]), "ny": float(normal[1])}
         for i in range(len(self.disks)):
-            for end, offset in (("", 3), ("_after", 5)):
-                for axis in (0, 1):
-                    names.append(f"v{'xy'[axis]}_{i + 1}{end}")
-                    outputs.append(np.eye(count)[1 + 6 * i - 1 + offset + axis])
-                    row[names[-1]] = float(p[1 + 6 * i - 1 + offset + axis])
-        T = np.array(outputs)
+            for k, name in enumerate(("vx_{}", "vy_{}", "vx_{}_after", "vy_{}_after"), start=3 + 6 * i):
+                by[name.format(i + 1)] = np.eye(len(p))[k]
+        row |= {name: float(each @ p) for name, each in by.items() if name != "normal"}
+        names, T = list(by), np.array(list(by.values()))
         C = T @ covariance @ T.T
         error = np.sqrt(np.diag(C))
         for name, each in zip(names, error, strict=True):
@@ -340,8 +335,8 @@ class _Flights:
             row |= {f"{key}_{i}": float(np.asarray(getattr(disk, key))) for key in ("mass", "radius", "k")}
         if self.wall is not None:
             row |= {"mass_2": math.inf, "radius_2": row["radius_1"]}
-        approach = np.zeros(count)
-        parting = np.zeros(count)
+        approach = np.zeros(len(p))
+        parting = np.zeros(len(p))
         for i, sign in zip(range(len(self.disks)), (1.0, -1.0), strict=False):
             approach[3 + 6 * i : 5 + 6 * i] = sign * normal
             parting[5 + 6 * i : 7 + 6 * i] = sign * normal

@@ -22,6 +22,7 @@ from .style import KINDS, Gas, bar_beside, foreground, is_dark, label, place_axe
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.collections import EllipseCollection
     from matplotlib.colors import Colormap
 
 # Diverging; the middle stands out against the background, so that disks without spin show. Orange is counter-clockwise.
@@ -183,7 +184,7 @@ def draw(axes: Axes, view: View, color: str = "spin") -> None:
         size = with_unit(view, f"{_density_map(axes, view, position):.3g}", "length")
         axes.set_title(f"area fraction at {time}, in cells of {size}\n(too many disks to draw each)")
     else:
-        enlarged = _disks(axes, view, position, colour)
+        enlarged = _disks(axes, view, colour)
         small = f"\n({enlarged} disks smaller than a pixel are drawn as one)" if enlarged else ""
         axes.set_title(f"disks at {time}{small}")
 
@@ -225,18 +226,28 @@ def figure_size(gas: Gas, position: Array) -> tuple[float, float]:
     return max(min(7.5, 1.6 + 5.2 * width / height), room_for_a_title), min(6.2, 1.2 + 5.9 * height / width)
 
 
-def _disks(axes: Axes, view: View, position: Array, colour: Colour | None) -> int:
-    """Draw disks, and return how many of them larger than they are, that they show at all."""
+def add_disks(axes: Axes, view: View, pixel: float) -> tuple[EllipseCollection, NDArray[np.intp]]:
+    """Disks and their periodic images as patches of the axes, and which disk each is; none is narrower than a pixel.
+
+    `pixel` is its side [length].
+    """
     from matplotlib.collections import EllipseCollection
 
     radius = view.disks.radius
-    position, owner = with_images(position, radius, view.box, view.time)
-    pixel = float(np.ptp(shown_region(view, view.moving.position), axis=1).max()) / PIXELS
+    position, owner = with_images(view.moving.position, radius, view.box, view.time)
     width = np.maximum(2.0 * radius[owner], pixel)
     drawn = EllipseCollection(
         width, width, np.zeros(len(owner)), units="xy", offsets=position, offset_transform=axes.transData,
         linewidths=0.0,
     )  # fmt: skip
+    axes.add_collection(drawn)
+    return drawn, owner
+
+
+def _disks(axes: Axes, view: View, colour: Colour | None) -> int:
+    """Draw disks, and return how many of them larger than they are, that they show at all."""
+    pixel = float(np.ptp(shown_region(view, view.moving.position), axis=1).max()) / PIXELS
+    drawn, owner = add_disks(axes, view, pixel)
     values = None if colour is None else colour.values(view)
     if colour is None or values is None or np.all(values == values[:1]):  # nothing to tell apart
         drawn.set_facecolor(PLAIN)
@@ -247,8 +258,7 @@ def _disks(axes: Axes, view: View, position: Array, colour: Colour | None) -> in
             cmap=colour_map(colour.scale, dark=is_dark(axes), kinds=round(high + 0.5)),
         )  # fmt: skip
         bar_beside(axes, drawn, colour.label(view), extend(colour.scale), colour.names(view))
-    axes.add_collection(drawn)
-    return int(np.sum(2.0 * radius < pixel))
+    return int(np.sum(2.0 * view.disks.radius < pixel))
 
 
 def extend(scale: str) -> str:

@@ -30,6 +30,12 @@ def along(trajectory: Trajectory, when: Array, over: str) -> Array:
     return np.asarray(np.interp(when, times, 2.0 * collisions / max(trajectory.disks.n, 1)))
 
 
+def series(trajectory: Trajectory, over: str, *names: str) -> tuple[Array, list[Array]]:
+    """Whole-gas quantities by name, and where they stand on such an axis."""
+    when, values = result.series(trajectory, *names)
+    return along(trajectory, when, over), values
+
+
 def axis_label(trajectory: Trajectory, over: str) -> str:
     """Label of such an axis."""
     return label(trajectory, AXES["t"], "time") if over == "t" else AXES[over]
@@ -44,19 +50,16 @@ def _finish(axes: Any, trajectory: Trajectory, text: str, over: str, columns: in
 def energy(axes: Axes, trajectory: Trajectory, over: str = "t") -> None:
     """Translational, rotational and potential energy against time, and that of the pistons."""
     names = ["translational_energy", "rotational_energy"]
-    when, values = result.series(trajectory, *names)
+    x, values = series(trajectory, over, *names)
     for name, value, colour, style in zip(names, values, (TRANSLATION, ROTATION), ("-", "--"), strict=True):
-        axes.plot(
-            along(trajectory, when, over), value, style, color=colour, lw=1.5, label=name.replace("_", " ")
-        )
+        axes.plot(x, value, style, color=colour, lw=1.5, label=name.replace("_", " "))
     if "potential_energy" in trajectory.observables and np.any(trajectory.observables["potential_energy"]):
-        when, (value,) = result.series(trajectory, "potential_energy")
-        axes.plot(along(trajectory, when, over), value, "-.", color=RATIO, lw=1.5, label="potential energy")
+        x, (value,) = series(trajectory, over, "potential_energy")
+        axes.plot(x, value, "-.", color=RATIO, lw=1.5, label="potential energy")
     if f"{OF_PISTONS}energy" in trajectory.observables:
-        when, (value,) = result.series(trajectory, f"{OF_PISTONS}energy")
-        pistons = np.asarray(value).sum(axis=1)
+        x, (value,) = series(trajectory, over, f"{OF_PISTONS}energy")
         name = "pistons (kinetic and potential)"
-        axes.plot(along(trajectory, when, over), pistons, ":", color=INPUT, lw=1.8, label=name)
+        axes.plot(x, value.sum(axis=1), ":", color=INPUT, lw=1.8, label=name)
     if all(np.min(np.asarray(line.get_ydata()), initial=0.0) >= 0.0 for line in axes.lines):
         axes.set_ylim(bottom=0.0)
     _finish(axes, trajectory, "energy", over)
@@ -68,12 +71,11 @@ def ledger(upper: Axes, trajectory: Trajectory, over: str = "t", lower: Axes | N
     present + dissipated - input = start. The residual, in axes of its own, is the file's `ledger_residual`, which is
     counted collision by collision.
     """
-    when, (present, dissipated) = result.series(trajectory, "energy", "dissipated_energy")
+    x, (present, dissipated) = series(trajectory, over, "energy", "dissipated_energy")
     if "potential_energy" in trajectory.observables:
         present = present + result.series(trajectory, "potential_energy")[1][0]
-    axis = along(trajectory, when, over)
-    upper.plot(axis, present, "-", color=TRANSLATION, lw=1.5, label="present (kinetic and potential)")
-    upper.plot(axis, dissipated, "--", color=DISSIPATED, lw=1.5, label="dissipated by collisions")
+    upper.plot(x, present, "-", color=TRANSLATION, lw=1.5, label="present (kinetic and potential)")
+    upper.plot(x, dissipated, "--", color=DISSIPATED, lw=1.5, label="dissipated by collisions")
     total = present + dissipated
     for name, colour, text in (
         ("energy_input", INPUT, "put in by forces or shear"),
@@ -82,27 +84,13 @@ def ledger(upper: Axes, trajectory: Trajectory, over: str = "t", lower: Axes | N
     ):
         if name in trajectory.observables and np.any(trajectory.observables[name]):
             _, (value,) = result.series(trajectory, name)
-            upper.plot(along(trajectory, when, over), value, "-.", color=colour, lw=1.5, label=text)
+            upper.plot(x, value, "-.", color=colour, lw=1.5, label=text)
             total = total - value
-    upper.plot(
-        along(trajectory, when, over),
-        total,
-        ":",
-        color=RATIO,
-        lw=1.8,
-        label="present + dissipated $-$ put in",
-    )
+    upper.plot(x, total, ":", color=RATIO, lw=1.8, label="present + dissipated $-$ put in")
     _finish(upper, trajectory, "energy", over)
     if lower is not None:
-        when, (residual,) = result.series(trajectory, "ledger_residual")
-        lower.plot(
-            along(trajectory, when, over),
-            residual / (abs(float(total[0])) or 1.0),
-            ".-",
-            color=RATIO,
-            lw=0.8,
-            ms=3,
-        )
+        x, (residual,) = series(trajectory, over, "ledger_residual")
+        lower.plot(x, residual / (abs(float(total[0])) or 1.0), ".-", color=RATIO, lw=0.8, ms=3)
         lower.set(ylabel="residual / start", xlabel=upper.get_xlabel())
         grid(lower)
         upper.set_xlabel("")
@@ -110,12 +98,12 @@ def ledger(upper: Axes, trajectory: Trajectory, over: str = "t", lower: Axes | N
 
 def mechanisms(axes: Axes, trajectory: Trajectory, over: str = "t") -> None:
     """Energy dissipated by each mechanism against time."""
-    when, (values,) = result.series(trajectory, "dissipated_by_mechanism")
+    x, (values,) = series(trajectory, over, "dissipated_by_mechanism")
     names = ("normal", "tangential restitution", "sliding", "sticking", "rolling", "walls", "rest")
     colours = (TRANSLATION, ROTATION, INPUT, HEAT, DISSIPATED, RATIO, ACROSS)
     styles = ("-", "--", "-.", ":", "-", "--", "-.")
     # Files of before disks could rest have six.
     for name, colour, style, value in zip(names, colours, styles, values.T, strict=False):
         if np.any(value):
-            axes.plot(along(trajectory, when, over), value, style, color=colour, lw=1.5, label=name)
+            axes.plot(x, value, style, color=colour, lw=1.5, label=name)
     _finish(axes, trajectory, "energy dissipated", over, columns=4)

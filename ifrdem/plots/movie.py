@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,101 +13,14 @@ from ..errors import InputError
 from ..tools.checked import Array
 from ..tools.files import check_apart, write_aside
 from ..trajectory import tables
-from ..trajectory.reader import Frame, Trajectory
+from ..trajectory.reader import Trajectory
 from . import disks as plot_disks
 from . import run
 from .style import bar_beside, is_dark, place_axes
 
 MARK_WIDTH = 0.18  # half the width of an orientation mark, in radii
-LEAST_MARKED = 5.0  # radius [pixels] below which no mark would be seen
-
-
-def draw(
-    shape: tuple[int, int],
-    place: Array,
-    radius: Array,
-    number: NDArray[np.integer],
-    *,
-    empty: int,
-    angle: Array | None = None,
-    mark: int = 0,
-) -> NDArray[np.uint16]:
-    """The number of the disk's colour at each pixel of an image (rows, columns), row 0 at the bottom.
-
-    Centres (n, 2) are in pixels from the lower left corner, and may lie beyond the image; radii (n,) too, half a pixel
-    at least. `empty` is the number where there is no disk, `mark` that of the line from the centre to the rim at each
-    disk's `angle` (n,) [rad].
-    """
-    image = np.full(shape, empty, dtype=np.uint16)
-    radius = np.maximum(radius, 0.5)
-    # Disks of about one size share their window.
-    size = np.ceil(2.0 * np.log2(radius)).astype(int)
-    for each in np.unique(size):
-        some = np.flatnonzero(size == each)
-        angles = None if angle is None or radius[some].max() < LEAST_MARKED else angle[some]
-        window = int(np.ceil(radius[some].max())) + 1
-        stamp = _one_by_one if len(some) < (2 * window + 1) ** 2 else _by_offset
-        stamp(image, place[some], radius[some], number[some], window, angles, mark)
-    return image
-
-
-def _by_offset(
-    image: NDArray[np.uint16], place: Array, radius: Array, number: NDArray[np.integer], window: int,
-    angle: Array | None, mark: int,
-) -> None:  # fmt: skip
-    """Many small disks: all of them at once for each pixel of a window around the centre."""
-    rows, columns = image.shape
-    corner = np.floor(place).astype(np.int64)
-    inside = place - corner
-    steps = range(-window, window + 1)
-    for dy, dx in itertools.product(steps, steps):
-        x, y = dx + 0.5 - inside[:, 0], dy + 0.5 - inside[:, 1]
-        column, row = corner[:, 0] + dx, corner[:, 1] + dy
-        hit = (
-            (x * x + y * y <= radius * radius)
-            & (row >= 0)
-            & (row < rows)
-            & (column >= 0)
-            & (column < columns)
-        )
-        colour = number[hit]
-        if angle is not None:
-            colour = np.where(_marked(x[hit], y[hit], radius[hit], angle[hit]), mark, colour)
-        image[row[hit], column[hit]] = colour
-
-
-def _one_by_one(
-    image: NDArray[np.uint16], place: Array, radius: Array, number: NDArray[np.integer], window: int,
-    angle: Array | None, mark: int,
-) -> None:  # fmt: skip
-    """Few large disks: all pixels of the window at once for each disk."""
-    for i, corner in enumerate(np.floor(place).astype(int) - window):
-        (left, bottom), (right, top) = (
-            np.maximum(corner, 0),
-            np.minimum(corner + 2 * window + 1, image.shape[::-1]),
-        )
-        if left >= right or bottom >= top:
-            continue
-        y = (np.arange(bottom, top) + 0.5 - place[i, 1])[:, None]
-        x = (np.arange(left, right) + 0.5 - place[i, 0])[None, :]
-        hit = x * x + y * y <= radius[i] ** 2
-        part = image[bottom:top, left:right]
-        part[hit] = number[i]
-        if angle is not None:
-            part[hit & _marked(x, y, radius[i], angle[i])] = mark
-
-
-def _marked(x: Array, y: Array, radius: Array | np.float64, angle: Array | np.float64) -> NDArray[np.bool_]:
-    """Mask of places (x, y) from the centre that lie on the mark."""
-    along = x * np.cos(angle) + y * np.sin(angle)
-    across = y * np.cos(angle) - x * np.sin(angle)
-    return (along >= 0.0) & (np.abs(across) <= MARK_WIDTH * radius)
-
-
+LEAST_MARKED = 2.5  # radius [pixels] below which no mark would be seen
 ANGLES = ("angle", "orientation")  # names of fields that say how far a disk has turned
-SHADES = 256  # numbers of colours; two more follow:
-EMPTY, MARK = SHADES, SHADES + 1
-FINER = 2  # pixels are drawn so much finer along each axis, and averaged
 SAMPLES = 9  # frames that decide on the range of the colours
 DPI = 100
 LARGEST = (1200, 1080)
@@ -166,7 +78,7 @@ class Scene:
         from matplotlib import colormaps, rcParams
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.cm import ScalarMappable
-        from matplotlib.colors import Normalize, to_rgb
+        from matplotlib.colors import Normalize
         from matplotlib.figure import Figure
         from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -174,23 +86,16 @@ class Scene:
         self._canvas = FigureCanvasAgg(figure)
         self._axes = axes = figure.add_subplot()
         place_axes(axes, self._trajectory, self._region)
-        scale = "map" if self._is_map else "none" if self._colour is None else self._colour.scale
-        map_ = colormaps[plot_disks.DENSITIES]
-        if not self._is_map and self._colour is not None:
-            map_ = plot_disks.colour_map(scale, dark=is_dark(axes), kinds=round(self._high + 0.5))
-        shades = map_(np.linspace(0.0, 1.0, SHADES))[:, :3]
-        if scale == "none":
-            shades[:] = to_rgb(plot_disks.PLAIN)
-        back = to_rgb(axes.get_facecolor())
-        self._shades = (255.0 * np.vstack([shades, back, back])).round().astype(np.uint8)
-        if self._is_map or self._colour is not None:
-            view = plot_disks.View.of(self._trajectory[0])
-            drawn = ScalarMappable(Normalize(self._low, self._high), map_)
-            if self._is_map or self._colour is None:
-                bar_beside(axes, drawn, "area fraction", "max")
-            else:
-                names = self._colour.names(view)
-                bar_beside(axes, drawn, self._colour.label(view), plot_disks.extend(scale), names)
+        self._look: dict[str, Any] = {"norm": Normalize(self._low, self._high)}
+        if self._is_map:
+            self._look["cmap"] = colormaps[plot_disks.DENSITIES]
+            bar_beside(axes, ScalarMappable(**self._look), "area fraction", "max")
+        elif self._colour is not None:
+            scale, view = self._colour.scale, plot_disks.View.of(self._trajectory[0])
+            kinds = round(self._high + 0.5)
+            self._look["cmap"] = plot_disks.colour_map(scale, dark=is_dark(axes), kinds=kinds)
+            label, names = self._colour.label(view), self._colour.names(view)
+            bar_beside(axes, ScalarMappable(**self._look), label, plot_disks.extend(scale), names)
         points = float(axes.title.get_fontsize())
         above = rcParams["axes.titlepad"]
         # Two lines, which may be wider than the axes: the layout leaves room above, and does not know of them.
@@ -219,10 +124,6 @@ class Scene:
         self._title.set_animated(True)
         self._canvas.draw()
         self._background = self._canvas.copy_from_bbox(figure.bbox)
-        height = self._canvas.get_width_height()[1]
-        # Agg counts rows from the top.
-        self._rows = slice(height - round(box.y1), height - round(box.y0))
-        self._columns = slice(round(box.x0), round(box.x1))
 
     @property
     def size(self) -> tuple[int, int]:
@@ -247,69 +148,55 @@ class Scene:
 
     def _values(self, index: int) -> Array:
         """Values by which the disks are coloured, shape (n,)."""
-        view = plot_disks.View.of(self._trajectory[index])
-        return np.zeros(view.disks.n) if self._colour is None else self._colour.values(view)
+        assert self._colour is not None
+        return self._colour.values(plot_disks.View.of(self._trajectory[index]))
 
     def _covered(self, index: int) -> Array:
         return plot_disks.area_fraction(self._trajectory, self._trajectory[index].position, self._region)
 
     def draw(self, index: int) -> NDArray[np.uint8]:
         """The picture of a frame, shape (height, width, 3)."""
-        frame = self._trajectory[index]
-        self._canvas.restore_region(self._background)
-        time = f"$t$ = {self._trajectory.with_unit(f'{frame.time:.4g}', 'time')}"
-        rows, columns = self._rows.stop - self._rows.start, self._columns.stop - self._columns.start
-        if self._is_map:
-            covered = self._covered(index)
-            cells = self._trajectory.with_unit(f"{plot_disks.cell_side(covered, self._region):.3g}", "length")
-            time += f", cells of {cells}"
-            x = np.arange(columns) * covered.shape[0] // columns
-            y = np.arange(rows) * covered.shape[1] // rows
-            pixels = self._shades[self._numbers(covered)[x[None, :], y[:, None]]]
-        else:
-            pixels = self._disks(index, rows, columns)
-            pixel = float(np.mean(np.ptp(self._region, axis=1) / (columns, rows)))
-            if 2.0 * self._trajectory.disks.radius.min(initial=np.inf) < pixel:
-                time += ", small disks enlarged"
-        self._title.set_text(time)
-        self._axes.draw_artist(self._title)
-        picture = np.asarray(self._canvas.buffer_rgba())
-        picture[self._rows, self._columns, :3] = pixels[::-1]
-        self._draw_above(frame)
-        return picture[..., :3].copy()
-
-    def _numbers(self, values: Array) -> NDArray[np.intp]:
-        part = (values - self._low) / (self._high - self._low)
-        return (np.clip(part, 0.0, 1.0) * (SHADES - 1) + 0.5).astype(np.intp)
-
-    def _disks(self, index: int, rows: int, columns: int) -> NDArray[np.uint8]:
-        trajectory, frame = self._trajectory, self._trajectory[index]
-        radius = trajectory.disks.radius
-        position, owner = plot_disks.with_images(frame.position, radius, trajectory.box, frame.time)
-        scale = FINER * np.array([columns, rows]) / np.ptp(self._region, axis=1)
-        drawn = draw(
-            (FINER * rows, FINER * columns),
-            (position - self._region[:, 0]) * scale,
-            np.maximum(radius[owner] * float(scale.mean()), 0.5 * FINER),  # a pixel at least
-            self._numbers(self._values(index))[owner],
-            empty=EMPTY,
-            angle=None if self._angle is None else frame[self._angle][owner],
-            mark=MARK,
-        )
-        fine = self._shades[drawn].reshape(rows, FINER, columns, FINER, 3)
-        mean = sum(fine[:, i, :, j].astype(np.uint16) for i in range(FINER) for j in range(FINER)) // FINER**2
-        return np.asarray(mean, dtype=np.uint8)
-
-    def _draw_above(self, frame: Frame) -> None:
-        """Draw what lies above the disks: walls where they are, and the frame."""
-        before = set(self._axes.get_children())
+        frame, before = self._trajectory[index], set(self._axes.get_children())
+        about = self._draw_map(index) if self._is_map else self._draw_disks(index)
         done = plot_disks.collisions_of(frame)
         plot_disks.draw_walls(self._axes, self._trajectory, frame.time, done, frame.walls)
-        walls = [each for each in self._axes.get_children() if each not in before]
-        for artist in (*walls, *self._axes.spines.values()):
+        self._title.set_text(f"$t$ = {self._trajectory.with_unit(f'{frame.time:.4g}', 'time')}{about}")
+        drawn = [each for each in self._axes.get_children() if each not in before]
+        self._canvas.restore_region(self._background)
+        # Walls lie above the disks, and the frame above walls.
+        for artist in (*drawn, *self._axes.spines.values(), self._title):
             self._axes.draw_artist(artist)
-        for artist in walls:
+        for artist in drawn:
             artist.remove()
+        return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
+
+    def _draw_map(self, index: int) -> str:
+        """Draw the area fraction; returns what the title says of it."""
+        covered = self._covered(index)
+        extent = (*self._region[0], *self._region[1])
+        self._axes.imshow(covered.T, origin="lower", extent=extent, interpolation="nearest", **self._look)
+        cells = self._trajectory.with_unit(f"{plot_disks.cell_side(covered, self._region):.3g}", "length")
+        return f", cells of {cells}"
+
+    def _draw_disks(self, index: int) -> str:
+        """Draw disks and how far they have turned; returns what the title says of them."""
+        from matplotlib.collections import PolyCollection
+
+        frame, radius, box = self._trajectory[index], self._trajectory.disks.radius, self._axes.bbox
+        pixel = float(np.mean(np.ptp(self._region, axis=1) / (box.width, box.height)))
+        drawn, owner = plot_disks.add_disks(self._axes, plot_disks.View.of(frame), pixel)
+        if self._colour is None:
+            drawn.set_facecolor(plot_disks.PLAIN)
+        else:
+            drawn.set(array=self._values(index)[owner], **self._look)
+        if self._angle is not None and radius.max(initial=0.0) > LEAST_MARKED * pixel:
+            angle = frame[self._angle][owner, None]
+            along = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+            across = MARK_WIDTH * np.stack([-np.sin(angle), np.cos(angle)], axis=-1)
+            corners = np.concatenate([-across, across, along + across, along - across], axis=1)
+            marks = np.asarray(drawn.get_offsets())[:, None] + radius[owner, None, None] * corners
+            self._axes.add_collection(PolyCollection(marks, color=self._axes.get_facecolor(), linewidths=0.0))
+        return ", small disks enlarged" if 2.0 * radius.min(initial=np.inf) < pixel else ""
 
 
 def write(

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from ..analysis import result
 from ..errors import InputError
 from ..model.walls import OF_PISTONS
 from ..trajectory.reader import Trajectory
-from .energies import along, axis_label
+from .energies import axis_label, series
 from .style import KINDS, grid, label, legend_above
 
 if TYPE_CHECKING:
@@ -29,7 +28,7 @@ def draw(axes: Sequence[Axes], trajectory: Trajectory, over: str = "t") -> None:
         raise InputError(
             f"{trajectory.path} has no piston: a wall with one, piston = {{ mass = ... }} in [[wall]], is needed"
         )
-    when, columns = result.series(trajectory, *quantities)
+    x, columns = series(trajectory, over, *quantities)
     names = [
         f"wall {number} {wall.shape}"
         for number, wall in enumerate(trajectory.walls)
@@ -39,7 +38,7 @@ def draw(axes: Sequence[Axes], trajectory: Trajectory, over: str = "t") -> None:
     for panel, values, (text, unit) in zip(axes, columns, texts, strict=False):
         for i, name in enumerate(names):
             colour = KINDS[i % len(KINDS)]
-            panel.plot(along(trajectory, when, over), values[:, i], "-", color=colour, lw=1.2, label=name)
+            panel.plot(x, values[:, i], "-", color=colour, lw=1.2, label=name)
         panel.set_ylabel(label(trajectory, f"{text} of the piston{'s' * (len(names) > 1)}", unit))
     axes[-1].set_xlabel(axis_label(trajectory, over))
     grid(*axes)

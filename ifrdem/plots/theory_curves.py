@@ -56,9 +56,10 @@ class _Gas:
         if over == "tau":
             elapsed = np.append(0.0, elapsed[elapsed > 0.0])
         while True:
-            with warnings.catch_warnings():
-                for told in (EnergyWarning, TheoryWarning):  # by the run
-                    warnings.simplefilter("ignore", told)
+            with (  # the run has told both
+                warnings.catch_warnings(action="ignore", category=EnergyWarning),
+                warnings.catch_warnings(action="ignore", category=TheoryWarning),
+            ):
                 found = prediction(
                     self.disks, self.laws, self.phi, self.T0, self.T_rot0, elapsed, forces=self.forces,
                     shear_rate=shear_rate,
@@ -91,8 +92,7 @@ def _gas(trajectory: Trajectory) -> _Gas | str:
         if wrong:
             return f"{text}: no kinetic theory here"
     phi = trajectory.box.packing_fraction(disks.radius)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", EnergyWarning)
+    with warnings.catch_warnings(action="ignore", category=EnergyWarning):
         rows = [[one for one in line if one is not None] for line in trajectory.laws]
         if any(len(line) < len(rows) for line in rows):
             return "materials that never meet: no kinetic theory here"
@@ -176,8 +176,7 @@ def sheared(trajectory: Trajectory, over: str = "t") -> tuple[Curves | None, tup
     if gas.kinds > 1:
         return None, None, "several kinds of disks in a flow: no kinetic theory here"
     rate = trajectory.box.shear_rate
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", TheoryWarning)  # the run has said it
+    with warnings.catch_warnings(action="ignore", category=TheoryWarning):  # the run has said it
         steady = sheared_gas.steady_state(*gas.one_kind, rate)
     if not gas.T0.any() or times[-1] <= times[0]:
         return None, steady, "nothing moves at first: no curve of kinetic theory here"

@@ -79,13 +79,8 @@ def draw(axes: Sequence[Axes], trajectory: Trajectory, over: str = "t") -> None:
         heat.set_yticks([])
     centre = "the centre of its turn" if any(wall.turn != Turn() for wall in trajectory.walls) else "(0, 0)"
     left_out = len(series.columns("walls_hits")) > MOST_CURVES == len(names)
-    force.plot(
-        [],
-        [],
-        ":",
-        color="0.5",
-        label="along $x$ (others: $y$)" + ("; those of most hits" if left_out else ""),
-    )
+    text = "along $x$ (others: $y$)" + ("; those of most hits" if left_out else "")
+    force.plot([], [], ":", color="0.5", label=text)
     force.set_ylabel(label(trajectory, "mean force on the wall", "mass length/time^2"))
     torque.set_ylabel(label(trajectory, f"mean torque about {centre}", "mass length^2/time^2"))
     work.set_ylabel(label(trajectory, "work given to disks", "energy"))

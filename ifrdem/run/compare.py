@@ -133,15 +133,19 @@ class Comparison:
 
         A few runs tell their own spread badly. Their part of the variance along the offset, r, leaves
         nu = (n - 1) / r^2 degrees of freedom (Y. Yao, Biometrika 52, 139, 1965), and in two dimensions Hotelling's
-        distribution of d^2 is P = 1 - (1 + d^2 / nu)^(-(nu - 1) / 2), which is 1 - exp(-d^2 / 2) for many runs.
+        distribution of d^2 is P = 1 - (1 + d^2 / nu)^(-(nu - 1) / 2), that of F = d^2 (nu - 1) / (2 nu) with 2 and
+        nu - 1 degrees of freedom, which is 1 - exp(-d^2 / 2) for many runs.
         """
+        from scipy.stats import f
+
         away, runs, measurement = self._away()
         squared = self.deviation**2
         good = np.isfinite(squared) & (squared > 0.0)
         part = np.zeros(len(away))
         weight = _solved((runs + measurement)[good], away[good])
         part[good] = np.einsum("ma,mab,mb->m", weight, runs[good], weight) / squared[good]
-        return _hotelling(squared, part**2 / max(len(self.members) - 1, 1))
+        nu = max(len(self.members) - 1, 1) / np.maximum(part**2, 1e-12)
+        return np.asarray(f.cdf(squared * (nu - 1.0) / (2.0 * nu), 2.0, nu - 1.0))
 
     def table(self) -> str:
         """The figures as text."""
@@ -234,14 +238,6 @@ class Comparison:
 
 def _solved(matrix: Array, vector: Array) -> Array:
     return np.asarray(np.linalg.solve(matrix, vector[..., None])[..., 0])
-
-
-def _hotelling(squared: Array, inverse: Array) -> Array:
-    """P of `Comparison.probability` for squared deviations, and 1 / nu."""
-    few = inverse > 1e-9
-    u = np.where(few, inverse, 0.5)
-    exponent = np.where(few, (1.0 - u) / (2.0 * u) * np.log1p(u * squared), 0.5 * squared)
-    return np.asarray(-np.expm1(-exponent))
 
 
 def compare(
@@ -359,8 +355,8 @@ def _simulation(gas: CaseGas, case: Case, law: Mapping[str, float] | None, state
     """The simulation of a state, with the coefficients `law` in place of those of every pair of materials."""
     if law is not None:
         numbers: dict[str, Any] = {name: float(law[name]) for name in _COEFFICIENTS if name in law}
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", EnergyWarning)  # the case has said so of its own coefficients
+        # The case has said so of its own coefficients.
+        with warnings.catch_warnings(action="ignore", category=EnergyWarning):
             gas = replace(
                 gas,
                 verdicts=tuple(

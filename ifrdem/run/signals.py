@@ -7,7 +7,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import Any
 
 from ..errors import Stopped
@@ -31,7 +31,7 @@ class Stops:
     at once (KeyboardInterrupt). In a thread other than the main one, signals are left alone.
 
     A run stops after `max_hours` of real time; checkpoints are due every so many minutes of it, the first one at once.
-    `warn` takes a line to show when a signal comes; `clock` gives seconds of real time.
+    `warn` takes a line to show when a signal comes.
     """
 
     def __init__(
@@ -40,11 +40,10 @@ class Stops:
         max_hours: float | None = None,
         every_minutes: float = 10.0,
         warn: Callable[[str], None] = print,
-        clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._warn, self._clock = warn, clock
+        self._warn = warn
         self._reason: Stopped | None = None
-        self._began = clock()
+        self._began = time.monotonic()
         self._stored = -math.inf  # a run that is killed soon can go on too
         self._limit = None if max_hours is None else 3600.0 * max_hours
         self._max_hours = max_hours
@@ -57,16 +56,14 @@ class Stops:
                 self._before[number] = signal.signal(number, self._heard)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         for number, handler in self._before.items():
             signal.signal(number, handler)
         self._before = {}
 
     def check(self) -> None:
         """Raise `Stopped` if there is a reason to."""
-        if self._limit is not None and self._clock() - self._began >= self._limit and self._reason is None:
+        if self._limit is not None and time.monotonic() - self._began >= self._limit and self._reason is None:
             self._reason = Stopped(f"{self._max_hours:g} hours are up (--maxh)", TIME_IS_UP)
         if self._reason is not None:
             raise self._reason
@@ -74,11 +71,11 @@ class Stops:
     @property
     def checkpoint_due(self) -> bool:
         """True if it is time for a checkpoint."""
-        return self._clock() - self._stored >= self._every
+        return time.monotonic() - self._stored >= self._every
 
     def stored(self) -> None:
         """Take note that a checkpoint was written."""
-        self._stored = self._clock()
+        self._stored = time.monotonic()
 
     def _heard(self, number: int, _frame: FrameType | None) -> None:
         if number == signal.SIGINT:

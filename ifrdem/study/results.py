@@ -21,6 +21,7 @@ from ..case.gas import CaseGas
 from ..errors import InputError, TheoryError
 from ..model.ifr import EnergyWarning
 from ..model.observables import MECHANISMS, REGIMES
+from ..plots.theory_curves import MOST_KINDS
 from ..theory.choose import prediction
 from ..theory.mixtures import Mixture
 from ..theory.sheared_gas import TheoryWarning
@@ -45,8 +46,6 @@ THEORY = ("temperature", "rotational_temperature", "theta")
 """Predictions of kinetic theory for a gas."""
 BEYOND = 10.0
 """Times the end of the runs, to which theory is followed: it may need longer for as many collisions."""
-MOST_KINDS = 16
-"""Of disks, for kinetic theory: every pair of kinds is summed at every step, which takes seconds from there on."""
 
 
 @dataclass
@@ -263,16 +262,17 @@ def predicted(case: Case, folder: Path, end: float) -> tuple[NDArray[np.float64]
         for name in ("speed_rms", "spin_rms")
     )
     disks, phi = gas.disks, gas.box.packing_fraction(gas.disks.radius)
-    if len(np.unique(np.stack([disks.mass, disks.radius, disks.k, disks.material]), axis=1).T) > MOST_KINDS:
-        return None
     driven = bool(case.force or gas.box.shear_rate)
     later = np.linspace(0.0, 1.0, 1500)[1:] if driven else np.geomspace(1e-5, 1.0, 1500)
     steps = BEYOND * end * np.r_[0.0, later]
     try:
-        with warnings.catch_warnings():
-            for each in (EnergyWarning, TheoryWarning):
-                warnings.simplefilter("ignore", each)
+        with (
+            warnings.catch_warnings(action="ignore", category=EnergyWarning),
+            warnings.catch_warnings(action="ignore", category=TheoryWarning),
+        ):
             mixture, which = Mixture.of(disks, laws, phi)
+            if mixture.species > MOST_KINDS:
+                return None
             T0, T_rot0 = (
                 np.array([each[which == kind].mean() for kind in range(mixture.species)])
                 for each in (0.5 * disks.mass * speed**2, disks.inertia * spin**2)

@@ -73,8 +73,8 @@ class Task:
         level = LOG.level
         LOG.setLevel(logging.WARNING)  # no lines of progress
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # the study has told what there is to be told, once
+            # The study has told what there is to be told, once.
+            with warnings.catch_warnings(action="ignore"):
                 if not self.result.exists():
                     began, long = time.perf_counter(), self.analyses or self.trajectory
                     found = self._long(threads) if long else _series_alone(self.file(threads))
@@ -87,11 +87,8 @@ class Task:
 
     def warm(self, threads: int = 1) -> None:
         """Compile its kernels, by a run of one collision that nobody sees."""
-        with (
-            contextlib.suppress(EngineError, InputError),
-            warnings.catch_warnings(),
-        ):  # told by the run itself
-            warnings.simplefilter("ignore")
+        # What goes wrong is told by the run itself.
+        with contextlib.suppress(EngineError, InputError), warnings.catch_warnings(action="ignore"):
             file = self.file(threads)
             _advance(file.gas.ready(file.case), file.case, [], short=True)
 

@@ -131,8 +131,7 @@ def integrated(
     """
     from scipy.integrate import solve_ivp
 
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # `success` and `message` say the same
+    with warnings.catch_warnings(action="ignore", category=UserWarning):  # `success` and `message` say it
         span = (0.0, max(float(at[-1]), 1e-300))
         found = solve_ivp(slope, span, start, method="LSODA", t_eval=at, rtol=rtol, atol=atol)
     if not found.success:

@@ -8,7 +8,6 @@ import queue
 import threading
 import time
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any
 
 from ..errors import TrajectoryError
@@ -53,9 +52,7 @@ class QueuedWriter:
     def __enter__(self) -> QueuedWriter:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
         # What is on its way already is what is told.
         with contextlib.suppress(*(() if error is None else (TrajectoryError,))):
             self.close()

@@ -89,8 +89,8 @@ def compression(dataset: h5py.Dataset) -> str | None:
     return next((known[number] for number in numbers if number in known), None)
 
 
-def parameter(dataset: h5py.Dataset, errors: str = "strict") -> str | int | float:
-    """A text or a number that stands alone; `errors` is what to do with bytes that are no UTF-8 (`bytes.decode`).
+def parameter(dataset: h5py.Dataset) -> str | int | float:
+    """A text or a number that stands alone.
 
     Raises DamageError if it is neither, or cannot be read.
     """
@@ -99,7 +99,7 @@ def parameter(dataset: h5py.Dataset, errors: str = "strict") -> str | int | floa
             raise TypeError(f"its shape is {dataset.shape}, and one text or number is needed")
         value = dataset[()]
         if isinstance(value, bytes):
-            return value.decode(errors=errors)
+            return value.decode()
         if dataset.dtype.kind not in "biuf":
             raise TypeError(f"it holds {dataset.dtype}, and a text or a number is needed")
         return value.item()

@@ -50,7 +50,7 @@ def export(
     be written.
     """
     checked.one_of("to", to, FORMATS)
-    writers = {"gsd": _gsd, "extxyz": _extxyz, "csv": _csv, "h5": _h5}
+    writers = {"gsd": _gsd, "extxyz": _extxyz, "csv": _csv, "h5": write_whole}
     if to in ("gsd", "extxyz"):
         trajectory.dataset("position")  # says that it is missing
     check_apart(Path(place), trajectory.path)
@@ -58,12 +58,15 @@ def export(
 
 
 def write_history(history: History, place: Path) -> None:
-    """A disk's events as CSV with a header, a line an event; every digit is kept."""
+    """A disk's events as CSV with a header, a line an event; every digit is kept.
+
+    NumPy writes numbers as the shortest texts from which they come back.
+    """
     found: dict[str, NDArray[Any]] = {}
     for name, value in history.columns.items():
         ends = ("n", "t") if name == "impulse" else ()
         found.update(tables.columns(name, value, ends))
-    texts = np.column_stack([*map(_texts, found.values())]).tolist()
+    texts = np.column_stack([column.astype(str) for column in found.values()]).tolist()
     write_aside(place, lambda aside: write_csv(aside, found, texts))
 
 
@@ -73,11 +76,6 @@ def write_csv(place: Path, names: Iterable[str], rows: Iterable[Iterable[object]
         writer = csv.writer(file)
         writer.writerow(names)
         writer.writerows(rows)
-
-
-def _texts(column: NDArray[Any]) -> NDArray[Any]:
-    """Numbers as the shortest texts from which they come back."""
-    return column.astype(str)
 
 
 def _stored(trajectory: Trajectory, index: int) -> dict[str, NDArray[Any]]:
@@ -96,15 +94,11 @@ def _csv(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
         for index in frames:
             stored = _stored(trajectory, index).items()
             parts = (part for name, value in stored for part in tables.columns(name, value))
-            flat = [_texts(column) for _, column in parts]
+            flat = [column.astype(str) for _, column in parts]
             head = [np.full(n, str(index)), np.full(n, repr(float(trajectory.times[index]))), ids]
             yield from np.column_stack([*head, *flat]).tolist()
 
     write_csv(place, ["frame", "time", "id", *names], rows())
-
-
-def _h5(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
-    write_whole(trajectory, place, list(frames))
 
 
 def kinds(trajectory: Trajectory) -> tuple[list[str], NDArray[np.intp]] | None:
@@ -151,7 +145,7 @@ def _extxyz(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
                 kind = "I" if value.dtype.kind == "i" else "R"
                 count = 3 if vector else int(np.prod(value.shape[1:]))
                 properties.append(f"{EXTXYZ_NAMES.get(name, name)}:{kind}:{count}")
-                columns += [_texts(column) for column in (value.T if value.ndim == 2 else [value])]
+                columns += [*(value.T if value.ndim == 2 else value[None]).astype(str)]
                 if vector:
                     columns.append(np.full(disks.n, "0"))
             time = float(trajectory.times[index])

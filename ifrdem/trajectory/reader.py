@@ -12,7 +12,6 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 
 import h5py
@@ -36,6 +35,7 @@ from ..model.state import Disks
 from ..tools.pictured import Pictured, plots, refuse_unknown
 from ..tools.sealed import Sealed
 from . import damage, history, layout, tables
+from . import parts as parted
 from .frame import SPIN, Frame
 from .history import History
 from .parts import Parts
@@ -330,9 +330,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
     def __enter__(self) -> Trajectory:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @property
@@ -347,10 +345,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
 
     def holders(self) -> Iterator[h5py.File]:
         """The files that hold the fields, open one after another: this one, or its parts."""
-        if self._parts is None:
-            yield self._opened()
-            return
-        for _, _, file in self._parts.each(self.path):
+        for _, file in parted.holders(self._opened(), self._parts, self.path, self.disks.n):
             yield file
 
     @property
@@ -551,12 +546,11 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
 
 def check_file(path: Path) -> None:
     """Refuse what is no file, before HDF5 waits for a pipe for ever: an InputError says what it is."""
-    wrong = {os.path.isdir: "is a folder", os.path.exists: "is a device or pipe"}
     if not os.path.exists(path):
         raise InputError(f"{path}: there is no such file")
     if not os.path.isfile(path):
-        what = next(text for kind, text in wrong.items() if kind(path))
-        raise InputError(f"{path} {what}: a trajectory file is needed")
+        what = "a folder" if os.path.isdir(path) else "a device or pipe"
+        raise InputError(f"{path} is {what}: a trajectory file is needed")
 
 
 _LAW = {"e_n", "e_t", "mu", "sticking", "rho"}

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -85,13 +85,13 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
     return True
 
 
-def write_whole(trajectory: Trajectory, place: Path, frames: Sequence[int]) -> None:
+def write_whole(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
     """Copy frames, series and histories of a trajectory, which may be in parts, to one file.
 
     Raises InputError if something cannot be read.
     """
     kept = _Kept(trajectory.file, trajectory.path, None, lambda _: None)
-    kept.frames = kept.frames[np.isin(kept.frames, frames)]
+    kept.frames = kept.frames[np.isin(kept.frames, list(frames))]
     with h5py.File(place, "w", **ON_PAGES) as new:
         kept.write(new, part=False)
 
@@ -147,7 +147,7 @@ class _Kept:
         if self._parts is not None:
             self._look_at_parts(self._parts)
         columns: dict[str, list[NDArray[Any]]] = {name: [] for name in layout.STATIC}
-        for own, held in self._holders():
+        for own, held in parted.holders(file, self._parts, path, self._n):
             layout.load_compression(held, str(path))
             fields = [layout.field_dataset(held, name) for name in self._fields]
             self._dtypes = [field.dtype for field in fields]
@@ -218,7 +218,7 @@ class _Kept:
         )  # fmt: skip
         for name in ("step", "time", "value"):
             _append(new[f"{layout.EDGES}/{name}"], old[f"{layout.EDGES}/{name}"], self.frames)
-        for own, one in self._holders():
+        for own, one in parted.holders(old, self._parts, self._path, self._n):
             for name in self._fields:
                 field = layout.field_dataset(one, name)
                 _append(layout.field_dataset(new, name), field, self.frames, (own,))
@@ -230,14 +230,6 @@ class _Kept:
                 old.copy(name, new)
             for dataset, rows in cut.items():
                 new[name][dataset].resize(rows, axis=0)
-
-    def _holders(self) -> Iterator[tuple[slice, h5py.File]]:
-        """Files that hold the fields, open one after another, and numbers of the disks of each."""
-        if self._parts is None:
-            yield slice(0, self._n), self._file
-            return
-        for _, own, file in self._parts.each(self._path):
-            yield own, file
 
     def _look(
         self, file: h5py.File, names: Sequence[str], good: NDArray[np.bool_], own: slice | None = None

@@ -9,7 +9,6 @@ import functools
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import h5py
@@ -258,9 +257,7 @@ class TrajectoryWriter(Sealed):
     def __enter__(self) -> TrajectoryWriter:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def write(self, state: State, observables: Mapping[str, ArrayLike] | None = None) -> None:

@@ -32,8 +32,6 @@ MOST_TRACKED = 1000  # ids of tracked disks that the page knows
 MOST_ROWS = 1500  # of a curve
 LEVELS, UNKNOWN = 254, 255
 """The highest level of a colour, and the level of disks whose value is not known."""
-COARSE = 63
-"""The same of the frames in a file: so many steps, spread over the levels."""
 ROUND_OR_ENDLESS = ("line", "container", "post")  # walls that the page draws by themselves
 FULL = 0.98  # part of the disks whose values lie inside the range of the colours
 REDUCED = "reduced units"
@@ -69,10 +67,8 @@ def numbers(values: Array, digits: int = 7) -> list[float | None]:
     return [float(f"{one:.{digits}g}") if np.isfinite(one) else None for one in np.asarray(values).tolist()]
 
 
-def levels(values: Array, kind: str, steps: int = LEVELS) -> tuple[NDArray[np.uint8], list[float]]:
-    """Levels 0 to `LEVELS` of values (n,), in so many steps, `UNKNOWN` for nan; and the range [low, high] that they
-    stand for.
-    """
+def levels(values: Array, kind: str) -> tuple[NDArray[np.uint8], list[float]]:
+    """Levels 0 to `LEVELS` of values (n,), `UNKNOWN` for nan; and the range [low, high] that they stand for."""
     known = values[np.isfinite(values)]
     low, high = 0.0, 1.0
     if known.size and kind == "diverging":  # a heavy tail of fast spins must not wash out all others
@@ -81,8 +77,8 @@ def levels(values: Array, kind: str, steps: int = LEVELS) -> tuple[NDArray[np.ui
     elif known.size:
         low, high = float(known.min()), float(np.quantile(known, FULL))
         high = high if high > low else low + 1.0
-    part = np.rint(np.clip((values - low) / (high - low), 0.0, 1.0) * steps) / steps
-    return np.where(np.isnan(part), UNKNOWN, np.rint(part * LEVELS)).astype(np.uint8), [low, high]
+    level = np.rint(np.clip((values - low) / (high - low), 0.0, 1.0) * LEVELS)
+    return np.where(np.isnan(level), UNKNOWN, level).astype(np.uint8), [low, high]
 
 
 class Content:
@@ -100,7 +96,6 @@ class Content:
     def _forget(self) -> None:
         self._events: tuple[Array, NDArray[np.int32]] | None = None
         self._places: tuple[int, Array, NDArray[np.intp]] | None = None
-        self._available: tuple[list[dict[str, str]], dict[str, str]] | None = None
 
     def _now(self) -> tuple[int, int]:
         """Size of the file and the time of its last change."""
@@ -167,8 +162,6 @@ class Content:
     @property
     def colours(self) -> tuple[list[dict[str, str]], dict[str, str]]:
         """Quantities by which disks can be coloured, and reasons why others cannot."""
-        if self._available is not None:
-            return self._available
         it, found, absent = self.trajectory, [], {}
         for name, one in COLOURS.items():
             if one.field == "species":
@@ -181,8 +174,7 @@ class Content:
                 absent.pop(name, None)
                 label = one.label + (" relative to the flow" if name == "speed" and it.box.shear_rate else "")
                 found.append({"name": name, "label": label, "unit": self._unit(one.unit), "kind": one.kind})
-        self._available = found, absent
-        return self._available
+        return found, absent
 
     def _kinds(self) -> tuple[Sequence[str], NDArray[np.intp]]:
         material = self.trajectory.disks.material.astype(np.intp)
@@ -227,14 +219,14 @@ class Content:
         )  # fmt: skip
 
     def frame(
-        self, index: int, colours: Sequence[str] = (), window: Array | None = None, *, coarse: bool = False
+        self, index: int, colours: Sequence[str] = (), window: Array | None = None
     ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """Header and arrays of a frame's disks, with their periodic images at the sides, or of a map of their area
         fraction.
 
         Positions and angles are in parts of 65536 of the header's `window` (ends of x, ends of y) and of a turn;
-        colours are `levels`; if `coarse`, angles in 256 parts and colours in `COARSE` steps. The first `whole` disks
-        are those of ids 0, 1, ...; those of the others are the array `id`.
+        colours are `levels`. The first `whole` disks are those of ids 0, 1, ...; those of the others are the array
+        `id`.
 
         Parameters
         ----------
@@ -270,13 +262,12 @@ class Content:
         }
         header |= {"window": np.stack([low, high], axis=1).tolist(), "whole": whole, "ranges": {}}
         if "angle" in self.trajectory.fields:
-            kind, steps = (np.uint8, 256) if coarse else (np.uint16, 65536)
-            turns = np.rint(frame["angle"][owner] / (2.0 * np.pi) * steps)
-            arrays["angle"] = turns.astype(np.int64).astype(kind)
+            turns = np.rint(frame["angle"][owner] / (2.0 * np.pi) * 65536.0)
+            arrays["angle"] = turns.astype(np.int64).astype(np.uint16)
         for name in colours:
             if name != "species":
-                one, steps = COLOURS[name], COARSE if coarse else LEVELS
-                level, header["ranges"][name] = levels(one.values(self, frame), one.kind, steps)
+                one = COLOURS[name]
+                level, header["ranges"][name] = levels(one.values(self, frame), one.kind)
                 arrays[name] = level[owner]
         return header, arrays
 

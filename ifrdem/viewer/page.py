@@ -80,7 +80,7 @@ def page(
     colours = [one["name"] for one in head["colours"]]
     before: dict[str, NDArray[Any]] = {}
     for place, index in enumerate(progress(frames)):
-        header, arrays = content.frame(index, colours, coarse=True)
+        header, arrays = content.frame(index, colours)
         stored = {} if place % WHOLE_EVERY == 0 else _differences(arrays, before, trajectory.disks.n)
         blocks[f"frame-{place}"] = _deflated(pack(header | {"differences": [*stored]}, arrays | stored))
         before = arrays

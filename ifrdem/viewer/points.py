@@ -56,7 +56,7 @@ class StudyPoints:
         keys = json.loads(it.attributes["keys"])
         known = [name.removesuffix("_mean") for name in it.variables if name.endswith("_mean")]
         ends = {}
-        for name in [*(one for one in FIRST if one in known), *(one for one in known if one not in FIRST)]:
+        for name in sorted(known, key=lambda one: FIRST.index(one) if one in FIRST else len(FIRST)):
             if (mean := self._end(name, "mean")) is not None:
                 parts = {kind: self._end(name, kind) for kind in ("error", "theory")}
                 ends[name] = {"unit": it.variables[f"{name}_mean"].unit, "mean": numbers(mean)} | {
@@ -87,29 +87,20 @@ class StudyPoints:
 
     def _values(self, name: str) -> list[Any]:
         values = self._results.values(name)
-        return (
-            numbers(values)
-            if values.dtype.kind == "f"
-            else [each if isinstance(each, str) else int(each) for each in values]
-        )
+        return numbers(values) if values.dtype.kind == "f" else values.tolist()
 
     def _end(self, name: str, kind: str) -> NDArray[np.float64] | None:
         """A quantity of each point at the last row that is known; None if it has other dimensions."""
         one = self._results.variables.get(f"{name}_{kind}")
-        rows = self._rows
-        if (
-            one is None
-            or one.dims not in ((*self._axes,), (*self._axes, rows))
-            or one.values.dtype.kind not in "iuf"
-        ):
+        dims = ((*self._axes,), (*self._axes, self._rows))
+        if one is None or one.dims not in dims or one.values.dtype.kind not in "iuf":
             return None
         return np.array([_last(one.values[index]) for index in self._indices])
 
     @property
     def _rows(self) -> str:
-        return next(
-            (name for name in ("collisions_per_disk", "time") if self._results.variables.get(name)), ""
-        )
+        names = ("collisions_per_disk", "time")
+        return next((name for name in names if name in self._results.variables), "")
 
     def point(self, number: int) -> dict[str, Any]:
         """Curves of a point: means over seeds with bands of their errors, and kinetic theory."""

@@ -17,49 +17,8 @@ from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Turn, Wall
 from ifrdem.plots import disks as plot_disks
 from ifrdem.plots import movie
-from ifrdem.plots import movie as raster
-from ifrdem.trajectory import layout
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter
-
-EMPTY, MARK = 900, 901
-
-
-def place_some(n: int, shape: tuple[int, int], radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Disks that do not overlap, some across the edges: a jittered grid."""
-    rng = np.random.default_rng(2)
-    side = int(np.ceil(np.sqrt(n)))
-    cell = np.array([shape[1], shape[0]]) / side
-    grid = np.stack(np.meshgrid(np.arange(side), np.arange(side)), axis=-1).reshape(-1, 2)[:n]
-    spare = cell - 2.0 * radius
-    assert (spare > 0.0).all()
-    place = grid * cell + radius + rng.uniform(size=(n, 2)) * spare - 0.5 * radius
-    return place, rng.uniform(0.6, 1.0, n) * radius, np.arange(n) % 256
-
-
-@pytest.mark.parametrize(("n", "radius"), [(9, 20.0), (1600, 1.7)], ids=["few large", "many small"])
-def test_pixels_belong_to_the_disk_that_covers_their_centre(n, radius):
-    """Against all pairs of pixels and disks."""
-    shape = (160, 200)
-    place, radii, number = place_some(n, shape, radius)
-    drawn = raster.draw(shape, place, radii, number, empty=EMPTY)
-    y, x = np.mgrid[: shape[0], : shape[1]] + 0.5
-    expected = np.full(shape, EMPTY)
-    for i in range(n):
-        expected[(x - place[i, 0]) ** 2 + (y - place[i, 1]) ** 2 <= radii[i] ** 2] = number[i]
-    assert np.array_equal(drawn, expected)
-    assert (drawn != EMPTY).sum() > 1000
-
-
-def test_marks_point_where_disks_have_turned_to():
-    place, radius = np.array([[20.5, 20.5], [60.5, 20.5]]), np.array([15.0, 15.0])
-    drawn = raster.draw(
-        (40, 80), place, radius, np.array([1, 2]), empty=EMPTY, angle=np.array([0.0, 0.5 * np.pi]), mark=MARK
-    )
-    assert drawn[20, 30] == MARK  # to the right
-    assert drawn[20, 10] == 1
-    assert drawn[30, 60] == MARK  # upwards: row 0 is at the bottom
-    assert drawn[10, 60] == 2
 
 
 def two_disks(path: Path, **options) -> None:
@@ -70,9 +29,15 @@ def two_disks(path: Path, **options) -> None:
             writer.write(State([[5.0, 15.0], [29.0, 4.0]], np.zeros((2, 2)), [2.0, -2.0], time=0.5 * i))
 
 
+def inside(scene: movie.Scene) -> tuple[slice, slice]:
+    """Rows and columns of the axes in a picture."""
+    box, height = scene._axes.get_window_extent(), scene.size[1]
+    return slice(height - round(box.y1), height - round(box.y0)), slice(round(box.x0), round(box.x1))
+
+
 def colour_at(picture: np.ndarray, scene: movie.Scene, x: float, y: float) -> np.ndarray:
     """Colour of the picture at a place of the box."""
-    rows, columns = scene._rows, scene._columns
+    rows, columns = inside(scene)
     column = columns.start + x / 30.0 * (columns.stop - columns.start)
     row = rows.stop - y / 20.0 * (rows.stop - rows.start)
     return picture[int(row), int(column)].astype(int)
@@ -155,30 +120,29 @@ def test_many_disks_are_a_map_of_the_area_fraction(tmp_path, monkeypatch):
         assert len(covered) == 25  # cells of 6 diameters
         assert covered[:10].mean() == pytest.approx(400 * np.pi * 0.01 / (12.0 * 20.0), rel=0.01)
         picture = scene.draw(0)
-        half = (scene._columns.start + scene._columns.stop) // 2
-        right = picture[scene._rows, half + 5 : scene._columns.stop - 5][5:-5]
+        rows, columns = inside(scene)
+        half = (columns.start + columns.stop) // 2
+        right = picture[rows, half + 5 : columns.stop - 5][5:-5]
         darkest = np.array([0, 34, 78])  # cividis at 0
         assert np.abs(right.astype(int) - darkest).max() <= 2
-        brightness = picture[scene._rows, scene._columns.start + 5 : half - 5][5:-5].mean()
+        brightness = picture[rows, columns.start + 5 : half - 5][5:-5].mean()
         assert brightness > darkest.mean() + 10.0
 
 
-def test_angles_are_marked_where_the_file_holds_them(tmp_path, monkeypatch):
-    monkeypatch.setitem(layout.FIELDS, "angle", layout.Field("angle", 1))
-    state = State([[15.0, 10.0]], np.zeros((1, 2)), [3.0])
-    state.angle = np.array([0.0])  # type: ignore[attr-defined]
-    with TrajectoryWriter(
-        tmp_path / "run.h5",
-        Disks(1, mass=1.0, radius=5.0),
-        BOX,
-        fields=("position", "angular_velocity", "angle"),
-    ) as writer:
+def test_angles_are_marked_where_the_file_holds_them(tmp_path):
+    """Marks point where disks have turned to: one to the right, the other upwards."""
+    state = State([[8.0, 10.0], [22.0, 10.0]], np.zeros((2, 2)), [3.0, 2.0])
+    state.angle = np.array([0.0, 0.5 * np.pi])
+    fields = ("position", "angular_velocity", "angle")
+    with TrajectoryWriter(tmp_path / "run.h5", Disks(2, mass=1.0, radius=5.0), BOX, fields=fields) as writer:
         writer.write(state)
     with Trajectory(tmp_path / "run.h5") as trajectory:
         scene = movie.Scene(trajectory, [0], (600, 500))
         picture = scene.draw(0)
-        assert colour_at(picture, scene, 18.0, 10.0).tolist() == [255, 255, 255]
-        assert colour_at(picture, scene, 12.0, 10.0).tolist() != [255, 255, 255]
+        for x, y in ((11.0, 10.0), (22.0, 13.0)):
+            assert colour_at(picture, scene, x, y).tolist() == [255, 255, 255]
+        for x, y in ((5.0, 10.0), (8.0, 13.0), (8.0, 7.0), (22.0, 7.0), (19.0, 10.0), (25.0, 10.0)):
+            assert colour_at(picture, scene, x, y).tolist() != [255, 255, 255]
 
 
 # imageio-ffmpeg's reader leaves its pipes to the garbage collector.

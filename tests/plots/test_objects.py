@@ -465,9 +465,11 @@ def test_disks_below_a_pixel_are_drawn_as_one_and_it_is_said(tmp_path: Path) -> 
         (drawn,) = (one for one in figure.axes[0].collections if isinstance(one, EllipseCollection))
         np.testing.assert_allclose(drawn.get_widths(), (10.0, 10.0, 40.0))
         scene = movie.Scene(run, [0], (400, 400), "none")
-        empty, plain = (scene._shades[k].astype(float).sum() for k in (movie.EMPTY, 0))
-        image = scene._disks(0, 350, 350).astype(float).sum(axis=2)
-        covered = ((empty - image) / (empty - plain))[:100, :100].sum()  # of the disk at (100, 100)
-        assert covered == pytest.approx(math.pi / 4.0, abs=0.3)  # the area of a disk of one pixel
+        image, plain = scene.draw(0)[..., 0].astype(float), int(disks.PLAIN[1:3], 16)
+        box, height = scene._axes.get_window_extent(), scene.size[1]
+        row, column = height - round(box.y0 + 5.0 / 7.0 * box.height), round(box.x0 + 3.0 / 7.0 * box.width)
+        near = image[row - 4 : row + 4, column - 4 : column + 4]  # the disk at (3000, 5000)
+        covered = ((255.0 - near) / (255.0 - plain)).sum()
+        assert covered == pytest.approx(math.pi / 4.0, abs=0.1)  # the area of a disk of one pixel
         assert scene.draw(0).shape[2] == 3
         assert "small disks enlarged" in scene._title.get_text()

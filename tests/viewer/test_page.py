@@ -310,8 +310,10 @@ def test_one_file_holds_every_frame_also_as_differences(page, tmp_path, place):
     assert page.evaluate("frame.differences.toSorted()") == ["angle", "position"]
     places = np.array(page.evaluate(f"Array.from({{length: {disks}}}, (_, i) => placeOf(i))"))
     assert np.abs(places - frames[place].position).max() <= 0.51 * 30.2 / 65535.0  # half a step of the window
-    turns = np.array(page.evaluate("Array.from(frame.of.angle)"))[:disks] * 2.0 * np.pi / 256.0
-    assert np.abs((turns - frames[place].angle + np.pi) % (2.0 * np.pi) - np.pi).max() <= 0.51 * np.pi / 128.0
+    turns = np.array(page.evaluate("Array.from(frame.of.angle)"))[:disks] * 2.0 * np.pi / 65536.0
+    assert (
+        np.abs((turns - frames[place].angle + np.pi) % (2.0 * np.pi) - np.pi).max() <= 0.51 * np.pi / 32768.0
+    )
 
 
 def test_two_fingers_zoom_and_the_place_between_them_stays(page, serve, path):
