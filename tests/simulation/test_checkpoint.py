@@ -19,8 +19,6 @@ from ifrdem.model.walls import Motion, Turn, Wall
 from ifrdem.simulation import checkpoint
 from ifrdem.simulation.simulation import Simulation
 
-pytestmark = pytest.mark.unoptimised
-
 COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 STATE = (
     "position", "velocity", "spin", "collisions", "image", "wall_hits", "latest_collision", "last_partner",

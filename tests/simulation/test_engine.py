@@ -17,8 +17,6 @@ from ifrdem.simulation import device
 from ifrdem.simulation.engine import Engine, EngineOptions
 from ifrdem.simulation.simulation import Simulation
 
-pytestmark = pytest.mark.unoptimised
-
 SMOOTH = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
 COIN_LAW = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 

@@ -17,8 +17,6 @@ from ifrdem.simulation import device
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.theory.hydrodynamics import shear_length, shear_mode_energy
 
-pytestmark = pytest.mark.unoptimised
-
 PHI, SIDE, AGE = 0.2, 150.0, 12.0
 
 

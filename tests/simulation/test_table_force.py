@@ -20,8 +20,6 @@ from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.validation.paper import table_reference
 
-pytestmark = pytest.mark.unoptimised
-
 HEAD_ON = IFRLaw(e_n=0.8, e_t=-1.0, mu=0.0)  # no friction between coins
 BOX = Box((400.0, 400.0))
 

@@ -8,8 +8,6 @@ from ifrdem.errors import EngineError
 from ifrdem.model.walls import Wall
 from ifrdem.validation.gas import escape
 
-pytestmark = pytest.mark.unoptimised
-
 
 @pytest.mark.parametrize(("order", "hits"), [("alone", 200_000), ("tiles", 5_000)])
 def test_no_disk_escapes(order: str, hits: int) -> None:

@@ -16,6 +16,8 @@ from ifrdem.model.state import Disks, State
 from ifrdem.simulation import device
 from ifrdem.simulation.engine import Engine
 
+pytestmark = pytest.mark.optimised
+
 N = 4000
 LAWS = {"elastic": ELASTIC, "coin": COIN}
 MAKERS = {"equal": equal_disks, "mixture": mixture}

@@ -15,11 +15,10 @@ from support import mpi
 from ifrdem.errors import InputError
 
 GASES = Path(__file__).parents[2] / "support" / "rank_gases.py"
-OPTIMISER = {"TI_ADVANCED_OPTIMIZATION": "0"}  # the same bits, a ninth of the time to compile
 
 
 def lines(ranks: int, *names: str) -> list[dict[str, Any]]:
-    done = mpi.on(ranks, sys.executable, "-m", "mpi4py", GASES, *names, **OPTIMISER)
+    done = mpi.on(ranks, sys.executable, "-m", "mpi4py", GASES, *names)
     assert done.returncode == 0, done.stderr + done.stdout
     found = [json.loads(line) for line in done.stdout.splitlines()]
     assert [each["name"] for each in found] == list(names)[-len(found) :]
@@ -63,7 +62,7 @@ def test_faults_are_found_out() -> None:
     """
     faults = ["no_foresight", "half_a_ring", "half_a_halo", "no_trails", "no_verification", "other_order"]
     faults += ["wrong_owner"]
-    done = mpi.on(2, sys.executable, "-m", "mpi4py", GASES, ",".join(faults), "cooling", **OPTIMISER)
+    done = mpi.on(2, sys.executable, "-m", "mpi4py", GASES, ",".join(faults), "cooling")
     assert done.returncode == 0, done.stderr + done.stdout
     found = {each["fault"]: each for each in map(json.loads, done.stdout.splitlines())}
     assert list(found) == faults

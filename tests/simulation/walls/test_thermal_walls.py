@@ -22,8 +22,6 @@ from ifrdem.simulation import device
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
 
-pytestmark = pytest.mark.unoptimised
-
 ORDERS = ("alone", "tiles")
 LAW = np.array([[ELASTIC]])
 ROUGH = np.array(

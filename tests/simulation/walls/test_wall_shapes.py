@@ -17,8 +17,6 @@ from ifrdem.model.walls import SUMS, Motion, Turn, Wall
 from ifrdem.simulation.engine import ORDERS, Engine
 from ifrdem.simulation.simulation import Simulation
 
-pytestmark = pytest.mark.unoptimised
-
 SIDE = 30.0
 BOX = Box((SIDE, SIDE), (False, False))
 MIDDLE = (15.0, 15.0)

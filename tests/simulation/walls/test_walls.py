@@ -21,8 +21,6 @@ from ifrdem.model.walls import Motion, Wall
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
 
-pytestmark = pytest.mark.unoptimised
-
 ORDERS = ("alone", "tiles")
 LAW = np.array([[ELASTIC]])
 
