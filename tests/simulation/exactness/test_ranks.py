@@ -30,7 +30,7 @@ def lines(ranks: int, *names: str) -> list[dict[str, Any]]:
     ("ranks", "names"),
     [
         (1, ["elastic"]),
-        (2, ["cooling", "mixture", "walls", "shear"]),
+        (2, ["walls", "shear"]),  # both neighbours are one rank; "cooling" is in the test below
         (3, ["cooling", "mixture", "walls", "shear", "fast"]),
         (3, ["spreading"]),
         (4, ["elastic"]),
