@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 from collections.abc import Iterator
 
@@ -18,6 +19,13 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 os.environ["TI_ADVANCED_OPTIMIZATION"] = "0"
 
 CUDA = any(device.arch == "cuda" for device in backend.available())
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put tests of threads and precision last in their files: they start Taichi anew, and all kernels are lost."""
+    files = list(dict.fromkeys(item.path for item in items))
+    place = {path: number for number, path in enumerate(files)}
+    items.sort(key=lambda item: (place[item.path], re.search("thread|precision|f32", item.name) is not None))
 
 
 @pytest.fixture(
