@@ -93,7 +93,7 @@ def corners(order: str = "alone", *, seed: int = 1) -> Engine:
         ),
         *(Wall.arc(middle, 8.5, (a, a + 0.5), turn=back) for a in (0.0, 1.5, 3.0, 4.5)),
     ]
-    disks = Disks(40, mass=1.0, radius=0.35)
+    disks = Disks(40, mass=np.ones(40), radius=np.full(40, 0.35))
     position = random_positions(box, disks.radius, seed=seed, walls=walls)
     state = State(position, maxwellian(disks.mass, speed_rms=1.0, seed=seed), np.zeros(40))
     law = np.array([[IFRLaw(e_n=0.85, e_t=-0.6, mu=0.2).table_row()]])
