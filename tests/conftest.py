@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 from collections.abc import Iterator
 
@@ -14,8 +15,22 @@ from ifrdem.simulation import device as backend
 
 # A shell starts background jobs deaf to SIGINT, and children inherit that; tests interrupt some of theirs.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+# Kernels without Taichi's optimiser, here and in processes that tests start: the same bits, half the time to compile.
+os.environ["TI_ADVANCED_OPTIMIZATION"] = "0"
 
 CUDA = any(device.arch == "cuda" for device in backend.available())
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put tests of threads, precision and profiles last in their files: they start Taichi anew, kernels are lost."""
+    files = list(dict.fromkeys(item.path for item in items))
+    place = {path: number for number, path in enumerate(files)}
+    items.sort(
+        key=lambda item: (
+            place[item.path],
+            re.search("thread|precision|f32|profiled?_", item.name) is not None,
+        )
+    )
 
 
 @pytest.fixture(
@@ -31,18 +46,15 @@ def arch(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture(autouse=True, scope="module")
 def compiler(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Files marked `unoptimised` compile their kernels without Taichi's optimiser: the same bits, a ninth of the time.
-
-    Those that hold the engine to its guarantee run what users run.
-    """
-    if request.node.get_closest_marker("unoptimised") is None:
+    """Files marked `optimised` run what users run; all others have one Taichi and its kernels in common."""
+    if request.node.get_closest_marker("optimised") is None:
         yield
         return
     backend.stop()
-    os.environ["TI_ADVANCED_OPTIMIZATION"] = "0"
+    os.environ["TI_ADVANCED_OPTIMIZATION"] = "1"
     yield
     backend.stop()
-    del os.environ["TI_ADVANCED_OPTIMIZATION"]
+    os.environ["TI_ADVANCED_OPTIMIZATION"] = "0"
 
 
 @pytest.fixture

@@ -16,8 +16,6 @@ import ifrdem
 from ifrdem import analysis, bullet, fit, forces, initial, observables, plots, theory
 from ifrdem.initial import radii
 
-pytestmark = pytest.mark.unoptimised
-
 FACES: list[ModuleType] = [ifrdem, initial, radii, forces, observables, theory, analysis, fit, bullet, plots]
 
 MADE_BY_FUNCTIONS = {

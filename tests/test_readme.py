@@ -32,8 +32,6 @@ from ifrdem.model.walls import Motion, Piston, Wall
 from ifrdem.plots import pictures
 from ifrdem.theory import sheared_gas
 
-pytestmark = pytest.mark.unoptimised
-
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / ".site"))
 import notebooks  # noqa: E402  (what runs them for the site)

@@ -230,7 +230,7 @@ def _rates_and_speeds(gas: CaseGas) -> tuple[list[float], list[float]]:
 def collision_rates(species: Sequence[Species], area: float) -> NDArray[np.float64]:
     """Collisions per disk and time [1/time] of each species of equal disks with Maxwellian velocities, in an area."""
     number = np.array([each.number for each in species], dtype=np.float64)
-    radius = np.array([each.radius.mean() for each in species])
+    radius = np.array([each.values("radius").mean() for each in species])
     variance = np.array([0.5 * each.speed_rms**2 for each in species])  # T / m
     g = theory.mixture_contact_values(math.pi * float(number @ radius**2) / area, radius, number)
     ones = np.ones(len(number))
@@ -250,7 +250,7 @@ def _wall_hits(gas: CaseGas) -> float:
     phi = room.covered_part(gas.kinds.covered)
     crowding = 1.0 + 2.0 * phi * theory.contact_value(min(phi, 0.9))
     for each in gas.species:
-        inset = float(each.radius.mean())
+        inset = float(each.values("radius").mean())
         if (area := room.area(inset)) > 0.0:
             along_x = each.speed_rms / math.sqrt(2.0)
             flux = each.number / area * along_x / math.sqrt(2.0 * math.pi)

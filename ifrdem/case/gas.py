@@ -259,9 +259,9 @@ class CaseGas:
 
     def _fastest_drawn(self) -> tuple[float, float]:
         """More than the largest speed [length/time] and spin [rad/time] that are drawn: 12 deviations."""
-        lightest = (each.mass.min() for each in self.species)
+        lightest = (each.values("mass").min() for each in self.species)
         speeds = [
-            each.speed_rms * math.sqrt(float(each.mass.max()) / low)
+            each.speed_rms * math.sqrt(float(each.values("mass").max()) / low)
             for each, low in zip(self.species, lightest, strict=True)
         ]
         return 12.0 * max(speeds), 12.0 * max(each.spin_rms for each in self.species)

@@ -47,6 +47,11 @@ class Species:
         """True if all of them have one mass and radius."""
         return all(column.strides == (0,) or np.ptp(column) == 0.0 for column in (self.mass, self.radius))
 
+    def values(self, name: str) -> NDArray[np.float64]:
+        """Masses or radii, one number for all where it is the memory of all: for what does not depend on how many."""
+        column: NDArray[np.float64] = getattr(self, name)
+        return column[:1] if column.strides == (0,) else column
+
     def classes(self) -> list[Species]:
         """Species of equal disks that stand for these: one for each radius, or `CLASSES` groups of like radii.
 

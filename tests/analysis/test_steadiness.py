@@ -17,8 +17,6 @@ from ifrdem.analysis.result import NOT_STEADY
 from ifrdem.cli import main as cli
 from ifrdem.plots import pictures
 
-pytestmark = pytest.mark.unoptimised
-
 N, FRAMES = 600, 21
 BOX = Box((40.0, 40.0))
 SI = {"length": "m", "time": "s", "mass": "kg", "energy": "J"}

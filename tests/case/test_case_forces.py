@@ -23,8 +23,6 @@ from ifrdem.plots import run
 from ifrdem.theory.driven_gas import Drive, steady_state
 from ifrdem.trajectory.reader import Trajectory
 
-pytestmark = pytest.mark.unoptimised
-
 ROOT = Path(__file__).parents[2]
 
 DRIVEN = """

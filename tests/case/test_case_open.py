@@ -16,8 +16,6 @@ from ifrdem.errors import InputError
 from ifrdem.plots import run
 from ifrdem.trajectory.reader import Trajectory
 
-pytestmark = pytest.mark.unoptimised
-
 CASE = Path(__file__).parents[2] / "cases" / "coins_on_table.toml"
 SMALL = ["species[0].number=60", "output.frames=6", "force[0].step=0.01", "run.t_end=1.5"]
 

@@ -14,8 +14,6 @@ from ifrdem.run.signals import Stops
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.viewer.content import Content
 
-pytestmark = pytest.mark.unoptimised
-
 CASE = """
 [run]
 name = "lid"

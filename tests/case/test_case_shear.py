@@ -19,8 +19,6 @@ from ifrdem.plots import run
 from ifrdem.theory.sheared_gas import steady_state
 from ifrdem.trajectory.reader import Trajectory
 
-pytestmark = pytest.mark.unoptimised
-
 ROOT = Path(__file__).parents[2]
 SHEARED = """
 [run]

@@ -29,8 +29,6 @@ from ifrdem.plots import profiles, theory_curves
 from ifrdem.run.info import describe
 from ifrdem.trajectory.reader import Trajectory
 
-pytestmark = pytest.mark.unoptimised
-
 ROOT = Path(__file__).parents[2]
 
 SHAKEN = """

@@ -16,8 +16,6 @@ from ifrdem.case.gas import CaseGas
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
 
-pytestmark = pytest.mark.unoptimised
-
 CASES = Path(__file__).parents[2] / "cases"
 
 

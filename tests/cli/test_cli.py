@@ -26,8 +26,6 @@ from ifrdem.simulation.simulation import Simulation
 from ifrdem.tools import progress
 from ifrdem.trajectory.reader import Trajectory
 
-pytestmark = pytest.mark.unoptimised
-
 ROOT = Path(__file__).parents[2]
 
 CASE = """

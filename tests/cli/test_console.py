@@ -12,8 +12,6 @@ from support.layout_files import write
 
 from ifrdem.cli.main import app, main
 
-pytestmark = pytest.mark.unoptimised
-
 CASE = """
 [run]
 name = "tiny"

@@ -22,8 +22,6 @@ from ifrdem.model.state import Disks, State
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter
 
-pytestmark = pytest.mark.unoptimised
-
 N = 60
 CASE = """
 run.collisions_per_disk = 2.0

@@ -17,8 +17,6 @@ from ifrdem.model.state import Disks
 from ifrdem.plots import impact_angles as scan_picture
 from ifrdem.trajectory.reader import Trajectory
 
-pytestmark = pytest.mark.unoptimised
-
 CASE = Path(__file__).parents[2] / "cases" / "impact_scan.toml"
 
 

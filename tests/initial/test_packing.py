@@ -20,8 +20,6 @@ from ifrdem.initial.placement import check_no_overlap
 from ifrdem.model.box import Box
 from ifrdem.tools.progress import Stage
 
-pytestmark = pytest.mark.unoptimised
-
 
 def bidisperse(n: int) -> NDArray[np.float64]:
     return radii.bidisperse(n, low=0.5, high=0.7, large_fraction=0.5, seed=1)

@@ -15,8 +15,6 @@ from ifrdem.kernels import language
 from ifrdem.kernels.language import ti
 from ifrdem.simulation import device
 
-pytestmark = pytest.mark.unoptimised
-
 ROOT = Path(__file__).parents[2]
 
 

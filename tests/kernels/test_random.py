@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 
 from ifrdem.simulation import device
 
-pytestmark = pytest.mark.unoptimised
-
 # Philox in Python for words of any width, from Salmon et al. (doi:10.1145/2063384.2063405), Sec. 3.3 and Random123:
 # multipliers and additions of Philox4x32 and Philox4x64.
 CONSTANTS = {

@@ -8,8 +8,6 @@ import pytest
 from ifrdem.simulation import device
 from ifrdem.validation.paper import table_reference
 
-pytestmark = pytest.mark.unoptimised
-
 K = 2.0
 
 

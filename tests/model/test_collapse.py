@@ -19,8 +19,6 @@ from ifrdem.simulation import device
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
 
-pytestmark = pytest.mark.unoptimised
-
 ORDERS = ("alone", "tiles")
 INELASTIC = (0.6, *ELASTIC[1:])
 

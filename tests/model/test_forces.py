@@ -18,8 +18,6 @@ from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
 from ifrdem.simulation.simulation import Simulation
 
-pytestmark = pytest.mark.unoptimised
-
 
 def slope(error: Sequence[float]) -> float:
     """Order of convergence from the errors at steps that each are half the one before."""

@@ -10,8 +10,6 @@ import pytest
 from ifrdem import Box, Disks, IFRLaw, InputError, Simulation, State, Trajectory, TrajectoryWriter
 from ifrdem.model.observables import measure
 
-pytestmark = pytest.mark.unoptimised
-
 
 def two(mass: list[float]) -> tuple[Disks, Box]:
     return Disks(2, mass=mass, radius=[0.5, 1.0]), Box((12.0, 12.0))

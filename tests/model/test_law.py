@@ -19,8 +19,6 @@ from ifrdem.model.state import Disks, State
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
 
-pytestmark = pytest.mark.unoptimised
-
 
 def viscoelastic(c: float = 0.0) -> Viscoelastic:
     return Viscoelastic(c=c, e_t=-1.0, mu=0.0)

@@ -31,7 +31,6 @@ from ifrdem import (
 from ifrdem.initial import placement
 from ifrdem.simulation.schedule import Cadence
 
-pytestmark = pytest.mark.unoptimised
 LAW = IFRLaw(e_n=0.9, e_t=-0.5, mu=0.2)
 
 

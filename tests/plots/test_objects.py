@@ -25,8 +25,6 @@ from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.plots import analyses, disks, movie, pictures
 
-pytestmark = pytest.mark.unoptimised
-
 N = 400
 LAW = {"e_n": 0.8, "e_t": -0.9, "mu": 0.2, "sticking": "percussion_center", "rho": 0.0}
 

@@ -11,8 +11,6 @@ from support.figures import texts
 from ifrdem import Box, Disks, InputError, Piston, State, Trajectory, TrajectoryWriter, Wall
 from ifrdem.plots import pictures
 
-pytestmark = pytest.mark.unoptimised
-
 
 def write(path: Path, walls: list[Wall]) -> Path:
     """Pistons j = 1, 2, ... at s = j t with the energy -j t^2; the wall that is none comes first."""

@@ -20,8 +20,6 @@ from ifrdem.plots import profiles, run, theory_curves
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter
 
-pytestmark = pytest.mark.unoptimised
-
 WIDTH, HEIGHT = 30.0, 20.0
 SI = {"length": "m", "mass": "kg", "time": "s", "energy": "J"}
 

@@ -12,8 +12,6 @@ from ifrdem import Box, Disks, InputError, State, Trajectory, TrajectoryWriter, 
 from ifrdem.model.walls import wall_names
 from ifrdem.plots import pictures
 
-pytestmark = pytest.mark.unoptimised
-
 WALLS = [Wall.post((2.0 + i, 3.0), 0.1, group="rake" if i < 2 else "") for i in range(3)]
 BOX = Box((9.0, 9.0), (True, False))
 

@@ -8,8 +8,6 @@ import pytest
 
 from ifrdem.cli.main import main
 
-pytestmark = pytest.mark.unoptimised
-
 CASE = """
 [run]
 name = "drop"

@@ -29,8 +29,6 @@ from ifrdem.simulation.simulation import Simulation
 from ifrdem.tools.versions import package_versions
 from ifrdem.trajectory.background import QueuedWriter
 
-pytestmark = pytest.mark.unoptimised
-
 CASE = """
 [run]
 name = "gas"
@@ -334,10 +332,9 @@ def test_checkpoints_of_others_are_refused_before_anything_is_done(tmp_path, mon
 
 def launched(case: Path) -> subprocess.Popen[str]:
     """A run in a process group of its own."""
-    environment = {**os.environ, "TI_ADVANCED_OPTIMIZATION": "0"}
     return subprocess.Popen(
         [sys.executable, "-m", "ifrdem", "run", str(case), "-o", f"{case.parent}/"],
-        env=environment, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, start_new_session=True,
+        stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, start_new_session=True,
     )  # fmt: skip
 
 

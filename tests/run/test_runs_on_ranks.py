@@ -133,7 +133,7 @@ def test_a_rank_that_dies_ends_the_run_and_the_checkpoint_is_good(case: Path, pl
 
 
 @mpi.needed
-@pytest.mark.parametrize("ranks", [1, 2, 3, 4])
+@pytest.mark.parametrize("ranks", [1, 4])  # 3, 2 and 1 one after another below
 def test_a_run_in_parts_has_the_bits_of_one_file(case: Path, plain: Path, ranks: int) -> None:
     folder = case.parent / f"parts{ranks}"
     folder.mkdir()
@@ -145,9 +145,10 @@ def test_a_run_in_parts_has_the_bits_of_one_file(case: Path, plain: Path, ranks:
     assert sorted(each.name for each in (folder / "gas.parts").iterdir()) == names
     assert sorted(each.name for each in folder.iterdir()) == ["gas.h5", "gas.parts", "gas.status.json"]
     assert all(f"gas.parts/{name}" in done.stdout for name in names)
-    done = mpi.on(ranks, *words)
-    assert done.returncode == 2
-    assert done.stderr.count("exists already; --force replaces it") == 1
+    if ranks > 1:  # told once
+        done = mpi.on(2, *words)
+        assert done.returncode == 2
+        assert done.stderr.count("exists already; --force replaces it") == 1
 
 
 @mpi.needed

@@ -14,7 +14,6 @@ from support import gases
 
 from ifrdem import Box, CollisionLaw, IFRLaw, InputError, Simulation, State, Wall, forces
 
-pytestmark = pytest.mark.unoptimised
 LAW = IFRLaw(e_n=0.9, e_t=-0.5, mu=0.2)
 ROUGH = IFRLaw(e_n=0.7, e_t=-0.2, mu=0.1, sticking="contact_point")
 

@@ -19,8 +19,6 @@ from ifrdem.model.walls import Motion, Turn, Wall
 from ifrdem.simulation import checkpoint
 from ifrdem.simulation.simulation import Simulation
 
-pytestmark = pytest.mark.unoptimised
-
 COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 STATE = (
     "position", "velocity", "spin", "collisions", "image", "wall_hits", "latest_collision", "last_partner",
@@ -42,15 +40,15 @@ def same_bits(one: Simulation, other: Simulation) -> None:
     assert one.dissipated_energy == other.dissipated_energy
 
 
-def gas(**options: object) -> Callable[[int], Simulation]:
+def gas(**options: object) -> Callable[..., Simulation]:
     disks = mixture(1200)
     box, state = start(disks, 0.5)
-    return lambda threads: Simulation(
+    return lambda threads=None: Simulation(
         disks, box, COIN, state, threads=threads, ledger=True, partners=True, angles=True, **options
     )
 
 
-def walled(threads: int) -> Simulation:
+def walled(threads: int | None = None) -> Simulation:
     disks, box = equal_disks(60), Box((14.0, 40.0), periodic=(True, False))
     rng = np.random.default_rng(5)
     grid = np.stack(np.meshgrid(np.arange(10), np.arange(6)), axis=-1).reshape(-1, 2) * 1.3 + 1.0
@@ -64,7 +62,7 @@ def walled(threads: int) -> Simulation:
     )  # fmt: skip
 
 
-def gated(threads: int) -> Simulation:
+def gated(threads: int | None = None) -> Simulation:
     """Gates that open before and after the checkpoint, a blade that turns for a time, and sums of walls."""
     disks, box = equal_disks(60), Box((14.0, 40.0), periodic=(True, False))
     rng = np.random.default_rng(5)
@@ -80,7 +78,7 @@ def gated(threads: int) -> Simulation:
     )  # fmt: skip
 
 
-def sheared(threads: int) -> Simulation:
+def sheared(threads: int | None = None) -> Simulation:
     disks = equal_disks(300)
     box, state = start(disks, 0.4)
     flowing = Box(box.lengths, shear_rate=0.7)
@@ -88,7 +86,7 @@ def sheared(threads: int) -> Simulation:
     return Simulation(disks, flowing, COIN, moving, threads=threads, ledger=True, partners=True, angles=True)
 
 
-def freed(threads: int) -> Simulation:
+def freed(threads: int | None = None) -> Simulation:
     disks = equal_disks(100)
     _, state = start(disks, 0.4)
     return Simulation(
@@ -96,7 +94,7 @@ def freed(threads: int) -> Simulation:
     )
 
 
-def driven(threads: int) -> Simulation:
+def driven(threads: int | None = None) -> Simulation:
     disks = equal_disks(300)
     box, state = start(disks, 0.3)
     return Simulation(
@@ -108,11 +106,11 @@ def driven(threads: int) -> Simulation:
 @pytest.mark.parametrize("make", [gas(), gas(precision="f32"), walled, gated, sheared, freed, driven])
 def test_a_run_goes_on_to_the_bit(tmp_path, make):
     # In time, except that a gas in single precision may as well end by its collisions.
-    whole = make(1)
+    whole = make()
     whole.run(t_end=0.9)
     whole.save_checkpoint(tmp_path / "a.h5", {"note": 1})
     whole.run(t_end=2.0)
-    again = make(1)
+    again = make()
     assert again.load_checkpoint(tmp_path / "a.h5") == {"note": 1}
     assert again.time == 0.9
     again.run(t_end=2.0)
@@ -142,7 +140,7 @@ def test_so_does_one_in_tiles_on_another_number_of_threads(tmp_path, monkeypatch
 
 def test_writing_a_checkpoint_changes_nothing(tmp_path):
     make = gas()
-    plain, stored = make(1), make(1)
+    plain, stored = make(), make()
     for end in (0.3, 0.6, 0.9):
         plain.run(t_end=end)
         stored.run(t_end=end)
@@ -152,10 +150,10 @@ def test_writing_a_checkpoint_changes_nothing(tmp_path):
 
 def test_the_checkpoint_of_another_gas_is_refused(tmp_path):
     make = gas()
-    make(1).save_checkpoint(tmp_path / "a.h5")
+    make().save_checkpoint(tmp_path / "a.h5")
     for other in (gas(seed=2), gas(precision="f32"), driven):
         with pytest.raises(InputError, match="another gas"):
-            other(1).load_checkpoint(tmp_path / "a.h5")
+            other().load_checkpoint(tmp_path / "a.h5")
 
 
 def test_what_is_no_checkpoint_is_refused(tmp_path):
@@ -227,7 +225,7 @@ def test_a_checkpoint_of_a_later_format_is_refused(tmp_path):
 )
 def test_what_a_checkpoint_cannot_hold_is_named_and_leaves_no_file(tmp_path, monkeypatch, arguments, said):
     monkeypatch.chdir(tmp_path)
-    simulation = freed(1)
+    simulation = freed()
     with pytest.raises(InputError, match=said):
         simulation.save_checkpoint(*arguments)
     assert os.listdir(tmp_path) == []

@@ -22,8 +22,6 @@ from ifrdem.theory.driven_gas import Drive, driven
 from ifrdem.theory.mixtures import Mixture, mixture_cooling
 from ifrdem.theory.sonine import cooling_factor, heated_sonine
 
-pytestmark = pytest.mark.unoptimised
-
 COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 ELASTIC_ROUGH = IFRLaw(e_n=1.0, e_t=0.0, mu=1e9, sticking="contact_point")  # g_t' = -g_t
 SMOOTH = IFRLaw(e_n=0.8, e_t=-1.0, mu=0.0)

@@ -19,7 +19,6 @@ from ifrdem import EngineError, IFRLaw, Simulation, State
 from ifrdem.model.observables import Measure
 from ifrdem.simulation.engine import Engine
 
-pytestmark = pytest.mark.unoptimised
 LAW = IFRLaw(e_n=0.9, e_t=-0.5, mu=0.2)
 
 

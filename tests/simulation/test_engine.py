@@ -17,8 +17,6 @@ from ifrdem.simulation import device
 from ifrdem.simulation.engine import Engine, EngineOptions
 from ifrdem.simulation.simulation import Simulation
 
-pytestmark = pytest.mark.unoptimised
-
 SMOOTH = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
 COIN_LAW = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 
@@ -274,7 +272,7 @@ def test_a_disk_wider_than_a_third_of_the_box_is_refused() -> None:
 
 
 @pytest.mark.parametrize("ledger", [False, True])
-def test_memory_is_what_the_estimate_says(ledger: bool) -> None:
+def test_memory_on_one_thread_is_what_the_estimate_says(ledger: bool) -> None:
     """Beside it stands the scratch space of the tiles that run at the same time, which does not grow with n."""
     disks = equal_disks(60_000)
     box, state = start(disks, 0.3)

@@ -21,8 +21,6 @@ from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.theory.driven_gas import Drive, steady_state
 
-pytestmark = pytest.mark.unoptimised
-
 # --- energy, steady state, threads --------------------------------------------------------------------------
 
 

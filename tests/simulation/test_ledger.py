@@ -19,8 +19,6 @@ from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.schedule import Cadence
 from ifrdem.simulation.simulation import Simulation
 
-pytestmark = pytest.mark.unoptimised
-
 ROLLING = IFRLaw(e_n=0.9, e_t=-0.9, mu=0.15, sticking="contact_point", rho=0.02)
 COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 

@@ -22,8 +22,6 @@ from ifrdem.simulation.schedule import Cadence, Course, Span
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.trajectory import layout
 
-pytestmark = pytest.mark.unoptimised
-
 COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 SEEN = ("position", "velocity", "spin", "collisions", "image", "last_partner", "angle")
 ALL_FIELDS = tuple(layout.FIELDS)

@@ -24,8 +24,6 @@ from ifrdem.simulation.simulation import Simulation
 from ifrdem.theory import contact_value
 from ifrdem.theory.sheared_gas import steady_state
 
-pytestmark = pytest.mark.unoptimised
-
 ORDERS = ["alone", "tiles"]
 # Times at which the image above lies where it began; somewhere; more than twelve boxes further. All negative shear too.
 BEGINNINGS = {"aligned": 0.0, "askew": 3.7, "boxes away": 61.3}

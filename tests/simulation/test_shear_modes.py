@@ -13,11 +13,8 @@ from ifrdem.model.box import Box
 from ifrdem.model.coin_table import coins
 from ifrdem.model.observables import Measure
 from ifrdem.model.state import Disks, State
-from ifrdem.simulation import device
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.theory.hydrodynamics import shear_length, shear_mode_energy
-
-pytestmark = pytest.mark.unoptimised
 
 PHI, SIDE, AGE = 0.2, 150.0, 12.0
 
@@ -45,9 +42,8 @@ def test_shear_modes_of_cooling_coins_grow_as_linear_theory_says() -> None:
 
     position = placement.random_positions(box, disks.radius, seed=1)
     velocity = placement.maxwellian(disks.mass, temperature=1.0, seed=1)
-    gas = Simulation(disks, box, law, State(position, velocity, np.zeros(n)), threads=1)
+    gas = Simulation(disks, box, law, State(position, velocity, np.zeros(n)))
     gas.run(collisions_per_disk=AGE, frames=1, observers=[observe])
     at_start, later = shares
     assert later == pytest.approx(shear_mode_energy(AGE, law, 0.5, PHI, (SIDE, SIDE), theta0=0.0), rel=0.2)
     assert abs(at_start) < 0.1 * later  # thermal: 136 / (2 n), of which a part 1 / sqrt(68) is noise
-    device.stop()

@@ -15,12 +15,9 @@ from ifrdem.model.forces import Drag, RandomKicks, TableFriction
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
-from ifrdem.simulation import device
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.validation.paper import table_reference
-
-pytestmark = pytest.mark.unoptimised
 
 HEAD_ON = IFRLaw(e_n=0.8, e_t=-1.0, mu=0.0)  # no friction between coins
 BOX = Box((400.0, 400.0))
@@ -174,13 +171,14 @@ def test_threads_orders_and_precisions_agree() -> None:
         assert engine.collisions > 30
         return engine.state()
 
-    try:
-        single = end("alone", precision="f32")
-    finally:
-        device.start()
-    alone = end("alone")
+    # Another number of threads, or precision, starts Taichi anew.
+    alone, two, one, single = (
+        end("alone"),
+        end("tiles"),
+        end("tiles", threads=1),
+        end("alone", precision="f32"),
+    )
     np.testing.assert_allclose(single.position, alone.position, atol=1e-3)
-    one, two = end("tiles", threads=1), end("tiles")
     for name in ("position", "velocity", "spin"):
         np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
     np.testing.assert_allclose(alone.position, one.position, atol=1e-9)

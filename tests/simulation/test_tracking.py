@@ -15,8 +15,6 @@ from ifrdem.model.walls import Motion, Wall
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.simulation.tracking import ELASTIC, KICK, UNKNOWN, Events
 
-pytestmark = pytest.mark.unoptimised
-
 COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 ROLLING = IFRLaw(e_n=0.9, e_t=-0.9, mu=0.15, sticking="contact_point", rho=0.02)
 

@@ -25,8 +25,6 @@ from ifrdem.simulation.simulation import Simulation
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter
 
-pytestmark = pytest.mark.unoptimised
-
 LAW = IFRLaw(e_n=COIN[0], e_t=COIN[1], mu=COIN[2])
 
 

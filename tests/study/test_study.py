@@ -20,8 +20,6 @@ from ifrdem.cli import main as cli
 from ifrdem.study.results import Results
 from ifrdem.study.task import load
 
-pytestmark = pytest.mark.unoptimised
-
 CASE = """
 [run]
 name = "gas"
@@ -319,10 +317,8 @@ if __name__ == "__main__":
 """
     script = out.with_suffix(".py")
     script.write_text(program)
-    environment = {**os.environ, "TI_ADVANCED_OPTIMIZATION": "0"}
     return subprocess.Popen(
         [sys.executable, str(script)],
-        env=environment,
         text=True,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

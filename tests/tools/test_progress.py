@@ -20,8 +20,6 @@ import ifrdem
 from ifrdem.tools import progress as showing
 from ifrdem.tools.progress import NARROWEST, Progress
 
-pytestmark = pytest.mark.unoptimised
-
 
 class Clock:
     """Real time that the test sets."""

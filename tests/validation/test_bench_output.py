@@ -12,8 +12,6 @@ from ifrdem.simulation.simulation import Simulation
 from ifrdem.validation.speed import bench, output_cost
 from ifrdem.validation.speed.output_cost import FRAMES, between, cost
 
-pytestmark = pytest.mark.unoptimised
-
 
 def test_each_turn_times_the_same_time_bare_with_the_ledger_and_with_all(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch

@@ -8,14 +8,16 @@ from ifrdem.errors import EngineError
 from ifrdem.model.walls import Wall
 from ifrdem.validation.gas import escape
 
-pytestmark = pytest.mark.unoptimised
 
-
-@pytest.mark.parametrize(("order", "hits"), [("alone", 200_000), ("tiles", 5_000)])
-def test_no_disk_escapes(order: str, hits: int) -> None:
-    found = escape.run(hits, order)
+@pytest.mark.parametrize(
+    ("where", "order", "hits"),
+    [("kinds", "alone", 60_000), ("kinds", "tiles", 3_000), ("corners", "alone", 100_000)],
+)
+def test_no_disk_escapes(where: str, order: str, hits: int) -> None:
+    found = escape.run(hits, order, where=where)
     assert found.hits >= hits
     assert found.states > 500
+    assert found.least_gap < 0.01  # they do come near
     assert found.least_gap > -1e-11  # rounding of places near 30 is 4e-15
 
 
@@ -28,7 +30,7 @@ def test_an_escape_would_be_seen(monkeypatch: pytest.MonkeyPatch) -> None:
         engine.walls = (*engine.walls, Wall.line((0.0, 20.0), (0.0, -1.0)))
         return engine
 
-    monkeypatch.setattr(escape, "room", with_a_hole)
+    monkeypatch.setitem(escape.ROOMS, "kinds", with_a_hole)
     with pytest.raises(EngineError, match=r"disk \d+ overlaps wall 12 \(line\)"):
         escape.run(2_000)
 
@@ -37,3 +39,5 @@ def test_bad_options_end_with_status_2(capsys: pytest.CaptureFixture[str]) -> No
     assert escape.main(["--hits", "1.5"]) == 2
     assert escape.main(["--order", "alnoe"]) == 2
     assert "did you mean 'alone'" in capsys.readouterr().err
+    assert escape.main(["--room", "corner"]) == 2
+    assert "did you mean 'corners'" in capsys.readouterr().err

@@ -29,8 +29,6 @@ from ifrdem.validation.paper.equations import Impact
 from ifrdem.validation.report import page, registry, runner, style
 from ifrdem.validation.report.registry import Picture, Result, Row, Skip, Table
 
-pytestmark = pytest.mark.unoptimised
-
 CHECKS = {"tolerance": 0.1, "reason": "a guess", "source": "a <book> & more"}
 
 

@@ -14,8 +14,6 @@ from ifrdem.validation.gas import collapse, elastic, sample, state, waves
 from ifrdem.validation.report import page, registry, runner, terminal
 from ifrdem.validation.report.registry import GAS, Result
 
-pytestmark = pytest.mark.unoptimised
-
 
 def test_gases_are_a_group_of_their_own_and_no_part_of_a_run_without_names() -> None:
     assert registry.chosen(["gas"]) == list(GAS)

@@ -19,8 +19,6 @@ from ifrdem.simulation import device
 from ifrdem.validation.report import registry, runner, terminal, workers
 from ifrdem.validation.report.registry import Result, Row
 
-pytestmark = pytest.mark.unoptimised
-
 
 def test_rows_and_figures_of_workers_are_those_of_one_process_to_the_last_bit(tmp_path, capsys) -> None:
     names = ["misprints", "gas_collapse"]

@@ -63,7 +63,9 @@ def mean_of(pieces: list[Angles], name: str) -> Mean:
 
 def draw(axes: Any, found: dict[str, dict[float, list[Angles]]]) -> None:
     """Draw angles of the surface against the speed, of several codes."""
-    looks = zip(found.items(), (style.BLACK, style.BLUE), ("s", "o"), (-1e-4, 1e-4), strict=False)
+    looks = zip(
+        found.items(), (style.BLACK, style.ORANGE, style.BLUE), "s^o", (-2e-4, 0.0, 2e-4), strict=False
+    )
     for (name, each), colour, marker, beside in looks:
         means = [mean_of(pieces, "surface") for pieces in each.values()]
         axes.errorbar(

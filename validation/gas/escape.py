@@ -5,12 +5,16 @@ cuts the corners off, with a turning surface; a floor that moves as a sine and a
 rest, in motion and of radius 0; a segment. Gravity pulls. Inelastic rough disks lose what moving walls give; slow
 collisions are elastic, so that none comes to rest on a post.
 
+`--room corners`: disks in a star, around polylines and arcs with many corners, joints and ends, some of which turn or
+swing.
+
 After every stretch of collisions each disk is held against each wall: a gap below zero by more than rounding is an
 escape, or the beginning of one, and the engine itself refuses a state with a disk outside of the box.
 """
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,14 +22,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...errors import EngineError, InputError, nearest
+from ...initial import maxwellian, random_positions
 from ...model.box import Box
 from ...model.coin_table import coins
+from ...model.ifr import IFRLaw
 from ...model.state import Disks, State
-from ...model.walls import Motion, Wall
+from ...model.walls import Motion, Turn, Wall
 from ...simulation.engine import ORDERS, Engine
 from ...tools.arguments import Parser, whole
 
-ROUNDING = 1e-9  # of the gap, in diameters: thousands of times the rounding of a place in this room
+ROUNDING = 1e-9  # of the gap [length]: thousands of times the rounding of a place in this room
 BAD_INPUT, FAILED = 2, 1
 
 
@@ -37,7 +43,7 @@ class Escape:
     collisions: int  # and between disks
     time: float  # simulated time at the end [time]
     states: int  # how many times all gaps were looked at
-    least_gap: float  # between a disk and a wall in all of them [diameters]; below 0 it is an overlap
+    least_gap: float  # between a disk and a wall in all of them [length]; below 0 it is an overlap
 
 
 def room(order: str = "alone", *, seed: int = 1) -> Engine:
@@ -67,12 +73,52 @@ def room(order: str = "alone", *, seed: int = 1) -> Engine:
     )  # fmt: skip
 
 
-def run(hits: int, order: str = "alone", *, seed: int = 1) -> Escape:
-    """Run until so many wall hits.
+def corners(order: str = "alone", *, seed: int = 1) -> Engine:
+    """Forty disks of diameter 0.7 among corners, joints and ends; walls are nowhere less than a diameter apart."""
+    middle, box = (15.0, 15.0), Box((30.0, 30.0), (False, False))
+    star = [
+        (15.0 + r * math.cos(a), 15.0 + r * math.sin(a))
+        for r, a in zip([14.0, 11.5] * 12, 2.0 * np.pi * np.arange(24) / 24, strict=True)
+    ]
+    turn = Turn("steady", center=middle, rate=0.5)
+    back = Turn("sine", center=middle, amplitude=2.0, frequency=0.05, phase=0.3)
+    walls = [
+        Wall.polygon(star, holds="inside"),
+        Wall.polyline([(12.0, 15.0), (14.0, 15.8), (16.0, 14.2), (18.0, 15.0)], turn=turn),
+        *(
+            Wall.arc(
+                (15.0 + 5.0 * math.cos(a), 15.0 + 5.0 * math.sin(a)), 1.0, (a + 1.5, a + 4.8), turn=turn
+            )  # open outwards
+            for a in (0.0, 2.0, 4.0)
+        ),
+        *(Wall.arc(middle, 8.5, (a, a + 0.5), turn=back) for a in (0.0, 1.5, 3.0, 4.5)),
+    ]
+    disks = Disks(40, mass=np.ones(40), radius=np.full(40, 0.35))
+    position = random_positions(box, disks.radius, seed=seed, walls=walls)
+    state = State(position, maxwellian(disks.mass, speed_rms=1.0, seed=seed), np.zeros(40))
+    law = np.array([[IFRLaw(e_n=0.85, e_t=-0.6, mu=0.2).table_row()]])
+    return Engine(
+        disks,
+        box,
+        state,
+        law,
+        order=order,
+        walls=walls,
+        gravity=(0.0, -0.02),
+        velocity_cutoff=1e-3,
+        seed=seed,
+    )
+
+
+ROOMS = {"kinds": room, "corners": corners}
+
+
+def run(hits: int, order: str = "alone", *, where: str = "kinds", seed: int = 1) -> Escape:
+    """Run in one of `ROOMS` until so many wall hits.
 
     Raises EngineError if a disk is found inside of a wall or beyond it.
     """
-    engine = room(order, seed=seed)
+    engine = ROOMS[where](order, seed=seed)
     least, states = np.inf, 0
     while engine.wall_hits < hits:
         before = engine.wall_hits
@@ -95,20 +141,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run and print; returns 0, 1 (a disk escaped) or 2 (bad input)."""
     parser = Parser(prog="python -m ifrdem.validation.gas.escape", description=__doc__, allow_abbrev=False)
     parser.add_argument("--hits", metavar="H", default="1e7", help="wall hits (1e7)")
+    parser.add_argument("--room", metavar="ROOM", default="kinds", help=f"{', '.join(ROOMS)} (kinds)")
     parser.add_argument("--order", metavar="ORDER", default="alone", help=f"{', '.join(ORDERS)} (alone)")
     parser.add_argument("--seed", metavar="S", default="1", help="seed (1)")
     try:
         given = parser.parse_args(list(sys.argv[1:] if arguments is None else arguments))
-        if given.order not in ORDERS:
-            allowed = f"{', '.join(ORDERS)}{nearest(given.order, ORDERS)}"
-            raise InputError(f"--order = {given.order}: allowed are {allowed}")
-        found = run(whole("--hits", given.hits, 1), given.order, seed=whole("--seed", given.seed, 0))
+        for option, value, choices in (("order", given.order, ORDERS), ("room", given.room, list(ROOMS))):
+            if value not in choices:
+                allowed = f"{', '.join(choices)}{nearest(value, choices)}"
+                raise InputError(f"--{option} = {value}: allowed are {allowed}")
+        hits, seed = whole("--hits", given.hits, 1), whole("--seed", given.seed, 0)
+        found = run(hits, given.order, where=given.room, seed=seed)
     except (InputError, EngineError) as error:
         print(f"escape: {error}", file=sys.stderr)
         return BAD_INPUT if isinstance(error, InputError) else FAILED
     print(
         f"{found.hits} wall hits and {found.collisions} collisions to t = {found.time:.6g}; {found.states} states "
-        f"looked at: no disk escaped, least gap {found.least_gap:.3g} diameters"
+        f"looked at: no disk escaped, least gap {found.least_gap:.3g}"
     )
     return 0
 

@@ -27,11 +27,11 @@ HEAPS = Path(__file__).parent / "heap.csv"
 RATES = (0.005, 0.008, 0.0125, 0.02, 0.03)
 PIECES = 4  # of turning in a run of LAMMPS; ours has 1
 CHIPMUNK = "Chipmunk"
-SEEDS = (1, 2, 3)
-RESTING_SPEEDS = (0.02, 0.05, 0.01)
+SEEDS = {"LAMMPS": (1, 2, 3), "LAMMPS, contacts of 0.01": (1, 2, 3), "ifrdem": range(1, 10)}  # of drums
+RESTING_SPEEDS = (0.02, 0.05)
 RAINS = range(1, 13)  # seeds of heaps
 CONTACT_TIMES = {"LAMMPS": 0.03, "LAMMPS, contacts of 0.01": 0.01, "LAMMPS, contacts of 0.003": 0.003}
-DRUM_RATES = {"LAMMPS": RATES, "LAMMPS, contacts of 0.01": RATES[3:], "ifrdem": RATES}
+DRUM_RATES = {"LAMMPS": RATES, "LAMMPS, contacts of 0.01": RATES[2:], "ifrdem": RATES}
 
 
 HEAD = """\
@@ -39,7 +39,8 @@ HEAD = """\
 
 By `python -m ifrdem.validation.gas.heaps_measured`, {date}, on one thread of a virtual machine (AMD EPYC). Units:
 mean diameter d, its mass per area and g are 1. LAMMPS: soft disks, `pair_style granular`, the same e_n = 0.5, mu = 0.5
-and starts (`validation/gas/soft_grains.py`). In brackets: standard errors of the last digits, from the scatter of
+and starts (`validation/gas/soft_grains.py`), with contacts of 0.03 unless another duration is told. Chipmunk: rigid
+disks in time steps (`validation/gas/rigid_grains.py`). In brackets: standard errors of the last digits, from the scatter of
 pieces or heaps.
 
 ## {drum.NUMBER} disks in a drum of {diameter:g} diameters, resting speed {drum.RESTING_SPEED:g}
@@ -47,8 +48,8 @@ pieces or heaps.
 Angles against gravity [degrees], of the surface and of the centre of mass seen from the axis; means over pieces of
 {drum.PIECE:g} rad of turning.
 
-| Omega sqrt(d/g) | Fr | LAMMPS: surface | centre | pieces | here: surface | centre | pieces | asleep |
-|---|---|---|---|---|---|---|---|---|"""
+| | Omega sqrt(d/g) | Fr | surface | centre | pieces | asleep |
+|---|---|---|---|---|---|---|"""
 
 
 def keep(path: Path, key: dict[str, Any], names: Sequence[str], run: Callable[[], list[Any]]) -> None:
@@ -104,16 +105,19 @@ def tell() -> None:
     """Write tables of what was measured, and a picture of the drum."""
     from matplotlib import rc_context
 
-    lammps, ours = drum.measured("LAMMPS"), drum.measured("ifrdem")
+    drums_of = {code: drum.measured(code) for code in DRUM_RATES}
     lines = [HEAD.format(date=date.today(), drum=drum, diameter=2.0 * drum.RADIUS)]
-    for rate in sorted(set(lammps) & set(ours)):
-        cells = [f"{rate:g}", f"{rate**2 * drum.RADIUS:.2g}"]
-        for found in (lammps[rate], ours[rate]):
-            cells += [short(drum.mean_of(found, name)) for name in ("surface", "centre")] + [str(len(found))]
-        lines.append(row([*cells, f"{drum.mean_of(ours[rate], 'asleep').value:.2f}"]))
+    for code, found in drums_of.items():
+        for rate, pieces in sorted(found.items()):
+            cells = [code, f"{rate:g}", f"{rate**2 * drum.RADIUS:.2g}"]
+            cells += [short(drum.mean_of(pieces, name)) for name in ("surface", "centre")] + [
+                str(len(pieces))
+            ]
+            asleep = f"{drum.mean_of(pieces, 'asleep').value:.2f}" if code == "ifrdem" else ""
+            lines.append(row([*cells, asleep]))
     lines += [
         "", f"## {heap.NUMBER} disks that rain onto a plate of {heap.RIGHT - heap.LEFT:g} diameters", "",
-        "Angle of repose [degrees], and packing fraction inside (where: `validation/gas/heap.py`). Of LAMMPS's disks",
+        "Angle of repose [degrees], and packing fraction inside (where: `validation/gas/heap.py`). Of disks of others",
         "those count as awake that moved by more than 0.001 in the last 8 units of time of 80.", "",
         "| | heaps | angle | packing fraction | disks awake at the end |", "|---|---|---|---|---|",
     ]  # fmt: skip
@@ -129,7 +133,7 @@ def tell() -> None:
     )
     with rc_context(style.RC):
         figure, (axes,) = style.panels(width=4.6)
-        drum.draw(axes, {"LAMMPS": lammps, "ifrdem": ours})
+        drum.draw(axes, drums_of)
         figure.savefig(root / "ifrdem" / "docs" / "gallery" / "drum_angle.png", dpi=150)
 
 
@@ -162,12 +166,10 @@ def main() -> None:
     """Run what is missing."""
     device.limit_threads(1)
     wanted = sys.argv[1:] or ("lammps", "drum", "peers", "heap", "tell")
-    for seed in SEEDS:
-        if "lammps" in wanted:
-            drums("LAMMPS", seed)
-            drums("LAMMPS, contacts of 0.01", seed)
-        if "drum" in wanted:
-            drums("ifrdem", seed)
+    for code, seeds in SEEDS.items():
+        if ("drum" if code == "ifrdem" else "lammps") in wanted:
+            for seed in seeds:
+                drums(code, seed)
     for seed in RAINS:
         for code in (*CONTACT_TIMES, CHIPMUNK) if "peers" in wanted else ():
             heaps(code, seed)

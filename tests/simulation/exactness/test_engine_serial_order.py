@@ -19,8 +19,6 @@ from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.simulation.engine import Engine
 
-pytestmark = pytest.mark.unoptimised
-
 PER_DISK = 5
 
 

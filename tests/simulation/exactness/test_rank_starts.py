@@ -59,7 +59,6 @@ def test_slices_of_ranks_move_as_one_process_does(ranks: int, tmp_path: Path) ->
         case,
         tmp_path,
         timeout=300.0,
-        TI_ADVANCED_OPTIMIZATION="0",
     )
     assert done.returncode == 0, done.stderr
     lines = [json.loads(line) for line in done.stdout.splitlines()]

@@ -25,6 +25,8 @@ from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.schedule import Due, earlier
 from ifrdem.simulation.windows import Windows
 
+pytestmark = pytest.mark.optimised
+
 N = 4000
 SEEN = ("time", "position", "velocity", "spin", "collisions", "image", "wall_hits")
 THREADS = [t for t in (2, 1) if t <= device.cores()]

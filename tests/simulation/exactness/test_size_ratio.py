@@ -17,8 +17,6 @@ from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.simulation.engine import Engine
 
-pytestmark = pytest.mark.unoptimised
-
 N = 1000
 SIZES = {
     # Two sizes with about the same area each, and all sizes between 1 and 10.

@@ -17,8 +17,6 @@ from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Piston, Turn, Wall, from_json, to_json
 from ifrdem.simulation.simulation import Simulation
 
-pytestmark = pytest.mark.unoptimised
-
 ELASTIC = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
 ROUGH = IFRLaw(e_n=0.9, e_t=-0.6, mu=0.3, rho=0.01)
 BOX = Box((10.0, 20.0), (False, False))

@@ -16,8 +16,6 @@ from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Piston, Wall, sides
 from ifrdem.simulation.simulation import Simulation
 
-pytestmark = pytest.mark.unoptimised
-
 BOX = Box((10.0, 14.0), (False, False))
 LID = Wall.line((0.0, 10.0), (0.0, -1.0), piston=Piston(mass=5.0, force=6.0, velocity=0.3))
 ASLANT = Wall.line(

@@ -21,8 +21,6 @@ from ifrdem.model.walls import Wall
 from ifrdem.simulation import checkpoint
 from ifrdem.simulation.simulation import Simulation
 
-pytestmark = pytest.mark.unoptimised
-
 SLOW = 0.02
 REST = MECHANISMS.index("rest")
 NEAR = 4.0 * SLOW**2  # gap of contacts, at g = 1

@@ -17,8 +17,6 @@ from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Wall
 from ifrdem.simulation.simulation import Simulation
 
-pytestmark = pytest.mark.unoptimised
-
 ROUGH = IFRLaw(e_n=0.6, e_t=-1.0, mu=0.5)
 BOX = Box((12.0, 12.0), periodic=(False, False))
 

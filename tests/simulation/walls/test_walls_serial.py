@@ -19,8 +19,6 @@ from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Turn, Wall, sides
 from ifrdem.simulation.simulation import Simulation
 
-pytestmark = pytest.mark.unoptimised
-
 SIDE = 20.0
 BOX = Box((SIDE, SIDE), (False, False))
 STILL = [
