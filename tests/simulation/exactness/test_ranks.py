@@ -64,7 +64,7 @@ def test_a_gpu_a_rank_has_the_bits_of_one_gpu() -> None:
     """Of a state with latest partners, after tiles ran again; three ranks share GPUs as they are told to."""
     script = GASES.with_name("rank_gpus.py")
     seen = {"CUDA_VISIBLE_DEVICES": "0,0"}
-    done = mpi.on(3, sys.executable, "-m", "mpi4py", script, timeout=300.0, **OPTIMISER, **seen)
+    done = mpi.on(3, sys.executable, "-m", "mpi4py", script, timeout=300.0, **seen)
     assert done.returncode == 0, done.stderr + done.stdout
     found = json.loads(done.stdout)
     assert found["differ"] == []
