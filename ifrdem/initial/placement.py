@@ -259,14 +259,7 @@ def random_positions(
     (100, 2)
     """
 
-    def looked_at() -> Array:
-        radii = checked_radii(radius)
-        if len(radii):
-            refuse_wider_than_box(box, radii)
-        return radii
-
-    radii = world.together(comm, looked_at)
-    ids, n = slices.numbered(len(radii), comm)
+    radii, ids, n = _told(box, radius, comm)
     if n == 0:
         return np.empty((0, 2))
     seeds.stream(seed, seeds.POSITIONS)  # refuses what is no seed
@@ -470,6 +463,19 @@ def lattice(box: Box, n: int, diameter: float) -> tuple[int, int, bool]:
     return best[1:]
 
 
+def _told(box: Box, radius: ArrayLike, comm: Any) -> tuple[Array, range, int]:
+    """Radii of this rank's slice, which fit into the box, its ids, and the number of all disks."""
+
+    def looked_at() -> Array:
+        radii = checked_radii(radius)
+        if len(radii):
+            refuse_wider_than_box(box, radii)
+        return radii
+
+    radii = world.together(comm, looked_at)
+    return radii, *slices.numbered(len(radii), comm)
+
+
 def _refuse_no_room(room: Room, radii: Array, comm: Any) -> None:
     """As `refuse_no_room`, of ranks that have slices."""
     if comm is None:
@@ -505,14 +511,7 @@ def hexagonal_positions(
     (12, 2)
     """
 
-    def looked_at() -> Array:
-        radii = checked_radii(radius)
-        if len(radii):
-            refuse_wider_than_box(box, radii)
-        return radii
-
-    radii = world.together(comm, looked_at)
-    ids, n = slices.numbered(len(radii), comm)
+    radii, ids, n = _told(box, radius, comm)
     if n == 0:
         return np.empty((0, 2))
     diameter = 2.0 * float(radii.max(initial=0.0))

@@ -74,8 +74,8 @@ def draw(axes: Sequence[Axes], trajectory: Trajectory, over: str = "t") -> None:
             values = series[f"walls_{quantity}/{name}"]
             panel.plot(along(trajectory, series.time, over), values, "-", color=colour, lw=1.2)
     if not any(np.any(series[f"walls_heat/{name}"]) for name in names):
-        text = "no heat: no wall here has a temperature"
-        heat.text(0.5, 0.5, text, ha="center", va="center", color="0.5", transform=heat.transAxes)
+        text = "no wall here gave heat"
+        heat.text(0.5, 0.53, text, ha="center", va="center", color="0.5", transform=heat.transAxes)
         heat.set_yticks([])
     centre = "the centre of its turn" if any(wall.turn != Turn() for wall in trajectory.walls) else "(0, 0)"
     left_out = len(series.columns("walls_hits")) > MOST_CURVES == len(names)
