@@ -53,7 +53,10 @@ def unit_of(gas: Gas | None, quantity: str) -> str | None:
     if not set(words) <= units.keys():
         return None
     text = re.sub("[a-z]+", lambda word: units[word[0]], quantity)
-    return text.replace("^2", "\N{SUPERSCRIPT TWO}")
+    text = text.replace("^2", "\N{SUPERSCRIPT TWO}")
+    return {"kg m/s\N{SUPERSCRIPT TWO}": "N", "kg m\N{SUPERSCRIPT TWO}/s\N{SUPERSCRIPT TWO}": "N m"}.get(
+        text, text
+    )
 
 
 def label(gas: Gas | None, text: str, quantity: str) -> str:
