@@ -76,7 +76,7 @@ def sites(
             high = middle
     here = best.off_walls(slices.slice_of(best.points, comm))
     own, found = slices.numbered(len(here), comm)
-    wanted = (np.arange(n) if numbers is None else numbers) * found // n
+    wanted = _spread(np.arange(n) if numbers is None else numbers, found, n)
     return here[wanted] if comm is None else _asked_for(comm, own.start, here, wanted)
 
 

@@ -187,6 +187,27 @@ class Parts:
             with self.open(path, number) as file:
                 yield self.disks(number), file
 
+    def _holders(
+        self, path: str | os.PathLike[str], disks: slice
+    ) -> Iterator[tuple[slice, slice, h5py.File]]:
+        """The parts that have some of these disks (a slice with a step above 0), open one after another.
+
+        Each with the disks that are asked for, counted from its first one, their places among all that are, and the
+        file. Errors as `open`.
+        """
+        asked = range(self.n)[disks]
+        for number in range(len(self)):
+            own = self.disks(number)
+            low, high = (
+                min(max(-(-(end - asked.start) // asked.step), 0), len(asked))
+                for end in (own.start, own.stop)
+            )
+            if low == high:
+                continue
+            rows = slice(asked[low] - own.start, asked[high - 1] - own.start + 1, asked.step)
+            with self.open(path, number) as file:
+                yield rows, slice(low, high), file
+
     def read(
         self, path: str | os.PathLike[str], name: str, selection: Any = (), *, axis: int = 1
     ) -> NDArray[Any]:
@@ -198,18 +219,23 @@ class Parts:
         chosen = (*chosen, *[slice(None)] * (axis + 1 - len(chosen)))
         before, disks, after = chosen[:axis], chosen[axis], chosen[axis + 1 :]
         one = not isinstance(disks, slice)
-        some: slice = slice(disks, disks + 1 or None) if one else disks
-        ids = np.arange(*some.indices(self.n))
-        along = sum(isinstance(each, slice) for each in before)  # axis of the disks in what is read
-        holding = np.searchsorted(self.first, ids, side="right") - 1
+        if one:
+            disk = range(self.n)[disks]
+            disks = slice(disk, disk + 1)
+        if isinstance(disks, slice) and (disks.step or 1) < 0:
+            turned = range(self.n)[disks][::-1]
+            forward = slice(turned.start, turned.stop, turned.step)
+            found = self.read(path, name, (*before, forward, *after), axis=axis)
+            return np.flip(found, axis=sum(isinstance(each, slice) for each in before))
         pieces = []
-        for number in dict.fromkeys(holding.tolist()) or (0,):  # of no disks, none of the first part's
-            own = ids[holding == number] - self.first[number]
-            rows = slice(int(own.min(initial=self.n)), int(own.max(initial=-1)) + 1)
-            with self.open(path, number) as file:
-                found = damage.read(file[name], (*before, rows, *after))
-            pieces.append(found.take(own - rows.start, axis=along))
-        return pieces[0].take(0, axis=along) if one else np.concatenate(pieces, axis=along)
+        for rows, _, file in self._holders(path, disks):
+            pieces.append(damage.read(file[name], (*before, rows.start if one else rows, *after)))
+        if one:
+            return pieces[0]
+        if not pieces:  # of no disks
+            with self.open(path, 0) as file:
+                return damage.read(file[name], (*before, slice(0, 0), *after))
+        return np.concatenate(pieces, axis=sum(isinstance(each, slice) for each in before))
 
 
 def first_of(file: h5py.File) -> int:

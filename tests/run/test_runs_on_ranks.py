@@ -66,12 +66,15 @@ def plain(case: Path) -> Path:
     return folder / "gas.h5"
 
 
+LONG = ["--set", "output.frames=40", "--set", "run.collisions_per_disk=20.0"]
+
+
 @pytest.fixture(scope="module")
 def long(case: Path) -> Path:
-    """The same with 40 frames."""
+    """The same, longer and with 40 frames: a run that can be killed on the way."""
     folder = case.parent / "long"
     folder.mkdir()
-    words = mpi.ifrdem("run", case, "-o", f"{folder}/", "--set", "output.frames=40")
+    words = mpi.ifrdem("run", case, "-o", f"{folder}/", *LONG)
     subprocess.run(list(map(str, words)), check=True, capture_output=True)
     return folder / "gas.h5"
 
@@ -183,15 +186,17 @@ def test_a_rank_that_dies_leaves_frames_that_are_whole_in_all_parts(
     """Killed at some frame; what the file counts is the run's, and on three ranks it goes on to the same bits."""
     folder = case.parent / f"dies{victim}"
     folder.mkdir()
-    options = ["--set", "output.frames=40", "--set", "output.parts=true"]
+    options = [*LONG, "--set", "output.parts=true"]
     words = mpi.command(2, *mpi.ifrdem("run", case, "-o", f"{folder}/", *options))
     run = subprocess.Popen(words, env=mpi.environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    end = time.monotonic() + 100.0
+    end, found_at = time.monotonic() + 100.0, 0
     while _counted(folder / "gas.h5") < 3:
         assert run.poll() is None, "it ended before it was killed"
         assert time.monotonic() < end
+        if not found_at and (folder / "gas.h5").exists():
+            found_at = _rank(run.pid, victim)
         time.sleep(0.01)
-    os.kill(_rank(run.pid, victim), signal.SIGKILL)
+    os.kill(found_at, signal.SIGKILL)
     assert run.wait(30.0) != 0
     with ifrdem.Trajectory(folder / "gas.h5") as found, ifrdem.Trajectory(long) as expected:
         assert 3 <= len(found) < 41
@@ -267,6 +272,10 @@ def _descends(process: int, ancestor: int) -> bool:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
+        (
+            ['force=[{kind = "drag", rate = 0.1, step = 0.001}]'],
+            "forces: not supported on several ranks (here are 2)",
+        ),
         (
             ['run.precision="f32"'],
             "precision = 'f32': not supported on several ranks (here are 2)",
