@@ -11,9 +11,8 @@ PISTON_STATE = 2  # of a piston: displacement, velocity
 MOST_WALLS = 100_000
 ADDRESSABLE = 2**31 - 1  # numbers of one array that 32-bit indices reach
 MOST_DISKS = ADDRESSABLE // 24  # of the longest array: three parts of eight numbers
-MOST_IDS = (
-    2**32 - 1
-)  # disks of a gas on several ranks: its ids have 32 bits, those of so many begin below 0 there
+# Disks of a gas on several ranks. Its ids have 32 bits: those of more than 2^31 - 1 disks begin below 0 there.
+MOST_IDS = 2**32 - 1
 # Bytes that the arrays take for each disk in double precision: at the beginning and end of a window and at a moment in
 # it places, velocities, spin (40) and id, events, images (16); hash, way and slot (16); claims of disks in halos (14).
 # Further moments of gases of up to TOLD_DISKS disks have another 28 MB in all, those of collisions 8 bytes a disk more.

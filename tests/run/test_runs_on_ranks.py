@@ -332,6 +332,8 @@ def test_calls_that_differ_from_rank_to_rank_end_on_all() -> None:
         assert each["law"].startswith(
             "InputError: box, law, walls, forces or options differ from rank to rank"
         )
+        for name in ("forces", "set_forces"):
+            assert each[name].startswith("InputError: forces: not supported on several ranks (here are 2)")
         assert each["end"].startswith("InputError: the end of a run, its frames or its series differ")
     assert first["seen"] == "[0, 6000]"
     assert second["seen"] == "[]"

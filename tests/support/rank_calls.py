@@ -27,7 +27,7 @@ def outcome(work: Callable[[], Any]) -> str:
         return f"{type(error).__name__}: {error}"
 
 
-def gas(e_n: float) -> ifrdem.Simulation:
+def gas(e_n: float, **options: Any) -> ifrdem.Simulation:
     disks: Any = None
     state: Any = None
     if RANK == 0:
@@ -38,7 +38,7 @@ def gas(e_n: float) -> ifrdem.Simulation:
         state = ifrdem.State(position, velocity, np.zeros(N))
     side = np.sqrt(N * np.pi * 0.25 / 0.3)
     law = ifrdem.IFRLaw(e_n=e_n, e_t=-0.9, mu=0.2)
-    return ifrdem.Simulation(disks, ifrdem.Box((side, side)), law, state, comm=COMM)
+    return ifrdem.Simulation(disks, ifrdem.Box((side, side)), law, state, comm=COMM, **options)
 
 
 def fails(_state: Any, measure: Any) -> None:
@@ -50,7 +50,10 @@ if __name__ == "__main__":
     if COMM == MPI.COMM_NULL:
         sys.exit()
     found = {"law": outcome(lambda: gas(0.9 - 0.1 * RANK))}
+    drag = [ifrdem.forces.Drag(0.1, rate=0.3)]
+    found["forces"] = outcome(lambda: gas(0.9, forces=drag))
     simulation, seen = gas(0.9), []
+    found["set_forces"] = outcome(lambda: simulation.set_forces(drag))
     found["kinds"] = outcome(lambda: (simulation.disks.n, len(simulation.disks.mass)))
     found["end"] = outcome(lambda: simulation.run(collisions_per_disk=1.0 + RANK))
     observers = [lambda _state, measure: seen.append(measure.collisions)] if RANK == 0 else []
