@@ -18,6 +18,9 @@ from .windows import is_owned
 TIME, DT = range(2)
 STEP_LOW, STEP_HIGH, INDEX, SEED_LOW, SEED_HIGH = range(5)
 
+LEVELS = 3
+"""Parts that a term of a sum is divided into (`sum_totals`)."""
+
 
 @ti.func
 def told(s, tile, time, gas: ti.template()):
@@ -58,8 +61,11 @@ def energy(mass, inertia, vx, vy, spin):
 def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any]:
     """Kernels of a class of forces with so many parameters: (sum its totals, apply it).
 
-    Both leave the sums of each tile, of this rank's where there are several, in `tile_sums`; the second one energy
-    gained, and what frames of rows see of that beyond it.
+    Both leave the sums of each tile, of this rank's where there are several, in `tile_sums`. Totals change the motion,
+    so their bits may not depend on the order of the disks: the largest size of a term comes first, for each total, and
+    then, for each of LEVELS and total, sums of parts of terms: what adding `rounders[level, total]` rounds each to, and
+    its rest on the next level. Parts are multiples of a power of two, and their sums exact. The second kernel leaves energy gained, and what frames of
+    rows see of that beyond it.
     """
     act, measure = (
         function if hasattr(function, "_is_taichi_function") else ti.func(plain(function))
@@ -78,7 +84,7 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any]:
     def sum_totals(
         uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, disk: Rows, kind: Rows, kinds: Rows, meta: Rows,
         tile: Table, edge_x: Rows, edge_y: Rows, when: Rows, counter_words: Rows, parameters: Rows,
-        tile_sums: Table,
+        tile_sums: Table, rounders: Table,
     ):  # fmt: skip
         gas = ti.static(GasArrays(
             grid=grid, scale=scale, clock=clock, disk=disk, kind=kind, kinds=kinds, meta=meta, tile=tile,
@@ -89,16 +95,26 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any]:
             round_products(gas)
             if item % spread == 0 and is_owned(item // spread, gas) == 1:
                 b = item // spread
-                total = ti.Vector([ti.cast(0.0, ti.f64) for _ in ti.static(range(n_totals))])
+                found = ti.Vector([ti.cast(0.0, ti.f64) for _ in ti.static(range(n_totals * (1 + LEVELS)))])
+                rounder = ti.Matrix([
+                    [rounders[level, j] for j in ti.static(range(n_totals))] for level in ti.static(range(LEVELS))
+                ])  # fmt: skip
                 first = gas.grid[PART] * gas.grid[ROOM] + gas.tile[b, START + gas.grid[PART]]
                 for s in range(first, first + gas.tile[b, COUNT + gas.grid[PART]]):
                     step = ti.Struct(
                         time=ti.cast(when[TIME], float), dt=ti.cast(when[DT], float),
                         random=stream_of(s, counter_words, gas), totals=ti.Vector([0.0]),
                     )  # fmt: skip
-                    total += measure(told(s, b, when[TIME], gas), step, vector(parameters, n_parameters))
-                for j in ti.static(range(n_totals)):
-                    tile_sums[b, j] = total[j]
+                    terms = measure(told(s, b, when[TIME], gas), step, vector(parameters, n_parameters))
+                    for j in ti.static(range(n_totals)):
+                        rest = ti.cast(terms[j], ti.f64)
+                        found[j] = ti.max(found[j], ti.abs(rest))
+                        for level in ti.static(range(LEVELS)):
+                            part = (rest + rounder[level, j]) - rounder[level, j]
+                            found[n_totals * (1 + level) + j] += part
+                            rest -= part
+                for j in ti.static(range(n_totals * (1 + LEVELS))):
+                    tile_sums[b, j] = found[j]
 
     @ti.kernel
     def apply_force(

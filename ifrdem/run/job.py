@@ -93,9 +93,7 @@ def run(
         if comm is not None:
             from ..simulation.ranks import check_tiles
 
-            checks.check_ranks(
-                comm.size, file.gas.box, case.run.precision, case.output.tracks, forced=bool(case.force)
-            )
+            checks.check_ranks(comm.size, file.gas.box, case.run.precision, case.output.tracks)
             if case.run.arch == "cpu":  # a GPU's engine has other tiles, and tells itself
                 check_tiles(file.gas.kinds, file.gas.box, comm.size)
         checks.check_number(file.gas.n, comm.size if comm else 1)

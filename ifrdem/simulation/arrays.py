@@ -543,6 +543,11 @@ class DeviceArrays:
         """Sums over all tiles of what each has, shape (tiles, columns): block by block, always in one order."""
         return np.add.accumulate(sums_of_blocks(rows), axis=0)[-1]
 
+    def most_of(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The largest of each column of what tiles have, shape (tiles, columns), 0 or more."""
+        found: NDArray[np.float64] = rows.max(axis=0)
+        return found
+
     def displace_rows(self, time: float) -> None:
         """Note how far rows of tiles in a sheared gas have moved against those below until `time` [time]."""
         side = float(self.edges[0][1])

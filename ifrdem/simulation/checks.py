@@ -251,12 +251,8 @@ def check_ranks(
     tracked: bool,
     order: str | None = None,
     rests: bool = False,
-    forced: bool = False,
 ) -> None:
     """Refuse what cannot be on several ranks of MPI (`ranks.py`).
-
-    Forces are, because a run was seen whose bits on three ranks differed from those of one process (`rescale` was among
-    them, which takes a sum over all disks), for an unknown reason; the engine itself takes them, as its tests do.
 
     Raises
     ------
@@ -266,7 +262,6 @@ def check_ranks(
     refused = {
         f"precision = '{precision}'": precision != "f64",
         "order = 'alone'": order == "alone",
-        "forces": forced,
         "tracked disks (histories)": tracked,
         "an open box": box.is_open,
         'collapse = "rest"': rests,

@@ -567,12 +567,17 @@ class Engine:
         from .force_steps import ForceSteps
 
         self.check_whole()
-        steps = ForceSteps(forces, self.arrays, self.disks, self.options.seed, self.time)
+
+        def checked() -> ForceSteps:
+            steps = ForceSteps(forces, self.arrays, self.disks, self.options.seed, self.time)
+            checks.check_between_collisions(self.disks, self.box, self.gravity, steps.forces)
+            if self.options.resting_speed:
+                self._check_resting(self.gravity, steps.forces, self._law)
+            return steps
+
+        steps = world.together(self.comm, checked)
         if self.comm is not None:
             self._check_alike(steps.forces)
-        checks.check_between_collisions(self.disks, self.box, self.gravity, steps.forces)
-        if self.options.resting_speed:
-            self._check_resting(self.gravity, steps.forces, self._law)
         with self.changing():
             self._end_window()
             self.force_steps = steps

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import EngineError, InputError
-from ..kernels.forces import kernels_of
+from ..kernels.forces import LEVELS, kernels_of
 from ..model.forces import Force
 from ..model.state import Disks
 from .arrays import DeviceArrays
@@ -76,6 +76,7 @@ class ForceSteps:
         self._steps = [force.step for force in self.forces]
         self.next_steps: list[int] = [first_after(time, step) for step in self._steps]
         self.energy_inputs: NDArray[np.float64] = np.zeros(len(self.forces))
+        self._sizes = [np.zeros(force.totals, np.int64) for force in self.forces]
 
     @property
     def next_time(self) -> float:
@@ -121,13 +122,23 @@ class ForceSteps:
             "parameters": parameters,
         }
 
-        def sums(kernel: Any, columns: int, **more: Any) -> NDArray[np.float64]:
+        def told(kernel: Any, columns: int, **more: Any) -> NDArray[np.float64]:
             tile_sums = np.zeros((self.arrays.tiles, columns))
             self.arrays.launch(kernel, tile_sums=tile_sums, **given, **more)
-            return self.arrays.sums_of(tile_sums)
+            return tile_sums
 
-        totals = np.zeros(1) if sum_totals is None else sums(sum_totals, force.totals)
-        gained = sums(apply_force, 2, totals=totals)
+        totals = np.zeros(1)
+        if sum_totals is not None:
+            n, size = force.totals, self._sizes[index]
+            while True:  # once, where sizes are as in the last step
+                found = told(sum_totals, (1 + LEVELS) * n, rounders=_rounders(size, self.arrays.n))
+                size = _size(self.arrays.most_of(found)[:n])
+                if np.array_equal(size, self._sizes[index]):
+                    break
+                self._sizes[index] = size
+            sums = self.arrays.sums_of(found)[n:].reshape(LEVELS, n)
+            totals = np.array([math.fsum(each) for each in sums.T])
+        gained = self.arrays.sums_of(told(apply_force, 2, totals=totals))
         self.next_steps[index] = k + 1
         if not math.isfinite(gained[0]):
             raise EngineError(
@@ -135,6 +146,22 @@ class ForceSteps:
             )
         self.energy_inputs[index] += gained[0]
         return float(gained[1])
+
+
+def _size(largest: NDArray[np.float64]) -> NDArray[np.int64]:
+    """The power of two below which sizes of terms are: one in eight, none near 1, so that it is mostly what it was."""
+    found: NDArray[np.int64] = 4 - (4 - np.frexp(largest)[1].astype(np.int64)) // 8 * 8
+    return np.maximum(found, -800)  # below that there is no room for parts of them
+
+
+def _rounders(size: NDArray[np.int64], n: int) -> NDArray[np.float64]:
+    """What rounds to parts of n terms below 2^size, shape (LEVELS, totals).
+
+    Adding 1.5 x 2^52 rounds to whole numbers, and so on. Parts of n terms are below 2^52 of these in all.
+    """
+    bits = 52 - n.bit_length()
+    found: NDArray[np.float64] = np.ldexp(1.5, 52 + size - bits * np.arange(1, LEVELS + 1)[:, None])
+    return found
 
 
 def _words(k: int, index: int, seed: int) -> NDArray[np.uint32]:

@@ -554,6 +554,14 @@ class RankArrays(DeviceArrays):
         self._tell_adders([rows])
         return np.add.accumulate(self._all_blocks(sums_of_blocks(rows)), axis=0)[-1]
 
+    def most_of(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """As on one rank, of rows of which this rank knows its own ones."""
+        from mpi4py import MPI
+
+        found = super().most_of(rows)
+        self.comm.Allreduce(MPI.IN_PLACE, found, op=MPI.MAX)
+        return found
+
     def share(self) -> None:
         """Have all ranks know the sums of what tiles added up."""
         with self.written("tally", "heat", "reach") as rows:

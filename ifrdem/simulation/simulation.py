@@ -249,7 +249,7 @@ class Simulation(Sealed, PicturedDisks):
                 told: Any = world.told(comm, DiskKinds.of(disks) if comm.rank == 0 else None)
                 kinds = disks if comm.rank == 0 else told
         if comm is not None:
-            checks.check_ranks(comm.size, box, precision, len(tracked) > 0, forced=len(forces) > 0)
+            checks.check_ranks(comm.size, box, precision, len(tracked) > 0)
         self._laws = law_table(law, kinds, max((wall.material for wall in walls), default=0))
         law_class, table = checked_class(self._laws), coefficient_table(self._laws)
         self._tracking = self._follow_disks(tracked, kinds, box, walls)
@@ -339,9 +339,6 @@ class Simulation(Sealed, PicturedDisks):
         InputError
             If one is none, or cannot act on this gas; the gas is as it was then.
         """
-        if self._engine.comm is not None:
-            size = self._engine.comm.size
-            checks.check_ranks(size, self._engine.box, "f64", False, forced=len(forces) > 0)
         put_in = math.fsum(self._engine.force_steps.energy_inputs)
         self._engine.set_forces(forces)
         self._given += put_in

@@ -280,18 +280,23 @@ class Windows:
             a = self.arrays
             self._before = self._at_end[k.COLLISIONS], self.end - self.begin, float(a.clock[k.SPEED])
             self.protrudes = self._most(k.MOST_PROTRUDES)
-            if not a.box.is_open and not self.protrudes <= TOO_FAR * self._least_side():
-                raise _unbounded(self.begin)
             a.clock[k.PATH] = path_from(
                 a.clock[k.PATH], a.clock[k.FREE_PATH], a.clock[k.IN_WINDOW],
                 a.clock[k.SPEED] * (self.end - self.begin), self._at_end[k.COLLISIONS],
             )  # fmt: skip
-            if not a.alone and not a.uses.sheared and self._widest_halo() < LEAST_HALO * self._least_side():
-                self.arrays.list_anew()
-                self.protrudes = 0.0
         if not self._ahead and not self._ready:
+            if not self.arrays.box.is_open and not self.protrudes <= TOO_FAR * self._least_side():
+                raise _unbounded(self.now)
+            self._list_anew()
             self.plan(kick)
             self._ready = True
+
+    def _list_anew(self) -> None:
+        """List disks anew where some are so far beyond their tiles that halos would be too narrow."""
+        a = self.arrays
+        if not a.alone and not a.uses.sheared and self._widest_halo() < LEAST_HALO * self._least_side():
+            a.list_anew()
+            self.protrudes = 0.0
 
     # ------------------------------------------------------------------ running
 

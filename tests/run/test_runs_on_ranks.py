@@ -31,6 +31,19 @@ name = "coins"
 coin = "1 pta"
 number = 21000
 speed_rms = 1.0
+[[force]]
+kind = "kicks"
+step = 4.0e-3
+power = 2.0e-3
+[[force]]
+kind = "langevin"
+step = 5.5e-3
+temperature = 1.0e-3
+rate = 0.5
+[[force]]
+kind = "rescale"
+step = 1.1e-2
+energy = 1.0e-3
 [output]
 frames = 4
 picture = false
@@ -273,10 +286,6 @@ def _descends(process: int, ancestor: int) -> bool:
     ("changes", "message"),
     [
         (
-            ['force=[{kind = "drag", rate = 0.1, step = 0.001}]'],
-            "forces: not supported on several ranks (here are 2)",
-        ),
-        (
             ['run.precision="f32"'],
             "precision = 'f32': not supported on several ranks (here are 2)",
         ),
@@ -332,8 +341,9 @@ def test_calls_that_differ_from_rank_to_rank_end_on_all() -> None:
         assert each["law"].startswith(
             "InputError: box, law, walls, forces or options differ from rank to rank"
         )
-        for name in ("forces", "set_forces"):
-            assert each[name].startswith("InputError: forces: not supported on several ranks (here are 2)")
+        assert each["forces"].startswith("InputError: box, law, walls, forces or options differ")
+        assert each["set_forces"].startswith("InputError: box, law, walls, forces or options differ")
+        assert "forces[0] = None: an object of a class" in each["one_of_none"]
         assert each["end"].startswith("InputError: the end of a run, its frames or its series differ")
     assert first["seen"] == "[0, 6000]"
     assert second["seen"] == "[]"

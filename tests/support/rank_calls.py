@@ -50,10 +50,11 @@ if __name__ == "__main__":
     if COMM == MPI.COMM_NULL:
         sys.exit()
     found = {"law": outcome(lambda: gas(0.9 - 0.1 * RANK))}
-    drag = [ifrdem.forces.Drag(0.1, rate=0.3)]
+    drag = [ifrdem.forces.Drag(0.1, rate=0.3 + 0.1 * RANK)]
     found["forces"] = outcome(lambda: gas(0.9, forces=drag))
     simulation, seen = gas(0.9), []
     found["set_forces"] = outcome(lambda: simulation.set_forces(drag))
+    found["one_of_none"] = outcome(lambda: simulation.set_forces(drag if RANK == 0 else [None]))
     found["kinds"] = outcome(lambda: (simulation.disks.n, len(simulation.disks.mass)))
     found["end"] = outcome(lambda: simulation.run(collisions_per_disk=1.0 + RANK))
     observers = [lambda _state, measure: seen.append(measure.collisions)] if RANK == 0 else []

@@ -20,7 +20,7 @@ from ifrdem.errors import EngineError
 from ifrdem.kernels import layout as k
 from ifrdem.kernels import windows
 from ifrdem.model.box import Box
-from ifrdem.model.forces import Drag, RandomKicks, SpinKicks, TableFriction
+from ifrdem.model.forces import Drag, RandomKicks, Rescale, SpinKicks, TableFriction
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
 from ifrdem.simulation import arrays, ranks
@@ -77,7 +77,7 @@ def fast() -> Gas:
     disks = Disks(N, mass=np.where(np.arange(N) % 1000 == 0, 1e4, 1.0), radius=0.5)
     box, state = start(disks, 0.1)
     state.velocity[::1000] = 40.0, 30.0
-    return disks, box, state, COIN, 6.0, {"ledger": True}
+    return disks, box, state, COIN, 6.0, {"ledger": True, "forces": [Rescale(0.2, energy=1e4)]}
 
 
 def spreading() -> Gas:

@@ -18,6 +18,7 @@ from support.gases import COIN, ELASTIC, ROLLING, equal_disks, equilibrated, mix
 
 from ifrdem.kernels.layout import HASH_1, HASH_2, ID, LAST_PARTNER, USUAL_HALO
 from ifrdem.model.box import Box
+from ifrdem.model.forces import Langevin, RandomKicks, Rescale
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
 from ifrdem.simulation import device
@@ -51,6 +52,17 @@ def periodic(
 ) -> Gas:
     disks = make(N)
     return disks, *equilibrated(disks, packing_fraction), law, {}
+
+
+def driven() -> Gas:
+    """Of sums over all disks, each in another order of lists, the motion takes some bits at each step."""
+    disks, box, state, law, _ = periodic(0.3, ROLLING, mixture)
+    forces = [
+        RandomKicks(0.05, power=1.0),
+        Langevin(0.08, temperature=1.0, rate=0.3),
+        Rescale(0.13, energy=1.5),
+    ]
+    return disks, box, state, law, {"forces": forces, "seed": 2}
 
 
 def walled() -> Gas:
@@ -87,10 +99,11 @@ GASES: dict[str, Callable[[], Gas]] = {
     "phi = 0.3": lambda: periodic(0.3),
     "phi = 0.6": lambda: periodic(0.6),
     "mixture": lambda: periodic(0.4, ROLLING, mixture),
+    "driven": driven,
     "walls": walled,
     "clusters": clusters,
 }
-PER_DISK = {"mixture": 40, "walls": 20, "clusters": 40}  # 100 for others: 2e5 collisions
+PER_DISK = {"mixture": 40, "driven": 40, "walls": 20, "clusters": 40}  # 100 for others: 2e5 collisions
 
 
 @cache
@@ -166,7 +179,7 @@ def looked_at(
     return found, engine, len(computed) - engine.statistics.windows
 
 
-@pytest.mark.parametrize("name", GASES)
+@pytest.mark.parametrize("name", sorted(set(GASES) - {"driven"}))  # whose windows end at forces
 def test_moments_are_told_with_their_window_as_the_whole_box_in_order_passes_them(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
