@@ -17,6 +17,7 @@ import numpy as np
 from mpi4py import MPI
 from support.gases import COIN, mixture, start
 
+from ifrdem.model.forces import Rescale
 from ifrdem.simulation import arrays
 from ifrdem.simulation.engine import Engine
 
@@ -32,7 +33,10 @@ def after(comm: Any) -> tuple[Engine, dict[str, Any]]:
     box, state = start(disks, 0.4)
     if comm is not None and comm.rank:
         disks = state = None
-    engine = Engine(disks, box, state, np.array([[COIN]]), comm=comm, arch="cuda", partners=True)
+    forces = [Rescale(0.02, energy=1.0)]
+    engine = Engine(
+        disks, box, state, np.array([[COIN]]), comm=comm, arch="cuda", partners=True, forces=forces
+    )
     goal = engine.collisions + N
     while engine.collisions < goal:
         engine.advance(collisions=goal)
