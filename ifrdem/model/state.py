@@ -149,8 +149,11 @@ Kinds = tuple[list[NDArray[Any]], bool]
 
 def kinds_among(columns: Sequence[NDArray[Any]]) -> Kinds:
     """The kinds of disks of these `COLUMNS`, or the extremes where there are more than MOST_KINDS."""
-    rows = unlike(columns)
-    return (rows, True) if len(rows[0]) <= MOST_KINDS else (extremes(rows), False)
+    for few in (slice(2 * MOST_KINDS), slice(None)):  # which may tell already
+        rows = unlike([column[few] for column in columns])
+        if len(rows[0]) > MOST_KINDS:
+            return extremes(columns), False
+    return rows, True
 
 
 def united(found: Sequence[Kinds]) -> Kinds:

@@ -51,7 +51,7 @@ def test_all_bits_are_those_of_one_rank(ranks: int, names: list[str]) -> None:
         if (
             "sizes" in each["name"]
         ):  # tables of kinds were full, and begun anew, beyond those of lists that were sent
-            assert each["tables"] > 3 + each["listed anew"] + each["moved"]
+            assert each["tables"] > 3 + each["listed anew"] + each["moved"], each
         if each["name"] == "cooling":  # what ranks had to tell one another again
             assert each["run_again"] > 0
         if (
