@@ -14,7 +14,7 @@ from pydantic import AfterValidator, Field, model_validator
 from ..errors import InputError, nearest, there_are
 from ..fit.tabular import Form
 from ..initial import radii
-from ..kernels.limits import MOST_DISKS, MOST_IDS
+from ..kernels.limits import MOST_IDS
 from ..model.coin_table import coins
 from .forces_section import ForceSection
 from .output_section import OutputSection
@@ -167,14 +167,6 @@ class SpeciesSection(Section):
     """Root mean square speed at the start [m/s], Maxwellian, without total momentum."""
     spin_rms: float = key(0.0, 0.0, ge=0.0)
     """Root mean square spin at the start [rad/s], Gaussian."""
-
-    @classmethod
-    def mistakes(cls, data: dict[str, Any]) -> list[str]:
-        """Also more disks of different radii than every process can know."""
-        number = data.get("number")
-        if "radii" in data and isinstance(number, int) and number > MOST_DISKS:
-            return [f"number = {number}: {MOST_DISKS} at most beside radii, all of which each rank knows"]
-        return super().mistakes(data)
 
 
 def is_trajectory(positions: str) -> bool:

@@ -230,7 +230,7 @@ def _rates_and_speeds(gas: CaseGas) -> tuple[list[float], list[float]]:
 def collision_rates(species: Sequence[Species], area: float) -> NDArray[np.float64]:
     """Collisions per disk and time [1/time] of each species of equal disks with Maxwellian velocities, in an area."""
     number = np.array([each.number for each in species], dtype=np.float64)
-    radius = np.array([each.values("radius").mean() for each in species])
+    radius = np.array([each.look.radius.mean for each in species])
     variance = np.array([0.5 * each.speed_rms**2 for each in species])  # T / m
     g = theory.mixture_contact_values(math.pi * float(number @ radius**2) / area, radius, number)
     ones = np.ones(len(number))
@@ -250,7 +250,7 @@ def _wall_hits(gas: CaseGas) -> float:
     phi = room.covered_part(gas.kinds.covered)
     crowding = 1.0 + 2.0 * phi * theory.contact_value(min(phi, 0.9))
     for each in gas.species:
-        inset = float(each.values("radius").mean())
+        inset = each.look.radius.mean
         if (area := room.area(inset)) > 0.0:
             along_x = each.speed_rms / math.sqrt(2.0)
             flux = each.number / area * along_x / math.sqrt(2.0 * math.pi)
@@ -271,7 +271,7 @@ def _by_theory(
     each, law, shear_rate = gas.species[0], gas.law(), gas.box.shear_rate
     if gas.box.is_open or len(gas.species) > 1 or not each.equal or law.rho > 0.0:
         return None, end, per_disk
-    mass, radius = float(each.mass[0]), float(each.radius[0])
+    mass, radius = each.look.mass.low, each.look.radius.low
     inertia = mass * radius**2 / each.k
     one = (law, mass, radius, each.k, phi)
     T, T_rot = 0.5 * mass * each.speed_rms**2, inertia * each.spin_rms**2

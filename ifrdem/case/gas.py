@@ -21,7 +21,7 @@ from ..model import crush
 from ..model.box import Box
 from ..model.free_area import Room
 from ..model.ifr import EnergyWarning, IFRLaw
-from ..model.state import COLUMNS, DiskKinds, Disks, State, dealt, unlike
+from ..model.state import DiskKinds, Disks, State, dealt, united
 from ..model.walls import Wall, at_displacements, wall_names
 from ..simulation import checks
 from ..simulation.simulation import Simulation
@@ -92,18 +92,13 @@ class CaseGas:
         """The disks of some ids."""
         own = self._of_species(ids)
         numbers = [len(each) for each in own]
-        columns = {
-            name: np.concatenate([
-                getattr(one, name)[each.start : each.stop] for one, each in zip(self.species, own, strict=True)
-            ])
-            for name in ("mass", "radius")
-        }  # fmt: skip
+        both = zip(*(one.columns(each) for one, each in zip(self.species, own, strict=True)), strict=True)
+        mass, radius = map(np.concatenate, both)
         return Disks(
-            n=len(ids),
+            len(ids), mass, radius,
             k=np.repeat([each.k for each in self.species], numbers),
             material=np.repeat([self.materials.index(each.material) for each in self.species], numbers),
-            **columns,
-        )
+        )  # fmt: skip
 
     def _of_species(self, ids: range) -> list[range]:
         """Of some ids, those of each species, counted from its first disk."""
@@ -116,24 +111,21 @@ class CaseGas:
 
     @functools.cached_property
     def kinds(self) -> DiskKinds:
-        """The kinds of disks, without an array of all disks where those of each species are equal."""
-        rows, first = [], 0
+        """The kinds of disks, without an array of all disks."""
+        kinds, sums = [], []
         for each in self.species:
-            rows.append(self.rows(range(first, first + (1 if each.equal else each.number))))
-            first += each.number
-        sums: list[tuple[float, float]] = []
-        known: dict[int, tuple[float, float]] = {}  # of whole blocks of equal disks, by species
+            (*rows, material), every = each.look.kinds
+            kinds.append(([*rows, np.full_like(material, self.materials.index(each.material))], every))
         for block in slices.blocks(range(self.n)):
-            i = int(np.argmax([len(own) for own in self._of_species(block)]))
-            alike = self.species[i].equal and len(self._of_species(block)[i]) == slices.BLOCK
-            if not alike or i not in known:
+            own = self._of_species(block)
+            i = int(np.argmax([len(each) for each in own]))
+            if len(own[i]) == len(block):
+                sums.append(self.species[i].sums(own[i]))
+            else:
                 radius = self.rows(block).radius
-                here = float(np.sum(np.square(radius))), float(np.sum(radius))
-                known |= {i: here} if alike else {}
-            sums.append(known[i] if alike else here)
+                sums.append((float(np.sum(np.square(radius))), float(np.sum(radius))))
         squares, radii = (functools.reduce(operator.add, each) for each in zip(*sums, strict=True))
-        columns = [np.concatenate([getattr(each, name) for each in rows]) for name in COLUMNS]
-        return DiskKinds.made(unlike(columns), self.n, self.n, squares, radii)
+        return DiskKinds.made(united(kinds), self.n, self.n, squares, radii)
 
     @functools.cached_property
     def laws(self) -> list[list[IFRLaw | None]]:
@@ -252,17 +244,15 @@ class CaseGas:
         velocity, spin = [], []
         for i, own in enumerate(self._of_species(slices.slice_of(self.n, comm))):
             each, options = self.species[i], {"seed": seeds.of_species(seed, i), "comm": comm}
-            mass = each.mass[own.start : own.stop]
+            mass = each.columns(own)[0]
             velocity.append(placement.maxwellian(mass, speed_rms=each.speed_rms, **options))
             spin.append(placement.gaussian_spins(len(own), spin_rms=each.spin_rms, **options))
         return np.concatenate(velocity), np.concatenate(spin)
 
     def _fastest_drawn(self) -> tuple[float, float]:
         """More than the largest speed [length/time] and spin [rad/time] that are drawn: 12 deviations."""
-        lightest = (each.values("mass").min() for each in self.species)
         speeds = [
-            each.speed_rms * math.sqrt(float(each.values("mass").max()) / low)
-            for each, low in zip(self.species, lightest, strict=True)
+            each.speed_rms * math.sqrt(each.look.mass.high / each.look.mass.low) for each in self.species
         ]
         return 12.0 * max(speeds), 12.0 * max(each.spin_rms for each in self.species)
 

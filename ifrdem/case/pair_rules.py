@@ -102,9 +102,9 @@ def _worst(made_of: Coefficients, one: Species, other: Species) -> PairVerdict:
     that are admissible form an interval: each condition of `IFRLaw.admissibility` asks a convex function of it to be
     no more than a linear one, or bounds it from above. So the ends of the mass ratio decide.
     """
-    mass, others = one.values("mass"), other.values("mass")
-    ends = {(mass.min(), others.max()), (mass.max(), others.min())}
-    found = [_verdict(made_of, one.name, other.name, one.k, other.k, *map(float, masses)) for masses in ends]
+    mass, others = one.look.mass, other.look.mass
+    ends = {(mass.low, others.high), (mass.high, others.low)}
+    found = [_verdict(made_of, one.name, other.name, one.k, other.k, *masses) for masses in ends]
     worst = min(found, key=lambda each: (each.admissible, each.strict, -each.law.k if each.law else 0.0))
     return worst._replace(materials=frozenset((one.material, other.material)))
 

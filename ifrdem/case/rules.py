@@ -232,7 +232,7 @@ def wrong_room(
     sides = room.box.lengths if room is not None else (math.inf, math.inf)
     fits = True
     for each in species if not case.box.open else ():
-        largest = 2.0 * float(each.values("radius").max())
+        largest = 2.0 * each.look.radius.high
         if largest > LARGEST_DISK * min(sides):
             fits = False
             text = f"a disk of species '{each.name}' has diameter {largest:.6g}, more than a third of the shorter side"

@@ -2,77 +2,136 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..initial import radii
 from ..model.coin_table import coins
-from ..tools import seeds
+from ..model.state import Kinds, extremes, kinds_among, united
+from ..tools import seeds, slices
 from .case import Case, SpeciesSection
 
 CLASSES = 16
 """Groups of like radii that stand for a species with many, where a sum over all pairs would be long."""
 
 
+class Spread(NamedTuple):
+    """Smallest, largest and mean one of some numbers."""
+
+    low: float
+    high: float
+    mean: float
+
+
+class Look(NamedTuple):
+    """What is known of all disks of a species, of which no array is kept."""
+
+    kinds: Kinds  # of material 0
+    mass: Spread  # [mass]
+    radius: Spread  # [length]
+    sums: dict[range, tuple[float, float]]  # of R^2 and of R, for some ids
+
+
+@dataclass(frozen=True)
+class Radii:
+    """Radii that are drawn from a distribution."""
+
+    distribution: str
+    parameters: Mapping[str, float]
+    seed: int
+
+
 @dataclass(frozen=True, eq=False)
 class Species:
-    """Disks of one kind."""
+    """Disks of one kind, or of radii that are drawn. They may be many, and so nothing here is an array of all."""
 
     name: str
     material: str
     number: int
-    mass: NDArray[np.float64]  # (number,) [mass]; a single number is taken for all of them
-    radius: NDArray[np.float64]  # (number,) [length]; likewise
+    mass: float | None  # [mass]; None if each has its own, areal_density pi R^2
+    radius: float | Radii  # [length]
     k: float  # shape number
     speed_rms: float  # root mean square at the start [length/time]
     spin_rms: float  # the same of spins [rad/time]
+    areal_density: float = 0.0  # [mass/length^2]
 
-    def __post_init__(self) -> None:
-        for name in ("mass", "radius"):
-            value = np.asarray(getattr(self, name), dtype=np.float64)
-            object.__setattr__(self, name, np.broadcast_to(value, (self.number,)))
+    def columns(self, ids: range) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Masses [mass] and radii [length] of some of them, numbered from 0 on; shape (len(ids),) each."""
+        if isinstance(self.radius, Radii):
+            of = self.radius
+            radius = radii.of_ids(of.distribution, self.number, ids, seed=of.seed, **of.parameters)
+        else:
+            radius = np.full(len(ids), self.radius)
+        if self.mass is None:
+            return np.pi * np.square(radius) * self.areal_density, radius
+        return np.full(len(ids), self.mass), radius
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Class and arguments that rebuild it elsewhere: one mass and radius where they are the memory of all."""
-        mass, radius = (each[0] if each.strides == (0,) else each for each in (self.mass, self.radius))
-        return Species, (
-            self.name, self.material, self.number, mass, radius, self.k, self.speed_rms, self.spin_rms,
-        )  # fmt: skip
+    @functools.cached_property
+    def look(self) -> Look:
+        """What is known of all of them, by a look at one block after another."""
+        kinds: Kinds | None = None
+        sums, totals = {}, np.zeros(2)
+        seen = range(self.number if isinstance(self.radius, Radii) else 1)
+        for ids in slices.blocks(seen):
+            mass, radius = self.columns(ids)
+            rows = [mass, radius, np.full(len(ids), self.k), np.zeros(len(ids), dtype=np.int32)]
+            if kinds is None:
+                kinds = kinds_among(rows)
+            else:  # where there are many, they are not told apart any more
+                kinds = united([kinds, kinds_among(rows) if kinds[1] else (extremes(rows), False)])
+            sums[ids] = _sums(radius)
+            totals += np.sum(mass), np.sum(radius)
+        assert kinds is not None  # each has a disk
+        of_mass, of_radius = (
+            Spread(float(column.min()), float(column.max()), float(total / len(seen)))
+            for column, total in zip(kinds[0][:2], totals, strict=True)
+        )
+        return Look(kinds, of_mass, of_radius, sums)
 
     @property
     def equal(self) -> bool:
         """True if all of them have one mass and radius."""
-        return all(column.strides == (0,) or np.ptp(column) == 0.0 for column in (self.mass, self.radius))
+        return all(each.low == each.high for each in (self.look.mass, self.look.radius))
 
-    def values(self, name: str) -> NDArray[np.float64]:
-        """Masses or radii, one number for all where it is the memory of all: for what does not depend on how many."""
-        column: NDArray[np.float64] = getattr(self, name)
-        return column[:1] if column.strides == (0,) else column
+    def sums(self, ids: range) -> tuple[float, float]:
+        """Sums of R^2 [length^2] and of R [length] over some of them, as NumPy adds them up."""
+        ids = ids if isinstance(self.radius, Radii) else range(len(ids))
+        if ids not in self.look.sums:
+            self.look.sums[ids] = _sums(self.columns(ids)[1])
+        return self.look.sums[ids]
 
     def classes(self) -> list[Species]:
         """Species of equal disks that stand for these: one for each radius, or `CLASSES` groups of like radii.
 
-        Speeds are those of a Maxwellian of the whole: components have a variance that goes as 1/m.
+        Speeds are those of a Maxwellian of the whole: components have a variance that goes as 1/m. The first block of
+        disks (`slices.BLOCK`) stands for all.
         """
         if self.equal:
             return [self]
-        values, group = np.unique(self.radius, return_inverse=True)
+        mass, radius = self.columns(range(min(self.number, slices.BLOCK)))
+        values, group = np.unique(radius, return_inverse=True)
         if len(values) > CLASSES:
-            order = np.argsort(self.radius, kind="stable")
-            group = np.empty(self.number, dtype=np.intp)
-            group[order] = np.arange(self.number) * CLASSES // self.number
-        per_mass = 1.0 / self.mass
+            order = np.argsort(radius, kind="stable")
+            group = np.empty(len(radius), dtype=np.intp)
+            group[order] = np.arange(len(radius)) * CLASSES // len(radius)
+        per_mass = 1.0 / mass
         found = []
         for one in range(min(len(values), CLASSES)):
             own = group == one
             speed = self.speed_rms * np.sqrt(per_mass[own].mean() / per_mass.mean())
-            size = int(np.count_nonzero(own))
-            mass, radius = (np.array(column[own].mean()) for column in (self.mass, self.radius))
-            found.append(replace(self, number=size, mass=mass, radius=radius, speed_rms=float(speed)))
+            size = round(int(np.count_nonzero(own)) * self.number / len(radius))
+            m, R = (float(column[own].mean()) for column in (mass, radius))
+            found.append(replace(self, number=size, mass=m, radius=R, speed_rms=float(speed)))
         return found
+
+
+def _sums(radius: NDArray[np.float64]) -> tuple[float, float]:
+    return float(np.sum(np.square(radius))), float(np.sum(radius))
 
 
 def species_of(case: Case) -> tuple[Species, ...]:
@@ -81,22 +140,21 @@ def species_of(case: Case) -> tuple[Species, ...]:
 
 
 def _species(section: SpeciesSection, seed: int) -> Species:
+    mass, radius, k, per_area = section.mass, _radius(section, seed), section.k, section.areal_density or 0.0
     if section.coin is not None:
         coin = coins[section.coin]
-        mass, radius, k = np.array(coin.mass), np.array(coin.radius), coin.k
-    else:
-        radius, k = _radius(section, seed), section.k
-        # Exactly one of the two is given: the section's alternatives see to it.
-        per_area = section.areal_density or 0.0
-        mass = np.array(section.mass) if section.mass is not None else np.pi * np.square(radius) * per_area
+        mass, radius, k = coin.mass, coin.radius, coin.k
+    # Exactly one of mass and areal_density is given: the section's alternatives see to it.
+    elif mass is None and not isinstance(radius, Radii):
+        mass = float(np.pi * np.square(radius) * per_area)
     material = section.material or section.coin or ""
     return Species(
-        section.name, material, section.number, mass, radius, k, section.speed_rms, section.spin_rms
+        section.name, material, section.number, mass, radius, k, section.speed_rms, section.spin_rms, per_area
     )
 
 
-def _radius(section: SpeciesSection, seed: int) -> NDArray[np.float64]:
-    """The radii of a species [length], shape (number,), or () if they are equal."""
+def _radius(section: SpeciesSection, seed: int) -> float | Radii:
+    """The radius of a species [length], or how radii are drawn."""
     if section.radii is not None:
-        return radii.sample(section.radii.distribution, section.number, seed=seed, **section.radii.parameters)
-    return np.array(section.radius if section.radius is not None else 0.5 * (section.diameter or 0.0))
+        return Radii(section.radii.distribution, section.radii.parameters, seed)
+    return section.radius if section.radius is not None else 0.5 * (section.diameter or 0.0)

@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InputError, refuse
 from ..kernels.limits import BYTES_PER_DISK
@@ -28,6 +27,7 @@ from .estimate import (
 )
 from .gas import CaseGas
 from .output_section import MOST_FRAMES
+from .species import Spread
 
 WRITER_BYTES_PER_DISK = 200
 """Frames that are being told, wait or are written.
@@ -92,9 +92,7 @@ def _length(case: Case, gas: CaseGas, estimate: RunEstimate) -> tuple[float, str
     if not math.isnan(estimate.end_time):
         return estimate.end_time, "the length of the run by kinetic theory"
     times = [1.0 / rate for rate in estimate.collision_rate if rate > 0.0]
-    times += [
-        float(each.values("radius").min()) / each.speed_rms for each in gas.species if each.speed_rms > 0.0
-    ]
+    times += [each.look.radius.low / each.speed_rms for each in gas.species if each.speed_rms > 0.0]
     times += [each.step for each in case.force]
     return (min(times), "the shortest time that the case names") if times else (math.nan, "")
 
@@ -154,22 +152,19 @@ def report(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
     """Everything that can be said of a case before it runs."""
     length, mass, time = (case.unit(quantity) for quantity in ("length", "mass", "time"))
     lines = _density(case, gas, estimate)
-    radius = gas.kinds.radius
-    if np.ptp(radius) > 0.0:
-        ratio = float(radius.max() / radius.min())
-        lines.append(
-            _row(
-                "radii",
-                f"{_span(radius, gas.kinds.mean_radius)}{length}, largest/smallest {ratio:.4g}: {_cost(ratio)}",
-            )
-        )
+    radius = Spread(
+        float(gas.kinds.radius.min()), float(gas.kinds.radius.max()), float(gas.kinds.mean_radius)
+    )
+    if radius.low < radius.high:
+        ratio = radius.high / radius.low
+        lines.append(_row("radii", f"{_span(radius)}{length}, largest/smallest {ratio:.4g}: {_cost(ratio)}"))
     for each, rate, path in zip(gas.species, estimate.collision_rate, estimate.free_path, strict=True):
-        text = f"{each.number} of {each.material}: mass {_span(each.values('mass'))}{mass}, "
-        text += f"radius {_span(each.values('radius'))}{length}, "
+        text = f"{each.number} of {each.material}: mass {_span(each.look.mass)}{mass}, "
+        text += f"radius {_span(each.look.radius)}{length}, "
         text += f"k = {each.k:g}, speed {each.speed_rms:.4g}{_per(length, time)} rms"
         lines.append(_row(f"species {each.name}", text))
         if rate > 0.0:
-            diameters = path / (2.0 * float(each.values("radius").mean()))
+            diameters = path / (2.0 * each.look.radius.mean)
             text = f"{path:.4g}{length} ({diameters:.3g} diameters), mean free time {1.0 / rate:.4g}{time}"
             lines.append(_row("  mean free path", f"{text}, at the start"))
         elif not gas.box.is_open:
@@ -299,7 +294,7 @@ def _walls(case: Case, gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, s
     """Name and text of each line; none for a periodic gas without gravity."""
     length, time, energy = (case.unit(quantity) for quantity in ("length", "time", "energy"))
     speed, lines = _per(length, time), []
-    mass = sum(each.number * float(each.values("mass").mean()) for each in gas.species) / gas.n
+    mass = sum(each.number * each.look.mass.mean for each in gas.species) / gas.n
     diameter = 2.0 * gas.kinds.mean_radius
     g = math.hypot(*case.box.gravity)
     if g > 0.0:
@@ -377,10 +372,9 @@ def _motion(case: Case, wall: Wall, g: float, mass: float) -> str:
     return text
 
 
-def _span(values: NDArray[np.float64], mean: float | None = None) -> str:
-    """One number for equal values, else their ends and mean, which is theirs if not told."""
-    low, high = float(values.min()), float(values.max())
-    mean = float(values.mean()) if mean is None else mean
+def _span(values: Spread) -> str:
+    """One number for equal values, else their ends and mean."""
+    low, high, mean = values
     return f"{low:.5g}" if low == high else f"{low:.5g} to {high:.5g} (mean {mean:.5g})"
 
 

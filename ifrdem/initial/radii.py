@@ -1,18 +1,21 @@
 """Radii of disks that are not all equal: samples of a distribution, reproducible by a seed.
 
 Every function returns an array of shape (n,) [length]. Masses that follow the radii are `density * pi * radius**2`
-with the mass per area of the disks, `density` [mass/length^2].
+with the mass per area of the disks, `density` [mass/length^2]. With ranks of MPI (`comm`), each gives the number of
+disks in its slice (`ifrdem.slice_of`), and gets their radii: to the bit those that one process draws, for each block of
+262,144 disks has random numbers of its own.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from ..errors import InputError, nearest
-from ..tools import seeds
+from ..tools import seeds, slices, world
 from ..tools.checked import Array
 
 TRUNCATION = 3.0
@@ -30,7 +33,7 @@ PARAMETERS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 """Of each distribution, the parameters that it needs and those that it may have."""
 
 
-def uniform(n: int, *, low: float, high: float, seed: int) -> Array:
+def uniform(n: int, *, low: float, high: float, seed: int, comm: Any = None) -> Array:
     """Radii that are equally frequent between `low` and `high` [length].
 
     InputError if not 0 < low < high, or a number is not finite.
@@ -42,12 +45,13 @@ def uniform(n: int, *, low: float, high: float, seed: int) -> Array:
     >>> round(float(radius.mean()), 2)
     0.5
     """
-    return sample("uniform", n, seed=seed, low=low, high=high)
+    return sample("uniform", n, seed=seed, comm=comm, low=low, high=high)
 
 
 def gaussian(
-    n: int, *, mean: float, deviation: float, low: float | None = None, high: float | None = None, seed: int
-) -> Array:
+    n: int, *, mean: float, deviation: float, low: float | None = None, high: float | None = None, seed: int,
+    comm: Any = None,
+) -> Array:  # fmt: skip
     """Radii from a normal distribution, cut off at `low` and `high` [length].
 
     Without these it is cut off three standard deviations from the mean, where 0.27 % of it lie outside; the standard
@@ -62,12 +66,13 @@ def gaussian(
     >>> round(float(radius.mean()), 2)
     0.5
     """
-    return sample("gaussian", n, seed=seed, mean=mean, deviation=deviation, low=low, high=high)
+    return sample("gaussian", n, seed=seed, comm=comm, mean=mean, deviation=deviation, low=low, high=high)
 
 
 def lognormal(
-    n: int, *, mean: float, deviation: float, low: float | None = None, high: float | None = None, seed: int
-) -> Array:
+    n: int, *, mean: float, deviation: float, low: float | None = None, high: float | None = None, seed: int,
+    comm: Any = None,
+) -> Array:  # fmt: skip
     """Radii whose logarithm is normal; `mean` and `deviation` [length] are those of the radius itself.
 
     The logarithm has the variance s^2 = ln(1 + (deviation/mean)^2) and the mean ln(mean) - s^2/2. It is cut off only
@@ -81,10 +86,12 @@ def lognormal(
     >>> round(float(radius.mean()), 2)
     0.5
     """
-    return sample("lognormal", n, seed=seed, mean=mean, deviation=deviation, low=low, high=high)
+    return sample("lognormal", n, seed=seed, comm=comm, mean=mean, deviation=deviation, low=low, high=high)
 
 
-def bidisperse(n: int, *, low: float, high: float, large_fraction: float, seed: int) -> Array:
+def bidisperse(
+    n: int, *, low: float, high: float, large_fraction: float, seed: int, comm: Any = None
+) -> Array:
     """Radii of two sizes [length], of which the part `large_fraction` of all disks has `high`, in random order.
 
     Their number is the whole number nearest to `large_fraction * n`, not a random one. InputError if not 0 < low <
@@ -97,10 +104,10 @@ def bidisperse(n: int, *, low: float, high: float, large_fraction: float, seed: 
     >>> round(float(radius.mean()), 2)
     0.6
     """
-    return sample("bidisperse", n, seed=seed, low=low, high=high, large_fraction=large_fraction)
+    return sample("bidisperse", n, seed=seed, comm=comm, low=low, high=high, large_fraction=large_fraction)
 
 
-def sample(distribution: str, n: int, *, seed: int, **parameters: float | None) -> Array:
+def sample(distribution: str, n: int, *, seed: int, comm: Any = None, **parameters: float | None) -> Array:
     """Radii [length], shape (n,), of a distribution by its name (`PARAMETERS`); see the functions of these names.
 
     InputError as `check`.
@@ -111,15 +118,26 @@ def sample(distribution: str, n: int, *, seed: int, **parameters: float | None) 
     >>> radii.sample("uniform", 3, low=0.4, high=0.6, seed=1).round(3)
     array([0.522, 0.477, 0.569])
     """
-    check(distribution, **parameters)
+    world.together(comm, lambda: check(distribution, **parameters))
+    ids, number = slices.numbered(n, comm)
+    return of_ids(distribution, number, ids, seed=seed, **parameters)
+
+
+def of_ids(distribution: str, n: int, ids: range, *, seed: int, **parameters: float | None) -> Array:
+    """Radii [length], shape (len(ids),), of some of n disks: those that `sample` gives them among all."""
     given = {name: float(value) for name, value in parameters.items() if value is not None}
-    random = seeds.stream(seed, seeds.RADII)
+    if distribution == "bidisperse":
+        large = seeds.permuted(seed, seeds.RADII, n, ids) < round(given["large_fraction"] * n)
+        return np.where(large, given["high"], given["low"])
+    return seeds.drawn(
+        seed, seeds.RADII, ids, lambda random, count: _drawn(distribution, random, count, given)
+    )
+
+
+def _drawn(distribution: str, random: np.random.Generator, n: int, given: Mapping[str, float]) -> Array:
+    """Radii of the first disks of a block."""
     if distribution == "uniform":
         return given["low"] + (given["high"] - given["low"]) * random.random(n)
-    if distribution == "bidisperse":
-        radius = np.full(n, given["low"])
-        radius[: round(given["large_fraction"] * n)] = given["high"]
-        return random.permutation(radius)
     from scipy.special import ndtri
 
     centre, width, begin, end = _normal(distribution, given)

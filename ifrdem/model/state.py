@@ -103,34 +103,37 @@ class Disks(Brief):
 
 COLUMNS = ("mass", "radius", "k", "material")
 """Constant properties of a disk."""
+MOST_KINDS = 1000
+"""Kinds of disks that each of several ranks knows all of; of more, it knows those of its own disks."""
 
 
 class DiskKinds(Disks):
     """Kinds of disks of a gas that is on several ranks, none of which need have all of its disks.
 
     `n`, `n_movable`, `covered` and `mean_radius` are those of all disks; mass, radius, k and material have a row for
-    each kind, ascending.
+    each kind, ascending. Where there are more than MOST_KINDS, `every` is False, and the rows are `extremes`.
     """
+
+    every: bool
 
     @classmethod
     def of(cls, disks: Disks, comm: Any = None) -> DiskKinds:
         """The kinds of some disks; of ranks, each gives those of its slice, and gets the kinds of all."""
-        rows = unlike([getattr(disks, name) for name in COLUMNS])
+        rows, every = kinds_among([getattr(disks, name) for name in COLUMNS])
         n, movable = disks.n, disks.n_movable
         if comm is not None:
-            rows = unlike([np.concatenate(each) for each in zip(*comm.allgather(rows), strict=True)])
+            rows, every = united(comm.allgather((rows, every)))
             n, movable = comm.allreduce(n), comm.allreduce(movable)
-        return cls.made(
-            rows, n, movable, slices.total(np.square(disks.radius), comm), slices.total(disks.radius, comm)
-        )
+        squares, radii = (slices.total(each, comm) for each in (np.square(disks.radius), disks.radius))
+        return cls.made((rows, every), n, movable, squares, radii)
 
     @classmethod
-    def made(
-        cls, rows: Sequence[NDArray[Any]], n: int, n_movable: int, squares: float, radii: float
-    ) -> DiskKinds:
-        """Kinds from their `COLUMNS`, the sum of squared radii of all disks [length^2], and of their radii [length]."""
+    def made(cls, kinds: Kinds, n: int, n_movable: int, squares: float, radii: float) -> DiskKinds:
+        """Kinds from their rows, the sum of squared radii of all disks [length^2], and of their radii [length]."""
         found = object.__new__(cls)
-        vars(found).update(dict(zip(COLUMNS, rows, strict=True)), n=n, n_movable=n_movable)
+        vars(found).update(
+            dict(zip(COLUMNS, kinds[0], strict=True)), every=kinds[1], n=n, n_movable=n_movable
+        )
         vars(found).update(covered=float(np.pi * squares), mean_radius=float(radii / n) if n else math.nan)
         return found
 
@@ -140,15 +143,63 @@ class DiskKinds(Disks):
         return Disks(len(self.mass), *(getattr(self, name) for name in COLUMNS))
 
 
-def unlike(columns: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
-    """Rows of columns, ascending, each once."""
+Kinds = tuple[list[NDArray[Any]], bool]
+"""Rows of `COLUMNS`, and whether they are all kinds of some disks, or `extremes` of them."""
+
+
+def kinds_among(columns: Sequence[NDArray[Any]]) -> Kinds:
+    """The kinds of disks of these `COLUMNS`, or the extremes where there are more than MOST_KINDS."""
+    for few in (slice(2 * MOST_KINDS), slice(None)):  # which may tell already
+        rows = unlike([column[few] for column in columns])
+        if len(rows[0]) > MOST_KINDS:
+            return extremes(columns), False
+    return rows, True
+
+
+def united(found: Sequence[Kinds]) -> Kinds:
+    """The same of several such sets of disks together, however they are divided into them."""
+    columns = [np.concatenate(each) for each in zip(*(rows for rows, _ in found), strict=True)]
+    return kinds_among(columns) if all(every for _, every in found) else (extremes(columns), False)
+
+
+def codes(columns: Sequence[NDArray[Any]]) -> NDArray[np.int64]:
+    """A number for each row of columns, from 0 on: the same for equal rows only, and larger for larger ones."""
     code: NDArray[np.int64] = np.zeros(len(columns[0]), dtype=np.int64)
     for column in columns:
         if len(column) and column.min() != column.max():
             values, index = np.unique(column, return_inverse=True)
             _, code = np.unique(code * len(values) + index, return_inverse=True)
+    return code
+
+
+def unlike(columns: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
+    """Rows of columns, ascending, each once."""
+    code = codes(columns)
     first = np.unique(code, return_index=True)[1] if code.any() else np.arange(min(len(code), 1))
     return [column[first] for column in columns]
+
+
+def extremes(columns: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
+    """Those rows of `COLUMNS` that have the smallest or the largest m, R, m R or m R^2, ascending, each once.
+
+    They are chosen among disks of one material and k whose radii are of the same power of 2, movable ones or not. So
+    the least and the largest of each are known, the lightest and the heaviest of each material and k, and gaps between
+    radii by more than a factor 2. Extremes of sets of extremes are those of all.
+    """
+    mass, radius, k, material = columns
+    with np.errstate(over="ignore", under="ignore"):
+        measured = (mass, radius, mass * radius, mass * radius**2)
+    group = codes([material, k, np.isfinite(mass), np.frexp(radius)[1]])
+    found = []
+    for one in range(int(group.max(initial=-1)) + 1):
+        own = np.flatnonzero(group == one)
+        for measure in measured:
+            for extreme in (np.min, np.max):
+                at = own
+                for column, end in ((measure, extreme), (radius, np.min), (mass, np.min)):  # one row of a tie
+                    at = at[column[at] == end(column[at])]
+                found.append(at[0])
+    return unlike([column[found] for column in columns])
 
 
 _LOWEST = -(2**31)

@@ -521,9 +521,8 @@ def _closing(
             f"the energy ledger closes to {abs(residual):.1e} of the energy that was there or put in"
         )
     # Against the momentum that the disks' typical speed would add up to, all one way.
-    scale = float(
-        np.sqrt(2.0 * first.translational_energy * sum(float(np.sum(each.mass)) for each in gas.species))
-    )
+    mass = sum(each.number * each.look.mass.mean for each in gas.species)
+    scale = float(np.sqrt(2.0 * first.translational_energy * mass))
     if first.energy > 0.0 and scale > 0.0:
         drift = float(np.linalg.norm(last.momentum - first.momentum))
         what = "change" if case.force or case.walled else "drift"  # heat baths, drag and walls change it

@@ -23,7 +23,7 @@ from ..kernels.shear import displacement
 from ..kernels.walls import FREE, GONE, HEAT, MOTION, NEXT_PISTON, PISTON, PUSH, SUMS, TEMPERATURE, TYPE
 from ..kernels.windows import exchange, sum_shared
 from ..model.box import Box
-from ..model.state import Disks, State
+from ..model.state import COLUMNS, Disks, State, codes
 from ..model.walls import Wall
 from ..tools import slices
 from . import device
@@ -73,22 +73,21 @@ def split_of(radius: NDArray[np.float64]) -> float | None:
     return float(known[gap]) if known[gap + 1] > LEAST_GAP * known[gap] else None
 
 
+def kind_rows(
+    mass: NDArray[np.float64], radius: NDArray[np.float64], k: NDArray[np.float64], material: NDArray[np.integer]
+) -> NDArray[np.float64]:  # fmt: skip
+    """Rows of `kinds` of some disks, shape (disks, 6), columns as in `kernels/layout.py`."""
+    heavy = np.where(np.isfinite(mass), mass, 0.0)
+    return np.stack(
+        [1.0 / mass, k, radius, material.astype(np.float64), heavy, heavy * radius**2 / k], axis=1
+    )
+
+
 def kinds_of(disks: Disks) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Kinds of disks, shape (kinds, 6), columns as in `kernels/layout.py`; and the kind of each row of `disks`."""
-    columns = (1.0 / disks.mass, disks.k, disks.radius, disks.material.astype(np.float64))
-    code: NDArray[np.int64] = np.zeros(len(disks.mass), dtype=np.int64)
-    for column in columns:
-        if disks.n and column.min() != column.max():
-            values, index = np.unique(column, return_inverse=True)
-            _, code = np.unique(code * len(values) + index, return_inverse=True)
-    _, first = (
-        np.unique(code, return_index=True)
-        if code.any()
-        else (None, np.zeros(min(len(code), 1), dtype=np.int64))
-    )
-    mass = np.where(np.isfinite(disks.mass[first]), disks.mass[first], 0.0)
-    inertia = mass * disks.radius[first] ** 2 / disks.k[first]
-    return np.stack([*(column[first] for column in columns), mass, inertia], axis=1), code
+    code = codes((1.0 / disks.mass, disks.k, disks.radius, disks.material))
+    first = np.unique(code, return_index=True)[1] if code.any() else np.arange(min(len(code), 1))
+    return kind_rows(*(getattr(disks, name)[first] for name in COLUMNS)), code
 
 
 def tiles_along(sides: NDArray[np.float64], area: float, least: float) -> tuple[int, int]:

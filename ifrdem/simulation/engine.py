@@ -336,6 +336,7 @@ class Engine:
         if self.comm is not None:
             from .ranks import RankArrays, RankWindows
 
+            assert isinstance(self.kinds, DiskKinds)
             uses = uses._replace(shared=True)
             self.arrays: DeviceArrays = RankArrays(
                 self.comm, self.disks_here, self.kinds, box, self._law_table, given, rows, uses

@@ -29,7 +29,8 @@ twice whenever a state is put together.
 On GPUs, of which each rank has one, rows for others go to the host and back (`kernels/rows.py`), and what tiles have
 added up (376 bytes a tile) does in each round.
 
-What each rank holds: its disks and those of its ring (198 bytes each), with their kinds where there are several; 450
+What each rank holds: its disks and those of its ring (198 bytes each), with their kinds where there are several: a
+table of all kinds, or, if these are more than 1000, of those of the disks that are here; 450
 bytes for each tile of the whole box; in a window that is left to the whole box, all disks. Whenever a state is put
 together, at the start, for frames and for checkpoints, each has its slice (`tools/slices.py`): rows go there from the
 owners of tiles, and back, in one exchange of all with all.
@@ -59,9 +60,9 @@ from ..kernels.limits import ADDRESSABLE
 from ..kernels.rows import put_rows, take_rows
 from ..kernels.windows import WIDEN, sum_shared, survey, verify
 from ..model.box import Box
-from ..model.state import COLUMNS, Disks
+from ..model.state import COLUMNS, DiskKinds, Disks
 from ..tools import slices, world
-from .arrays import DeviceArrays, kinds_of, stretches, sums_of_blocks, tiles_on_ranks
+from .arrays import DeviceArrays, kind_rows, kinds_of, stretches, sums_of_blocks, tiles_on_ranks
 from .windows import Windows, _Again
 
 BETWEEN, UNEVEN = (
@@ -188,23 +189,31 @@ class RankArrays(DeviceArrays):
     """The arrays of one rank: own tiles, and the ring around them.
 
     `disks` are those of the own slice (`tools/slices.py`); the others as for `DeviceArrays`, `kinds` for its `disks`.
+
+    Where there are too many kinds for each rank to know all (`kinds.every` is False), the table `kinds` has rows for
+    the disks that are here, and their `kind` is a row of this table. Its columns, not that number, go with a disk to
+    another rank, which adds them to its own table.
     """
 
     reach: Any
     tally: Any
 
-    def __init__(self, comm: Any, disks: Disks, kinds: Disks, *given: Any) -> None:
+    def __init__(self, comm: Any, disks: Disks, kinds: DiskKinds, *given: Any) -> None:
         self.comm = comm
         self.traffic: Traffic = Traffic()
         self.lost: int = 0  # listed disks that no rank has run
         self._graph: Any = None
         self._adding: Any = None
         self._partners: list[int] = []
+        self._disks = disks
+        self._of_here = not kinds.every  # whether `kinds` has rows for the disks here
+        self._in_table = 0  # rows of it that are in use
         super().__init__(kinds, *given)
         self.first_id = first_id(self.n)
-        # Of the disks of the slice: codes are the same with a disk of each kind before them.
-        both = (np.concatenate([getattr(each, name) for each in (kinds, disks)]) for name in COLUMNS)
-        self._kind = kinds_of(Disks(len(kinds.mass) + disks.n, *both))[1][len(kinds.mass) :].astype(np.int32)
+        if kinds.every:  # of the disks of the slice: codes are the same with a disk of each kind before them
+            both = (np.concatenate([getattr(each, name) for each in (kinds, disks)]) for name in COLUMNS)
+            code = kinds_of(Disks(len(kinds.mass) + disks.n, *both))[1]
+            self._kind = code[len(kinds.mass) :].astype(np.int32)
 
     # ------------------------------------------------------------------ who owns what
 
@@ -325,6 +334,36 @@ class RankArrays(DeviceArrays):
         elif len(rows):
             put_rows(array, numbers_of(at), np.ascontiguousarray(rows.reshape(len(rows), -1)))
 
+    def _told_rows(self, name: str, at: slice | NDArray[np.integer]) -> NDArray[Any]:
+        """Some rows of the state for another rank; of `kind` the columns, where each has a table of its own."""
+        rows = self._rows(name, at)
+        return self._rows("kinds", rows) if name == "kind" and self._of_here else rows
+
+    def _take_rows(self, name: str, at: slice | NDArray[np.integer], rows: NDArray[Any]) -> None:
+        """Write rows of the state as `_told_rows` tells them; columns of kinds are added to the own table."""
+        if name == "kind" and self._of_here:
+            new = slice(self._in_table, self._in_table + len(rows))
+            self._put_rows("kinds", new, rows)
+            self._in_table, rows = new.stop, numbers_of(new)
+        self._put_rows(name, at, rows)
+
+    def _empty_table(self, own: int, more: int) -> None:
+        """Begin an own table of kinds anew, with room for so many own disks and some times so many more."""
+        room, wanted = self.kinds.shape[0], own + more + min(3 * more, own // 2) + 64
+        self._in_table = 0
+        if not own + more <= room <= 2 * wanted:
+            self._replace("kinds", None)
+            self._replace("kinds", self._vectors(6, self._type, wanted))
+
+    def _make_room_in_table(self, more: int) -> None:
+        """See to it that the own table of kinds takes more rows: if not, those of disks that have gone make room."""
+        own = self.rows_here(part := int(self.grid[k.PART]))
+        if self._in_table + more > min(self.kinds.shape[0], own + more + own // 2 + 64):
+            slots = self.rows_of(part)[0]
+            rows = self._told_rows("kind", slots)
+            self._empty_table(own, more)
+            self._take_rows("kind", slots, rows)
+
     def list_tiles(self, tiles: NDArray[np.integer]) -> None:
         """Have these tiles be run next."""
         with self.written("listed") as (listed,):
@@ -422,7 +461,7 @@ class RankArrays(DeviceArrays):
                     np.bincount(np.repeat(np.arange(len(tiles)), counts)[near], minlength=len(tiles)),
                 )
             self._given.append(slots)
-            rows = (self._rows(name, part * self.room + slots) for name in names)
+            rows = (self._told_rows(name, part * self.room + slots) for name in names)
             messages.append((counts.astype(np.int32), *rows))
         self.traffic.windows += 1
         self.traffic.ghosts += sum(each.nbytes for message in messages for each in message)
@@ -433,7 +472,7 @@ class RankArrays(DeviceArrays):
         """Get the lists of all other tiles."""
         part, tile, names = int(self.grid[k.PART]), self._values("tile"), self._names()
         rows, _listed = self.rows_of(part)
-        lists = (tile[self.own, k.COUNT + part], *(self._rows(name, rows) for name in names))
+        lists = (tile[self.own, k.COUNT + part], *(self._told_rows(name, rows) for name in names))
         found = self.comm.allgather(lists)
         self._lay_beside([
             (np.flatnonzero(self.owner == q), found[q]) for q in range(self.comm.size) if q != self.comm.rank
@@ -442,7 +481,10 @@ class RankArrays(DeviceArrays):
     def _lay_beside(self, lists: Sequence[tuple[NDArray[np.intp], tuple[NDArray[Any], ...]]]) -> None:
         """Lay lists of others behind the own ones: tiles, the lengths of their lists, and rows of the state."""
         part, at, names = int(self.grid[k.PART]), self.used, self._names()
-        self.make_room(at + sum(len(rows) for _tiles, (_count, rows, *_more) in lists))
+        more = sum(len(rows) for _tiles, (_count, rows, *_more) in lists)
+        self.make_room(at + more)
+        if self._of_here:
+            self._make_room_in_table(more)
         self._taken: list[slice] = []
         with self.written("tile") as (tile,):
             for tiles, (count, *arrays) in lists:
@@ -450,7 +492,7 @@ class RankArrays(DeviceArrays):
                 tile[tiles, k.COUNT + part] = count
                 tile[tiles, k.START + part] = at + np.cumsum(count) - count
                 for name, rows in zip(names, arrays, strict=True):
-                    self._put_rows(name, slice(part * self.room + at, part * self.room + slots.stop), rows)
+                    self._take_rows(name, slice(part * self.room + at, part * self.room + slots.stop), rows)
                 self._taken.append(slots)
                 at = slots.stop
         self.way.fill(-1.0)
@@ -578,6 +620,11 @@ class RankArrays(DeviceArrays):
         first, count = (self._values("tile")[self.own, column + part] for column in (k.START, k.COUNT))
         return part * self.room + stretches(first, count), np.repeat(self.own, count)
 
+    def rows_held(self, part: int) -> tuple[dict[str, NDArray[Any]], NDArray[np.intp]]:
+        """As on one rank, of own tiles, as `_told_rows` tells them."""
+        rows, tile = self.rows_of(part)
+        return {name: self._told_rows(name, rows) for name in self._names()}, tile
+
     def list_anew(self) -> None:
         """As on one rank; disks go to the ranks whose tiles they are in."""
         held, listed, tile = self._moved()
@@ -595,7 +642,10 @@ class RankArrays(DeviceArrays):
         self.comm.Allreduce(count.copy(), count)
         self.assign(count)
         if self.uses.mixed:
-            rows = rows | {"kind": self._kind}
+            of = self._disks
+            rows = rows | {
+                "kind": kind_rows(of.mass, of.radius, of.k, of.material) if self._of_here else self._kind
+            }
         self._send(rows, tile, rows["meta"][:, k.ID] if place is None else place)
 
     def _send(
@@ -606,8 +656,10 @@ class RankArrays(DeviceArrays):
         self.traffic.messages += self.comm.size - 1
         order, part = np.lexsort((place, tile)), int(self.grid[k.PART])
         self.make_room(len(order))
+        if self._of_here:
+            self._empty_table(len(order), 0)
         for name, each in zip(rows, values, strict=True):
-            self._put_rows(name, slice(part * self.room, part * self.room + len(order)), each[order])
+            self._take_rows(name, slice(part * self.room, part * self.room + len(order)), each[order])
         self.set_lists(part, np.bincount(tile, minlength=self.tiles))
 
     def rows_here(self, part: int) -> int:

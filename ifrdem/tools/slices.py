@@ -11,7 +11,7 @@ have the same bits for any number of ranks, and of one block those of `numpy.sum
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -59,10 +59,10 @@ def exchange(comm: Any, to: NDArray[np.integer], arrays: Sequence[NDArray[Any]])
     Row i of each array goes to rank `to[i]`. All ranks call this with as many arrays of the same kinds.
     """
     order = np.argsort(to, kind="stable")
-    return _swapped(comm, np.bincount(to, minlength=comm.size), [each[order] for each in arrays])
+    return _swapped(comm, np.bincount(to, minlength=comm.size), (each[order] for each in arrays))
 
 
-def _swapped(comm: Any, counts: NDArray[np.integer], arrays: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
+def _swapped(comm: Any, counts: NDArray[np.integer], arrays: Iterable[NDArray[Any]]) -> list[NDArray[Any]]:
     """As `exchange`, of arrays that hold `counts[q]` rows for each rank q, one rank after another."""
     sent = np.asarray(counts, dtype=np.int64)
     taken = np.empty_like(sent)

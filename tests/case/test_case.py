@@ -22,7 +22,7 @@ from ifrdem.case.gas import CaseGas, Species
 from ifrdem.case.section import Section
 from ifrdem.cli.main import main
 from ifrdem.errors import InputError
-from ifrdem.initial import from_csv, radii
+from ifrdem.initial import from_csv
 from ifrdem.initial.placement import check_no_overlap
 from ifrdem.model.coin_table import coins
 
@@ -247,7 +247,7 @@ def test_every_mistake_is_reported_at_once(tmp_path: Path) -> None:
 
 
 def test_a_run_judges_its_case_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """From reading it to the first frame: a start file is read, radii are sampled and pairs are judged once."""
+    """From reading it to the first frame: a start file is read and pairs are judged once."""
     done: list[str] = []
 
     def counted(module: Any, name: str) -> None:
@@ -258,15 +258,13 @@ def test_a_run_judges_its_case_once(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     rows = "x,y,vx,vy,spin\n1,1,1,0,0\n3,1,-1,0,0\n"
     path = tmp_path / "case.toml"
     path.write_text(SMALL, encoding="utf-8")
-    spread = '{distribution="uniform",low=0.4,high=0.5}'
-    wanted = [*start_case(tmp_path, rows), "species[0].speed_rms=", "species[0].radius="]
-    wanted += [f"species[0].radii={spread}", "run.collisions_per_disk=1.0"]
-    for module, name in ((from_csv, "read"), (radii, "sample"), (pair_rules, "verdicts")):
+    wanted = [*start_case(tmp_path, rows), "species[0].speed_rms=", "run.collisions_per_disk=1.0"]
+    for module, name in ((from_csv, "read"), (pair_rules, "verdicts")):
         counted(module, name)
     assert (
         main(["run", str(path), "--no-picture", *(word for each in wanted for word in ("--set", each))]) == 0
     )
-    assert sorted(done) == ["read", "sample", "verdicts"]
+    assert sorted(done) == ["read", "verdicts"]
 
 
 def test_mistakes_of_one_section_are_all_found_beside_a_wrong_combination_of_keys() -> None:

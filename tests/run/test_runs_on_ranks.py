@@ -192,6 +192,38 @@ def test_a_run_in_parts_goes_on_with_any_number_of_ranks(case: Path, plain: Path
 
 
 @mpi.needed
+def test_a_gas_with_a_radius_for_each_disk_goes_on_with_any_number_of_ranks(case: Path) -> None:
+    """Radii by two distributions, drawn in slices that begin within blocks: three ranks, two and one; each has parts.
+
+    Masses and radii in the file, too, are those of one process.
+    """
+    folder = case.parent / "radii"
+    material = 'material=[{name="a",e_n=0.9,e_t=-0.9,mu=0.2}]'
+    one = 'name="{}",material="a",areal_density=1.0,speed_rms=1.0,radii='
+    lognormal = '{distribution="lognormal",mean=0.01,deviation=0.002,low=0.006,high=0.02}'
+    uniform = '{distribution="uniform",low=0.012,high=0.016}'
+    species = (
+        f"[{{number=15000,{one.format('small')}{lognormal}}},{{number=6000,{one.format('large')}{uniform}}}]"
+    )
+    changes = [material, f"species={species}", "start.positions=hexagonal", "output.frames=2"]
+    start = [sys.executable, SUPPORT / "small_blocks.py"]
+    words = [*start, "run", case, *(word for each in changes for word in ("--set", each))]
+    for name in ("one", "ranks"):
+        (folder / name).mkdir(parents=True)
+    alone = subprocess.run([*map(str, words), "-o", f"{folder}/one/"], capture_output=True, text=True)
+    assert alone.returncode == 0, alone.stderr
+    done = mpi.on(3, *words, "-o", f"{folder}/ranks/", "--maxh", "1e-6", "--set", "output.parts=true")
+    assert done.returncode == 3, done.stderr
+    done = mpi.on(2, *start, "resume", folder / "ranks" / "gas.h5", "--maxh", "1e-6")
+    assert done.returncode == 3, done.stderr
+    done = mpi.on(1, *start, "resume", folder / "ranks" / "gas.h5")
+    assert done.returncode == 0, done.stderr
+    assert differing(folder / "one" / "gas.h5", folder / "ranks" / "gas.h5") == []
+    with h5py.File(folder / "ranks" / "gas.h5") as file:
+        assert len(np.unique(file["particles/all/radius"])) > 20_990  # hardly any two alike
+
+
+@mpi.needed
 @pytest.mark.parametrize("victim", [0, 1])
 def test_a_rank_that_dies_leaves_frames_that_are_whole_in_all_parts(
     case: Path, long: Path, victim: int

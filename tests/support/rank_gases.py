@@ -72,17 +72,25 @@ def sheared() -> Gas:
     )
 
 
-def fast() -> Gas:
+def sizes(n: int, small: float = 1.0) -> Disks:
+    """A mass and a radius of each, a third of a size, the others `small`: more kinds than ranks have a table of all."""
+    rng, third = np.random.default_rng(3), np.arange(n) % 3 == 0
+    radius = rng.uniform(0.4, 0.5, n) * np.where(third, 1.0, small)
+    return Disks(n, mass=rng.uniform(3.0, 4.0, n) * radius**2, radius=radius, k=np.where(third, 2.0, 1.0))
+
+
+def fast(make: Any = equal_disks) -> Gas:
     """Heavy disks fly through tiles within a window: no halo is wide enough, and lists go to other ranks."""
-    disks = Disks(N, mass=np.where(np.arange(N) % 1000 == 0, 1e4, 1.0), radius=0.5)
+    disks = make(N)
+    disks = Disks(N, np.where(np.arange(N) % 1000 == 0, 1e4, disks.mass), disks.radius, disks.k)
     box, state = start(disks, 0.1)
     state.velocity[::1000] = 40.0, 30.0
     return disks, box, state, COIN, 6.0, {"ledger": True, "forces": [Rescale(0.2, energy=1e4)]}
 
 
-def spreading() -> Gas:
+def spreading(make: Any = equal_disks) -> Gas:
     """All disks begin in a quarter of the box, and fly on together: tiles go to other ranks."""
-    disks = equal_disks(N)
+    disks = make(N)
     box, state = start(disks, 0.2)
     wide = Box((4.0 * box.lengths[0], box.lengths[1]))
     state.velocity[:, 0] += 4.0
@@ -108,6 +116,9 @@ GASES: dict[str, Any] = {
     "driven": driven,
     "fast": fast,
     "spreading": spreading,
+    "sizes": lambda: periodic(0.2, COIN, 20.0, lambda n: sizes(n, 0.3), ledger=True),
+    "fast sizes": lambda: fast(sizes),
+    "spreading sizes": lambda: spreading(sizes),
 }
 
 
@@ -204,6 +215,18 @@ def wrong_owner() -> None:
     ranks.RankWindows._run_own = fewer  # type: ignore[method-assign]
 
 
+def wrong_row() -> None:
+    """Masses stand one row too far down in the tables of kinds of disks that are here."""
+    whole, of_mass = ranks.kind_rows, [k.INVERSE_MASS, k.KIND_MASS, k.KIND_INERTIA]
+
+    def shifted(*columns: Any) -> Any:
+        rows = whole(*columns)
+        rows[:, of_mass] = np.roll(rows[:, of_mass], 1, axis=0)
+        return rows
+
+    ranks.kind_rows = shifted
+
+
 def ids_below_0() -> None:
     """Ids begin below 0, as those of more than 2^31 disks. This is no fault."""
     ranks.first_id = lambda n: -(n // 2)
@@ -213,25 +236,30 @@ FAULTS = {
     each.__name__: each
     for each in (
         ids_below_0, no_foresight, half_a_ring, half_a_halo, no_trails, no_verification, other_order, wrong_owner,
+        wrong_row,
     )
 }  # fmt: skip
-LISTED_ANEW = [0]
+COUNTED = {"list_anew": 0, "_empty_table": 0}
 
 
-def count_lists() -> None:
-    """Count how often disks are listed anew, which sends them to other ranks."""
-    whole = ranks.RankArrays.list_anew
+def count_calls() -> None:
+    """Count how often disks are listed anew, which sends them to other ranks, and tables of kinds are begun anew."""
 
-    def counted(self: Any) -> None:
-        LISTED_ANEW[0] += 1
-        whole(self)
+    def count(name: str, whole: Any) -> None:
+        def counted(self: Any, *given: Any) -> None:
+            COUNTED[name] += 1
+            whole(self, *given)
 
-    ranks.RankArrays.list_anew = counted  # type: ignore[method-assign]
+        setattr(ranks.RankArrays, name, counted)
+
+    for name in COUNTED:
+        count(name, getattr(ranks.RankArrays, name))
 
 
 def told(name: str) -> dict[str, Any]:
     """Digest of a gas at its end, for the first rank to print."""
-    gas, LISTED_ANEW[0] = GASES[name](), 0
+    gas = GASES[name]()
+    COUNTED.update(dict.fromkeys(COUNTED, 0))
     try:
         engine, found = after(gas, COMM)
     except EngineError as error:
@@ -242,7 +270,10 @@ def told(name: str) -> dict[str, Any]:
     differ = [
         each for each in expected if not np.array_equal(np.asarray(expected[each]), np.asarray(found[each]))
     ]
-    counted = vars(engine.statistics) | {"listed anew": LISTED_ANEW[0]}
+    counted = vars(engine.statistics) | {
+        "listed anew": COUNTED["list_anew"],
+        "tables": COUNTED["_empty_table"],
+    }
     if COMM.size > 1:
         counted["whole"] = engine.arrays.traffic.whole
         counted["moved"] = engine.arrays.traffic.moved
@@ -252,7 +283,7 @@ def told(name: str) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    count_lists()
+    count_calls()
     faults = sys.argv[1].split(",") if sys.argv[1] in FAULTS or "," in sys.argv[1] else [""]
     for fault in faults:
         kept = [(of, dict(vars(of))) for of in (ranks.RankArrays, ranks.RankWindows)]

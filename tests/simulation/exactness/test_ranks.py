@@ -32,10 +32,12 @@ def lines(ranks: int, *names: str) -> list[dict[str, Any]]:
     ("ranks", "names"),
     [
         (1, ["elastic"]),
-        (2, ["walls", "shear"]),  # both neighbours are one rank; "cooling" is in the test below
+        (2, ["walls", "shear", "sizes"]),  # both neighbours are one rank; "cooling" is in the test below
         (3, ["cooling", "mixture", "walls", "shear", "driven", "fast"]),
         (3, ["spreading"]),
+        (3, ["sizes", "fast sizes", "spreading sizes"]),
         (4, ["ids_below_0", "elastic"]),
+        (4, ["sizes"]),
     ],
 )
 def test_all_bits_are_those_of_one_rank(ranks: int, names: list[str]) -> None:
@@ -46,14 +48,18 @@ def test_all_bits_are_those_of_one_rank(ranks: int, names: list[str]) -> None:
     for each in lines(ranks, *names):
         assert each["differ"] == [], each
         assert (0 < each["own"] < each["tiles"]) == (ranks > 1)
+        if (
+            "sizes" in each["name"]
+        ):  # tables of kinds were full, and begun anew, beyond those of lists that were sent
+            assert each["tables"] > 3 + each["listed anew"] + each["moved"], each
         if each["name"] == "cooling":  # what ranks had to tell one another again
             assert each["run_again"] > 0
         if (
-            each["name"] == "spreading"
+            "spreading" in each["name"]
         ):  # blocks moved, and halos that had to be wider are known to their new owners
             assert each["moved"] > 0
             assert each["run_again"] > 0
-        if each["name"] == "fast":  # disks went to other ranks in all ways
+        if "fast" in each["name"]:  # disks went to other ranks in all ways
             assert each["in_order"] > 0
             assert each["listed anew"] > 0
 
@@ -93,6 +99,12 @@ def test_faults_are_found_out() -> None:
     assert found["half_a_halo"]["differ"]
     assert {"position", "velocity", "spin"} <= set(found["no_verification"]["differ"])
     assert {"sums", "totals"} == set(found["other_order"]["differ"])  # in their last digits
+
+
+@mpi.needed
+def test_a_wrong_row_of_a_table_of_kinds_is_found_out() -> None:
+    (found,) = lines(2, "wrong_row", "sizes")
+    assert {"position", "velocity", "spin", "totals"} <= set(found["differ"])
 
 
 def owners(count: list[int], tiles: tuple[int, int], size: int) -> np.ndarray:
