@@ -20,11 +20,12 @@ from ..initial.from_csv import Given
 from ..kernels.limits import MOST_IDS, MOST_WALLS
 from ..model.box import Box
 from ..model.free_area import Room
-from ..model.overlaps import relax
+from ..model.overlaps import check_no_overlap_of_slices, relax
 from ..model.state import DiskKinds
 from ..model.walls import Wall, check_place, pieces
 from ..model.walls import check as check_walls
 from ..simulation.checks import check_pistons
+from ..tools import slices, world
 from .case import IMPACT_SCAN, Case
 from .pair_rules import PairVerdict
 from .section import Complaint
@@ -314,9 +315,17 @@ def _wrong_speeds(case: Case, beside: str) -> Iterator[Complaint]:
 
 
 def given_start(
-    case: Case, radius: NDArray[np.float64], room: Room, folder: Path, found: list[Complaint]
+    case: Case,
+    radius: NDArray[np.float64],
+    room: Room,
+    folder: Path,
+    found: list[Complaint],
+    comm: Any = None,
 ) -> Given | None:
-    """The start that a file or a trajectory gives; what is wrong with it is added to `found`."""
+    """The start that a file or a trajectory gives; what is wrong with it is added to `found`.
+
+    Of ranks of MPI (`comm`), each gives the radii of its slice and gets its rows; what is wrong is told to all.
+    """
     start, box = case.start, room.box
     key, name = "start.positions", start.trajectory
     if name is None:
@@ -326,21 +335,24 @@ def given_start(
     value = f'"{name}"'
     try:
         if start.trajectory is not None:
-            options: Any = {"motion": start.motion, "walls": room.walls}
+            options: Any = {"motion": start.motion, "walls": room.walls, "comm": comm}
             given = from_trajectory.read(folder / name, start.frame, radius, box, **options)
         else:
-            given = from_csv.read(folder / name, len(radius), box, start.form)
+            given = from_csv.read(
+                folder / name, slices.numbered(len(radius), comm)[1], box, start.form, comm=comm
+            )
             if start.relax is not None:
-                given = replace(given, position=relax(box, radius, given.position, start.relax))
-            placement.check_no_overlap(box, radius, given.position)
-            check_walls(room.all_walls, box, given.position, radius)
+                given = replace(given, position=relax(box, radius, given.position, start.relax, comm=comm))
+            check_no_overlap_of_slices(box, radius, given.position, comm)
+            check_walls(room.all_walls, box, given.position, radius, comm=comm)
     except InputError as error:
         found += [Complaint(key, value, line) for line in str(error).splitlines()]
         return None
     drawn = any(each.speed_rms for each in case.species)
-    moving = drawn if given.velocity is None else np.any(given.velocity)
+    fastest = 0.0 if given.velocity is None else float(np.abs(given.velocity).max(initial=0.0))
+    moving = drawn if given.velocity is None else world.largest(comm, fastest) > 0.0
     wanted = case.run.collisions_per_disk
-    if wanted is not None and len(radius) > 1 and not moving and not case.sets_in_motion:
+    if wanted is not None and _disks(case) > 1 and not moving and not case.sets_in_motion:
         if given.velocity is None:
             more = "the columns vx, vy, spin" if start.trajectory is None else "start.motion = true"
             rest = f"has no velocities: {more} or a species' speed_rms above 0 are needed"

@@ -155,6 +155,22 @@ def test_a_run_in_parts_has_the_bits_of_one_file(case: Path, plain: Path, ranks:
 
 
 @mpi.needed
+def test_a_run_from_a_frame_that_ranks_read_in_slices_has_the_bits_of_one_process(
+    case: Path, plain: Path
+) -> None:
+    start = ["start.motion=true", f"start.positions={plain}", "species[0].speed_rms="]
+    changes = [word for each in (*start, "output.frames=1") for word in ("--set", each)]
+    folders = [case.parent / name for name in ("from_file", "from_file_on_ranks")]
+    for folder in folders:
+        folder.mkdir()
+    words = [mpi.ifrdem("run", case, "-o", f"{folder}/", *changes) for folder in folders]
+    subprocess.run(list(map(str, words[0])), check=True, capture_output=True)
+    done = mpi.on(2, *words[1], "--set", "output.parts=true")
+    assert done.returncode == 0, done.stderr
+    assert differing(*(folder / "gas.h5" for folder in folders)) == []
+
+
+@mpi.needed
 def test_a_run_in_parts_goes_on_with_any_number_of_ranks(case: Path, plain: Path) -> None:
     """Three ranks, then two, then one process: three parts, and the file of one process."""
     folder = case.parent / "going_on"
