@@ -51,13 +51,15 @@ class CaseGas:
     given: Given | None = None
 
     @classmethod
-    def from_case(cls, case: Case, folder: Path | str = ".", *, start: bool = True) -> CaseGas:
+    def from_case(
+        cls, case: Case, folder: Path | str = ".", *, start: bool = True, comm: Any = None
+    ) -> CaseGas:
         """The gas of a case; a start file's path begins at `folder`. Without `start`, it is looked at no more.
 
         Raises InputError with a line for each thing that is wrong, what is too large or too small for the engine
         included.
         """
-        gas, problems = judge(case, Path(folder), start=start)
+        gas, problems = judge(case, Path(folder), start=start, comm=comm)
         if problems:
             raise InputError(listed([str(problem) for problem in problems]))
         return gas.ready(case) if start else gas
@@ -480,6 +482,8 @@ def judge(
             if not case.start.placed and not gas.is_read_in_slices(case, comm):
                 given = rules.given_start(case, gas.disks.radius, Room(box, standing), folder, found)
     found += rules.wrong_output(case, kinds.n, box)
+    if comm is not None:
+        found += rules.wrong_on_ranks(case, kinds, box, comm.size, sound=not found)
     return replace(gas, box=box, patch=patch, given=given), found
 
 

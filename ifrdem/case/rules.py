@@ -24,7 +24,7 @@ from ..model.overlaps import check_no_overlap_of_slices, relax
 from ..model.state import DiskKinds
 from ..model.walls import Wall, check_place, pieces
 from ..model.walls import check as check_walls
-from ..simulation.checks import check_pistons
+from ..simulation.checks import check_number, check_pistons, check_ranks
 from ..tools import slices, world
 from .case import IMPACT_SCAN, Case
 from .pair_rules import PairVerdict
@@ -224,6 +224,40 @@ def wrong_output(case: Case, n: int, box: Box) -> Iterator[Complaint]:
             f"not where gravity turns (box.gravity_turns = {case.box.gravity_turns:g}): leave histories out"
         )
         yield Complaint("output.histories", None, text)
+
+
+def wrong_on_ranks(case: Case, kinds: DiskKinds, box: Box, ranks: int, *, sound: bool) -> Iterator[Complaint]:
+    """What several ranks of MPI cannot do; of a case that is `sound` else, also too few tiles for them."""
+    run, keys = case.run, dict[str, str]()
+    if run.precision != "f64":
+        keys["run.precision"] = 'run.precision = "f64"'
+    if case.output.tracks:
+        tracking = ("histories", "histories_all", "histories_sample", "histories_region")
+        keys |= {f"output.{key}": f"leave {key} out" for key in tracking if getattr(case.output, key)}
+    if case.box.open:
+        keys["box.open"] = "give box.lengths instead"
+    if case.box.gravity_turns:
+        keys["box.gravity_turns"] = "leave it out"
+    if run.resting_speed is not None:
+        keys["run.collapse"] = "another remedy for collapse"
+    keys |= {
+        f"wall[{i}].piston.mass": "leave the piston out" for i, each in enumerate(case.wall) if each.piston
+    }
+    for key, instead in keys.items():
+        text = f"not supported on several ranks (here are {ranks}): run it without mpiexec, or {instead}"
+        yield _at(case, key, text)
+    try:
+        check_ranks(ranks, box, "f64", False, forced=bool(case.force))
+    except InputError as error:
+        yield Complaint("force", None, str(error))
+    try:
+        check_number(kinds.n, ranks)
+        if sound and not keys and run.arch == "cpu":  # a GPU's engine has other tiles, and tells itself
+            from ..simulation.ranks import check_tiles  # imports Taichi
+
+            check_tiles(kinds, box, ranks)
+    except InputError as error:
+        yield Complaint("species[0].number", None if len(case.species) > 1 else str(kinds.n), str(error))
 
 
 def wrong_room(

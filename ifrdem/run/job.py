@@ -91,14 +91,6 @@ def run(
         case = file.case
         outputs.check(force=force)
         backend.check(case.run.arch, case.run.threads, case.run.precision)
-        if comm is not None:
-            from ..simulation.ranks import check_tiles
-
-            checks.check_ranks(
-                comm.size, file.gas.box, case.run.precision, case.output.tracks, forced=bool(case.force)
-            )
-            if case.run.arch == "cpu":  # a GPU's engine has other tiles, and tells itself
-                check_tiles(file.gas.kinds, file.gas.box, comm.size)
         checks.check_number(file.gas.n, comm.size if comm else 1)
         check.refuse_beyond_memory(
             sum(each.number for each in case.species), case.run.arch, case.start.positions, share,

@@ -284,34 +284,47 @@ def _descends(process: int, ancestor: int) -> bool:
     return process == ancestor
 
 
+REFUSED = {
+    'run.precision="f32"': 'run.precision = "f32": {}, or run.precision = "f64"',
+    "box.gravity=[0.0, -1.0]": "",
+    "box.gravity_turns=0.1": "box.gravity_turns = 0.1: {}, or leave it out",
+    'run.collapse="rest"': 'run.collapse = "rest": {}, or another remedy for collapse',
+    "run.resting_speed=0.01": "",
+    "output.histories=[1]": "output.histories = [1]: {}, or leave histories out",
+    'force=[{kind = "drag", rate = 0.1, step = 0.001}]': "force: forces: not supported on several ranks",
+}
+
+
 @mpi.needed
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        (
-            ['force=[{kind = "drag", rate = 0.1, step = 0.001}]'],
-            "forces: not supported on several ranks (here are 2)",
-        ),
-        (
-            ['run.precision="f32"'],
-            "precision = 'f32': not supported on several ranks (here are 2)",
-        ),
-        (
-            ["species[0].number=2000"],
-            "2 ranks: 2000 disks make one tile, and each rank needs one: run it without mpiexec",
-        ),
-    ],
-)
-def test_what_cannot_be_on_ranks_is_refused_once(case: Path, changes: list[str], message: str) -> None:
-    words = [word for each in changes for word in ("--set", each)]
+@pytest.mark.parametrize("command", ["run", "check"])
+def test_what_cannot_be_on_ranks_is_refused_once(case: Path, command: str) -> None:
+    """By file and key, all at once, by `check` as by `run`; by Python without file."""
+    changes = [*REFUSED, "box.packing_fraction=", "box.lengths=[6.0, 6.0]", "box.periodic=[false, false]"]
     folder = case.parent / "refused"
     folder.mkdir(exist_ok=True)
-    done = mpi.on(2, *mpi.ifrdem("run", case, "-o", f"{folder}/", *words))
+    place = ["-o", f"{folder}/"] if command == "run" else []
+    words = [word for each in changes for word in ("--set", each)]
+    done = mpi.on(2, *mpi.ifrdem(command, case, *place, *words, "--set", 'box.material="1 pta"'))
     assert done.returncode == 2, done.stderr
-    assert done.stderr.count(message) == 1, done.stderr
+    told = "not supported on several ranks (here are 2): run it without mpiexec"
+    for message in filter(None, REFUSED.values()):
+        assert done.stderr.count(f"ifrdem: {case}: {message.format(told)}") == 1, done.stderr
+    done = mpi.on(2, *mpi.ifrdem(command, case, *place, "--set", "species[0].number=2000"))
+    assert done.returncode == 2, done.stderr
+    found = f"{case}: species[0].number = 2000: 2 ranks: 2000 disks make one tile, and each rank needs one: run it"
+    assert done.stderr.count(found) == 1, done.stderr
     assert done.stdout == ""  # before the summary
     assert "Traceback" not in done.stderr
     assert list(folder.iterdir()) == []
+
+
+@mpi.needed
+def test_a_case_is_checked_on_ranks_as_by_one_process(case: Path) -> None:
+    words = list(map(str, mpi.ifrdem("check", case)))
+    alone = subprocess.run(words, check=True, capture_output=True, text=True)
+    done = mpi.on(2, *words)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == alone.stdout
 
 
 @mpi.needed
