@@ -150,7 +150,9 @@ def gas(trajectory: Trajectory) -> str:
     """Name, number of disks and packing fraction of a run."""
     name, n = trajectory.parameters.get("name", trajectory.path.stem), trajectory.n
     where = "open box"
-    if not trajectory.box.is_open:
+    if trajectory.missing:
+        where = f"{len(trajectory.missing)} of its {len(trajectory.parts or ())} parts missing"
+    elif not trajectory.box.is_open:
         where = f"packing fraction {trajectory.room.packing_fraction(trajectory.disks.radius):.3g}"
     if trajectory.room.all_walls:
         where = where.replace("packing fraction", "packing fraction between walls")

@@ -8,7 +8,7 @@ last_partner, timeseries and histories, 1.1 no angle, 1.2 no asleep and dissipat
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -404,11 +404,11 @@ def newer(file: h5py.File, path: str) -> str:
 
 
 def check_layout(
-    file: h5py.File, path: str, lacks: Callable[[parted.MissingPart], None] | None = None
+    file: h5py.File, path: str, lacks: dict[int, parted.MissingPart] | None = None
 ) -> Parts | None:
     """The parts that a file is in, None if it holds all data itself.
 
-    With `lacks`, parts that are missing are told to it, and refused else.
+    Parts that are missing are put into `lacks`, by their numbers, or refused without it.
 
     Raises InputError that says what is missing or wrong unless the file has this layout, and it or its parts hold all
     data.
@@ -432,7 +432,7 @@ def check_layout(
             except parted.MissingPart as error:
                 if lacks is None:
                     raise
-                lacks(error)
+                lacks[number] = error
     return parts
 
 

@@ -174,8 +174,8 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         self._open()
         try:
             self._again(self._read_head)
-            for error in self._missing:
-                text = f"{error}; fields and constants of its disks cannot be read, all else can"
+            for error in self._missing.values():
+                text = f"{error}; radii, masses and fields of its disks cannot be read, all else can"
                 warnings.warn(text, DamageWarning, stacklevel=2)
             if not self._missing and self.n <= GATHERED:
                 self.disks  # noqa: B018 (of few, they are there when the file is closed)
@@ -242,9 +242,9 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
     def _read_head(self) -> None:
         """Read everything but the frames."""
         file = self._file
-        self._missing: list[parted.MissingPart] = []
-        lacks = None if self._written_to else self._missing.append  # a run may be about to make it
-        self._parts = layout.check_layout(file, str(self.path), lacks)
+        self._missing: dict[int, parted.MissingPart] = {}
+        # In a file that is written it may be there in a moment.
+        self._parts = layout.check_layout(file, str(self.path), None if self._written_to else self._missing)
         self._disks: Disks | None = None
         self._fields = layout.stored_fields(file)
         self._frames = len(file[f"{layout.EDGES}/step"])
@@ -378,6 +378,11 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
     def parts(self) -> Parts | None:
         """The parts that the trajectory is in; None if its file holds all data."""
         return self._parts
+
+    @property
+    def missing(self) -> tuple[int, ...]:
+        """Numbers of the parts that are missing: what needs their disks cannot be read (`DamageError`)."""
+        return tuple(self._missing)
 
     def holders(self) -> Iterator[h5py.File]:
         """The files that hold the fields, open one after another: this one, or its parts."""
