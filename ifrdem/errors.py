@@ -93,14 +93,16 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
-def refuse(wrong: Sequence[str], source: object = "", most: int = 100) -> None:
+def refuse(wrong: Sequence[str], source: object = "", most: int = 100, count: int | None = None) -> None:
     """Raise InputError with a line for each thing that is wrong, behind the name of its source; return if none is."""
     if wrong:
-        raise InputError(listed([f"{source}: {each}" for each in wrong] if source else wrong, most))
+        raise InputError(listed([f"{source}: {each}" for each in wrong] if source else wrong, most, count))
 
 
-def listed(lines: Sequence[str], most: int = 20) -> str:
-    """The lines of a message; of more than `most`, the first ones and the number of the others."""
-    if len(lines) <= most:
-        return "\n".join(lines)
-    return "\n".join((*lines[:most], f"and {len(lines) - most} more mistakes like these"))
+def listed(lines: Sequence[str], most: int = 20, count: int | None = None) -> str:
+    """The lines of a message; of more than `most`, the first ones and the number of the others.
+
+    `count` is the number of all, where `lines` are only the first of them.
+    """
+    more = (len(lines) if count is None else count) - most
+    return "\n".join((*lines[:most], *([f"and {more} more mistakes like these"] if more > 0 else [])))

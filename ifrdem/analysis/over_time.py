@@ -75,8 +75,8 @@ def _unsteady(trajectory: Trajectory, T: Array) -> str:
 def _parts(trajectory: Trajectory, used: Sequence[int], name: str) -> Iterator[Array]:
     """A field of some disks over all frames, a part at a time: memory holds few millions of numbers."""
     size = max(1, 2_000_000 // len(used))
-    for first in range(0, trajectory.disks.n, size):
-        disks = slice(first, min(first + size, trajectory.disks.n))
+    for first in range(0, trajectory.n, size):
+        disks = slice(first, min(first + size, trajectory.n))
         found = [trajectory.read(name, (index, disks)) for index in used]
         yield np.stack(found).astype(np.float64)
 
@@ -229,7 +229,7 @@ def of_cooling(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluati
         begin, end = times(trajectory, list(chosen))
         used = (when >= begin) & (when <= end)
     when, T, T_rot, count = when[used], T[used], T_rot[used], count[used]
-    n = trajectory.disks.n
+    n = trajectory.n
     haff = cooling.haff_fit(when, T, disks=n)
     energy, time = unit(trajectory, "energy"), unit(trajectory, "time")
     rows = [

@@ -137,7 +137,7 @@ def latest(trajectory: Trajectory, chosen: Sequence[int] | None) -> list[int]:
     if chosen is not None:
         return used
     last = used[-1]
-    most = int(np.clip(MOST_DISKS // max(trajectory.disks.n, 1), 1, MOST_FRAMES))
+    most = int(np.clip(MOST_DISKS // max(trajectory.n, 1), 1, MOST_FRAMES))
     count = min(most, last - last // 2 + 1)
     return sorted({round(i) for i in np.linspace(last, last // 2, count)}) if count > 1 else [last]
 

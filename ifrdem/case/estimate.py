@@ -129,7 +129,7 @@ class RankPlan:
             ranks=ranks,
             disks=own,
             memory=RANK_BYTES + RANK_BYTES_PER_DISK * there + TILE_BYTES * n / TILE_DISKS,
-            whole=0.0 if gas.drawn_in_slices(case) else float(whole * n),
+            whole=0.0 if gas.is_made_in_slices(case) else float(whole * n),
             file=estimate.file_bytes / ranks,
             seconds=run_seconds(estimate.computed(n) / ranks, n, phi, 1) * there / own,
         )

@@ -6,15 +6,15 @@ import copy
 import json
 import re
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, get_args, get_origin
 
 from pydantic import ValidationError
 
 from ..errors import InputError, listed, nearest
-from ..tools import text_file
+from ..tools import text_file, world
 from .case import Case
 from .gas import CaseGas, judge
 from .section import Complaint, Section
@@ -76,7 +76,27 @@ def load(path: Path) -> tuple[str, dict[str, Any]]:
         raise InputError(f"{path}: {error}") from None
 
 
-def of_text(text: str, path: Path, overrides: Sequence[str] = ()) -> CaseFile:
+def read_on_ranks(find: Callable[[], Path], overrides: Sequence[str], comm: Any) -> CaseFile | None:
+    """As `read`, by the first of several ranks of MPI, which all call this; None on the others.
+
+    A start file that each rank reads in slices (`CaseGas.is_read_in_slices`) is read here, and all have the case.
+    `find` gives the path, on the first one.
+    """
+
+    def first() -> CaseFile:
+        path = find()
+        return of_text(load(path)[0], path, overrides, comm)
+
+    file = world.on_first(comm, first)
+    sliced = file if file is not None and file.gas.is_read_in_slices(file.case, comm) else None
+    if (sliced := world.told(comm, sliced)) is None:
+        return file
+    gas, found = sliced.gas.with_start(sliced.case, sliced.folder, comm)
+    _refuse(found, sliced.path, overrides)
+    return replace(sliced, gas=gas)
+
+
+def of_text(text: str, path: Path, overrides: Sequence[str] = (), comm: Any = None) -> CaseFile:
     """The case file of which this is the text, as `read`; files that it names are looked for beside `path`."""
     try:
         raw = _parsed(text)
@@ -86,15 +106,23 @@ def of_text(text: str, path: Path, overrides: Sequence[str] = ()) -> CaseFile:
         raise InputError(f"{path}: is a study, not a case: `ifrdem study {path}` runs it")
     for assignment in overrides:
         override(raw, assignment)
-    case, gas, found = judged(raw, path.parent)
-    if case is None or gas is None or found:
-        set_here = {_spelled(parse_assignment(assignment)[0]) for assignment in overrides}
-        texts = [f"{problem}{' [set on the command line]' * (problem.key in set_here)}" for problem in found]
-        raise InputError(listed([f"{path}: {text}" for text in texts]))
+    case, gas, found = judged(raw, path.parent, comm)
+    _refuse(found, path, overrides)
+    assert case is not None and gas is not None  # noqa: PT018 (else something was wrong)
     return CaseFile(path, text, tuple(overrides), case, gas)
 
 
-def judged(raw: Mapping[str, Any], folder: Path) -> tuple[Case | None, CaseGas | None, list[Complaint]]:
+def _refuse(found: Sequence[Complaint], path: Path, overrides: Sequence[str]) -> None:
+    """Raise InputError with a line for each thing that is wrong, if there is any."""
+    set_here = {_spelled(parse_assignment(assignment)[0]) for assignment in overrides}
+    texts = [f"{problem}{' [set on the command line]' * (problem.key in set_here)}" for problem in found]
+    if texts:
+        raise InputError(listed([f"{path}: {text}" for text in texts]))
+
+
+def judged(
+    raw: Mapping[str, Any], folder: Path, comm: Any = None
+) -> tuple[Case | None, CaseGas | None, list[Complaint]]:
     """A parsed case, its gas, and everything that is wrong: keys, types and ranges first; if these are in order, rules.
 
     Unknown keys alone do not hide what the rules forbid.
@@ -102,7 +130,7 @@ def judged(raw: Mapping[str, Any], folder: Path) -> tuple[Case | None, CaseGas |
     case, found = _validated(raw)
     if case is None:
         return None, None, found
-    gas, problems = judge(case, folder)
+    gas, problems = judge(case, folder, comm=comm)
     return case, gas, found + problems
 
 

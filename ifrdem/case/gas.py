@@ -47,24 +47,37 @@ class CaseGas:
     box: Box
     walls: tuple[Wall, ...] = ()  # beside those at the sides of the box
     patch: Box | None = None  # where disks are placed at the start: the box, or what an open one says of it
-    given: Given | None = None  # the start, if the case names a file or a trajectory with it
+    # The start, if the case names a file or a trajectory with it; on ranks that read it in slices, that of the slice.
+    given: Given | None = None
 
     @classmethod
-    def from_case(cls, case: Case, folder: Path | str = ".", *, start: bool = True) -> CaseGas:
+    def from_case(
+        cls, case: Case, folder: Path | str = ".", *, start: bool = True, comm: Any = None
+    ) -> CaseGas:
         """The gas of a case; a start file's path begins at `folder`. Without `start`, it is looked at no more.
 
         Raises InputError with a line for each thing that is wrong, what is too large or too small for the engine
         included.
         """
-        gas, problems = judge(case, Path(folder), start=start)
+        gas, problems = judge(case, Path(folder), start=start, comm=comm)
         if problems:
             raise InputError(listed([str(problem) for problem in problems]))
         return gas.ready(case) if start else gas
 
-    def ready(self, case: Case) -> CaseGas:
+    def with_start(self, case: Case, folder: Path, comm: Any) -> tuple[CaseGas, list[Complaint]]:
+        """The gas with the slice of a start that each rank reads (`is_read_in_slices`), and all that is wrong with it.
+
+        All ranks call this, and find the same wrong.
+        """
+        found: list[Complaint] = []
+        radius = self.rows(slices.slice_of(self.n, comm)).radius
+        given = rules.given_start(case, radius, self.room, folder, found, comm)
+        return replace(self, given=given), found
+
+    def ready(self, case: Case, comm: Any = None) -> CaseGas:
         """The gas as it starts: its motion known, its magnitudes such that the engine and the trajectory take them.
 
-        Raises InputError if they do not.
+        Raises InputError if they do not. Ranks that have read slices of the start call this together.
         """
         given = self.given
         if given is not None and given.velocity is not None and case.start.trajectory is not None:
@@ -73,9 +86,9 @@ class CaseGas:
         elif case.start.positions == IMPACT_SCAN:
             speed = case.start.speed or 0.0
             given = impact_scan.start(self.disks, case.start.psi_range, speed, seed=case.run.seed)
-        species = self.species if given is None else _as_moving(self.species, given, self.box)
+        species = self.species if given is None else self._as_moving(given, comm)
         gas = replace(self, species=species, given=given)
-        gas._check_magnitudes(case)
+        gas._check_magnitudes(case, comm)
         return gas
 
     @functools.cached_property
@@ -213,7 +226,7 @@ class CaseGas:
     ) -> State:
         """The state at time 0, without overlaps; `progress` gets the part of growing that is done.
 
-        Of ranks, each gets its slice of a start that is drawn so (`drawn_in_slices`).
+        Of ranks, each gets its slice of a start that is drawn so (`drawn_in_slices`) or read so (`is_read_in_slices`).
 
         Raises InputError if the disks do not fit into the box in the way the case wants: a line with the key.
         """
@@ -233,6 +246,15 @@ class CaseGas:
         """
         return self.given is None and case.start.positions in ("hexagonal", "random")
 
+    def is_made_in_slices(self, case: Case) -> bool:
+        """True if ranks make the start in slices: drawn, or read from a file."""
+        return case.start.file is not None or case.start.positions not in ("growth", IMPACT_SCAN)
+
+    def is_read_in_slices(self, case: Case, comm: Any) -> bool:
+        """True if each of these ranks reads its rows of the file that gives the start."""
+        named = case.start.file is not None or case.start.trajectory is not None
+        return named and self.is_told_in_slices(case, comm)
+
     def is_told_in_slices(self, case: Case, comm: Any) -> bool:
         """True if a run on these ranks tells its states in slices: of many disks, or for a file in parts."""
         if comm is None:
@@ -249,6 +271,20 @@ class CaseGas:
             spin.append(placement.gaussian_spins(len(own), spin_rms=each.spin_rms, **options))
         return np.concatenate(velocity), np.concatenate(spin)
 
+    def _as_moving(self, given: Given, comm: Any) -> tuple[Species, ...]:
+        """The species with the speeds, relative to the flow, and spins of a start file, if it has them."""
+        if given.velocity is None or given.spin is None:
+            return self.species
+        squares = np.column_stack(
+            (np.sum((given.velocity - self.box.flow(given.position)) ** 2, axis=1), given.spin**2)
+        )
+        moving, first = [], 0
+        for each, own in zip(self.species, self._of_species(slices.slice_of(self.n, comm)), strict=True):
+            mean = slices.total(squares[first : first + len(own)], comm) / each.number
+            first += len(own)
+            moving.append(replace(each, speed_rms=float(np.sqrt(mean[0])), spin_rms=float(np.sqrt(mean[1]))))
+        return tuple(moving)
+
     def _fastest_drawn(self) -> tuple[float, float]:
         """More than the largest speed [length/time] and spin [rad/time] that are drawn: 12 deviations."""
         speeds = [
@@ -256,7 +292,7 @@ class CaseGas:
         ]
         return 12.0 * max(speeds), 12.0 * max(each.spin_rms for each in self.species)
 
-    def _check_magnitudes(self, case: Case) -> None:
+    def _check_magnitudes(self, case: Case, comm: Any) -> None:
         """Refuse what the engine or the trajectory's precision would refuse when the run begins."""
         flow = 0.5 * abs(self.box.shear_rate) * self.box.lengths[1] if self.box.shear_rate else 0.0
         if self.given is not None and self.given.velocity is not None and self.given.spin is not None:
@@ -265,9 +301,10 @@ class CaseGas:
             fast, turning = self._fastest_drawn()
             velocity, spin = np.full((len(self.kinds.mass), 2), fast), np.full(len(self.kinds.mass), turning)
         else:
-            velocity, spin = self._drawn_motion(case.run.seed)
-        disks = self.kinds if len(spin) != self.n else self.disks
-        speed = checks.fastest(disks, velocity, spin)
+            velocity, spin = self._drawn_motion(case.run.seed, comm)
+        own = slices.slice_of(self.n, comm)
+        disks = self.rows(own) if len(spin) == len(own) else self.kinds
+        speed = world.largest(comm, checks.fastest(disks, velocity, spin))
         hottest = max((wall.temperature or 0.0 for wall in self.walls), default=0.0)
         checks.check_magnitudes(self.kinds, self.box, speed + flow, case.run.precision, hottest)
         if case.run.resting_speed is not None:
@@ -276,8 +313,8 @@ class CaseGas:
                 [each.kind for each in case.force], IFRLaw, case.run.arch, case.run.precision,
             )  # fmt: skip
         largest = {
-            "a velocity": float(np.abs(velocity).max(initial=0.0)) + flow,
-            "a spin": float(np.abs(spin).max(initial=0.0)),
+            "a velocity": world.largest(comm, float(np.abs(velocity).max(initial=0.0))) + flow,
+            "a spin": world.largest(comm, float(np.abs(spin).max(initial=0.0))),
             "a side of the box": 0.0 if self.box.is_open else max(self.box.lengths),
         }
         checks.check_stored(largest, case.output.precision)
@@ -395,10 +432,13 @@ def _quietly(**given: Any) -> Simulation:
         return Simulation(**given)
 
 
-def judge(case: Case, folder: Path, *, start: bool = True) -> tuple[CaseGas, list[Complaint]]:
+def judge(
+    case: Case, folder: Path, *, start: bool = True, comm: Any = None
+) -> tuple[CaseGas, list[Complaint]]:
     """Apply every rule to a case: its gas, and all that is wrong; the gas holds as far as nothing is.
 
-    A start file's path begins at `folder`; without `start`, in a run that has begun, it is looked at no more.
+    A start file's path begins at `folder`; without `start`, in a run that has begun, it is looked at no more. On ranks
+    of MPI (`comm`), of which the first one calls this, they read it later, if in slices (`with_start`).
     """
     species = species_of(case)
     verdicts = (*pair_rules.verdicts(case, species), *pair_rules.wall_verdicts(case, species))
@@ -429,9 +469,11 @@ def judge(case: Case, folder: Path, *, start: bool = True) -> tuple[CaseGas, lis
             standing = () if wrong_walls else walls
             found += rules.wrong_room(case, species, kinds, None if patch is None else Room(patch, standing))
             found += [*rules.wrong_open(case, patch), *rules.wrong_scan(case)]
-            if not case.start.placed:
+            if not case.start.placed and not gas.is_read_in_slices(case, comm):
                 given = rules.given_start(case, gas.disks.radius, Room(box, standing), folder, found)
     found += rules.wrong_output(case, kinds.n, box)
+    if comm is not None:
+        found += rules.wrong_on_ranks(case, kinds, box, comm.size, sound=not found)
     return replace(gas, box=box, patch=patch, given=given), found
 
 
@@ -446,18 +488,3 @@ def forces_of(case: Case) -> list[Force]:
         "table_friction": TableFriction,
     }  # fmt: skip
     return [kinds[each.kind](**each.model_dump(exclude={"kind"}, exclude_none=True)) for each in case.force]
-
-
-def _as_moving(species: tuple[Species, ...], given: Given, box: Box) -> tuple[Species, ...]:
-    """The species with the speeds, relative to the flow, and spins of a start file, if it has them."""
-    if given.velocity is None or given.spin is None:
-        return species
-    peculiar = given.velocity - box.flow(given.position)
-    moving, first = [], 0
-    for each in species:
-        own = slice(first, first + each.number)
-        first += each.number
-        speed_rms = float(np.sqrt(np.mean(np.sum(peculiar[own] ** 2, axis=1))))
-        spin_rms = float(np.sqrt(np.mean(given.spin[own] ** 2)))
-        moving.append(replace(each, speed_rms=speed_rms, spin_rms=spin_rms))
-    return tuple(moving)

@@ -20,11 +20,12 @@ from ..initial.from_csv import Given
 from ..kernels.limits import MOST_IDS, MOST_WALLS
 from ..model.box import Box
 from ..model.free_area import Room
-from ..model.overlaps import relax
+from ..model.overlaps import check_no_overlap_of_slices, relax
 from ..model.state import DiskKinds
 from ..model.walls import Wall, check_place, pieces
 from ..model.walls import check as check_walls
-from ..simulation.checks import check_pistons
+from ..simulation.checks import check_number, check_pistons
+from ..tools import slices, world
 from .case import IMPACT_SCAN, Case
 from .pair_rules import PairVerdict
 from .section import Complaint
@@ -225,6 +226,36 @@ def wrong_output(case: Case, n: int, box: Box) -> Iterator[Complaint]:
         yield Complaint("output.histories", None, text)
 
 
+def wrong_on_ranks(case: Case, kinds: DiskKinds, box: Box, ranks: int, *, sound: bool) -> Iterator[Complaint]:
+    """What several ranks of MPI cannot do; of a case that is `sound` else, also too few tiles for them."""
+    run, keys = case.run, dict[str, str]()
+    if run.precision != "f64":
+        keys["run.precision"] = 'run.precision = "f64"'
+    if case.output.tracks:
+        tracking = ("histories", "histories_all", "histories_sample", "histories_region")
+        keys |= {f"output.{key}": f"leave {key} out" for key in tracking if getattr(case.output, key)}
+    if case.box.open:
+        keys["box.open"] = "give box.lengths instead"
+    if case.box.gravity_turns:
+        keys["box.gravity_turns"] = "leave it out"
+    if run.resting_speed is not None:
+        keys["run.collapse"] = "another remedy for collapse"
+    keys |= {
+        f"wall[{i}].piston.mass": "leave the piston out" for i, each in enumerate(case.wall) if each.piston
+    }
+    for key, instead in keys.items():
+        text = f"not supported on several ranks (here are {ranks}): run it without mpiexec, or {instead}"
+        yield _at(case, key, text)
+    try:
+        check_number(kinds.n, ranks)
+        if sound and not keys and run.arch == "cpu":  # a GPU's engine has other tiles, and tells itself
+            from ..simulation.ranks import check_tiles  # imports Taichi
+
+            check_tiles(kinds, box, ranks)
+    except InputError as error:
+        yield Complaint("species[0].number", None if len(case.species) > 1 else str(kinds.n), str(error))
+
+
 def wrong_room(
     case: Case, species: Sequence[Species], kinds: DiskKinds, room: Room | None
 ) -> Iterator[Complaint]:
@@ -314,9 +345,17 @@ def _wrong_speeds(case: Case, beside: str) -> Iterator[Complaint]:
 
 
 def given_start(
-    case: Case, radius: NDArray[np.float64], room: Room, folder: Path, found: list[Complaint]
+    case: Case,
+    radius: NDArray[np.float64],
+    room: Room,
+    folder: Path,
+    found: list[Complaint],
+    comm: Any = None,
 ) -> Given | None:
-    """The start that a file or a trajectory gives; what is wrong with it is added to `found`."""
+    """The start that a file or a trajectory gives; what is wrong with it is added to `found`.
+
+    Of ranks of MPI (`comm`), each gives the radii of its slice and gets its rows; what is wrong is told to all.
+    """
     start, box = case.start, room.box
     key, name = "start.positions", start.trajectory
     if name is None:
@@ -326,21 +365,24 @@ def given_start(
     value = f'"{name}"'
     try:
         if start.trajectory is not None:
-            options: Any = {"motion": start.motion, "walls": room.walls}
+            options: Any = {"motion": start.motion, "walls": room.walls, "comm": comm}
             given = from_trajectory.read(folder / name, start.frame, radius, box, **options)
         else:
-            given = from_csv.read(folder / name, len(radius), box, start.form)
+            given = from_csv.read(
+                folder / name, slices.numbered(len(radius), comm)[1], box, start.form, comm=comm
+            )
             if start.relax is not None:
-                given = replace(given, position=relax(box, radius, given.position, start.relax))
-            placement.check_no_overlap(box, radius, given.position)
-            check_walls(room.all_walls, box, given.position, radius)
+                given = replace(given, position=relax(box, radius, given.position, start.relax, comm=comm))
+            check_no_overlap_of_slices(box, radius, given.position, comm)
+            check_walls(room.all_walls, box, given.position, radius, comm=comm)
     except InputError as error:
         found += [Complaint(key, value, line) for line in str(error).splitlines()]
         return None
     drawn = any(each.speed_rms for each in case.species)
-    moving = drawn if given.velocity is None else np.any(given.velocity)
+    fastest = 0.0 if given.velocity is None else float(np.abs(given.velocity).max(initial=0.0))
+    moving = drawn if given.velocity is None else world.largest(comm, fastest) > 0.0
     wanted = case.run.collisions_per_disk
-    if wanted is not None and len(radius) > 1 and not moving and not case.sets_in_motion:
+    if wanted is not None and _disks(case) > 1 and not moving and not case.sets_in_motion:
         if given.velocity is None:
             more = "the columns vx, vy, spin" if start.trajectory is None else "start.motion = true"
             rest = f"has no velocities: {more} or a species' speed_rms above 0 are needed"

@@ -193,10 +193,10 @@ def report(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
     if case.run.arch == "cpu" and gas.n > GATHERED and estimate.packing_fraction > 0.0:
         plans = [RankPlan.of(gas, case, estimate, ranks) for ranks in planned_ranks(gas.n)]
         lines += [_row("on ranks of MPI" if i == 0 else "", _planned(each)) for i, each in enumerate(plans)]
-        if not gas.drawn_in_slices(case):
+        if not gas.is_made_in_slices(case):
             text = f"the first rank builds the start, in {size(plans[0].whole)} more"
             lines.append(
-                _row("", f'{text}; start.positions = "random" and "hexagonal" are drawn by all ranks')
+                _row("", f'{text}; start.positions = "random", "hexagonal" and files are made by all ranks')
             )
     return "\n".join(lines)
 

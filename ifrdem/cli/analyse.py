@@ -176,7 +176,7 @@ def _begun(trajectory: Trajectory, summary: Path, *, force: bool) -> dict[str, A
     run = {key: trajectory.parameters[key] for key in RUN if key in trajectory.parameters}
     new: dict[str, Any] = {
         "file": str(trajectory.path),
-        "disks": trajectory.disks.n,
+        "disks": trajectory.n,
         "run": {key: value if isinstance(value, str) else plain(value) for key, value in run.items()},
         "analyses": {},
         "not_possible": {},

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
 from ..errors import InputError
-from .console import note, say, warn
+from ..tools import world
+from .console import note, ranks, say, warn
 from .options import Case, Force, Set, option
 
 
@@ -17,24 +18,31 @@ def check(case: Case, /, *, set: Set = None) -> None:
     """Look at a case without running it.
 
     Reports the mistakes of a case, all of a kind at once; of a good one its packing fraction, mean free paths,
-    whether its laws can add energy, its file size and memory.
+    whether its laws can add energy, its file size and memory. With mpiexec, also what so many ranks cannot do.
     """
     from ..case import file as case_file
     from ..case import shipped, summary
     from ..case.estimate import RunEstimate
 
-    file = case_file.read(shipped.find(case), set or [])
-    gas = file.gas.ready(file.case)
-    estimate = RunEstimate.of(gas, file.case)
-    summary.refuse_cadences(file.case, gas, estimate)
-    crushes = gas.crushes(file.case)
-    say(summary.report(file.case, gas, estimate))
-    for text in (*crushes, *gas.cautions(file.case)):
-        warn(text)
-    try:
-        summary.refuse_beyond_disk(estimate.file_bytes, Path())
-    except InputError as error:  # it may run elsewhere
-        warn(f"{error}: `ifrdem run` would refuse it here")
+    comm = ranks()
+    file: Any = case_file.read_on_ranks(lambda: shipped.find(case), set or [], comm)
+    read = file is not None and file.gas.is_read_in_slices(file.case, comm)
+    ready = file.gas.ready(file.case, comm) if read else None
+
+    def report() -> None:
+        gas = ready or file.gas.ready(file.case)
+        estimate = RunEstimate.of(gas, file.case)
+        summary.refuse_cadences(file.case, gas, estimate)
+        crushes = gas.crushes(file.case)
+        say(summary.report(file.case, gas, estimate))
+        for text in (*crushes, *gas.cautions(file.case)):
+            warn(text)
+        try:
+            summary.refuse_beyond_disk(estimate.file_bytes, Path())
+        except InputError as error:  # it may run elsewhere
+            warn(f"{error}: `ifrdem run` would refuse it here")
+
+    world.on_first(comm, report)
 
 
 KIND = (

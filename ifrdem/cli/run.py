@@ -66,17 +66,20 @@ def run(
 
     comm = ranks()
 
-    def planned() -> tuple[case_file.CaseFile, Outputs]:
-        file = case_file.read(shipped.find(case), changes)
+    file: Any = case_file.read_on_ranks(lambda: shipped.find(case), changes, comm)
+
+    def planned() -> Outputs:
         outputs = Outputs.plan(file.case, output, picture=not no_picture)
         outputs.check(force=force)  # before the imports below, which take a second
-        return file, outputs
+        return outputs
 
-    found: Any = world.on_first(comm, planned) or (None, None)
+    outputs: Any = world.on_first(comm, planned)
 
     from ..run import job
 
-    return _ended(lambda: job.run(*found, force=force, max_hours=hours, say=note, warn=warn, comm=comm))
+    return _ended(
+        lambda: job.run(file, outputs, force=force, max_hours=hours, say=note, warn=warn, comm=comm)
+    )
 
 
 def resume(

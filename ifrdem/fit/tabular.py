@@ -5,16 +5,19 @@ from __future__ import annotations
 import difflib
 import math
 import re
+from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, counted, nearest, printable, refuse
 from ..tools import csv as csv_rows
+from ..tools import slices, world
 
 Array = NDArray[np.float64]
 
@@ -45,6 +48,7 @@ class ReadTable:
     # (n,): values in standard units by standard names, NaN where one is missing; errors as NAME_error
     columns: Mapping[str, Array]
     line: NDArray[np.int64]  # (n,): lines of the file
+    rows: int  # number of all rows of the file, of which a rank has those of its slice
     missing: int  # number of values that are missing
     unused: tuple[str, ...]  # columns of the file that no name stands for
     source: str  # the file
@@ -95,6 +99,9 @@ def read(
     form: Form = Form(),
     *,
     most: int = MOST_BYTES,
+    most_wrong: int = 100,
+    n: int = 0,
+    comm: Any = None,
 ) -> ReadTable:
     """Read a table.
 
@@ -112,47 +119,78 @@ def read(
         The writing of the file.
     most : int
         Largest size of the file [bytes].
+    most_wrong : int
+        Wrong lines that are listed one by one.
+    n : int
+        With `comm`: the number of rows that are needed. Each rank of MPI gets those of its slice (`tools/slices.py`),
+        and the last one also what is there beyond; mistakes are told to all.
     """
     path = Path(path)
     source = str(path)
     _check_form(source, form, kinds)
-    try:
-        rows, lines = csv_rows.read(path, most=most, delimiter=form.delimiter)
-    except InputError as error:
-        raise InputError(f"{source}: {error}") from None
-    if not rows:
-        raise InputError(f"{source}: is empty: a first line with the names of the columns is needed")
-    names, factors, unused = _header(source, lines[0], rows[0], kinds, spellings, form)
-    if len(rows) == 1:
-        raise InputError(f"{source}: no line of values follows the names of the columns")
-    n = len(rows) - 1
-    values = {name: np.full(n, math.nan) for name in names if name}
-    wrong: list[str] = []
-    missing = 0
-    for i, (row, line) in enumerate(zip(rows[1:], lines[1:], strict=True)):
-        if len(row) != len(names):
-            count = f"{counted(len(row), 'value')}, and {len(names)} are needed"
-            wrong.append(f"line {line}: {count} ({', '.join(rows[0])})")
-            continue
-        for name, factor, text in zip(names, factors, row, strict=True):
-            if not name:
+    own = slices.slice_of(n, comm)
+    last = comm is None or comm.rank == comm.size - 1
+
+    def parsed() -> tuple[ReadTable, list[str], int]:
+        rows = csv_rows.each(path, most=most, delimiter=form.delimiter)
+        header, at = next(rows, ([], 0))
+        if not header:
+            raise InputError("is empty: a first line with the names of the columns is needed")
+        names, factors, unused = _header(at, header, kinds, spellings, form)
+        values = {name: array("d") for name in names if name}
+        lines, wrong = array("q"), list[str]()
+        count = missing = total = 0
+        for row, line in rows:
+            total += 1
+            if total <= own.start or not (total <= own.stop or last):
                 continue
-            text = text.strip()
-            number = text.replace(",", ".") if form.decimal == "," else text
-            if text.lower() in _MISSING:
-                missing += 1
-            elif not csv_rows.is_number(number) or (form.decimal == "," and "." in text):
-                commas = form.decimal == "." and csv_rows.is_number(text.replace(",", "."))
-                hint = "; --decimal , reads a comma" if commas else ""
-                wrong.append(f"line {line}: {name} = {printable(text)}: a number is needed{hint}")
-            elif not math.isfinite(float(number)) and not name.startswith("mass_"):
-                wrong.append(f"line {line}: {name} = {text}: a finite number is needed")
-            else:
-                values[name][i] = factor * float(number)
-    refuse(wrong, source)
-    for name, value in form.known.items():
-        values[name] = np.full(n, value)
-    return ReadTable(values, np.array(lines[1:], dtype=np.int64), missing, tuple(unused), source)
+            lines.append(line)
+            mistakes, gaps = _add(row, header, names, factors, values, form)
+            missing += gaps
+            count += len(mistakes)
+            wrong += [f"line {line}: {each}" for each in mistakes if len(wrong) < most_wrong]
+        if not total:
+            raise InputError("no line of values follows the names of the columns")
+        columns = {name: np.array(each) for name, each in values.items()}
+        columns |= {name: np.full(len(lines), value) for name, value in form.known.items()}
+        numbers = np.array(lines, dtype=np.int64)
+        return ReadTable(columns, numbers, total, missing, tuple(unused), source), wrong, count
+
+    try:
+        table, wrong, count = world.together(comm, parsed)
+    except InputError as error:
+        raise InputError("\n".join(f"{source}: {line}" for line in str(error).splitlines())) from None
+    wrong, count = world.first_of_all(comm, wrong, count, most_wrong)
+    refuse(wrong, source, most_wrong, count)
+    return table
+
+
+def _add(
+    row: Sequence[str], header: Sequence[str], names: Sequence[str], factors: Sequence[float],
+    values: Mapping[str, array[float]], form: Form,
+) -> tuple[list[str], int]:  # fmt: skip
+    """Add a row to the values; tells what is wrong with it, and how many values are missing."""
+    if len(row) != len(names):
+        count = f"{counted(len(row), 'value')}, and {len(names)} are needed"
+        return [f"{count} ({', '.join(header)})"], 0
+    wrong, missing = [], 0
+    for name, factor, text in zip(names, factors, row, strict=True):
+        if not name:
+            continue
+        text, value = text.strip(), math.nan
+        number = text.replace(",", ".") if form.decimal == "," else text
+        if text.lower() in _MISSING:
+            missing += 1
+        elif not csv_rows.is_number(number) or (form.decimal == "," and "." in text):
+            commas = form.decimal == "." and csv_rows.is_number(text.replace(",", "."))
+            hint = "; --decimal , reads a comma" if commas else ""
+            wrong.append(f"{name} = {printable(text)}: a number is needed{hint}")
+        elif not math.isfinite(float(number)) and not name.startswith("mass_"):
+            wrong.append(f"{name} = {text}: a finite number is needed")
+        else:
+            value = factor * float(number)
+        values[name].append(value)
+    return wrong, missing
 
 
 def _check_form(source: str, form: Form, kinds: Mapping[str, str]) -> None:
@@ -184,7 +222,6 @@ def _factor(text: str) -> float | None:
 
 
 def _header(
-    source: str,
     line: int,
     header: Sequence[str],
     kinds: Mapping[str, str],
@@ -194,13 +231,13 @@ def _header(
     """Standard names ("" for an unused one) and factors of the columns, and those that are not used."""
     if all(csv_rows.is_number(text) for text in header):
         raise InputError(
-            f"{source}: line {line}: there is no header: the first line must name the columns, and here "
+            f"line {line}: there is no header: the first line must name the columns, and here "
             "it holds numbers"
         )
     if len(header) == 1 and (found := re.search(r"[;\t]", header[0])):
         kind, key = ("semicolons", ";") if found[0] == ";" else ("tabs", "tab")
         raise InputError(
-            f"{source}: line {line}: columns must be separated by '{form.delimiter}', and here are {kind}; "
+            f"line {line}: columns must be separated by '{form.delimiter}', and here are {kind}; "
             f"--delimiter {key!r} reads them"
         )
     asked = {text.strip(): name for name, text in form.columns.items()}
@@ -245,7 +282,7 @@ def _header(
         if name.endswith("_error") and name.removesuffix("_error") not in names
     ]
     wrong += [f"{name}: is a column and a known value" for name in form.known if name in names]
-    refuse(wrong, source)
+    refuse(wrong)
     return names, factors, [each for each in unused if each]
 
 

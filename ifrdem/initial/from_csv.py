@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +14,7 @@ from ..errors import InputError, listed, nearest
 from ..fit import tabular
 from ..fit.tabular import Form
 from ..model.box import Box
+from ..tools import world
 from ..tools.checked import Array
 
 POSITION = ("x", "y")
@@ -23,7 +26,7 @@ MOST_REPORTED = 5  # wrong lines that are listed one by one
 
 @dataclass(frozen=True, eq=False)
 class Given:
-    """A start of n disks that a file gives."""
+    """A start of n disks that a file gives; of ranks, each has the rows of its slice."""
 
     position: Array  # centres [length], inside the box, shape (n, 2)
     velocity: Array | None  # in the lab [length/time], (n, 2), if given
@@ -32,7 +35,7 @@ class Given:
     errors: Mapping[str, Array] = field(default_factory=dict)
 
 
-def read(path: Path, n: int, box: Box | None = None, form: Form | None = None) -> Given:
+def read(path: Path, n: int, box: Box | None = None, form: Form | None = None, *, comm: Any = None) -> Given:
     """Read a start file.
 
     The first line names the columns: x and y [length], and either all or none of vx, vy [length/time] and spin
@@ -41,39 +44,42 @@ def read(path: Path, n: int, box: Box | None = None, form: Form | None = None) -
     lines that begin with #, are skipped. InputError with a line for each thing that is wrong: a column, a value (by
     line and column), the number of disks.
 
-    There must be `n` disks, in the `box` (lower sides included), if there is one.
+    There must be `n` disks, in the `box` (lower sides included), if there is one. Of ranks of MPI (`comm`), each reads
+    all lines, and keeps the values of its slice (`slice_of`); what is wrong is told to all.
     """
     try:
-        table = tabular.read(path, KINDS, {name: name for name in KINDS}, form or Form(), most=MOST_BYTES)
+        table = tabular.read(
+            path, KINDS, {name: name for name in KINDS}, form or Form(), most=MOST_BYTES, most_wrong=MOST_REPORTED,
+            n=n, comm=comm,
+        )  # fmt: skip
     except InputError as error:
         lines = [line.removeprefix(f"{path}: ") for line in str(error).splitlines()]
-        if len(lines) > MOST_REPORTED:
-            lines[MOST_REPORTED:] = [f"{len(lines) - MOST_REPORTED} more lines are wrong"]
         raise InputError("\n".join(lines)) from None
     columns = table.columns
     names = [name for name in columns if not name.endswith("_error")]
     wrong = _wrong_columns(names, () if form is not None and form.columns else table.unused)
     if wrong:
         raise InputError("\n".join(wrong))
-    found = [
-        f"line {table.line[i]}: {name} = nan: a finite number is needed"
-        for name in columns
-        for i in np.flatnonzero(~np.isfinite(columns[name]))
-    ]
     position = np.column_stack([columns[axis] for axis in POSITION])
-    if box is not None and not box.is_open and not found:
-        outside = np.argwhere((position < 0.0) | (position >= np.array(box.lengths)))
-        for i, axis in outside:
-            found.append(
-                f"line {table.line[i]}: {POSITION[axis]} = {position[i, axis]:g}: must lie inside the box, "
-                f"from 0 to below {box.lengths[axis]:.6g}"
-            )
-    if len(found) > MOST_REPORTED:
-        found[MOST_REPORTED:] = [f"{len(found) - MOST_REPORTED} more lines are wrong"]
-    if len(table) != n:
-        found.append(f"has {len(table)} disks: {n} are needed, the sum of the species' numbers")
-    if found:
-        raise InputError(listed(found))
+    bad = {name: ~np.isfinite(values) for name, values in columns.items()}
+    inside = dict[str, str]()
+    if box is not None and not box.is_open:
+        for axis, side in zip(POSITION, box.lengths, strict=True):
+            inside[axis] = f"must lie inside the box, from 0 to below {side:.6g}"
+            bad[axis] |= (columns[axis] < 0.0) | (columns[axis] >= side)
+    rows = np.flatnonzero(np.any(list(bad.values()), axis=0))
+    texts = [
+        f"line {table.line[i]}: {name} = {value:g}: "
+        + (inside[name] if math.isfinite(value) else "a finite number is needed")
+        for i in rows[:MOST_REPORTED]
+        for name, value in ((name, columns[name][i]) for name in columns if bad[name][i])
+    ]
+    texts, count = world.first_of_all(comm, texts, sum(map(np.count_nonzero, bad.values())), MOST_REPORTED)
+    wrong = listed(texts, MOST_REPORTED, count).splitlines()
+    if table.rows != n:
+        wrong.append(f"has {table.rows} disks: {n} are needed, the sum of the species' numbers")
+    if wrong:
+        raise InputError("\n".join(wrong))
     moving = set(MOTION) <= set(names)
     return Given(
         position=position,

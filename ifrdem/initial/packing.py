@@ -16,9 +16,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..model.box import Box
@@ -26,16 +27,20 @@ from ..model.free_area import Room
 from ..model.overlaps import (
     check_no_overlap,
     checked_radii,
+    close_ones,
     close_pairs,
+    put_back,
     refuse_no_room,
     refuse_wider_than_box,
 )
 from ..model.walls import Wall
-from ..tools import seeds
+from ..tools import seeds, slices, world
 from ..tools.checked import Array
 
 MARGIN = 1e-4
 """Part by which radii are made larger while overlaps are removed: what is left then is still a gap."""
+SEPARATED = 1e-9
+"""The same of disks that were rounded."""
 
 # In units of the mean diameter, the mass of a disk and the stiffness: a disk with six neighbours swings at 2.4.
 STEP = 0.5
@@ -113,11 +118,14 @@ def grow(
     return position
 
 
-def separate(box: Box, radius: ArrayLike, position: ArrayLike, *, walls: Sequence[Wall] = ()) -> Array:
+def separate(
+    box: Box, radius: ArrayLike, position: ArrayLike, *, walls: Sequence[Wall] = (), comm: Any = None
+) -> Array:
     """Positions [length], shape (n, 2), near the given ones and without overlaps, with walls at t = 0 neither.
 
     For positions that were rounded, as those of a trajectory in single precision: disks that touched overlap then. Only
-    disks that overlap, and those that they push, are moved. InputError if overlaps remain: names the worst of them.
+    disks that overlap, and those near them, are moved. InputError if overlaps remain: names the worst of them. Of ranks
+    of MPI (`comm`), each gives the disks of its slice, and the first one moves those that almost touch.
 
     Examples
     --------
@@ -128,11 +136,46 @@ def separate(box: Box, radius: ArrayLike, position: ArrayLike, *, walls: Sequenc
     True
     """
     radii, centres = checked_radii(radius), np.asarray(position, dtype=np.float64)
-    soft = _SoftDisks(Room(box, tuple(walls)), radii, centres, margin=1e-9)
+    n, largest = slices.numbered(len(radii), comm)[1], world.largest(comm, float(radii.max(initial=0.0)))
+    room = Room(box, tuple(walls))
+    free = room.gap(centres, radii)  # from walls
+    near = close_ones(box, radii, centres, 0.0, comm, free < 0.0)
+    gap = 4.0 * world.from_first(comm, lambda: _deepest(room, near)) + SEPARATED * largest
+    while True:
+        near = close_ones(box, radii, centres, gap, comm, free < gap)
+        ids, moved, way = world.from_first(comm, lambda near=near: _moved_apart(room, near))  # type: ignore[misc]
+        if 2.0 * way < gap or len(ids) == n or gap > largest:  # others cannot be met
+            break
+        gap *= 4.0
+    world.on_first(comm, lambda: check_no_overlap(box, near[1], moved, tolerance=0.0, ids=ids))  # type: ignore[index]
+    return put_back(centres, ids, moved, comm)
+
+
+Near = tuple[NDArray[np.int64], Array, Array] | None
+"""Ids, radii and places of disks, on the first rank."""
+
+
+def _deepest(room: Room, near: Near) -> float:
+    """Largest overlap [length] of these disks."""
+    assert near is not None
+    _, radius, place = near
+    centres = room.box.wrap(place)
+    i, j = close_pairs(room.box, radius, centres).T
+    apart = np.linalg.norm(room.box.minimum_image(centres[j] - centres[i]), axis=-1)
+    overlaps = np.concatenate((radius[i] + radius[j] - apart, -room.gap(place, radius)))
+    return float(np.max(overlaps, initial=0.0))
+
+
+def _moved_apart(room: Room, near: Near) -> tuple[NDArray[np.int64], Array, float]:
+    """Ids of these disks, places at which they do not overlap, and the longest way [length]."""
+    assert near is not None
+    ids, radius, place = near
+    if not len(ids):
+        return ids, place, 0.0
+    soft = _SoftDisks(room, radius, place, margin=SEPARATED)
     soft.minimise(LAST_STEPS)
     found = soft.wrapped()
-    check_no_overlap(box, radii, found, tolerance=0.0)
-    return found
+    return ids, found, float(np.abs(room.box.minimum_image(found - place)).max()) * math.sqrt(2.0)
 
 
 def _scattered(room: Room, n: int, random: np.random.Generator) -> Array:

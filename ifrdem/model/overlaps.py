@@ -131,21 +131,35 @@ def check_no_overlap(
         i = int(np.argmin(finite))
         raise InputError(f"position[{i}] = {centres[i]}: every value must be finite")
     refuse_wider_than_box(box, radii)
-    centres = box.wrap(centres, time)
-    i, j = _close_pairs_at(box, radii, centres, time).T
+    pairs, told = _overlapping(box, radii, box.wrap(centres, time), tolerance, time)
+    _refuse_pairs(pairs if ids is None else np.sort(np.asarray(ids)[pairs]), told)
+
+
+def _overlapping(
+    box: Box, radius: Array, centres: Array, tolerance: float, time: float
+) -> tuple[NDArray[np.intp], Array]:
+    """Pairs that overlap, the lower index first, and overlap, distance, sum of radii of each; (p, 2), (p, 3)."""
+    pairs = np.sort(_close_pairs_at(box, radius, centres, time))
+    i, j = pairs.T
     distance = np.linalg.norm(box.minimum_image(centres[j] - centres[i], time), axis=-1)
-    contact = radii[i] + radii[j]
+    contact = radius[i] + radius[j]
     overlap = contact - distance
     wrong = overlap > tolerance * contact
-    if wrong.any():
-        worst = int(np.argmax(np.where(wrong, overlap, -np.inf)))
-        first, second = sorted(int(each if ids is None else ids[each]) for each in (i[worst], j[worst]))
-        count = int(np.count_nonzero(wrong))
-        others = "" if count == 1 else f"; {count} pairs overlap, this one the most"
-        raise InputError(
-            f"disks {first} and {second} overlap by {overlap[worst]:.6g} "
-            f"(distance {distance[worst]:.6g}, sum of radii {contact[worst]:.6g}){others}"
-        )
+    return pairs[wrong], np.column_stack((overlap, distance, contact))[wrong]
+
+
+def _refuse_pairs(pairs: NDArray[np.integer], told: Array, count: int | None = None) -> None:
+    """Refuse pairs that overlap, by their disks' numbers, if there are any; `count` is the number of all."""
+    if not len(pairs):
+        return
+    worst = np.lexsort((pairs[:, 1], pairs[:, 0], -told[:, 0]))[0]
+    (first, second), (overlap, distance, contact) = pairs[worst], told[worst]
+    count = len(pairs) if count is None else count
+    others = "" if count == 1 else f"; {count} pairs overlap, this one the most"
+    raise InputError(
+        f"disks {first} and {second} overlap by {overlap:.6g} "
+        f"(distance {distance:.6g}, sum of radii {contact:.6g}){others}"
+    )
 
 
 _BANDS = 64
@@ -153,16 +167,47 @@ _BANDS = 64
 
 
 def check_no_overlap_of_slices(
-    box: Box, radius: Array, position: Array, comm: Any, *, time: float = 0.0
+    box: Box, radius: Array, position: Array, comm: Any, *, tolerance: float = TOLERANCE, time: float = 0.0
 ) -> None:
-    """As `check_no_overlap`, of disks of which each rank has a slice; all raise the error of one.
+    """As `check_no_overlap`, of disks of which each rank has a slice; all raise the same."""
+    if comm is None:
+        check_no_overlap(box, radius, position, tolerance=tolerance, time=time)
+        return
+    world.together(comm, lambda: checked_radii(radius))
+    own, ids, radii, places = _beside_in_box(box, radius, position, comm, 0.0, time)
 
-    Each rank gets the disks of a part of the box along y, with about as many as the others, and those that reach into
-    it from above: it sees every pair whose lower disk is its own.
+    def found() -> tuple[NDArray[np.intp], Array]:
+        if not len(radii):
+            return np.empty((0, 2), np.intp), np.empty((0, 3))
+        refuse_wider_than_box(box, radii)
+        return _overlapping(box, radii, box.wrap(places, time), tolerance, time)
+
+    pairs, told = world.together(comm, found)
+    here = own[pairs].sum(axis=1)  # a pair of two ranks may be seen by both
+    numbers = np.sort(ids[pairs])
+    inner, between = here == 2, here == 1
+    worst = np.lexsort((*numbers[inner].T[::-1], -told[inner, 0]))[:1]
+    counts, best, values, at, more = zip(
+        *comm.allgather(
+            (int(inner.sum()), numbers[inner][worst], told[inner][worst], numbers[between], told[between])
+        ),
+        strict=True,
+    )
+    border, rows = np.unique(np.concatenate(at), axis=0, return_index=True)
+    everywhere = np.concatenate((*best, border)), np.concatenate((*values, np.concatenate(more)[rows]))
+    _refuse_pairs(*everywhere, count=sum(counts) + len(border))
+
+
+def _beside_in_box(
+    box: Box, radius: Array, position: Array, comm: Any, gap: float, time: float = 0.0
+) -> tuple[NDArray[np.bool_], NDArray[np.int64], Array, Array]:
+    """Disks of a part of the box along y, about as many on each rank, and those that reach into it from above.
+
+    So each pair that is closer than contact + `gap` [length] is seen by the rank of its lower disk. Returned are, of
+    disks of which each rank gives a slice: whether they stand in the own part, their ids, radii and places.
     """
     ids, _ = slices.numbered(len(radius), comm)
-    world.together(comm, lambda: checked_radii(radius))
-    width = 2.0 * max(comm.allgather(float(radius.max(initial=0.0)))) * (1.0 + 2.0 * TOLERANCE)
+    width = 2.0 * max(comm.allgather(float(radius.max(initial=0.0)))) * (1.0 + 2.0 * TOLERANCE) + gap
     height = box.lengths[1]
     y = box.wrap(position, time)[:, 1]
     bands = _BANDS * comm.size
@@ -180,11 +225,48 @@ def check_no_overlap_of_slices(
             row.append(np.flatnonzero(near))
             to.append(np.full(len(row[-1]), q))
     rows = np.concatenate(row) if row else np.zeros(0, np.intp)
+    target = np.concatenate(to) if to else rows
     numbers = np.arange(ids.start, ids.stop)
-    ids_there, radii, places = slices.exchange(
-        comm, np.concatenate(to) if to else rows, [each[rows] for each in (numbers, radius, position)]
-    )
-    world.together(comm, lambda: check_no_overlap(box, radii, places, time=time, ids=ids_there))
+    own = rank[band][rows] == target
+    there = slices.exchange(comm, target, [own, *(each[rows] for each in (numbers, radius, position))])
+    return there[0], there[1], there[2], there[3]
+
+
+def close_ones(
+    box: Box, radius: Array, position: Array, gap: float, comm: Any = None,
+    also: NDArray[np.bool_] | None = None,
+) -> tuple[NDArray[np.int64], Array, Array] | None:  # fmt: skip
+    """Disks closer than contact + `gap` [length] to another one, and `also` some others, in order of their ids.
+
+    Their ids, radii and centres; of ranks, which give the disks of their slices, on the first one, and None on others.
+    """
+    ids, radii, places = np.arange(len(radius)), radius, position
+    if comm is not None:
+        _, ids, radii, places = _beside_in_box(box, radius, position, comm, gap)
+    centres = box.wrap(places)
+    i, j = close_pairs(box, radii, centres, gap).T
+    near = np.linalg.norm(box.minimum_image(centres[j] - centres[i]), axis=-1) < radii[i] + radii[j] + gap
+    rows = np.union1d(i[near], j[near])
+    found = ids[rows], radii[rows], places[rows]
+    if also is not None:
+        own, _ = slices.numbered(len(radius), comm)
+        more = own.start + np.flatnonzero(also), radius[also], position[also]
+        found = tuple(map(np.concatenate, zip(found, more, strict=True)))  # type: ignore[assignment]
+    gathered = [found] if comm is None else comm.gather(found)
+    if gathered is None:
+        return None
+    numbers, radii, places = (np.concatenate(each) for each in zip(*gathered, strict=True))
+    numbers, first = np.unique(numbers, return_index=True)
+    return numbers, radii[first], places[first]
+
+
+def put_back(position: Array, ids: NDArray[np.int64], moved: Array, comm: Any = None) -> Array:
+    """Positions with those of some ids replaced; of ranks, in their slices, the first one's `moved`."""
+    own, _ = slices.numbered(len(position), comm)
+    found = position.copy()
+    here = (ids >= own.start) & (ids < own.stop)
+    found[ids[here] - own.start] = moved[here]
+    return found
 
 
 _APART = 1e-7  # of the contact distance: left between disks that were moved apart, so that none overlaps by rounding
@@ -192,7 +274,9 @@ _MOST_PASSES = 10_000
 _MOST_NAMED = 20
 
 
-def relax(box: Box, radius: ArrayLike, position: ArrayLike, tolerance: float) -> NDArray[np.float64]:
+def relax(
+    box: Box, radius: ArrayLike, position: ArrayLike, tolerance: float, *, comm: Any = None
+) -> NDArray[np.float64]:
     """Move disks apart that overlap by a little, as measured places do.
 
     Of each overlapping pair both disks move by half of the overlap, along the line of centres, until none overlaps.
@@ -207,14 +291,31 @@ def relax(box: Box, radius: ArrayLike, position: ArrayLike, tolerance: float) ->
         Centres [length].
     tolerance : float
         Largest overlap that is taken as an error of measurement [length], and largest way of a disk.
+    comm : mpi4py.MPI.Comm, optional
+        Ranks of MPI, of which each gives the disks of its slice. The first one moves those that can be in question.
 
     Returns
     -------
     array (n, 2)
         Centres without overlaps.
     """
-    radii, centres = checked_radii(radius), np.array(position, dtype=np.float64)
-    begun = centres.copy()
+    radii, begun = checked_radii(radius), np.asarray(position, dtype=np.float64)
+    largest = world.largest(comm, float(radii.max(initial=0.0)))
+    most = tolerance * (1.0 + 1e-6) + _APART * largest
+    near = close_ones(box, radii, begun, 2.0 * most, comm)  # no other disk can be met within these ways
+
+    def moved() -> tuple[NDArray[np.int64], Array]:
+        assert near is not None  # on the first rank
+        return near[0], _relaxed(box, *near, tolerance, most)
+
+    return put_back(begun, *world.from_first(comm, moved), comm)
+
+
+def _relaxed(
+    box: Box, ids: NDArray[np.int64], radii: Array, begun: Array, tolerance: float, most: float
+) -> Array:
+    """Centres of some disks at which none overlaps; errors as `relax`, or if one moves further than `most`."""
+    centres = begun.copy()
     for attempt in range(_MOST_PASSES):
         i, j = close_pairs(box, radii, box.wrap(centres)).T
         apart = box.minimum_image(centres[j] - centres[i])
@@ -224,7 +325,7 @@ def relax(box: Box, radius: ArrayLike, position: ArrayLike, tolerance: float) ->
         if attempt == 0 and np.any(overlap > tolerance):
             order = [k for k in np.argsort(-overlap) if overlap[k] > tolerance]
             named = [
-                f"disks {min(i[k], j[k])} and {max(i[k], j[k])} overlap by {overlap[k]:.6g}, more than "
+                f"disks {ids[min(i[k], j[k])]} and {ids[max(i[k], j[k])]} overlap by {overlap[k]:.6g}, more than "
                 f"relax = {tolerance:g}"
                 for k in order[:_MOST_NAMED]
             ]
@@ -240,8 +341,8 @@ def relax(box: Box, radius: ArrayLike, position: ArrayLike, tolerance: float) ->
         np.add.at(centres, i, -0.5 * overlap[:, None] * line)
         np.add.at(centres, j, 0.5 * overlap[:, None] * line)
         way = np.linalg.norm(centres - begun, axis=-1)
-        if np.any(way > tolerance * (1.0 + 1e-6) + _APART * float(radii.max())):
+        if np.any(way > most):
             worst = int(np.argmax(way))
-            moved = f"disk {worst} would have to move by {way[worst]:.6g}"
+            moved = f"disk {ids[worst]} would have to move by {way[worst]:.6g}"
             raise InputError(f"{moved}, more than relax = {tolerance:g}, to overlap with none")
     raise InputError(f"disks still overlap after {_MOST_PASSES} passes of relax = {tolerance:g}")

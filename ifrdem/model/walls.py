@@ -18,7 +18,7 @@ import numpy as np
 
 from ..errors import InputError, nearest
 from ..kernels.limits import INVERSE, MOST_WALLS, MOVING, OWNER, WALL
-from ..tools import checked
+from ..tools import checked, slices
 from ..tools.checked import Array
 from . import outlines
 from .box import Box
@@ -904,9 +904,11 @@ def _check_spans(wall: Wall, box: Box) -> None:
 
 def check(
     walls: Sequence[Wall], box: Box, position: Array, radius: Array, materials: int | None = None,
-    time: float = 0.0, tolerance: float = 0.0, collisions: int = 0,
+    time: float = 0.0, tolerance: float = 0.0, collisions: int = 0, comm: Any = None,
 ) -> None:  # fmt: skip
     """Refuse walls that cannot be simulated, or that disks overlap at the start, at `time` [time], after `collisions`.
+
+    Of ranks of MPI (`comm`), each gives the disks of its slice, and all raise the same.
 
     `materials` is how many the law's table has, if it is known; overlaps up to `tolerance` [length] do not count.
     InputError names wall and disk, and by how much they overlap.
@@ -917,6 +919,7 @@ def check(
     if (count := pieces(walls)) > MOST_WALLS:
         most = f"{MOST_WALLS} at most are supported, pieces of polylines and the sides of the box included"
         raise InputError(f"{count} walls: {most}")
+    ids, n = slices.numbered(len(position), comm)
     for w, wall in enumerate(walls):
         name = f"wall {w} ({wall.shape})"
         if materials is not None and not 0 <= wall.material < materials:
@@ -926,12 +929,15 @@ def check(
             check_place(wall, box)
         except InputError as error:
             raise InputError(f"{name}: {error}") from None
-        if len(position) and wall.stands(time, collisions):
-            gap = wall.gap(position, radius, time)
-            worst = int(np.argmin(gap))
-            if gap[worst] < -tolerance:
-                where = f"disk {worst} at ({position[worst, 0]:.6g}, {position[worst, 1]:.6g})"
-                raise InputError(f"{where} overlaps {name} by {-gap[worst]:.3g}")
+        if n and wall.stands(time, collisions):
+            told = math.inf, 0, ""
+            if len(position):
+                gap = wall.gap(position, radius, time)
+                i = int(np.argmin(gap))
+                told = float(gap[i]), ids.start + i, f"({position[i, 0]:.6g}, {position[i, 1]:.6g})"
+            least, disk, place = told if comm is None else min(comm.allgather(told))
+            if least < -tolerance:
+                raise InputError(f"disk {disk} at {place} overlaps {name} by {-least:.3g}")
 
 
 def to_json(walls: Sequence[Wall]) -> str:

@@ -56,7 +56,7 @@ def of(trajectory: Trajectory, frames: Sequence[int] | None = None) -> Dissipati
         )
     region = shown_region(trajectory, trajectory[used[-1]].position)
     lengths = np.ptp(region, axis=1)
-    cell = np.sqrt(np.prod(lengths) * PER_CELL / max(trajectory.disks.n * (len(used) - 1), 1))
+    cell = np.sqrt(np.prod(lengths) * PER_CELL / max(trajectory.n * (len(used) - 1), 1))
     cells = np.clip(np.rint(lengths / cell), 1, MOST_CELLS).astype(int)
     before = trajectory[used[0]]
     begun, lost, total = before.time, before["dissipated"], np.zeros(cells)

@@ -27,7 +27,7 @@ def along(trajectory: Trajectory, when: Array, over: str) -> Array:
     if over == "t":
         return when
     times, (collisions,) = result.series(trajectory, "collisions")
-    return np.asarray(np.interp(when, times, 2.0 * collisions / max(trajectory.disks.n, 1)))
+    return np.asarray(np.interp(when, times, 2.0 * collisions / max(trajectory.n, 1)))
 
 
 def series(trajectory: Trajectory, over: str, *names: str) -> tuple[Array, list[Array]]:

@@ -48,7 +48,7 @@ class Scene:
         colour: str = "spin",
     ) -> None:
         self._trajectory, self._colour = trajectory, plot_disks.colour_of(colour, "--colour")
-        self._is_map = trajectory.disks.n > plot_disks.MOST_DISKS
+        self._is_map = trajectory.n > plot_disks.MOST_DISKS
         trajectory.dataset("position")  # says that it is missing
         if self._colour is not None:
             trajectory.dataset(self._colour.field)
@@ -136,7 +136,7 @@ class Scene:
         if self._is_map:
             tops = [np.quantile(self._covered(i), 0.999) for i in samples]
             return 0.0, float(max(tops)) or 1.0
-        if self._colour is None or not self._trajectory.disks.n:
+        if self._colour is None or not self._trajectory.n:
             return 0.0, 1.0
         each = [self._values(i) for i in samples]
         if not any(np.any(values) for values in each):  # one colour says nothing
@@ -221,7 +221,7 @@ def write(
     kind = place.suffix.lower() or FORMATS[0]
     if kind not in FORMATS:
         raise InputError(f"output {place}: a movie is a file with the ending {', '.join(FORMATS)}")
-    if len(frames) == 0 or trajectory.disks.n == 0:
+    if len(frames) == 0 or trajectory.n == 0:
         raise InputError(f"{trajectory.path}: no {'disks' if len(frames) else 'frames'} to draw")
     check_apart(place, trajectory.path)
     encode = _ffmpeg(fps) if kind == FORMATS[0] else _pillow(kind[1:], fps, quality)

@@ -140,7 +140,7 @@ def drawing(run: Run, path_png: Place) -> Iterator[tuple[Trajectory, Figure]]:
 
 def title(trajectory: Trajectory) -> str:
     """Title of a picture of a run."""
-    text, n = gas(trajectory), trajectory.disks.n
+    text, n = gas(trajectory), trajectory.n
     if "collisions" in trajectory.observables and n:
         text += f", {2.0 * float(trajectory.observables['collisions'][-1]) / n:.3g} collisions per disk"
     return text
@@ -148,9 +148,11 @@ def title(trajectory: Trajectory) -> str:
 
 def gas(trajectory: Trajectory) -> str:
     """Name, number of disks and packing fraction of a run."""
-    name, n = trajectory.parameters.get("name", trajectory.path.stem), trajectory.disks.n
+    name, n = trajectory.parameters.get("name", trajectory.path.stem), trajectory.n
     where = "open box"
-    if not trajectory.box.is_open:
+    if trajectory.missing:
+        where = f"{len(trajectory.missing)} of its {len(trajectory.parts or ())} parts missing"
+    elif not trajectory.box.is_open:
         where = f"packing fraction {trajectory.room.packing_fraction(trajectory.disks.radius):.3g}"
     if trajectory.room.all_walls:
         where = where.replace("packing fraction", "packing fraction between walls")

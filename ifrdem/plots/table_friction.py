@@ -76,7 +76,7 @@ def _paths(axes: Axes, trajectory: Trajectory) -> None:
     """Paths from frame to frame, and the final places, coloured by how far away from the start they are."""
     from matplotlib.collections import EllipseCollection, LineCollection
 
-    radius, n = trajectory.disks.radius, trajectory.disks.n
+    radius, n = trajectory.disks.radius, trajectory.n
     positions = np.stack([frame.position for frame in trajectory])
     # Across a periodic side, a step is the short way round.
     steps = trajectory.box.minimum_image(np.diff(positions, axis=0))

@@ -109,7 +109,8 @@ def _points(
     relative variance of T is 1 / n, that of T_rot 2 / n. Streams and clusters make it larger.
     """
     T, T_rot = (trajectory.observables[name] for name in ("temperature", "rotational_temperature"))
-    x, n = along(trajectory, trajectory.times, over)[shown], max(int(trajectory.disks.movable.sum()), 1)
+    movable = trajectory.n if trajectory.missing else int(trajectory.disks.movable.sum())
+    x, n = along(trajectory, trajectory.times, over)[shown], max(movable, 1)
     with np.errstate(divide="ignore", invalid="ignore"):
         values = (T, T_rot, T_rot / T)
     for axes, value, colour, name, variance in zip(

@@ -79,6 +79,8 @@ class _Gas:
 
 def _gas(trajectory: Trajectory) -> _Gas | str:
     """The gas of a trajectory as kinetic theory takes it, or why it does not hold."""
+    if trajectory.missing:
+        return "a part is missing: no kinetic theory here"
     disks = trajectory.disks
     kinds = len(np.unique(np.stack([disks.mass, disks.radius, disks.k, disks.material]), axis=1).T)
     for wrong, text in (

@@ -277,7 +277,7 @@ def compare(
     """
     errors = dict(errors or {})
     with Trajectory(run) as trajectory:
-        n, radius, units = trajectory.disks.n, np.asarray(trajectory.disks.radius), trajectory.units
+        n, radius, units = trajectory.n, np.asarray(trajectory.disks.radius), trajectory.units
         if "position" not in trajectory.fields:
             raise InputError(f"{run}: holds no positions")
         times = np.array([frame.time for frame in trajectory])

@@ -36,13 +36,14 @@ def describe(path: str | os.PathLike[str], *, full: bool = False) -> str:
 
 
 def _gas(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
-    disks, box, times, units = trajectory.disks, trajectory.box, trajectory.times, trajectory.units
+    box, times, units = trajectory.box, trajectory.times, trajectory.units
     length, time, mass = (f" {units[name]}" if name in units else "" for name in ("length", "time", "mass"))
     yield "size on disk", size(trajectory.path.stat().st_size)
     if (parts := trajectory.parts) is not None:
         for number in range(len(parts)):
             own, there = parts.disks(number), parts.place(trajectory.path, number)
-            held = f"disks {own.start} to {own.stop - 1}, {size(there.stat().st_size)}"
+            stored = "MISSING" if number in trajectory.missing else size(there.stat().st_size)
+            held = f"disks {own.start} to {own.stop - 1}, {stored}"
             yield "" if number else f"{counted(len(parts), 'part')}", f"{parts.name(number)}: {held}"
     span = f", time {times[0]:.6g} to {times[-1]:.6g}{time}" if len(times) else ""
     yield "frames", f"{len(trajectory)}{span}"
@@ -50,13 +51,14 @@ def _gas(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
         yield "units", str(trajectory.parameters.get("units", "not stated"))
     part = _part(trajectory)
     if part is not None:
-        end = part.first + disks.n - 1
+        end = part.first + trajectory.n - 1
         yield (
             "part",
             f"{part.number} of a trajectory, whose NAME.h5 shows all of it: disks {part.first} to {end}",
         )
-    yield "disks", str(disks.n)
-    if disks.n:
+    yield "disks", str(trajectory.n)
+    if trajectory.n and not trajectory.missing:
+        disks = trajectory.disks
         for name, unit in (("radius", length), ("mass", mass), ("k", "")):
             values = getattr(disks, name)
             ends = dict.fromkeys((f"{values.min():.6g}", f"{values.max():.6g}"))
@@ -69,8 +71,8 @@ def _gas(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     if trajectory.walls:
         shapes = Counter(wall.shape for wall in trajectory.walls)
         yield "walls", ", ".join(f"{count} {shape}" for shape, count in shapes.items())
-    if not box.is_open and part is None:
-        yield "packing fraction", f"{trajectory.room.packing_fraction(disks.radius):.4f}"
+    if not box.is_open and part is None and not trajectory.missing:
+        yield "packing fraction", f"{trajectory.room.packing_fraction(trajectory.disks.radius):.4f}"
 
 
 def _part(trajectory: Trajectory) -> Part | None:
@@ -86,6 +88,9 @@ def _describe_fields(trajectory: Trajectory) -> list[str]:
     for name in trajectory.fields:
         with damage.reading(trajectory.path, name):
             dataset = trajectory.dataset(name)
+            if trajectory.missing:
+                lines.append(f"  {name:<18}{dataset.dtype}")
+                continue
             held = [
                 (file[dataset.name].id.get_storage_size(), damage.compression(file[dataset.name]))
                 for file in trajectory.holders()

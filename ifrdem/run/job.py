@@ -77,7 +77,8 @@ def run(
 
     `force` replaces files that exist; after `max_hours` of real time it stops with a checkpoint; `say` and `warn` take
     the lines to show. `comm` are ranks of MPI that share the gas: all call this, and the first one writes. It alone
-    builds the start where that is not drawn in slices; `file` and `outputs` may be None on the others.
+    builds the start where that is not made in slices; `outputs` may be None on the others, and so may `file`, unless
+    each rank has read its slice of the start (`read_on_ranks`).
 
     Raises InputError if the case, the device or the outputs cannot be used. Else the trajectory keeps the frames so
     far: Stopped, with a checkpoint, by a signal or the limit of time; KeyboardInterrupt after a second Ctrl-C
@@ -86,23 +87,19 @@ def run(
     cores, share = cores_of(comm), world.share_here(comm)
     began = time.perf_counter()
 
-    def prepared() -> list[Any]:
+    def checked() -> None:
         case = file.case
         outputs.check(force=force)
         backend.check(case.run.arch, case.run.threads, case.run.precision)
-        if comm is not None:
-            from ..simulation.ranks import check_tiles
-
-            checks.check_ranks(comm.size, file.gas.box, case.run.precision, case.output.tracks)
-            if case.run.arch == "cpu":  # a GPU's engine has other tiles, and tells itself
-                check_tiles(file.gas.kinds, file.gas.box, comm.size)
         checks.check_number(file.gas.n, comm.size if comm else 1)
         check.refuse_beyond_memory(
             sum(each.number for each in case.species), case.run.arch, case.start.positions, share,
             ranks=comm.size if comm else 1,
-            sliced=file.gas.is_told_in_slices(case, comm) and file.gas.drawn_in_slices(case),
+            sliced=file.gas.is_told_in_slices(case, comm) and file.gas.is_made_in_slices(case),
         )  # fmt: skip
-        gas = file.gas.ready(case)
+
+    def prepared(gas: CaseGas) -> list[Any]:
+        case = file.case
         estimate = RunEstimate.of(gas, case)
         check.refuse_cadences(case, gas, estimate)
         check.refuse_beyond_disk(estimate.file_bytes, outputs.trajectory.parent)
@@ -110,20 +107,25 @@ def run(
         say(check.summary(case, gas, estimate, how(case, cores, comm)))
         for text in (*gas.warnings, *crushes, *gas.cautions(case)):
             warn(text)
-        drawn = gas.is_told_in_slices(case, comm) and gas.drawn_in_slices(case)
-        state = None if drawn else gas.start(case, Stage("growth"))
+        sliced = gas.is_told_in_slices(case, comm) and gas.is_made_in_slices(case)
+        state = None if sliced else gas.start(case, Stage("growth"))
         return [gas, state, gas.tracked(case, state)]
 
     try:
-        found: Any = world.on_first(comm, prepared)
+        world.on_first(comm, checked)
+        read = file is not None and file.gas.is_read_in_slices(file.case, comm)
+        ready = file.gas.ready(file.case, comm) if read else None
+        found: Any = world.on_first(comm, lambda: prepared(ready or file.gas.ready(file.case)))
+        here = None if ready is None else ready.start(file.case, comm=comm)  # of the slice
         if found is None:
-            case, simulation = CaseGas.beside(comm)
+            case, simulation = CaseGas.beside(comm, here)
         else:
             gas, state, tracked = found
             case = file.case
-            simulation = gas.simulation(case, state, tracked=tracked, comm=comm)
+            simulation = gas.simulation(case, here or state, tracked=tracked, comm=comm)
             start = state if len(tracked) else None
             del state, found[1:]  # which is large
+        here = ready = None
     except KeyboardInterrupt:
         raise KeyboardInterrupt("interrupted before the first frame: nothing was written") from None
     in_parts = case.output.in_parts(simulation.disks.n, 1 if comm is None else comm.size)

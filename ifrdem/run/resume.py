@@ -114,7 +114,10 @@ def resume(
         device.check(case.run.arch, case.run.threads, case.run.precision)
         n = sum(each.number for each in case.species)
         summary.refuse_beyond_memory(n, case.run.arch, share=share, ranks=comm.size if comm else 1)
-        gas = CaseGas.from_case(case, begun[0].parent, start=False)
+        try:
+            gas = CaseGas.from_case(case, begun[0].parent, start=False, comm=comm)
+        except InputError as error:
+            raise InputError(f"{begun[0]}: {error}") from None
         file = CaseFile(*begun, case, gas)
         outputs = Outputs.plan(case, str(trajectory), picture=picture)
         disks = gas.kinds if parts.are_in(trajectory) else gas.disks  # parts look at theirs themselves

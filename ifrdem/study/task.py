@@ -113,7 +113,7 @@ class Task:
         with Trajectory(outputs.trajectory) as trajectory:
             series = trajectory.series
             rows = {"time": series.time, **{name: series[name] for name in series}}
-            found = _on_rows(file.case, trajectory.disks.n, rows)
+            found = _on_rows(file.case, trajectory.n, rows)
             axis = "time" if file.case.run.t_end else "collisions_per_disk"
             for name in self.analyses:
                 found |= _analysed(trajectory, name, self.at, axis)
@@ -193,7 +193,7 @@ def _analysed(trajectory: Any, name: str, at: tuple[float, ...], axis: str) -> d
     try:
         if name in OVER_TIME or not at:
             return _outcome(name, [ANALYSES[name].of(trajectory, None)], ())
-        per_disk = 2.0 * trajectory.observables["collisions"] / trajectory.disks.n
+        per_disk = 2.0 * trajectory.observables["collisions"] / trajectory.n
         reached = trajectory.times if axis == "time" else per_disk
         frames = np.searchsorted(reached, np.array(at) * (1.0 - 1e-12)).clip(max=len(trajectory) - 1)
         return _outcome(name, [ANALYSES[name].of(trajectory, [int(frame)]) for frame in frames], (AT,))

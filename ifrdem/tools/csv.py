@@ -4,29 +4,40 @@ from __future__ import annotations
 
 import csv
 import io
+import os
+from collections.abc import Iterator
 from pathlib import Path
 
 from ..errors import InputError
 from . import text_file
 
 
-def read(path: Path, *, most: int, delimiter: str = ",") -> tuple[list[list[str]], list[int]]:
-    """Rows of texts and their line numbers, from 1; empty lines and those that begin with # are left out.
+def each(path: Path, *, most: int, delimiter: str = ",") -> Iterator[tuple[list[str], int]]:
+    """Rows of texts with their line numbers, from 1, read one by one; empty lines and those that begin with # left out.
 
     The file has `most` bytes at most; `delimiter` separates its columns.
 
     Raises InputError as `text_file.read`, or if it is not CSV. The message does not name the file.
     """
-    text = text_file.read(path, most=most, bom=True)
-    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
-    try:
-        numbered = [
-            (row, reader.line_num)
-            for row in reader
-            if any(text.strip() for text in row) and not row[0].lstrip().startswith("#")
-        ]
-    except csv.Error as error:
-        raise InputError(f"not a CSV file: {error}") from None
+    with text_file.opened(path) as file:
+        text_file.refuse_larger(os.fstat(file.fileno()).st_size, most)
+        reader = csv.reader(io.TextIOWrapper(file, "utf-8-sig", newline=""), delimiter=delimiter)
+        try:
+            for row in reader:
+                if any(text.strip() for text in row) and not row[0].lstrip().startswith("#"):
+                    yield row, reader.line_num
+        except csv.Error as error:
+            raise InputError(f"not a CSV file: {error}") from None
+        except UnicodeDecodeError as error:
+            at = file.tell() - len(error.object) + error.start
+            raise InputError(f"not a text file in UTF-8: {error.reason} at byte {at}") from None
+        except OSError as error:
+            raise InputError(f"cannot be read: {error.strerror}") from None
+
+
+def read(path: Path, *, most: int, delimiter: str = ",") -> tuple[list[list[str]], list[int]]:
+    """All rows and their line numbers, as `each` gives them."""
+    numbered = list(each(path, most=most, delimiter=delimiter))
     return [row for row, _ in numbered], [line for _, line in numbered]
 
 

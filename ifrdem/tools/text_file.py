@@ -5,10 +5,35 @@ from __future__ import annotations
 import os
 import stat
 from pathlib import Path
+from typing import BinaryIO
 
 from ..errors import InputError, nearest
 
 _AT_ONCE = getattr(os, "O_NONBLOCK", 0)  # a pipe is opened without waiting for who writes into it
+
+
+def opened(path: Path) -> BinaryIO:
+    """A regular file, open; InputError as `read`."""
+    if "\0" in str(path):
+        raise InputError("cannot be read: a null character stands in its name")
+    try:
+        file = open(path, "rb", opener=lambda name, flags: os.open(name, flags | _AT_ONCE))  # noqa: SIM115
+    except FileNotFoundError:
+        folder = path.parent
+        near = sorted((*folder.glob("*.toml"), *folder.glob("*.csv"))) if folder.is_dir() else []
+        raise InputError(f"there is no such file{nearest(path.name, [each.name for each in near])}") from None
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}") from None
+    if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+        file.close()
+        raise InputError("is a device or pipe: a regular file is needed")
+    return file
+
+
+def refuse_larger(size: int, most: int) -> None:
+    """Raise InputError if a file has more than so many bytes."""
+    if size > most:
+        raise InputError(f"is larger than {most / 1e6:g} MB, the most that such a file may have")
 
 
 def read(path: Path, *, most: int, bom: bool = False) -> str:
@@ -17,22 +42,12 @@ def read(path: Path, *, most: int, bom: bool = False) -> str:
     Raises InputError if there is no such file, it is larger, a device, a pipe or a folder, or not text in UTF-8. The
     message does not name the file.
     """
-    if "\0" in str(path):
-        raise InputError("cannot be read: a null character stands in its name")
-    try:
-        with open(path, "rb", opener=lambda name, flags: os.open(name, flags | _AT_ONCE)) as file:
-            mode = os.fstat(file.fileno()).st_mode
-            if not stat.S_ISREG(mode):
-                raise InputError("is a device or pipe: a regular file is needed")
+    with opened(path) as file:
+        try:
             content = file.read(most + 1)
-    except FileNotFoundError:
-        folder = path.parent
-        near = sorted((*folder.glob("*.toml"), *folder.glob("*.csv"))) if folder.is_dir() else []
-        raise InputError(f"there is no such file{nearest(path.name, [each.name for each in near])}") from None
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}") from None
-    if len(content) > most:
-        raise InputError(f"is larger than {most / 1e6:g} MB, the most that such a file may have")
+        except OSError as error:
+            raise InputError(f"cannot be read: {error.strerror}") from None
+    refuse_larger(len(content), most)
     try:
         return content.decode("utf-8-sig" if bom else "utf-8")
     except UnicodeDecodeError as error:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 from ..errors import EngineError, InputError, Stopped, TrajectoryError
@@ -144,6 +144,17 @@ def told(comm: Any, value: Result) -> Result:
 def from_first(comm: Any, work: Callable[[], Result]) -> Result:
     """Have the first rank do something, and give all its result. An error is raised on all."""
     return told(comm, on_first(comm, work))  # type: ignore[return-value]  # it is the first one's that all get
+
+
+def first_of_all(comm: Any, texts: Sequence[str], count: int, most: int) -> tuple[list[str], int]:
+    """The first texts of those of all ranks, of lower ranks first, and the number of all; here are `count`."""
+    told = [(list(texts[:most]), count)] if comm is None else comm.allgather((list(texts[:most]), count))
+    return [text for some, _ in told for text in some][:most], sum(here for _, here in told)
+
+
+def largest(comm: Any, value: float) -> float:
+    """The largest of the values of all ranks."""
+    return value if comm is None else max(comm.allgather(value))
 
 
 def check_alike(comm: Any, text: str, what: str) -> None:

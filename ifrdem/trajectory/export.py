@@ -85,7 +85,7 @@ def _stored(trajectory: Trajectory, index: int) -> dict[str, NDArray[Any]]:
 
 
 def _csv(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
-    n = trajectory.disks.n
+    n = trajectory.n
     empty = {name: np.zeros((0, *trajectory.dataset(name).shape[2:])) for name in trajectory.fields}
     names = [end for name, value in empty.items() for end, _ in tables.columns(name, value)]
 

@@ -45,7 +45,7 @@ class Frame(Sealed, PicturedDisks):
         """Number of the frame of how many, and its time."""
         trajectory = self.trajectory
         return (
-            f"<Frame {self.index} of {len(trajectory)}: {trajectory.disks.n} disks at "
+            f"<Frame {self.index} of {len(trajectory)}: {trajectory.n} disks at "
             f"t = {trajectory.with_unit(f'{self.time:.6g}', 'time')}>"
         )
 
@@ -114,7 +114,7 @@ class Frame(Sealed, PicturedDisks):
     def points(self) -> NDArray[np.float64]:
         """Centres with z = 0 about the middle of the box [length], shape (n, 3), as freud takes them with `box`."""
         middle = 0.5 * np.array(self.box[:2])
-        return np.column_stack([self.position - middle, np.zeros(self.trajectory.disks.n)])
+        return np.column_stack([self.position - middle, np.zeros(self.trajectory.n)])
 
     @property
     def velocity(self) -> NDArray[np.float64]:

@@ -403,8 +403,12 @@ def newer(file: h5py.File, path: str) -> str:
     )
 
 
-def check_layout(file: h5py.File, path: str) -> Parts | None:
+def check_layout(
+    file: h5py.File, path: str, lacks: dict[int, parted.MissingPart] | None = None
+) -> Parts | None:
     """The parts that a file is in, None if it holds all data itself.
+
+    Parts that are missing are put into `lacks`, by their numbers, or refused without it.
 
     Raises InputError that says what is missing or wrong unless the file has this layout, and it or its parts hold all
     data.
@@ -423,7 +427,12 @@ def check_layout(file: h5py.File, path: str) -> Parts | None:
             _check_histories(file[HISTORIES], path)
     if parts is not None:
         for number in range(len(parts)):
-            check_part(file, path, parts, number)
+            try:
+                check_part(file, path, parts, number)
+            except parted.MissingPart as error:
+                if lacks is None:
+                    raise
+                lacks[number] = error
     return parts
 
 

@@ -32,6 +32,10 @@ ZEROS = f"{GROUP}/zeros"
 SEE = "; `ifrdem repair` lists all parts"
 
 
+class MissingPart(DamageError):
+    """A part that is not there, cannot be opened, or is another one."""
+
+
 class ShortPart(DamageError):
     """A part that holds fewer frames than NAME.h5 counts."""
 
@@ -157,28 +161,28 @@ class Parts:
     def open(self, path: str | os.PathLike[str], number: int) -> h5py.File:
         """A part of the trajectory at `path`, to be read, also while its rank adds frames.
 
-        Raises DamageError that names it if it is missing, cannot be read, or is not this part of this run.
+        Raises MissingPart that names it if it is missing, cannot be read, or is not this part of this run.
         """
         place, what = self.place(path, number), f"{os.fspath(path)}: its {self.described(number)}"
         if not os.path.exists(place):
-            raise DamageError(f"{what} is missing{SEE}")
+            raise MissingPart(f"{what} is missing{SEE}")
         if not os.path.isfile(place):
-            raise DamageError(f"{what} is no file{SEE}")
+            raise MissingPart(f"{what} is no file{SEE}")
         try:
             try:
                 file = h5py.File(place, "r")
             except OSError:  # its rank writes it, or HDF5 has opened it so for a virtual dataset
                 file = h5py.File(place, "r", locking=False)
         except OSError as error:
-            raise DamageError(f"{what} cannot be opened: {error}{SEE}") from error
+            raise MissingPart(f"{what} cannot be opened: {error}{SEE}") from error
         try:
             found = Part.of(file)
         except (InputError, *damage.FAULTS) as error:
             file.close()
-            raise DamageError(f"{what} does not say which part it is: {error}{SEE}") from error
+            raise MissingPart(f"{what} does not say which part it is: {error}{SEE}") from error
         if found != self.part(number):
             file.close()
-            raise DamageError(f"{what} is not that part of this run{found.otherwise(self, number)}{SEE}")
+            raise MissingPart(f"{what} is not that part of this run{found.otherwise(self, number)}{SEE}")
         return file
 
     def each(self, path: str | os.PathLike[str]) -> Iterator[tuple[slice, h5py.File]]:

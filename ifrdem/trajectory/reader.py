@@ -34,6 +34,7 @@ from ..model.free_area import Room
 from ..model.state import Disks
 from ..tools.pictured import Pictured, plots, refuse_unknown
 from ..tools.sealed import Sealed
+from ..tools.slices import GATHERED
 from . import damage, history, layout, tables
 from . import parts as parted
 from .frame import SPIN, Frame
@@ -115,8 +116,10 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
 
     Attributes
     ----------
+    n : int
+        Number of disks.
     disks : Disks
-        The constant properties of the n disks.
+        The constant properties of the n disks; of more than a million, read when first asked for.
     box : Box
         The box.
     walls : tuple of Wall
@@ -136,6 +139,11 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
     InputError
         If the file is not there, not HDF5, damaged, not H5MD, or not ours; the message says what is missing.
 
+    Warns
+    -----
+    DamageWarning
+        If a part of a trajectory in parts is missing: what concerns its disks cannot be read, all else can.
+
     Examples
     --------
     >>> import ifrdem
@@ -153,7 +161,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
     """
 
     path: Path
-    disks: Disks
+    n: int
     box: Box
     walls: tuple[walls.Wall, ...]
     times: NDArray[np.float64]
@@ -166,6 +174,11 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         self._open()
         try:
             self._again(self._read_head)
+            for error in self._missing.values():
+                text = f"{error}; radii, masses and fields of its disks cannot be read, all else can"
+                warnings.warn(text, DamageWarning, stacklevel=2)
+            if not self._missing and self.n <= GATHERED:
+                self.disks  # noqa: B018 (of few, they are there when the file is closed)
         except DamageError as error:
             text = layout.newer(self._file, str(self.path)) if _is_newer(self._file) else ""
             self._file.close()
@@ -229,13 +242,14 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
     def _read_head(self) -> None:
         """Read everything but the frames."""
         file = self._file
-        self._parts = layout.check_layout(file, str(self.path))
+        self._missing: dict[int, parted.MissingPart] = {}
+        # In a file that is written it may be there in a moment.
+        self._parts = layout.check_layout(file, str(self.path), None if self._written_to else self._missing)
+        self._disks: Disks | None = None
         self._fields = layout.stored_fields(file)
         self._frames = len(file[f"{layout.EDGES}/step"])
         particles, rows = file[layout.PARTICLES], file.get(layout.TIMESERIES)
-        columns = {name: self._constants(name) for name in layout.STATIC}
-        with damage.reading(self.path, layout.PARTICLES):
-            self._set(disks=Disks(len(columns["mass"]), **columns))
+        self._set(n=len(particles["mass"]) if self._parts is None else self._parts.n)
         with damage.reading(self.path, f"{layout.PARTICLES}/box"):
             self._set(box=_box(particles["box"].attrs))
         self._set(times=self._moments(file[layout.EDGES]), parameters={})
@@ -252,11 +266,33 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
             series=Series(rows, moments, "series", self._read_rows),
         )
 
-    def _constants(self, name: str) -> NDArray[Any]:
+    @property
+    def disks(self) -> Disks:
+        """The constant properties of the n disks."""
+        if self._disks is None:
+
+            def made() -> Disks:
+                columns = {name: self._constants(name) for name in layout.STATIC}
+                with damage.reading(self.path, layout.PARTICLES):
+                    return Disks(len(columns["mass"]), **columns)
+
+            self._disks = self._again(made)
+        return self._disks
+
+    def constants(self, name: str, disks: slice = slice(None)) -> NDArray[Any]:
+        """Radii, masses, k or materials of some disks: "radius", "mass", "k", "material".
+
+        Raises InputError if there is no such constant, or it cannot be read (`DamageError`).
+        """
+        if name not in layout.STATIC:
+            raise NameMissing(f"there is no constant {name!r}{there_are(name, layout.STATIC)}")
+        return self._again(lambda: self._constants(name, disks))
+
+    def _constants(self, name: str, disks: slice = slice(None)) -> NDArray[Any]:
         place = f"{layout.PARTICLES}/{name}"
         if self._parts is None:
-            return damage.read(self._file[place])
-        return self._parts.read(self.path, place, axis=0)
+            return damage.read(self._opened()[place], disks)
+        return self._parts.read(self.path, place, disks, axis=0)
 
     def _moments(self, group: h5py.Group) -> NDArray[np.float64]:
         """Times of the committed rows of a group."""
@@ -343,9 +379,14 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         """The parts that the trajectory is in; None if its file holds all data."""
         return self._parts
 
+    @property
+    def missing(self) -> tuple[int, ...]:
+        """Numbers of the parts that are missing: what needs their disks cannot be read (`DamageError`)."""
+        return tuple(self._missing)
+
     def holders(self) -> Iterator[h5py.File]:
         """The files that hold the fields, open one after another: this one, or its parts."""
-        for _, file in parted.holders(self._opened(), self._parts, self.path, self.disks.n):
+        for _, file in parted.holders(self._opened(), self._parts, self.path, self.n):
             yield file
 
     @property
@@ -366,7 +407,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         if self._frames:
             span = f" from t = {self.times[0]:.6g} to {self.with_unit(f'{self.times[-1]:.6g}', 'time')}"
         frames, closed = counted(self._frames, "frame"), "" if self._file else ", closed"
-        return f"<Trajectory {str(self.path)!r}: {self.disks.n} disks, {frames}{span}{closed}>"
+        return f"<Trajectory {str(self.path)!r}: {self.n} disks, {frames}{span}{closed}>"
 
     @overload
     def __getitem__(self, index: int) -> Frame: ...
@@ -450,7 +491,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
     def checked_disk(self, disk: int) -> int:
         """The id of a disk; InputError if there is none of it."""
         disk = operator.index(disk)
-        n = self.disks.n
+        n = self.n
         if not 0 <= disk < n:
             span = f" (0 to {n - 1})" if n else ""
             raise FrameError(f"disk {disk} of {self.path}: there are {n} disks{span}")

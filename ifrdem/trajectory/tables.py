@@ -69,7 +69,7 @@ def to_pandas(trajectory: Trajectory, which: str, index: int) -> pandas.DataFram
     pandas = needed("pandas", "analysis")
     if which == "frame":
         found = frame_columns(trajectory, index)
-        return pandas.DataFrame(found, index=pandas.RangeIndex(trajectory.disks.n, name="id"))
+        return pandas.DataFrame(found, index=pandas.RangeIndex(trajectory.n, name="id"))
     series: Series = getattr(trajectory, which)
     table: dict[str, NDArray[Any]] = {}
     for name in series:
@@ -88,7 +88,7 @@ def to_xarray(trajectory: Trajectory) -> xarray.Dataset:
     for name in STATIC:
         data[name] = ("disk", getattr(trajectory.disks, name))
     coordinates: dict[str, Any] = {
-        "time": trajectory.times, "disk": np.arange(trajectory.disks.n), "axis": list(AXES),
+        "time": trajectory.times, "disk": np.arange(trajectory.n), "axis": list(AXES),
         **({"mechanism": list(MECHANISMS)} if "dissipated" in trajectory.fields else {}),
     }  # fmt: skip
     for series, time, prefix in (
@@ -97,9 +97,9 @@ def to_xarray(trajectory: Trajectory) -> xarray.Dataset:
     ):
         if len(series) and time == "series_time":
             coordinates[time] = series.time
-        if "collisions" in series and trajectory.disks.n:
+        if "collisions" in series and trajectory.n:
             ends = "" if time == "time" else "series_"
-            coordinates[f"{ends}{PER_DISK}"] = (time, 2.0 * series["collisions"] / trajectory.disks.n)
+            coordinates[f"{ends}{PER_DISK}"] = (time, 2.0 * series["collisions"] / trajectory.n)
         for name in series:
             value = series[name]
             dims = (time, *_axes(name, value, series.columns(name), coordinates))
@@ -128,7 +128,7 @@ def whole_gas(trajectory: Trajectory) -> dict[str, NDArray[np.float64]]:
     with np.errstate(divide="ignore", invalid="ignore"):
         if {"temperature", "rotational_temperature"} <= found.keys():
             found["theta"] = found["rotational_temperature"] / found["temperature"]
-    return {"time": source.time, PER_DISK: 2.0 * found["collisions"] / max(trajectory.disks.n, 1), **found}
+    return {"time": source.time, PER_DISK: 2.0 * found["collisions"] / max(trajectory.n, 1), **found}
 
 
 def joined(trajectories: Sequence[Trajectory]) -> dict[str, NDArray[np.float64]]:

@@ -58,7 +58,7 @@ def write_views(path: str | os.PathLike[str]) -> tuple[Path, Path]:
         check_apart(place, Path(path))
     check_files(made, force=True, elsewhere="views stand beside the trajectory")
     with Trajectory(path) as trajectory:
-        n, positions = trajectory.disks.n, "position" in trajectory.fields
+        n, positions = trajectory.n, "position" in trajectory.fields
         needs = {"frames": len(trajectory), "disks": n, "positions": positions}
         if missing := [name for name, there in needs.items() if not there]:
             raise InputError(f"{path}: a view needs {missing[0]}, and there are none")
@@ -82,7 +82,7 @@ def _view(
     """A virtual dataset of one of the trajectory, in another shape of as many numbers; vectors get z = 0."""
     stored = trajectory.file[source]
     layout = h5py.VirtualLayout(shape=shape, dtype=stored.dtype)
-    vector, frames, n = stored.shape[2:] == (2,), len(trajectory), trajectory.disks.n
+    vector, frames, n = stored.shape[2:] == (2,), len(trajectory), trajectory.n
     for place, disks in _holders(trajectory):
         count = disks.stop - disks.start
         held = (count,) if stored.ndim == 1 else (frames, count, *stored.shape[2:])
@@ -104,7 +104,7 @@ def _view(
 def _holders(trajectory: Trajectory) -> Iterator[tuple[str, slice]]:
     """Files that hold the data, and numbers of the disks that each has."""
     if trajectory.parts is None:
-        yield trajectory.path.name, slice(0, trajectory.disks.n)
+        yield trajectory.path.name, slice(0, trajectory.n)
         return
     for number in range(len(trajectory.parts)):
         yield trajectory.parts.name(number), trajectory.parts.disks(number)
@@ -118,7 +118,7 @@ def _number(group: h5py.Group, name: str, count: int, dtype: DTypeLike = np.int6
 
 
 def _fill_vtkhdf(file: h5py.File, trajectory: Trajectory) -> None:
-    frames, n = len(trajectory), trajectory.disks.n
+    frames, n = len(trajectory), trajectory.n
     root = file.create_group("VTKHDF")
     root.attrs["Version"] = np.array((2, 0), dtype=np.int64)
     root.attrs.create("Type", np.bytes_("PolyData"))  # a text of fixed length
@@ -157,7 +157,7 @@ def _fill_vtkhdf(file: h5py.File, trajectory: Trajectory) -> None:
 
 
 def _fill_netcdf(file: h5py.File, trajectory: Trajectory) -> None:
-    frames, n = len(trajectory), trajectory.disks.n
+    frames, n = len(trajectory), trajectory.n
     for name, value in (
         ("Conventions", "AMBER"),
         ("ConventionVersion", "1.0"),

@@ -238,10 +238,10 @@ class Content:
         """
         frame = self.trajectory[index]
         header: dict[str, Any] = {"index": index, "time": frame.time, "walls": self._walls(frame)}
-        if window is None and self.trajectory.disks.n > MOST_DISKS:
+        if window is None and self.trajectory.n > MOST_DISKS:
             return self._map(frame, header, window)
         position, owner = self._placed(frame)
-        radius, whole = self.trajectory.disks.radius, self.trajectory.disks.n
+        radius, whole = self.trajectory.disks.radius, self.trajectory.n
         if window is not None:
             near = (position + radius[owner, None] >= window[:, 0]) & (
                 position - radius[owner, None] <= window[:, 1]
@@ -323,7 +323,7 @@ class Content:
             )
             self._events = time[partner != KICK], id[partner != KICK]
         time, id = self._events
-        last = np.full(self.trajectory.disks.n, np.nan)
+        last = np.full(self.trajectory.n, np.nan)
         until = np.searchsorted(
             time, frame.time, side="right"
         )  # events are ordered by time: the last one stays

@@ -62,9 +62,9 @@ def page(
     content = Content(trajectory)
     if not len(frames):
         raise InputError(f"{trajectory.path}: no frame to show")
-    if trajectory.disks.n > MOST_DISKS:
+    if trajectory.n > MOST_DISKS:
         raise InputError(
-            f"{trajectory.path}: {trajectory.disks.n} disks are too many for one file ({MOST_DISKS} at most)"
+            f"{trajectory.path}: {trajectory.n} disks are too many for one file ({MOST_DISKS} at most)"
         )
     head = content.head()
     share = MOST_EVENTS // max(len(head["tracked"]), 1)
@@ -81,7 +81,7 @@ def page(
     before: dict[str, NDArray[Any]] = {}
     for place, index in enumerate(progress(frames)):
         header, arrays = content.frame(index, colours)
-        stored = {} if place % WHOLE_EVERY == 0 else _differences(arrays, before, trajectory.disks.n)
+        stored = {} if place % WHOLE_EVERY == 0 else _differences(arrays, before, trajectory.n)
         blocks[f"frame-{place}"] = _deflated(pack(header | {"differences": [*stored]}, arrays | stored))
         before = arrays
     data = "\n".join(f'<script type="text/plain" id="{id}">{text}</script>' for id, text in blocks.items())

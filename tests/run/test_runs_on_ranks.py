@@ -168,6 +168,22 @@ def test_a_run_in_parts_has_the_bits_of_one_file(case: Path, plain: Path, ranks:
 
 
 @mpi.needed
+def test_a_run_from_a_frame_that_ranks_read_in_slices_has_the_bits_of_one_process(
+    case: Path, plain: Path
+) -> None:
+    start = ["start.motion=true", f"start.positions={plain}", "species[0].speed_rms="]
+    changes = [word for each in (*start, "output.frames=1") for word in ("--set", each)]
+    folders = [case.parent / name for name in ("from_file", "from_file_on_ranks")]
+    for folder in folders:
+        folder.mkdir()
+    words = [mpi.ifrdem("run", case, "-o", f"{folder}/", *changes) for folder in folders]
+    subprocess.run(list(map(str, words[0])), check=True, capture_output=True)
+    done = mpi.on(2, *words[1], "--set", "output.parts=true")
+    assert done.returncode == 0, done.stderr
+    assert differing(*(folder / "gas.h5" for folder in folders)) == []
+
+
+@mpi.needed
 def test_a_run_in_parts_goes_on_with_any_number_of_ranks(case: Path, plain: Path) -> None:
     """Three ranks, then two, then one process: three parts, and the file of one process."""
     folder = case.parent / "going_on"
@@ -313,30 +329,46 @@ def _descends(process: int, ancestor: int) -> bool:
     return process == ancestor
 
 
+REFUSED = {
+    'run.precision="f32"': 'run.precision = "f32": {}, or run.precision = "f64"',
+    "box.gravity=[0.0, -1.0]": "",
+    "box.gravity_turns=0.1": "box.gravity_turns = 0.1: {}, or leave it out",
+    'run.collapse="rest"': 'run.collapse = "rest": {}, or another remedy for collapse',
+    "run.resting_speed=0.01": "",
+    "output.histories=[1]": "output.histories = [1]: {}, or leave histories out",
+}
+
+
 @mpi.needed
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        (
-            ['run.precision="f32"'],
-            "precision = 'f32': not supported on several ranks (here are 2)",
-        ),
-        (
-            ["species[0].number=2000"],
-            "2 ranks: 2000 disks make one tile, and each rank needs one: run it without mpiexec",
-        ),
-    ],
-)
-def test_what_cannot_be_on_ranks_is_refused_once(case: Path, changes: list[str], message: str) -> None:
-    words = [word for each in changes for word in ("--set", each)]
+@pytest.mark.parametrize("command", ["run", "check"])
+def test_what_cannot_be_on_ranks_is_refused_once(case: Path, command: str) -> None:
+    """By file and key, all at once, by `check` as by `run`; by Python without file."""
+    changes = [*REFUSED, "box.packing_fraction=", "box.lengths=[6.0, 6.0]", "box.periodic=[false, false]"]
     folder = case.parent / "refused"
     folder.mkdir(exist_ok=True)
-    done = mpi.on(2, *mpi.ifrdem("run", case, "-o", f"{folder}/", *words))
+    place = ["-o", f"{folder}/"] if command == "run" else []
+    words = [word for each in changes for word in ("--set", each)]
+    done = mpi.on(2, *mpi.ifrdem(command, case, *place, *words, "--set", 'box.material="1 pta"'))
     assert done.returncode == 2, done.stderr
-    assert done.stderr.count(message) == 1, done.stderr
+    told = "not supported on several ranks (here are 2): run it without mpiexec"
+    for message in filter(None, REFUSED.values()):
+        assert done.stderr.count(f"ifrdem: {case}: {message.format(told)}") == 1, done.stderr
+    done = mpi.on(2, *mpi.ifrdem(command, case, *place, "--set", "species[0].number=2000"))
+    assert done.returncode == 2, done.stderr
+    found = f"{case}: species[0].number = 2000: 2 ranks: 2000 disks make one tile, and each rank needs one: run it"
+    assert done.stderr.count(found) == 1, done.stderr
     assert done.stdout == ""  # before the summary
     assert "Traceback" not in done.stderr
     assert list(folder.iterdir()) == []
+
+
+@mpi.needed
+def test_a_case_is_checked_on_ranks_as_by_one_process(case: Path) -> None:
+    words = list(map(str, mpi.ifrdem("check", case)))
+    alone = subprocess.run(words, check=True, capture_output=True, text=True)
+    done = mpi.on(2, *words)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == alone.stdout
 
 
 @mpi.needed

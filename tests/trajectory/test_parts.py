@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 import types
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from test_reader import BOX, FIELDS, some_disks, some_state
 from test_writer_resume import content
 
 from ifrdem.cli.main import main
-from ifrdem.errors import DamageError, InputError, TrajectoryError
+from ifrdem.errors import DamageError, DamageWarning, InputError, TrajectoryError
 from ifrdem.model.state import Disks
 from ifrdem.run.info import describe
 from ifrdem.trajectory import parts as parted
@@ -265,13 +266,13 @@ WRONG = {
 @pytest.mark.parametrize("said", WRONG)
 def test_readers_and_repair_name_a_part_that_is_not_there_as_it_was(made, said, capsys):
     WRONG[said](made, 2)
-    for read in (Trajectory, describe):
-        with pytest.raises(DamageError) as caught:
+    short = "short" in said
+    for read in (Trajectory, describe) if short else (lambda path: Trajectory(path)[2].position,):
+        with pytest.raises(DamageError) as caught, warnings.catch_warnings(action="ignore"):
             read(made)
         assert "run.parts/0002.h5 (disks 20 to 29)" in str(caught.value)
         assert said in str(caught.value)
         assert "0001.h5" not in str(caught.value)
-    short = "short" in said
     assert main(["repair", str(made)]) == (0 if short else 2)
     told = capsys.readouterr()
     assert "run.parts/0002.h5 (disks 20 to 29)" in told.out
@@ -285,6 +286,62 @@ def test_readers_and_repair_name_a_part_that_is_not_there_as_it_was(made, said, 
     else:
         assert "1 of its 4 parts cannot be used" in told.err
         assert not made.with_name("run.repaired.h5").exists()
+
+
+@pytest.mark.filterwarnings("default")
+@pytest.mark.parametrize("said", [each for each in WRONG if "short" not in each])
+def test_what_does_not_need_a_missing_part_can_be_read(made, said, capsys, tmp_path):
+    with Trajectory(made) as whole:
+        series, radius = whole.series["energy"], whole.constants("radius")
+        positions = [frame.position for frame in whole]
+    WRONG[said](made, 2)
+    with pytest.warns(DamageWarning) as told:
+        trajectory = Trajectory(made)
+    (warning,) = (str(each.message) for each in told)
+    assert f"run.parts/0002.h5 (disks 20 to 29) {'is missing' if said == 'is missing' else ''}" in warning
+    assert said in warning
+    assert warning.endswith("radii, masses and fields of its disks cannot be read, all else can")
+    assert (trajectory.n, len(trajectory), trajectory.missing) == (N, 5, (2,))
+    assert "41 disks, 5 frames" in repr(trajectory)
+    assert np.array_equal(trajectory.series["energy"], series)
+    assert trajectory.observables["momentum"].tolist() == [[1.0, i] for i in range(5)]
+    assert trajectory.tracked.tolist() == list(TRACKED)
+    assert np.array_equal(trajectory.constants("radius", slice(30, 41)), radius[30:])
+    assert np.array_equal(trajectory.read("position", (3, slice(3, 20))), positions[3][3:20].astype("f4"))
+    assert np.array_equal(trajectory.disk(33).position, [frame[33] for frame in positions])
+    for wrong in (
+        lambda: trajectory.disks,
+        lambda: trajectory.constants("mass", slice(19, 21)),
+        lambda: trajectory[0].position,
+        lambda: trajectory.disk(29),
+        lambda: trajectory.history(5),  # which takes the radii of its partners
+        lambda: trajectory.read("velocity", (1, slice(28, 35))),
+    ):
+        with pytest.raises(DamageError, match=r"run.parts/0002.h5 \(disks 20 to 29\)"):
+            wrong()
+    trajectory.close()
+    assert main(["info", str(made)]) == 0
+    out = capsys.readouterr()
+    assert "0002.h5: disks 20 to 29, MISSING" in out.out
+    assert "series (5 rows" in out.out
+    assert out.err.count("warning") == 1
+    assert main(["plot", str(made), "disks", "-o", str(tmp_path / "disks.png")]) == 2
+    assert "0002.h5 (disks 20 to 29)" in capsys.readouterr().err
+
+
+@pytest.mark.filterwarnings("default")
+def test_temperatures_are_drawn_though_a_part_is_missing(tmp_path, capsys):
+    path, disks = tmp_path / "run.h5", some_disks(N)
+    with PartsWriter.create(path, disks, disks, BOX, number=4) as writer:
+        for number in range(3):
+            temperatures = {"temperature": 2.0 / (1 + number), "rotational_temperature": 0.5}
+            writer.write(some_state(N, number), temperatures | {"collisions": 10 * number})
+    part(path, 2).unlink()
+    for over in ("t", "tau"):
+        out = tmp_path / f"{over}.png"
+        assert main(["plot", str(path), "temperatures", "--over", over, "-o", str(out)]) == 0
+        assert out.stat().st_size > 1000
+    assert capsys.readouterr().err.count("0002.h5 (disks 20 to 29) is missing") == 2
 
 
 def test_repair_names_every_part_that_is_wrong(made, capsys):

@@ -1,0 +1,64 @@
+"""`mpiexec -n 3 python rank_files.py CASE CHANGES.json`: starts that ranks read in slices; prints a line of JSON.
+
+Each list of changes of the case is read on three ranks, on two of them, and by the first one alone. Told is what
+differs, and what each rank says where a start is refused.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from ifrdem.case import file
+from ifrdem.errors import InputError
+from ifrdem.tools import slices
+
+PATH = Path(sys.argv[1])
+slices.BLOCK = 1 << 5  # so that sums are those of many blocks
+ALL = MPI.COMM_WORLD
+TWO = ALL.Split(0 if ALL.rank < 2 else MPI.UNDEFINED)
+
+
+def start(changes: list[str], comm: Any) -> Any:
+    """Columns of the own slice, and speeds of the species, or the message of an error."""
+    try:
+        found = file.read(PATH, changes) if comm is None else file.read_on_ranks(lambda: PATH, changes, comm)
+        assert found is not None
+        assert found.gas.given is not None
+        assert len(found.gas.given.position) == len(slices.slice_of(found.gas.n, comm))
+        gas = found.gas.ready(found.case, comm)
+        state = gas.start(found.case, comm=comm)
+        speeds = np.array([(each.speed_rms, each.spin_rms) for each in gas.species])
+        return [state.position, state.velocity, state.spin], speeds
+    except InputError as error:
+        return str(error)
+
+
+told: dict[str, Any] = {}
+for name, changes in json.loads(Path(sys.argv[2]).read_text()).items():
+    alone = start(changes, None) if ALL.rank == 0 else None
+    for comm in (ALL, TWO):
+        if comm == MPI.COMM_NULL:
+            continue
+        own = start(changes, comm)
+        if len({isinstance(each, str) for each in comm.allgather(own)}) > 1:
+            raise SystemExit(f"{name}: only some ranks refuse it")
+        if isinstance(own, str):
+            messages = comm.gather(own)
+            if ALL.rank == 0:
+                told[f"{name} {comm.size}"] = {*messages} == {alone} and own
+            continue
+        speeds = comm.gather(own[1])
+        rows = slices.gather(comm, comm.allreduce(len(own[0][2])), own[0])
+        if rows is not None:
+            same = [
+                a.tobytes() == np.ascontiguousarray(b).tobytes() for a, b in zip(rows, alone[0], strict=True)
+            ]
+            told[f"{name} {comm.size}"] = all(same) and all(np.array_equal(each, alone[1]) for each in speeds)
+if ALL.rank == 0:
+    print(json.dumps(told))
