@@ -89,6 +89,8 @@ RANK_BYTES = 280_000_000
 """Memory of a rank without disks: Python, Taichi, MPI and their libraries."""
 RANK_BYTES_PER_DISK = 700
 """The same for each disk of a rank and of the halos around them, at most: when the start is put together, and later."""
+RADIUS_BYTES = 80
+"""More for each of them where radii are drawn: their rows of `kinds` (`simulation/ranks.py`)."""
 HOST_BYTES_PER_DISK = 300
 """Memory of NumPy at most while a gas is placed and checked: 245 bytes a disk were seen, and its search trees."""
 GROWTH_BYTES_PER_DISK = 1000
@@ -124,11 +126,12 @@ class RankPlan:
         own = n / ranks
         side = math.sqrt(own * math.pi / (4.0 * phi))  # of a block [mean diameters]
         there = own * (1.0 + 2.0 * RING / side) ** 2
+        per_disk = RANK_BYTES_PER_DISK + (0 if gas.kinds.every else RADIUS_BYTES)
         whole = GROWTH_BYTES_PER_DISK if case.start.positions == "growth" else HOST_BYTES_PER_DISK
         return cls(
             ranks=ranks,
             disks=own,
-            memory=RANK_BYTES + RANK_BYTES_PER_DISK * there + TILE_BYTES * n / TILE_DISKS,
+            memory=RANK_BYTES + per_disk * there + TILE_BYTES * n / TILE_DISKS,
             whole=0.0 if gas.is_made_in_slices(case) else float(whole * n),
             file=estimate.file_bytes / ranks,
             seconds=run_seconds(estimate.computed(n) / ranks, n, phi, 1) * there / own,

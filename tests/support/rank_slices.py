@@ -63,6 +63,12 @@ found["thin"] = dealt[0].strides[0] == 0 and (
     again is None or (again[0].strides[0] == 0 and len(again[0]) == 50)
 )
 BOX = ifrdem.Box((100.0, 70.0))
+RADII = (
+    lambda n, comm: initial.radii.uniform(n, low=1.0, high=2.0, seed=5, comm=comm),
+    lambda n, comm: initial.radii.gaussian(n, mean=1.0, deviation=0.2, seed=5, comm=comm),
+    lambda n, comm: initial.radii.lognormal(n, mean=1.0, deviation=0.2, seed=5, comm=comm),
+    lambda n, comm: initial.radii.bidisperse(n, low=1.0, high=2.0, large_fraction=0.3, seed=5, comm=comm),
+)
 for n in (3, 100, 257):  # the same start for any number of ranks, of one block and of many
     mass = np.where(np.arange(n) % 3 == 0, 2.0, 1.0)
     radius = 0.4 * mass
@@ -75,6 +81,7 @@ for n in (3, 100, 257):  # the same start for any number of ranks, of one block 
             initial.maxwellian(mass[own], temperature=2.0, seed=5, comm=comm),
             initial.gaussian_spins(len(mass[own]), spin_rms=3.0, seed=5, comm=comm),
             np.array(ifrdem.Box.from_packing_fraction(radius[own], 0.3, comm=comm).lengths),
+            *(draw(len(mass[own]), comm) for draw in RADII),
         )
         for own, comm in ((here, COMM), (slice(None), None))
     ]
