@@ -1,12 +1,15 @@
-"""Gases on several ranks: `mpiexec -n P python rank_gases.py [FAULT,FAULT,...] NAME...` prints a line of JSON for each.
+"""Gases on several ranks: `mpiexec -n 4 python rank_gases.py RANKS:NAME[:FAULT]...` prints a line of JSON for each.
 
-It tells what differs from the same gas on one rank, which the first rank computes as well.
+It tells what differs from the same gas on one rank, which the first rank computes as well. One process for all of them
+compiles the kernels of each once.
 """
 
 from __future__ import annotations
 
+import functools
 import json
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -147,6 +150,19 @@ def after(gas: Gas, comm: Any) -> tuple[Engine, dict[str, Any]]:
     return engine, found | {"times": engine.last_collisions.time, "pairs": engine.last_collisions.pair}
 
 
+@functools.cache
+def alone(name: str) -> dict[str, Any]:
+    """All numbers of a gas on one rank; faults are of several."""
+    return after(GASES[name](), None)[1]
+
+
+def sleep_until_all_are_here() -> None:
+    """Wait for the ranks that have work, asleep: one that waits within MPI keeps a core busy."""
+    here = COMM.Ibarrier()
+    while not here.Test():
+        time.sleep(0.01)
+
+
 # --- faults, of which each has to be found out --------------------------------------------------------------------
 
 
@@ -256,17 +272,17 @@ def count_calls() -> None:
         count(name, getattr(ranks.RankArrays, name))
 
 
-def told(name: str) -> dict[str, Any]:
+def told(comm: Any, name: str) -> dict[str, Any]:
     """Digest of a gas at its end, for the first rank to print."""
     gas = GASES[name]()
     COUNTED.update(dict.fromkeys(COUNTED, 0))
     try:
-        engine, found = after(gas, COMM)
+        engine, found = after(gas, comm)
     except EngineError as error:
-        return {"name": name, "error": str(error)}
-    if COMM.rank:
+        return {"error": str(error)}
+    if comm.rank:
         return {}
-    expected = after(gas, None)[1]
+    expected = alone(name)
     differ = [
         each for each in expected if not np.array_equal(np.asarray(expected[each]), np.asarray(found[each]))
     ]
@@ -274,25 +290,27 @@ def told(name: str) -> dict[str, Any]:
         "listed anew": COUNTED["list_anew"],
         "tables": COUNTED["_empty_table"],
     }
-    if COMM.size > 1:
+    if comm.size > 1:
         counted["whole"] = engine.arrays.traffic.whole
         counted["moved"] = engine.arrays.traffic.moved
     own = int(np.sum(np.asarray(getattr(engine.arrays, "own", [])) >= 0))
     differ = [each for each in differ if each != "statistics run_again"]  # depends on room for claims too
-    return {"name": name, "differ": differ, **counted, "tiles": engine.arrays.tiles, "own": own}
+    return {"differ": differ, **counted, "tiles": engine.arrays.tiles, "own": own}
 
 
 if __name__ == "__main__":
     count_calls()
-    faults = sys.argv[1].split(",") if sys.argv[1] in FAULTS or "," in sys.argv[1] else [""]
-    for fault in faults:
-        kept = [(of, dict(vars(of))) for of in (ranks.RankArrays, ranks.RankWindows)]
-        if fault:
+    for word in sys.argv[1:]:
+        size, name, *faults = word.split(":")
+        kept = [(of, dict(vars(of))) for of in (ranks, ranks.RankArrays, ranks.RankWindows)]
+        for fault in faults:
             FAULTS[fault]()
-        for each in sys.argv[2:] if fault else sys.argv[1:]:
-            line = {"fault": fault} | told(each)
+        comm = COMM.Split(0 if COMM.rank < int(size) else MPI.UNDEFINED)
+        if comm != MPI.COMM_NULL:
+            line = {"word": word} | told(comm, name)
             if COMM.rank == 0:
                 print(json.dumps(line), flush=True)
+        sleep_until_all_are_here()
         for of, whole in kept:
             for name in [name for name in vars(of) if name not in whole]:
                 delattr(of, name)

@@ -94,12 +94,12 @@ class Sheared:
 
     def _first(self, i: int) -> tuple[float, int, tuple[int, int]]:
         """When disk i first touches the image of another one, of which, and which image; from now on."""
-        at = self.x + self.v * (self.now - self.clock)[:, None]
+        at = (self.x + self.v * (self.now - self.clock)[:, None]).T[:, :, None]  # shape (2, disks, 1)
         sx, sy = IMAGES.T
-        r = at[:, None, :] + self._offset(sx, sy, self.now) - at[i]
-        u = self.v[:, None, :] + np.stack((sy * self.step, 0.0 * sy), axis=-1) - self.v[i]
+        (rx, ry), v = at + self._offset(sx, sy, self.now).T[:, None] - at[:, i, None], self.v.T[:, :, None]
+        ux, uy = v[0] + sy * self.step - v[0, i], v[1] - v[1, i]
         sigma = (self.disks.radius + self.disks.radius[i])[:, None]
-        b, c, u2 = np.sum(r * u, axis=-1), np.sum(r * r, axis=-1) - sigma**2, np.sum(u * u, axis=-1)
+        b, c, u2 = rx * ux + ry * uy, rx * rx + ry * ry - sigma**2, ux * ux + uy * uy
         d = b * b - u2 * c
         hits = (b < 0.0) & (d > 0.0)
         hits[i] = False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import os
 import shutil
@@ -23,7 +24,7 @@ from test_writer_resume import content
 
 from ifrdem.cli.main import main
 from ifrdem.errors import DamageError, DamageWarning, InputError, TrajectoryError
-from ifrdem.model.state import Disks
+from ifrdem.model.state import Disks, State
 from ifrdem.run.info import describe
 from ifrdem.trajectory import parts as parted
 from ifrdem.trajectory.parts_writer import PartsWriter
@@ -558,48 +559,69 @@ def test_without_a_frame_nothing_is_left(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-KILLED = """
-import sys
+# Imports once and forks a writer for each path on stdin.
+FORKS = """
+import os, sys
 sys.path[:0] = [sys.argv[1], sys.argv[1] + "/tests", sys.argv[1] + "/tests/trajectory"]
 import test_parts
-from pathlib import Path
-disks = test_parts.some_disks(test_parts.MANY)
-writer = test_parts.PartsWriter.create(Path(sys.argv[2]), disks, disks, test_parts.BOX, number=3)
-print("begun", flush=True)
-test_parts.go_on_frames(writer, 0, 200)
+for line in sys.stdin:
+    pid = os.fork()
+    if pid == 0:
+        try:
+            test_parts.write_many(test_parts.Path(line.strip()))
+        finally:
+            os._exit(1)
+    os.waitpid(pid, 0)
+    print("gone", flush=True)
 """
 MANY = 3000
 
 
 def go_on_frames(writer: PartsWriter, first: int, end: int) -> None:
     for number in range(first, end):
-        writer.write_frames([(writer.shares(some_state(MANY, number)), {"energy": 0.5 * number})])
+        writer.write_frames([(writer.shares(many(number)), {"energy": 0.5 * number})])
         writer.commit()
 
 
-@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no such signal here")
+@functools.cache
+def many(number: int) -> State:
+    return some_state(MANY, number)
+
+
+def write_many(path: Path) -> None:
+    disks = some_disks(MANY)
+    writer = PartsWriter.create(path, disks, disks, BOX, number=3)
+    print(os.getpid(), flush=True)
+    go_on_frames(writer, 0, 200)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
 def test_a_killed_writer_leaves_frames_that_are_whole_in_all_parts(tmp_path):
     """Killed at eight moments of writing 200 frames; what counts is whole, and the run can be gone on with."""
     root, lengths = str(Path(__file__).resolve().parents[2]), []
-    for number in range(8):
-        path = tmp_path / str(number) / "run.h5"
-        path.parent.mkdir()
-        words = [sys.executable, "-c", KILLED, root, str(path)]
-        with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as writer:
-            assert writer.stdout is not None
-            assert writer.stdout.readline() == "begun\n"
+    words = [sys.executable, "-c", FORKS, root]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as forks:
+        assert forks.stdin is not None
+        assert forks.stdout is not None
+        for number in range(8):
+            path = tmp_path / str(number) / "run.h5"
+            path.parent.mkdir()
+            print(path, file=forks.stdin, flush=True)
+            writer = int(forks.stdout.readline())
             time.sleep(0.02 + 0.06 * number)
-            writer.kill()
-        with Trajectory(path) as trajectory:
-            lengths.append(len(trajectory))
-            for index, frame in enumerate(trajectory):
-                assert np.array_equal(frame.position, some_state(MANY, index).position.astype("f4"))
-        seen = max(lengths[-1] - 1, 0)
-        with resume(path, seen, MANY, plain=True) as again:
-            go_on_frames(again, seen, lengths[-1] + 3)
-            again.flush()
-        with Trajectory(path) as trajectory:
-            assert len(trajectory) >= lengths[-1] + 3  # parts may have had more
-            for index, frame in enumerate(trajectory):
-                assert np.array_equal(frame.velocity, some_state(MANY, index).velocity.astype("f4"))
+            os.kill(writer, signal.SIGKILL)
+            assert forks.stdout.readline() == "gone\n"
+            with Trajectory(path) as trajectory:
+                lengths.append(len(trajectory))
+                for index, frame in enumerate(trajectory):
+                    assert np.array_equal(frame.position, many(index).position.astype("f4"))
+            seen = max(lengths[-1] - 1, 0)
+            with resume(path, seen, MANY, plain=True) as again:
+                go_on_frames(again, seen, lengths[-1] + 3)
+                again.flush()
+            with Trajectory(path) as trajectory:
+                assert len(trajectory) >= lengths[-1] + 3  # parts may have had more
+                for index, frame in enumerate(trajectory):
+                    assert np.array_equal(frame.velocity, many(index).velocity.astype("f4"))
+        forks.stdin.close()
     assert len(set(lengths)) > 2, lengths  # not all were killed at one moment

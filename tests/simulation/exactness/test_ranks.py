@@ -18,50 +18,51 @@ from ifrdem.simulation import device
 GASES = Path(__file__).parents[2] / "support" / "rank_gases.py"
 
 
-def lines(ranks: int, *names: str) -> list[dict[str, Any]]:
-    done = mpi.on(ranks, sys.executable, "-m", "mpi4py", GASES, *names)
+RUNS = ["1:elastic", "2:walls", "2:shear", "2:sizes"]  # on two, both neighbours are one rank
+RUNS += [f"3:{name}" for name in ("cooling", "mixture", "walls", "shear", "driven", "fast", "spreading")]
+RUNS += ["3:sizes", "3:fast sizes", "3:spreading sizes", "4:sizes", "4:elastic:ids_below_0"]
+FAULTS = (
+    "no_foresight",
+    "half_a_ring",
+    "half_a_halo",
+    "no_trails",
+    "no_verification",
+    "other_order",
+    "wrong_owner",
+)
+
+
+@pytest.fixture(scope="module")
+def told() -> dict[str, dict[str, Any]]:
+    """What each run tells, by its words."""
+    words = [*RUNS, *(f"2:cooling:{fault}" for fault in FAULTS), "2:sizes:wrong_row"]
+    done = mpi.on(4, sys.executable, "-m", "mpi4py", GASES, *words, timeout=600.0)
     assert done.returncode == 0, done.stderr + done.stdout
-    found = [json.loads(line) for line in done.stdout.splitlines()]
-    assert found
-    assert [each["name"] for each in found] == list(names)[-len(found) :]
+    found = {line["word"]: line for line in map(json.loads, done.stdout.splitlines())}
+    assert list(found) == words
     return found
 
 
 @mpi.needed
-@pytest.mark.parametrize(
-    ("ranks", "names"),
-    [
-        (1, ["elastic"]),
-        (2, ["walls", "shear", "sizes"]),  # both neighbours are one rank; "cooling" is in the test below
-        (3, ["cooling", "mixture", "walls", "shear", "driven", "fast"]),
-        (3, ["spreading"]),
-        (3, ["sizes", "fast sizes", "spreading sizes"]),
-        (4, ["ids_below_0", "elastic"]),
-        (4, ["sizes"]),
-    ],
-)
-def test_all_bits_are_those_of_one_rank(ranks: int, names: list[str]) -> None:
+@pytest.mark.parametrize("run", RUNS)
+def test_all_bits_are_those_of_one_rank(run: str, told: dict[str, dict[str, Any]]) -> None:
     """State, past of disks, sums, ledger, windows, what forces put in, and 250 collisions in their order.
 
     Ids may begin below 0 on ranks: gases of more than 2^31 disks have such.
     """
-    for each in lines(ranks, *names):
-        assert each["differ"] == [], each
-        assert (0 < each["own"] < each["tiles"]) == (ranks > 1)
-        if (
-            "sizes" in each["name"]
-        ):  # tables of kinds were full, and begun anew, beyond those of lists that were sent
-            assert each["tables"] > 3 + each["listed anew"] + each["moved"], each
-        if each["name"] == "cooling":  # what ranks had to tell one another again
-            assert each["run_again"] > 0
-        if (
-            "spreading" in each["name"]
-        ):  # blocks moved, and halos that had to be wider are known to their new owners
-            assert each["moved"] > 0
-            assert each["run_again"] > 0
-        if "fast" in each["name"]:  # disks went to other ranks in all ways
-            assert each["in_order"] > 0
-            assert each["listed anew"] > 0
+    each, (ranks, name, *_) = told[run], run.split(":")
+    assert each["differ"] == [], each
+    assert (0 < each["own"] < each["tiles"]) == (ranks != "1")
+    if name == "cooling":  # what ranks had to tell one another again
+        assert each["run_again"] > 0
+    if "sizes" in name:  # tables of kinds were full, and begun anew, beyond those of lists that were sent
+        assert each["tables"] > 3 + each["listed anew"] + each["moved"], each
+    if "spreading" in name:  # blocks moved, and halos that had to be wider are known to their new owners
+        assert each["moved"] > 0
+        assert each["run_again"] > 0
+    if "fast" in name:  # disks went to other ranks in all ways
+        assert each["in_order"] > 0
+        assert each["listed anew"] > 0
 
 
 @mpi.needed
@@ -80,18 +81,13 @@ def test_a_gpu_a_rank_has_the_bits_of_one_gpu() -> None:
 
 
 @mpi.needed
-def test_faults_are_found_out() -> None:
-    """Half of a ring, a narrow one, no hashes, no verification, sums in another order, a tile of nobody: each shows.
+def test_faults_are_found_out(told: dict[str, dict[str, Any]]) -> None:
+    """Half of a ring, a narrow one, no hashes, no verification, other sums, a tile of nobody, wrong masses: each shows.
 
     Rings that turn out to be too narrow are no fault: they come whole then. (Sums may change in their last digit: where
     a window is left to the whole box, disks stand in another order in their lists.)
     """
-    faults = ["no_foresight", "half_a_ring", "half_a_halo", "no_trails", "no_verification", "other_order"]
-    faults += ["wrong_owner"]
-    done = mpi.on(2, sys.executable, "-m", "mpi4py", GASES, ",".join(faults), "cooling")
-    assert done.returncode == 0, done.stderr + done.stdout
-    found = {each["fault"]: each for each in map(json.loads, done.stdout.splitlines())}
-    assert list(found) == faults
+    found = {fault: told[f"2:cooling:{fault}"] for fault in FAULTS}
     for fault in ("half_a_ring", "no_trails", "wrong_owner"):
         assert "were run by no rank" in found[fault]["error"]
     assert set(found["no_foresight"]["differ"]) <= {"totals"}
@@ -99,12 +95,8 @@ def test_faults_are_found_out() -> None:
     assert found["half_a_halo"]["differ"]
     assert {"position", "velocity", "spin"} <= set(found["no_verification"]["differ"])
     assert {"sums", "totals"} == set(found["other_order"]["differ"])  # in their last digits
-
-
-@mpi.needed
-def test_a_wrong_row_of_a_table_of_kinds_is_found_out() -> None:
-    (found,) = lines(2, "wrong_row", "sizes")
-    assert {"position", "velocity", "spin", "totals"} <= set(found["differ"])
+    wrong_row = told["2:sizes:wrong_row"]["differ"]  # of a table of kinds
+    assert {"position", "velocity", "spin", "totals"} <= set(wrong_row)
 
 
 def owners(count: list[int], tiles: tuple[int, int], size: int) -> np.ndarray:
