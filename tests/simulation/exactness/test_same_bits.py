@@ -6,8 +6,6 @@ after fifty say that none was ever there.
 
 from __future__ import annotations
 
-import functools
-import itertools
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -23,7 +21,6 @@ from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
 from ifrdem.simulation import device
 from ifrdem.simulation.engine import Engine
-from ifrdem.simulation.schedule import Due, earlier
 from ifrdem.simulation.windows import Windows
 
 pytestmark = pytest.mark.optimised
@@ -149,90 +146,6 @@ def test_more_than_a_million_collisions_at_each_density_have_the_same_bits() -> 
     assert 100 * N / 2 * len(TILES) * 2 > 1_000_000
 
 
-# --- moments within windows ----------------------------------------------------------------------------------------
-
-LOOKED_AT = (*SEEN, "angle", "last_partner", "dissipated", "latest_collision")
-KEPT: dict[str, Any] = {
-    "angles": True, "partners": True, "ledger": True, "itemised": True, "wall_sums": True, "contact_time": 1e-9,
-}  # fmt: skip
-FRAMES = [Due(collisions=int(0.4 * N / 2 * i)) for i in range(1, 13)]  # one to four in each window
-
-
-def looked_at(
-    name: str, due: list[Due], monkeypatch: pytest.MonkeyPatch, **options: Any
-) -> tuple[list[tuple[State, Any, Any]], Engine, int]:
-    """States, times and totals that an engine tells at points of a run; number of windows that it ran again."""
-    computed = []
-    compute = Windows._compute
-    monkeypatch.setattr(
-        Windows, "_compute", lambda self, *args, **more: computed.append(0) or compute(self, *args, **more)
-    )
-    disks, box, state, law, more = made(name)
-    engine = Engine(disks, box, state, np.array([[law]]), **more, **KEPT, **options)
-    found = []
-    while due:
-        stop = functools.reduce(earlier, due)
-        engine.advance(t_end=stop.time, collisions=stop.collisions, ahead=functools.partial(list, due))
-        if stop.reached(engine.time, engine.collisions):
-            found.append((engine.state(), engine.dissipated(), engine.wall_sums))
-        due = [each for each in due if not each.reached(engine.time, engine.collisions)]
-    return found, engine, len(computed) - engine.statistics.windows
-
-
-@pytest.mark.parametrize("name", sorted(set(GASES) - {"driven"}))  # whose windows end at forces
-def test_moments_are_told_with_their_window_as_the_whole_box_in_order_passes_them(
-    name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """At numbers of collisions, and at times halfway between them."""
-    alone, _, _ = looked_at(name, FRAMES, monkeypatch, order="alone")
-    times = [0.5 * (one.time + two.time) for (one, *_), (two, *_) in itertools.pairwise(alone)]
-    points = [*FRAMES, *(Due(time) for time in times)]
-    expected, _, _ = looked_at(name, points, monkeypatch, order="alone")
-    found, engine, again = looked_at(name, points, monkeypatch, order="tiles", tile_disks=250)
-    assert len(found) == len(expected) == len(points)
-    for (state, (lost, regimes), walls), (state_1, (lost_1, regimes_1), walls_1) in zip(
-        found, expected, strict=True
-    ):
-        for each in LOOKED_AT:
-            assert np.array_equal(getattr(state, each), getattr(state_1, each)), each
-        assert np.array_equal(regimes, regimes_1)
-        assert lost == pytest.approx(
-            lost_1, rel=1e-11, abs=1e-12
-        )  # sums of some thousand terms in another order
-        assert walls == pytest.approx(walls_1, rel=1e-9, abs=1e-9)
-    assert [state.collisions.sum() // 2 for state, *_ in found[::2]] == [due.collisions for due in FRAMES]
-    # Only in the first window nobody knows how fast collisions come: one run for their times, one for eight moments.
-    assert again <= 4
-    assert engine.statistics.windows >= 3
-
-
-def few_notes(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of which there is room for 16."""
-    from ifrdem.simulation.arrays import DeviceArrays
-
-    make_notes = DeviceArrays.make_notes
-    monkeypatch.setattr(DeviceArrays, "make_notes", lambda self, notes: make_notes(self, min(notes, 16)))
-
-
-def too_sure(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Moments are looked for within three collisions of where they are expected, where most are not."""
-    monkeypatch.setattr("ifrdem.simulation.windows.leeway", lambda count: 3.0)
-
-
-@pytest.mark.parametrize("fault", [few_notes, too_sure])
-def test_moments_that_are_not_where_they_are_expected_are_found_by_another_run(
-    fault: Callable[[pytest.MonkeyPatch], None], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    expected, _, _ = looked_at("phi = 0.3", FRAMES, monkeypatch, order="alone")
-    fault(monkeypatch)
-    found, _, again = looked_at("phi = 0.3", FRAMES, monkeypatch, order="tiles", tile_disks=250)
-    assert again > 4
-    assert len(found) == len(expected)
-    for (state, *_), (state_1, *_) in zip(found, expected, strict=True):
-        for each in LOOKED_AT:
-            assert np.array_equal(getattr(state, each), getattr(state_1, each)), each
-
-
 # --- what verification is for: without a part of it, the bits change ----------------------------------------------
 
 # Halos narrower than the engine would take them: as wide as who may come at all, and a little for chains.
@@ -289,16 +202,6 @@ def without_claims(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(DeviceArrays, "_call", drop)
     narrowed(monkeypatch, NARROW)
-
-
-def test_notes_of_tiles_that_are_run_again_do_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
-    expected, _, _ = looked_at("phi = 0.6", FRAMES, monkeypatch, order="alone")
-    narrowed(monkeypatch, NARROW)
-    found, engine, again = looked_at("phi = 0.6", FRAMES, monkeypatch, order="tiles", tile_disks=250)
-    assert engine.statistics.run_again > engine.statistics.windows > 2 * engine.statistics.in_order
-    assert again <= 4  # as above: a wrong time would be found out, and found by another run
-    for (state, *_), (state_1, *_) in zip(found, expected, strict=True):
-        assert all(np.array_equal(getattr(state, each), getattr(state_1, each)) for each in LOOKED_AT)
 
 
 @pytest.mark.parametrize("fault", [unverified, with_half_halos_unverified, without_claims])
@@ -366,7 +269,7 @@ def test_hashes_that_agree_are_as_rare_as_chance_makes_them(partners: int) -> No
     assert len(np.unique(one * 2**32 + two)) == n
 
 
-def test_ids_up_to_the_last_of_32_bits() -> None:
+def test_ids_up_to_the_last_of_32_bits_on_one_thread() -> None:
     """The last disk has number 2^31 - 1, as in a gas of so many: it moves as disk 3999 does, and names its partners."""
     disks, box, state, law, _ = periodic(0.3, COIN)
     shift = 2**31 - N
