@@ -189,16 +189,18 @@ def extremes(columns: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
     mass, radius, k, material = columns
     with np.errstate(over="ignore", under="ignore"):
         measured = (mass, radius, mass * radius, mass * radius**2)
-    group = codes([material, k, np.isfinite(mass), np.frexp(radius)[1]])
+    group, power = codes([material, k, np.isfinite(mass)]), np.frexp(radius)[1]
     found = []
     for one in range(int(group.max(initial=-1)) + 1):
-        own = np.flatnonzero(group == one)
-        for measure in measured:
-            for extreme in (np.min, np.max):
-                at = own
-                for column, end in ((measure, extreme), (radius, np.min), (mass, np.min)):  # one row of a tie
-                    at = at[column[at] == end(column[at])]
-                found.append(at[0])
+        for order in range(int(power.min(initial=0)), int(power.max(initial=0)) + 1):
+            own = np.flatnonzero((group == one) & (power == order))
+            for measure in measured if len(own) else ():
+                here = measure[own]
+                for extreme in (here.min(), here.max()):
+                    at = own[here == extreme]
+                    for column in (radius, mass):  # one row of a tie
+                        at = at[column[at] == column[at].min()]
+                    found.append(at[0])
     return unlike([column[found] for column in columns])
 
 
