@@ -354,9 +354,9 @@ def _walls(case: Case, gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, s
     elif (
         g > 0.0 and gas.room.all_walls and not all(each.law and each.law.e_n == 1.0 for each in gas.verdicts)
     ):
-        lines.append(
-            ("collapse", 'no remedy: disks that come to rest on others end the run (run.collapse = "rest")')
-        )
+        ways = '"velocity_cutoff" or "tc"' if any(wall.piston for wall in gas.walls) else '"rest"'
+        text = f"no remedy: disks that come to rest on others end the run (run.collapse = {ways} helps)"
+        lines.append(("collapse", text))
     return lines
 
 
