@@ -91,6 +91,8 @@ RANK_BYTES_PER_DISK = 700
 """The same for each disk of a rank and of the halos around them, at most: when the start is put together, and later."""
 RADIUS_BYTES = 80
 """More for each of them where radii are drawn: their rows of `kinds` (`simulation/ranks.py`)."""
+PLACED_BYTES_PER_DISK = 100
+"""The same for each disk of its own, or of its strips, while it places random ones; 80 bytes were seen."""
 HOST_BYTES_PER_DISK = 300
 """Memory of NumPy at most while a gas is placed and checked: 245 bytes a disk were seen, and its search trees."""
 GROWTH_BYTES_PER_DISK = 1000
@@ -99,6 +101,14 @@ TILE_BYTES, TILE_DISKS = 450, 5000
 """Of each tile of the whole box, on every rank; and its disks."""
 RING = 18.0
 """Width of the halos around a rank's disks [mean diameters]."""
+
+
+def strip_bytes(gas: CaseGas, case: Case, ranks: int) -> float:
+    """Memory [bytes] that one of several ranks needs at most to place strips of random disks; 0 of other starts."""
+    if (strips := gas.strips(case)) == 0:
+        return 0.0
+    most = max(math.ceil(strips / ranks) / strips, 1.0 / ranks)
+    return gas.n * (PLACED_BYTES_PER_DISK * most + HOST_BYTES_PER_DISK / strips)  # one strip at a time
 
 
 @dataclass(frozen=True)
@@ -131,7 +141,9 @@ class RankPlan:
         return cls(
             ranks=ranks,
             disks=own,
-            memory=RANK_BYTES + per_disk * there + TILE_BYTES * n / TILE_DISKS,
+            memory=RANK_BYTES
+            + max(per_disk * there, strip_bytes(gas, case, ranks))
+            + TILE_BYTES * n / TILE_DISKS,
             whole=0.0 if gas.is_made_in_slices(case) else float(whole * n),
             file=estimate.file_bytes / ranks,
             seconds=run_seconds(estimate.computed(n) / ranks, n, phi, 1) * there / own,

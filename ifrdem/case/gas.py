@@ -246,6 +246,12 @@ class CaseGas:
         """
         return self.given is None and case.start.positions in ("hexagonal", "random")
 
+    def strips(self, case: Case) -> int:
+        """Number of strips of the box in which disks are placed at random, each by one rank; 0 of other starts."""
+        if self.patch is None or not case.start.placed or case.start.positions != "random":
+            return 0
+        return placement.strips(Room(self.patch, self.walls), self.n, float(self.kinds.radius.max()))[1]
+
     def is_made_in_slices(self, case: Case) -> bool:
         """True if ranks make the start in slices: drawn, or read from a file."""
         return case.start.file is not None or case.start.positions not in ("growth", IMPACT_SCAN)

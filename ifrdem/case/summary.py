@@ -114,11 +114,13 @@ def refuse_beyond_memory(
     *,
     ranks: int = 1,
     sliced: bool = False,
+    start: float = 0.0,
 ) -> None:
     """Raise InputError if n disks need more memory than is free, or than a GPU has.
 
     `positions` is start.positions: growth needs more. Of several `ranks`, with a GPU each, a `share` is on this
-    machine, with the first one, which has all disks, unless each makes its own ones (`sliced`).
+    machine, with the first one, which has all disks, unless each makes its own ones (`sliced`); where they place them
+    at random, in so much memory (`start`, [bytes]) here.
     """
     if arch != "cpu":
         memory = backend.gpu_memory()
@@ -129,7 +131,9 @@ def refuse_beyond_memory(
             raise InputError(f"{n} disks: {have}, in which {ranks * most} fit")
     host = GROWTH_BYTES_PER_DISK if positions == "growth" else HOST_BYTES_PER_DISK
     engine = BYTES_PER_DISK if arch == "cpu" else 0
-    needed = int(n * ((share if sliced else 1.0) * (host + WRITER_BYTES_PER_DISK) + share * engine))
+    here = share * n if sliced else n
+    placing = start if sliced and start else here * host
+    needed = int(placing + here * WRITER_BYTES_PER_DISK + share * n * engine)
     free = backend.memory_available()
     if free is not None and needed > free:
         both = f"some {size(needed)} of memory, and {size(free)} are free"
@@ -345,9 +349,9 @@ def _walls(case: Case, gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, s
     elif (
         g > 0.0 and gas.room.all_walls and not all(each.law and each.law.e_n == 1.0 for each in gas.verdicts)
     ):
-        lines.append(
-            ("collapse", 'no remedy: disks that come to rest on others end the run (run.collapse = "rest")')
-        )
+        ways = '"velocity_cutoff" or "tc"' if any(wall.piston for wall in gas.walls) else '"rest"'
+        text = f"no remedy: disks that come to rest on others end the run (run.collapse = {ways} helps)"
+        lines.append(("collapse", text))
     return lines
 
 

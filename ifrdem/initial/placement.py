@@ -216,6 +216,18 @@ WIDTH = 8.0
 """Width of a strip of the box, at the least, in diameters of the largest disk."""
 
 
+def strips(room: Room, n: int, radius: float) -> tuple[int, int]:
+    """Axis across which the strips are in which n disks are placed at random, and their number: even, or 1.
+
+    `radius` is the largest one [length].
+    """
+    low, high = room.bounds()
+    axis = int(np.argmax(high - low))
+    area = room.area() if room.all_walls else room.box.area
+    narrowest = area / (high - low)[1 - axis]
+    return axis, max(min(n // slices.BLOCK, int(narrowest / (WIDTH * 2.0 * radius))) // 2 * 2, 1)
+
+
 def random_positions(
     box: Box, radius: ArrayLike, *, seed: int, walls: Sequence[Wall] = (), comm: Any = None
 ) -> Array:
@@ -273,14 +285,9 @@ def random_positions(
     if wanted > SATURATION + 0.5 / math.sqrt(n) and smallest == largest:
         limit = f"random positions of equal disks end at {SATURATION}"
         raise InputError(f"packing fraction = {wanted:.4f}: {limit}; {_INSTEAD}")
-    low, high = room.bounds()
-    axis = int(np.argmax(high - low))  # across which the strips are
-    area = room.area() if room.all_walls else box.area
-    narrowest = area / (high - low)[1 - axis]
-    count = min(n // slices.BLOCK, int(narrowest / (WIDTH * 2.0 * largest))) // 2 * 2
-    if count < 2:
-        count, number = 1, np.arange(ids.start, ids.stop)
-    else:
+    axis, count = strips(room, n, largest)
+    number = np.arange(ids.start, ids.stop)
+    if count > 1:
         number = seeds.permuted(seed, seeds.SITES, n, ids)
     firsts = slices.bounds(n, count)
     size, rank = (1, 0) if comm is None else (comm.size, comm.rank)

@@ -126,13 +126,18 @@ def check_no_overlap(
         raise InputError(f"position has shape {centres.shape}: {(len(radii), 2)} is needed")
     if len(radii) == 0:
         return
-    finite = np.isfinite(centres).all(axis=1)
-    if not finite.all():
-        i = int(np.argmin(finite))
-        raise InputError(f"position[{i}] = {centres[i]}: every value must be finite")
+    _refuse_infinite(centres)
     refuse_wider_than_box(box, radii)
     pairs, told = _overlapping(box, radii, box.wrap(centres, time), tolerance, time)
     _refuse_pairs(pairs if ids is None else np.sort(np.asarray(ids)[pairs]), told)
+
+
+def _refuse_infinite(centres: Array, first: int = 0) -> None:
+    """Refuse places that are not finite; the disks are numbered from `first` on."""
+    finite = np.isfinite(centres).all(axis=1)
+    if not finite.all():
+        i = int(np.argmin(finite))
+        raise InputError(f"position[{first + i}] = {centres[i]}: every value must be finite")
 
 
 def _overlapping(
@@ -174,6 +179,8 @@ def check_no_overlap_of_slices(
         check_no_overlap(box, radius, position, tolerance=tolerance, time=time)
         return
     world.together(comm, lambda: checked_radii(radius))
+    first = slices.numbered(len(radius), comm)[0].start
+    world.together(comm, lambda: _refuse_infinite(position, first))
     own, ids, radii, places = _beside_in_box(box, radius, position, comm, 0.0, time)
 
     def found() -> tuple[NDArray[np.intp], Array]:

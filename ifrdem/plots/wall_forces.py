@@ -77,7 +77,11 @@ def draw(axes: Sequence[Axes], trajectory: Trajectory, over: str = "t") -> None:
         text = "no wall here gave heat"
         heat.text(0.5, 0.53, text, ha="center", va="center", color="0.5", transform=heat.transAxes)
         heat.set_yticks([])
-    centre = "the centre of its turn" if any(wall.turn != Turn() for wall in trajectory.walls) else "(0, 0)"
+    turning = sum(wall.turn != Turn() for wall in trajectory.walls)
+    sides = sum(not each for each in trajectory.box.periodic)
+    centre = "the centre of its turn"
+    if turning < len(trajectory.walls) or sides:
+        centre = "(0, 0)" + "\n(walls that turn: its centre)" * (turning > 0)
     left_out = len(series.columns("walls_hits")) > MOST_CURVES == len(names)
     text = "along $x$ (others: $y$)" + ("; those of most hits" if left_out else "")
     force.plot([], [], ":", color="0.5", label=text)

@@ -18,7 +18,7 @@ import numpy as np
 
 from ..case import summary as check
 from ..case.case import IMPACT_SCAN, UNITS, Case
-from ..case.estimate import RunEstimate
+from ..case.estimate import RunEstimate, strip_bytes
 from ..case.file import CaseFile
 from ..case.gas import CaseGas
 from ..case.pair_rules import COEFFICIENTS
@@ -96,6 +96,7 @@ def run(
             sum(each.number for each in case.species), case.run.arch, case.start.positions, share,
             ranks=comm.size if comm else 1,
             sliced=file.gas.is_told_in_slices(case, comm) and file.gas.is_made_in_slices(case),
+            start=strip_bytes(file.gas, case, comm.size) * min(share * comm.size, file.gas.strips(case)) if comm else 0,
         )  # fmt: skip
 
     def prepared(gas: CaseGas) -> list[Any]:

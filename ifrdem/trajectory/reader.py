@@ -208,8 +208,17 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
     def read(self, name: str, selection: Any = ()) -> NDArray[Any]:
         """A part of a stored field, such as `read("position", 3)` of a frame; see `dataset`.
 
-        Raises InputError if the file does not hold the field, or it cannot be read (`DamageError`).
+        A selection has whole numbers and slices with steps above 0, of frames first, then of disks.
+
+        Raises InputError if it is another one, the file does not hold the field, or it cannot be read (`DamageError`).
         """
+        for each in selection if isinstance(selection, tuple) else (selection,):
+            forward = isinstance(each, slice) and (each.step is None or each.step > 0)
+            if not (forward or (isinstance(each, int | np.integer) and not isinstance(each, bool))):
+                raise InputError(
+                    f"selection {each!r} of {name}: whole numbers and slices with steps above 0 are needed; of what is "
+                    "read, any part can be taken, as trajectory.read(name, 3)[[5, 2]]"
+                )
         value = self._again(lambda: self._read_field(name, selection))
         if value.dtype.kind == "f" and not np.isfinite(value).all():  # no writer of ours stores such
             raise DamageError(f"{self.path} is damaged: {name} holds numbers that are not finite")

@@ -211,6 +211,9 @@ def test_good_case_has_no_mistakes() -> None:
         ("output.fields=['spin']", 'output.fields[0] = "spin"', "'position'"),
         ("output.picture=1", "output.picture = 1", "must be a boolean"),
         ("output.precision=f2", 'output.precision = "f2"', "must be 'f4' or 'f8'"),
+        ("output.precision=f64", 'output.precision = "f64"', r"must be 'f4' or 'f8' \(did you mean 'f8'\?\)"),
+        ("output.precision=double", 'output.precision = "double"', r"did you mean 'f8'"),
+        ("run.precision=f4", 'run.precision = "f4"', r"did you mean 'f32'"),
     ],
 )
 def test_wrong_value_is_named_with_what_is_allowed(override: str, key: str, says: str) -> None:

@@ -146,3 +146,14 @@ def test_a_stopped_run_with_a_piston_goes_on_to_the_same_file(
             "timeseries/piston_velocity/value", "timeseries/energy/value",
         ):  # fmt: skip
             np.testing.assert_array_equal(one[name][()], other[name][()])
+
+
+def test_check_advises_a_remedy_for_collapse_that_pistons_take(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "case.toml"
+    path.write_text(CASE)
+    assert main(["check", str(path)]) == 0
+    assert 'end the run (run.collapse = "velocity_cutoff" or "tc" helps)' in capsys.readouterr().out
+    for remedy, value in (("velocity_cutoff", "run.velocity_cutoff=0.01"), ("tc", "run.contact_time=0.01")):
+        assert main(["check", str(path), "--set", f"run.collapse={remedy}", "--set", value]) == 0

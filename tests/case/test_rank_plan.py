@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 from ifrdem.case import file, summary
-from ifrdem.case.estimate import RankPlan, RunEstimate
+from ifrdem.case.estimate import RankPlan, RunEstimate, strip_bytes
 from ifrdem.case.gas import CaseGas
 from ifrdem.errors import InputError
 from ifrdem.initial import placement
-from ifrdem.simulation import checks
+from ifrdem.kernels import limits
+from ifrdem.simulation import checks, device
 from ifrdem.tools import seeds, slices
 
 CASE = """
@@ -117,6 +118,36 @@ def test_the_plan_of_1e9_disks_is_its_arithmetic() -> None:
     )
 
 
+def test_strips_that_a_rank_places_at_random_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    """1.1e6 disks make 4 strips of 275,000: of 16 ranks, which have 68,750 each, four place one."""
+    changes = "species[0].number=700000", "species[1].number=400000", "start.positions=random"
+    found = case_of(*changes)
+    gas = found.gas
+    assert gas.strips(found.case) == 4
+    one = 275_000 * (100 + 300)
+    assert [strip_bytes(gas, found.case, ranks) for ranks in (2, 3, 4, 16)] == pytest.approx(
+        [one + 275_000 * 100, one + 275_000 * 100, one, one], rel=1e-12
+    )
+    estimate = RunEstimate.of(gas, found.case)
+    side = math.sqrt(68_750 * math.pi / 4.0 / 0.3)
+    halos = 700 * 68_750 * (1.0 + 36.0 / side) ** 2
+    tiles = 450 * 1.1e6 / 5000
+    plan = RankPlan.of(gas, found.case, estimate, 16)
+    assert halos < one
+    assert plan.memory == pytest.approx(280e6 + one + tiles, rel=1e-9)
+    lattice = case_of(*changes[:2])
+    assert strip_bytes(lattice.gas, lattice.case, 16) == 0.0
+    plan = RankPlan.of(lattice.gas, lattice.case, estimate, 16)
+    assert plan.memory == pytest.approx(280e6 + halos + tiles, rel=1e-4)
+    # A machine with one of the 16 ranks: 200 bytes of the writer, 198 of the engine, and a strip, or 300 for each.
+    needed = 68_750 * (200 + limits.BYTES_PER_DISK) + one
+    options = {"share": 1 / 16, "ranks": 16, "sliced": True}
+    monkeypatch.setattr(device, "memory_available", lambda: needed - 1)
+    summary.refuse_beyond_memory(1_100_000, "cpu", **options)
+    with pytest.raises(InputError, match=r"1100000 disks need some 137 MB of memory"):
+        summary.refuse_beyond_memory(1_100_000, "cpu", start=one, **options)
+
+
 @pytest.mark.parametrize("n", [10**9, 2**31 - 1, 2 * 2**30 + 5, 2**32 - 1])
 def test_slices_and_lattices_of_up_to_2_to_the_32_disks_are_those_of_whole_numbers(n: int) -> None:
     """Bounds of slices, sites of disks, and their random order, by Python's whole numbers, which do not overflow."""
@@ -155,7 +186,7 @@ def test_a_start_that_needs_all_disks_is_planned_on_the_first_rank() -> None:
     gas = found.gas.ready(found.case)
     text = summary.report(found.case, gas, RunEstimate.of(gas, found.case))
     assert "the first rank builds the start, in 2 GB more" in text  # 2e6 x 1000 bytes
-    assert 'start.positions = "random" and "hexagonal" are drawn by all ranks' in text
+    assert 'start.positions = "random", "hexagonal" and files are made by all ranks' in text
 
 
 def test_kinds_of_a_case_have_the_sums_of_its_disks(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from support.figures import texts
 
-from ifrdem import Box, Disks, InputError, State, Trajectory, TrajectoryWriter, Wall
+from ifrdem import Box, Disks, InputError, State, Trajectory, TrajectoryWriter, Turn, Wall
 from ifrdem.model.walls import wall_names
 from ifrdem.plots import pictures
 
@@ -16,10 +17,12 @@ WALLS = [Wall.post((2.0 + i, 3.0), 0.1, group="rake" if i < 2 else "") for i in 
 BOX = Box((9.0, 9.0), (True, False))
 
 
-def write(path: Path, *, sums: bool = True) -> Path:
+def write(path: Path, *, sums: bool = True, turning: int = 0, box: Box = BOX) -> Path:
     """Walls whose sums grow steadily: wall j gives the momentum (0, -j t), the work 2 j t and the torque 3 j t."""
     disks, state = Disks(1, 1.0, 0.5), State([[5.0, 5.0]], [[0.0, 0.0]], [0.0])
-    with TrajectoryWriter(path, disks, BOX, walls=WALLS) as file:
+    turn = Turn("steady", center=(3.0, 3.0), rate=1.0)
+    walls = [replace(wall, turn=turn if i < turning else wall.turn) for i, wall in enumerate(WALLS)]
+    with TrajectoryWriter(path, disks, box, walls=walls) as file:
         names = (*wall_names([*WALLS, *WALLS[:2]], BOX)[:3], "bottom", "top")
         each = np.arange(1.0, 6.0)
         rows, columns = [], {}
@@ -51,6 +54,22 @@ def test_forces_are_the_momentum_that_walls_take_over_the_time(tmp_path: Path) -
         np.testing.assert_allclose(work.lines[0].get_ydata(), 6.0 * run.series.time)
         assert "mean force on the wall" in texts(figure)
         figure.draw_without_rendering()
+
+
+@pytest.mark.parametrize(
+    ("turning", "box", "says"),
+    [
+        (0, BOX, "mean torque about (0, 0)"),
+        (1, BOX, "mean torque about (0, 0)\n(walls that turn: its centre)"),
+        (3, BOX, "mean torque about (0, 0)\n(walls that turn: its centre)"),  # and sides
+        (3, Box((9.0, 9.0)), "mean torque about the centre of its turn"),
+    ],
+)
+def test_each_torque_is_about_the_centre_that_the_label_says(
+    tmp_path: Path, turning: int, box: Box, says: str
+) -> None:
+    with Trajectory(write(tmp_path / "a.h5", turning=turning, box=box)) as run:
+        assert pictures.figure(run, "walls").axes[1].get_ylabel() == says
 
 
 def test_a_file_without_sums_of_walls_says_which_key_they_take(tmp_path: Path) -> None:

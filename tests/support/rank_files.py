@@ -16,10 +16,12 @@ from mpi4py import MPI
 
 from ifrdem.case import file
 from ifrdem.errors import InputError
+from ifrdem.simulation import ranks
 from ifrdem.tools import slices
 
 PATH = Path(sys.argv[1])
 slices.BLOCK = 1 << 5  # so that sums are those of many blocks
+ranks.check_tiles = lambda *_: None  # so few disks make one tile: nothing is run here
 ALL = MPI.COMM_WORLD
 TWO = ALL.Split(0 if ALL.rank < 2 else MPI.UNDEFINED)
 
