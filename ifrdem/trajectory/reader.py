@@ -229,7 +229,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
                     f"selection {each!r} of {name}: whole numbers and slices are needed; of what is read, any part can "
                     "be taken, as trajectory.read(name, 3)[[5, 2]]"
                 )
-        value = np.flip(self._again(lambda: self._read_field(name, tuple(forward))), axis=turned)
+        value = np.flip(self._again(lambda: self._read_field(name, tuple(forward))), axis=tuple(turned))
         if value.dtype.kind == "f" and not np.isfinite(value).all():  # no writer of ours stores such
             raise DamageError(f"{self.path} is damaged: {name} holds numbers that are not finite")
         return value
