@@ -208,18 +208,28 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
     def read(self, name: str, selection: Any = ()) -> NDArray[Any]:
         """A part of a stored field, such as `read("position", 3)` of a frame; see `dataset`.
 
-        A selection has whole numbers and slices with steps above 0, of frames first, then of disks.
+        A selection has whole numbers and slices, of frames first, then of disks.
 
         Raises InputError if it is another one, the file does not hold the field, or it cannot be read (`DamageError`).
         """
-        for each in selection if isinstance(selection, tuple) else (selection,):
-            forward = isinstance(each, slice) and (each.step is None or each.step > 0)
-            if not (forward or (isinstance(each, int | np.integer) and not isinstance(each, bool))):
+        forward: list[Any] = []
+        turned: list[int] = []  # axes of what is read
+        for axis, each in enumerate(selection if isinstance(selection, tuple) else (selection,)):
+            if isinstance(each, slice) and (each.step is None or each.step > 0):
+                forward.append(each)
+            elif isinstance(each, slice) and each.step < 0:
+                length = (self._frames, self.n)[axis] if axis < 2 else self.dataset(name).shape[axis]
+                rows = range(length)[each][::-1]
+                turned.append(sum(isinstance(one, slice) for one in forward))
+                forward.append(slice(rows.start, rows.stop, rows.step) if rows else slice(0, 0))
+            elif isinstance(each, int | np.integer) and not isinstance(each, bool):
+                forward.append(each)
+            else:
                 raise InputError(
-                    f"selection {each!r} of {name}: whole numbers and slices with steps above 0 are needed; of what is "
-                    "read, any part can be taken, as trajectory.read(name, 3)[[5, 2]]"
+                    f"selection {each!r} of {name}: whole numbers and slices are needed; of what is read, any part can "
+                    "be taken, as trajectory.read(name, 3)[[5, 2]]"
                 )
-        value = self._again(lambda: self._read_field(name, selection))
+        value = np.flip(self._again(lambda: self._read_field(name, tuple(forward))), axis=tuple(turned))
         if value.dtype.kind == "f" and not np.isfinite(value).all():  # no writer of ours stores such
             raise DamageError(f"{self.path} is damaged: {name} holds numbers that are not finite")
         return value

@@ -89,17 +89,20 @@ def test_frames_come_back_as_written(tmp_path, precision, dtype, compression):
 
 @pytest.mark.parametrize(
     "selection",
-    [(0, [1, 2]), ([0, 1], 2), slice(None, None, -1), (slice(None, None, -2), 0), np.arange(2), (0, True)],
+    [(0, [1, 2]), ([0, 1], 2), (slice(0, 2, 0), 0), np.arange(2), (0, True)],
 )
 def test_selections_that_no_file_reads_are_refused(tmp_path, selection):
     with TrajectoryWriter(tmp_path / "run.h5", some_disks(5), BOX) as writer:
         for frame in range(3):
             writer.write(some_state(5, frame))
     with Trajectory(tmp_path / "run.h5") as trajectory:
-        with pytest.raises(InputError, match="of position: whole numbers and slices with steps above 0 are"):
+        with pytest.raises(InputError, match="of position: whole numbers and slices are needed"):
             trajectory.read("position", selection)
         found = trajectory.read("position", (slice(0, 3, 2), np.int64(4)))
         assert np.array_equal(found, [trajectory[0].position[4], trajectory[2].position[4]])
+        whole = np.array([frame.position for frame in trajectory])
+        for back in (np.s_[::-1], np.s_[2:0:-2, 1], np.s_[::-1, 4::-3], np.s_[1, ::-1, 1], np.s_[0:0:-1]):
+            assert np.array_equal(trajectory.read("position", back), whole[back])
 
 
 def test_observables_come_back_over_the_frames(tmp_path):
