@@ -28,7 +28,7 @@ class Spread(NamedTuple):
     mean: float
 
 
-class Look(NamedTuple):
+class Overview(NamedTuple):
     """What is known of all disks of a species, of which no array is kept."""
 
     kinds: Kinds  # of material 0
@@ -72,7 +72,7 @@ class Species:
         return np.full(len(ids), self.mass), radius
 
     @functools.cached_property
-    def look(self) -> Look:
+    def look(self) -> Overview:
         """What is known of all of them, by a look at one block after another."""
         kinds: Kinds | None = None
         sums, totals = {}, np.zeros(2)
@@ -91,7 +91,7 @@ class Species:
             Spread(float(column.min()), float(column.max()), float(total / len(seen)))
             for column, total in zip(kinds[0][:2], totals, strict=True)
         )
-        return Look(kinds, of_mass, of_radius, sums)
+        return Overview(kinds, of_mass, of_radius, sums)
 
     @property
     def equal(self) -> bool:

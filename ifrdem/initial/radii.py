@@ -124,7 +124,15 @@ def sample(distribution: str, n: int, *, seed: int, comm: Any = None, **paramete
 
 
 def of_ids(distribution: str, n: int, ids: range, *, seed: int, **parameters: float | None) -> Array:
-    """Radii [length], shape (len(ids),), of some of n disks: those that `sample` gives them among all."""
+    """Radii [length], shape (len(ids),), of some of n disks: those that `sample` gives them among all.
+
+    Examples
+    --------
+    >>> from ifrdem.initial import radii
+    >>> some = radii.of_ids("uniform", 100, range(7, 9), seed=1, low=0.4, high=0.6)
+    >>> bool((some == radii.uniform(100, low=0.4, high=0.6, seed=1)[7:9]).all())
+    True
+    """
     given = {name: float(value) for name, value in parameters.items() if value is not None}
     if distribution == "bidisperse":
         large = seeds.permuted(seed, seeds.RADII, n, ids) < round(given["large_fraction"] * n)

@@ -20,7 +20,7 @@ from ifrdem.simulation import ranks
 from ifrdem.tools import slices
 
 PATH = Path(sys.argv[1])
-slices.BLOCK = 1 << 5  # so that sums are those of many blocks
+slices.BLOCK = 1 << 8  # so that sums are those of several blocks, and radii of the first species of one
 ranks.check_tiles = lambda *_: None  # so few disks make one tile: nothing is run here
 ALL = MPI.COMM_WORLD
 TWO = ALL.Split(0 if ALL.rank < 2 else MPI.UNDEFINED)

@@ -82,7 +82,7 @@ def sizes(n: int, small: float = 1.0) -> Disks:
     return Disks(n, mass=rng.uniform(3.0, 4.0, n) * radius**2, radius=radius, k=np.where(third, 2.0, 1.0))
 
 
-def fast(make: Any = equal_disks) -> Gas:
+def fast(make: Any = mixture) -> Gas:
     """Heavy disks fly through tiles within a window: no halo is wide enough, and lists go to other ranks."""
     disks = make(N)
     disks = Disks(N, np.where(np.arange(N) % 1000 == 0, 1e4, disks.mass), disks.radius, disks.k)
@@ -91,7 +91,7 @@ def fast(make: Any = equal_disks) -> Gas:
     return disks, box, state, COIN, 6.0, {"ledger": True, "forces": [Rescale(0.2, energy=1e4)]}
 
 
-def spreading(make: Any = equal_disks) -> Gas:
+def spreading(make: Any = mixture) -> Gas:
     """All disks begin in a quarter of the box, and fly on together: tiles go to other ranks."""
     disks = make(N)
     box, state = start(disks, 0.2)
@@ -107,11 +107,11 @@ def driven() -> Gas:
         SpinKicks(0.08, power=0.2),
         TableFriction(0.05, mu=0.02, gravity=10.0),
     ]
-    return periodic(0.3, COIN, 10.0, mixture, seed=3, forces=[*forces, Drag(0.1, rate=0.3)])
+    return periodic(0.3, COIN, 10.0, mixture, seed=3, ledger=True, forces=[*forces, Drag(0.1, rate=0.3)])
 
 
 GASES: dict[str, Any] = {
-    "elastic": lambda: periodic(0.3, ELASTIC, 20.0),
+    "elastic": lambda: periodic(0.3, ELASTIC, 20.0, mixture, ledger=True),
     "cooling": lambda: periodic(0.4, COIN, 80.0, ledger=True, angles=True, partners=True),
     "mixture": lambda: periodic(0.4, ROLLING, 10.0, mixture, contact_time=1e-3),
     "walls": walled,
