@@ -119,8 +119,7 @@ class RankPlan:
     disks: float
     """Of its own."""
     memory: float
-    """[bytes]; where the first one builds the start, it needs `whole` more."""
-    whole: float
+    """[bytes]"""
     file: float
     """Of its part of the trajectory [bytes]."""
     seconds: float
@@ -137,14 +136,12 @@ class RankPlan:
         side = math.sqrt(own * math.pi / (4.0 * phi))  # of a block [mean diameters]
         there = own * (1.0 + 2.0 * RING / side) ** 2
         per_disk = RANK_BYTES_PER_DISK + (0 if gas.kinds.every else RADIUS_BYTES)
-        whole = GROWTH_BYTES_PER_DISK if case.start.positions == "growth" else HOST_BYTES_PER_DISK
         return cls(
             ranks=ranks,
             disks=own,
             memory=RANK_BYTES
             + max(per_disk * there, strip_bytes(gas, case, ranks))
             + TILE_BYTES * n / TILE_DISKS,
-            whole=0.0 if gas.is_made_in_slices(case) else float(whole * n),
             file=estimate.file_bytes / ranks,
             seconds=run_seconds(estimate.computed(n) / ranks, n, phi, 1) * there / own,
         )

@@ -479,7 +479,7 @@ def judge(
                 given = rules.given_start(case, gas.disks.radius, Room(box, standing), folder, found)
     found += rules.wrong_output(case, kinds.n, box)
     if comm is not None:
-        found += rules.wrong_on_ranks(case, kinds, box, comm.size, sound=not found)
+        found += rules.wrong_on_ranks(case, kinds, box, comm.size, start=start, sound=not found)
     return replace(gas, box=box, patch=patch, given=given), found
 
 

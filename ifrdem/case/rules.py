@@ -226,8 +226,16 @@ def wrong_output(case: Case, n: int, box: Box) -> Iterator[Complaint]:
         yield Complaint("output.histories", None, text)
 
 
-def wrong_on_ranks(case: Case, kinds: DiskKinds, box: Box, ranks: int, *, sound: bool) -> Iterator[Complaint]:
-    """What several ranks of MPI cannot do; of a case that is `sound` else, also too few tiles for them."""
+GROWN = (
+    "grows all disks in one process, of more than 1,000,000 disks not on several ranks: run the case without mpiexec "
+    'for a moment (--maxh 0.001, output.precision = "f8"), and begin on ranks from its trajectory'
+)
+
+
+def wrong_on_ranks(
+    case: Case, kinds: DiskKinds, box: Box, ranks: int, *, start: bool, sound: bool
+) -> Iterator[Complaint]:
+    """What several ranks of MPI cannot do, `start` or not; of a case that is `sound` else, also too few tiles."""
     run, keys = case.run, dict[str, str]()
     if run.precision != "f64":
         keys["run.precision"] = 'run.precision = "f64"'
@@ -246,6 +254,8 @@ def wrong_on_ranks(case: Case, kinds: DiskKinds, box: Box, ranks: int, *, sound:
     for key, instead in keys.items():
         text = f"not supported on several ranks (here are {ranks}): run it without mpiexec, or {instead}"
         yield _at(case, key, text)
+    if start and case.start.positions == "growth" and case.start.file is None and kinds.n > slices.GATHERED:
+        yield _at(case, "start.positions", GROWN)
     try:
         check_number(kinds.n, ranks)
         if sound and not keys and run.arch == "cpu":  # a GPU's engine has other tiles, and tells itself

@@ -27,6 +27,7 @@ from .estimate import (
 )
 from .gas import CaseGas
 from .output_section import MOST_FRAMES
+from .rules import GROWN
 from .species import Spread
 
 WRITER_BYTES_PER_DISK = 200
@@ -197,11 +198,8 @@ def report(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
     if case.run.arch == "cpu" and gas.n > GATHERED and estimate.packing_fraction > 0.0:
         plans = [RankPlan.of(gas, case, estimate, ranks) for ranks in planned_ranks(gas.n)]
         lines += [_row("on ranks of MPI" if i == 0 else "", _planned(each)) for i, each in enumerate(plans)]
-        if not gas.is_made_in_slices(case):
-            text = f"the first rank builds the start, in {size(plans[0].whole)} more"
-            lines.append(
-                _row("", f'{text}; start.positions = "random", "hexagonal" and files are made by all ranks')
-            )
+        if case.start.positions == "growth" and case.start.file is None:
+            lines.append(_row("", f'start.positions = "growth" {GROWN}'))
     return "\n".join(lines)
 
 

@@ -10,7 +10,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from ifrdem.case import file, summary
+from ifrdem.case import file, rules, summary
 from ifrdem.case.estimate import RankPlan, RunEstimate, strip_bytes
 from ifrdem.case.gas import CaseGas
 from ifrdem.errors import InputError
@@ -105,7 +105,6 @@ def test_the_plan_of_1e9_disks_is_its_arithmetic() -> None:
     with_halos = (1618.02 + 36.0) ** 2 / 1618.02**2
     assert plan.disks == 1e6
     assert plan.memory == pytest.approx(280e6 + 700 * 1e6 * with_halos + 450 * 1e9 / 5000, rel=1e-5)
-    assert plan.whole == 0.0
     assert plan.file == pytest.approx(
         (11 * 24 + 28) * 1e6, rel=0.01
     )  # frames of 24 bytes a disk, constants of 28
@@ -181,12 +180,22 @@ def test_disks_that_indices_of_32_bits_do_not_reach_are_refused(
         checks.check_number(n, ranks, partners)
 
 
-def test_a_start_that_needs_all_disks_is_planned_on_the_first_rank() -> None:
+def test_growth_of_more_than_a_million_disks_is_for_one_process() -> None:
     found = case_of("species[0].number=1000000", "species[1].number=1000000", "start.positions=growth")
     gas = found.gas.ready(found.case)
     text = summary.report(found.case, gas, RunEstimate.of(gas, found.case))
-    assert "the first rank builds the start, in 2 GB more" in text  # 2e6 x 1000 bytes
-    assert 'start.positions = "random", "hexagonal" and files are made by all ranks' in text
+    told = 'start.positions = "growth" grows all disks in one process'
+    assert told in text
+
+    def wrong(start: bool) -> list[str]:
+        return [
+            str(each)
+            for each in rules.wrong_on_ranks(found.case, gas.kinds, gas.box, 2, start=start, sound=False)
+        ]
+
+    (refused,) = wrong(start=True)
+    assert refused.startswith(told.replace('"growth" ', '"growth": '))
+    assert wrong(start=False) == []  # of a run that goes on
 
 
 def test_kinds_of_a_case_have_the_sums_of_its_disks(monkeypatch: pytest.MonkeyPatch) -> None:
