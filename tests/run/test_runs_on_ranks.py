@@ -33,16 +33,16 @@ number = 21000
 speed_rms = 1.0
 [[force]]
 kind = "kicks"
-step = 4.0e-3
+step = 0.02
 power = 2.0e-3
 [[force]]
 kind = "langevin"
-step = 5.5e-3
+step = 0.027
 temperature = 1.0e-3
 rate = 0.5
 [[force]]
 kind = "rescale"
-step = 1.1e-2
+step = 0.05
 energy = 1.0e-3
 [output]
 frames = 4
