@@ -243,7 +243,7 @@ def wrong_on_ranks(
         tracking = ("histories", "histories_all", "histories_sample", "histories_region")
         keys |= {f"output.{key}": f"leave {key} out" for key in tracking if getattr(case.output, key)}
     if case.box.open:
-        keys["box.open"] = "give box.lengths instead"
+        keys["box.open"] = "a box that is not open"
     if case.box.gravity_turns:
         keys["box.gravity_turns"] = "leave it out"
     if run.resting_speed is not None:

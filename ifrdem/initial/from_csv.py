@@ -100,5 +100,7 @@ def _wrong_columns(names: list[str], unused: tuple[str, ...]) -> list[str]:
     if given and len(given) < len(MOTION):
         missing += [name for name in MOTION if name not in names]
     if missing:
-        wrong.append(f"missing column {', '.join(missing)}; there are {', '.join(names)}")
+        wrong.append(
+            f"missing column {', '.join(missing)}; there are {', '.join(names) or 'none that is known'}"
+        )
     return wrong

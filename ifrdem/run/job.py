@@ -22,7 +22,7 @@ from ..case.estimate import RunEstimate, strip_bytes
 from ..case.file import CaseFile
 from ..case.gas import CaseGas
 from ..case.pair_rules import COEFFICIENTS
-from ..errors import EngineError, InputError, Stopped, TrajectoryError
+from ..errors import EngineError, InputError, Stopped, TrajectoryError, counted
 from ..model.observables import MECHANISMS, Measure
 from ..model.state import State
 from ..model.walls import wall_names
@@ -466,7 +466,7 @@ def _remains(job: Job, reason: str) -> str:
         return f"{reason} before the first frame: nothing was written"
     if why := job.writer.gone:
         return f"{reason}: {trajectory} is lost: {why}"
-    text = f"{reason}: {trajectory} holds the {len(job.writer)} frames so far, "
+    text = f"{reason}: {trajectory} holds the {counted(len(job.writer), 'frame')} so far, "
     text += f"to t = {latest.time:.6g} and {latest.collisions} collisions"
     if job.outputs.checkpoint.exists():
         place = str(trajectory)  # relative to where the user is, as it was given

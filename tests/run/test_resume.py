@@ -141,7 +141,7 @@ def test_a_run_stopped_again_and_again_is_the_same_to_the_bit(whole, tmp_path, s
     stopping += [0, 5, 13, 40]  # in the very beginning, and later
     assert cli.main(["run", str(case), "-o", f"{tmp_path}/", "--set", f"run.threads={threads}"]) == 130
     told = capsys.readouterr().err
-    assert "gas.h5 holds the 1 frames so far" in told
+    assert "gas.h5 holds the 1 frame so far" in told
     assert f"ifrdem resume {tmp_path / 'gas.h5'}" in told
     for _ in range(3):
         assert cli.main(["resume", str(tmp_path)]) == 130
@@ -261,7 +261,7 @@ def test_a_checkpoint_that_cannot_be_written_tells_what_remains(
     assert cli.main(["run", str(case), "-o", f"{tmp_path}/"]) == 1
     told = capsys.readouterr().err
     assert "gas.checkpoint.h5 cannot be written: Read-only file system: " in told
-    assert "frames so far" in told
+    assert "so far, to t = " in told
     assert f"to go on: ifrdem resume {tmp_path / 'gas.h5'}" in told
     monkeypatch.undo()
     assert cli.main(["resume", str(tmp_path)]) == 0
