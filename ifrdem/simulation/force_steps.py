@@ -151,15 +151,17 @@ class ForceSteps:
 def _size(largest: NDArray[np.float64]) -> NDArray[np.int64]:
     """The power of two below which sizes of terms are: one in eight, none near 1, so that it is mostly what it was."""
     found: NDArray[np.int64] = 4 - (4 - np.frexp(largest)[1].astype(np.int64)) // 8 * 8
-    return np.maximum(found, -800)  # below that there is no room for parts of them
+    return found
 
 
 def _rounders(size: NDArray[np.int64], n: int) -> NDArray[np.float64]:
     """What rounds to parts of n terms below 2^size, shape (LEVELS, totals).
 
-    Adding 1.5 x 2^52 rounds to whole numbers, and so on. Parts of n terms are below 2^52 of these in all.
+    Adding 1.5 x 2^52 rounds to whole numbers, and so on. Parts of n terms are below 2^52 of these in all. The last ones
+    are multiples of the smallest number there is (2^-1074), if terms are so small.
     """
     bits = 52 - n.bit_length()
+    size = np.maximum(size, LEVELS * bits - 1074)
     found: NDArray[np.float64] = np.ldexp(1.5, 52 + size - bits * np.arange(1, LEVELS + 1)[:, None])
     return found
 

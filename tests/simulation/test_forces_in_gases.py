@@ -15,7 +15,7 @@ from ifrdem.errors import EngineError, InputError, NoMoreCollisions
 from ifrdem.model.forces import Drag, Force, Langevin, RandomKicks, Rescale, SpinKicks
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.observables import measure
-from ifrdem.model.state import State
+from ifrdem.model.state import Disks, State
 from ifrdem.simulation import device
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
@@ -41,6 +41,19 @@ def test_the_energy_of_an_elastic_gas_is_what_forces_put_in() -> None:
     assert throughput > 2.0 * begin
     assert simulation.collisions > 10_000
     assert begin + simulation.energy_input == pytest.approx(found, abs=1e-12 * throughput)
+
+
+@pytest.mark.parametrize("mass", [1e-278, 1.0, 1e270])
+def test_sums_over_all_disks_hold_for_the_smallest_and_largest_masses(mass: float) -> None:
+    """A temperature of 2 m is a mean square speed of 4; kicks keep the momentum."""
+    disks = Disks(500, mass=mass, radius=0.5)
+    box, state = start(equal_disks(500), 0.3)
+    forces = [RandomKicks(0.1, power=mass), Rescale(0.1, temperature=2.0 * mass)]
+    simulation = Simulation(disks, box, SMOOTH, state, forces=forces, seed=1)
+    simulation.run(t_end=0.1)
+    velocity = simulation.state.velocity
+    assert np.mean(np.sum(velocity**2, axis=1)) == pytest.approx(4.0, rel=1e-13)
+    assert np.abs(velocity.mean(axis=0)).max() < 1e-14
 
 
 def test_the_ledger_is_the_energy_before_and_after_each_force() -> None:
