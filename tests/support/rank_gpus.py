@@ -33,7 +33,7 @@ def after(comm: Any) -> tuple[Engine, dict[str, Any]]:
     box, state = start(disks, 0.4)
     if comm is not None and comm.rank:
         disks = state = None
-    forces = [Rescale(0.02, energy=1.0)]
+    forces = [Rescale(0.3, energy=1.0)]
     engine = Engine(
         disks, box, state, np.array([[COIN]]), comm=comm, arch="cuda", partners=True, forces=forces
     )
