@@ -235,7 +235,7 @@ GROWN = (
 def wrong_on_ranks(
     case: Case, kinds: DiskKinds, box: Box, ranks: int, *, start: bool, sound: bool
 ) -> Iterator[Complaint]:
-    """What several ranks of MPI cannot do, `start` or not; of a case that is `sound` else, also too few tiles."""
+    """Complaints about what several ranks of MPI cannot do, `start` or not; if the case is `sound`, of too few tiles."""
     run, keys = case.run, dict[str, str]()
     if run.precision != "f64":
         keys["run.precision"] = 'run.precision = "f64"'

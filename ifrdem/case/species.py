@@ -29,7 +29,7 @@ class Spread(NamedTuple):
 
 
 class Overview(NamedTuple):
-    """What is known of all disks of a species, of which no array is kept."""
+    """Kinds, spreads and sums of all disks of a species, of which no array is kept."""
 
     kinds: Kinds  # of material 0
     mass: Spread  # [mass]
@@ -73,7 +73,7 @@ class Species:
 
     @functools.cached_property
     def look(self) -> Overview:
-        """What is known of all of them, by a look at one block after another."""
+        """Kinds, spreads and sums of all of them, from a look at one block after another."""
         kinds: Kinds | None = None
         sums, totals = {}, np.zeros(2)
         seen = range(self.number if isinstance(self.radius, Radii) else 1)

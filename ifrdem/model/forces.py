@@ -112,13 +112,13 @@ class Force:
         parameters : vector
             The force's parameters.
         """
-        # Abstract: `Splitting` refuses a force without its own, by name, before anything is compiled.
+        # Abstract: `ForceSteps` refuses a force without its own, by name, before anything is compiled.
         raise NotImplementedError
 
     @staticmethod
     def measure(disk: Any, step: Any, parameters: Any) -> Any:
         """Share of one disk in the `totals`, a vector of so many entries; called before `act`, with its arguments."""
-        # Abstract for forces with totals, of which `Splitting` refuses those without their own; others need none.
+        # Abstract for forces with totals, of which `ForceSteps` refuses those without their own; others need none.
         raise NotImplementedError
 
 

@@ -1,6 +1,6 @@
 """Operator splitting: when each force acts, and what it did to the energy.
 
-Imports the kernels, and Taichi with them: import this module only after `backend.start`.
+Imports the kernels, and Taichi with them: import this module only after `device.start`.
 
 Forces that act at one and the same time do so in the order given at every other such time and in the reverse order at
 those between. Forces that do not commute would else make an error of first order in the step: drag before kicks is
@@ -155,7 +155,7 @@ def _size(largest: NDArray[np.float64]) -> NDArray[np.int64]:
 
 
 def _rounders(size: NDArray[np.int64], n: int) -> NDArray[np.float64]:
-    """What rounds to parts of n terms below 2^size, shape (LEVELS, totals).
+    """Numbers that round n terms below 2^size to parts when added, shape (LEVELS, totals).
 
     Adding 1.5 x 2^52 rounds to whole numbers, and so on. Parts of n terms are below 2^52 of these in all. The last ones
     are multiples of the smallest number there is (2^-1074), if terms are so small.

@@ -34,7 +34,7 @@ FAULTS = (
 
 @pytest.fixture(scope="module")
 def told() -> dict[str, dict[str, Any]]:
-    """What each run tells, by its words."""
+    """Results of each run, by its words."""
     words = [*RUNS, *(f"2:cooling:{fault}" for fault in FAULTS), "2:sizes:wrong_row"]
     done = mpi.on(4, sys.executable, "-m", "mpi4py", GASES, *words, timeout=600.0)
     assert done.returncode == 0, done.stderr + done.stdout
