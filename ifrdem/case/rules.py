@@ -235,7 +235,7 @@ GROWN = (
 def wrong_on_ranks(
     case: Case, kinds: DiskKinds, box: Box, ranks: int, *, start: bool, sound: bool
 ) -> Iterator[Complaint]:
-    """Complaints about what several ranks of MPI cannot do, `start` or not; if the case is `sound`, of too few tiles."""
+    """Complaints about what several ranks of MPI cannot do, `start` or not; of a `sound` case, too few tiles too."""
     run, keys = case.run, dict[str, str]()
     if run.precision != "f64":
         keys["run.precision"] = 'run.precision = "f64"'
