@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import h5py
@@ -19,6 +20,7 @@ from support.manual import block
 import ifrdem
 from ifrdem.tools import world
 from ifrdem.tools.files import checkpoint_of
+from ifrdem.trajectory import layout
 
 CASE = """
 [run]
@@ -184,36 +186,12 @@ def test_a_run_from_a_frame_that_ranks_read_in_slices_has_the_bits_of_one_proces
 
 
 @mpi.needed
-def test_a_run_in_parts_goes_on_with_any_number_of_ranks(case: Path, plain: Path) -> None:
-    """Three ranks, then two, then one process: three parts, and the file of one process."""
-    folder = case.parent / "going_on"
-    folder.mkdir()
-    words = mpi.ifrdem("run", case, "-o", f"{folder}/", "--set", "output.parts=true", "--maxh", "1e-6")
-    done = mpi.on(3, *words)
-    assert done.returncode == 3, done.stderr
-    assert len(list((folder / "gas.checkpoint.parts").iterdir())) == 3
-    done = mpi.on(2, *mpi.ifrdem("resume", folder / "gas.h5", "--maxh", "1e-6"))
-    assert done.returncode == 3, done.stderr
-    assert len(list((folder / "gas.checkpoint.parts").iterdir())) == 2
-    (moved := folder / "gas.checkpoint.parts" / "gone").touch()  # nobody else's file is removed
-    done = subprocess.run(
-        list(map(str, mpi.ifrdem("resume", folder / "gas.h5"))), capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
-    moved.unlink()
-    moved.parent.rmdir()  # which nothing else was left in
-    assert differing(plain, folder / "gas.h5") == []
-    assert len(list((folder / "gas.parts").iterdir())) == 3
-    assert sorted(each.name for each in folder.iterdir()) == ["gas.h5", "gas.parts", "gas.status.json"]
+def test_a_run_in_parts_goes_on_with_any_number_of_ranks(case: Path) -> None:
+    """Three ranks, then two, then one process: three parts, and the file of one process, under forces.
 
-
-@mpi.needed
-def test_a_gas_with_a_radius_for_each_disk_goes_on_with_any_number_of_ranks(case: Path) -> None:
-    """Radii by two distributions, drawn in slices that begin within blocks: three ranks, two and one; each has parts.
-
-    Masses and radii in the file, too, are those of one process.
+    Each disk has a radius of its own, by two distributions, drawn in slices that begin within blocks.
     """
-    folder = case.parent / "radii"
+    folder = case.parent / "going_on"
     material = 'material=[{name="a",e_n=0.9,e_t=-0.9,mu=0.2}]'
     one = 'name="{}",material="a",areal_density=1.0,speed_rms=1.0,radii='
     lognormal = '{distribution="lognormal",mean=0.01,deviation=0.002,low=0.006,high=0.02}'
@@ -228,53 +206,70 @@ def test_a_gas_with_a_radius_for_each_disk_goes_on_with_any_number_of_ranks(case
         (folder / name).mkdir(parents=True)
     alone = subprocess.run([*map(str, words), "-o", f"{folder}/one/"], capture_output=True, text=True)
     assert alone.returncode == 0, alone.stderr
-    done = mpi.on(3, *words, "-o", f"{folder}/ranks/", "--maxh", "1e-6", "--set", "output.parts=true")
+    there = folder / "ranks"
+    done = mpi.on(3, *words, "-o", f"{there}/", "--set", "output.parts=true", "--maxh", "1e-6")
     assert done.returncode == 3, done.stderr
-    done = mpi.on(2, *start, "resume", folder / "ranks" / "gas.h5", "--maxh", "1e-6")
+    assert len(list((there / "gas.checkpoint.parts").iterdir())) == 3
+    done = mpi.on(2, *start, "resume", there / "gas.h5", "--maxh", "1e-6")
     assert done.returncode == 3, done.stderr
-    done = mpi.on(1, *start, "resume", folder / "ranks" / "gas.h5")
+    assert len(list((there / "gas.checkpoint.parts").iterdir())) == 2
+    (moved := there / "gas.checkpoint.parts" / "gone").touch()  # nobody else's file is removed
+    done = subprocess.run(
+        list(map(str, [*start, "resume", there / "gas.h5"])), capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr
-    assert differing(folder / "one" / "gas.h5", folder / "ranks" / "gas.h5") == []
-    with h5py.File(folder / "ranks" / "gas.h5") as file:
+    moved.unlink()
+    moved.parent.rmdir()  # which nothing else was left in
+    assert differing(folder / "one" / "gas.h5", there / "gas.h5") == []
+    assert len(list((there / "gas.parts").iterdir())) == 3
+    assert sorted(each.name for each in there.iterdir()) == ["gas.h5", "gas.parts", "gas.status.json"]
+    with h5py.File(there / "gas.h5") as file:
         assert len(np.unique(file["particles/all/radius"])) > 20_990  # hardly any two alike
 
 
 @mpi.needed
-@pytest.mark.parametrize("victim", [0, 1])
-def test_a_rank_that_dies_leaves_frames_that_are_whole_in_all_parts(
-    case: Path, long: Path, victim: int
-) -> None:
-    """Killed at some frame; what the file counts is the run's, and on three ranks it goes on to the same bits."""
-    folder = case.parent / f"dies{victim}"
+def test_a_rank_that_dies_leaves_frames_that_are_whole_in_all_parts(case: Path, long: Path) -> None:
+    """The second of two ranks is killed, then the first of three that go on; what the file counts is the run's.
+
+    Two ranks go on to the same bits.
+    """
+    folder = case.parent / "dies"
     folder.mkdir()
-    options = [*LONG, "--set", "output.parts=true"]
-    words = mpi.command(2, *mpi.ifrdem("run", case, "-o", f"{folder}/", *options))
-    run = subprocess.Popen(words, env=mpi.environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    end, found_at = time.monotonic() + 100.0, 0
-    while _counted(folder / "gas.h5") < 3:
+    file = folder / "gas.h5"
+    begin = mpi.ifrdem("run", case, "-o", f"{folder}/", *LONG, "--set", "output.parts=true")
+    frames = 0
+    for ranks, victim, words in ((2, 1, begin), (3, 0, mpi.ifrdem("resume", file))):
+        _kill_after(frames + 3, file, ranks, victim, words)
+        with ifrdem.Trajectory(file) as found, ifrdem.Trajectory(long) as expected:
+            assert frames + 3 <= len(found) < 41
+            frames = len(found)
+            for frame, right in zip(found, expected, strict=False):
+                for name in found.fields:
+                    assert np.array_equal(frame[name], right[name])
+    done = mpi.on(2, *mpi.ifrdem("resume", file))
+    assert done.returncode == 0, done.stderr
+    assert differing(long, file) == []
+
+
+def _kill_after(frames: int, path: Path, ranks: int, victim: int, words: Sequence[object]) -> None:
+    """Start a run on ranks, and kill one of them when the file counts so many frames."""
+    command, nowhere = mpi.command(ranks, *words), subprocess.DEVNULL
+    run = subprocess.Popen(command, env=mpi.environment(), stdout=nowhere, stderr=nowhere)
+    end = time.monotonic() + 100.0
+    while _counted(path) < frames:
         assert run.poll() is None, "it ended before it was killed"
         assert time.monotonic() < end
-        if not found_at and (folder / "gas.h5").exists():
-            found_at = _rank(run.pid, victim)
         time.sleep(0.01)
-    os.kill(found_at, signal.SIGKILL)
+    os.kill(_rank(run.pid, victim), signal.SIGKILL)
     assert run.wait(30.0) != 0
-    with ifrdem.Trajectory(folder / "gas.h5") as found, ifrdem.Trajectory(long) as expected:
-        assert 3 <= len(found) < 41
-        for frame, right in zip(found, expected, strict=False):
-            for name in found.fields:
-                assert np.array_equal(frame[name], right[name])
-    done = mpi.on(3, *mpi.ifrdem("resume", folder / "gas.h5"))
-    assert done.returncode == 0, done.stderr
-    assert differing(long, folder / "gas.h5") == []
 
 
 def _counted(path: Path) -> int:
-    """Frames of a file that a run is writing, or about to."""
+    """Frames of a file that a run is writing, or about to; without a lock, which a run that goes on would refuse."""
     try:
-        with ifrdem.Trajectory(path) as trajectory:
-            return len(trajectory)
-    except ifrdem.InputError:
+        with h5py.File(path, locking=False) as file:
+            return len(file[f"{layout.EDGES}/step"])
+    except (OSError, KeyError, RuntimeError):
         return 0
 
 
