@@ -22,11 +22,15 @@ CUDA = any(device.arch == "cuda" for device in backend.available())
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put tests of threads, precision and profiles last in their files: they start Taichi anew, kernels are lost."""
+    """Begin with the file that takes longest.
+
+    Tests of threads, precision and profiles come last in their files: they start Taichi anew, kernels are lost.
+    """
     files = list(dict.fromkeys(item.path for item in items))
     place = {path: number for number, path in enumerate(files)}
     items.sort(
         key=lambda item: (
+            item.path.name != "test_runs_on_ranks.py",
             place[item.path],
             re.search("thread|precision|f32|profiled?_", item.name) is not None,
         )
