@@ -39,7 +39,7 @@ from . import damage, history, layout, tables
 from . import parts as parted
 from .frame import SPIN, Frame
 from .history import History
-from .parts import Parts
+from .parts import Part, Parts
 from .series import Series
 
 if TYPE_CHECKING:
@@ -397,6 +397,13 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
     def parts(self) -> Parts | None:
         """The parts that the trajectory is in; None if its file holds all data."""
         return self._parts
+
+    @property
+    def part(self) -> Part | None:
+        """Mark of the part of a trajectory that the file is, with some of its disks only; None of a whole one."""
+        file = self._opened()
+        with damage.reading(self.path, parted.PART):
+            return Part.of(file) if self._parts is None and parted.PART in file else None
 
     @property
     def missing(self) -> tuple[int, ...]:
