@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import functools
+import json
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -124,6 +126,23 @@ def test_a_run_begins_with_a_frame_of_parts(runs, capsys, tmp_path):
         assert main([*given, "--set", "run.collisions_per_disk=1.0"]) == 0, capsys.readouterr().err
     with ifrdem.Trajectory(tmp_path / "one.h5") as one, ifrdem.Trajectory(tmp_path / "parts.h5") as parts:
         assert np.array_equal(one[-1].position, parts[-1].position)
+
+
+@pytest.mark.filterwarnings("default")
+def test_analyses_that_a_missing_part_prevents_are_no_success(runs, capsys, tmp_path):
+    shutil.copytree(runs["parts"].parent, tmp_path / "copy")
+    path, out = tmp_path / "copy" / "gas.h5", ["-o", str(tmp_path / "out")]
+    part = path.with_suffix(".parts") / "0001.h5"
+    part.rename(tmp_path / "0001.h5")
+    assert main(["analyse", str(path), *out]) == 1
+    assert "velocity: not possible: " in capsys.readouterr().out
+    record = json.loads((tmp_path / "out" / "gas.json").read_text())
+    assert "cooling" in record["analyses"]
+    assert {"velocity", "g", "msd"} <= set(record["damaged"])
+    (tmp_path / "0001.h5").rename(part)
+    assert main(["analyse", str(path), *out]) == 0  # those that were not possible are
+    assert "velocity: velocities and spins" in capsys.readouterr().out
+    assert json.loads((tmp_path / "out" / "gas.json").read_text())["damaged"] == {}
 
 
 def test_a_part_alone_is_told_from_the_gas(runs, capsys, tmp_path):
