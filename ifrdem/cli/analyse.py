@@ -65,10 +65,10 @@ def analyse(
       cooling   fits of Haff's law and of T_rot / T
       impact    angles of impact and regimes
 
-    Without names, all that the file allows; the exit status is 1 if damage of it keeps one from being done. Analyses of single frames take up to 20 of the second half unless
-    --frames says which, and fewer of large gases. A folder that is there gets the analyses that it lacks; --force
-    replaces those that it has. Of several files, the mean over them of every number is printed too, with its standard
-    error.
+    Without names, all that the file allows; the exit status is 1 if damage of it keeps one from being done. Analyses of
+    single frames take up to 20 of the second half unless --frames says which, and fewer of large gases. A folder that
+    is there gets the analyses that it lacks; --force replaces those that it has. Of several files, the mean over them
+    of every number is printed too, with its standard error.
     """
     files_end = (i for i, word in enumerate(words) if not (word.endswith(".h5") or Path(word).exists()))
     count = next(files_end, len(words))
