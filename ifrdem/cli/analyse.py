@@ -128,7 +128,8 @@ def _analyse(
         from ..analysis.catalogue import ANALYSES, report
         from ..analysis.result import span_text
 
-        skipped, damaged = {}, {}
+        skipped: dict[str, str] = {}
+        damaged: dict[str, str] = {}
         written: dict[Path, Columns] = {}
         for name in names:
             try:
