@@ -30,7 +30,8 @@ class Stops:
     The first of `SIGNALS` is taken note of, and `check` raises when the run can stop; a second Ctrl-C stops
     at once (KeyboardInterrupt). In a thread other than the main one, signals are left alone.
 
-    A run stops after `max_hours` of real time, of which `spent` seconds are gone already; checkpoints are due every so many minutes of it, the first one at once.
+    A run stops after `max_hours` of real time, of which `spent` seconds are gone already; checkpoints are due every so
+    many minutes of it, the first one at once.
     `warn` takes a line to show when a signal comes.
     """
 
