@@ -36,8 +36,6 @@ _PATH = re.compile(rf"[\w-]{{1,100}}(?:\.[\w-]{{1,100}}|\[\d{{1,9}}\]){{0,{DEEPE
 """A key on the command line."""
 
 
-
-
 @dataclass(frozen=True)
 class CaseFile:
     """A case file that passed every check."""
