@@ -115,7 +115,8 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
         "beyond 1e",
     ),
     "bits for the bytes of a file": (
-        lambda: TrajectoryWriter("none.h5", *gases_of_three(), precision="f64"), r"allowed are f4, f8 \(did you mean 'f8'\?\)",
+        lambda: TrajectoryWriter("none.h5", *gases_of_three(), precision="f64"),
+        r"allowed are f4, f8 \(did you mean 'f8'\?\)",
     ),
     "k of disks beyond numbers": (
         lambda: Simulation(Disks(3, 1.0, 0.5, k=1e300), gases_of_three()[1], LAW, state_of_three()), "k_i = 1e",
