@@ -266,7 +266,7 @@ def drive(
             stops.stored()
 
     worked = time.process_time()
-    say("compiling kernels: a second or two if this machine has compiled them before, else ten to forty")
+    say(f"compiling kernels: {check.COMPILING}")
     try:
         with stops, progress:
             with recorder:
