@@ -32,6 +32,7 @@ from ..model import walls
 from ..model.box import Box
 from ..model.free_area import Room
 from ..model.state import Disks
+from ..tools import checked
 from ..tools.pictured import Pictured, plots, refuse_unknown
 from ..tools.sealed import Sealed
 from ..tools.slices import GATHERED
@@ -170,9 +171,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
     series: Series
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        if not isinstance(path, str | os.PathLike):
-            raise InputError(f"path = {path!r}: the path of a trajectory is needed")
-        self._set(path=Path(path))
+        self._set(path=checked.path("path", path))
         self._open()
         try:
             self._again(self._read_head)

@@ -119,7 +119,7 @@ REFUSED = {
     "number for a constant": (lambda run: run.constants(5), "no constant 5"),
     "number for frames": (lambda run: run.plot("disks", frames=5), r"frames = 5: a list .*, \[5\] for one"),
     "text for frames": (lambda run: run.plot("disks", frames=["a"]), "frame = 'a': a whole number"),
-    "number for a file": (lambda run: Trajectory(5), "path = 5: the path of a trajectory"),
+    "number for a file": (lambda run: Trajectory(5), "path = 5: the path of a file"),
 }
 
 
