@@ -213,7 +213,9 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
 
         Raises InputError if it is another one, the file does not hold the field, or it cannot be read (`DamageError`).
         """
-        lengths = (self._frames, self.n, *self.dataset(name).shape[2:])
+        if (field := SPIN if name == "spin" else name) not in self.fields:
+            self.dataset(name)  # refuses it
+        lengths = (self._frames, self.n, *layout.FIELDS[field].tail)
         given = selection if isinstance(selection, tuple) else (selection,)
         if len(given) > len(lengths):
             raise InputError(f"selection {selection!r} of {name}: {len(lengths)} axes are all there are")
