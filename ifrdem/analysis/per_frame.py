@@ -87,7 +87,7 @@ def of_pairs(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation
     highest = float(found.r[np.argmax(found.g)])
     rows.append(Reading("r of the highest g", highest, unit=unit(trajectory, "length")))
     table = {"r": found.r, "g": found.g, "error": found.g_error}
-    doubts = _neighbours_change(trajectory, used, min(NEAR * diameter, reach))
+    doubts = stored.of_a_part(trajectory) + _neighbours_change(trajectory, used, min(NEAR * diameter, reach))
     return Evaluation(found, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
 
 
@@ -123,7 +123,7 @@ def of_structure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evalua
     notes = [
         "errors as if frames were independent: at small k they are not if they follow each other closely"
     ]
-    doubts = _modes_change(trajectory, used)
+    doubts = stored.of_a_part(trajectory) + _modes_change(trajectory, used)
     return Evaluation(found, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
 
 
@@ -180,7 +180,8 @@ def of_fields(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluatio
     notes = [f"frame {used}; temperatures relative to the mean velocity of the cell"]
     if box.shear_rate:
         notes.append("velocities relative to the flow that the box imposes")
-    return Evaluation(found, rows, {"": table}, notes, times(trajectory, [used]), frames=1)
+    doubts = stored.of_a_part(trajectory)
+    return Evaluation(found, rows, {"": table}, notes, times(trajectory, [used]), doubts, 1)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -219,7 +220,8 @@ def of_clusters(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluat
     notes = [f"disks whose surfaces are nearer than {words} ({GAP:g} mean diameters) are joined"]
     if last.spans[:1].any():
         notes.append("the largest spans the box: it has no radius of gyration")
-    return Evaluation(found, rows, tables, notes, times(trajectory, used), frames=len(used))
+    doubts = stored.of_a_part(trajectory)
+    return Evaluation(found, rows, tables, notes, times(trajectory, used), doubts, len(used))
 
 
 def of_psi6(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
@@ -233,9 +235,9 @@ def of_psi6(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
         Reading("|mean of psi_6|", *common.mean_with_error(whole)),
     ]
     table = {"time": when, "local": np.array(local), "whole": np.array(whole)}
-    notes, doubts = ["of the six nearest neighbours"], []
+    notes, doubts = ["of the six nearest neighbours"], stored.of_a_part(trajectory)
     if len(used) > 1:
         notes.append("errors by the scatter over frames")
         values = [np.abs(one.psi6) for one in found]
-        doubts = steadiness.doubts([steadiness.between_cells("the mean of |psi_6|", values, where, box)])
+        doubts += steadiness.doubts([steadiness.between_cells("the mean of |psi_6|", values, where, box)])
     return Evaluation(found[-1], rows, {"": table}, notes, times(trajectory, used), doubts, len(used))

@@ -167,6 +167,16 @@ def span_text(trajectory: Trajectory, outcome: Evaluation) -> str:
     return f"{frames}{trajectory.with_unit(span, 'time')}"
 
 
+def of_a_part(trajectory: Trajectory) -> list[str]:
+    """Doubt of an analysis of neighbours or densities in a file that is one part of a trajectory; none of others."""
+    if (part := trajectory.part) is None:
+        return []
+    which = f"disks {part.first} to {part.first + trajectory.n - 1}"
+    return [
+        f"this file is part {part.number} of a trajectory ({which}): the other disks of the gas are left out"
+    ]
+
+
 def times(trajectory: Trajectory, used: Sequence[int]) -> tuple[float, float]:
     return float(trajectory.times[used[0]]), float(trajectory.times[used[-1]])
 

@@ -178,6 +178,8 @@ def _known_positions(positions: str) -> str:
     if positions in WAYS_TO_PLACE or is_trajectory(positions):
         return positions
     text = f"must be {', '.join(repr(way) for way in WAYS_TO_PLACE)} or the name of a trajectory that ends in .h5"
+    if positions.endswith(".csv"):
+        text += f'; a CSV file is named by file = "{positions}"'
     raise refusal(text + nearest(positions, WAYS_TO_PLACE), "unknown_name")
 
 

@@ -36,10 +36,6 @@ _PATH = re.compile(rf"[\w-]{{1,100}}(?:\.[\w-]{{1,100}}|\[\d{{1,9}}\]){{0,{DEEPE
 """A key on the command line."""
 
 
-_AS_WIDE = {"f32": "f4", "f64": "f8", "f4": "f32", "f8": "f64", "single": "f4", "double": "f8"}
-"""Names of numbers as wide, in bits (run.precision) and in bytes (output.precision)."""
-
-
 @dataclass(frozen=True)
 class CaseFile:
     """A case file that passed every check."""
@@ -268,7 +264,7 @@ def _translated(error: Mapping[str, Any], key: KeyPath) -> Complaint:
         text = text.replace("integer", "whole number")
         if kind == "literal_error" and isinstance(error["input"], str):
             allowed = re.findall(r"'([^']+)'", context["expected"])
-            text += nearest(_AS_WIDE.get(error["input"], error["input"]), allowed)
+            text += nearest(error["input"], allowed)
         elif kind == "string_pattern_mismatch":
             text = "characters that are not allowed"
         if kind not in ("literal_error", "unknown_name") and (about := _about(key)):

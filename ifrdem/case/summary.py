@@ -203,6 +203,9 @@ def report(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
     return "\n".join(lines)
 
 
+COMPILING = "a second or two if this machine has compiled them before, else ten to forty"
+
+
 def planned_ranks(n: int) -> list[int]:
     """Numbers of ranks to plan for: some sixteen, four and one million disks on each."""
     return sorted({max(math.ceil(n / each), 2) for each in (16e6, 4e6, 1e6)})
@@ -220,7 +223,7 @@ def _time(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
     seconds = run_seconds(estimate.computed(n), n, phi, threads)
     rate = 1e6 / run_seconds(1e6, n, phi, threads)
     text = f"some {size_of_time(seconds)} of collisions and frames, at {rate:.2g} collisions/s (`ifrdem bench --n {n} "
-    text += f"--phi {phi:.2g}` says what this machine does)"
+    text += f"--phi {phi:.2g}` says what this machine does); before that, kernels are compiled: {COMPILING}"
     if phi < THIN:
         text += (
             ". In a gas so thin disks pass from cell to cell most of the time: a collision costs phi^(-1/2)"

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from ..errors import InputError, there_are
+from ..errors import DamageError, InputError, there_are
 from ..plots.pictures import PICTURES
-from .console import note, say
+from .console import FAILED, note, say
 from .options import Colour, Force, Frames, Style, chosen, flag, one_trajectory, opened, option, styled
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def analyse(
     ] = None,
     json: Annotated[bool, flag("print the JSON instead of the table")] = False,
     force: Force = False,
-) -> None:
+) -> int:
     """Analyse a trajectory: distributions, g(r), S(k), diffusion, clusters.
 
     Prints a table with standard errors, and writes a CSV file for each analysis and one JSON file.
@@ -65,10 +65,10 @@ def analyse(
       cooling   fits of Haff's law and of T_rot / T
       impact    angles of impact and regimes
 
-    Without names, all that the file allows. Analyses of single frames take up to 20 of the second half unless
-    --frames says which, and fewer of large gases. A folder that is there gets the analyses that it lacks; --force
-    replaces those that it has. Of several files, the mean over them of every number is printed too, with its standard
-    error.
+    Without names, all that the file allows; the exit status is 1 if damage of it keeps one from being done. Analyses of
+    single frames take up to 20 of the second half unless --frames says which, and fewer of large gases. A folder that
+    is there gets the analyses that it lacks; --force replaces those that it has. Of several files, the mean over them
+    of every number is printed too, with its standard error.
     """
     files_end = (i for i, word in enumerate(words) if not (word.endswith(".h5") or Path(word).exists()))
     count = next(files_end, len(words))
@@ -84,6 +84,7 @@ def analyse(
     if len(files) > 1 and not json:
         for line in _means(records):
             say(line)
+    return FAILED if any(record["damaged"] for record in records) else 0
 
 
 def _means(records: Sequence[dict[str, Any]]) -> Iterator[str]:
@@ -127,7 +128,8 @@ def _analyse(
         from ..analysis.catalogue import ANALYSES, report
         from ..analysis.result import span_text
 
-        skipped = {}
+        skipped: dict[str, str] = {}
+        damaged: dict[str, str] = {}
         written: dict[Path, Columns] = {}
         for name in names:
             try:
@@ -135,7 +137,7 @@ def _analyse(
             except InputError as error:
                 if what:
                     raise InputError(f"{name}: {error}") from None
-                skipped[name] = str(error)
+                (damaged if isinstance(error, DamageError) else skipped)[name] = str(error)
                 continue
             files = {
                 folder / f"{stem}-{name}{f'-{part}' if part else ''}.csv": table
@@ -149,6 +151,7 @@ def _analyse(
         record["analyses"] = {name: found[name] for name in NAMES if name in found}
         reasons = record["not_possible"] | skipped
         record["not_possible"] = {name: reason for name, reason in reasons.items() if name not in found}
+        record["damaged"] = damaged
         if folder.exists():
             for path in written:
                 check_apart(path, trajectory.path)
@@ -157,7 +160,7 @@ def _analyse(
     if json:
         say(text)
         return record
-    for name, reason in skipped.items():
+    for name, reason in (skipped | damaged).items():
         say(f"{name}: not possible: {reason}")
     for name in kept:
         note(f"{name}: is there already, and stays as it is; --force replaces it")
@@ -180,6 +183,7 @@ def _begun(trajectory: Trajectory, summary: Path, *, force: bool) -> dict[str, A
         "run": {key: value if isinstance(value, str) else plain(value) for key, value in run.items()},
         "analyses": {},
         "not_possible": {},
+        "damaged": {},  # analyses that need a part of the file that cannot be read; it may be mended
     }
     if not summary.exists():
         return new

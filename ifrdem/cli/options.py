@@ -132,7 +132,7 @@ def overrides(given: list[str] | None, **run: str | None) -> list[str]:
 def number(option: str, text: str, need: str, right: Callable[[float], bool]) -> float:
     """The value of an option as a number; InputError names the option and what is needed."""
     try:
-        value = float(text)
+        value = math.nan if "_" in text else float(text)  # which Python would allow
     except ValueError:
         value = math.nan
     if not right(value):

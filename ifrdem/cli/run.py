@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from ..errors import InputError, Stopped, TrajectoryError
 from ..tools import world
-from .console import FAILED, complain, note, ranks, say, warn
+from .console import FAILED, UNFINISHED, complain, note, ranks, say, warn
 from .options import (
     Arch,
     Case,
@@ -145,12 +145,12 @@ def tail(
     """Follow a run from another terminal.
 
     A line at each news of the run until it ends, from the status file beside its trajectory. The run may be
-    anybody's who can write to the same disk; nothing is locked. A run that died is told as such.
+    anybody's who can write to the same disk; nothing is locked. A run that died is told as such. The exit status is 0
+    of a run that is done or goes on, 3 of one that was stopped, and 1 of one that failed or died.
     """
     need = "a number of seconds from 0.01 to 3600"
     seconds = number("--interval", interval, need, lambda value: 0.01 <= value <= 3600.0)
     from ..run import status
 
-    return (
-        0 if status.tail(path, say, follow=not once, interval=seconds) in (status.RUNNING, "done") else FAILED
-    )
+    ends = {status.RUNNING: 0, status.DONE: 0, status.INTERRUPTED: UNFINISHED}
+    return ends.get(status.tail(path, say, follow=not once, interval=seconds), FAILED)

@@ -149,8 +149,10 @@ def repair(
         raise InputError("--in-place: not beside -o or --force, which write another file")
     if not given.exists():
         raise InputError(f"{given}: there is no such file")
-    if in_place:  # a link stays one: what it points to is replaced
-        given = out = Path(os.path.realpath(given))
+    if in_place:
+        if given.is_symlink():  # which stays one: what it points to is replaced
+            given = Path(os.path.realpath(given))
+        out = given
     else:
         out = place(file, output, ".repaired.h5", force=force)
     say(f"{given}:")

@@ -37,6 +37,7 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
 
 ERROR_WORDS = ("error", "err", "sigma", "uncertainty", "std")
 _MISSING = ("", "nan", "na", "n/a", "-", "none", "null")
+_DELIMITERS = {";": "semicolons", "\t": "tabs", "|": "bars", ",": "commas", " ": "blanks"}
 _EVERY_UNIT = {unit for units in UNITS.values() for unit in units}
 _NEARLY_ALIKE = 0.8  # of a column that is rather misspelt than another
 
@@ -100,6 +101,7 @@ def read(
     *,
     most: int = MOST_BYTES,
     most_wrong: int = 100,
+    gaps: bool = True,
     n: int = 0,
     comm: Any = None,
 ) -> ReadTable:
@@ -121,6 +123,8 @@ def read(
         Largest size of the file [bytes].
     most_wrong : int
         Wrong lines that are listed one by one.
+    gaps : bool
+        Values may be missing (empty, nan, NA, ...); else such a one is wrong.
     n : int
         With `comm`: the number of rows that are needed. Each rank of MPI gets those of its slice (`tools/slices.py`),
         and the last one also what is there beyond; mistakes are told to all.
@@ -145,8 +149,8 @@ def read(
             if total <= own.start or not (total <= own.stop or last):
                 continue
             lines.append(line)
-            mistakes, gaps = _add(row, header, names, factors, values, form)
-            missing += gaps
+            mistakes, lacking = _add(row, header, names, factors, values, form, gaps=gaps)
+            missing += lacking
             count += len(mistakes)
             wrong += [f"line {line}: {each}" for each in mistakes if len(wrong) < most_wrong]
         if not total:
@@ -167,7 +171,7 @@ def read(
 
 def _add(
     row: Sequence[str], header: Sequence[str], names: Sequence[str], factors: Sequence[float],
-    values: Mapping[str, array[float]], form: Form,
+    values: Mapping[str, array[float]], form: Form, *, gaps: bool,
 ) -> tuple[list[str], int]:  # fmt: skip
     """Add a row to the values; tells what is wrong with it, and how many values are missing."""
     if len(row) != len(names):
@@ -181,6 +185,8 @@ def _add(
         number = text.replace(",", ".") if form.decimal == "," else text
         if text.lower() in _MISSING:
             missing += 1
+            if not gaps:
+                wrong.append(f"{name} = {text or 'nothing'}: a finite number is needed")
         elif not csv_rows.is_number(number) or (form.decimal == "," and "." in text):
             commas = form.decimal == "." and csv_rows.is_number(text.replace(",", "."))
             hint = "; --decimal , reads a comma" if commas else ""
@@ -234,12 +240,17 @@ def _header(
             f"line {line}: there is no header: the first line must name the columns, and here "
             "it holds numbers"
         )
-    if len(header) == 1 and (found := re.search(r"[;\t]", header[0])):
-        kind, key = ("semicolons", ";") if found[0] == ";" else ("tabs", "tab")
-        raise InputError(
-            f"line {line}: columns must be separated by '{form.delimiter}', and here are {kind}; "
-            f"--delimiter {key!r} reads them"
-        )
+    for sign, kind in _DELIMITERS.items():
+        parts = header[0].strip().split(sign)
+        # A name may have blanks.
+        if len(header) == 1 < len(parts) and (
+            sign != " " or all(_standard(one, spellings)[0] for one in parts)
+        ):
+            key = "tab" if sign == "\t" else sign
+            raise InputError(
+                f"line {line}: columns must be separated by '{form.delimiter}', and here are {kind}; "
+                f"--delimiter {key!r} reads them"
+            )
     asked = {text.strip(): name for name, text in form.columns.items()}
     present = [text.strip() for text in header]
     wrong = [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -50,10 +51,10 @@ def read(path: Path, n: int, box: Box | None = None, form: Form | None = None, *
     try:
         table = tabular.read(
             path, KINDS, {name: name for name in KINDS}, form or Form(), most=MOST_BYTES, most_wrong=MOST_REPORTED,
-            n=n, comm=comm,
+            gaps=False, n=n, comm=comm,
         )  # fmt: skip
     except InputError as error:
-        lines = [line.removeprefix(f"{path}: ") for line in str(error).splitlines()]
+        lines = [_as_keys(line.removeprefix(f"{path}: ")) for line in str(error).splitlines()]
         raise InputError("\n".join(lines)) from None
     columns = table.columns
     names = [name for name in columns if not name.endswith("_error")]
@@ -87,6 +88,15 @@ def read(path: Path, n: int, box: Box | None = None, form: Form | None = None, *
         spin=columns[MOTION[2]] if moving else None,
         errors={name: value for name, value in columns.items() if name.endswith("_error")},
     )
+
+
+def _as_keys(text: str) -> str:
+    """A message that advises options of `ifrdem fit`, with the keys of a case instead."""
+    text = text.replace("--delimiter 'tab'", r'start.delimiter = "\t"').replace(
+        "--decimal ,", 'start.decimal = ","'
+    )
+    text = re.sub(r"--delimiter '(.)'", r'start.delimiter = "\1"', text)
+    return re.sub(r"--column (\w+)='(.*)' says", r'start.columns = {\1 = "\2"} says', text)
 
 
 def _wrong_columns(names: list[str], unused: tuple[str, ...]) -> list[str]:

@@ -125,7 +125,10 @@ class Box:
         densest packing of equal disks, or if there are no disks.
         """
         return cls.around(
-            math.pi * float(slices.total(np.square(radius), comm)), packing_fraction, aspect, shear_rate
+            math.pi * float(slices.total(np.square(checked.array("radius", radius)), comm)),
+            packing_fraction,
+            aspect,
+            shear_rate,
         )
 
     @classmethod

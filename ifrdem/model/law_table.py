@@ -128,11 +128,14 @@ def law_table(
     materials = max(int(disks.material.max()) if disks.n else 0, most_of_walls) + 1
     if isinstance(law, CollisionLaw):
         return [[law] * materials for _ in range(materials)]
-    if not isinstance(law, Sequence):
+    if not isinstance(law, Sequence) or isinstance(law, str):
         checked_class([[law]])  # refuses it by name
+    if not all(isinstance(row, Sequence) for row in law):
+        raise InputError("law table: a list of lists of laws, [[law]], is needed, or one law for all")
     table = [list(row) for row in law]
     if len(table) < materials or any(len(row) != len(table) for row in table):
         raise InputError(f"law table: a square table of at least {materials} materials is needed")
+    checked_class(table)
     for a, row in enumerate(table):
         for b, one in enumerate(row):
             if one.table_row() != table[b][a].table_row():

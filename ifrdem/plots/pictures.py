@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError, there_are
@@ -81,7 +81,7 @@ def figure(
     from .run import title
     from .style import ROTATION
 
-    layout = _layout(trajectory, what)
+    layout, frames = _layout(trajectory, what), _numbers(trajectory, frames)
     wide = layout.get("ncols", 1) > 1
     size = (12.0, 8.0) if what == "walls" else (12.0, 5.2) if wide else (7.5, 6.2)
     if what == "disks" and "position" in trajectory.fields:
@@ -109,7 +109,7 @@ def panels(
     given, layout = as_list(axes), _layout(trajectory, what)
     count = layout.get("ncols", 1) * layout.get("nrows", 1)
     check_count(f"the picture {what}", given, count, 1 if layout is UPPER_AND_LOWER else count)
-    _draw(given, trajectory, what, frames, over, color)
+    _draw(given, trajectory, what, _numbers(trajectory, frames), over, color)
 
 
 def as_list(axes: Any) -> list[Axes]:
@@ -157,6 +157,15 @@ def _layout(trajectory: Trajectory, what: str) -> dict[str, Any]:
     from .analyses import PANELS
 
     return PANELS[what].layout
+
+
+def _numbers(trajectory: Trajectory, frames: Sequence[int] | None) -> list[int] | None:
+    """Numbers of frames, from 0; InputError if they are no list of them."""
+    if frames is None:
+        return None
+    if isinstance(frames, str) or not isinstance(frames, Iterable):
+        raise InputError(f"frames = {frames!r}: a list of frame numbers is needed, [{frames!r}] for one")
+    return [trajectory[i].index for i in frames]
 
 
 def _draw(

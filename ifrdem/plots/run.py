@@ -147,13 +147,15 @@ def title(trajectory: Trajectory) -> str:
 
 
 def gas(trajectory: Trajectory) -> str:
-    """Name, number of disks and packing fraction of a run."""
+    """Name, number of disks and packing fraction of a run; of a part of a trajectory, which one it is."""
     name, n = trajectory.parameters.get("name", trajectory.path.stem), trajectory.n
     where = "open box"
     if trajectory.missing:
         where = f"{len(trajectory.missing)} of its {len(trajectory.parts or ())} parts missing"
     elif not trajectory.box.is_open:
         where = f"packing fraction {trajectory.room.packing_fraction(trajectory.disks.radius):.3g}"
+    if (part := trajectory.part) is not None:  # whose disks are no gas of their own
+        where = f"part {part.number} of a trajectory (disks {part.first} to {part.first + n - 1})"
     if trajectory.room.all_walls:
         where = where.replace("packing fraction", "packing fraction between walls")
     return f"{name}: {n} disks, {where}"

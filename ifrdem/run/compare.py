@@ -101,7 +101,8 @@ class Comparison:
     spread: Array  # (m, 2): their standard deviation; NaN without them
     paths: Array  # (f, n, 2): places of all disks in the frames of the run
     radius: Array  # (n,)
-    unit: str  # of lengths, with a blank before it
+    unit: str  # of lengths, with a blank before it; "" if they are reduced or not stated
+    reduced: bool = False  # True if the file states that units are
 
     @property
     def distance(self) -> Array:
@@ -147,12 +148,17 @@ class Comparison:
         nu = max(len(self.members) - 1, 1) / np.maximum(part**2, 1e-12)
         return np.asarray(f.cdf(squared * (nu - 1.0) / (2.0 * nu), 2.0, nu - 1.0))
 
+    @property
+    def _no_unit(self) -> str:
+        return " reduced units" if self.reduced else ""
+
     def table(self) -> str:
         """The figures as text."""
         m, unit = self.measured, self.unit
         drawn = len(self.members) > 0
         runs = f", {len(self.members)} runs with drawn start and law" if drawn else ""
-        lines = [f"{len(m.id)} places{runs}; lengths in{unit or ' reduced units'}, angles in degrees"]
+        lengths = f"lengths in{unit or self._no_unit}, " if unit or self._no_unit else ""
+        lines = [f"{len(m.id)} places{runs}; {lengths}angles in degrees"]
         spreads = ["spread x", "spread y"] if drawn else []
         heads = ["disk", "t", "x", "y", "x run", "y run", "distance", *spreads, "/ error"]
         turned = np.isfinite(m.angle) & np.isfinite(self.angle)
@@ -224,8 +230,8 @@ class Comparison:
             axes.annotate(str(one), (x, y), textcoords="offset points", xytext=(4, 4), fontsize="x-small")
         low, high = shown.min(axis=0), shown.max(axis=0)
         margin = 0.06 * float(np.max(high - low)) + float(self.radius.max())
-        of = self.unit.strip() or "reduced units"
-        axes.set(xlabel=f"$x$ ({of})", ylabel=f"$y$ ({of})", aspect="equal")
+        of = f" ({(self.unit or self._no_unit).strip()})" if self.unit or self._no_unit else ""
+        axes.set(xlabel=f"$x${of}", ylabel=f"$y${of}", aspect="equal")
         axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
         axes.plot([], [], "o", color=blue, ms=9, mfc="#0072B233", label="run: disks at the end, and paths")
         axes.plot([], [], "x", color=orange, ms=7, mew=1.6, label="measured")
@@ -278,6 +284,7 @@ def compare(
     errors = dict(errors or {})
     with Trajectory(run) as trajectory:
         n, radius, units = trajectory.n, np.asarray(trajectory.disks.radius), trajectory.units
+        reduced = trajectory.stated_units == {}
         if "position" not in trajectory.fields:
             raise InputError(f"{run}: holds no positions")
         times = np.array([frame.time for frame in trajectory])
@@ -320,7 +327,7 @@ def compare(
     all_members = np.array(found).reshape(-1, len(measured.id), 2)
     spread = all_members.std(axis=0, ddof=1) if len(found) > 1 else np.full_like(position, math.nan)
     unit = f" {units['length']}" if "length" in units and units["length"] != "reduced" else ""
-    return Comparison(measured, position, angle, all_members, spread, paths, radius, unit)
+    return Comparison(measured, position, angle, all_members, spread, paths, radius, unit, reduced)
 
 
 def _drawn(gas: CaseGas, start: State, errors: Mapping[str, float], rng: np.random.Generator) -> State:

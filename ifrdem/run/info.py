@@ -14,7 +14,6 @@ from ..errors import InputError, counted, printable
 from ..model.box import describe_sides
 from ..tools.files import checkpoint_of
 from ..trajectory import damage, layout, views
-from ..trajectory.parts import PART, Part
 from ..trajectory.reader import Trajectory
 from . import status
 
@@ -49,7 +48,7 @@ def _gas(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     yield "frames", f"{len(trajectory)}{span}"
     if not units:
         yield "units", str(trajectory.parameters.get("units", "not stated"))
-    part = _part(trajectory)
+    part = trajectory.part
     if part is not None:
         end = part.first + trajectory.n - 1
         yield (
@@ -73,14 +72,6 @@ def _gas(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
         yield "walls", ", ".join(f"{count} {shape}" for shape, count in shapes.items())
     if not box.is_open and part is None and not trajectory.missing:
         yield "packing fraction", f"{trajectory.room.packing_fraction(trajectory.disks.radius):.4f}"
-
-
-def _part(trajectory: Trajectory) -> Part | None:
-    """Mark of a file that is one part of a trajectory; None for others."""
-    if trajectory.parts is not None:
-        return None
-    (file,) = trajectory.holders()
-    return Part.of(file) if PART in file else None
 
 
 def _describe_fields(trajectory: Trajectory) -> list[str]:

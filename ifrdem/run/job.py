@@ -169,7 +169,7 @@ def run(
             queue.begin_histories(tracked, start)
         job = Job(file, gas, outputs, simulation, course, Ledger(), queue)
         before = simulation.collisions
-        rate = drive(job, max_hours=max_hours, say=say, warn=warn)
+        rate = drive(job, began, max_hours=max_hours, say=say, warn=warn)
     finish(job, began, before, rate, say)
 
 
@@ -201,9 +201,16 @@ def device_of(case: Case) -> str:
 
 
 def drive(
-    job: Job, *, max_hours: float | None, say: Callable[[str], None], warn: Callable[[str], None]
+    job: Job,
+    began: float,
+    *,
+    max_hours: float | None,
+    say: Callable[[str], None],
+    warn: Callable[[str], None],
 ) -> float:
     """Run to the end, writing all that the case wants; returns collisions per second of real time.
+
+    `max_hours` count from when the job `began` (`perf_counter`), with the making of its start.
 
     Raises Stopped or KeyboardInterrupt or EngineError or TrajectoryError as `run`.
     """
@@ -218,7 +225,9 @@ def drive(
         job.outputs.trajectory, name=run.name, t_end=run.t_end,
         collisions_per_disk_end=run.collisions_per_disk, device=device_of(case),
     )  # fmt: skip
-    stops = Stops(max_hours=max_hours, every_minutes=case.output.checkpoint_minutes, warn=warn)
+    stops = Stops(
+        max_hours=max_hours, every_minutes=case.output.checkpoint_minutes, spent=time.perf_counter() - began, warn=warn
+    )  # fmt: skip
     n, unit = job.gas.n, UNITS[run.units]["time"] if run.units == "SI" else ""
     progress = Progress(
         n, t_end=run.t_end, collisions_per_disk=run.collisions_per_disk, unit=unit, kernels=backend.kernels
@@ -256,8 +265,8 @@ def drive(
             save(job, recorder)
             stops.stored()
 
-    began = time.process_time()
-    say("compiling kernels: a second or two if this machine has compiled them before, else ten to forty")
+    worked = time.process_time()
+    say(f"compiling kernels: {check.COMPILING}")
     try:
         with stops, progress:
             with recorder:
@@ -290,7 +299,7 @@ def drive(
     checkpoint.remove(job.outputs.checkpoint)
     status.update(frames=len(job.writer), series_rows=job.writer.series_rows)
     status.finish("done")
-    job.output_share = (recorder.seconds + job.writer.seconds) / (time.process_time() - began)
+    job.output_share = (recorder.seconds + job.writer.seconds) / (time.process_time() - worked)
     return progress.collisions_per_second
 
 

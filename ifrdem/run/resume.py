@@ -159,7 +159,7 @@ def resume(
         say(f"{case.run.name}: {gas.n} disks go on at {begun_at} and {frames}")
         job = Job(file, gas, outputs, simulation, course, ledger, queue, pending)
         before = simulation.collisions
-        rate = drive(job, max_hours=max_hours, say=say, warn=warn)
+        rate = drive(job, began, max_hours=max_hours, say=say, warn=warn)
     finish(job, began, before, rate, say)
 
 

@@ -30,7 +30,8 @@ class Stops:
     The first of `SIGNALS` is taken note of, and `check` raises when the run can stop; a second Ctrl-C stops
     at once (KeyboardInterrupt). In a thread other than the main one, signals are left alone.
 
-    A run stops after `max_hours` of real time; checkpoints are due every so many minutes of it, the first one at once.
+    A run stops after `max_hours` of real time, of which `spent` seconds are gone already; checkpoints are due every so
+    many minutes of it, the first one at once.
     `warn` takes a line to show when a signal comes.
     """
 
@@ -39,11 +40,12 @@ class Stops:
         *,
         max_hours: float | None = None,
         every_minutes: float = 10.0,
+        spent: float = 0.0,
         warn: Callable[[str], None] = print,
     ) -> None:
         self._warn = warn
         self._reason: Stopped | None = None
-        self._began = time.monotonic()
+        self._began = time.monotonic() - spent
         self._stored = -math.inf  # a run that is killed soon can go on too
         self._limit = None if max_hours is None else 3600.0 * max_hours
         self._max_hours = max_hours

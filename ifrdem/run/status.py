@@ -24,7 +24,8 @@ from ..tools import files
 from ..tools.progress import clock_face
 
 ENDING = ".status.json"
-RUNNING = "running"
+RUNNING, DONE, INTERRUPTED = "running", "done", "interrupted"
+"""States of a run; of others, such as "failed" or "full disk", the message says more."""
 RESERVED = 4096
 """Bytes of the file: a block of common file systems."""
 MOST = 1 << 20  # bytes of a status file that are read
@@ -132,7 +133,7 @@ class Status:
             self._write()
 
     def finish(self, state: str, message: str = "") -> None:
-        """Write the end of the run: "done", "interrupted", "failed", "full disk", ..., and the reason."""
+        """Write the end of the run: `DONE`, `INTERRUPTED`, "failed", "full disk", ..., and the reason."""
         self._record.state, self._record.message, self._record.eta_seconds = state, message, None
         self._write()
 

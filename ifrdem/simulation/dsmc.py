@@ -231,6 +231,7 @@ class DSMC(Sealed):
         threads: int | None = None,
         precision: str = "f64",
     ) -> None:
+        checked.instance("disks", disks, Disks)
         n = disks.n
         if n < 2 or not disks.movable.all():
             raise InputError(f"disks: two at least, of finite mass, are needed; {n} given")

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -59,6 +59,8 @@ class ForceSteps:
     ) -> None:
         if isinstance(forces, Force):
             raise InputError(f"forces = {forces!r}: a list of forces is needed, [force] for one")
+        if not isinstance(forces, Iterable):
+            raise InputError(f"forces = {forces!r}: a list of forces is needed")
         self.forces: tuple[Force, ...] = tuple(forces)
         for i, force in enumerate(self.forces):
             if not isinstance(force, Force) or type(force).act is Force.act:

@@ -631,7 +631,7 @@ class Simulation(Sealed, PicturedDisks):
 
         comm, fingerprint = self._engine.comm, snapshot.fingerprint(self._engine)
 
-        found, meta, in_parts = checkpoint.read_parts(path, comm)
+        found, meta, in_parts = checkpoint.read_parts(checked.path("path", path), comm)
         if meta["fingerprint"] != fingerprint:
             raise InputError(
                 f"{path}: the checkpoint of another gas: disks, box, laws, walls, forces, seed, precision or device "
@@ -880,10 +880,9 @@ class Simulation(Sealed, PicturedDisks):
         InputError
             If it is not a finite time, or lies in the past.
         """
-        if not (math.isfinite(t_end) and t_end >= self.time):
-            raise InputError(
-                f"t_end = {t_end}: a finite time not before the present one, {self.time}, is needed"
-            )
+        needed = f"a finite time not before the present one, {self.time}, is needed"
+        if not (math.isfinite(checked.real("t_end", t_end, needed)) and t_end >= self.time):
+            raise InputError(f"t_end = {t_end}: {needed}")
         return self._recorded(lambda: self.time < t_end, t_end=t_end)
 
     def collide(self, count: int) -> CollisionTimes:

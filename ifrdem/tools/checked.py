@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterable, Sequence
 from numbers import Real
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -52,6 +54,19 @@ def one_of(name: str, value: object, allowed: Iterable[str]) -> str:
     if not isinstance(value, str) or value not in known:
         raise InputError(f"{name} = {value!r}: allowed are {', '.join(known)}{nearest(str(value), known)}")
     return value
+
+
+def instance(name: str, value: object, kind: type) -> None:
+    """Refuse an object of another class."""
+    if not isinstance(value, kind):
+        raise InputError(f"{name} = {value!r}: a {kind.__name__} is needed")
+
+
+def path(name: str, value: object) -> Path:
+    """The path of a file."""
+    if not isinstance(value, str | os.PathLike):
+        raise InputError(f"{name} = {value!r}: the path of a file is needed")
+    return Path(value)
 
 
 def finite_pair(name: str, value: Any) -> tuple[float, float]:

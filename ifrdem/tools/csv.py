@@ -42,9 +42,9 @@ def read(path: Path, *, most: int, delimiter: str = ",") -> tuple[list[list[str]
 
 
 def is_number(text: str) -> bool:
-    """True if a text is a number, NaN and infinity included."""
+    """True if a text is a number, NaN and infinity included; not with underscores, which Python would allow."""
     try:
         float(text)
     except ValueError:
         return False
-    return True
+    return "_" not in text

@@ -32,6 +32,7 @@ from ..model import walls
 from ..model.box import Box
 from ..model.free_area import Room
 from ..model.state import Disks
+from ..tools import checked
 from ..tools.pictured import Pictured, plots, refuse_unknown
 from ..tools.sealed import Sealed
 from ..tools.slices import GATHERED
@@ -39,7 +40,7 @@ from . import damage, history, layout, tables
 from . import parts as parted
 from .frame import SPIN, Frame
 from .history import History
-from .parts import Parts
+from .parts import Part, Parts
 from .series import Series
 
 if TYPE_CHECKING:
@@ -170,7 +171,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
     series: Series
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        self._set(path=Path(path))
+        self._set(path=checked.path("path", path))
         self._open()
         try:
             self._again(self._read_head)
@@ -212,23 +213,36 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
 
         Raises InputError if it is another one, the file does not hold the field, or it cannot be read (`DamageError`).
         """
+        if (field := SPIN if name == "spin" else name) not in self.fields:
+            self.dataset(name)  # refuses it
+        lengths = (self._frames, self.n, *layout.FIELDS[field].tail)
+        given = selection if isinstance(selection, tuple) else (selection,)
+        if len(given) > len(lengths):
+            raise InputError(f"selection {selection!r} of {name}: {len(lengths)} axes are all there are")
         forward: list[Any] = []
         turned: list[int] = []  # axes of what is read
-        for axis, each in enumerate(selection if isinstance(selection, tuple) else (selection,)):
-            if isinstance(each, slice) and (each.step is None or each.step > 0):
-                forward.append(each)
-            elif isinstance(each, slice) and each.step < 0:
-                length = (self._frames, self.n)[axis] if axis < 2 else self.dataset(name).shape[axis]
-                rows = range(length)[each][::-1]
-                turned.append(sum(isinstance(one, slice) for one in forward))
+        for length, each in zip(lengths, given or (slice(None),), strict=False):
+            refused = InputError(
+                f"selection {each!r} of {name}: whole numbers and slices are needed; of what is read, any part can "
+                "be taken, as trajectory.read(name, 3)[[5, 2]]"
+            )
+            if isinstance(each, slice):
+                try:
+                    rows = range(length)[each]
+                except (TypeError, ValueError):
+                    raise refused from None
+                if rows.step < 0:
+                    turned.append(sum(isinstance(one, slice) for one in forward))
+                    rows = rows[::-1]
                 forward.append(slice(rows.start, rows.stop, rows.step) if rows else slice(0, 0))
             elif isinstance(each, int | np.integer) and not isinstance(each, bool):
-                forward.append(each)
+                if not -length <= each < length:
+                    raise FrameError(
+                        f"selection {each} of {name}: there are {length} along this axis, from 0"
+                    )
+                forward.append(int(each) % length)
             else:
-                raise InputError(
-                    f"selection {each!r} of {name}: whole numbers and slices are needed; of what is read, any part can "
-                    "be taken, as trajectory.read(name, 3)[[5, 2]]"
-                )
+                raise refused
         value = np.flip(self._again(lambda: self._read_field(name, tuple(forward))), axis=tuple(turned))
         if value.dtype.kind == "f" and not np.isfinite(value).all():  # no writer of ours stores such
             raise DamageError(f"{self.path} is damaged: {name} holds numbers that are not finite")
@@ -304,7 +318,9 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         Raises InputError if there is no such constant, or it cannot be read (`DamageError`).
         """
         if name not in layout.STATIC:
-            raise NameMissing(f"there is no constant {name!r}{there_are(name, layout.STATIC)}")
+            raise NameMissing(f"there is no constant {name!r}{there_are(str(name), layout.STATIC)}")
+        if not isinstance(disks, slice | int | np.integer):
+            raise InputError(f"disks = {disks!r}: a slice is needed, such as slice(0, 10)")
         return self._again(lambda: self._constants(name, disks))
 
     def _constants(self, name: str, disks: slice = slice(None)) -> NDArray[Any]:
@@ -399,6 +415,13 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         return self._parts
 
     @property
+    def part(self) -> Part | None:
+        """Mark of the part of a trajectory that the file is, with some of its disks only; None of a whole one."""
+        file = self._opened()
+        with damage.reading(self.path, parted.PART):
+            return Part.of(file) if self._parts is None and parted.PART in file else None
+
+    @property
     def missing(self) -> tuple[int, ...]:
         """Numbers of the parts that are missing: what needs their disks cannot be read (`DamageError`)."""
         return tuple(self._missing)
@@ -435,7 +458,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
     def __getitem__(self, index: int | slice) -> Frame | list[Frame]:
         if isinstance(index, slice):
             return [Frame(self, i) for i in range(*index.indices(self._frames))]
-        i = operator.index(index)
+        i = _index("frame", index)
         if not -self._frames <= i < self._frames:
             span = f"0 to {self._frames - 1}" if self._frames else "none"
             raise FrameError(f"frame {i} of {self.path}: there are {self._frames} frames ({span})")
@@ -456,7 +479,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         file = self._opened()
         name = SPIN if name == "spin" else name
         if name not in self.fields:
-            raise NameMissing(f"{self.path} holds no field {name!r}{there_are(name, self.fields)}")
+            raise NameMissing(f"{self.path} holds no field {name!r}{there_are(str(name), self.fields)}")
         return layout.field_dataset(file, name)
 
     def disk(self, disk: int) -> DiskPath:
@@ -509,7 +532,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
 
     def checked_disk(self, disk: int) -> int:
         """The id of a disk; InputError if there is none of it."""
-        disk = operator.index(disk)
+        disk = _index("disk", disk)
         n = self.n
         if not 0 <= disk < n:
             span = f" (0 to {n - 1})" if n else ""
@@ -602,6 +625,14 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
     def stated_units(self) -> dict[str, str] | None:
         """The same; None if the file states no units, not even that they are reduced."""
         return self.units or ({} if self.parameters.get("units") == layout.REDUCED else None)
+
+
+def _index(what: str, given: Any) -> int:
+    """The number of a frame or a disk; InputError if it is none."""
+    try:
+        return operator.index(given)
+    except TypeError:
+        raise InputError(f"{what} = {given!r}: a whole number is needed") from None
 
 
 def check_file(path: Path) -> None:

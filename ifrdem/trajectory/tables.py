@@ -184,6 +184,8 @@ def concat(trajectories: Iterable[Trajectory | str | os.PathLike[str]]) -> xarra
     """
     from .reader import Trajectory
 
+    if isinstance(trajectories, str | os.PathLike | Trajectory) or not isinstance(trajectories, Iterable):
+        raise InputError(f"trajectories = {trajectories!r}: a list of trajectories or files is needed")
     xarray = needed("xarray", "analysis")
     with contextlib.ExitStack() as stack:
         opened = [

@@ -115,6 +115,12 @@ class TrajectoryWriter(Sealed):
         walls: Sequence[Wall] = (),
         within: Parts | Part | None = None,
     ) -> None:
+        checked.path("path", path)
+        checked.instance("disks", disks, Disks)
+        checked.instance("box", box, Box)
+        for name, given in (("parameters", parameters), ("units", units)):
+            if not isinstance(given, Mapping | None):
+                raise InputError(f"{name} = {given!r}: a mapping by name is needed")
         parameters = dict(parameters or {}, **({"walls": to_json(walls)} if walls else {}))
         units = units or {}
         fields = [fields] if isinstance(fields, str) else list(fields)
@@ -282,6 +288,8 @@ class TrajectoryWriter(Sealed):
             first = self._observables if len(self) else None
             before, found = self._last_time, []
             for state, observables in frames:
+                if not hasattr(state, "time"):
+                    raise InputError(f"state = {state!r}: a State is needed")
                 if not isinstance(observables, Mapping | None):
                     raise InputError(
                         f"observables = {type(observables).__name__}: numbers by name are needed, such as "

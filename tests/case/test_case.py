@@ -528,6 +528,11 @@ def start_case(tmp_path: Path, rows: str, *, number: int = 2) -> list[str]:
     ]
 
 
+def test_a_csv_file_for_positions_is_told_its_key(tmp_path: Path) -> None:
+    (found,) = mistakes("start.positions=start.csv", folder=tmp_path)
+    assert found.endswith('; a CSV file is named by file = "start.csv"')
+
+
 def test_start_file_gives_positions_and_motion(tmp_path: Path) -> None:
     rows = "# made by hand\nspin, x, y, vx, vy\n0.5, 1.0, 1.0, 3.0, 4.0\n\n-0.5, 5.0, 7.9, 0.0, 0.0\n"
     wanted = [*start_case(tmp_path, rows), "species[0].speed_rms="]
@@ -563,6 +568,15 @@ def test_start_file_with_positions_only_leaves_the_speeds_to_the_species(tmp_pat
         ("x,y,spn\n", r"unknown column 'spn' \(did you mean 'spin'\?\)"),
         ("x,y,x\n1,1,1\n", "column 'x' stands twice"),
         ("", "is empty"),
+        ("x,y\n1_0,1\n3.0,3.0\n", "line 2: x = 1_0: a number is needed"),
+        ("x,y\n1.0,nan\n3.0,abc\n", "line 2: y = nan: a finite number is needed"),
+        ("x,y\n1.0,\n3.0,3.0\n", "line 2: y = nothing: a finite number is needed"),
+        ("x;y\n1;1\n", r'here are semicolons; start\.delimiter = ";" reads them'),
+        ("x\ty\n1\t1\n", r'here are tabs; start\.delimiter = "\\t" reads them'),
+        ("x|y\n1|1\n", r'here are bars; start\.delimiter = "\|" reads them'),
+        ("x y\n1 1\n", r'here are blanks; start\.delimiter = " " reads them'),
+        ('x,y\n"1,5",1\n3.0,3.0\n', r'x = 1,5: a number is needed; start\.decimal = "," reads a comma'),
+        ("x,y,spinn\n", r"did you mean 'spin'\?\); start\.columns = \{spin = \"spinn\"\} says that it is"),
     ],
 )
 def test_wrong_start_file_is_refused_by_line(rows: str, says: str, tmp_path: Path) -> None:

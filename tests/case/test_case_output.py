@@ -344,3 +344,9 @@ def test_check_tells_of_parts(folder, capsys):
     ):
         assert cli.main(["check", path, "--set", f"output.parts={wrong}"]) == 2
         assert f"output.parts {said}" in capsys.readouterr().err
+
+
+def test_the_time_of_a_run_names_the_compilation_beside_it(folder, capsys):
+    assert cli.main(["check", str(folder / "gas.toml")]) == 0
+    (time,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  time ")]
+    assert "before that, kernels are compiled: a second or two if" in time

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import ifrdem
 from ifrdem.cli.main import main
 from ifrdem.errors import InputError
 from ifrdem.fit.tabular import Form
@@ -118,3 +119,17 @@ def test_wrong_places_are_refused(run: Path, text: str, says: str) -> None:
     Path("rest.csv").write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=says):
         compare.compare(run, compare.read("rest.csv", {}, Form()))
+
+
+@pytest.mark.parametrize(
+    ("units", "says"),
+    [({}, ""), ({"length": "reduced"}, "lengths in reduced units, "), ({"length": "m"}, "lengths in m, ")],
+)
+def test_units_are_those_that_the_file_states(tmp_path: Path, units: dict[str, str], says: str) -> None:
+    disks, box = ifrdem.Disks(1, 1.0, 0.5), ifrdem.Box((9.0, 9.0))
+    with ifrdem.TrajectoryWriter(tmp_path / "one.h5", disks, box, units=units) as file:
+        file.write(ifrdem.State([[1.0, 2.0]], [[0.0, 0.0]], [0.0]))
+    (tmp_path / "seen.csv").write_text("id,x,y,t\n0,1,2,0\n", encoding="utf-8")
+    seen = compare.read(tmp_path / "seen.csv", {"positions": 0.1}, Form())
+    table = compare.compare(tmp_path / "one.h5", seen, members=0).table()
+    assert table.splitlines()[0] == f"1 places; {says}angles in degrees"

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import functools
+import json
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import ifrdem
+from ifrdem.analysis.catalogue import ANALYSES
 from ifrdem.cli.main import main
+from ifrdem.plots import run
 from ifrdem.trajectory.parts_writer import PartsWriter
 
 CASE = """
@@ -122,3 +126,44 @@ def test_a_run_begins_with_a_frame_of_parts(runs, capsys, tmp_path):
         assert main([*given, "--set", "run.collisions_per_disk=1.0"]) == 0, capsys.readouterr().err
     with ifrdem.Trajectory(tmp_path / "one.h5") as one, ifrdem.Trajectory(tmp_path / "parts.h5") as parts:
         assert np.array_equal(one[-1].position, parts[-1].position)
+
+
+@pytest.mark.filterwarnings("default")
+def test_analyses_that_a_missing_part_prevents_are_no_success(runs, capsys, tmp_path):
+    shutil.copytree(runs["parts"].parent, tmp_path / "copy")
+    path, out = tmp_path / "copy" / "gas.h5", ["-o", str(tmp_path / "out")]
+    part = path.with_suffix(".parts") / "0001.h5"
+    part.rename(tmp_path / "0001.h5")
+    assert main(["analyse", str(path), *out]) == 1
+    assert "velocity: not possible: " in capsys.readouterr().out
+    record = json.loads((tmp_path / "out" / "gas.json").read_text())
+    assert "cooling" in record["analyses"]
+    assert {"velocity", "g", "msd"} <= set(record["damaged"])
+    (tmp_path / "0001.h5").rename(part)
+    assert main(["analyse", str(path), *out]) == 0  # those that were not possible are
+    assert "velocity: velocities and spins" in capsys.readouterr().out
+    assert json.loads((tmp_path / "out" / "gas.json").read_text())["damaged"] == {}
+
+
+def test_a_part_alone_is_told_from_the_gas(runs, capsys, tmp_path):
+    part = runs["parts"].with_suffix(".parts") / "0001.h5"
+    with ifrdem.Trajectory(part) as file:
+        title = run.title(file)
+        doubts = {
+            name: ANALYSES[name].of(file, None).doubts for name in ("g", "S", "fields", "clusters", "psi6")
+        }
+        assert (file.part.number, file.part.first) == (1, 100)
+    assert title == "0001: 100 disks, part 1 of a trajectory (disks 100 to 199)"
+    for found in doubts.values():
+        assert (
+            "part 1 of a trajectory (disks 100 to 199): the other disks of the gas are left out" in found[0]
+        )
+    for whole in runs.values():
+        with ifrdem.Trajectory(whole) as file:
+            assert file.part is None
+            assert "packing fraction" in run.title(file)
+            assert ANALYSES["fields"].of(file, None).doubts == []
+    assert main(["info", str(part)]) == 0
+    told = capsys.readouterr().out
+    assert "1 of a trajectory" in told
+    assert "packing fraction" not in told

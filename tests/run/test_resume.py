@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from ifrdem.case.case import Case
+from ifrdem.case.gas import CaseGas
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError, Stopped
 from ifrdem.model.observables import Measure
@@ -398,4 +399,19 @@ def test_max_hours_stop_a_run_that_can_go_on(whole, tmp_path, capsys):
     assert cli.main(["run", str(case), "-o", f"{tmp_path}/", "--maxh", "1e-9"]) == 3
     assert "1e-09 hours are up (--maxh)" in capsys.readouterr().err
     assert cli.main(["resume", str(tmp_path)]) == 0
+    same(tmp_path / "gas.h5", whole)
+
+
+def test_max_hours_count_the_making_of_the_start(whole, tmp_path, capsys, monkeypatch):
+    case, made = whole.parent / "gas.toml", CaseGas.start
+
+    def slowly(*given):
+        time.sleep(0.4)
+        return made(*given)
+
+    monkeypatch.setattr(CaseGas, "start", slowly)
+    assert cli.main(["run", str(case), "-o", f"{tmp_path}/", "--maxh", "1e-4"]) == 3  # 0.36 s
+    assert "0.0001 hours are up (--maxh)" in capsys.readouterr().err
+    assert cli.main(["resume", str(tmp_path)]) == 0
+    assert "go on at t = 0, after 0 collisions" in capsys.readouterr().out
     same(tmp_path / "gas.h5", whole)

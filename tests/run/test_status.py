@@ -175,11 +175,13 @@ def test_tail_prints_a_line_at_each_news_until_the_run_ends(tmp_path):
     assert len(lines) == 5
 
 
-@pytest.mark.parametrize(("state", "well"), [("running", True), ("done", True), ("full disk", False)])
-def test_the_command_prints_once_and_tells_how_it_ended(tmp_path, capsys, state, well):
+@pytest.mark.parametrize(
+    ("state", "ended"), [("running", 0), ("done", 0), ("full disk", 1), ("failed", 1), ("interrupted", 3)]
+)
+def test_the_command_prints_once_and_tells_how_it_ended(tmp_path, capsys, state, ended):
     one = Status(tmp_path / "gas.h5", name="gas")
     one.finish(state)
-    assert main(["tail", str(tmp_path), "--once"]) == (0 if well else 1)
+    assert main(["tail", str(tmp_path), "--once"]) == ended
     assert len(capsys.readouterr().out.splitlines()) == 2
     for interval in ("0", "soon", "nan"):
         assert main(["tail", str(tmp_path), "--interval", interval]) == 2

@@ -105,6 +105,44 @@ def test_selections_that_no_file_reads_are_refused(tmp_path, selection):
             assert np.array_equal(trajectory.read("position", back), whole[back])
 
 
+REFUSED = {
+    "an axis too many": (lambda run: run.read("position", (0, 0, 0, 0)), "3 axes are all there are"),
+    "a frame beyond": (lambda run: run.read("position", 3), "selection 3 of position: there are 3"),
+    "a disk beyond": (lambda run: run.read("position", (0, -6)), "selection -6 of position: there are 5"),
+    "slice of text": (lambda run: run.read("spin", slice("a", None)), "whole numbers and slices are needed"),
+    "number for a field": (lambda run: run.read(5, 0), "no field 5"),
+    "text for a frame": (lambda run: run["a"], "frame = 'a': a whole number"),
+    "half a frame": (lambda run: run[1.5], "frame = 1.5: a whole number"),
+    "list of disks": (lambda run: run.disk([1, 2]), r"disk = \[1, 2\]: a whole number"),
+    "text for a history": (lambda run: run.history("x"), "disk = 'x': a whole number"),
+    "list of constants": (lambda run: run.constants("mass", [1]), r"disks = \[1\]: a slice"),
+    "number for a constant": (lambda run: run.constants(5), "no constant 5"),
+    "number for frames": (lambda run: run.plot("disks", frames=5), r"frames = 5: a list .*, \[5\] for one"),
+    "text for frames": (lambda run: run.plot("disks", frames=["a"]), "frame = 'a': a whole number"),
+    "number for a file": (lambda run: Trajectory(5), "path = 5: the path of a file"),
+}
+
+
+@pytest.mark.parametrize("case", list(REFUSED))
+def test_what_does_not_fit_is_refused_by_name_and_not_called_damage(tmp_path, case):
+    act, says = REFUSED[case]
+    write(tmp_path / "run.h5")
+    with Trajectory(tmp_path / "run.h5") as trajectory, pytest.raises(InputError, match=says) as told:
+        act(trajectory)
+    assert not isinstance(told.value, DamageError)
+
+
+def test_what_is_not_committed_is_not_read(tmp_path):
+    write(tmp_path / "run.h5", frames=3)
+    with h5py.File(tmp_path / "run.h5", "r+") as file:  # as after a kill while a frame is written
+        file["particles/all/position/step"].resize(2, axis=0)
+    with Trajectory(tmp_path / "run.h5") as trajectory:
+        assert len(trajectory.dataset("position")) == 3
+        assert trajectory.read("position").shape == (2, 5, 2)
+        assert trajectory.read("position", slice(None)).shape == (2, 5, 2)
+        assert np.array_equal(trajectory.read("position", -1), trajectory[1].position)
+
+
 def test_observables_come_back_over_the_frames(tmp_path):
     path = tmp_path / "run.h5"
     write(path, frames=3)
