@@ -10,6 +10,7 @@ have the same bits for any number of ranks, and of one block those of `numpy.sum
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, TypeVar
@@ -70,7 +71,7 @@ def _swapped(comm: Any, counts: NDArray[np.integer], arrays: Iterable[NDArray[An
     found = []
     for each in arrays:
         rows = np.empty((int(taken.sum()), *each.shape[1:]), each.dtype)
-        with _Rows(each) as kind:
+        with _rows(each) as kind:
             comm.Alltoallv(
                 [np.ascontiguousarray(each), (sent, _starts(sent)), kind],
                 [rows, (taken, _starts(taken)), kind],
@@ -84,20 +85,17 @@ def _starts(counts: NDArray[np.int64]) -> NDArray[np.int64]:
     return starts
 
 
-class _Rows:
+@contextlib.contextmanager
+def _rows(array: NDArray[Any]) -> Iterator[Any]:
     """A datatype of MPI that is a row of an array."""
+    from mpi4py import MPI
 
-    def __init__(self, array: NDArray[Any]) -> None:
-        self._bytes = array.dtype.itemsize * int(np.prod(array.shape[1:], dtype=np.int64))
-
-    def __enter__(self) -> Any:
-        from mpi4py import MPI
-
-        self._type = MPI.BYTE.Create_contiguous(self._bytes).Commit()
-        return self._type
-
-    def __exit__(self, *_: object) -> None:
-        self._type.Free()
+    size = array.dtype.itemsize * int(np.prod(array.shape[1:], dtype=np.int64))
+    kind = MPI.BYTE.Create_contiguous(size).Commit()
+    try:
+        yield kind
+    finally:
+        kind.Free()
 
 
 def by_id(comm: Any, n: int, ids: NDArray[np.integer], arrays: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
@@ -140,7 +138,7 @@ def gather(comm: Any, n: int, arrays: Sequence[NDArray[Any]]) -> list[NDArray[An
             found.append(np.broadcast_to(each[:1].copy(), (n, *each.shape[1:])))
             continue
         rows = np.empty((n if comm.rank == 0 else 0, *each.shape[1:]), each.dtype)
-        with _Rows(each) as kind:
+        with _rows(each) as kind:
             comm.Gatherv(
                 [np.ascontiguousarray(each), len(each), kind], [rows, (counts, _starts(counts)), kind]
             )
@@ -165,7 +163,7 @@ def scatter(comm: Any, n: int, arrays: Sequence[NDArray[Any]] | None) -> list[ND
             found.append(np.broadcast_to(same, (length, *shape)))
             continue
         rows = np.empty((length, *shape), dtype)
-        with _Rows(rows) as kind:
+        with _rows(rows) as kind:
             sent = None
             if arrays is not None:
                 sent = [np.ascontiguousarray(arrays[i]), (counts, _starts(counts)), kind]
