@@ -7,6 +7,7 @@ import json
 import math
 import operator
 import os
+import re
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -40,7 +41,6 @@ from . import parts as parted
 from .frame import SPIN, Frame
 from .history import History
 from .parts import Parts
-from .series import Series
 
 if TYPE_CHECKING:
     import MDAnalysis
@@ -51,6 +51,73 @@ Result = TypeVar("Result")
 
 # A run may be writing just while its file is opened: how often to try again, and the pause between [s].
 _ATTEMPTS, _PAUSE = 5, 0.05
+
+
+class Series(Sealed, Mapping[str, NDArray[Any]]):
+    """Quantities by name: arrays over a time of their own, shape (rows, ...), read when asked for.
+
+    A quantity with named columns gives one of them too: `series["dissipated_by_mechanism/sliding"]`,
+    `series["walls_work/wall 0 line"]`; by the name of a group of walls, their sum: `series["walls_work/paddle"]`.
+
+    Attributes
+    ----------
+    time : array (rows,)
+        Times of the rows [time].
+    """
+
+    time: NDArray[np.float64]
+
+    def __init__(
+        self,
+        group: h5py.Group | None,
+        time: NDArray[np.float64],
+        kind: str,
+        read: Callable[[str, int, int], NDArray[Any]],
+    ) -> None:
+        self._kind = kind
+        self._path = "" if group is None else str(group.name)
+        self._read = read
+        self._columns: dict[str, tuple[str, ...]] = {}
+        for name, item in () if group is None else group.items():
+            if isinstance(item, h5py.Group):
+                columns = item.attrs.get("columns", ())
+                self._columns[damage.text_of(name)] = tuple(
+                    one.decode() if isinstance(one, bytes) else str(one) for one in columns
+                )
+        self._set(time=time)
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        whole, _, column = str(name).partition("/")
+        columns = self.columns(whole)
+        value = self._read(f"{self._path}/{whole}/value", len(self.time), len(columns))
+        if not column:
+            return value
+        if column not in columns:
+            group = [i for i, one in enumerate(columns) if re.fullmatch(rf"{re.escape(column)} \d+ .*", one)]
+            if group:  # of walls
+                return np.asarray(value[:, group].sum(axis=1))
+            raise NameMissing(
+                f"{self._kind} {whole!r} of the file has no column {column!r}{there_are(column, columns)}"
+            )
+        return value[:, columns.index(column)]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._columns)
+
+    def __len__(self) -> int:
+        return len(self._columns)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._columns
+
+    def columns(self, name: str) -> tuple[str, ...]:
+        """Names of the columns of a quantity; empty if it has none."""
+        if name not in self._columns:
+            raise NameMissing(f"the file holds no {self._kind} {name!r}{there_are(str(name), self)}")
+        return self._columns[name]
+
+    def __repr__(self) -> str:
+        return f"<{self._kind} of {len(self.time)} rows: {', '.join(self) or 'none'}>"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -93,14 +160,6 @@ class DiskPath:
         return (
             f"<DiskPath of disk {self.disk}: {counted(len(self), 'frame')}{span}; {', '.join(self.fields)}>"
         )
-
-
-def _is_newer(file: h5py.File) -> bool:
-    """True for a file of a newer layout, as far as it tells."""
-    try:
-        return layout.version_of(file) > layout.LAYOUT_VERSION
-    except damage.FAULTS:
-        return False
 
 
 class Trajectory(Sealed, Pictured, Sequence[Frame]):
@@ -179,14 +238,11 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
                 warnings.warn(text, DamageWarning, stacklevel=2)
             if not self._missing and self.n <= GATHERED:
                 self.disks  # noqa: B018 (of few, they are there when the file is closed)
-        except DamageError as error:
-            text = layout.newer(self._file, str(self.path)) if _is_newer(self._file) else ""
+        except BaseException as error:
+            newer = layout.newer(self._file, str(self.path)) if isinstance(error, DamageError) else ""
             self._file.close()
-            if text:
-                raise InputError(f"{text} ({error})") from error
-            raise
-        except BaseException:
-            self._file.close()
+            if newer:
+                raise InputError(f"{newer} ({error})") from error
             raise
 
     def _open(self) -> None:
