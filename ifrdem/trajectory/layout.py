@@ -467,17 +467,13 @@ def _check_frames(file: h5py.File, path: str, parts: Parts | None) -> None:
         f"{EDGES}/time": ((None,), "f"),
         f"{EDGES}/value": ((None, 3), "f"),
     }
-    shown = [f"{PARTICLES}/{name}" for name in STATIC]
-    shown += [f"{PARTICLES}/{name}/{FIELDS[name].dataset}" for name in stored_fields(file)]
-    if parts is None:  # else the parts have their shapes
-        n = len(file[f"{PARTICLES}/radius"]) if f"{PARTICLES}/radius" in file else 0
-        expected |= {f"{PARTICLES}/{name}": ((n,), "iu" if name == "material" else "f") for name in STATIC}
-        for name in stored_fields(file):
-            field = FIELDS[name]
-            shape = (None, n, *field.tail)
-            expected[f"{PARTICLES}/{name}/{field.dataset}"] = shape, "i" if field.count else "f"
+    n = len(file[f"{PARTICLES}/radius"]) if parts is None and f"{PARTICLES}/radius" in file else 0
+    own: Expected = {f"{PARTICLES}/{name}": ((n,), "iu" if name == "material" else "f") for name in STATIC}
+    for name in stored_fields(file):
+        field = FIELDS[name]
+        own[f"{PARTICLES}/{name}/{field.dataset}"] = (None, n, *field.tail), "i" if field.count else "f"
     groups = ("h5md/modules/ifrdem", "parameters", "observables")
-    if missing := [name for name in (*expected, *shown, *groups) if name not in file]:
+    if missing := [name for name in (*expected, *own, *groups) if name not in file]:
         creator = file["h5md/creator"].attrs.get("name", "unknown") if "h5md/creator" in file else "unknown"
         raise InputError(
             f"{path} is H5MD but not a trajectory of ifrdem (its creator: {creator}): missing {', '.join(missing)}"
@@ -491,7 +487,7 @@ def _check_frames(file: h5py.File, path: str, parts: Parts | None) -> None:
     for name in stored_fields(file) if parts is None else ():
         if (frames := len(field_dataset(file, name))) < steps:
             raise InputError(f"{path} is damaged: {name} holds {frames} of {steps} frames")
-    _expect(file, expected)
+    _expect(file, expected | own if parts is None else expected)  # parts have their own shapes
 
 
 def _expect(group: h5py.Group, expected: Expected) -> None:
