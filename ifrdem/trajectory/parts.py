@@ -182,7 +182,8 @@ class Parts:
             raise MissingPart(f"{what} does not say which part it is: {error}{SEE}") from error
         if found != self.part(number):
             file.close()
-            raise MissingPart(f"{what} is not that part of this run{found.otherwise(self, number)}{SEE}")
+            other = f"it is part {found.number}" if found.run == self.run else "it belongs to another run"
+            raise MissingPart(f"{what} is not that part of this run: {other}{SEE}")
         return file
 
     def read(
@@ -241,12 +242,6 @@ class Part:
             raise ValueError("it is in parts itself")
         given = file[PART].attrs
         return cls(given["run"].decode(), int(given["number"]), int(given["first"]))
-
-    def otherwise(self, parts: Parts, number: int) -> str:
-        """Differences from a part that is wanted, for a message."""
-        if self.run != parts.run:
-            return ": it belongs to another run"
-        return f": it is part {self.number}"
 
 
 def of(file: h5py.File, path: str | os.PathLike[str] = "") -> Parts | None:
