@@ -11,7 +11,9 @@ have the same bits for any number of ranks, and of one block those of `numpy.sum
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
+import operator
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, TypeVar
 
@@ -198,12 +200,7 @@ def _of_blocks(comm: Any, rows: NDArray[Any], work: Callable[[NDArray[Any]], Any
 def total(rows: NDArray[Any], comm: Any = None) -> Any:
     """The sum of the rows of all disks, with the same bits on any number of ranks: each gives those of its slice."""
     sums = _of_blocks(comm, rows, lambda block: np.sum(block, axis=0))
-    if not sums:
-        return np.sum(rows, axis=0)
-    found = sums[0]
-    for each in sums[1:]:
-        found = found + each
-    return found
+    return functools.reduce(operator.add, sums) if sums else np.sum(rows, axis=0)
 
 
 def digest(rows: NDArray[Any], comm: Any = None) -> bytes:

@@ -102,6 +102,8 @@ def agree(comm: Any, error: BaseException | None) -> None:
 
 def together(comm: Any, work: Callable[[], Result]) -> Result:
     """Have each rank do something, and give its own result. An error of one is raised on all."""
+    if comm is None:
+        return work()
     result, error = None, None
     try:
         result = work()

@@ -179,13 +179,7 @@ class TrajectoryWriter(Sealed):
         return writer
 
     def _begin(
-        self,
-        output: OutputFile,
-        n: int,
-        box: Box,
-        frames: int = 0,
-        series_rows: int = 0,
-        events: int = 0,
+        self, output: OutputFile, n: int, box: Box, frames: int = 0, series_rows: int = 0, events: int = 0
     ) -> None:
         """Take the file's datasets in hand; so much of each the run has written."""
         self._output = output
@@ -312,10 +306,7 @@ class TrajectoryWriter(Sealed):
             self._output.publish()
 
     def write_series(
-        self,
-        time: float,
-        values: Mapping[str, ArrayLike],
-        columns: Mapping[str, Sequence[str]] | None = None,
+        self, time: float, values: Mapping[str, ArrayLike], columns: Mapping[str, Sequence[str]] | None = None
     ) -> None:
         """Append a row to the time series and commit it.
 
