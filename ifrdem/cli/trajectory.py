@@ -142,7 +142,7 @@ def repair(
     are written again. Compressed data tell when they are damaged; uncompressed ones do not.
     """
     from ..trajectory import repair as repairing
-    from ..trajectory.views import write_views
+    from ..trajectory.views import stale, write_views
 
     given = Path(file)
     if in_place and (output is not None or force):
@@ -162,7 +162,7 @@ def repair(
     else:
         say("  nothing is wrong")
     whole = out if wrote else given
-    if repairing.stale_views(whole):
+    if stale(whole):
         try:
             made = write_views(whole)
         except InputError as error:  # such as one without positions, which has nothing to show

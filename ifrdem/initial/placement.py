@@ -314,7 +314,7 @@ def random_positions(
         for each in own:
             if each % 2 == parity:
                 position[rows[each]] = _added(
-                    room, radii_there[rows[each]], seeds.of_block(seed, seeds.POSITIONS, each), wanted,
+                    room, radii_there[rows[each]], seeds.stream(seed, seeds.POSITIONS, each), wanted,
                     (axis, edges[each], edges[each + 1]), float(shares[each]),
                     beside.get(each, (np.empty((0, 2)), np.empty(0))),
                 )  # fmt: skip

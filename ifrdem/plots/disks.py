@@ -16,8 +16,7 @@ from ..model.walls import Wall, at_displacements
 from ..simulation.simulation import Simulation
 from ..tools.checked import Array
 from ..trajectory.export import material_names
-from ..trajectory.frame import Frame
-from ..trajectory.reader import Trajectory
+from ..trajectory.reader import Frame, Trajectory
 from .style import KINDS, Gas, bar_beside, foreground, is_dark, label, place_axes, unit_of, with_unit
 
 if TYPE_CHECKING:

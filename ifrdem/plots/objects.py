@@ -14,8 +14,7 @@ import numpy as np
 from ..model.box import Box
 from ..model.state import State
 from ..simulation.simulation import Simulation
-from ..trajectory.frame import Frame
-from ..trajectory.reader import Trajectory
+from ..trajectory.reader import Frame, Trajectory
 from . import disks as plot_disks
 from . import pictures
 

@@ -142,11 +142,11 @@ def _describe_beside(trajectory: Trajectory) -> list[str]:
     told = status.path_of(path)
     if told.exists():
         lines.append(f"  status            {told.name}: {_status(told)}")
+    stale = views.stale(path)
     for view in views.paths(path):
         if view.exists():
-            old = view.stat().st_mtime_ns < path.stat().st_mtime_ns
-            stale = ", older than the trajectory: `ifrdem views` renews it" if old else ""
-            lines.append(f"  view              {view.name}{stale}")
+            old = ", older than the trajectory: `ifrdem views` renews it" if view in stale else ""
+            lines.append(f"  view              {view.name}{old}")
     return ["beside it", *lines] if lines else []
 
 

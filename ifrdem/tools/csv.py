@@ -35,12 +35,6 @@ def each(path: Path, *, most: int, delimiter: str = ",") -> Iterator[tuple[list[
             raise InputError(f"cannot be read: {error.strerror}") from None
 
 
-def read(path: Path, *, most: int, delimiter: str = ",") -> tuple[list[list[str]], list[int]]:
-    """All rows and their line numbers, as `each` gives them."""
-    numbered = list(each(path, most=most, delimiter=delimiter))
-    return [row for row, _ in numbered], [line for _, line in numbered]
-
-
 def is_number(text: str) -> bool:
     """True if a text is a number, NaN and infinity included; not with underscores, which Python would allow."""
     try:

@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from ..errors import InputError
+from ..errors import InputError, refuse
 
 CHECKPOINT = ".checkpoint.h5"
 """Ending of the file from which a run goes on, beside its trajectory."""
@@ -70,8 +70,7 @@ def check_files(paths: Sequence[Path], *, force: bool, elsewhere: str = "-o writ
                 tempfile.TemporaryFile(dir=folder, prefix=".ifrdem-").close()
             except OSError as error:
                 wrong.append(f"output folder {folder}: cannot be written to: {error.strerror}")
-    if wrong:
-        raise InputError("\n".join(wrong))
+    refuse(wrong)
 
 
 def write_aside(place: Path, write: Callable[[Path], object]) -> None:

@@ -19,21 +19,17 @@ POSITIONS, SITES, VELOCITIES, SPINS, RADII, AGITATION, HISTORIES = range(7)
 """Purposes of random numbers."""
 
 
-def stream(seed: int, purpose: int) -> np.random.Generator:
+def stream(seed: int, purpose: int, number: int = 0) -> np.random.Generator:
     """The random numbers of a seed for one purpose, independent of those for another.
+
+    Above 0, `number` is that of a block of ids, or of a strip of the box.
 
     Raises InputError if the seed is not a whole number of 0 or more.
     """
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
         raise InputError(f"seed = {seed}: a whole number, 0 or more, is needed")
-    return np.random.default_rng(np.random.SeedSequence(int(seed), spawn_key=(purpose,)))
-
-
-def of_block(seed: int, purpose: int, number: int) -> np.random.Generator:
-    """The random numbers of a block of ids, or of a strip of the box: those of `stream` for number 0."""
-    if not number:
-        return stream(seed, purpose)
-    return np.random.default_rng(np.random.SeedSequence(int(seed), spawn_key=(purpose, number)))
+    key = (purpose, number) if number else (purpose,)
+    return np.random.default_rng(np.random.SeedSequence(int(seed), spawn_key=key))
 
 
 def drawn(
@@ -47,7 +43,7 @@ def drawn(
     found = []
     for block in slices.blocks(ids):
         number, first = divmod(block.start, slices.BLOCK)
-        found.append(draw(of_block(seed, purpose, number), first + len(block))[first:])
+        found.append(draw(stream(seed, purpose, number), first + len(block))[first:])
     return np.concatenate(found) if found else draw(stream(seed, purpose), 0)
 
 

@@ -10,7 +10,10 @@ have the same bits for any number of ranks, and of one block those of `numpy.sum
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import hashlib
+import operator
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, TypeVar
 
@@ -70,7 +73,7 @@ def _swapped(comm: Any, counts: NDArray[np.integer], arrays: Iterable[NDArray[An
     found = []
     for each in arrays:
         rows = np.empty((int(taken.sum()), *each.shape[1:]), each.dtype)
-        with _Rows(each) as kind:
+        with _rows(each) as kind:
             comm.Alltoallv(
                 [np.ascontiguousarray(each), (sent, _starts(sent)), kind],
                 [rows, (taken, _starts(taken)), kind],
@@ -84,20 +87,17 @@ def _starts(counts: NDArray[np.int64]) -> NDArray[np.int64]:
     return starts
 
 
-class _Rows:
+@contextlib.contextmanager
+def _rows(array: NDArray[Any]) -> Iterator[Any]:
     """A datatype of MPI that is a row of an array."""
+    from mpi4py import MPI
 
-    def __init__(self, array: NDArray[Any]) -> None:
-        self._bytes = array.dtype.itemsize * int(np.prod(array.shape[1:], dtype=np.int64))
-
-    def __enter__(self) -> Any:
-        from mpi4py import MPI
-
-        self._type = MPI.BYTE.Create_contiguous(self._bytes).Commit()
-        return self._type
-
-    def __exit__(self, *_: object) -> None:
-        self._type.Free()
+    size = array.dtype.itemsize * int(np.prod(array.shape[1:], dtype=np.int64))
+    kind = MPI.BYTE.Create_contiguous(size).Commit()
+    try:
+        yield kind
+    finally:
+        kind.Free()
 
 
 def by_id(comm: Any, n: int, ids: NDArray[np.integer], arrays: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
@@ -140,7 +140,7 @@ def gather(comm: Any, n: int, arrays: Sequence[NDArray[Any]]) -> list[NDArray[An
             found.append(np.broadcast_to(each[:1].copy(), (n, *each.shape[1:])))
             continue
         rows = np.empty((n if comm.rank == 0 else 0, *each.shape[1:]), each.dtype)
-        with _Rows(each) as kind:
+        with _rows(each) as kind:
             comm.Gatherv(
                 [np.ascontiguousarray(each), len(each), kind], [rows, (counts, _starts(counts)), kind]
             )
@@ -165,7 +165,7 @@ def scatter(comm: Any, n: int, arrays: Sequence[NDArray[Any]] | None) -> list[ND
             found.append(np.broadcast_to(same, (length, *shape)))
             continue
         rows = np.empty((length, *shape), dtype)
-        with _Rows(rows) as kind:
+        with _rows(rows) as kind:
             sent = None
             if arrays is not None:
                 sent = [np.ascontiguousarray(arrays[i]), (counts, _starts(counts)), kind]
@@ -200,12 +200,7 @@ def _of_blocks(comm: Any, rows: NDArray[Any], work: Callable[[NDArray[Any]], Any
 def total(rows: NDArray[Any], comm: Any = None) -> Any:
     """The sum of the rows of all disks, with the same bits on any number of ranks: each gives those of its slice."""
     sums = _of_blocks(comm, rows, lambda block: np.sum(block, axis=0))
-    if not sums:
-        return np.sum(rows, axis=0)
-    found = sums[0]
-    for each in sums[1:]:
-        found = found + each
-    return found
+    return functools.reduce(operator.add, sums) if sums else np.sum(rows, axis=0)
 
 
 def digest(rows: NDArray[Any], comm: Any = None) -> bytes:

@@ -61,36 +61,29 @@ def is_first(comm: Any) -> bool:
     return comm is None or comm.rank == 0
 
 
-def cores_here(comm: Any, cores: int) -> int:
-    """Cores for each rank of a machine that has so many."""
+def _here(comm: Any) -> tuple[int, int]:
+    """Number of this rank among those of its machine, and how many these are; called by all."""
     from mpi4py import MPI
 
     here = comm.Split_type(MPI.COMM_TYPE_SHARED)
-    found = max(cores // here.size, 1)
+    found = int(here.rank), int(here.size)
     here.Free()
     return found
+
+
+def cores_here(comm: Any, cores: int) -> int:
+    """Cores for each rank of a machine that has so many; called by all."""
+    return max(cores // _here(comm)[1], 1)
 
 
 def number_here(comm: Any) -> int:
     """Number of this rank among those of its machine; called by all."""
-    from mpi4py import MPI
-
-    here = comm.Split_type(MPI.COMM_TYPE_SHARED)
-    found = int(here.rank)
-    here.Free()
-    return found
+    return _here(comm)[0]
 
 
 def share_here(comm: Any) -> float:
     """Part of the ranks that this machine has; called by all."""
-    if comm is None:
-        return 1.0
-    from mpi4py import MPI
-
-    here = comm.Split_type(MPI.COMM_TYPE_SHARED)
-    found = float(here.size / comm.size)
-    here.Free()
-    return found
+    return 1.0 if comm is None else _here(comm)[1] / comm.size
 
 
 def agree(comm: Any, error: BaseException | None) -> None:
@@ -109,6 +102,8 @@ def agree(comm: Any, error: BaseException | None) -> None:
 
 def together(comm: Any, work: Callable[[], Result]) -> Result:
     """Have each rank do something, and give its own result. An error of one is raised on all."""
+    if comm is None:
+        return work()
     result, error = None, None
     try:
         result = work()
@@ -120,20 +115,7 @@ def together(comm: Any, work: Callable[[], Result]) -> Result:
 
 def on_first(comm: Any, work: Callable[[], Result]) -> Result | None:
     """Have the first rank do something, and give its result; None on the others. An error is raised on all."""
-    if comm is None:
-        return work()
-    result, error = None, None
-    if comm.rank == 0:
-        try:
-            result = work()
-        except BaseException as raised:
-            error = raised
-    told = comm.bcast(_told(error))
-    if error is not None:
-        raise error
-    if told is not None:
-        raise _made(*told)
-    return result
+    return together(comm, lambda: work() if is_first(comm) else None)
 
 
 def told(comm: Any, value: Result) -> Result:
@@ -187,35 +169,20 @@ def end(status: int, message: str, complain: Callable[[str], None]) -> int:
     return status
 
 
-_KINDS: dict[str, Callable[[str], Exception]] = {
-    "InputError": InputError, "TrajectoryError": TrajectoryError,
-}  # fmt: skip
+_TOLD = (Stopped, InputError, TrajectoryError, *EngineError.__subclasses__(), EngineError, KeyboardInterrupt)
+_KINDS: dict[str, type[BaseException]] = {each.__name__: each for each in _TOLD}
+"""Errors that ranks tell each other by name, each before the class that it is of."""
 
 
 def _told(error: BaseException | None) -> tuple[str, str, int] | None:
     """Parts of an error that are sent: its kind, its text, an exit status."""
     if error is None:
         return None
-    known: tuple[type[BaseException], ...] = (
-        Stopped,
-        InputError,
-        TrajectoryError,
-        EngineError,
-        KeyboardInterrupt,
-    )
-    for kind in known:
+    for name, kind in _KINDS.items():
         if isinstance(error, kind):
-            named = type(error).__name__ if kind is EngineError else kind.__name__
-            return named, str(error), getattr(error, "status", 0)
+            return name, str(error), getattr(error, "status", 0)
     return "EngineError", f"{type(error).__name__}: {error}", 0
 
 
 def _made(name: str, text: str, status: int) -> BaseException:
-    if name == "Stopped":
-        return Stopped(text, status)
-    if name == "KeyboardInterrupt":
-        return KeyboardInterrupt(text)
-    if name in _KINDS:
-        return _KINDS[name](text)
-    kinds: list[type[EngineError]] = EngineError.__subclasses__()
-    return next((each for each in kinds if each.__name__ == name), EngineError)(text)
+    return Stopped(text, status) if name == "Stopped" else _KINDS[name](text)

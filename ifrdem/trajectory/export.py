@@ -17,9 +17,8 @@ from ..tools import checked
 from ..tools.files import check_apart, write_aside
 from . import tables
 from .damage import FAULTS
-from .frame import SPIN
 from .history import History
-from .reader import Trajectory
+from .reader import SPIN, Trajectory
 from .repair import write_whole
 
 FORMATS = ("gsd", "extxyz", "csv", "h5")
@@ -151,7 +150,7 @@ def _extxyz(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
             time = float(trajectory.times[index])
             cell = ""
             if not box.is_open:
-                above = box.image_above(time) if box.shear_rate else 0.0
+                above = box.image_above(time)
                 width, height = box.lengths
                 cell = f'Lattice="{width!r} 0 0 {above!r} {height!r} 0 0 0 1" '
             periodic = " ".join("T" if one else "F" for one in (*box.periodic, False))
@@ -183,9 +182,7 @@ def _snapshot(hoomd: Any, trajectory: Trajectory, index: int) -> Any:
         side = float(np.ptp(position, axis=0).max() + 2.0 * disks.radius.max()) if n else 1.0
         lengths, tilt = np.array([side, side]), 0.0
     else:
-        middle, lengths = 0.5 * np.asarray(box.lengths), np.asarray(box.lengths)
-        above = box.image_above(frame.time) if box.shear_rate else 0.0
-        tilt = (above - lengths[0] * round(above / lengths[0])) / lengths[1]
+        middle, lengths, tilt = 0.5 * np.asarray(box.lengths), np.asarray(box.lengths), frame.box[3]
     place = position - middle
     if tilt:  # into HOOMD's parallelogram
         place[:, 0] -= lengths[0] * np.round((place[:, 0] - tilt * place[:, 1]) / lengths[0])

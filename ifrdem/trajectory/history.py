@@ -193,8 +193,6 @@ def read(
     Raises InputError if the file has no histories, or not of this disk; the message says of which, or how to ask for
     them.
     """
-    if not 0 <= disk < len(radius):
-        raise InputError(f"disk {disk} of {path}: there are {len(radius)} disks, 0 to {len(radius) - 1}")
     count, _, end = committed(file, path)
     ids = tracked(file)
     place = int(np.searchsorted(ids, disk))

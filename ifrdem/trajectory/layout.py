@@ -7,6 +7,7 @@ last_partner, timeseries and histories, 1.1 no angle, 1.2 no asleep and dissipat
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -200,12 +201,13 @@ def create(
             parts.show(particles, name, f"/{PARTICLES}/{name}", (), kind, frames=False)
     particles["species"] = particles["material"]
     for name in fields:
-        field = FIELDS[name]
+        group, field = _stepped(file, f"{PARTICLES}/{name}"), FIELDS[name]
         stored_as: DTypeLike = np.int32 if field.count else PRECISIONS[precision]
         if parts is None:
-            _create_field(file, name, field, disks.n, stored_as, COMPRESSIONS[compression])
-        else:
-            _show_field(file, name, field, parts, stored_as)
+            _create_field(group, field, disks.n, stored_as, COMPRESSIONS[compression])
+            continue
+        for shown in dict.fromkeys((field.dataset, "value")):
+            parts.show(group, shown, f"{group.name}/{field.dataset}", field.tail, stored_as, frames=True)
 
     stored = file.create_group("parameters")
     reduced = bool(units) and set(units.values()) == {REDUCED}
@@ -242,10 +244,8 @@ def _are_si(units: Mapping[str, str]) -> bool:
 
 
 def _create_field(
-    file: h5py.File, name: str, field: Field, n: int, dtype: DTypeLike, filters: Mapping[str, object]
+    group: h5py.Group, field: Field, n: int, dtype: DTypeLike, filters: Mapping[str, object]
 ) -> None:
-    group = file.create_group(f"{PARTICLES}/{name}")
-    _link_steps(file, group)
     # HDF5 has no chunks of size 0 in an axis that cannot grow.
     group.create_dataset(
         field.dataset,
@@ -263,20 +263,11 @@ def _create_field(
         )
         return
     shape = {"shape": (1, n, 2), "maxshape": (None, n, 2), "dtype": dtype}
-    source = h5py.VirtualSource(".", f"/{PARTICLES}/{name}/{field.dataset}", **shape)
+    source = h5py.VirtualSource(".", f"{group.name}/{field.dataset}", **shape)
     view = h5py.VirtualLayout(shape=(1, n, 3), maxshape=(None, n, 3), dtype=dtype)
     frames = slice(0, h5py.h5s.UNLIMITED)  # the view grows with its source
     view[frames, :, :2] = source[frames, :, :]
     group.create_virtual_dataset("value", view, fillvalue=0)
-
-
-def _show_field(file: h5py.File, name: str, field: Field, parts: Parts, dtype: DTypeLike) -> None:
-    """Make a field that shows those of the parts."""
-    group = file.create_group(f"{PARTICLES}/{name}")
-    _link_steps(file, group)
-    source = f"/{PARTICLES}/{name}/{field.dataset}"
-    for shown in dict.fromkeys((field.dataset, "value")):
-        parts.show(group, shown, source, field.tail, dtype, frames=True)
 
 
 def views_of(parts: Parts | None) -> Mapping[str, Collection[tuple[str, str]]]:
@@ -297,8 +288,7 @@ def views_of(parts: Parts | None) -> Mapping[str, Collection[tuple[str, str]]]:
 
 def add_observable(file: h5py.File, name: str, sample: NDArray[Any]) -> h5py.Dataset:
     """Add an empty series for values of the shape and type of `sample`; returns its dataset."""
-    group = file.create_group(f"observables/{name}")
-    _link_steps(file, group)
+    group = _stepped(file, f"observables/{name}")
     return _growing(group, "value", sample.dtype, CHUNK_FRAMES if sample.size <= 16 else 1, sample.shape)
 
 
@@ -333,9 +323,12 @@ def create_histories(
             group.create_dataset(f"committed/{name}", data=[first], maxshape=(None,), chunks=(64,))
 
 
-def _link_steps(file: h5py.File, group: h5py.Group) -> None:
+def _stepped(file: h5py.File, place: str) -> h5py.Group:
+    """Make a group of something that each frame has."""
+    group = file.create_group(place)
     for name in ("step", "time"):
         group[name] = file[f"{EDGES}/{name}"]
+    return group
 
 
 def chunk_disks(n: int) -> int:
@@ -395,12 +388,15 @@ def version_of(file: h5py.File) -> tuple[int, ...]:
 
 
 def newer(file: h5py.File, path: str) -> str:
-    """Message about a file of a newer layout that cannot be read."""
-    found, known = (".".join(map(str, one)) for one in (version_of(file), LAYOUT_VERSION))
-    return (
-        f"{path} was written by a newer ifrdem: its layout is {found}, this one reads up to {known}; upgrade with "
-        "`pip install --upgrade ifrdem`"
-    )
+    """Message about a file that cannot be read because it has a newer layout; empty for others."""
+    with contextlib.suppress(*damage.FAULTS):
+        if (version := version_of(file)) > LAYOUT_VERSION:
+            found, known = (".".join(map(str, one)) for one in (version, LAYOUT_VERSION))
+            return (
+                f"{path} was written by a newer ifrdem: its layout is {found}, this one reads up to {known}; upgrade "
+                "with `pip install --upgrade ifrdem`"
+            )
+    return ""
 
 
 def check_layout(
@@ -456,7 +452,7 @@ def check_part(file: h5py.File, path: str, parts: Parts, number: int) -> None:
                 raise DamageError(f"{what} lacks {name}{parted.SEE}")
 
 
-Expected = Mapping[str, tuple[tuple[int | None, ...], str]]
+Expected = dict[str, tuple[tuple[int | None, ...], str]]
 """Name of each dataset -> its shape (None: any length), and the kinds of its numbers (NumPy's letters)."""
 
 
@@ -466,22 +462,18 @@ def _check_frames(file: h5py.File, path: str, parts: Parts | None) -> None:
         raise InputError(
             f"{path} is HDF5 but not H5MD: its group h5md with a version is missing (it holds {found})"
         )
-    expected: dict[str, tuple[tuple[int | None, ...], str]] = {
+    expected: Expected = {
         f"{EDGES}/step": ((None,), "iu"),
         f"{EDGES}/time": ((None,), "f"),
         f"{EDGES}/value": ((None, 3), "f"),
     }
-    shown = [f"{PARTICLES}/{name}" for name in STATIC]
-    shown += [f"{PARTICLES}/{name}/{FIELDS[name].dataset}" for name in stored_fields(file)]
-    if parts is None:  # else the parts have their shapes
-        n = len(file[f"{PARTICLES}/radius"]) if f"{PARTICLES}/radius" in file else 0
-        expected |= {f"{PARTICLES}/{name}": ((n,), "iu" if name == "material" else "f") for name in STATIC}
-        for name in stored_fields(file):
-            field = FIELDS[name]
-            shape = (None, n, *field.tail)
-            expected[f"{PARTICLES}/{name}/{field.dataset}"] = shape, "i" if field.count else "f"
+    n = len(file[f"{PARTICLES}/radius"]) if parts is None and f"{PARTICLES}/radius" in file else 0
+    own: Expected = {f"{PARTICLES}/{name}": ((n,), "iu" if name == "material" else "f") for name in STATIC}
+    for name in stored_fields(file):
+        field = FIELDS[name]
+        own[f"{PARTICLES}/{name}/{field.dataset}"] = (None, n, *field.tail), "i" if field.count else "f"
     groups = ("h5md/modules/ifrdem", "parameters", "observables")
-    if missing := [name for name in (*expected, *shown, *groups) if name not in file]:
+    if missing := [name for name in (*expected, *own, *groups) if name not in file]:
         creator = file["h5md/creator"].attrs.get("name", "unknown") if "h5md/creator" in file else "unknown"
         raise InputError(
             f"{path} is H5MD but not a trajectory of ifrdem (its creator: {creator}): missing {', '.join(missing)}"
@@ -495,7 +487,7 @@ def _check_frames(file: h5py.File, path: str, parts: Parts | None) -> None:
     for name in stored_fields(file) if parts is None else ():
         if (frames := len(field_dataset(file, name))) < steps:
             raise InputError(f"{path} is damaged: {name} holds {frames} of {steps} frames")
-    _expect(file, expected)
+    _expect(file, expected | own if parts is None else expected)  # parts have their own shapes
 
 
 def _expect(group: h5py.Group, expected: Expected) -> None:

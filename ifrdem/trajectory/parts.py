@@ -182,40 +182,16 @@ class Parts:
             raise MissingPart(f"{what} does not say which part it is: {error}{SEE}") from error
         if found != self.part(number):
             file.close()
-            raise MissingPart(f"{what} is not that part of this run{found.otherwise(self, number)}{SEE}")
+            other = f"it is part {found.number}" if found.run == self.run else "it belongs to another run"
+            raise MissingPart(f"{what} is not that part of this run: {other}{SEE}")
         return file
-
-    def each(self, path: str | os.PathLike[str]) -> Iterator[tuple[slice, h5py.File]]:
-        """The disks of each part, and its file, open one after another. Errors as `open`."""
-        for number in range(len(self)):
-            with self.open(path, number) as file:
-                yield self.disks(number), file
-
-    def _holders(
-        self, path: str | os.PathLike[str], disks: slice
-    ) -> Iterator[tuple[slice, slice, h5py.File]]:
-        """The parts that have some of these disks (a slice with a step above 0), open one after another.
-
-        Each with the disks that are asked for, counted from its first one, their places among all that are, and the
-        file. Errors as `open`.
-        """
-        asked = range(self.n)[disks]
-        for number in range(len(self)):
-            own = self.disks(number)
-            low, high = (
-                min(max(-(-(end - asked.start) // asked.step), 0), len(asked))
-                for end in (own.start, own.stop)
-            )
-            if low == high:
-                continue
-            rows = slice(asked[low] - own.start, asked[high - 1] - own.start + 1, asked.step)
-            with self.open(path, number) as file:
-                yield rows, slice(low, high), file
 
     def read(
         self, path: str | os.PathLike[str], name: str, selection: Any = (), *, axis: int = 1
     ) -> NDArray[Any]:
         """Numbers of a dataset of all disks, which are along `axis` (0 or 1), as `damage.read` has them.
+
+        Slices go forwards.
 
         Raises DamageError if a part is missing or wrong, or they cannot be read there; the message names it.
         """
@@ -223,23 +199,21 @@ class Parts:
         chosen = (*chosen, *[slice(None)] * (axis + 1 - len(chosen)))
         before, disks, after = chosen[:axis], chosen[axis], chosen[axis + 1 :]
         one = not isinstance(disks, slice)
-        if one:
-            disk = range(self.n)[disks]
-            disks = slice(disk, disk + 1)
-        if isinstance(disks, slice) and (disks.step or 1) < 0:
-            turned = range(self.n)[disks][::-1]
-            forward = slice(turned.start, turned.stop, turned.step)
-            found = self.read(path, name, (*before, forward, *after), axis=axis)
-            return np.flip(found, axis=sum(isinstance(each, slice) for each in before))
-        pieces = []
-        for rows, _, file in self._holders(path, disks):
-            pieces.append(damage.read(file[name], (*before, rows.start if one else rows, *after)))
-        if one:
-            return pieces[0]
-        if not pieces:  # of no disks
-            with self.open(path, 0) as file:
-                return damage.read(file[name], (*before, slice(0, 0), *after))
-        return np.concatenate(pieces, axis=sum(isinstance(each, slice) for each in before))
+        asked, pieces = range(self.n)[slice(disks, disks + 1 or None) if one else disks], []
+        for number in range(len(self)):
+            own = self.disks(number)
+            low, high = (
+                min(max(-(-(end - asked.start) // asked.step), 0), len(asked))
+                for end in (own.start, own.stop)
+            )
+            if low < high or not (asked or number):  # of no disks, the first part has their shape and type
+                here = asked[low:high]
+                rows = slice(here.start - own.start, here.stop - own.start, here.step)
+                with self.open(path, number) as file:
+                    pieces.append(damage.read(file[name], (*before, rows, *after)))
+        along = sum(isinstance(each, slice) for each in before)
+        found = np.concatenate(pieces, axis=along)
+        return found.take(0, axis=along) if one else found
 
 
 def first_of(file: h5py.File) -> int:
@@ -269,12 +243,6 @@ class Part:
         given = file[PART].attrs
         return cls(given["run"].decode(), int(given["number"]), int(given["first"]))
 
-    def otherwise(self, parts: Parts, number: int) -> str:
-        """Differences from a part that is wanted, for a message."""
-        if self.run != parts.run:
-            return ": it belongs to another run"
-        return f": it is part {self.number}"
-
 
 def of(file: h5py.File, path: str | os.PathLike[str] = "") -> Parts | None:
     """The parts that a file is in; None if it holds its own data.
@@ -299,8 +267,10 @@ def holders(
     """The files that hold the fields of n disks, open one after another, with numbers of the disks of each."""
     if parts is None:
         yield slice(0, n), file
-    else:
-        yield from parts.each(path)
+        return
+    for number in range(len(parts)):
+        with parts.open(path, number) as part:
+            yield parts.disks(number), part
 
 
 def are_in(path: str | os.PathLike[str]) -> bool:

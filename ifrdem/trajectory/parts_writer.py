@@ -9,7 +9,8 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,8 +25,6 @@ from .background import QueuedWriter
 from .parts import Parts
 from .writer import DEFAULT_FIELDS, TrajectoryWriter
 
-Result = TypeVar("Result")
-
 
 @dataclass(frozen=True)
 class Shares:
@@ -34,14 +33,6 @@ class Shares:
     time: float
     n: int  # disks of all of them
     states: dict[int, State]
-
-
-@dataclass(frozen=True)
-class BareFrame:
-    """A frame as NAME.h5 gets it, which has no fields."""
-
-    n: int
-    time: float
 
 
 class PartsWriter:
@@ -112,7 +103,8 @@ class PartsWriter:
 
         Raises InputError, on all ranks, as `TrajectoryWriter`, or if a rank has no disk; nothing is left behind then.
         """
-        place, box, fields, options = _told(comm, path, box, fields, options)
+        given: Any = world.told(comm, None if path is None else (Path(path), box, fields, options))
+        place, box, fields, options = given
 
         def begin() -> Parts:
             if force:
@@ -128,8 +120,6 @@ class PartsWriter:
             first = slices.bounds(disks.n, count).tolist()
             return Parts(folder.name, secrets.token_hex(16), tuple(first))
 
-        made: list[TrajectoryWriter] = []
-
         def part(i: int, of: Disks) -> TrajectoryWriter:
             name, mark = place.parent / parts.name(i), parts.part(i)
             return TrajectoryWriter(name, of, box, fields=fields, within=mark, **options)
@@ -139,15 +129,12 @@ class PartsWriter:
                 place, disks, box, fields=fields, parameters=parameters, force=force, within=parts, **options
             )
 
-        try:
+        with contextlib.ExitStack() as undo:
+            undo.callback(_remove_empty, place)
             parts = world.from_first(comm, begin)
-            here = _each_part(parts, comm, own, part, made)
+            here = _each_part(parts, comm, own, part, undo)
             first = world.on_first(comm, head)
-        except BaseException:
-            for each in made:
-                each.close()
-            _remove_empty(place)
-            raise
+            undo.pop_all()
         return cls(parts, here, first, fields, comm, place)
 
     @classmethod
@@ -163,21 +150,16 @@ class PartsWriter:
 
         Raises InputError, on all ranks, if a part cannot be gone on with, as `TrajectoryWriter.resume`.
         """
-        path = None if head is None else head.path
-        place, box, fields, options = _told(comm, path, box, fields, options | {"frames": frames})
+        options |= {"frames": frames}
+        given: Any = None if head is None else (head.path, head.parts, box, fields, options)
+        place, parts, box, fields, options = world.told(comm, given)
 
         def part(i: int, of: Disks) -> TrajectoryWriter:
             return TrajectoryWriter.resume(place.parent / parts.name(i), of, box, fields=fields, **options)
 
-        made: list[TrajectoryWriter] = []
-        try:
-            said: Any = world.told(comm, None if head is None else head.parts)
-            parts: Parts = said
-            here = _each_part(parts, comm, own, part, made)
-        except BaseException:
-            for each in made:
-                each.close()
-            raise
+        with contextlib.ExitStack() as undo:
+            here = _each_part(parts, comm, own, part, undo)
+            undo.pop_all()
         return cls(parts, here, head, fields, comm, place)
 
     def shares(self, state: State) -> Shares:
@@ -203,9 +185,8 @@ class PartsWriter:
         for number, queue in self._own.items():
             queue.write_frames([(shares.states[number], None) for shares, _ in frames])
         if self._head is not None:
-            self._waiting += [
-                (BareFrame(self.parts.n, shares.time), observables) for shares, observables in frames
-            ]
+            for shares, observables in frames:  # NAME.h5 has no fields
+                self._waiting.append((SimpleNamespace(n=self.parts.n, time=shares.time), observables))
 
     def commit(self) -> None:
         """Let the frames count that are whole in all parts; called by all ranks."""
@@ -215,11 +196,8 @@ class PartsWriter:
 
             done = self._comm.allreduce(done, MPI.MIN)
         if self._head is not None and done > self._told:
-            frames, self._waiting = (
-                self._waiting[: done - self._told],
-                self._waiting[done - self._told :],
-            )
-            self._told = done
+            new, self._told = done - self._told, done
+            frames, self._waiting = self._waiting[:new], self._waiting[new:]
             self._head.write_frames(frames)
 
     def tell(self) -> None:
@@ -288,29 +266,21 @@ class PartsWriter:
         return sum(queue.seconds for queue in self._queues)
 
 
-def _told(
-    comm: Any, path: str | Path | None, box: Box | None, fields: Sequence[str], options: dict[str, Any]
-) -> tuple[Path, Box, Sequence[str], dict[str, Any]]:
-    """Arguments of the first rank, which counts."""
-    found: Any = world.told(comm, None if path is None else (Path(path), box, fields, options))
-    return found
-
-
 def _each_part(
     parts: Parts,
     comm: Any,
     own: Disks,
     make: Callable[[int, Disks], TrajectoryWriter],
-    made: list[TrajectoryWriter],
+    undo: contextlib.ExitStack,
 ) -> dict[int, TrajectoryWriter]:
-    """A writer for each part that this rank writes, by its number; they are added to `made` one by one."""
+    """A writer for each part that this rank writes, by its number; `undo` closes them."""
     dealt = _dealt(parts, comm, {name: getattr(own, name) for name in layout.STATIC})
 
     def all_made() -> dict[int, TrajectoryWriter]:
         found = {}
         for number, columns in dealt.items():
             found[number] = make(number, Disks(len(columns["mass"]), **columns))
-            made.append(found[number])
+            undo.callback(found[number].close)
         return found
 
     return world.together(comm, all_made)

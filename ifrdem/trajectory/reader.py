@@ -7,6 +7,7 @@ import json
 import math
 import operator
 import os
+import re
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import (
+    AttributeMissing,
     DamageError,
     DamageWarning,
     FrameError,
@@ -28,20 +30,19 @@ from ..errors import (
     printable,
     there_are,
 )
-from ..model import walls
 from ..model.box import Box
 from ..model.free_area import Room
 from ..model.state import Disks
+from ..model.walls import OF_PISTONS, Wall, at_displacements
+from ..model.walls import from_json as walls_from_json
 from ..tools import checked
-from ..tools.pictured import Pictured, plots, refuse_unknown
+from ..tools.pictured import Pictured, PicturedDisks, plots, refuse_unknown
 from ..tools.sealed import Sealed
 from ..tools.slices import GATHERED
 from . import damage, history, layout, tables
 from . import parts as parted
-from .frame import SPIN, Frame
 from .history import History
 from .parts import Part, Parts
-from .series import Series
 
 if TYPE_CHECKING:
     import MDAnalysis
@@ -52,6 +53,207 @@ Result = TypeVar("Result")
 
 # A run may be writing just while its file is opened: how often to try again, and the pause between [s].
 _ATTEMPTS, _PAUSE = 5, 0.05
+
+
+SPIN = "angular_velocity"
+"""Name of the spin in H5MD; both names are understood."""
+
+
+class Frame(Sealed, PicturedDisks):
+    """One frame of a trajectory; each array is read when asked for. Floats are float64 whatever is stored.
+
+    Every stored field is there by its name, as `frame["velocity"]` and as `frame.velocity`; "spin" is another name of
+    "angular_velocity".
+
+    Attributes
+    ----------
+    index : int
+        Number of the frame, from 0.
+    time : float
+        Its time [time].
+    trajectory : Trajectory
+        Whose frame it is.
+    """
+
+    index: int
+    trajectory: Trajectory
+
+    def __init__(self, trajectory: Trajectory, index: int) -> None:
+        self._set(trajectory=trajectory, index=index)
+
+    def __repr__(self) -> str:
+        """Number of the frame of how many, and its time."""
+        trajectory = self.trajectory
+        return (
+            f"<Frame {self.index} of {len(trajectory)}: {trajectory.n} disks at "
+            f"t = {trajectory.with_unit(f'{self.time:.6g}', 'time')}>"
+        )
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """The same as `field`."""
+        return self.field(name)
+
+    def __getattr__(self, name: str) -> NDArray[Any]:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        if name not in self.trajectory.fields:
+            try:
+                self.trajectory.dataset(name)
+            except NameMissing as error:
+                raise AttributeMissing(str(error)) from None
+        return self.field(name)
+
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *self.trajectory.fields})
+
+    def field(self, name: str) -> NDArray[Any]:
+        """A stored field by its name in the file, shape (n,) or (n, 2).
+
+        Raises InputError if the file does not hold it (also a KeyError), or it cannot be read (`DamageError`).
+        """
+        value = self.trajectory.read(name, self.index)
+        return value.astype(np.float64) if value.dtype.kind == "f" else value
+
+    @property
+    def time(self) -> float:
+        """The time [time]."""
+        return float(self.trajectory.times[self.index])
+
+    @property
+    def walls(self) -> tuple[Wall, ...]:
+        """Walls of the trajectory, pistons where they are in this frame; for the others `Wall.outline` takes the time.
+
+        The sides of the box are not among them.
+        """
+        trajectory = self.trajectory
+        if f"{OF_PISTONS}displacement" not in trajectory.observables:
+            return trajectory.walls
+        return at_displacements(
+            trajectory.walls, trajectory.observables[f"{OF_PISTONS}displacement"][self.index].tolist()
+        )
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """Centres [length], shape (n, 2), inside the box; anywhere in the plane if that is open."""
+        return self.field("position")
+
+    @property
+    def box(self) -> tuple[float, float, float, float, float, float]:
+        """The box as freud, HOOMD and gsd have it: (Lx, Ly, Lz, xy, xz, yz) [length, length, 0, 1, 0, 0].
+
+        All its sides count as periodic there. InputError for an open box.
+        """
+        box = self.trajectory.box
+        if box.is_open:
+            raise InputError(f"{self.trajectory.path}: an open box has no sides: give freud a box of its own")
+        x, y = box.lengths
+        shift = box.image_above(self.time)
+        return x, y, 0.0, (shift - x * round(shift / x)) / y, 0.0, 0.0
+
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """Centres with z = 0 about the middle of the box [length], shape (n, 3), as freud takes them with `box`."""
+        middle = 0.5 * np.array(self.box[:2])
+        return np.column_stack([self.position - middle, np.zeros(self.trajectory.n)])
+
+    @property
+    def velocity(self) -> NDArray[np.float64]:
+        """Velocities in the lab [length/time], shape (n, 2)."""
+        return self.field("velocity")
+
+    @property
+    def peculiar_velocity(self) -> NDArray[np.float64]:
+        """Velocities relative to the mean flow of a sheared box [length/time], shape (n, 2); in others the same."""
+        if self.trajectory.box.shear_rate == 0.0:
+            return self.velocity
+        return self.velocity - self.trajectory.box.flow(self.position)
+
+    @property
+    def spin(self) -> NDArray[np.float64]:
+        """Angular velocities, counter-clockwise [rad/time], shape (n,)."""
+        return self.field(SPIN)
+
+    @property
+    def collisions(self) -> NDArray[np.int32]:
+        """Collisions that each disk has had, shape (n,)."""
+        return self.field("collisions")
+
+    @property
+    def image(self) -> NDArray[np.int32]:
+        """Box lengths that each disk has travelled along each axis, shape (n, 2); see `Box.unwrap`."""
+        return self.field("image")
+
+    @property
+    def unwrapped(self) -> NDArray[np.float64]:
+        """Places on paths without jumps [length], shape (n, 2); the file must hold `image`."""
+        return self.trajectory.box.unwrap(self.position, self.image, self.time)
+
+
+class Series(Sealed, Mapping[str, NDArray[Any]]):
+    """Quantities by name: arrays over a time of their own, shape (rows, ...), read when asked for.
+
+    A quantity with named columns gives one of them too: `series["dissipated_by_mechanism/sliding"]`,
+    `series["walls_work/wall 0 line"]`; by the name of a group of walls, their sum: `series["walls_work/paddle"]`.
+
+    Attributes
+    ----------
+    time : array (rows,)
+        Times of the rows [time].
+    """
+
+    time: NDArray[np.float64]
+
+    def __init__(
+        self,
+        group: h5py.Group | None,
+        time: NDArray[np.float64],
+        kind: str,
+        read: Callable[[str, int, int], NDArray[Any]],
+    ) -> None:
+        self._kind = kind
+        self._path = "" if group is None else str(group.name)
+        self._read = read
+        self._columns: dict[str, tuple[str, ...]] = {}
+        for name, item in () if group is None else group.items():
+            if isinstance(item, h5py.Group):
+                columns = item.attrs.get("columns", ())
+                self._columns[damage.text_of(name)] = tuple(
+                    one.decode() if isinstance(one, bytes) else str(one) for one in columns
+                )
+        self._set(time=time)
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        whole, _, column = str(name).partition("/")
+        columns = self.columns(whole)
+        value = self._read(f"{self._path}/{whole}/value", len(self.time), len(columns))
+        if not column:
+            return value
+        if column not in columns:
+            group = [i for i, one in enumerate(columns) if re.fullmatch(rf"{re.escape(column)} \d+ .*", one)]
+            if group:  # of walls
+                return np.asarray(value[:, group].sum(axis=1))
+            raise NameMissing(
+                f"{self._kind} {whole!r} of the file has no column {column!r}{there_are(column, columns)}"
+            )
+        return value[:, columns.index(column)]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._columns)
+
+    def __len__(self) -> int:
+        return len(self._columns)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._columns
+
+    def columns(self, name: str) -> tuple[str, ...]:
+        """Names of the columns of a quantity; empty if it has none."""
+        if name not in self._columns:
+            raise NameMissing(f"the file holds no {self._kind} {name!r}{there_are(str(name), self)}")
+        return self._columns[name]
+
+    def __repr__(self) -> str:
+        return f"<{self._kind} of {len(self.time)} rows: {', '.join(self) or 'none'}>"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -94,14 +296,6 @@ class DiskPath:
         return (
             f"<DiskPath of disk {self.disk}: {counted(len(self), 'frame')}{span}; {', '.join(self.fields)}>"
         )
-
-
-def _is_newer(file: h5py.File) -> bool:
-    """True for a file of a newer layout, as far as it tells."""
-    try:
-        return layout.version_of(file) > layout.LAYOUT_VERSION
-    except damage.FAULTS:
-        return False
 
 
 class Trajectory(Sealed, Pictured, Sequence[Frame]):
@@ -164,7 +358,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
     path: Path
     n: int
     box: Box
-    walls: tuple[walls.Wall, ...]
+    walls: tuple[Wall, ...]
     times: NDArray[np.float64]
     parameters: dict[str, str | int | float]
     observables: Series
@@ -180,14 +374,11 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
                 warnings.warn(text, DamageWarning, stacklevel=2)
             if not self._missing and self.n <= GATHERED:
                 self.disks  # noqa: B018 (of few, they are there when the file is closed)
-        except DamageError as error:
-            text = layout.newer(self._file, str(self.path)) if _is_newer(self._file) else ""
+        except BaseException as error:
+            newer = layout.newer(self._file, str(self.path)) if isinstance(error, DamageError) else ""
             self._file.close()
-            if text:
-                raise InputError(f"{text} ({error})") from error
-            raise
-        except BaseException:
-            self._file.close()
+            if newer:
+                raise InputError(f"{newer} ({error})") from error
             raise
 
     def _open(self) -> None:
@@ -292,7 +483,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         for name in names:
             self._read_parameter(file["parameters"], name)
         with damage.reading(self.path, "parameter walls"):
-            self._set(walls=walls.from_json(self._text("walls", "[]")))
+            self._set(walls=walls_from_json(self._text("walls", "[]")))
         moments = np.zeros(0) if rows is None else self._moments(rows)
         self._set(
             observables=Series(file["observables"], self.times, "observable", self._read_rows),

@@ -28,7 +28,6 @@ from .file import ON_PAGES
 from .parts import Parts
 from .reader import Trajectory, check_file
 from .reader import _box as box_of
-from .views import paths as view_paths
 
 BLOCK = 1 << 22  # numbers that are copied at once
 
@@ -400,12 +399,3 @@ def _otherwise(path: Path) -> str:
     if checkpoint.exists():
         return f"; {checkpoint.name} holds a state from which the run can go on"
     return "; there is no checkpoint beside it: the run must be made again"
-
-
-def stale_views(place: Path) -> tuple[Path, ...]:
-    """Views beside a file that are not there, or older than it."""
-    return tuple(
-        each
-        for each in view_paths(place)
-        if not each.exists() or each.stat().st_mtime_ns < place.stat().st_mtime_ns
-    )

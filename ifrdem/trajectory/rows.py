@@ -20,7 +20,7 @@ class Rows:
     """Datasets with the same number of rows (first axis), and a marker that grows last: the commit.
 
     Rows beyond the marker do not count. A resumed run gives rows again that are committed: they are compared with the
-    file bit for bit.
+    file bit for bit. One of the datasets is "time"; `last_time` is that of the row before the next one.
 
     `what` is the noun for one row ("frame"); the `marker` has a number for each, and is None where something else
     counts the rows; `datasets` by name may be added to before the first row; `committed` rows count, and `at` is the
@@ -44,6 +44,7 @@ class Rows:
         self.blank: list[h5py.Dataset] = []  # as long as the others, but nothing is ever written into them
         self.committed: int = committed
         self.at: int = committed if at is None else at
+        self.last_time: float = float(datasets["time"][self.at - 1]) if 0 < self.at <= committed else -np.inf
 
     def add(self, rows: Mapping[str, NDArray[Any]]) -> int:
         """Compare the rows that the file has, append the others without committing them; returns the number of these.
@@ -52,7 +53,7 @@ class Rows:
 
         Raises TrajectoryError if a row differs from what is committed.
         """
-        count = len(next(iter(rows.values())))
+        count = len(rows["time"])
         known = min(count, self.committed - self.at)
         for name, values in rows.items():
             if known:
@@ -74,7 +75,8 @@ class Rows:
             numbers = np.arange(self.committed, self.committed + new)
             self._append(self.marker, numbers if marks is None else marks)
             output.flush()
-        self.confirm(len(next(iter(rows.values()))))
+        self.confirm(len(rows["time"]))
+        self.last_time = float(rows["time"][-1])
 
     def confirm(self, count: int) -> None:
         """Take note that the last `count` rows are committed."""
@@ -121,7 +123,6 @@ class SeriesWriter:
         self.rows: Rows | None = None
         self._like: dict[str, NDArray[Any]] = {}
         self._columns: dict[str, tuple[str, ...]] = {}
-        self._last_time = -np.inf
         if layout.committed_rows(output.file) == 0:
             return
         group = output.file[TIMESERIES]
@@ -131,13 +132,12 @@ class SeriesWriter:
             for name, each in group.items()
             if "columns" in each.attrs
         }
-        self._last_time = float(group["time"][at - 1]) if at else -np.inf
 
     def _open(self, names: Sequence[str], committed: int = 0, at: int | None = None) -> Rows:
         group = self._output.file[TIMESERIES]
         datasets = {"time": group["time"], **{name: group[f"{name}/value"] for name in names}}
         self.rows = Rows("row of the series", group["step"], datasets, committed, at)
-        self._like = like({name: datasets[name] for name in names})
+        self._like = samples({name: datasets[name] for name in names})
         return self.rows
 
     def write(
@@ -149,33 +149,31 @@ class SeriesWriter:
         first = None if self.rows is None else self._like
         named = {name: tuple(names) for name, names in (columns or {}).items()}
         found: list[dict[str, NDArray[Any]]] = []
-        before = self._last_time
+        before = self.rows.last_time if self.rows else -np.inf
         for time, values in given:
             row = _row(values, first)
+            first = first or row
             if not (is_number(time) and np.isfinite(time) and time >= before):
                 raise InputError(f"time = {time}: a finite time not before {before} is needed")
             before = float(time)
             found.append({"time": np.array(before), **row})
-            first = first or {name: value[None] for name, value in row.items()}
         if not found:
             return
         for name, names in named.items():
             shape = found[0][name].shape if name in found[0] else "no value"
             if shape != (len(names),):
                 raise InputError(f"columns of series {name} = {list(names)}: the series has {shape}")
-        if self.rows is not None and columns is not None and named != self._columns:
-            raise InputError(f"columns = {named}: the first row has {self._columns}")
-        if self.rows is None:
+        if (rows := self.rows) is None:
             self._columns = named
             file = self._output.file
             if TIMESERIES in file:  # an interrupt ended the first attempt
                 del file[TIMESERIES]
-            samples = {name: value for name, value in found[0].items() if name != "time"}
-            layout.create_timeseries(file, samples, named)
-            self._open(list(samples))
-        assert self.rows is not None
-        self.rows.commit(self._output, {name: np.stack([row[name] for row in found]) for name in found[0]})
-        self._last_time = before
+            assert first is not None
+            layout.create_timeseries(file, first, named)
+            rows = self._open(list(first))
+        elif columns is not None and named != self._columns:
+            raise InputError(f"columns = {named}: the first row has {self._columns}")
+        rows.commit(self._output, {name: np.stack([row[name] for row in found]) for name in found[0]})
 
     def drop_uncommitted(self) -> None:
         """Remove what an interrupted write left behind the last commit."""
@@ -205,7 +203,6 @@ class HistoryWriter:
         group = self._output.file[HISTORIES]
         marks, times = group["committed/events"], group["committed/time"]
         self._tracked: NDArray[np.int32] = group["tracked"][()]
-        self._complete_to = float(times[len(marks) - 1])
         self._commits = Rows("commit of histories", marks, {"time": times}, len(marks))
         columns = {name: group[f"events/{name}"] for name in EVENT_COLUMNS}
         # The events have no marker of their own: the commits count them.
@@ -239,7 +236,7 @@ class HistoryWriter:
         """Append events and commit them together; see `TrajectoryWriter.write_history_parts`."""
         if self.events is None:
             raise InputError("histories: begin_histories comes before write_histories")
-        rows, end, complete_to = self.events, self.events.at, self._complete_to
+        rows, end, complete_to = self.events, self.events.at, self._commits.last_time
         found, ends, commits = [], [], []
         for events, given in parts:
             columns, time = self._checked(events, given), float(given)
@@ -268,7 +265,6 @@ class HistoryWriter:
         if commits:
             at, marks = (np.array(each) for each in zip(*commits, strict=True))
             self._commits.commit(self._output, {"time": at}, marks)
-        self._complete_to = complete_to
         rows.confirm(end - rows.at)
 
     def drop_uncommitted(self) -> None:
@@ -315,9 +311,11 @@ def _row(values: Mapping[str, ArrayLike], first: Mapping[str, Any] | None) -> di
     return row
 
 
-def like(datasets: Mapping[str, h5py.Dataset]) -> dict[str, NDArray[Any]]:
-    """Empty arrays of the shapes and types of datasets: HDF5 takes 0.05 ms to tell each."""
-    return {name: np.empty((0, *each.shape[1:]), each.dtype) for name, each in datasets.items()}
+def samples(datasets: Mapping[str, h5py.Dataset]) -> dict[str, NDArray[Any]]:
+    """An array of the shape and type of a row of each dataset: HDF5 takes 0.05 ms to tell them."""
+    return {
+        name: np.broadcast_to(np.zeros((), each.dtype), each.shape[1:]) for name, each in datasets.items()
+    }
 
 
 def checked(
@@ -325,8 +323,8 @@ def checked(
 ) -> dict[str, NDArray[Any]]:
     """Numbers as they are stored, float64 or int64, by name.
 
-    `what` they are ("observable") and what `row` they stand in ("frame") is for messages; `first` are arrays of the
-    shape (rows, ...) and type that the first row made, None if there is no row yet.
+    `what` they are ("observable") and what `row` they stand in ("frame") is for messages; `first` is the first row,
+    None if there is none yet.
 
     Raises InputError if one is not a number or numbers, or they do not fit the first row.
     """
@@ -345,8 +343,8 @@ def checked(
         raise InputError(f"{several} {sorted(found)}: the first {row} has {sorted(first)}")
     for name, numbers in found.items():
         before = first[name]
-        if numbers.shape != before.shape[1:]:
-            raise InputError(f"{what} {name} has shape {numbers.shape}: {before.shape[1:]} is needed")
+        if numbers.shape != before.shape:
+            raise InputError(f"{what} {name} has shape {numbers.shape}: {before.shape} is needed")
         if numbers.dtype.kind == "f" and before.dtype.kind != "f":
             raise InputError(f"{what} {name} = {numbers}: it was an integer in the first {row}")
         found[name] = numbers.astype(before.dtype)

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-    from .reader import Trajectory
-    from .series import Series
+    from .reader import Series, Trajectory
 
 AXES = ("x", "y")
 PER_DISK = "collisions_per_disk"

@@ -46,6 +46,12 @@ def paths(trajectory: str | os.PathLike[str]) -> tuple[Path, Path]:
     return vtkhdf, nc
 
 
+def stale(trajectory: str | os.PathLike[str]) -> list[Path]:
+    """Views that are not there, or older than the trajectory."""
+    written = os.stat(trajectory).st_mtime_ns
+    return [each for each in paths(trajectory) if not each.exists() or each.stat().st_mtime_ns < written]
+
+
 def write_views(path: str | os.PathLike[str]) -> tuple[Path, Path]:
     """Write the views of a trajectory beside it, replacing those that are there; returns their paths.
 

@@ -25,7 +25,7 @@ from . import damage, layout
 from . import parts as parted
 from .file import OutputFile
 from .parts import Part, Parts
-from .rows import HistoryWriter, Rows, SeriesWriter, check_name, like, stored
+from .rows import HistoryWriter, Rows, SeriesWriter, check_name, samples, stored
 from .rows import checked as checked_row
 
 DEFAULT_FIELDS = ("position", "velocity", "angular_velocity", "collisions")
@@ -185,13 +185,7 @@ class TrajectoryWriter(Sealed):
         return writer
 
     def _begin(
-        self,
-        output: OutputFile,
-        n: int,
-        box: Box,
-        frames: int = 0,
-        series_rows: int = 0,
-        events: int = 0,
+        self, output: OutputFile, n: int, box: Box, frames: int = 0, series_rows: int = 0, events: int = 0
     ) -> None:
         """Take the file's datasets in hand; so much of each the run has written."""
         self._output = output
@@ -214,20 +208,19 @@ class TrajectoryWriter(Sealed):
         self._parts = parted.of(file, self.path)
         names = layout.stored_fields(file) if self._parts is None else ()  # parts have their own
         fields = {name: layout.field_dataset(file, name) for name in names}
-        self._fields = like(fields)
-        datasets = {"time": time, "edges": edges, **fields}
-        # Views of no disks do not grow by themselves.
-        views = [name for name in self._fields if n == 0 and layout.FIELDS[name].components == 2]
-        datasets |= {f"view {name}": file[f"{layout.PARTICLES}/{name}/value"] for name in views}
-        self._empty = {f"view {name}": np.zeros((0, 3)) for name in views}
+        self._fields = samples(fields)
         observables = (
             {name: group["value"] for name, group in file["observables"].items()} if committed else {}
         )
-        self._observables = like(observables)
-        rows = datasets | _prefixed(observables)
+        self._observables = samples(observables)
+        rows = {"time": time, "edges": edges, **fields, **_prefixed(observables)}
         self._rows = Rows("frame", step, rows, committed, frames, parted.first_of(file))
-        self._rows.blank = list(file.get(parted.ZEROS, {}).values())
-        self._last_time = float(time[frames - 1]) if frames else -np.inf
+        # Views of no disks do not grow by themselves.
+        views = [name for name in fields if n == 0 and layout.FIELDS[name].components == 2]
+        self._rows.blank = [
+            *file.get(parted.ZEROS, {}).values(),
+            *(file[f"{layout.PARTICLES}/{name}/value"] for name in views),
+        ]
         self._series = SeriesWriter(output, series_rows)
 
     def __len__(self) -> int:
@@ -286,7 +279,7 @@ class TrajectoryWriter(Sealed):
         """
         with self._output.committing("a frame", self._kept):
             first = self._observables if len(self) else None
-            before, found = self._last_time, []
+            before, found = self._rows.last_time, []
             for state, observables in frames:
                 if not hasattr(state, "time"):
                     raise InputError(f"state = {state!r}: a State is needed")
@@ -296,12 +289,12 @@ class TrajectoryWriter(Sealed):
                         '{"temperature": measure.temperature}'
                     )
                 values = checked_row("observable", "frame", observables or {}, first)
-                first = {name: value[None] for name, value in values.items()} if first is None else first
+                first = values if first is None else first
                 frame: dict[str, Any] = {
                     "time": np.float64(state.time),
                     "edges": np.array((*self._lengths, 1.0)),
                 }
-                found.append(frame | self._checked_fields(state, before) | self._empty | _prefixed(values))
+                found.append(frame | self._checked_fields(state, before) | _prefixed(values))
                 before = state.time
             if not found:
                 return
@@ -312,20 +305,16 @@ class TrajectoryWriter(Sealed):
                     made[name] = (
                         file[f"observables/{name}/value"]
                         if there
-                        else layout.add_observable(file, name, value[0])
+                        else layout.add_observable(file, name, value)
                     )
                 self._rows.datasets.update(_prefixed(made))
                 self._observables = first
             stacked = {name: np.stack([frame[name] for frame in found]) for name in found[0]}
             self._rows.commit(self._output, stacked)
-            self._last_time = before
             self._output.publish()
 
     def write_series(
-        self,
-        time: float,
-        values: Mapping[str, ArrayLike],
-        columns: Mapping[str, Sequence[str]] | None = None,
+        self, time: float, values: Mapping[str, ArrayLike], columns: Mapping[str, Sequence[str]] | None = None
     ) -> None:
         """Append a row to the time series and commit it.
 
@@ -405,13 +394,13 @@ class TrajectoryWriter(Sealed):
         if not (np.isfinite(state.time) and state.time >= before):
             raise InputError(f"time = {state.time}: a finite time not before {before} is needed")
         found = {}
-        for name, dataset in self._fields.items():
+        for name, like in self._fields.items():
             value = getattr(state, layout.FIELDS[name].attribute)
-            same = value.dtype == dataset.dtype and value.shape == dataset.shape[1:]
+            same = value.dtype == like.dtype and value.shape == like.shape
             if same and isinstance(state, StoredState):
                 found[name] = np.ascontiguousarray(value)  # the engine has seen that all is finite
             else:
-                found[name] = stored(name, value, dataset.shape[1:], dataset.dtype)
+                found[name] = stored(name, value, like.shape, like.dtype)
         if "position" in found and found["position"].dtype != state.position.dtype:
             # Rounding to fewer digits may carry a disk out of the box through its upper side.
             for axis, length in enumerate(self._lengths):

@@ -20,9 +20,8 @@ from ..plots.style import unit_of
 from ..run import status
 from ..tools.checked import Array
 from ..trajectory.export import kinds
-from ..trajectory.frame import SPIN, Frame
 from ..trajectory.history import KICK
-from ..trajectory.reader import Trajectory
+from ..trajectory.reader import SPIN, Frame, Trajectory
 
 MOST_DISKS = 2_000_000
 """Above so many disks in the window, a map of the area fraction is shown instead."""

@@ -409,6 +409,11 @@ def test_what_is_not_ours_is_refused_with_the_reason(tmp_path):
         file["particles/all/box/edges"] = np.ones(3)
     with pytest.raises(InputError, match=r"creator: other.*missing .*box/edges/step.*all/radius.*value_2d"):
         Trajectory(tmp_path / "foreign.h5")
+    write(tmp_path / "light.h5")
+    with h5py.File(tmp_path / "light.h5", "r+") as file:
+        del file["particles/all/mass"]
+    with pytest.raises(InputError, match=r"missing particles/all/mass$"):
+        Trajectory(tmp_path / "light.h5")
 
 
 def test_a_file_cut_short_is_refused_as_damaged(tmp_path):

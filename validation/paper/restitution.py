@@ -156,7 +156,7 @@ class Readings(NamedTuple):
 
 def measured() -> dict[tuple[str, str], Readings]:
     """The digitised points of Kharaz et al., by quantity and digitisation."""
-    (_, *lines), _ = csv_rows.read(Path(__file__).with_name("kharaz2001.csv"), most=100_000)
+    _, *lines = (row for row, _ in csv_rows.each(Path(__file__).with_name("kharaz2001.csv"), most=100_000))
     found: dict[tuple[str, str], list[tuple[float, float]]] = {}
     for quantity, psi, value, who in lines:
         found.setdefault((quantity, who), []).append((float(psi), float(value)))
