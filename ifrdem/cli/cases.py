@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter
 
@@ -25,17 +25,14 @@ def check(case: Case, /, *, set: Set = None) -> None:
     from ..case.estimate import RunEstimate
 
     comm = ranks()
-    file: Any = case_file.read_on_ranks(lambda: shipped.find(case), set or [], comm)
-    read = file is not None and file.gas.is_read_in_slices(file.case, comm)
-    ready = file.gas.ready(file.case, comm) if read else None
+    gas = case_file.read_on_ranks(lambda: shipped.find(case), set or [], comm).gas
 
     def report() -> None:
-        gas = ready or file.gas.ready(file.case)
-        estimate = RunEstimate.of(gas, file.case)
-        summary.refuse_cadences(file.case, gas, estimate)
-        crushes = gas.crushes(file.case)
-        say(summary.report(file.case, gas, estimate))
-        for text in (*crushes, *gas.cautions(file.case)):
+        estimate = RunEstimate.of(gas)
+        summary.refuse_cadences(gas, estimate)
+        crushes = gas.crushes()
+        say(summary.report(gas, estimate))
+        for text in (*crushes, *gas.cautions):
             warn(text)
         try:
             summary.refuse_beyond_disk(estimate.file_bytes, Path())

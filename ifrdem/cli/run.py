@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter
 
@@ -65,15 +65,14 @@ def run(
     from ..run.outputs import Outputs
 
     comm = ranks()
-
-    file: Any = case_file.read_on_ranks(lambda: shipped.find(case), changes, comm)
+    file = case_file.read_on_ranks(lambda: shipped.find(case), changes, comm)
 
     def planned() -> Outputs:
         outputs = Outputs.plan(file.case, output, picture=not no_picture)
         outputs.check(force=force)  # before the imports below, which take a second
         return outputs
 
-    outputs: Any = world.on_first(comm, planned)
+    outputs = world.from_first(comm, planned)
 
     from ..run import job
 
