@@ -13,9 +13,8 @@ from matplotlib.figure import Figure
 
 from ifrdem import forces
 from ifrdem.case import file as case_file
-from ifrdem.case.case import Case
+from ifrdem.case.case import Case, ForceSection
 from ifrdem.case.estimate import RunEstimate
-from ifrdem.case.forces_section import ForceSection
 from ifrdem.case.gas import CaseGas, forces_of
 from ifrdem.cli.main import main
 from ifrdem.model.ifr import IFRLaw

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ifrdem.case import file as case_file
-from ifrdem.case.forces_section import ForceSection
+from ifrdem.case.case import ForceSection
 from ifrdem.case.gas import CaseGas, forces_of
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
