@@ -296,10 +296,14 @@ def new(
     A template with every key there is, or a shipped case (cases/NAME.toml, see `ifrdem cases`).
     """
     from ..case import shipped
-    from ..study import plan
     from ..tools.files import check_files
 
-    text = plan.TEMPLATE if kind == "study" else shipped.new(kind)
+    if kind == "study":
+        from ..study import plan  # imports h5py
+
+        text = plan.TEMPLATE
+    else:
+        text = shipped.new(kind)
     if output == "-":
         print(text, end="")
         return
