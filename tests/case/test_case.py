@@ -812,7 +812,9 @@ def test_a_check_refuses_the_magnitudes_that_a_run_refuses(tmp_path, overrides, 
     """Speeds of 1e40 are beyond single precision, 3.4e38; their squares at 1e-17, 1e-34, below what f32 resolves."""
     path = tmp_path / "case.toml"
     path.write_text(SMALL)
-    case = case_file.read(path, overrides).case
+    with pytest.raises(InputError, match=reason):
+        case_file.read(path, overrides)
+    case = case_of(SMALL, *overrides)
     with pytest.raises(InputError, match=reason):
         CaseGas.from_case(case)
     if "precision" not in reason:  # the engine by itself says the same, and begins nothing
