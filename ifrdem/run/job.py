@@ -207,12 +207,7 @@ def drive(
         )  # fmt: skip
 
     def frame(state: State, measure: Measure) -> None:
-        if isinstance(job.writer, PartsWriter):
-            recorder.frame(job.writer.shares(state), measure)
-        else:
-            whole = _gathered(simulation, state)
-            assert whole is not None  # this is the first rank
-            recorder.frame(whole, measure)
+        recorder.frame(_as_written(simulation, job.writer, state), measure)
 
     def row(measure: Measure) -> None:
         recorder.row(measure)
@@ -283,10 +278,9 @@ def accompany(case: Case, simulation: Simulation, course: Course, writer: PartsW
             raise TrajectoryError(str(error)) from error
 
     def frame(state: State, _measure: Measure) -> None:
+        shares = _as_written(simulation, writer, state)
         if writer is not None:
-            writer.write_frames([(writer.shares(state), None)])
-        else:
-            _gathered(simulation, state)
+            writer.write_frames([(shares, None)])
 
     def between() -> None:
         _agree_to_go_on(simulation, stops, writer.tell if writer is not None else lambda: None)
@@ -307,9 +301,11 @@ def accompany(case: Case, simulation: Simulation, course: Course, writer: PartsW
     simulation.measure()  # after which the first one reads what was written
 
 
-def _gathered(simulation: Simulation, state: State) -> State | None:
-    """The state of all disks on the first rank, None on others, where each has a slice of it (`tools/slices.py`)."""
+def _as_written(simulation: Simulation, writer: QueuedWriter | PartsWriter | None, state: State) -> Any:
+    """A state as the writer takes it: shares of the parts of this rank, or all disks, on the first one (else None)."""
     comm = simulation.comm
+    if isinstance(writer, PartsWriter):
+        return writer.shares(state)
     if not simulation.sliced:
         return state
     names = [name for name in sorted(State.assignable - {"time"}) if getattr(state, name) is not None]
