@@ -157,9 +157,7 @@ class RunEstimate:
     end_time: float  # simulated time at the end [time]
     collisions: float  # of two disks in the whole run, each counted once
     collisions_at_most: bool  # `collisions` is only an upper bound: by the initial rate, which cooling lowers
-    steady_state: (
-        tuple[float, float] | None
-    )  # T and T_rot [energy] at which a driven or sheared gas would stay
+    steady_state: tuple[float, float] | None  # T and T_rot [energy] at which a driven or sheared gas stays
     wall_hits: float  # per time [1/time] at the start; 0 without walls
     file_bytes: int  # of the trajectory
     array_bytes: int  # of the engine's arrays

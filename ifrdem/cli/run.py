@@ -308,9 +308,8 @@ def new(
         print(text, end="")
         return
     path = Path(output or f"{Path(kind).stem}.toml")
-    data = sorted(
-        shipped.FOLDER.glob(f"{Path(kind).stem}*.csv")
-    )  # start and measured places of a shipped case
+    # Start and measured places of a shipped case.
+    data = sorted(shipped.FOLDER.glob(f"{Path(kind).stem}*.csv"))
     check_files([path.with_name(each.name) for each in data], force=force)
     try:
         with path.open("w" if force else "x", encoding="utf-8") as file:

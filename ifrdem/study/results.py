@@ -276,9 +276,6 @@ def predicted(case: Case, folder: Path, end: float) -> tuple[NDArray[np.float64]
                 disks, laws, phi, T0, T_rot0, steps, shear_rate=gas.box.shear_rate,
                 forces=[each.model_dump(exclude_none=True) for each in case.force],
             )  # fmt: skip
-    except (
-        InputError,
-        TheoryError,
-    ):  # of rolling friction, forces that are not linear, ...: there is no theory
+    except (InputError, TheoryError):  # rolling friction, forces that are not linear, ...: there is no theory
         return None
     return steps, found.collisions_per_disk, found.T, found.T_rot
