@@ -25,8 +25,8 @@ from ifrdem.case import shipped, summary, template
 from ifrdem.case.case import Case
 from ifrdem.case.gas import CaseGas
 from ifrdem.cases import gallery
-from ifrdem.cli import docs
 from ifrdem.cli import main as cli
+from ifrdem.cli import program
 from ifrdem.model.observables import measure
 from ifrdem.model.walls import Motion, Piston, Wall
 from ifrdem.plots import pictures
@@ -93,15 +93,15 @@ def test_readme_is_short_and_its_links_lead_to_files() -> None:
 
 
 def test_docs_shows_every_page_and_knows_near_spellings() -> None:
-    listing = docs.show(None)
-    for topic, title in docs.topics().items():
+    listing = program.page(None)
+    for topic, title in program.topics().items():
         assert title
         assert re.search(rf"^{topic} +{re.escape(title)}$", listing, flags=re.MULTILINE)
-        assert docs.show(topic).startswith(f"# {title}\n")
-        assert "<!--" not in docs.show(topic)
-    assert next(iter(docs.topics())) == "index"
+        assert program.page(topic).startswith(f"# {title}\n")
+        assert "<!--" not in program.page(topic)
+    assert next(iter(program.topics())) == "index"
     with pytest.raises(ifrdem.InputError, match="no topic 'wals' \\(did you mean 'walls'"):
-        docs.show("wals")
+        program.page("wals")
 
 
 def test_docs_is_a_command(capsys: pytest.CaptureFixture[str]) -> None:

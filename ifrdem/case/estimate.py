@@ -103,9 +103,9 @@ RING = 18.0
 """Width of the halos around a rank's disks [mean diameters]."""
 
 
-def strip_bytes(gas: CaseGas, case: Case, ranks: int) -> float:
+def strip_bytes(gas: CaseGas, ranks: int) -> float:
     """Memory [bytes] that one of several ranks needs at most to place strips of random disks; 0 of other starts."""
-    if (strips := gas.strips(case)) == 0:
+    if (strips := gas.strips) == 0:
         return 0.0
     most = max(math.ceil(strips / ranks) / strips, 1.0 / ranks)
     return gas.n * (PLACED_BYTES_PER_DISK * most + HOST_BYTES_PER_DISK / strips)  # one strip at a time
@@ -126,7 +126,7 @@ class RankPlan:
     """Real time, with one thread for each rank [s]."""
 
     @classmethod
-    def of(cls, gas: CaseGas, case: Case, estimate: RunEstimate, ranks: int) -> RankPlan:
+    def of(cls, gas: CaseGas, estimate: RunEstimate, ranks: int) -> RankPlan:
         """The plan for so many ranks: blocks that are squares, and a gas that stays homogeneous.
 
         With one thread each, as long as for their own disks alone, and for those of the halos.
@@ -139,9 +139,7 @@ class RankPlan:
         return cls(
             ranks=ranks,
             disks=own,
-            memory=RANK_BYTES
-            + max(per_disk * there, strip_bytes(gas, case, ranks))
-            + TILE_BYTES * n / TILE_DISKS,
+            memory=RANK_BYTES + max(per_disk * there, strip_bytes(gas, ranks)) + TILE_BYTES * n / TILE_DISKS,
             file=estimate.file_bytes / ranks,
             seconds=run_seconds(estimate.computed(n) / ranks, n, phi, 1) * there / own,
         )
@@ -159,9 +157,7 @@ class RunEstimate:
     end_time: float  # simulated time at the end [time]
     collisions: float  # of two disks in the whole run, each counted once
     collisions_at_most: bool  # `collisions` is only an upper bound: by the initial rate, which cooling lowers
-    steady_state: (
-        tuple[float, float] | None
-    )  # T and T_rot [energy] at which a driven or sheared gas would stay
+    steady_state: tuple[float, float] | None  # T and T_rot [energy] at which a driven or sheared gas stays
     wall_hits: float  # per time [1/time] at the start; 0 without walls
     file_bytes: int  # of the trajectory
     array_bytes: int  # of the engine's arrays
@@ -174,14 +170,14 @@ class RunEstimate:
         return self.collisions + (self.frames * 0.5 * n * IN_A_WINDOW if n > limits.ALONE else 0.0)
 
     @classmethod
-    def of(cls, gas: CaseGas, case: Case) -> RunEstimate:
-        """The estimate for a gas and the case that it comes from."""
-        n, area, output = gas.n, gas.room.area(), case.output
+    def of(cls, gas: CaseGas) -> RunEstimate:
+        """The estimate for a gas and its case."""
+        case, n, output = gas.case, gas.n, gas.case.output
         phi = gas.room.covered_part(gas.kinds.covered)
         rates, speeds = _rates_and_speeds(gas)
         paths = [speed / rate if rate > 0.0 else math.nan for speed, rate in zip(speeds, rates, strict=True)]
         mean_rate = sum(each.number * rate for each, rate in zip(gas.species, rates, strict=True)) / n
-        steady, end, per_disk = _by_theory(gas, case, phi, mean_rate)
+        steady, end, per_disk = _by_theory(gas, phi, mean_rate)
         # A drive, a flow, a fall or a wall that moves or is hot may raise the rate; in an open box there is none.
         driven = bool(case.force) or any(case.box.gravity) or gas.box.shear_rate != 0.0
         stirring = (each.motion or each.turn or each.piston or each.temperature for each in case.wall)
@@ -193,13 +189,13 @@ class RunEstimate:
             each.count(duration=end, collisions_per_disk=per_disk) + 1
             for each in (output.frame_cadence, output.series_cadence)
         )
-        tracked = _tracked(output, gas)
+        tracked = _tracked(gas)
         # Every collision of a tracked disk, and each time that forces act on it; unknown ones do not count.
         changes = [per_disk, *(end / step for step in {force.step for force in case.force})]
         events = sum(round(tracked * each) for each in changes if not math.isnan(each))
         return cls(
             packing_fraction=phi,
-            number_density=n / area,
+            number_density=n / gas.room.area(),
             collision_rate=tuple(rates),
             free_path=tuple(paths),
             end_time=end,
@@ -215,8 +211,9 @@ class RunEstimate:
         )
 
 
-def _tracked(output: OutputSection, gas: CaseGas) -> int:
+def _tracked(gas: CaseGas) -> int:
     """About how many disks have histories."""
+    output = gas.case.output
     if output.histories_region is None or gas.box.is_open:
         listed = len(output.histories or ()) or output.histories_sample or 0
         return gas.n if output.histories_all else listed
@@ -270,14 +267,13 @@ def _wall_hits(gas: CaseGas) -> float:
     return rate
 
 
-def _by_theory(
-    gas: CaseGas, case: Case, phi: float, rate: float
-) -> tuple[tuple[float, float] | None, float, float]:
+def _by_theory(gas: CaseGas, phi: float, rate: float) -> tuple[tuple[float, float] | None, float, float]:
     """Steady state, time and collisions per disk at the end, by kinetic theory of equal disks without rolling friction.
 
     None and nan for what neither the case nor theory tells; `rate` is that of collisions of a disk at the start
     [1/time].
     """
+    case = gas.case
     end = math.nan if case.run.t_end is None else case.run.t_end
     per_disk = math.nan if case.run.collisions_per_disk is None else case.run.collisions_per_disk
     each, law, shear_rate = gas.species[0], gas.law(), gas.box.shear_rate

@@ -43,8 +43,12 @@ class CaseFile:
     path: Path
     text: str
     overrides: tuple[str, ...]  # "key=value", in order
-    case: Case  # what the two say together
-    gas: CaseGas = field(repr=False)  # as it was judged with it; `CaseGas.ready` makes it start
+    gas: CaseGas = field(repr=False)  # what the two say together, ready to start
+
+    @property
+    def case(self) -> Case:
+        """The case that text and overrides make."""
+        return self.gas.case
 
     @property
     def folder(self) -> Path:
@@ -76,24 +80,25 @@ def load(path: Path) -> tuple[str, dict[str, Any]]:
         raise InputError(f"{path}: {error}") from None
 
 
-def read_on_ranks(find: Callable[[], Path], overrides: Sequence[str], comm: Any) -> CaseFile | None:
-    """As `read`, by the first of several ranks of MPI, which all call this; None on the others.
+def read_on_ranks(find: Callable[[], Path], overrides: Sequence[str], comm: Any) -> CaseFile:
+    """As `read`, by the first of several ranks of MPI (`find` gives it the path), which all call this.
 
-    A start file that each rank reads in slices (`CaseGas.is_read_in_slices`) is read here, and all have the case.
-    `find` gives the path, on the first one.
+    All have the case; of a start that a file gives each reads its slice (`CaseGas.is_read_in_slices`), or else the
+    first one has all of it.
     """
 
     def first() -> CaseFile:
         path = find()
         return of_text(load(path)[0], path, overrides, comm)
 
-    file = world.on_first(comm, first)
-    sliced = file if file is not None and file.gas.is_read_in_slices(file.case, comm) else None
-    if (sliced := world.told(comm, sliced)) is None:
-        return file
-    gas, found = sliced.gas.with_start(sliced.case, sliced.folder, comm)
-    _refuse(found, sliced.path, overrides)
-    return replace(sliced, gas=gas)
+    whole = world.on_first(comm, first)
+    file = world.told(comm, None if whole is None else replace(whole, gas=replace(whole.gas, given=None)))
+    assert file is not None
+    if not file.gas.is_read_in_slices(comm):
+        return whole or file
+    gas, found = file.gas.with_start(file.folder, comm)
+    _refuse(found, file.path, overrides)
+    return replace(file, gas=gas.ready(comm))
 
 
 def of_text(text: str, path: Path, overrides: Sequence[str] = (), comm: Any = None) -> CaseFile:
@@ -106,10 +111,10 @@ def of_text(text: str, path: Path, overrides: Sequence[str] = (), comm: Any = No
         raise InputError(f"{path}: is a study, not a case: `ifrdem study {path}` runs it")
     for assignment in overrides:
         override(raw, assignment)
-    case, gas, found = judged(raw, path.parent, comm)
+    gas, found = judged(raw, path.parent, comm)
     _refuse(found, path, overrides)
-    assert case is not None and gas is not None  # noqa: PT018 (else something was wrong)
-    return CaseFile(path, text, tuple(overrides), case, gas)
+    assert gas is not None  # else something was wrong
+    return CaseFile(path, text, tuple(overrides), gas if gas.is_read_in_slices(comm) else gas.ready())
 
 
 def _refuse(found: Sequence[Complaint], path: Path, overrides: Sequence[str]) -> None:
@@ -120,18 +125,16 @@ def _refuse(found: Sequence[Complaint], path: Path, overrides: Sequence[str]) ->
         raise InputError(listed([f"{path}: {text}" for text in texts]))
 
 
-def judged(
-    raw: Mapping[str, Any], folder: Path, comm: Any = None
-) -> tuple[Case | None, CaseGas | None, list[Complaint]]:
-    """A parsed case, its gas, and everything that is wrong: keys, types and ranges first; if these are in order, rules.
+def judged(raw: Mapping[str, Any], folder: Path, comm: Any = None) -> tuple[CaseGas | None, list[Complaint]]:
+    """The gas of a parsed case, and everything wrong: keys, types and ranges first; if these are in order, rules.
 
     Unknown keys alone do not hide what the rules forbid.
     """
     case, found = _validated(raw)
     if case is None:
-        return None, None, found
+        return None, found
     gas, problems = judge(case, folder, comm=comm)
-    return case, gas, found + problems
+    return gas, found + problems
 
 
 def _validated(raw: Mapping[str, Any]) -> tuple[Case | None, list[Complaint]]:

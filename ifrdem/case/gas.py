@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 class CaseGas:
     """The gas of a case: its disks, box, walls and laws, and its start."""
 
+    case: Case
     species: tuple[Species, ...]  # in the order of the disks' ids
     materials: tuple[str, ...]  # names of those that occur; that of the sides of the box is the first
     verdicts: tuple[PairVerdict, ...]  # of each pair of species, and of each species and material of walls
@@ -62,24 +63,24 @@ class CaseGas:
         gas, problems = judge(case, Path(folder), start=start, comm=comm)
         if problems:
             raise InputError(listed([str(problem) for problem in problems]))
-        return gas.ready(case) if start else gas
+        return gas.ready() if start else gas
 
-    def with_start(self, case: Case, folder: Path, comm: Any) -> tuple[CaseGas, list[Complaint]]:
+    def with_start(self, folder: Path, comm: Any) -> tuple[CaseGas, list[Complaint]]:
         """The gas with the slice of a start that each rank reads (`is_read_in_slices`), and all that is wrong with it.
 
         All ranks call this, and find the same wrong.
         """
         found: list[Complaint] = []
         radius = self.rows(slices.slice_of(self.n, comm)).radius
-        given = rules.given_start(case, radius, self.room, folder, found, comm)
+        given = rules.given_start(self.case, radius, self.room, folder, found, comm)
         return replace(self, given=given), found
 
-    def ready(self, case: Case, comm: Any = None) -> CaseGas:
+    def ready(self, comm: Any = None) -> CaseGas:
         """The gas as it starts: its motion known, its magnitudes such that the engine and the trajectory take them.
 
         Raises InputError if they do not. Ranks that have read slices of the start call this together.
         """
-        given = self.given
+        case, given = self.case, self.given
         if given is not None and given.velocity is not None and case.start.trajectory is not None:
             velocity = given.velocity + self.box.flow(given.position)  # there was no flow
             given = replace(given, velocity=velocity)
@@ -88,7 +89,7 @@ class CaseGas:
             given = impact_scan.start(self.disks, case.start.psi_range, speed, seed=case.run.seed)
         species = self.species if given is None else self._as_moving(given, comm)
         gas = replace(self, species=species, given=given)
-        gas._check_magnitudes(case, comm)
+        gas._check_magnitudes(comm)
         return gas
 
     @functools.cached_property
@@ -171,36 +172,40 @@ class CaseGas:
         texts = dict.fromkeys(each.message for each in self.verdicts if each.admissible and not each.strict)
         return list(texts)
 
-    def crushes(self, case: Case) -> list[str]:
+    def crushes(self) -> list[str]:
         """One text for each two walls that may crush a disk between them in the run; InputError if they must."""
         if not self.n:
             return []
         walls, radius = self.room.all_walls, self.kinds.radius
         names, diameter = wall_names(walls, self.box), 2.0 * float(radius.max())
-        end = math.inf if case.run.t_end is None else case.run.t_end
+        end = math.inf if self.case.run.t_end is None else self.case.run.t_end
         found = list(crush.crushes(walls, self.box, diameter, 0.0, end))
         for each in found:
             crush.refuse_certain(each, walls, names, 2.0 * float(radius.min()), end)
         return [crush.told(each, names, diameter) for each in found]
 
-    def drum(self, case: Case) -> float:
+    @property
+    def drum(self) -> float:
         """Froude number of the drum in whose frame gravity turns: Omega^2 R / g, R of the widest container.
 
         Half of the box's longer side where there is none; 0 if gravity does not turn.
         """
+        section = self.case.box
         radii = [wall.radius for wall in self.walls if wall.shape == "container"]
         radius = max(radii) if radii else 0.5 * max(self.box.lengths)
-        return case.box.gravity_turns**2 * radius / (math.hypot(*case.box.gravity) or 1.0)
+        return section.gravity_turns**2 * radius / (math.hypot(*section.gravity) or 1.0)
 
-    def cautions(self, case: Case) -> list[str]:
+    @property
+    def cautions(self) -> list[str]:
         """Texts about what gravity that turns leaves out, and about walls upon which nobody rests."""
-        texts, froude = [], self.drum(case)
+        texts, froude = [], self.drum
         if froude > FASTEST_DRUM:
             texts.append(
-                f"box.gravity_turns = {case.box.gravity_turns:g}: the Froude number of such a drum, {froude:.3g}, is "
-                f"above {FASTEST_DRUM}: its frame has centrifugal and Coriolis accelerations, too, which are left out"
+                f"box.gravity_turns = {self.case.box.gravity_turns:g}: the Froude number of such a drum, {froude:.3g}, "
+                f"is above {FASTEST_DRUM}: its frame has centrifugal and Coriolis accelerations, too, which are left "
+                "out"
             )
-        if case.run.resting_speed is None:
+        if self.case.run.resting_speed is None:
             return texts
         for i, wall in enumerate(self.walls):
             if wall.motion.kind == wall.turn.kind == "still" and not (wall.surface_speed or wall.temperature):
@@ -221,54 +226,52 @@ class CaseGas:
             texts.append(f'wall[{i}] {why}, and supports nobody with run.collapse = "rest"{instead}')
         return texts
 
-    def start(
-        self, case: Case, progress: Callable[[float], None] = lambda _: None, comm: Any = None
-    ) -> State:
+    def start(self, progress: Callable[[float], None] = lambda _: None, comm: Any = None) -> State:
         """The state at time 0, without overlaps; `progress` gets the part of growing that is done.
 
-        Of ranks, each gets its slice of a start that is drawn so (`drawn_in_slices`) or read so (`is_read_in_slices`).
+        Of ranks, each gets its slice of a start that is made so (`is_made_in_slices`).
 
         Raises InputError if the disks do not fit into the box in the way the case wants: a line with the key.
         """
         if self.given is None:
-            position = self._placed(case.start.positions, case.run.seed, progress, comm)
+            position = self._placed(progress, comm)
         else:
             position = self.given.position
             if self.given.velocity is not None and self.given.spin is not None:
                 return State(position=position, velocity=self.given.velocity, spin=self.given.spin)
-        velocity, spin = self._drawn_motion(case.run.seed, comm)
+        velocity, spin = self._drawn_motion(comm)
         return State(position=position, velocity=velocity + self.box.flow(position), spin=spin)
 
-    def drawn_in_slices(self, case: Case) -> bool:
-        """True if ranks draw the start in slices: on a lattice or at random, between walls or not.
-
-        Other starts need all disks at once, and are made by one process.
-        """
-        return self.given is None and case.start.positions in ("hexagonal", "random")
-
-    def strips(self, case: Case) -> int:
+    @property
+    def strips(self) -> int:
         """Number of strips of the box in which disks are placed at random, each by one rank; 0 of other starts."""
-        if self.patch is None or not case.start.placed or case.start.positions != "random":
+        start = self.case.start
+        if self.patch is None or not start.placed or start.positions != "random":
             return 0
         return placement.strips(Room(self.patch, self.walls), self.n, float(self.kinds.radius.max()))[1]
 
-    def is_made_in_slices(self, case: Case) -> bool:
-        """True if ranks make the start in slices: drawn, or read from a file."""
-        return case.start.file is not None or case.start.positions not in ("growth", IMPACT_SCAN)
+    @property
+    def is_made_in_slices(self) -> bool:
+        """True if ranks make the start in slices: drawn on a lattice or at random, or read from a file.
 
-    def is_read_in_slices(self, case: Case, comm: Any) -> bool:
+        Other starts need all disks at once, and are made by one process.
+        """
+        return self.case.start.file is not None or self.case.start.positions not in ("growth", IMPACT_SCAN)
+
+    def is_read_in_slices(self, comm: Any) -> bool:
         """True if each of these ranks reads its rows of the file that gives the start."""
-        named = case.start.file is not None or case.start.trajectory is not None
-        return named and self.is_told_in_slices(case, comm)
+        start = self.case.start
+        return (start.file or start.trajectory) is not None and self.is_told_in_slices(comm)
 
-    def is_told_in_slices(self, case: Case, comm: Any) -> bool:
+    def is_told_in_slices(self, comm: Any) -> bool:
         """True if a run on these ranks tells its states in slices: of many disks, or for a file in parts."""
         if comm is None:
             return False
-        return self.n > slices.GATHERED or case.output.in_parts(self.n, comm.size)
+        return self.n > slices.GATHERED or self.case.output.in_parts(self.n, comm.size)
 
-    def _drawn_motion(self, seed: int, comm: Any = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Velocities relative to the flow, shape (n, 2), and spins, (n,), that a seed gives; of ranks, of the slice."""
+    def _drawn_motion(self, comm: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Velocities relative to the flow, shape (n, 2), and spins, (n,), that are drawn; of ranks, of the slice."""
+        seed = self.case.run.seed
         velocity, spin = [], []
         for i, own in enumerate(self._of_species(slices.slice_of(self.n, comm))):
             each, options = self.species[i], {"seed": seeds.of_species(seed, i), "comm": comm}
@@ -298,8 +301,9 @@ class CaseGas:
         ]
         return 12.0 * max(speeds), 12.0 * max(each.spin_rms for each in self.species)
 
-    def _check_magnitudes(self, case: Case, comm: Any) -> None:
+    def _check_magnitudes(self, comm: Any) -> None:
         """Refuse what the engine or the trajectory's precision would refuse when the run begins."""
+        case = self.case
         flow = 0.5 * abs(self.box.shear_rate) * self.box.lengths[1] if self.box.shear_rate else 0.0
         if self.given is not None and self.given.velocity is not None and self.given.spin is not None:
             velocity, spin, flow = self.given.velocity, self.given.spin, 0.0
@@ -307,7 +311,7 @@ class CaseGas:
             fast, turning = self._fastest_drawn()
             velocity, spin = np.full((len(self.kinds.mass), 2), fast), np.full(len(self.kinds.mass), turning)
         else:
-            velocity, spin = self._drawn_motion(case.run.seed, comm)
+            velocity, spin = self._drawn_motion(comm)
         own = slices.slice_of(self.n, comm)
         disks = self.rows(own) if len(spin) == len(own) else self.kinds
         speed = world.largest(comm, checks.fastest(disks, velocity, spin))
@@ -327,7 +331,6 @@ class CaseGas:
 
     def simulation(
         self,
-        case: Case,
         state: State | None = None,
         *,
         tracked: NDArray[np.int32] | None = None,
@@ -338,56 +341,60 @@ class CaseGas:
         """The simulation of this gas on the case's device, from its start or from another `state`.
 
         What `warnings` says is not said again. `tracked` disks, which have histories, else come from the case and the
-        start. `comm` are ranks of MPI that share it, of which the others call `beside`; `pistons` displacements
-        [length], by default those of the case. `sliced` tells states in slices, or not, whatever the number of disks
-        (`is_told_in_slices`); a `state` may be that of the slice then, on all ranks.
+        start. All ranks of MPI (`comm`) that share it call this; `pistons` are displacements [length], by default those
+        of the case. `sliced` tells states in slices, or not, whatever the number of disks (`is_told_in_slices`). A
+        `state` of ranks is that of all disks, on the first one, or then that of the slice, on each.
         """
-        run, output = case.run, case.output
-        walls = self.walls if pistons is None else at_displacements(self.walls, pistons)
-        in_slices = comm is not None and (self.is_told_in_slices(case, comm) if sliced is None else sliced)
+        run, box, output = self.case.run, self.case.box, self.case.output
+        in_slices = comm is not None and (self.is_told_in_slices(comm) if sliced is None else sliced)
 
-        def arguments() -> tuple[dict[str, Any], Case, CaseGas, bool, State | None]:
-            begin = state
-            if begin is None and not (in_slices and self.drawn_in_slices(case)):
-                begin = self.start(case)
-            any_law = self.law()  # stands where two walls would meet, which never happens
-            laws = [[any_law if one is None else one for one in row] for row in self.laws]
-            given = {
-                "box": self.box, "law": laws, "arch": run.arch,
-                "threads": run.threads, "precision": run.precision, "walls": walls,
-                "gravity": (case.box.gravity[0], case.box.gravity[1]), "gravity_turns": case.box.gravity_turns,
-                "gravity_step": case.box.gravity_step, "collapse": run.collapse,
-                "contact_time": run.contact_time, "velocity_cutoff": run.velocity_cutoff,
-                "resting_speed": run.resting_speed, "forces": forces_of(case), "seed": run.seed,
-                "ledger": output.ledger, "partners": "last_partner" in output.fields,
-                "angles": "angle" in output.fields, "dissipated": "dissipated" in output.fields,
-                "wall_sums": output.wall_sums, "tracked": self.tracked(case, begin) if tracked is None else tracked,
-            }  # fmt: skip
-            return given, case, self, in_slices, begin
+        def begun() -> State | None:
+            drawn = in_slices and self.given is None and self.is_made_in_slices
+            return self.start() if state is None and not drawn else state
 
-        return _simulation(arguments, comm)[1]
+        begin = world.on_first(comm, begun)
+        disks = self.disks if world.is_first(comm) and not in_slices else None
+        if in_slices:
+            way = world.told(comm, "drawn" if begin is None else "whole" if begin.n == self.n else "slices")
+            if way == "whole":
+                disks, begin = dealt(comm, None if begin is None else self.disks, begin)
+            else:
+                disks = self.rows(slices.slice_of(self.n, comm))
+                begin = self.start(comm=comm) if way == "drawn" else state
+        any_law = self.law()  # stands where two walls would meet, which never happens
+        given: dict[str, Any] = {
+            "disks": disks, "box": self.box, "state": begin,
+            "law": [[any_law if one is None else one for one in row] for row in self.laws], "arch": run.arch,
+            "threads": run.threads, "precision": run.precision,
+            "walls": self.walls if pistons is None else at_displacements(self.walls, pistons),
+            "gravity": (box.gravity[0], box.gravity[1]), "gravity_turns": box.gravity_turns,
+            "gravity_step": box.gravity_step, "collapse": run.collapse, "contact_time": run.contact_time,
+            "velocity_cutoff": run.velocity_cutoff, "resting_speed": run.resting_speed,
+            "forces": forces_of(self.case), "seed": run.seed, "ledger": output.ledger,
+            "partners": "last_partner" in output.fields, "angles": "angle" in output.fields,
+            "dissipated": "dissipated" in output.fields, "wall_sums": output.wall_sums,
+            "tracked": self.tracked(begin) if tracked is None else tracked, "comm": comm, "sliced": in_slices,
+        }  # fmt: skip
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", EnergyWarning)
+            return Simulation(**given)
 
-    @staticmethod
-    def beside(comm: Any, state: State | None = None) -> tuple[Case, Simulation]:
-        """Case and simulation on ranks beside the first, while that calls `simulation`; from a state of the slice."""
-        return _simulation(lambda: None, comm, state)
-
-    def tracked(self, case: Case, start: State | None) -> NDArray[np.int32]:
+    def tracked(self, start: State | None) -> NDArray[np.int32]:
         """Disks that have histories, ascending; none of a start that only ranks know, which have no histories.
 
         Raises InputError if histories are asked for of a region in which no disk starts.
         """
         if start is None:
             return np.empty(0, dtype=np.int32)
-        found = case.output.tracked(start.position, seeds.stream(case.run.seed, seeds.HISTORIES))
-        if case.output.tracks and not len(found):
-            region = str(case.output.histories_region)
+        output = self.case.output
+        found = output.tracked(start.position, seeds.stream(self.case.run.seed, seeds.HISTORIES))
+        if output.tracks and not len(found):
+            region = str(output.histories_region)
             raise InputError(str(Complaint("output.histories_region", region, "no disk starts there")))
         return found
 
-    def _placed(
-        self, way: str, seed: int, progress: Callable[[float], None], comm: Any
-    ) -> NDArray[np.float64]:
+    def _placed(self, progress: Callable[[float], None], comm: Any) -> NDArray[np.float64]:
+        way, seed = self.case.start.positions, self.case.run.seed
         assert self.patch is not None  # the rules have seen to it
         disks = self.disks if comm is None else self.rows(slices.slice_of(self.n, comm))
         radius, options = disks.radius, dict[str, Any](seed=seed, walls=self.walls)
@@ -401,41 +408,6 @@ class CaseGas:
             return placement.random_positions(self.patch, radius, comm=comm, **options)
         except InputError as error:
             raise InputError(str(Complaint("start.positions", f'"{way}"', str(error)))) from None
-
-
-def _simulation(
-    arguments: Callable[[], tuple[dict[str, Any], Case, CaseGas, bool, State | None] | None],
-    comm: Any,
-    state: State | None = None,
-) -> tuple[Case, Simulation]:
-    """A simulation from the first rank's arguments; in slices, each rank makes its own disks and start."""
-    found = world.on_first(comm, arguments)
-    if comm is None:
-        assert found is not None
-        given, case, gas, _, begin = found
-        return case, _quietly(disks=gas.disks, state=begin, **given)
-    small = None
-    if found is not None:
-        given, case, gas, in_slices, state = found
-        way = "drawn" if state is None else "whole" if state.n == gas.n else "slices"
-        small = given, case, replace(gas, given=None) if in_slices else None, way
-    given, case, of_case, way = comm.bcast(small)
-    disks = gas.disks if found is not None and way == "whole" else None
-    if of_case is None:
-        return case, _quietly(disks=disks, state=state, comm=comm, **given)
-    if way == "whole":
-        own, state = dealt(comm, disks, state)
-    else:
-        own = of_case.rows(slices.slice_of(of_case.n, comm))
-        state = of_case.start(case, comm=comm) if way == "drawn" else state
-    return case, _quietly(disks=own, state=state, comm=comm, sliced=True, **given)
-
-
-def _quietly(**given: Any) -> Simulation:
-    """A simulation without warnings of laws."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", EnergyWarning)
-        return Simulation(**given)
 
 
 def judge(
@@ -461,7 +433,7 @@ def judge(
     ]
     found += rules.wrong_forces(case)
     box, patch, given = Box.open(), None, None
-    gas = CaseGas(species, materials, verdicts, box, walls)
+    gas = CaseGas(case, species, materials, verdicts, box, walls)
     kinds = gas.kinds
     try:
         patch = case.box.patch(kinds.covered)
@@ -475,7 +447,7 @@ def judge(
             standing = () if wrong_walls else walls
             found += rules.wrong_room(case, species, kinds, None if patch is None else Room(patch, standing))
             found += [*rules.wrong_open(case, patch), *rules.wrong_scan(case)]
-            if not case.start.placed and not gas.is_read_in_slices(case, comm):
+            if not case.start.placed and not gas.is_read_in_slices(comm):
                 given = rules.given_start(case, gas.disks.radius, Room(box, standing), folder, found)
     found += rules.wrong_output(case, kinds.n, box)
     if comm is not None:

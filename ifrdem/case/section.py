@@ -116,9 +116,8 @@ class Section(BaseModel):
     def about(cls, key: str) -> tuple[str, Any]:
         """Description (with its unit) and an example value of a key."""
         found, written = cls.model_fields[key], _docstrings(cls).get(key)
-        if (
-            found.description is None and written is None
-        ):  # `Annotated[float, Field(...)] | None` keeps them one level down
+        if found.description is None and written is None:
+            # `Annotated[float, Field(...)] | None` keeps them one level down.
             inner = (get_args(found.annotation) or (found.annotation,))[0]
             found = next(each for each in get_args(inner) if isinstance(each, FieldInfo))
         examples = found.examples or []

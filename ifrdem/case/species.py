@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -14,7 +13,7 @@ from ..initial import radii
 from ..model.coin_table import coins
 from ..model.state import Kinds, extremes, kinds_among, united
 from ..tools import seeds, slices
-from .case import Case, SpeciesSection
+from .case import Case, RadiiSection, SpeciesSection
 
 CLASSES = 16
 """Groups of like radii that stand for a species with many, where a sum over all pairs would be long."""
@@ -37,15 +36,6 @@ class Overview(NamedTuple):
     sums: dict[range, tuple[float, float]]  # of R^2 and of R, for some ids
 
 
-@dataclass(frozen=True)
-class Radii:
-    """Radii that are drawn from a distribution."""
-
-    distribution: str
-    parameters: Mapping[str, float]
-    seed: int
-
-
 @dataclass(frozen=True, eq=False)
 class Species:
     """Disks of one kind, or of radii that are drawn. They may be many, and so nothing here is an array of all."""
@@ -54,17 +44,18 @@ class Species:
     material: str
     number: int
     mass: float | None  # [mass]; None if each has its own, areal_density pi R^2
-    radius: float | Radii  # [length]
+    radius: float | RadiiSection  # [length]; a distribution, from which they are drawn
     k: float  # shape number
     speed_rms: float  # root mean square at the start [length/time]
     spin_rms: float  # the same of spins [rad/time]
     areal_density: float = 0.0  # [mass/length^2]
+    seed: int = 0  # of the radii that are drawn
 
     def columns(self, ids: range) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Masses [mass] and radii [length] of some of them, numbered from 0 on; shape (len(ids),) each."""
-        if isinstance(self.radius, Radii):
-            of = self.radius
-            radius = radii.of_ids(of.distribution, self.number, ids, seed=of.seed, **of.parameters)
+        if isinstance(self.radius, RadiiSection):
+            of, given = self.radius.distribution, self.radius.parameters
+            radius = radii.of_ids(of, self.number, ids, seed=self.seed, **given)
         else:
             radius = np.full(len(ids), self.radius)
         if self.mass is None:
@@ -76,7 +67,7 @@ class Species:
         """Kinds, spreads and sums of all of them, from a look at one block after another."""
         kinds: Kinds | None = None
         sums, totals = {}, np.zeros(2)
-        seen = range(self.number if isinstance(self.radius, Radii) else 1)
+        seen = range(self.number if isinstance(self.radius, RadiiSection) else 1)
         for ids in slices.blocks(seen):
             mass, radius = self.columns(ids)
             rows = [mass, radius, np.full(len(ids), self.k), np.zeros(len(ids), dtype=np.int32)]
@@ -100,7 +91,7 @@ class Species:
 
     def sums(self, ids: range) -> tuple[float, float]:
         """Sums of R^2 [length^2] and of R [length] over some of them, as NumPy adds them up."""
-        ids = ids if isinstance(self.radius, Radii) else range(len(ids))
+        ids = ids if isinstance(self.radius, RadiiSection) else range(len(ids))
         if ids not in self.look.sums:
             self.look.sums[ids] = _sums(self.columns(ids)[1])
         return self.look.sums[ids]
@@ -140,21 +131,15 @@ def species_of(case: Case) -> tuple[Species, ...]:
 
 
 def _species(section: SpeciesSection, seed: int) -> Species:
-    mass, radius, k, per_area = section.mass, _radius(section, seed), section.k, section.areal_density or 0.0
+    mass, k, per_area = section.mass, section.k, section.areal_density or 0.0
+    radius = section.radii or section.radius or 0.5 * (section.diameter or 0.0)
     if section.coin is not None:
         coin = coins[section.coin]
         mass, radius, k = coin.mass, coin.radius, coin.k
     # Exactly one of mass and areal_density is given: the section's alternatives see to it.
-    elif mass is None and not isinstance(radius, Radii):
+    elif mass is None and not isinstance(radius, RadiiSection):
         mass = float(np.pi * np.square(radius) * per_area)
     material = section.material or section.coin or ""
     return Species(
-        section.name, material, section.number, mass, radius, k, section.speed_rms, section.spin_rms, per_area
-    )
-
-
-def _radius(section: SpeciesSection, seed: int) -> float | Radii:
-    """The radius of a species [length], or how radii are drawn."""
-    if section.radii is not None:
-        return Radii(section.radii.distribution, section.radii.parameters, seed)
-    return section.radius if section.radius is not None else 0.5 * (section.diameter or 0.0)
+        section.name, material, section.number, mass, radius, k, section.speed_rms, section.spin_rms, per_area, seed
+    )  # fmt: skip

@@ -49,7 +49,7 @@ Measured 2026-11-23: 10,000 elastic disks of two sizes with equal areas, phi = 0
 (`results/size_ratio.md`). Among walls there is one layer of cells only, and the cost is higher from a ratio of 5 on."""
 
 
-def refuse_cadences(case: Case, gas: CaseGas, estimate: RunEstimate) -> None:
+def refuse_cadences(gas: CaseGas, estimate: RunEstimate) -> None:
     """Raise InputError for frames or rows of series at intervals that make no sense, with a line for each.
 
     At most `MOST_FRAMES` of either, as where a number is given. The length of the run is its own, or the one that
@@ -60,18 +60,17 @@ def refuse_cadences(case: Case, gas: CaseGas, estimate: RunEstimate) -> None:
         [
             f"output.{key} = {value:g}: {text}"
             for what in ("frames", "series")
-            for key, value, text in _wrong_cadence(case, gas, estimate, what)
+            for key, value, text in _wrong_cadence(gas, estimate, what)
         ]
     )
 
 
-def _wrong_cadence(
-    case: Case, gas: CaseGas, estimate: RunEstimate, what: str
-) -> Iterator[tuple[str, float, str]]:
+def _wrong_cadence(gas: CaseGas, estimate: RunEstimate, what: str) -> Iterator[tuple[str, float, str]]:
+    case = gas.case
     many = f"{MOST_FRAMES} {'frames' if what == 'frames' else 'rows'}"
     interval = getattr(case.output, f"{what}_interval")
     if interval is not None:
-        length, which = _length(case, gas, estimate)
+        length, which = _length(gas, estimate)
         if not math.isnan(length) and interval * MOST_FRAMES < length:
             text = f"more than {many} in {length:.4g}{case.unit('time')}, {which}"
             yield f"{what}_interval", interval, f"{text}: {length / MOST_FRAMES:.3g} or more is needed"
@@ -86,8 +85,9 @@ def _wrong_cadence(
             yield f"{what}_collisions", collisions, f"{text}: {least:.3g} or more is needed"
 
 
-def _length(case: Case, gas: CaseGas, estimate: RunEstimate) -> tuple[float, str]:
+def _length(gas: CaseGas, estimate: RunEstimate) -> tuple[float, str]:
     """A time [time] that the run lasts at least, and what it is; nan where the case names none."""
+    case = gas.case
     if case.run.t_end is not None:
         return case.run.t_end, "the length of the run"
     if not math.isnan(estimate.end_time):
@@ -141,8 +141,9 @@ def refuse_beyond_memory(
         raise InputError(f"{n} disks need {both}: {n * free // needed} would fit")
 
 
-def summary(case: Case, gas: CaseGas, estimate: RunEstimate, device: str) -> str:
+def summary(gas: CaseGas, estimate: RunEstimate, device: str) -> str:
     """The lines that stand above a run: what will run, on what, and how many collisions are expected."""
+    case = gas.case
     if gas.box.is_open:
         where = " in an open box"
     else:
@@ -153,10 +154,11 @@ def summary(case: Case, gas: CaseGas, estimate: RunEstimate, device: str) -> str
     return f"{case.run.name}: {gas.n} disks{where}\nto {_end(case, estimate)}\non {device}"
 
 
-def report(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
+def report(gas: CaseGas, estimate: RunEstimate) -> str:
     """Everything that can be said of a case before it runs."""
+    case = gas.case
     length, mass, time = (case.unit(quantity) for quantity in ("length", "mass", "time"))
-    lines = _density(case, gas, estimate)
+    lines = _density(gas, estimate)
     radius = Spread(
         float(gas.kinds.radius.min()), float(gas.kinds.radius.max()), float(gas.kinds.mean_radius)
     )
@@ -182,10 +184,10 @@ def report(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
         lines.append(_row(f"pair {verdict.first}, {verdict.second}", text))
         if not verdict.strict:
             lines.append(_row("", verdict.message))
-    lines += [_row(*each) for each in _walls(case, gas, estimate)]
+    lines += [_row(*each) for each in _walls(gas, estimate)]
     lines += _forces(case, estimate)
     lines.append(_row("run", f"to {_end(case, estimate)}"))
-    stored = f"{size(estimate.file_bytes)}: {_stored(case, gas, estimate)}"
+    stored = f"{size(estimate.file_bytes)}: {_stored(gas, estimate)}"
     lines.append(_row("file", f"{case.run.name}.h5, {stored}"))
     if case.output.in_parts(gas.n, ranks=2):
         on_ranks = "" if case.output.parts is True else "on several ranks of MPI, "
@@ -194,9 +196,9 @@ def report(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
     engine = f"{size(estimate.array_bytes)} for the engine ({gas.n} disks x {per_disk} bytes)"
     lines.append(_row("memory", f"{engine}, beside Python, Taichi and their libraries"))
     if case.run.arch == "cpu" and estimate.collisions > 0.0 and estimate.packing_fraction > 0.0:
-        lines.append(_row("time", _time(case, gas, estimate)))
+        lines.append(_row("time", _time(gas, estimate)))
     if case.run.arch == "cpu" and gas.n > GATHERED and estimate.packing_fraction > 0.0:
-        plans = [RankPlan.of(gas, case, estimate, ranks) for ranks in planned_ranks(gas.n)]
+        plans = [RankPlan.of(gas, estimate, ranks) for ranks in planned_ranks(gas.n)]
         lines += [_row("on ranks of MPI" if i == 0 else "", _planned(each)) for i, each in enumerate(plans)]
         if case.start.positions == "growth" and case.start.file is None:
             lines.append(_row("", f'start.positions = "growth" {GROWN}'))
@@ -217,9 +219,9 @@ def _planned(plan: RankPlan) -> str:
     return f"{text}, with one thread each"
 
 
-def _time(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
+def _time(gas: CaseGas, estimate: RunEstimate) -> str:
     """Time that a run takes, about, and why it is long."""
-    n, phi, threads = gas.n, estimate.packing_fraction, case.run.threads or backend.cores()
+    n, phi, threads = gas.n, estimate.packing_fraction, gas.case.run.threads or backend.cores()
     seconds = run_seconds(estimate.computed(n), n, phi, threads)
     rate = 1e6 / run_seconds(1e6, n, phi, threads)
     text = f"some {size_of_time(seconds)} of collisions and frames, at {rate:.2g} collisions/s (`ifrdem bench --n {n} "
@@ -239,9 +241,9 @@ def size_of_time(seconds: float) -> str:
     return f"{max(seconds, 0.1):.2g} s"
 
 
-def _stored(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
+def _stored(gas: CaseGas, estimate: RunEstimate) -> str:
     """Content of the trajectory file."""
-    output = case.output
+    output = gas.case.output
     text = (
         f"{estimate.frames} frames x ({gas.n} disks x {disk_bytes(output)} bytes + {len(OBSERVABLES)} totals)"
     )
@@ -255,8 +257,9 @@ def _stored(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
     return text
 
 
-def _density(case: Case, gas: CaseGas, estimate: RunEstimate) -> list[str]:
+def _density(gas: CaseGas, estimate: RunEstimate) -> list[str]:
     """Heading of a report on a gas, and how dense it is."""
+    case = gas.case
     length, time = case.unit("length"), case.unit("time").strip()
     sides = "" if gas.patch is None else f"{gas.patch.lengths[0]:.5g} x {gas.patch.lengths[1]:.5g}{length}"
     if gas.box.is_open:
@@ -295,8 +298,9 @@ def _forces(case: Case, estimate: RunEstimate) -> list[str]:
     return lines
 
 
-def _walls(case: Case, gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, str]]:
+def _walls(gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, str]]:
     """Name and text of each line; none for a periodic gas without gravity."""
+    case = gas.case
     length, time, energy = (case.unit(quantity) for quantity in ("length", "time", "energy"))
     speed, lines = _per(length, time), []
     mass = sum(each.number * each.look.mass.mean for each in gas.species) / gas.n
@@ -308,8 +312,7 @@ def _walls(case: Case, gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, s
         lines.append(("gravity", f"({x:g}, {y:g}){speed}{'^2' if speed else ''}: {lifted}"))
     if case.box.gravity_turns:
         rate = f"{case.box.gravity_turns:g}{f' rad/{time.strip()}' if time else ''}"
-        froude = gas.drum(case)
-        text = f"turns at {rate} in steps of {case.box.gravity_step:g} rad; Froude number of such a drum {froude:.3g}"
+        text = f"turns at {rate} in steps of {case.box.gravity_step:g} rad; Froude number of such a drum {gas.drum:.3g}"
         lines.append(("", text))
     if gas.room.all_walls:
         area = f"{gas.room.area():.5g}{f'{length}^2' if length else ''}"

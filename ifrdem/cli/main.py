@@ -27,7 +27,7 @@ from cyclopts import (
 from ..errors import EngineError, InputError, nearest, there_are
 from ..tools import world
 from ..tools.versions import __version__
-from . import analyse, bench, cases, console, experiment, fit, run, study, trajectory, validate, view
+from . import analyse, console, fit, program, run, trajectory
 from .console import BAD_INPUT, FAILED, INTERRUPTED, LOG, complain
 from .options import flag
 
@@ -57,35 +57,22 @@ app: App = App(
 GENERAL = ("--quiet", "--verbose", "--help")
 
 
-def docs(
-    topic: Annotated[
-        str | None, Parameter(name="TOPIC", help="page to print (default: the list of pages)")
-    ] = None,
-    /,
-) -> None:
-    """Read the manual."""
-    from .docs import show
-
-    console.say(show(topic))
-
-
-def _lines(text: str) -> str:
-    return textwrap.indent(text, "  ")
-
-
 COMMANDS: dict[Group, tuple[Callable[..., Any], ...]] = {
-    RUNS: (run.run, run.resume, run.tail, study.study, cases.check, cases.new, cases.cases),
+    RUNS: (run.run, run.resume, run.tail, run.study, run.check, run.new, run.cases),
     FILES: (
-        trajectory.info, view.view, analyse.analyse, analyse.plot, trajectory.movie, trajectory.history,
+        trajectory.info, trajectory.view, analyse.analyse, analyse.plot, trajectory.movie, trajectory.history,
         trajectory.export, trajectory.views, trajectory.repair,
     ),
-    LAW: (experiment.collisions, fit.fit, experiment.compare, validate.validate, bench.bench, cases.backends, docs),
+    LAW: (
+        fit.collisions, fit.fit, fit.compare, program.validate, program.bench, program.backends,
+        program.docs,
+    ),
 }  # fmt: skip
 MORE: dict[Callable[..., Any], str] = {
     fit.fit: fit.FORMAT,
-    experiment.collisions: experiment.FORMAT,
-    experiment.compare: experiment.COMPARE,
-    analyse.plot: f"WHAT is drawn into a PNG file:\n\n{_lines(analyse.PICTURE_LIST)}",
+    fit.collisions: fit.TRACKS,
+    fit.compare: fit.MEASURED,
+    analyse.plot: f"WHAT is drawn into a PNG file:\n\n{textwrap.indent(analyse.PICTURE_LIST, '  ')}",
 }
 """Text that `--help` of a command shows behind its docstring."""
 for _group, _functions in COMMANDS.items():

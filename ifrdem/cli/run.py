@@ -1,10 +1,13 @@
-"""Commands that run cases: `run`, `resume`, `tail`."""
+"""Commands about cases and runs: `run`, `resume`, `tail`, `study`, `check`, `new`, `cases`."""
 
 from __future__ import annotations
 
 import os
+import re
+import shlex
 from collections.abc import Callable
-from typing import Annotated, Any
+from pathlib import Path
+from typing import Annotated
 
 from cyclopts import Parameter
 
@@ -26,6 +29,7 @@ from .options import (
     number,
     option,
     overrides,
+    whole,
 )  # fmt: skip
 
 
@@ -65,15 +69,14 @@ def run(
     from ..run.outputs import Outputs
 
     comm = ranks()
-
-    file: Any = case_file.read_on_ranks(lambda: shipped.find(case), changes, comm)
+    file = case_file.read_on_ranks(lambda: shipped.find(case), changes, comm)
 
     def planned() -> Outputs:
         outputs = Outputs.plan(file.case, output, picture=not no_picture)
         outputs.check(force=force)  # before the imports below, which take a second
         return outputs
 
-    outputs: Any = world.on_first(comm, planned)
+    outputs = world.from_first(comm, planned)
 
     from ..run import job
 
@@ -154,3 +157,176 @@ def tail(
 
     ends = {status.RUNNING: 0, status.DONE: 0, status.INTERRUPTED: UNFINISHED}
     return ends.get(status.tail(path, say, follow=not once, interval=seconds), FAILED)
+
+
+def study(
+    file: Annotated[
+        str,
+        Parameter(name="STUDY", help="a study file (`ifrdem new study`), a case file, or a shipped case"),
+    ],
+    /,
+    *,
+    vary: Annotated[
+        list[str] | None,
+        option(
+            "KEY=VALUES",
+            "a key of the case to vary: 0.7,0.8,0.9 or 0.1:0.5:5 (five values, evenly) or 0.01:1:5:log; repeatable "
+            '(every combination is run); "KEY=...;KEY=..." vary together',
+        ),
+    ] = None,
+    seeds: Annotated[str | None, option("N", "number of seeds, or a list such as 1,2,5 (default: 1)")] = None,
+    set: Set = None,
+    output: Annotated[
+        str | None,
+        option(
+            "NC",
+            "file of results; runs are kept in NAME.runs (default: STUDY.nc, or CASE-study.nc)",
+            "--output",
+            "-o",
+        ),
+    ] = None,
+    workers: Annotated[
+        str | None,
+        option("N", "processes of this machine (default: one for each core); 0: none but this one"),
+    ] = None,
+    scheduler: Annotated[
+        str | None, option("ADDRESS", "run on this cluster of Dask, tcp://host:8786")
+    ] = None,
+    keep_going: Annotated[bool, flag("leave out points that `check` refuses")] = False,
+    part: Annotated[
+        str | None, option("K/M", "the K-th of M parts of the runs, without results: for array jobs")
+    ] = None,
+    dry_run: Annotated[
+        bool, flag("say points, runs, disk space and expected time, and start nothing")
+    ] = False,
+) -> int:
+    """Run a case for many values of its keys and many seeds, on all cores or on a cluster.
+
+    Writes one file of results (NetCDF-4, for xarray): series and analyses of all runs, means and standard errors over
+    seeds, kinetic theory beside them. Called again, it goes on where it was stopped, and runs only what is new.
+    """
+    share = None
+    if part is not None:
+        match = re.fullmatch(r"(\d+)/(\d+)", part)
+        if match is None or not 1 <= int(match[1]) <= int(match[2]):
+            raise InputError(f"--part {part}: K/M is needed, such as 3/10, the third of ten parts")
+        share = int(match[1]), int(match[2])
+    count = None if workers is None else whole("--workers", workers, 0, 10_000)
+    from ..study.study import Study
+
+    it = Study(file, vary=vary or [], set=set or [], seeds=seeds, output=output)
+    wrong = it.check(keep_going=keep_going, workers=count, scheduler=scheduler)
+    for line in it.summary(count, scheduler):
+        (say if dry_run else note)(line)
+    if dry_run:
+        for line in wrong:
+            warn(f"left out: {line}")
+        return 0
+    try:
+        failed = it.run(
+            workers=count, scheduler=scheduler, keep_going=keep_going, part=share, say=note, warn=warn
+        )
+    except Stopped as error:
+        complain(str(error))
+        return error.status
+    if share is None and it.output.exists():
+        note(
+            f"wrote {it.output}: `ifrdem plot {it.output} T --over tau` draws it; xarray.open_dataset opens it"
+        )
+    if failed:
+        complain(f"{len(failed)} of {it.runs} runs failed; the same command tries them again:")
+        for name, message in failed.items():
+            complain(f"  {name}: {message}")
+        return FAILED
+    return 0
+
+
+def check(case: Case, /, *, set: Set = None) -> None:
+    """Look at a case without running it.
+
+    Reports the mistakes of a case, all of a kind at once; of a good one its packing fraction, mean free paths,
+    whether its laws can add energy, its file size and memory. With mpiexec, also what so many ranks cannot do.
+    """
+    from ..case import file as case_file
+    from ..case import shipped, summary
+    from ..case.estimate import RunEstimate
+
+    comm = ranks()
+    gas = case_file.read_on_ranks(lambda: shipped.find(case), set or [], comm).gas
+
+    def report() -> None:
+        estimate = RunEstimate.of(gas)
+        summary.refuse_cadences(gas, estimate)
+        crushes = gas.crushes()
+        say(summary.report(gas, estimate))
+        for text in (*crushes, *gas.cautions):
+            warn(text)
+        try:
+            summary.refuse_beyond_disk(estimate.file_bytes, Path())
+        except InputError as error:  # it may run elsewhere
+            warn(f"{error}: `ifrdem run` would refuse it here")
+
+    world.on_first(comm, report)
+
+
+KIND = (
+    "cooling (one kind of coins), driven (random kicks), mixture (two), walls (a shaken floor), study (many gases at "
+    "once), or cases/NAME.toml"
+)
+
+
+def new(
+    kind: Annotated[str, Parameter(name="KIND", help=KIND)],
+    /,
+    *,
+    output: Annotated[
+        str | None,
+        option(
+            "FILE",
+            "file to write (default: KIND.toml; - prints it)",
+            "--output",
+            "-o",
+            allow_leading_hyphen=True,
+        ),
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Write a commented case file to start from.
+
+    A template with every key there is, or a shipped case (cases/NAME.toml, see `ifrdem cases`).
+    """
+    from ..case import shipped
+    from ..tools.files import check_files
+
+    if kind == "study":
+        from ..study import plan  # imports h5py
+
+        text = plan.TEMPLATE
+    else:
+        text = shipped.new(kind)
+    if output == "-":
+        print(text, end="")
+        return
+    path = Path(output or f"{Path(kind).stem}.toml")
+    # Start and measured places of a shipped case.
+    data = sorted(shipped.FOLDER.glob(f"{Path(kind).stem}*.csv"))
+    check_files([path.with_name(each.name) for each in data], force=force)
+    try:
+        with path.open("w" if force else "x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError:
+        raise InputError(f"{path}: exists already; --force replaces it, -o writes elsewhere") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+    for each in data:
+        path.with_name(each.name).write_bytes(each.read_bytes())
+    quoted = shlex.quote(str(path))
+    look, run = ("study --dry-run", "study") if kind == "study" else ("check", "run")
+    note(f"wrote {path}: look at it with `ifrdem {look} {quoted}`, run it with `ifrdem {run} {quoted}`")
+
+
+def cases() -> None:
+    """List the shipped cases."""
+    from ..case import shipped
+
+    say(shipped.listing())

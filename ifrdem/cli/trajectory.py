@@ -1,10 +1,14 @@
-"""Commands about trajectories: `info`, `history`, `views`, `export`, `movie`, `repair`."""
+"""Commands about trajectories: `info`, `view`, `views`, `export`, `movie`, `repair`, `history`."""
 
 from __future__ import annotations
 
+import contextlib
 import os
+import webbrowser
 from pathlib import Path
 from typing import Annotated, Any
+
+from cyclopts import Parameter
 
 from ..errors import InputError
 from .console import note, say
@@ -18,10 +22,12 @@ from .options import (
     chosen,
     counted,
     flag,
+    one_trajectory,
     opened,
     option,
     place,
     styled,
+    whole,
 )
 
 SHOWN = 10
@@ -35,6 +41,68 @@ def info(file: File, /) -> None:
     from ..run.info import describe
 
     say(describe(file))
+
+
+def view(
+    file: Annotated[
+        str,
+        Parameter(
+            name="FILE",
+            help="a trajectory (.h5), or the folder that it is in; with --study, NAME.nc or NAME.runs",
+        ),
+    ],
+    /,
+    *,
+    study: Annotated[
+        bool, flag("show the points of a study, and the disks of runs whose trajectories it kept")
+    ] = False,
+    html: Annotated[
+        str | None, option("OUT", "write the page with the frames inside into a file, to send")
+    ] = None,
+    frames: Frames = None,
+    port: Annotated[str, option("N", "port of this machine (default: any free one)")] = "0",
+    no_browser: Annotated[bool, flag("print the address only")] = False,
+    force: Force = False,
+) -> None:
+    """Look at a trajectory in a browser: play, zoom, colours, a disk's collisions, energies.
+
+    Opens a page of this machine, which nobody reaches without the token in its address, and serves it until Ctrl-C. A
+    run that is still going is followed. --html writes one file instead, which needs no server; --frames says which
+    frames it holds.
+    """
+    number = whole("--port", port, 0, 65535)
+    if html is None and (frames is not None or force):
+        raise InputError(f"{'--frames' if frames is not None else '--force'}: only with --html")
+    if study and html is not None:
+        raise InputError("--html: not beside --study; write the page of one of its trajectories")
+    if html is not None:
+        from ..viewer import page
+
+        with opened(one_trajectory(file)) as trajectory:
+            numbers = chosen(frames, len(trajectory))
+            out = place(file, html, ".html", force=force, option="--html with another name")
+            page.write(trajectory, out, numbers, progress=counted("view"))
+        note(f"wrote {out}: {len(numbers)} frame{'' if len(numbers) == 1 else 's'}")
+        return
+    from ..viewer.content import Content
+    from ..viewer.server import Server
+
+    if study:
+        from ..viewer.points import StudyPoints
+
+        shown: Content | StudyPoints = StudyPoints(Path(file))
+    else:
+        shown = Content(opened(one_trajectory(file)))
+    try:
+        server = Server(shown, number)
+    except OSError as error:
+        raise InputError(f"--port {port}: {error.strerror}; without --port, any free one is taken") from error
+    with server, contextlib.suppress(KeyboardInterrupt):
+        note("the page is served until Ctrl-C, at")
+        say(server.address)
+        if not no_browser and not webbrowser.open(server.address):
+            note("no browser was found: open the address in one of this machine")
+        server.serve_forever()
 
 
 def views(file: File, /) -> None:
@@ -99,9 +167,10 @@ def movie(
     animations for web pages.
     """
     from ..plots import movie as making
-    from ..tools.arguments import whole
+    from ..tools import arguments
 
-    rate, level = whole("--fps", fps, 1, 240), whole("--quality", quality, 1, 100)
+    rate = arguments.whole("--fps", fps, 1, 240)
+    level = arguments.whole("--quality", quality, 1, 100)
     pixels = None if size is None else _pixels(size)
     with opened(file) as trajectory, styled(style):
         numbers = chosen(frames, len(trajectory))
@@ -161,10 +230,10 @@ def repair(
         note(f"wrote {out}")
     else:
         say("  nothing is wrong")
-    whole = out if wrote else given
-    if stale(whole):
+    sound = out if wrote else given
+    if stale(sound):
         try:
-            made = write_views(whole)
+            made = write_views(sound)
         except InputError as error:  # such as one without positions, which has nothing to show
             say(f"  no views: {error}")
         else:
@@ -186,10 +255,10 @@ def history(
     The history of a disk of a run with output.histories: its collisions with times, partners, places, velocities,
     spins, impulses, angles and regimes. Prints a summary and the latest ten, and writes all with -o.
     """
-    from ..tools.arguments import whole
+    from ..tools import arguments
     from ..trajectory.export import write_history
 
-    disk = whole("--id", id, 0)
+    disk = arguments.whole("--id", id, 0)
     with opened(file) as trajectory:
         found = trajectory.history(disk)
         out = None if output is None else place(file, output, ".csv", force=force)

@@ -259,27 +259,13 @@ def compare(
 ) -> Comparison:
     """Hold a run against measured places, and against itself with drawn starts and laws.
 
+    `laws` are coefficients drawn from a fit (`Fitted.draw`), which replace those of every pair of materials, in turn;
+    `errors` standard errors of the start: "positions" [length], "velocities" [length/time], "spins" [rad/time], where
+    the start file of the `case` file has no columns of errors (without it, the case is that of the run). There are 0 or
+    `LEAST_MEMBERS` and more `members`; `progress` wraps their sequence, as `tqdm` does.
+
     Raises InputError if the run has no positions, a disk or time that it does not have was measured, or a start cannot
     be drawn.
-
-    Parameters
-    ----------
-    run : path
-        A trajectory with positions.
-    measured : Measured
-        What was seen.
-    laws : sequence of mapping, optional
-        Coefficients drawn from a fit, `Fitted.draw`; they replace those of every pair of materials, in turn.
-    errors : mapping of str to float, optional
-        Standard errors of the start: "positions" [length], "velocities" [length/time], "spins" [rad/time].
-    members : int
-        Number of runs with drawn starts and laws, at least 4; 0 for none.
-    seed : int
-        Of the drawn starts.
-    case : path, optional
-        Case file of the run, whose start file may have errors of its columns; without it the case that the run holds.
-    progress : callable, optional
-        Wraps the sequence of members, as `tqdm` does.
     """
     errors = dict(errors or {})
     with Trajectory(run) as trajectory:
@@ -309,21 +295,19 @@ def compare(
     angle = np.array([np.interp(t, times, angles[:, one]) for one, t in seen])
     found: list[Array] = []
     if members:
-        if case is None:
-            file = _case_of(text, overrides)
-            gas = CaseGas.from_case(file, start=False)
+        if case is not None:
+            gas = case_file.read(case).gas
         else:
-            file = case_file.read(case).case
-            gas = CaseGas.from_case(file, Path(case).parent)
-        if gas.disks.n != n:
-            raise InputError(f"{case}: has {gas.disks.n} disks, and the run {n}: it is another case")
+            gas = CaseGas.from_case(_case_of(text, overrides), start=False)
+        if gas.n != n:
+            raise InputError(f"{case}: has {gas.n} disks, and the run {n}: it is another case")
         rng = np.random.default_rng(seed)
         sequence = range(members)
         each: Iterator[int] = iter(sequence if progress is None else progress(sequence))  # type: ignore[call-overload]
         for k in each:
             law = laws[k % len(laws)] if laws else None
             state = _drawn(gas, start, errors, rng)
-            found.append(_places(_simulation(gas, file, law, state), measured.id, asked))
+            found.append(_places(_simulation(gas, law, state), measured.id, asked))
     all_members = np.array(found).reshape(-1, len(measured.id), 2)
     spread = all_members.std(axis=0, ddof=1) if len(found) > 1 else np.full_like(position, math.nan)
     unit = f" {units['length']}" if "length" in units and units["length"] != "reduced" else ""
@@ -358,7 +342,7 @@ def _case_of(text: str, overrides: str) -> Case:
     return Case.model_validate(raw)
 
 
-def _simulation(gas: CaseGas, case: Case, law: Mapping[str, float] | None, state: State) -> Simulation:
+def _simulation(gas: CaseGas, law: Mapping[str, float] | None, state: State) -> Simulation:
     """The simulation of a state, with the coefficients `law` in place of those of every pair of materials."""
     if law is not None:
         numbers: dict[str, Any] = {name: float(law[name]) for name in _COEFFICIENTS if name in law}
@@ -370,7 +354,7 @@ def _simulation(gas: CaseGas, case: Case, law: Mapping[str, float] | None, state
                     each._replace(law=each.law and replace(each.law, **numbers)) for each in gas.verdicts
                 ),
             )
-    return gas.simulation(case, state)
+    return gas.simulation(state)
 
 
 def _places(simulation: Simulation, ids: NDArray[np.int64], times: Array) -> Array:

@@ -8,7 +8,7 @@ import json
 import os
 import shlex
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -50,7 +50,6 @@ class Job:
     """A run that is under way, from its beginning or from a checkpoint."""
 
     file: CaseFile
-    gas: CaseGas
     outputs: Outputs
     simulation: Simulation
     course: Course
@@ -76,9 +75,8 @@ def run(
     Whatever can be refused is refused before a file is touched.
 
     `force` replaces files that exist; after `max_hours` of real time it stops with a checkpoint; `say` and `warn` take
-    the lines to show. `comm` are ranks of MPI that share the gas: all call this, and the first one writes. It alone
-    builds the start where that is not made in slices; `outputs` may be None on the others, and so may `file`, unless
-    each rank has read its slice of the start (`read_on_ranks`).
+    the lines to show. `comm` are ranks of MPI that share the gas (`read_on_ranks`): all call this, and the first one
+    writes. It alone builds the start where that is not made in slices.
 
     Raises InputError if the case, the device or the outputs cannot be used. Else the trajectory keeps the frames so
     far: Stopped, with a checkpoint, by a signal or the limit of time; KeyboardInterrupt after a second Ctrl-C
@@ -86,96 +84,72 @@ def run(
     """
     cores, share = cores_of(comm), world.share_here(comm)
     began = time.perf_counter()
+    gas, case, ranks = file.gas, file.case, comm.size if comm else 1
+    sliced = gas.is_told_in_slices(comm) and gas.is_made_in_slices
 
-    def checked() -> None:
-        case = file.case
+    def prepared() -> State | None:
         outputs.check(force=force)
         backend.check(case.run.arch, case.run.threads, case.run.precision)
-        checks.check_number(file.gas.n, comm.size if comm else 1)
+        checks.check_number(gas.n, ranks)
         check.refuse_beyond_memory(
-            sum(each.number for each in case.species), case.run.arch, case.start.positions, share,
-            ranks=comm.size if comm else 1,
-            sliced=file.gas.is_told_in_slices(case, comm) and file.gas.is_made_in_slices(case),
-            start=strip_bytes(file.gas, case, comm.size) * min(share * comm.size, file.gas.strips(case)) if comm else 0,
+            gas.n, case.run.arch, case.start.positions, share, ranks=ranks, sliced=sliced,
+            start=strip_bytes(gas, ranks) * min(share * ranks, gas.strips) if comm else 0,
         )  # fmt: skip
-
-    def prepared(gas: CaseGas) -> list[Any]:
-        case = file.case
-        estimate = RunEstimate.of(gas, case)
-        check.refuse_cadences(case, gas, estimate)
+        estimate = RunEstimate.of(gas)
+        check.refuse_cadences(gas, estimate)
         check.refuse_beyond_disk(estimate.file_bytes, outputs.trajectory.parent)
-        crushes = gas.crushes(case)
-        say(check.summary(case, gas, estimate, how(case, cores, comm)))
-        for text in (*gas.warnings, *crushes, *gas.cautions(case)):
+        crushes = gas.crushes()
+        say(check.summary(gas, estimate, how(case, cores, comm)))
+        for text in (*gas.warnings, *crushes, *gas.cautions):
             warn(text)
-        sliced = gas.is_told_in_slices(case, comm) and gas.is_made_in_slices(case)
-        state = None if sliced else gas.start(case, Stage("growth"))
-        return [gas, state, gas.tracked(case, state)]
+        return None if sliced else gas.start(Stage("growth"))
 
     try:
-        world.on_first(comm, checked)
-        read = file is not None and file.gas.is_read_in_slices(file.case, comm)
-        ready = file.gas.ready(file.case, comm) if read else None
-        found: Any = world.on_first(comm, lambda: prepared(ready or file.gas.ready(file.case)))
-        here = None if ready is None else ready.start(file.case, comm=comm)  # of the slice
-        if found is None:
-            case, simulation = CaseGas.beside(comm, here)
-        else:
-            gas, state, tracked = found
-            case = file.case
-            simulation = gas.simulation(case, here or state, tracked=tracked, comm=comm)
-            start = state if len(tracked) else None
-            del state, found[1:]  # which is large
-        here = ready = None
+        state = world.on_first(comm, prepared)
+        if gas.is_read_in_slices(comm):
+            state = gas.start(comm=comm)
+        tracked = gas.tracked(state)
+        simulation = gas.simulation(state, tracked=tracked, comm=comm)
+        start = state if len(tracked) else None
+        del state  # which is large
     except KeyboardInterrupt:
         raise KeyboardInterrupt("interrupted before the first frame: nothing was written") from None
-    in_parts = case.output.in_parts(simulation.disks.n, 1 if comm is None else comm.size)
-    if found is None:
-        course = comm.bcast(None)
-        world.on_first(comm, lambda: None)  # what is to be written may be refused
-        own = None
-        if in_parts:
-            own = PartsWriter.create(None, simulation.disks, simulation.disks_here, None, comm=comm)
-        accompany(case, simulation, course, own)
-        return
     span = Span.to(
         gas.n, simulation.time, simulation.collisions,
         t_end=case.run.t_end, collisions_per_disk=case.run.collisions_per_disk,
     )  # fmt: skip
     course = Course(span, case.output.frame_cadence, case.output.series_cadence)
-    course = world.told(comm, course)
-
-    options: dict[str, Any] = {
-        "parameters": _record(file, gas, cores, comm), "units": UNITS[case.run.units], "force": force,
-        **stored(case, gas),
-    }  # fmt: skip
+    in_parts = case.output.in_parts(gas.n, ranks)
+    options: dict[str, Any] = {"units": UNITS[case.run.units], "force": force, **stored(gas)}
 
     def begin() -> TrajectoryWriter | None:
         if force:  # the checkpoint of the trajectory that is replaced is of no use
             checkpoint.remove(outputs.checkpoint)
             parts.remove(outputs.trajectory)
+        options["parameters"] = _record(file, cores, comm)
         return None if in_parts else TrajectoryWriter(outputs.trajectory, gas.disks, gas.box, **options)
 
     writer = world.on_first(comm, begin)
-    made: QueuedWriter | PartsWriter
-    if writer is not None:
-        made = QueuedWriter(writer)
-    else:
-        made = PartsWriter.create(
+    queue: Any = None if writer is None else QueuedWriter(writer)
+    if in_parts:
+        queue = PartsWriter.create(
             outputs.trajectory, simulation.disks, simulation.disks_here, gas.box, comm=comm, **options
         )
-    with made as queue:
+    if not world.is_first(comm):
+        accompany(case, simulation, course, queue)
+        return
+    with queue:
         if start is not None:
             queue.begin_histories(tracked, start)
-        job = Job(file, gas, outputs, simulation, course, Ledger(), queue)
+        job = Job(file, outputs, simulation, course, Ledger(), queue)
         before = simulation.collisions
         rate = drive(job, began, max_hours=max_hours, say=say, warn=warn)
     finish(job, began, before, rate, say)
 
 
-def stored(case: Case, gas: CaseGas) -> dict[str, Any]:
+def stored(gas: CaseGas) -> dict[str, Any]:
     """Arguments of the writer of a case's trajectory."""
-    output = case.output
+    output = gas.case.output
     return {
         "fields": output.fields, "precision": output.precision, "compression": output.compression, "walls": gas.walls,
     }  # fmt: skip
@@ -214,11 +188,11 @@ def drive(
 
     Raises Stopped or KeyboardInterrupt or EngineError or TrajectoryError as `run`.
     """
-    case, simulation = job.file.case, job.simulation
-    run = case.run
+    gas, simulation = job.file.gas, job.simulation
+    case, run = gas.case, gas.case.run
     take = simulation.take_events if case.output.tracks else None
-    named = wall_names(job.gas.room.all_walls, job.gas.box)
-    walls = zip(named, job.gas.room.all_walls, strict=True)
+    named = wall_names(gas.room.all_walls, gas.box)
+    walls = zip(named, gas.room.all_walls, strict=True)
     pistons = [name for name, wall in walls if wall.piston is not None]
     recorder = Recorder(job.writer, job.ledger, take, job.pending, walls=named, pistons=pistons)
     status = Status(
@@ -228,7 +202,7 @@ def drive(
     stops = Stops(
         max_hours=max_hours, every_minutes=case.output.checkpoint_minutes, spent=time.perf_counter() - began, warn=warn
     )  # fmt: skip
-    n, unit = job.gas.n, UNITS[run.units]["time"] if run.units == "SI" else ""
+    n, unit = gas.n, UNITS[run.units]["time"] if run.units == "SI" else ""
     progress = Progress(
         n, t_end=run.t_end, collisions_per_disk=run.collisions_per_disk, unit=unit, kernels=backend.kernels
     )
@@ -242,12 +216,7 @@ def drive(
         )  # fmt: skip
 
     def frame(state: State, measure: Measure) -> None:
-        if isinstance(job.writer, PartsWriter):
-            recorder.frame(job.writer.shares(state), measure)
-        else:
-            whole = _gathered(simulation, state)
-            assert whole is not None  # this is the first rank
-            recorder.frame(whole, measure)
+        recorder.frame(_as_written(simulation, job.writer, state), measure)
 
     def row(measure: Measure) -> None:
         recorder.row(measure)
@@ -305,12 +274,6 @@ def drive(
 
 def accompany(case: Case, simulation: Simulation, course: Course, writer: PartsWriter | None = None) -> None:
     """Run to the end, on a rank that writes nothing, or only its part; the first one drives."""
-    with contextlib.nullcontext() if writer is None else writer:
-        _accompany(case, simulation, course, writer)
-    simulation.measure()  # after which the first one reads what was written
-
-
-def _accompany(case: Case, simulation: Simulation, course: Course, writer: PartsWriter | None) -> None:
     stops = Stops(warn=lambda _text: None)
     comm = simulation.comm
 
@@ -324,10 +287,9 @@ def _accompany(case: Case, simulation: Simulation, course: Course, writer: Parts
             raise TrajectoryError(str(error)) from error
 
     def frame(state: State, _measure: Measure) -> None:
+        shares = _as_written(simulation, writer, state)
         if writer is not None:
-            writer.write_frames([(writer.shares(state), None)])
-        else:
-            _gathered(simulation, state)
+            writer.write_frames([(shares, None)])
 
     def between() -> None:
         _agree_to_go_on(simulation, stops, writer.tell if writer is not None else lambda: None)
@@ -336,19 +298,23 @@ def _accompany(case: Case, simulation: Simulation, course: Course, writer: Parts
         if world.told(comm, False):
             save_too()
 
-    try:
-        with stops:
-            simulation.follow(course, observers=[frame], between=between, stored=_single(case))
-        if writer is not None:
-            writer.flush()
-    except Stopped:
-        save_too()
-        raise
+    with contextlib.nullcontext() if writer is None else writer:
+        try:
+            with stops:
+                simulation.follow(course, observers=[frame], between=between, stored=_single(case))
+            if writer is not None:
+                writer.flush()
+        except Stopped:
+            save_too()
+            raise
+    simulation.measure()  # after which the first one reads what was written
 
 
-def _gathered(simulation: Simulation, state: State) -> State | None:
-    """The state of all disks on the first rank, None on others, where each has a slice of it (`tools/slices.py`)."""
+def _as_written(simulation: Simulation, writer: QueuedWriter | PartsWriter | None, state: State) -> Any:
+    """A state as the writer takes it: shares of the parts of this rank, or all disks, on the first one (else None)."""
     comm = simulation.comm
+    if isinstance(writer, PartsWriter):
+        return writer.shares(state)
     if not simulation.sliced:
         return state
     names = [name for name in sorted(State.assignable - {"time"}) if getattr(state, name) is not None]
@@ -412,17 +378,23 @@ def save(job: Job, recorder: Recorder) -> None:
 def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str], None]) -> None:
     """Draw the picture, and say what the run did since it `began` (`perf_counter`), after so many collisions."""
     ran = time.perf_counter() - began
-    last = job.simulation.measure()
+    last, statistics, n = job.simulation.measure(), job.simulation.statistics, job.file.gas.n
     if job.outputs.views:
         write_views(job.outputs.trajectory)
     if job.outputs.picture is not None:
-        _draw(job.file.case, job.gas)(job.outputs.trajectory, job.outputs.picture)
+        _draw(job.file.case)(job.outputs.trajectory, job.outputs.picture)
     overall = (last.collisions - before) / ran
-    say(
-        _closing(job.file.case, job.gas, job.ledger, last, time.perf_counter() - began, rate, overall, before)
-    )
+    first, done = job.ledger.first, f"done in {time.perf_counter() - began:.1f} s: "
+    assert first is not None
+    if before > first.collisions:
+        done += f"{last.collisions - before} collisions since it was resumed, in all "
+    collisions = last.collisions - first.collisions
+    done += f"{collisions} collisions ({2.0 * collisions / n:.4g} per disk) to t = {last.time:.5g}"
+    say(f"{done}{job.file.case.unit('time')}; {rate:.3g} collisions/s once compiled, {overall:.3g} in all")
+    for line in _balance(job, last):
+        say(f"  {line}")
     resting_speed = job.file.case.run.resting_speed
-    if elastic := job.simulation.statistics.elastic:
+    if elastic := statistics.elastic:
         what = (
             "were elastic, against inelastic collapse"
             if resting_speed is None
@@ -430,15 +402,15 @@ def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str]
         )
         say(f"  {elastic} collisions {what}")
     if resting_speed is not None:
-        say(f"  {job.simulation.asleep} of {job.simulation.disks.n} disks sleep")
-        if unjudged := job.simulation.statistics.unjudged:
-            part = 100.0 * unjudged / job.simulation.statistics.windows
+        say(f"  {job.simulation.asleep} of {n} disks sleep")
+        if unjudged := statistics.unjudged:
+            part = 100.0 * unjudged / statistics.windows
             told = f"  in {unjudged} windows, {part:.2g} % of all, the forces in the heap were not found"
             say(
                 f"{told}: who rests there is in doubt; if they are many, hold the heap against one of another "
                 "resting_speed"
             )
-        if jammed := job.simulation.statistics.jammed:
+        if jammed := statistics.jammed:
             say(
                 f"  {jammed} times a disk jammed between others fell asleep at speed; if that is often beside its "
                 "collisions, look for a start that is too dense, or walls that close on disks"
@@ -449,7 +421,7 @@ def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str]
         say(f"  {path} ({check.size(bytes_there)})")
 
 
-def _draw(case: Case, gas: CaseGas) -> Callable[[Path, Path], object]:
+def _draw(case: Case) -> Callable[[Path, Path], object]:
     """Function that draws the picture of a case."""
     from .. import plots  # Matplotlib takes a second, which no run need wait for at its beginning
 
@@ -459,7 +431,7 @@ def _draw(case: Case, gas: CaseGas) -> Callable[[Path, Path], object]:
         return plots.table
     if case.walled:
         return plots.walled
-    if gas.box.shear_rate:
+    if case.box.shear_rate:
         return plots.sheared
     return plots.driven if case.force else plots.cooling
 
@@ -484,70 +456,49 @@ def _remains(job: Job, reason: str) -> str:
     return text
 
 
-def _closing(
-    case: Case,
-    gas: CaseGas,
-    ledger: Ledger,
-    last: Measure,
-    wall: float,
-    rate: float,
-    overall: float,
-    before: int,
-) -> str:
-    """The lines below a run; `last` is its end, rates are collisions a second without and with compilation.
-
-    `before` collisions were there when this process began: more than at the start, if it was resumed.
-    """
-    first, energy, lines = ledger.first, case.unit("energy"), []
+def _balance(job: Job, last: Measure) -> Iterator[str]:
+    """Lines on temperatures, energy and momentum at the end of a run, against its beginning."""
+    gas, case, ledger, first = job.file.gas, job.file.case, job.ledger, job.ledger.first
+    energy = case.unit("energy")
     assert first is not None
-    done = last.collisions - first.collisions
-    head = f"done in {wall:.1f} s: "
-    if before > first.collisions:
-        head += f"{last.collisions - before} collisions since it was resumed, in all "
-    head += f"{done} collisions ({2.0 * done / gas.n:.4g} per disk) "
-    head += f"to t = {last.time:.5g}{case.unit('time')}; {rate:.3g} collisions/s once compiled, {overall:.3g} in all"
     temperatures = []
     if first.temperature > 0.0:
         temperatures.append(f"T/T0 = {last.temperature / first.temperature:.5g}")
     if last.temperature > 0.0:
         temperatures.append(f"theta = T_rot/T = {last.rotational_temperature / last.temperature:.4g}")
     if temperatures:
-        lines.append(", ".join(temperatures))
+        yield ", ".join(temperatures)
     lost = ledger.dissipated(last)
     if case.walled:
         heat = f" and {last.wall_heat:.6g}{energy} as heat" if last.wall_heat != 0.0 else ""
-        gave = f"{last.wall_work:.6g}{energy} as work{heat}"
-        lines.append(f"{last.wall_hits} collisions with walls, which gave {gave}")
+        yield f"{last.wall_hits} collisions with walls, which gave {last.wall_work:.6g}{energy} as work{heat}"
     sources = [name for name, there in (("forces", case.force), ("the flow", gas.box.shear_rate)) if there]
     if sources or case.walled:
         put_in = f"{' and '.join(sources)} put in {last.energy_input:.6g}{energy}, " if sources else ""
-        lines.append(f"{put_in}collisions dissipated {lost:.6g}{energy}")
+        yield f"{put_in}collisions dissipated {lost:.6g}{energy}"
     elif first.energy > 0.0:
-        lines.append(f"dissipated {lost:.6g}{energy}, {100.0 * lost / first.energy:.4g} % of the start")
+        yield f"dissipated {lost:.6g}{energy}, {100.0 * lost / first.energy:.4g} % of the start"
     residual = ledger.relative_residual(last)
     if residual is not None and last.dissipated is not None:
         shares = zip(MECHANISMS, last.dissipated, strict=True)
         if parts := [f"{name.replace('_', ' ')} {part:.4g}" for name, part in shares if part != 0.0]:
-            lines.append(f"by mechanism: {', '.join(parts)}{energy}")
-        lines.append(
-            f"the energy ledger closes to {abs(residual):.1e} of the energy that was there or put in"
-        )
+            yield f"by mechanism: {', '.join(parts)}{energy}"
+        yield f"the energy ledger closes to {abs(residual):.1e} of the energy that was there or put in"
     # Against the momentum that the disks' typical speed would add up to, all one way.
     mass = sum(each.number * each.look.mass.mean for each in gas.species)
     scale = float(np.sqrt(2.0 * first.translational_energy * mass))
     if first.energy > 0.0 and scale > 0.0:
         drift = float(np.linalg.norm(last.momentum - first.momentum))
         what = "change" if case.force or case.walled else "drift"  # heat baths, drag and walls change it
-        lines.append(
+        yield (
             f"momentum {what} {drift:.2g}{case.unit('momentum')}, {drift / scale:.2g} "
             "of what the disks would carry if all flew one way at the start"
         )
-    return "\n  ".join([head, *lines])
 
 
-def _record(file: CaseFile, gas: CaseGas, cores: int, comm: Any = None) -> dict[str, str | int | float]:
+def _record(file: CaseFile, cores: int, comm: Any = None) -> dict[str, str | int | float]:
     """Record of a trajectory's origin, its parameters."""
-    case = file.case
+    case, gas = file.case, file.gas
     species = [{"name": each.name, "number": each.number, "material": each.material} for each in gas.species]
     laws = [[law and {key: getattr(law, key) for key in COEFFICIENTS} for law in row] for row in gas.laws]
     return {

@@ -118,46 +118,41 @@ def resume(
             gas = CaseGas.from_case(case, begun[0].parent, start=False, comm=comm)
         except InputError as error:
             raise InputError(f"{begun[0]}: {error}") from None
-        file = CaseFile(*begun, case, gas)
+        file = CaseFile(*begun, gas)
         outputs = Outputs.plan(case, str(trajectory), picture=picture)
         disks = gas.kinds if parts.are_in(trajectory) else gas.disks  # parts look at theirs themselves
-        writer = TrajectoryWriter.resume(trajectory, disks, gas.box, **stored(case, gas), **seen)
-        return path, file, outputs, ledger, course, writer, arrays, "parts" in record, seen
+        writer = TrajectoryWriter.resume(trajectory, disks, gas.box, **stored(gas), **seen)
+        in_parts = "parts" in record, writer.parts is not None
+        return (path, file, outputs, course, seen, in_parts), writer, ledger, arrays
 
     found = world.on_first(comm, prepared)
-    in_parts = world.told(comm, found is not None and found[-2])
-    rows = checkpoint.read_parts("" if found is None else found[0], comm)[0] if in_parts else None
-    if found is None:
-        case, simulation = CaseGas.beside(comm, None if rows is None else checkpoint.state_of(rows))
-        del rows  # which are large
-        simulation.load_checkpoint("")
-        course, own = comm.bcast(None), None
-        if comm.bcast(None):
-            own = PartsWriter.resume(None, simulation.disks_here, None, comm=comm)
-        accompany(case, simulation, course, own)
-        return
-    path, file, outputs, ledger, course, writer, arrays, _, seen = found
-    tracked, pending = arrays["tracked"], _events(arrays)
-    case, gas, devices = file.case, file.gas, how(file.case, cores, comm)
+    told, writer, ledger, arrays = found or (None, None, Ledger(), {})
+    path, file, outputs, course, seen, (rows_in_parts, fields_in_parts) = world.told(comm, told)
+    gas, case = file.gas, file.case
+    rows = checkpoint.read_parts(path, comm)[0] if rows_in_parts else arrays
+    pistons = arrays["state_pistons"][:, 0].tolist() if arrays else None
+    tracked, pending = arrays.get("tracked"), _events(arrays)
     with contextlib.ExitStack() as stack:
-        stack.enter_context(writer)
-        pistons, state = arrays["state_pistons"][:, 0].tolist(), checkpoint.state_of(rows or arrays)
-        simulation = gas.simulation(case, state, tracked=tracked, comm=comm, pistons=pistons)
+        if writer is not None:
+            stack.enter_context(writer)
+        state = checkpoint.state_of(rows) if rows else None
+        simulation = gas.simulation(state, tracked=tracked, comm=comm, pistons=pistons)
         del state, rows, arrays, found  # which are large
         simulation.load_checkpoint(path)
-        course = world.told(comm, course)
-        queue: QueuedWriter | PartsWriter
-        if world.told(comm, writer.parts is not None):
-            own, options = simulation.disks_here, {**stored(case, gas), "frames": seen["frames"]}
-            queue = stack.enter_context(PartsWriter.resume(writer, own, gas.box, comm=comm, **options))
-        else:
-            queue = stack.enter_context(QueuedWriter(writer))
+        queue: Any = None if writer is None else QueuedWriter(writer)
+        if fields_in_parts:
+            options = {**stored(gas), "frames": seen["frames"]}
+            queue = PartsWriter.resume(writer, simulation.disks_here, gas.box, comm=comm, **options)
+        if not world.is_first(comm):
+            accompany(case, simulation, course, queue)
+            return
+        stack.enter_context(queue)
         later = len(queue) - ledger.frames
         more = f"; {later} later frames of the file are computed again and compared" if later > 0 else ""
         begun_at = f"t = {simulation.time:.6g}{case.unit('time')}, after {simulation.collisions} collisions"
-        frames = f"{ledger.frames} frames, on {devices}{more}"
+        frames = f"{ledger.frames} frames, on {how(case, cores, comm)}{more}"
         say(f"{case.run.name}: {gas.n} disks go on at {begun_at} and {frames}")
-        job = Job(file, gas, outputs, simulation, course, ledger, queue, pending)
+        job = Job(file, outputs, simulation, course, ledger, queue, pending)
         before = simulation.collisions
         rate = drive(job, began, max_hours=max_hours, say=say, warn=warn)
     finish(job, began, before, rate, say)

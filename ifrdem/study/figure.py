@@ -58,19 +58,11 @@ def of_trajectories(trajectories: Sequence[Trajectory]) -> Results:
 def draw(results: Results, what: str, over: str | None = None, by: str | None = None) -> Figure:
     """Draw a quantity: its mean over seeds, a band of two standard errors, and kinetic theory, dashed.
 
-    Raises InputError if there is no such quantity or key, or there are too many panels.
+    `what` is its name, or T, T_rot. It is drawn over the rows (tau, t), or `over` another of its dimensions, or a swept
+    key, where the last row counts. Each value of the swept key `by` (the first one without it) is a curve, every
+    combination of the others a panel.
 
-    Parameters
-    ----------
-    results : Results
-    what : str
-        The quantity, by its name or as T, T_rot.
-    over : str, optional
-        What it is drawn over: the rows (tau, t), another of its dimensions, or a swept key, where the last row counts;
-        the rows without it.
-    by : str, optional
-        The swept key of which each value is a curve, the first one without it. Every combination of the others is a
-        panel.
+    Raises InputError if there is no such quantity or key, or there are too many panels.
     """
     from matplotlib.figure import Figure
 

@@ -54,6 +54,51 @@ RESERVED = {
     "at",
 }
 """Names that a swept key cannot have in the results."""
+TEMPLATE = """\
+# Haff's law and the ratio of temperatures of a cooling gas, for restitution and friction.
+# ifrdem study FILE --dry-run says what it takes; ifrdem study FILE does it; again, it goes on where it was stopped.
+
+# The base case: a case file (path from this file), or the name of a shipped case.
+case = "cooling"
+# Changes of it for every run, as `ifrdem run --set` takes them.
+set = ["species[0].number=2000", "run.collisions_per_disk=20", "output.histories="]
+
+# Every combination of these values, and every seed, is a run. A key is spelled as for --set.
+[sweep]
+"material[0].e_n" = [0.7, 0.8, 0.9]
+"material[0].mu" = [0.05, 0.21, 0.5]
+# "material[0].mu" = { from = 0.0, to = 0.5, number = 6 }                          # evenly
+# "box.packing_fraction" = { from = 0.01, to = 0.5, number = 5, spacing = "log" }  # at a constant ratio
+
+# Keys that vary together, as one axis: as many values each.
+# [[zip]]
+# "species[0].number" = [500, 2000, 8000]
+# "species[0].speed_rms" = [1.0, 2.0, 4.0]
+
+[ensemble]
+# A number of seeds, from run.seed of the case on, or a list: [1, 2, 5].
+seeds = 20
+
+[output]
+# Rows of the time series after the first, evenly in what ends the run, or "log".
+series = 50
+# series_spacing = "log"
+# Analyses of every run, as in `ifrdem analyse`; those of frames (velocity, g, S, fields, clusters, psi6) at these
+# collisions per disk (times, where the run ends at a time).
+# analyses = ["velocity", "g"]
+# analyses_at = [5.0, 10.0, 20.0]
+# Keep the trajectory of every run.
+# trajectories = true
+
+[cluster]
+# Nothing: a process for each core of this machine. Else one of these three.
+# workers = 4
+# scheduler = "tcp://host:8786"        # of Dask
+# kind = "slurm"                       # or pbs, sge, lsf: jobs of a batch system, by dask-jobqueue
+# jobs = 10
+# options = { cores = 16, memory = "16 GB", walltime = "02:00:00", queue = "short" }
+"""
+"""The study file that `ifrdem new study` writes."""
 
 
 class _Part(BaseModel):
@@ -186,7 +231,6 @@ class Plan:
         for point in self.points:
             try:
                 file = case_file.of_text(self.text, self.path, self._changes(point, self.seeds[0]))
-                file.gas.ready(file.case)
                 good[point] = file.case  # without its arrays, of which there may be many
             except InputError as error:
                 for line in str(error).replace(" [set on the command line]", "").splitlines():
@@ -222,20 +266,11 @@ class Plan:
 def read(
     path: str | Path, *, vary: Sequence[str] = (), set: Sequence[str] = (), seeds: str | int | None = None
 ) -> Plan:
-    """The plan of a study file; or of a case file and keys to vary.
+    """The plan of a study file (it names its case by the key `case`), or of a case file and keys to vary.
+
+    `vary` are further axes, "KEY=VALUES" (`axis_of`); `set` and `seeds` are as for `Study`.
 
     Raises InputError with a line for each thing that is wrong with the study itself.
-
-    Parameters
-    ----------
-    path : path
-        A study file (it names its case by the key `case`), a case file, or the name of a shipped case.
-    vary : sequence of str
-        "KEY=VALUES" (`axis_of`): further axes.
-    set : sequence of str
-        Overrides of the case, as `ifrdem run --set` takes them.
-    seeds : str or int, optional
-        A number of seeds, or a list "1,2,5".
     """
     path = shipped.find(str(path))
     text, raw = case_file.load(path)

@@ -38,10 +38,6 @@ if TYPE_CHECKING:
 SEED = "seed"
 ENDING, RUNS = ".nc", ".runs"
 """Endings of the file of results, and of the folder of runs beside it."""
-PLAIN: dict[str, tuple[str, tuple[str, ...]]] = {
-    "dissipated_by_mechanism": ("mechanism", MECHANISMS),
-    "collisions_by_regime": ("regime", REGIMES),
-}
 THEORY = ("temperature", "rotational_temperature", "theta")
 """Predictions of kinetic theory for a gas."""
 BEYOND = 10.0
@@ -160,9 +156,8 @@ def collect(
         for name, values in zip(axis.names, zip(*axis.values, strict=True), strict=True):
             variables[name] = Variable((axis.names[0],), _coordinate(values))
     variables[SEED] = Variable((SEED,), np.array(plan.seeds))
-    for name in PLAIN:
-        variables[PLAIN[name][0]] = Variable((PLAIN[name][0],), np.array(PLAIN[name][1]))
-    variables["axis"] = Variable(("axis",), np.array(["x", "y"]))
+    for name, parts in (("mechanism", MECHANISMS), ("regime", REGIMES), ("axis", ("x", "y"))):
+        variables[name] = Variable((name,), np.array(parts))
     if plan.output.analyses_at:
         variables[AT] = Variable((AT,), np.array(plan.output.analyses_at))
     texts = {name: np.full(plan.shape, "", dtype=object) for name in ("run", "failure")}
@@ -281,9 +276,6 @@ def predicted(case: Case, folder: Path, end: float) -> tuple[NDArray[np.float64]
                 disks, laws, phi, T0, T_rot0, steps, shear_rate=gas.box.shear_rate,
                 forces=[each.model_dump(exclude_none=True) for each in case.force],
             )  # fmt: skip
-    except (
-        InputError,
-        TheoryError,
-    ):  # of rolling friction, forces that are not linear, ...: there is no theory
+    except (InputError, TheoryError):  # rolling friction, forces that are not linear, ...: there is no theory
         return None
     return steps, found.collisions_per_disk, found.T, found.T_rot

@@ -152,7 +152,7 @@ class Study:
             rows += (case.output.series_cadence.number or 0) + 1
             if self.plan.output.trajectories:
                 gas = CaseGas.from_case(case, self.plan.path.parent)
-                trajectories += RunEstimate.of(gas, case).file_bytes
+                trajectories += RunEstimate.of(gas).file_bytes
         return len(self.plan.seeds) * (rows * columns * 8 * 2 + trajectories)
 
     @property

@@ -89,8 +89,7 @@ class Task:
         """Compile its kernels, by a run of one collision that nobody sees."""
         # What goes wrong is told by the run itself.
         with contextlib.suppress(EngineError, InputError), warnings.catch_warnings(action="ignore"):
-            file = self.file(threads)
-            _advance(file.gas.ready(file.case), file.case, [], short=True)
+            _advance(self.file(threads).gas, [], short=True)
 
     def _long(self, threads: int) -> dict[str, Variable]:
         """The run with its trajectory, from its checkpoint if a worker was killed in it, and the analyses."""
@@ -125,22 +124,21 @@ class Task:
 
 def _series_alone(file: CaseFile) -> dict[str, Variable]:
     """The series of a run that writes no trajectory."""
-    gas, rows = file.gas.ready(file.case), []
-    ledger = Ledger()
+    rows, ledger = [], Ledger()
 
     def row(measure: Any) -> None:
         rows.append({"time": measure.time, **ledger.row(measure)})
 
-    _advance(gas, file.case, [row])
-    return _on_rows(file.case, gas.disks.n, {name: np.array([one[name] for one in rows]) for name in rows[0]})
+    _advance(file.gas, [row])
+    return _on_rows(file.case, file.gas.n, {name: np.array([one[name] for one in rows]) for name in rows[0]})
 
 
-def _advance(gas: CaseGas, case: Case, samplers: list[Any], *, short: bool = False) -> None:
-    simulation, t_end, per_disk = gas.simulation(case), case.run.t_end, case.run.collisions_per_disk
-    simulation.run(
+def _advance(gas: CaseGas, samplers: list[Any], *, short: bool = False) -> None:
+    t_end, per_disk = gas.case.run.t_end, gas.case.run.collisions_per_disk
+    gas.simulation().run(
         t_end=1e-3 * t_end if short and t_end is not None else t_end,
-        collisions_per_disk=2.0 / gas.disks.n if short and per_disk is not None else per_disk,
-        series=1 if short else case.output.series_cadence,
+        collisions_per_disk=2.0 / gas.n if short and per_disk is not None else per_disk,
+        series=1 if short else gas.case.output.series_cadence,
         samplers=samplers or [lambda measure: None],
     )
 

@@ -126,9 +126,8 @@ def dask(
 
             def setup(self, worker: Any) -> None:
                 if threading.current_thread() is threading.main_thread():
-                    signal.signal(
-                        signal.SIGINT, signal.SIG_IGN
-                    )  # the matter of the one that asks for the runs
+                    # The matter of the one that asks for the runs.
+                    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
         client.register_plugin(Deaf())
         say(f"dashboard: {client.dashboard_link}")

@@ -39,7 +39,7 @@ class Drive:
 
     @classmethod
     def of(cls, forces: Iterable[Mapping[str, Any]], mass: float, inertia: float) -> Drive | None:
-        """The drive of the forces of a case (`forces_section.py`) on equal disks; None where a force is not linear.
+        """The drive of the forces of a case (`ForceSection`) on equal disks; None where a force is not linear.
 
         Each force is a mapping of its keys, None for a key that is not given; mass and inertia are those of a disk.
         """

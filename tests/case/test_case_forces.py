@@ -13,9 +13,8 @@ from matplotlib.figure import Figure
 
 from ifrdem import forces
 from ifrdem.case import file as case_file
-from ifrdem.case.case import Case
+from ifrdem.case.case import Case, ForceSection
 from ifrdem.case.estimate import RunEstimate
-from ifrdem.case.forces_section import ForceSection
 from ifrdem.case.gas import CaseGas, forces_of
 from ifrdem.cli.main import main
 from ifrdem.model.ifr import IFRLaw
@@ -179,7 +178,7 @@ def test_check_says_what_a_driven_gas_will_do(tmp_path: Path, capsys: pytest.Cap
 )
 def test_collisions_are_estimated_where_theory_knows_the_drive(overrides: list[str], known: bool) -> None:
     case = Case.model_validate(changed(*overrides))
-    estimate = RunEstimate.of(CaseGas.from_case(case), case)
+    estimate = RunEstimate.of(CaseGas.from_case(case))
     assert np.isfinite(estimate.collisions) == known
     assert not estimate.collisions_at_most
 
@@ -234,13 +233,13 @@ def test_the_picture_shows_theory_and_its_steady_state(
 
 def test_the_shipped_cases_are_in_order() -> None:
     driven = case_file.read(ROOT / "cases" / "driven.toml").case
-    estimate = RunEstimate.of(CaseGas.from_case(driven), driven)
+    estimate = RunEstimate.of(CaseGas.from_case(driven))
     assert estimate.steady_state == pytest.approx(
         (2.9e-4, 8.7e-5), rel=0.01
     )  # what its comments say: theta 0.30
     assert driven.force[0].step * 30.3 < 0.1  # of the collision rate in the steady state
     elastic = case_file.read(ROOT / "cases" / "elastic.toml").case
-    estimate = RunEstimate.of(CaseGas.from_case(elastic), elastic)
+    estimate = RunEstimate.of(CaseGas.from_case(elastic))
     assert estimate.collision_rate == pytest.approx(
         [2.40], rel=2e-3
     )  # of the comments, which tests of the engine confirm

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ifrdem.case import file as case_file
-from ifrdem.case.forces_section import ForceSection
+from ifrdem.case.case import ForceSection
 from ifrdem.case.gas import CaseGas, forces_of
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
@@ -87,7 +87,7 @@ def test_an_open_box_starts_from_a_file_with_any_places(tmp_path: Path) -> None:
     file = case_file.read(path, changes)
     gas = CaseGas.from_case(file.case, file.folder)
     assert gas.box.is_open
-    np.testing.assert_array_equal(gas.start(file.case).position[:, 0], [-3.0, -2.9])
+    np.testing.assert_array_equal(gas.start().position[:, 0], [-3.0, -2.9])
     (tmp_path / "start.csv").write_text("x,y\n0.0,0.0\n0.01,0.0\n")
     with pytest.raises(InputError, match="disks 0 and 1 overlap"):
         case_file.read(path, changes)

@@ -148,13 +148,13 @@ def test_a_region_where_no_disk_starts_is_refused(folder):
     ).case
     gas = CaseGas.from_case(case)
     with pytest.raises(InputError, match="no disk starts there"):
-        gas.tracked(case, gas.start(case))
+        gas.tracked(gas.start())
 
 
 def check_cadences(folder: Path, *overrides: str) -> None:
     case = case_file.read(folder / "gas.toml", overrides).case
     gas = CaseGas.from_case(case)
-    summary.refuse_cadences(case, gas, RunEstimate.of(gas, case))
+    summary.refuse_cadences(gas, RunEstimate.of(gas))
 
 
 BY_COLLISIONS = ("run.t_end=", "run.collisions_per_disk=20.0")
@@ -237,7 +237,7 @@ def test_check_warns_of_a_file_that_has_no_room_here(folder, capsys):
 
 def test_the_estimate_counts_frames_rows_and_tracked_disks(folder):
     case = case_file.read(folder / "gas.toml", ["output.histories_sample=50"]).case
-    found = RunEstimate.of(CaseGas.from_case(case), case)
+    found = RunEstimate.of(CaseGas.from_case(case))
     assert (found.frames, found.rows, found.tracked) == (101, 1001, 50)
 
 
@@ -263,8 +263,8 @@ def test_the_file_is_as_large_as_the_estimate_says(folder, overrides):
     file = case_file.read(folder / "gas.toml", overrides)
     case, output = file.case, file.case.output
     gas = CaseGas.from_case(case)
-    expected = RunEstimate.of(gas, case)
-    start, ledger = gas.start(case), Ledger()
+    expected = RunEstimate.of(gas)
+    start, ledger = gas.start(), Ledger()
     measured = measure(gas.disks, start)
     if output.ledger:
         measured = replace(
@@ -273,7 +273,7 @@ def test_the_file_is_as_large_as_the_estimate_says(folder, overrides):
     place = folder / "gas.h5"
     with TrajectoryWriter(
         place, gas.disks, gas.box, fields=output.fields, precision=output.precision,
-        parameters=job._record(file, gas, "cpu"), units=UNITS["reduced"], walls=gas.walls,
+        parameters=job._record(file, "cpu"), units=UNITS["reduced"], walls=gas.walls,
     ) as writer:  # fmt: skip
         if expected.tracked:
             events = round(2.0 * expected.collisions / gas.disks.n * expected.tracked)
@@ -310,7 +310,7 @@ def test_check_tells_the_time_and_why_a_thin_gas_is_slow(folder):
     def told(*overrides: str) -> str:
         case = case_file.read(folder / "gas.toml", overrides).case
         gas = CaseGas.from_case(case)
-        return summary.report(case, gas, RunEstimate.of(gas, case))
+        return summary.report(gas, RunEstimate.of(gas))
 
     assert "ifrdem bench" in told(*BY_COLLISIONS)
     assert "phi^(-1/2)" not in told(*BY_COLLISIONS)

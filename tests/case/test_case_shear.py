@@ -127,7 +127,7 @@ def test_velocities_of_an_unsheared_start_are_relative_to_the_flow(flow: Path) -
         lengths, last = trajectory.box.lengths, trajectory[-1]
         case = case_file.read(Path("next.toml")).case
         gas = CaseGas.from_case(case)
-        state = gas.start(case)
+        state = gas.start()
         np.testing.assert_allclose(
             state.velocity[:, 0],
             last.velocity[:, 0] + 0.8 * (last.position[:, 1] - lengths[1] / 2),
@@ -139,7 +139,7 @@ def test_velocities_of_an_unsheared_start_are_relative_to_the_flow(flow: Path) -
 
 def test_the_shipped_case_is_in_order() -> None:
     case = case_file.read(ROOT / "cases" / "shear.toml").case
-    estimate = RunEstimate.of(CaseGas.from_case(case), case)
+    estimate = RunEstimate.of(CaseGas.from_case(case))
     assert estimate.steady_state is not None
     T, T_rot = estimate.steady_state
     # By Monte Carlo of Enskog's equation T is 2.12e-4 and theta 0.325; the theory of Gaussians is 4 % off.

@@ -363,7 +363,7 @@ def test_remedies_for_collapse_reach_the_engine(
     monkeypatch.setattr(gas_module, "Simulation", lambda *args, **options: given.update(options))
     overrides = [f"run.collapse={kind}", f"run.{key}={value}"]
     case = Case.model_validate(changed(*overrides))
-    CaseGas.from_case(case).simulation(case)
+    CaseGas.from_case(case).simulation()
     assert {name: given[name] for name in ("collapse", key, "gravity", "seed")} == {
         "collapse": kind,
         key: value,
@@ -391,7 +391,7 @@ def test_gravity_that_turns_reaches_the_engine_and_check_says_how_fast(
     monkeypatch.setattr(gas_module, "Simulation", lambda *args, **options: given.update(options))
     overrides = ["box.gravity_turns=-0.05", "box.gravity_step=0.01"]
     case = Case.model_validate(changed(*overrides))
-    CaseGas.from_case(case).simulation(case)
+    CaseGas.from_case(case).simulation()
     assert (given["gravity_turns"], given["gravity_step"]) == (-0.05, 0.01)
     (tmp_path / "case.toml").write_text(SHAKEN)
     words = [word for each in overrides for word in ("--set", each)]
@@ -533,7 +533,7 @@ def test_elastic_walls_are_hit_as_often_as_kinetic_theory_says(
     Path("elastic.toml").write_text(ELASTIC)
     assert main(["run", "elastic.toml", "--no-picture"]) == 0
     case = Case.model_validate(changed(text=ELASTIC))
-    estimate = RunEstimate.of(CaseGas.from_case(case), case)
+    estimate = RunEstimate.of(CaseGas.from_case(case))
     with Trajectory("elastic.h5") as trajectory:
         hits = trajectory.observables["wall_hits"]
         energy = trajectory.observables["energy"]
@@ -577,7 +577,7 @@ def test_walls_are_where_they_are_at_the_start_time_of_a_state() -> None:
     """A state at a time at which the floor is low may have disks where it is at t = 0."""
     case = Case.model_validate(changed())
     gas = CaseGas.from_case(case)
-    state = gas.start(case)
+    state = gas.start()
     state.position[0] = (
         1.0,
         0.5 + 0.5 - 0.4,
@@ -585,14 +585,14 @@ def test_walls_are_where_they_are_at_the_start_time_of_a_state() -> None:
     state.time = 0.375
     others = np.hypot(*(state.position[1:] - state.position[0]).T)
     assert others.min() > 1.0
-    assert gas.simulation(case, state).time == 0.375
+    assert gas.simulation(state).time == 0.375
 
 
 @pytest.mark.parametrize("way", ["growth", "hexagonal"])
 def test_dense_starts_of_a_case_keep_off_walls(way: str) -> None:
     case = Case.model_validate(changed("species[0].number=300", f"start.positions={way}"))
     gas = CaseGas.from_case(case)
-    assert np.all(gas.room.gap(gas.start(case).position, gas.disks.radius) >= 0.0)
+    assert np.all(gas.room.gap(gas.start().position, gas.disks.radius) >= 0.0)
 
 
 def test_the_vibrated_layer_floats(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

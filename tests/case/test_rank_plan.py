@@ -61,9 +61,9 @@ def large() -> tuple[CaseGas, file.CaseFile, RunEstimate, int]:
     """1e9 disks, and the memory that it took to look at them [bytes]."""
     tracemalloc.start()
     found = case_of()
-    gas = found.gas.ready(found.case)
-    estimate = RunEstimate.of(gas, found.case)
-    summary.report(found.case, gas, estimate)
+    gas = found.gas
+    estimate = RunEstimate.of(gas)
+    summary.report(gas, estimate)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     return gas, found, estimate, peak
@@ -84,24 +84,24 @@ def test_a_case_with_a_radius_for_each_disk_is_judged_without_an_array_of_them(d
     drawn = f"species[0].radii={{distribution={distribution}}}"
     tracemalloc.start()
     found = case_of("species[0].number=8000000", "species[1].number=1000", "species[0].radius=", drawn)
-    gas = found.gas.ready(found.case)
-    estimate = RunEstimate.of(gas, found.case)
-    summary.report(found.case, gas, estimate)
+    gas = found.gas
+    estimate = RunEstimate.of(gas)
+    summary.report(gas, estimate)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 45e6
     assert len(gas.kinds.mass) < 30
     assert gas.kinds.mean_radius == pytest.approx(0.5, rel=2e-4)  # 0.06 / sqrt(8e6), five times
     # A lattice of so many disks, and a plan: 80 bytes more for each disk and those in halos than of equal ones.
-    plan, side = RankPlan.of(gas, found.case, estimate, 8), math.sqrt(8_001_000 / 8 * math.pi / 4.0 / 0.3)
+    plan, side = RankPlan.of(gas, estimate, 8), math.sqrt(8_001_000 / 8 * math.pi / 4.0 / 0.3)
     with_halos = (side + 36.0) ** 2 / side**2
     assert plan.memory == pytest.approx(280e6 + 780 * 8_001_000 / 8 * with_halos + 450 * 8e6 / 5000, rel=1e-4)
 
 
 def test_the_plan_of_1e9_disks_is_its_arithmetic() -> None:
     """1000 ranks: blocks of 1e6 disks, 1618 diameters wide (sqrt(1e6 pi/4/0.3)), with 18 more on each side."""
-    gas, found, estimate, _ = large()
-    plan = RankPlan.of(gas, found.case, estimate, 1000)
+    gas, _, estimate, _ = large()
+    plan = RankPlan.of(gas, estimate, 1000)
     with_halos = (1618.02 + 36.0) ** 2 / 1618.02**2
     assert plan.disks == 1e6
     assert plan.memory == pytest.approx(280e6 + 700 * 1e6 * with_halos + 450 * 1e9 / 5000, rel=1e-5)
@@ -112,9 +112,7 @@ def test_the_plan_of_1e9_disks_is_its_arithmetic() -> None:
     assert plan.seconds == pytest.approx(1e6 * (5.0 + 11 * 0.6) * 0.55e-6 * 1.75 * with_halos, rel=1e-4)
     assert summary.planned_ranks(10**9) == [63, 250, 1000]
     assert summary.planned_ranks(1_100_000) == [2]
-    assert "1000: each 1e+06 disks, 1.1 GB of memory, 292 MB of files" in summary.report(
-        found.case, gas, estimate
-    )
+    assert "1000: each 1e+06 disks, 1.1 GB of memory, 292 MB of files" in summary.report(gas, estimate)
 
 
 def test_strips_that_a_rank_places_at_random_count(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -122,21 +120,21 @@ def test_strips_that_a_rank_places_at_random_count(monkeypatch: pytest.MonkeyPat
     changes = "species[0].number=700000", "species[1].number=400000", "start.positions=random"
     found = case_of(*changes)
     gas = found.gas
-    assert gas.strips(found.case) == 4
+    assert gas.strips == 4
     one = 275_000 * (100 + 300)
-    assert [strip_bytes(gas, found.case, ranks) for ranks in (2, 3, 4, 16)] == pytest.approx(
+    assert [strip_bytes(gas, ranks) for ranks in (2, 3, 4, 16)] == pytest.approx(
         [one + 275_000 * 100, one + 275_000 * 100, one, one], rel=1e-12
     )
-    estimate = RunEstimate.of(gas, found.case)
+    estimate = RunEstimate.of(gas)
     side = math.sqrt(68_750 * math.pi / 4.0 / 0.3)
     halos = 700 * 68_750 * (1.0 + 36.0 / side) ** 2
     tiles = 450 * 1.1e6 / 5000
-    plan = RankPlan.of(gas, found.case, estimate, 16)
+    plan = RankPlan.of(gas, estimate, 16)
     assert halos < one
     assert plan.memory == pytest.approx(280e6 + one + tiles, rel=1e-9)
     lattice = case_of(*changes[:2])
-    assert strip_bytes(lattice.gas, lattice.case, 16) == 0.0
-    plan = RankPlan.of(lattice.gas, lattice.case, estimate, 16)
+    assert strip_bytes(lattice.gas, 16) == 0.0
+    plan = RankPlan.of(lattice.gas, estimate, 16)
     assert plan.memory == pytest.approx(280e6 + halos + tiles, rel=1e-4)
     # A machine with one of the 16 ranks: 200 bytes of the writer, 198 of the engine, and a strip, or 300 for each.
     needed = 68_750 * (200 + limits.BYTES_PER_DISK) + one
@@ -182,8 +180,8 @@ def test_disks_that_indices_of_32_bits_do_not_reach_are_refused(
 
 def test_growth_of_more_than_a_million_disks_is_for_one_process() -> None:
     found = case_of("species[0].number=1000000", "species[1].number=1000000", "start.positions=growth")
-    gas = found.gas.ready(found.case)
-    text = summary.report(found.case, gas, RunEstimate.of(gas, found.case))
+    gas = found.gas
+    text = summary.report(gas, RunEstimate.of(gas))
     told = 'start.positions = "growth" grows all disks in one process'
     assert told in text
 

@@ -79,7 +79,7 @@ def start(folder: Path, *overrides: str) -> tuple[CaseGas, State]:
     assert mistakes(folder, *overrides) == []
     case = Case.model_validate(parsed(*overrides))
     gas = CaseGas.from_case(case, folder)
-    return gas, gas.start(case)
+    return gas, gas.start()
 
 
 @pytest.mark.parametrize(("frame", "index"), [(None, 2), ("-1", 2), ("0", 0), ("-2", 1)])

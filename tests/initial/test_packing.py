@@ -137,14 +137,14 @@ def test_a_case_starts_by_growth_and_refuses_by_key() -> None:
     raw = tomllib.loads(CASE)
     case = Case.model_validate(raw)
     gas = CaseGas.from_case(case)
-    check_no_overlap(gas.box, gas.disks.radius, gas.start(case).position, tolerance=0.0)
+    check_no_overlap(gas.box, gas.disks.radius, gas.start().position, tolerance=0.0)
     assert math.pi * np.sum(gas.disks.radius**2) / gas.box.area == pytest.approx(0.84, rel=1e-13)
     raw["box"]["packing_fraction"] = 0.9
     case = Case.model_validate(raw)
     with pytest.raises(
         InputError, match=r'^start\.positions = "growth": packing fraction = 0\.9000: growth ended at'
     ):
-        CaseGas.from_case(case).start(case)
+        CaseGas.from_case(case).start()
 
 
 def test_a_long_stage_says_how_far_it_is(capsys: pytest.CaptureFixture[str]) -> None:
@@ -171,11 +171,11 @@ def test_a_gas_begins_to_collide_at_the_rate_of_a_mixture_at_equilibrium() -> No
     raw["material"] = [{"name": "smooth", "e_n": 1.0, "e_t": -1.0, "mu": 0.0}]
     case = Case.model_validate(raw)
     gas = CaseGas.from_case(case)
-    simulation = gas.simulation(case)
+    simulation = gas.simulation()
     simulation.run(collisions_per_disk=0.5)
     rate = 0.5 / simulation.time
     # 750 collisions: an error of 4 %; the start's own correlations add some.
-    assert rate == pytest.approx(RunEstimate.of(gas, case).collision_rate[0], rel=0.12)
+    assert rate == pytest.approx(RunEstimate.of(gas).collision_rate[0], rel=0.12)
     group = gas.species[0].classes()
     rates = collision_rates(group, gas.box.area)
     order = np.argsort(gas.disks.radius)

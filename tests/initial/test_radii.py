@@ -145,7 +145,7 @@ def test_packing_fraction_is_exact_and_masses_follow_the_radii() -> None:
     assert covered == pytest.approx(0.3, rel=1e-14)  # sums of 1000 numbers
     np.testing.assert_allclose(gas.disks.mass, 3.5 * math.pi * gas.disks.radius**2, rtol=1e-15)
     np.testing.assert_array_equal(gas.disks.radius, CaseGas.from_case(case).disks.radius)
-    state = gas.start(case)
+    state = gas.start()
     # Maxwellian with one temperature for all: m v^2 does not depend on the mass. 333 disks each: 5 % errors.
     energy = gas.disks.mass * np.sum(state.velocity**2, axis=1)
     order = np.argsort(gas.disks.mass)
@@ -211,7 +211,7 @@ def test_check_prints_the_radii_their_ratio_and_what_it_costs() -> None:
         )
     )
     gas = CaseGas.from_case(case)
-    text = summary.report(case, gas, RunEstimate.of(gas, case))
+    text = summary.report(gas, RunEstimate.of(gas))
     assert "radii                  0.01 to 0.05 (mean 0.014) m, largest/smallest 5" in text
     assert "2.1 times as long as among equal disks" in text  # measured at 5
     assert "packing fraction       0.3\n" in text
@@ -226,7 +226,7 @@ def test_collision_rate_of_two_sizes_is_that_of_two_species() -> None:
         )
     )
     gas = CaseGas.from_case(one)
-    rate = RunEstimate.of(gas, one).collision_rate[0]
+    rate = RunEstimate.of(gas).collision_rate[0]
     # At one temperature: speeds as R^-1, and 1/m averages to (1 + 1/4)/2 of the small disks'.
     speed = [math.sqrt(1.0 / 0.625), math.sqrt(0.25 / 0.625)]
     half = CASE.replace("number = 1000", "number = 500")
@@ -237,5 +237,5 @@ def test_collision_rate_of_two_sizes_is_that_of_two_species() -> None:
         .replace("speed_rms = 1.0", f"radius = 0.02\nspeed_rms = {speed[1]}")
     )
     two = Case.model_validate(tomllib.loads(text))
-    rates = RunEstimate.of(CaseGas.from_case(two), two).collision_rate
+    rates = RunEstimate.of(CaseGas.from_case(two)).collision_rate
     assert rate == pytest.approx(np.mean(rates), rel=1e-12)

@@ -43,8 +43,7 @@ def test_sums_of_walls_are_columns_of_the_series(
     path.write_text(CASE)
     assert main(["run", str(path)]) == 0
     assert "closes to" in capsys.readouterr().out  # the ledger, with the work of the paddle
-    case = case_file.read(path, []).case
-    run = case_file.read(path, []).gas.ready(case).simulation(case)
+    run = case_file.read(path, []).gas.simulation()
     run.run(t_end=3.0)
     expected = run.wall_sums.values
     with ifrdem.Trajectory("stirred.h5") as file:

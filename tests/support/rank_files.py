@@ -33,8 +33,8 @@ def start(changes: list[str], comm: Any) -> Any:
         assert found is not None
         assert found.gas.given is not None
         assert len(found.gas.given.position) == len(slices.slice_of(found.gas.n, comm))
-        gas = found.gas.ready(found.case, comm)
-        state = gas.start(found.case, comm=comm)
+        gas = found.gas
+        state = gas.start(comm=comm)
         speeds = np.array([(each.speed_rms, each.spin_rms) for each in gas.species])
         return [state.position, state.velocity, state.spin], speeds
     except InputError as error:

@@ -17,7 +17,6 @@ from mpi4py import MPI
 
 import ifrdem
 from ifrdem.case import file
-from ifrdem.case.gas import CaseGas
 from ifrdem.initial.from_csv import Given
 from ifrdem.tools import slices
 
@@ -124,16 +123,11 @@ found["infinite"] = outcome(lambda: simulation(COMM, IDS, halved))
 found["slices"] = outcome(lambda: simulation(COMM, range(N // COMM.size - COMM.rank)))
 # A case, whose slices are drawn by each rank alone; a start that only the first one has, and deals out.
 for name, changes in (("case", []), ("random case", ["start.positions=random"]), ("given", [])):
-    whole = None
-    if COMM.rank == 0:
-        text = file.read(sys.argv[1], changes)
-        gas_of_case = text.gas.ready(text.case)
-        if name == "given":
-            gas_of_case = replace(gas_of_case, given=Given(gas_of_case.start(text.case).position, None, None))
-        sliced = gas_of_case.simulation(text.case, comm=COMM, sliced=True)
-        whole = text.gas.simulation(text.case).state
-    else:
-        sliced = CaseGas.beside(COMM)[1]
+    gas_of_case = file.read(sys.argv[1], changes).gas
+    whole = gas_of_case.simulation().state if COMM.rank == 0 else None
+    if name == "given" and COMM.rank == 0:
+        gas_of_case = replace(gas_of_case, given=Given(gas_of_case.start().position, None, None))
+    sliced = gas_of_case.simulation(comm=COMM, sliced=True)
     found[name] = differing(sliced.state, whole, FIELDS[:3])
     found["case sliced"] = sliced.sliced
 for each in COMM.gather(found) or ():

@@ -382,7 +382,7 @@ def test_the_end_of_endless_cooling_is_not_looked_for() -> None:
     """After 1e9 collisions per disk T is exp(-1e8) of what it was: no number holds the time of that."""
     overrides = ["run.collisions_per_disk=1e9"]
     file = case_file.read(Path(__file__).parents[2] / "cases" / "cooling.toml", overrides)
-    estimate = RunEstimate.of(CaseGas.from_case(file.case, file.folder), file.case)
+    estimate = RunEstimate.of(CaseGas.from_case(file.case, file.folder))
     assert math.isnan(estimate.end_time)
     assert estimate.collisions == 0.5e9 * 50_000
 

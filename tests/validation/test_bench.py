@@ -150,7 +150,7 @@ def test_figures_follow_from_the_runs() -> None:
 
 def test_a_timed_run_counts_what_the_simulation_did() -> None:
     case = bench.elastic_gas(150, 0.3, threads=1)
-    simulation = CaseGas.from_case(case).simulation(case)
+    simulation = CaseGas.from_case(case).simulation()
     simulation.run(t_end=0.5)
     collisions, windows = simulation.collisions, simulation.statistics.windows
     run = bench.timed(simulation, 0.0)
@@ -182,7 +182,7 @@ def test_the_elastic_gas_starts_at_its_temperature_and_mixes_for_ten_mean_free_t
     """At phi = 0.3 a disk has 10 collisions less those that the lattice makes it wait for."""
     case = bench.elastic_gas(400, 0.3, threads=1)
     gas = CaseGas.from_case(case)
-    simulation = gas.simulation(case)
+    simulation = gas.simulation()
     velocity = simulation.state.velocity
     # T = <m v^2> / 2 = 1 with m = 1; 400 disks sample it within 1 / sqrt(400) of it.
     assert float((velocity**2).sum()) / (2 * 400) == pytest.approx(1.0, abs=0.15)
@@ -442,7 +442,7 @@ def test_mean_free_time_is_that_of_the_collisions_seen() -> None:
     """Of some 5000 collisions the statistical error is 1.4 %; theory is good to 0.5 %."""
     case = bench.elastic_gas(1000, 0.3, threads=1)
     gas = CaseGas.from_case(case)
-    simulation = gas.simulation(case)
+    simulation = gas.simulation()
     simulation.run(t_end=bench.mixing_time(gas))
     before, start = simulation.collisions, simulation.time
     simulation.run(t_end=start + 10.0 * bench.mean_free_time(gas))

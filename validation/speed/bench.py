@@ -302,7 +302,7 @@ def measure(
         gc.collect()
         try:
             device.start(run.arch, threads=run.threads, precision=run.precision, profile=True)
-            simulation = gas.simulation(case, state)
+            simulation = gas.simulation(state)
             warm_up(simulation)
             profiled = _profiled(simulation, seconds)
         finally:
@@ -344,7 +344,7 @@ def prepared(
     device.check(run.arch, run.threads, run.precision)
     summary.refuse_beyond_memory(sum(each.number for each in case.species), run.arch, case.start.positions)
     gas = CaseGas.from_case(case, folder)
-    simulation = gas.simulation(case, comm=comm)
+    simulation = gas.simulation(comm=comm)
     if after is None:
         # To a time: while the lattice's disks have not met yet, a run by collisions would give up.
         end: dict[str, Any] = {"t_end": mixing_time(gas)}

@@ -42,7 +42,7 @@ def output_cost(
     case = bench.elastic_gas(n, phi, arch=arch, threads=threads, seed=seed)
     case = case.model_copy(update={"output": case.output.model_copy(update={"ledger": True})})
     gas = CaseGas.from_case(case)
-    simulation = gas.simulation(case, gas.start(case))
+    simulation = gas.simulation()
     seconds: dict[str, list[float]] = {way: [] for way in WAYS}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bench.h5"

@@ -73,7 +73,7 @@ def start_a_gas(began: float, arguments: list[str]) -> None:
     case = bench.elastic_gas(**json.loads(arguments[0]))
     gas = CaseGas.from_case(case)
     windows: list[float] = []
-    gas.simulation(case).run(
+    gas.simulation().run(
         t_end=bench.mean_free_time(gas), progress=lambda *_: windows.append(time.monotonic() - began)
     )
     print(

@@ -1,18 +1,59 @@
-"""The command `bench`."""
+"""Commands about the program: `validate`, `bench`, `backends`, `docs`."""
 
 from __future__ import annotations
 
 import json as json_format
 import math
+import re
+from pathlib import Path
 from typing import Annotated, Any
 
-from ..errors import InputError
+from cyclopts import Parameter
+
+from ..errors import InputError, there_are
 from ..tools import world
 from .console import progress, ranks, say
 from .options import Precision, Set, Wrong, flag, number, option, overrides, whole
 
 DENSEST = 0.9068  # packing fraction, nearly that of equal disks that touch on a hexagonal lattice
 THINNEST = 1e-5  # thinner gases hardly ever collide
+MANUAL = Path(__file__).parents[1] / "docs"
+NAMES = "cases or groups to run: paper (default), bullet, gas, device, or see --list"
+JOBS = "cases at a time, each in a process of its own (default: gas as many as there are cores, others 1)"
+
+
+def validate(
+    *names: Annotated[str, Parameter(name="NAME", help=NAMES)],
+    quick: Annotated[bool, flag("fewer samples: under a minute (gas: two minutes)")] = False,
+    seed: Annotated[str | None, option("N", "of the random gases of gas (default: 1)")] = None,
+    jobs: Annotated[str | None, option("N", JOBS)] = None,
+    list: Annotated[bool, flag("list the cases and run none")] = False,
+    output: Annotated[
+        str, option("DIR", "folder (default: validation-report)", "--output", "-o")
+    ] = "validation-report",
+    force: Annotated[bool, flag("replace a report that is there")] = False,
+) -> int:
+    """Reproduce the paper through the kernels.
+
+    Collides disks as the paper does, and compares with its equations, tables and figures; `validate bullet` compares
+    with PyBullet and pymunk instead, `validate gas` holds gases of many disks against the literature, `validate device`
+    a GPU against the CPU. Writes results.json, report.html and the figures. Exit status 0 only if every row passed.
+    """
+    from ..tools import arguments
+    from ..validation.report import runner
+
+    if list:
+        say(runner.listing())
+        return 0
+    return runner.validate(
+        names,
+        output,
+        quick=quick,
+        force=force,
+        seed=None if seed is None else whole("--seed", seed, 0, runner.MOST_SEED),
+        jobs=None if jobs is None else arguments.whole("--jobs", jobs, 1),
+        say=say,
+    )
 
 
 def bench(
@@ -87,3 +128,55 @@ def _conflicts(of_gas: dict[str, Any], of_case: dict[str, Any], case: str | None
         for name, value in of_gas.items()
         if value is not None
     ]
+
+
+def backends() -> None:
+    """List the devices that can compute."""
+    from .. import bullet
+    from ..kernels import language  # noqa: F401  (an error where Taichi cannot be loaded)
+    from ..simulation import device
+
+    for each in device.available():
+        say(f"{each.arch:<8} {each.description}")
+    absence = device.cuda_absence()
+    if absence is not None:
+        say(f"cuda     not usable: {absence}")
+    say(f"pybullet {bullet.describe()}")
+
+
+def docs(
+    topic: Annotated[
+        str | None, Parameter(name="TOPIC", help="page to print (default: the list of pages)")
+    ] = None,
+    /,
+) -> None:
+    """Read the manual."""
+    say(page(topic))
+
+
+def topics() -> dict[str, str]:
+    """Titles of the manual's pages by topic: the start page, the others, measured figures (`results/NAME`)."""
+    pages = {
+        page.relative_to(MANUAL).with_suffix("").as_posix(): page
+        for pattern in ("index.md", "*.md", "*/*.md")
+        for page in sorted(MANUAL.glob(pattern))
+    }
+    return {
+        topic: page.read_text(encoding="utf-8").splitlines()[0].lstrip("# ") for topic, page in pages.items()
+    }
+
+
+def page(topic: str | None) -> str:
+    """Text of a page of the manual; without a topic, the list of topics.
+
+    Raises InputError if no page has this name.
+    """
+    known = topics()
+    if topic is None:
+        width = max(map(len, known))
+        lines = [f"{name:<{width}}  {title}" for name, title in known.items()]
+        return "\n".join((*lines, "", f"`ifrdem docs TOPIC` prints a page; the files are in {MANUAL}"))
+    if topic not in known:
+        raise InputError(f"the manual has no topic '{topic}'{there_are(topic, known)}")
+    text = (MANUAL / f"{topic}.md").read_text(encoding="utf-8")
+    return re.sub(r"^<!--.*-->\n", "", text, flags=re.MULTILINE)  # marks for the tests and the site
