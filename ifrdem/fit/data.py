@@ -198,12 +198,11 @@ class Collisions:
         if not any(name in self.measured for name in AFTER):
             text = "nothing was measured after the impact: at least one is needed of"
             wrong.append(f"{text} {', '.join(AFTER)}")
-        with_normal = {name: value for name, value in self.errors.items() if name != "normal"}
-        if "normal" in self.errors:
-            with_normal |= {name: self.errors["normal"] for name in NORMAL if name in self.measured}
+        given = {name: value for name, value in self.errors.items() if name != "normal"}
+        turned = [name for name in NORMAL if "normal" in self.errors and name in {*self.measured} - {*given}]
         if wrong and (unused := [each for each in self.notes if each.startswith(UNUSED)]):
             wrong.append(f"{unused[0]}; --column {MOTION[0]}='HEADER' says what one is")
-        wrong += _wrong_names(self.measured, with_normal)
+        wrong += _wrong_names(self.measured, (*given, *turned))
         wrong += [
             f"covariance of {a} and {b}: both must be velocities or spins that were measured, or one the normal"
             for a, b in self.covariance
@@ -212,9 +211,11 @@ class Collisions:
         refuse(wrong, self.source)
         n = max(np.size(value) for value in self.measured.values())
         arrays = {name: _errors(self.source, name, value, n) for name, value in self.measured.items()}
-        errors = {
-            name: _errors(self.source, f"error of {name}", value, n) for name, value in with_normal.items()
-        }
+        errors = {name: _errors(self.source, f"error of {name}", value, n) for name, value in given.items()}
+        if turned:  # an error [rad] of the direction, whatever the length of the normal
+            angle = _errors(self.source, "error of normal", self.errors["normal"], n)
+            x, y = (arrays.get(name, np.zeros(n)) for name in NORMAL)
+            errors |= dict.fromkeys(turned, angle * np.hypot(x, y))
         found: list[tuple[int, str]] = []
         for name, e in errors.items():
             bad = ~(np.isnan(e) | (np.isfinite(e) & (e >= 0.0))) & ~np.isnan(arrays[name])
@@ -235,7 +236,7 @@ class Collisions:
         found += _rows((x == 0.0) & (y == 0.0), "the normal has no length")
         _end(self.source, found, self.line)
         object.__setattr__(self, "measured", arrays)
-        object.__setattr__(self, "errors", errors)
+        object.__setattr__(self, "errors", {name: errors[name] for name in self.measured})
         object.__setattr__(self, "disk_1", disks[0])
         object.__setattr__(self, "disk_2", disks[1])
         try:
@@ -354,9 +355,8 @@ def read(
     angles = [name for name in present if name in COLUMNS]
     source = found.source
     if whole and angles:
-        raise InputError(
-            f"{source}: missing column psi; there are {', '.join(angles) or 'none that is known'}"
-        )
+        both = f"a table of angles ({', '.join(angles)}) and of whole collisions ({', '.join(whole)})"
+        raise InputError(f"{source}: columns of {both} stand together: one of the two is needed")
     if not whole and "psi" not in angles:
         raise InputError(
             f"{source}: missing column psi; there are {', '.join(angles) or 'none that is known'}"
@@ -419,18 +419,11 @@ def _given_errors(
         elif name in form.known:
             given[name] = np.zeros(n)
         elif by:
-            given[name] = np.full(n, errors[by[0]])
+            given["normal" if by[0] == "normal" else name] = np.full(n, errors[by[0]])
         elif rest is not None:
             given[name] = np.full(n, rest)
         else:
             wrong.append(f"{name}: no error is given; {_how_to_give(name)}")
-    if "normal" in errors and not all(
-        f"{name}_error" in columns or name in errors for name in NORMAL if name in quantities
-    ):
-        for name in NORMAL:  # an error [rad] of the direction, whatever the length of the normal
-            if name in quantities and f"{name}_error" not in columns:
-                length = np.hypot(columns["nx"], columns["ny"])
-                given[name] = given[name] * length
     wrong += [
         f"an error of {name} is given, and the file has no column {name}{nearest(name, quantities)}; it "
         f"has {', '.join(quantities)}"
