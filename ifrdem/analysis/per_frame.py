@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..tools.checked import Array
 from ..tools.reprs import Brief
 from ..trajectory.reader import Trajectory
-from . import cluster, common, fields, pairs, psi6, steadiness, structure, velocities
+from . import common, fields, steadiness, structure, velocities
 from . import result as stored
 from .result import Columns, Evaluation, Reading, kinds, latest, times, unit
 
@@ -72,13 +72,13 @@ def of_pairs(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation
     box, radius, when = trajectory.box, trajectory.disks.radius, trajectory.times[used]
     diameter = 2.0 * float(radius.mean())
     reach = min(6.0 * diameter, 0.45 * min(box.lengths))
-    found = pairs.pair_correlation(_positions(trajectory, used), box, r_max=reach, bins=240, time=when)
+    found = structure.pair_correlation(_positions(trajectory, used), box, r_max=reach, bins=240, time=when)
     rows: list[Reading] = []
     try:
         if trajectory.room.all_walls:
             notes = ["walls: no contact value, and g is relative to the mean density of the whole box"]
         else:
-            contact = pairs.contact_value(_positions(trajectory, used), box, radius=radius, time=when)
+            contact = structure.contact_value(_positions(trajectory, used), box, radius=radius, time=when)
             rows.append(Reading("g at contact", contact.g, contact.error))
             quality = f"chi^2 = {contact.chi_square:.1f} for {contact.degrees} degrees of freedom"
             notes = [f"parabola fitted to ln g up to 1.25 diameters: {quality}"]
@@ -188,7 +188,7 @@ class ClusterSeries(Brief):
     """Clusters of some frames: their times, and what was found."""
 
     times: list[float] = field(default_factory=list)
-    clusters: list[cluster.Clusters] = field(default_factory=list)
+    clusters: list[structure.Clusters] = field(default_factory=list)
 
 
 def of_clusters(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
@@ -199,7 +199,9 @@ def of_clusters(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluat
     for i in used:
         frame = trajectory[i]
         found.times.append(frame.time)
-        found.clusters.append(cluster.clusters(frame.position, box, radius=radius, gap=gap, time=frame.time))
+        found.clusters.append(
+            structure.clusters(frame.position, box, radius=radius, gap=gap, time=frame.time)
+        )
     last = found.clusters[-1]
     rows = [
         Reading("share of the largest cluster, last frame", last.largest),
@@ -226,7 +228,7 @@ def of_psi6(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     stored.need(trajectory, "position")
     used = latest(trajectory, chosen)
     where, box, when = list(_positions(trajectory, used)), trajectory.box, trajectory.times[used]
-    found = [psi6.hexatic(x, box, time=float(t)) for x, t in zip(where, when, strict=True)]
+    found = [structure.hexatic(x, box, time=float(t)) for x, t in zip(where, when, strict=True)]
     local, whole = ([getattr(one, name) for one in found] for name in ("local", "whole"))
     rows = [
         Reading("mean of |psi_6|", *common.mean_with_error(local)),
