@@ -152,15 +152,13 @@ class Problem(ABC):
         self.estimated: tuple[str, ...] = tuple(
             dict.fromkeys(group for group, each in each_group if each.any())
         )
-        for group in self.estimated:  # of any size at first; then `scaled`
-            members = [i for i, each in enumerate(groups) if each == group]
-            s[:, members] = np.where(unknown[:, members], self.first_guess(group), s[:, members])
         self.known: NDArray[np.bool_] = there & (s == 0.0)
-        for i, group in enumerate(groups):
-            alike = s[:, [j for j, each in enumerate(groups) if each == group]]
-            alike = alike[(alike > 0.0)]
-            least = np.min(alike) if alike.size else self.first_guess(group) * 1e-2
-            s[:, i] = np.where(self.known[:, i], _EXACT * least, s[:, i])
+        for group in dict.fromkeys(groups):
+            members, guess = [i for i, each in enumerate(groups) if each == group], self.first_guess(group)
+            own = np.where(unknown[:, members], guess, s[:, members])  # of any size at first; then `scaled`
+            positive = own[own > 0.0]
+            least = np.min(positive) if positive.size else 1e-2 * guess
+            s[:, members] = np.where(self.known[:, members], _EXACT * least, own)
         self.s: Array = np.where(there, s, np.nan)
         self.white: Array = _whitening(self.s, covariance or {}, self.names)
         self.rows: Index = np.arange(len(y))

@@ -264,6 +264,17 @@ def test_a_table_of_collisions_is_read_with_units_and_known_values(tmp_path: Pat
     np.testing.assert_allclose(error, np.sqrt(2.0) * 1e-4 / 10.5e-3, rtol=1e-9)
 
 
+def test_values_known_exactly_have_one_error_each_however_many_there_are() -> None:
+    """A ten thousandth of the least error of their kind, and of a guess where all of a kind are known."""
+    data = seen(3)
+    known = ("spin_1", "vx_2", "vy_2", "spin_2")
+    errors = {name: 0.0 * error if name in known else error for name, error in data.errors.items()}
+    problem = replace(data, errors=errors).problem()
+    told = dict(zip(problem.names, problem.s.T, strict=True))
+    np.testing.assert_allclose([told["vx_2"], told["vy_2"]], 1e-4 * 0.01, rtol=1e-12)
+    np.testing.assert_allclose([told["spin_1"], told["spin_2"]], 1e-4 * 0.01 / R[0], rtol=1e-12)
+
+
 def test_an_error_of_the_normal_is_an_angle_whatever_its_length(tmp_path: Path) -> None:
     data = seen(1, wall=True)
     twice = {name: 2.0 * data.measured[name] for name in ("nx", "ny")}
