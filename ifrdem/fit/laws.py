@@ -119,10 +119,6 @@ class Law:
         points = qmc.Sobol(len(self.free), scramble=False).random(number)
         return np.asarray(low + (high - low) * points)
 
-    def with_fixed(self, fixed: Mapping[str, float]) -> Law:
-        """The law with further coefficients fixed; those that it does not have are left out."""
-        return replace(self, fixed={**self.fixed, **{k: v for k, v in fixed.items() if k in self.ranges}})
-
     def collide(self, values: Array, motion: Sequence[Array]) -> tuple[Array, ...]:
         """Velocities and spins after (vx_i, vy_i, w_i, vx_j, vy_j, w_j), P_n, P_t, sticking, rolling.
 
@@ -337,10 +333,10 @@ def chosen(
             low, high = ranges[0]
             wrong.append(f"{name} = {value:g} cannot be fixed: a value from {low:g} to {high:g} is needed")
     refuse(wrong)
-    laws = {
-        name: law.with_fixed({k: v for k, v in fixed.items() if k not in law.fixed or k == "rho"})
-        for name, law in found.items()
-    }
+    laws = {}
+    for name, law in found.items():
+        further = {k: v for k, v in fixed.items() if k in law.free or (k == "rho" and k in law.ranges)}
+        laws[name] = replace(law, fixed={**law.fixed, **further})
     empty = [name for name, law in laws.items() if not law.free]
     if empty:
         raise InputError(f"model {empty[0]}: every coefficient is fixed, nothing is left to fit")

@@ -360,19 +360,15 @@ class CollisionProblem(Problem):
         y: Array,
         s: Array,
         groups: Sequence[str],
-        disks: Sequence[Mapping[str, Array]],
+        disks: Sequence[Array],
         wall: Sequence[Array],
         covariance: Mapping[tuple[int, int], Array],
     ) -> None:
-        n = len(y)
-        one, two = (list(disk.values()) for disk in disks)
+        m_1, R_1, k_1, m_2, R_2, k_2 = disks
         self.wall: bool = bool(wall)
-        zero = np.zeros(n)
-        v_x, v_y, w = wall if wall else (zero, zero, zero)
-        R_2 = one[1] if self.wall else two[1]
-        self.of_disks: Array = np.stack(
-            [1.0 / one[0], one[1], one[2], 1.0 / two[0], R_2, two[2], v_x, v_y, w]
-        )
+        moves = wall if wall else np.zeros((3, len(y)))
+        R_2 = R_1 if self.wall else R_2
+        self.of_disks: Array = np.stack([1.0 / m_1, R_1, k_1, 1.0 / m_2, R_2, k_2, *moves])
         speeds = np.abs(y[:, [i for i, name in enumerate(names) if name[0] == "v"]])
         self.speed: float = float(np.nanmedian(speeds[speeds > 0.0])) if np.any(speeds > 0.0) else 1.0
         super().__init__(names, y, s, groups, covariance)
