@@ -181,19 +181,22 @@ class Law:
         """True for a law with Coulomb friction that another impulse bounds."""
         return self.sticking is not None or self.kind is Walton
 
-    def transitions(self, values: Array, probe: Sequence[Array], reach: Array) -> list[Array]:
-        """Angles of incidence [rad], each (..., n), at which the law changes its regime.
-
-        `reach` is r (..., n), which rolling friction rho is compared with.
-        """
+    def transitions(self, values: Array, probe: Sequence[Array]) -> list[Array]:
+        """Angles of incidence [rad], each (..., n), at which the law changes its regime; `probe` as for `stick`."""
         if not self.has_transition:
             return []
         of = self.full(values)
         found = [np.arctan(of["mu"] * (1.0 + of["e_n"]) / self.stick(values, probe))]
         if "rho" in self.free or self.fixed.get("rho", 0.0) > 0.0:
-            c = replace(self, sticking=STICKING[1]).stick(values, probe)  # m_t / m_n, by Eq. 12
-            found.append(np.arctan(of["rho"] * (1.0 + of["e_n"]) / (reach * c)))  # Eqs. 31 and 32 equal
+            contact = replace(self, sticking=STICKING[1])
+            lever = reach(probe) * contact.stick(values, probe)  # r m_t / m_n, by Eq. 12
+            found.append(np.arctan(of["rho"] * (1.0 + of["e_n"]) / lever))  # Eqs. 31 and 32 equal
         return found
+
+
+def reach(motion: Sequence[Array]) -> Array:
+    """r = 2 R_1 R_2 / (R_1 + R_2), (n,) or (1,), which rolling friction rho is compared with."""
+    return np.asarray(2.0 * motion[3] * motion[9] / (motion[3] + motion[9]))
 
 
 def _ifr(name: str, about: str, sticking: str, **fixed: float) -> Law:

@@ -123,7 +123,7 @@ def fit(
                 f"rolling friction changes spins only: a column {' or '.join(SPINNING)} is needed to fit rho"
             )
             wrong.append(f"{data.source}: {text}; there are {', '.join(data.names)}")
-        r = float(np.max(problem.reach()))
+        r = float(np.max(of_laws.reach(problem.probe())))
         chosen = {name: _rolling(law, r) if "rho" in law.ranges else law for name, law in chosen.items()}
     if bootstrap != 0 and bootstrap < 40:
         wrong.append(f"bootstrap = {bootstrap}: 0, or 40 data sets and more, are needed for intervals")
@@ -174,8 +174,7 @@ class Search:
 
     def transition(self, values: Array) -> float:
         """Angle of incidence [rad] at which sliding begins."""
-        problem = self.likelihood.problem
-        return float(self.law.transitions(values, problem.probe(), problem.reach())[0].flat[0])
+        return float(self.law.transitions(values, self.likelihood.problem.probe())[0].flat[0])
 
     def quantities(self, values: Array) -> dict[str, tuple[float, float, Range]]:
         """Value, standard error and limits of the free coefficients, and of the angle of transition if it is one."""

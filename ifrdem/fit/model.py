@@ -186,14 +186,9 @@ class Problem(ABC):
     def probe(self) -> tuple[Any, ...]:
         """A motion of each impact with g_n = g_t = 1."""
 
-    def reach(self) -> Array:
-        """r = 2 R_1 R_2 / (R_1 + R_2) of each impact, (n,) or (1,)."""
-        motion = self.probe()
-        return np.asarray(2.0 * motion[3] * motion[9] / (motion[3] + motion[9]))
-
     def edges(self, law: Law, values: Array) -> Array:
         """Angles of incidence [rad] between which predictions are smooth, ascending: (..., n, e)."""
-        inner = law.transitions(values, self.probe(), self.reach())
+        inner = law.transitions(values, self.probe())
         if self.low < 0.0:
             inner = [*inner, *(-each for each in inner)]
         shape = (*values.shape[:-1], len(self.y))
@@ -210,7 +205,7 @@ class Problem(ABC):
         if not law.has_transition:
             regime = np.full(len(self.y), Regime.SEPARATING)
         elif law.sticking is None:
-            chi, (edge, *_) = x[:, 0], law.transitions(values, self.probe(), self.reach())
+            chi, (edge, *_) = x[:, 0], law.transitions(values, self.probe())
             regime = np.where(np.abs(chi) < edge, Regime.STICKING, Regime.SLIDING)
         return np.asarray(regime, dtype=np.int8)
 
