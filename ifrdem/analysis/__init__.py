@@ -6,7 +6,6 @@ and psi_6 need the package freud, S(k) finufft: `pip install "ifrdem[analysis]"`
 
 from __future__ import annotations
 
-from .cluster import Clusters, clusters
 from .common import correlation_time, mean_with_error
 from .cooling import HaffFit, RatioFit, haff_fit, ratio_fit
 from .displacement import (
@@ -19,10 +18,19 @@ from .displacement import (
 )
 from .fields import Fields, coarse_grain
 from .impact import Impacts, impacts
-from .pairs import ContactValue, PairCorrelation, contact_value, pair_correlation
 from .pressure import Pressure, compressibility, contact_from_rate, pressure_from_impulses
-from .psi6 import Hexatic, hexatic
-from .structure import StructureFactor, structure_factor
+from .structure import (
+    Clusters,
+    ContactValue,
+    Hexatic,
+    PairCorrelation,
+    StructureFactor,
+    clusters,
+    contact_value,
+    hexatic,
+    pair_correlation,
+    structure_factor,
+)
 from .velocities import (
     SonineCoefficients,
     VelocityDistribution,

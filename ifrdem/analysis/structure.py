@@ -1,23 +1,163 @@
-"""The static structure factor S(k), averaged over directions."""
+"""Structure of frames: pair correlation g(r), structure factor S(k), clusters, and hexatic order psi_6."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..model.box import Box
-from ..tools.checked import Array
+from ..tools.checked import Array, one_of
 from ..tools.pictured import PicturedResult
 from ..tools.reprs import Brief
-from . import common as libraries
-from .common import Positions, as_box, each, times_of
+from .common import Positions, as_box, each, freud_frame, load, neighbours, times_of
 
+CONTACT_RANGE = 0.25  # of the diameter, in which the contact value is fitted
+CONTACT_BINS = 25
 MOST_MODES = 1024
 """Modes along an axis that one transform computes; beyond, only every p-th k that the box allows is taken."""
+NEIGHBOURS = ("nearest", "voronoi")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PairCorrelation(Brief, PicturedResult):
+    """Frequency of centres at a distance r, relative to an ideal gas of the same density."""
+
+    r: Array
+    g: Array
+    g_error: Array
+    pairs: Array
+    """r, g, g_error, pairs: middles of the bins [length]; g(r), and its standard error by the number of pairs, which
+    count as independent; pairs counted, each once, over all frames; shape (bins,)."""
+    frames: int
+
+
+@dataclass(frozen=True)
+class ContactValue:
+    """g at contact, by extrapolation.
+
+    Of inelastic disks it is not the chi that a rate of collisions shows (`pressure.contact_from_rate`): pairs separate
+    slower than they approach, and are near contact for longer. Without friction, as many separate at e_n times the
+    speed as approach, so that g is (1 + 1 / e_n) / 2 times chi.
+    """
+
+    g: float
+    error: float
+    """g, error: the value and its standard error: counting of pairs, and the fit; not what the fit's form may be off
+    by, which is below 1 % up to packing fraction 0.6 (a quarter of a diameter, where ln g is nearly a parabola)."""
+    chi_square: float
+    degrees: int
+    """chi_square, degrees: of the fit: far more than its degrees of freedom means that the form does not fit."""
+
+
+def pair_correlation(
+    position: Positions, box: Box | ArrayLike, *, r_max: float, bins: int = 200, r_min: float = 0.0,
+    time: float | Iterable[float] = 0.0,
+) -> PairCorrelation:  # fmt: skip
+    """g(r) of one or several frames, by freud.
+
+    InputError if the box is open, r_max is too long, there are fewer than 2 disks, or freud is missing.
+
+    Parameters
+    ----------
+    position : array (n, 2) or frames of them
+        Centres in the box [length].
+    box : Box, or two lengths of a periodic one
+        Where it is not periodic, only centres farther than `r_max` from the sides count as the first of a pair, and
+        what walls inside it take away is not regarded.
+    r_max, r_min, bins : float, float, int
+        Where the bins end and begin [length]; less than half the shortest side.
+    time : float or one for each frame
+        Needed for sheared boxes [time].
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ifrdem import analysis
+    >>> rng = np.random.default_rng(1)
+    >>> found = analysis.pair_correlation(100.0 * rng.random((5000, 2)), (100.0, 100.0), r_max=10.0, bins=10)
+    >>> bool(abs(found.g[-1] - 1.0) < 0.05)  # points at random: 1
+    True
+    """
+    box = as_box(box)
+    if box.is_open:
+        raise InputError("g(r) needs a density, and an open box has none: cut out a part and give it a box")
+    if not 0.0 <= r_min < r_max:
+        raise InputError(f"r_min = {r_min:g}, r_max = {r_max:g}: 0 <= r_min < r_max is needed")
+    freud = load("freud", "g(r)")
+    count, ideal, frames = np.zeros(bins), np.zeros(bins), 0
+    edges = np.linspace(r_min, r_max, bins + 1)
+    rings = np.pi * np.diff(edges**2)
+    for points, when in zip(each(position), times_of(time), strict=False):
+        if len(points) < 2:
+            raise InputError("g(r) needs 2 disks or more")
+        frame = freud_frame(points, box, r_max, when, "g(r)")
+        inside = np.ones(len(points), dtype=bool)
+        for axis in (0, 1):
+            if not box.periodic[axis]:
+                inside &= (points[:, axis] > r_max) & (points[:, axis] < box.lengths[axis] - r_max)
+        rdf = freud.density.RDF(bins, r_max, r_min=r_min)
+        pairs = {"exclude_ii": True} if np.all(inside) else {}
+        query = frame.points if np.all(inside) else frame.points[inside]
+        rdf.compute((frame.box, frame.points), query_points=query, neighbors={"r_max": r_max, **pairs})
+        counted = np.asarray(rdf.bin_counts, dtype=float)
+        if not pairs and r_min == 0.0:
+            counted[0] -= np.count_nonzero(inside)  # each found itself
+        count += counted
+        ideal += np.count_nonzero(inside) * (len(points) - 1) / box.area * rings
+        frames += 1
+    if frames == 0:
+        raise InputError("no frames: there is no g(r)")
+    if not np.any(ideal):
+        raise InputError(f"no centre is farther than r_max = {r_max:g} from the walls: choose a shorter one")
+    # Each pair of a periodic gas is counted from both ends: its count says only half as much as it shows.
+    error = np.sqrt(2.0 * np.maximum(count, 1.0)) / ideal
+    return PairCorrelation(0.5 * (edges[1:] + edges[:-1]), count / ideal, error, 0.5 * count, frames)
+
+
+def contact_value(
+    position: Positions, box: Box | ArrayLike, *, radius: ArrayLike, time: float | Iterable[float] = 0.0
+) -> ContactValue:
+    """g at contact of equal disks: a parabola fitted to ln g from contact to 1.25 diameters, weighted by pairs counted.
+
+    `radius` are their radii [length], one number or shape (n,); the rest as `pair_correlation`. InputError as
+    `pair_correlation`; if radii differ, or too few pairs are near contact for a fit.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> import numpy as np
+    >>> from ifrdem import analysis
+    >>> radius = np.full(2000, 0.5)
+    >>> box = ifrdem.Box.from_packing_fraction(radius, 0.05)
+    >>> position = ifrdem.initial.random_positions(box, radius, seed=1)
+    >>> found = analysis.contact_value(position, box, radius=radius)
+    >>> bool(abs(found.g - 1.0) < 4.0 * found.error + 0.1)
+    True
+    """
+    radii = np.atleast_1d(np.asarray(radius, dtype=float))
+    if np.ptp(radii) > 1e-9 * radii[0]:
+        raise InputError("radii differ: a contact value is found here for equal disks only")
+    sigma = 2.0 * float(radii[0])
+    reach = (1.0 + CONTACT_RANGE) * sigma
+    found = pair_correlation(position, box, r_min=sigma, r_max=reach, bins=CONTACT_BINS, time=time)
+    used = found.pairs >= 5.0
+    if np.count_nonzero(used) < 8:
+        raise InputError(
+            f"{found.pairs.sum():.0f} pairs between 1 and {1.0 + CONTACT_RANGE} diameters are too few to "
+            "extrapolate g to contact: more disks or frames are needed"
+        )
+    x, y = found.r[used] / sigma - 1.0, np.log(found.g[used])
+    # Weighted by 1 / error of ln g. Middles of bins stand for their means: off by (width^2 / 24) g'' / g, 1e-4 here.
+    weight = np.sqrt(found.pairs[used])
+    fit, covariance = np.polyfit(x, y, 2, w=weight, cov="unscaled")
+    chi_square = float(np.sum(((y - np.polyval(fit, x)) * weight) ** 2))
+    g = float(np.exp(fit[2]))
+    return ContactValue(g, g * float(np.sqrt(covariance[2, 2])), chi_square, len(x) - 3)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,10 +182,8 @@ def mode_intensities(
     k = 2 pi stride (i / Lx, j / Ly) with i from -a to a and j from -b to b, `modes` = (a, b), by finufft to 1e-9. The
     lattice of a sheared box is skewed: k_y changes by -k_x times the shift of the image above over Ly.
     """
-    box = as_box(box)
-    if box.is_open or not all(box.periodic):
-        raise InputError("S(k) needs a box that is periodic along x and y")
-    finufft = libraries.load("finufft", "S(k)")
+    box = _periodic(box)
+    finufft = load("finufft", "S(k)")
     (width, height), (a, b) = box.lengths, modes
     shift = box.image_above(time) if box.shear_rate else 0.0
     shift -= width if shift > 0.5 * width else 0.0
@@ -59,6 +197,13 @@ def mode_intensities(
     k_x = 2.0 * np.pi * stride / width * i
     k_y = 2.0 * np.pi * stride / height * j - k_x * (shift / height)
     return np.stack((k_x, k_y), axis=-1), np.abs(amplitude) ** 2 / len(position)
+
+
+def _periodic(box: Box | ArrayLike) -> Box:
+    box = as_box(box)
+    if box.is_open or not all(box.periodic):
+        raise InputError("S(k) needs a box that is periodic along x and y")
+    return box
 
 
 def structure_factor(
@@ -92,9 +237,7 @@ def structure_factor(
     >>> bool(abs(found.S[-1] - 1.0) < 0.2)  # points at random: 1
     True
     """
-    box = as_box(box)
-    if box.is_open or not all(box.periodic):
-        raise InputError("S(k) needs a box that is periodic along x and y")
+    box = _periodic(box)
     lengths = np.array(box.lengths)
     least = 2.0 * np.pi / lengths.max()
     if not k_max > least:
@@ -138,3 +281,170 @@ def _passes(lengths: Array, k_max: float) -> list[tuple[int, float]]:
     if reach >= k_max:
         return [(1, k_max)]
     return [(1, reach), (int(np.ceil(k_max / reach)), k_max)]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Clusters(Brief, PicturedResult):
+    """Disks joined wherever the gap between two surfaces is below `gap`; a disk alone is a cluster of one."""
+
+    label: NDArray[np.intp]
+    """The cluster of each disk, from 0, the largest first; shape (n,)."""
+    sizes: NDArray[np.intp]
+    radius_of_gyration: Array
+    spans: NDArray[np.bool_]
+    """sizes, radius_of_gyration, spans: of each cluster: number of disks, falling; root of the mean square distance
+    from the mean of its centres [length], nan where it spans the box; True if it is connected to its own image
+    through periodic sides; shape (c,)."""
+    gap: float
+    """The criterion [length]."""
+
+    @property
+    def largest(self) -> float:
+        """Share of all disks that the largest cluster holds."""
+        return float(self.sizes[0] / self.sizes.sum()) if len(self.sizes) else 0.0
+
+    @property
+    def mean_size(self) -> float:
+        """Mean size of the cluster that a disk is in: sum s^2 / sum s."""
+        return float(np.sum(self.sizes.astype(float) ** 2) / self.sizes.sum()) if len(self.sizes) else 0.0
+
+
+def clusters(
+    position: Array, box: Box | ArrayLike, *, radius: ArrayLike, gap: float, time: float = 0.0
+) -> Clusters:
+    """Clusters of one frame: neighbours by freud, connected components by SciPy.
+
+    InputError if the gap is negative, or so long that disks would see themselves through periodic sides.
+
+    Parameters
+    ----------
+    position, radius : array (n, 2), and float or array (n,)
+        Centres and radii [length].
+    box : Box, or two lengths of a periodic one
+    gap : float
+        Disks whose surfaces are nearer than this are joined [length]. In a homogeneous gas of equal disks that are to
+        be told from clusters, a tenth of a diameter or less.
+    time : float
+        Needed for sheared boxes [time].
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ifrdem import analysis
+    >>> position = np.array([[1.0, 1.0], [2.05, 1.0], [6.0, 6.0]])
+    >>> analysis.clusters(position, (10.0, 10.0), radius=0.5, gap=0.1).sizes
+    array([2, 1])
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import breadth_first_order, connected_components
+
+    box = as_box(box)
+    (x,) = each(position)
+    n = len(x)
+    radii = np.broadcast_to(np.asarray(radius, dtype=float), n)
+    if not gap >= 0.0:
+        raise InputError(f"gap = {gap:g}: 0 or more is needed")
+    if n == 0:
+        none = np.zeros(0, dtype=np.intp)
+        return Clusters(none, none, np.zeros(0), np.zeros(0, dtype=bool), gap)
+    i, j, vector = neighbours(x, box, 2.0 * float(radii.max()) + gap, time, "clusters")
+    # Touching disks of a file in single precision are apart or overlap by its rounding.
+    near = np.hypot(vector[:, 0], vector[:, 1]) <= radii[i] + radii[j] + gap
+    i, j, vector = i[near], j[near], vector[near]
+    graph = coo_array((np.ones(len(i), dtype=np.int8), (i, j)), shape=(n, n))
+    count, label = connected_components(graph, directed=False)
+    sizes = np.bincount(label, minlength=count)
+    order = np.argsort(-sizes, kind="stable")
+    rank = np.empty(count, dtype=np.intp)
+    rank[order] = np.arange(count)
+    label = rank[label]
+    sizes = sizes[order]
+
+    # Paths along the tree from one disk of each cluster, all trees hung on one more root.
+    first = np.unique(label, return_index=True)[1]
+    rows = np.concatenate((i, np.full(count, n)))
+    columns = np.concatenate((j, first))
+    tree = coo_array((np.ones(len(rows), dtype=np.int8), (rows, columns)), shape=(n + 1, n + 1))
+    _, parent = breadth_first_order(tree.tocsr(), n, directed=False)
+    parent = np.where(parent < 0, n, parent).astype(np.intp)
+    offset = np.zeros((n + 1, 2))
+    inner = parent[:n] != n
+    offset[:n][inner] = box.minimum_image(x[inner] - x[parent[:n][inner]], time)
+    offset[first] = 0.0
+    while np.any(parent != n):  # each step halves what is left of the way to the root
+        offset += offset[parent] * (parent != n)[:, None]
+        parent = parent[parent]
+    place = offset[:n]
+    # A bond that does not close is one around the box.
+    open_bond = np.any(np.abs(place[j] - place[i] - vector) > 1e-6 * max(1.0, float(radii.max())), axis=1)
+    spans = np.zeros(count, dtype=bool)
+    spans[label[i[open_bond]]] = True
+    mean = np.stack([np.bincount(label, place[:, axis], minlength=count) / sizes for axis in (0, 1)], axis=1)
+    square = np.bincount(label, np.sum((place - mean[label]) ** 2, axis=1), minlength=count) / sizes
+    return Clusters(label, sizes, np.where(spans, np.nan, np.sqrt(square)), spans, gap)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Hexatic(Brief, PicturedResult):
+    """psi_6 of disk i: the mean of exp(6 i theta) over the directions theta to its neighbours."""
+
+    psi6: NDArray[np.complex128]
+    """Of each disk; shape (n,)."""
+    local: float
+    whole: float
+    """local, whole: mean of |psi_6|, 1 in a perfect hexagonal lattice; |mean of psi_6|, 1 if it is a single crystal,
+    about local / sqrt(n) in a fluid."""
+    neighbours: str
+
+
+def hexatic(
+    position: Array,
+    box: Box | ArrayLike,
+    *,
+    neighbours: Literal["nearest", "voronoi"] = "nearest",
+    time: float = 0.0,
+) -> Hexatic:
+    """psi_6 of one frame, by freud.
+
+    InputError for fewer than 7 disks, an unknown kind of neighbours, or without freud.
+
+    Parameters
+    ----------
+    position : array (n, 2)
+        Centres [length], 7 or more.
+    box : Box, or two lengths of a periodic one
+        Disks at walls count with the neighbours that they have inside.
+    neighbours : {"nearest", "voronoi"}
+        The six nearest, or those across an edge of the Voronoi cell, all alike (a few 1e5 disks at most).
+    time : float
+        Needed for sheared boxes [time].
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> from ifrdem import analysis
+    >>> position = ifrdem.initial.hexagonal_positions(ifrdem.Box((10.0, 10.0 * 3**0.5 / 2)), [0.5] * 100)
+    >>> round(analysis.hexatic(position, (10.0, 10.0 * 3**0.5 / 2)).local, 6)
+    1.0
+    """
+    one_of("neighbours", neighbours, NEIGHBOURS)
+    box = as_box(box)
+    (x,) = each(position)
+    if len(x) < 7:
+        raise InputError(f"{len(x)} disks: psi_6 needs 7 or more")
+    freud = load("freud", "psi_6")
+    # Where sides are walls: wide enough to keep images away from all six neighbours.
+    reach = 0.0
+    if not all(box.periodic):
+        reach = 2.0 * float(np.ptp(x, axis=0).max())
+        reach = min(reach, 0.4 * min([side for side in box.periods if side] or [np.inf]))
+    frame = freud_frame(x, box, reach, time, "psi_6")
+    compute = freud.order.Hexatic(k=6)
+    if neighbours == "nearest":
+        compute.compute((frame.box, frame.points), neighbors={"num_neighbors": 6, "exclude_ii": True})
+    else:
+        cells = freud.locality.Voronoi()
+        cells.compute((frame.box, frame.points))
+        compute.compute((frame.box, frame.points), neighbors=cells.nlist)
+    psi6 = np.asarray(compute.particle_order, dtype=np.complex128)
+    return Hexatic(psi6, float(np.abs(psi6).mean()), float(np.abs(psi6.mean())), neighbours)

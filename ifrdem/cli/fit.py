@@ -219,20 +219,22 @@ def fit(
     wrong.end()
 
     from ..fit import laws as of_laws
-    from ..fit import maximum, report
+    from ..fit.data import Data, read
 
     kinds = list(how.model or (of_laws.IFR if how.law is None else ()))
     own = [] if how.law is None else [of_laws.own_from_file(how.law, ranges)]
     number_of_laws = len(of_laws.chosen(kinds, fixed, own))
-    measured = maximum.read(source, errors, form=form, **both)
-    if not isinstance(measured, maximum.Data) and pair:
+    measured = read(source, errors, form=form, **both)
+    if not isinstance(measured, Data) and pair:
         raise InputError(
             f"{', '.join(map(_dashed, pair))}: of tables of angles; collisions need --disk-1 and --disk-2"
         )
-    if isinstance(measured, maximum.Data) and "M" not in pair:
+    if isinstance(measured, Data) and "M" not in pair:
         raise InputError(
             "--M is missing: the mass ratio m_1 / m_2 is needed, 0 for a wall, or --pair with two coins of the paper"
         )
+    from ..fit import maximum, report  # import SciPy, which is slow
+
     with _progress(sets * number_of_laws) as bar:
         found = maximum.fit(
             measured, **dict[str, Any](pair), model=kinds, own=own, fix=fixed, rolling=how.rolling,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, listed, nearest, refuse
 from . import tabular
+from .laws import LAWS
 from .model import MEASURED, AngleProblem, CollisionProblem, Pair, Problem, RowError
 from .tabular import Form
 
@@ -99,7 +100,7 @@ class Data:
         refuse(wrong + _wrong_names(values, self.errors), self.source)
         n = np.size(self.psi)
         arrays = {name: _column(self.source, name, value, n) for name, value in values.items()}
-        errors = {name: _errors(self.source, name, value, n) for name, value in self.errors.items()}
+        errors = {name: _column(self.source, name, value, n) for name, value in self.errors.items()}
         found: list[tuple[int, str]] = []
         for name in values:
             found += _wrong_values(name, arrays[name]) + _wrong_errors(name, errors[name], arrays[name])
@@ -198,12 +199,11 @@ class Collisions:
         if not any(name in self.measured for name in AFTER):
             text = "nothing was measured after the impact: at least one is needed of"
             wrong.append(f"{text} {', '.join(AFTER)}")
-        with_normal = {name: value for name, value in self.errors.items() if name != "normal"}
-        if "normal" in self.errors:
-            with_normal |= {name: self.errors["normal"] for name in NORMAL if name in self.measured}
+        given = {name: value for name, value in self.errors.items() if name != "normal"}
+        turned = [name for name in NORMAL if "normal" in self.errors and name in {*self.measured} - {*given}]
         if wrong and (unused := [each for each in self.notes if each.startswith(UNUSED)]):
             wrong.append(f"{unused[0]}; --column {MOTION[0]}='HEADER' says what one is")
-        wrong += _wrong_names(self.measured, with_normal)
+        wrong += _wrong_names(self.measured, (*given, *turned))
         wrong += [
             f"covariance of {a} and {b}: both must be velocities or spins that were measured, or one the normal"
             for a, b in self.covariance
@@ -211,10 +211,12 @@ class Collisions:
         ]
         refuse(wrong, self.source)
         n = max(np.size(value) for value in self.measured.values())
-        arrays = {name: _errors(self.source, name, value, n) for name, value in self.measured.items()}
-        errors = {
-            name: _errors(self.source, f"error of {name}", value, n) for name, value in with_normal.items()
-        }
+        arrays = {name: _column(self.source, name, value, n) for name, value in self.measured.items()}
+        errors = {name: _column(self.source, f"error of {name}", value, n) for name, value in given.items()}
+        if turned:  # an error [rad] of the direction, whatever the length of the normal
+            angle = _column(self.source, "error of normal", self.errors["normal"], n)
+            x, y = (arrays.get(name, np.zeros(n)) for name in NORMAL)
+            errors |= dict.fromkeys(turned, angle * np.hypot(x, y))
         found: list[tuple[int, str]] = []
         for name, e in errors.items():
             bad = ~(np.isnan(e) | (np.isfinite(e) & (e >= 0.0))) & ~np.isnan(arrays[name])
@@ -235,7 +237,7 @@ class Collisions:
         found += _rows((x == 0.0) & (y == 0.0), "the normal has no length")
         _end(self.source, found, self.line)
         object.__setattr__(self, "measured", arrays)
-        object.__setattr__(self, "errors", errors)
+        object.__setattr__(self, "errors", {name: errors[name] for name in self.measured})
         object.__setattr__(self, "disk_1", disks[0])
         object.__setattr__(self, "disk_2", disks[1])
         try:
@@ -294,7 +296,7 @@ class Collisions:
             if a in names and b in names
         }
         walls = [np.nan_to_num(self.measured.get(name, none)) for name in MOTION[3:]] if self.wall else []
-        disks = [_per_collision(disk, n) for disk in (self.disk_1, self.disk_2)]
+        disks = [each for disk in (self.disk_1, self.disk_2) for each in _per_collision(disk, n).values()]
         return CollisionProblem(names, y, s, [_group(name) for name in names], disks, walls, covariance)
 
 
@@ -354,9 +356,8 @@ def read(
     angles = [name for name in present if name in COLUMNS]
     source = found.source
     if whole and angles:
-        raise InputError(
-            f"{source}: missing column psi; there are {', '.join(angles) or 'none that is known'}"
-        )
+        both = f"a table of angles ({', '.join(angles)}) and of whole collisions ({', '.join(whole)})"
+        raise InputError(f"{source}: columns of {both} stand together: one of the two is needed")
     if not whole and "psi" not in angles:
         raise InputError(
             f"{source}: missing column psi; there are {', '.join(angles) or 'none that is known'}"
@@ -401,10 +402,9 @@ def read(
 
 
 def _given_errors(
-    quantities: Iterable[str], columns: Mapping[str, Array], errors: dict[str, float], form: Form, n: int
+    quantities: Sequence[str], columns: Mapping[str, Array], errors: dict[str, float], form: Form, n: int
 ) -> tuple[dict[str, Array], list[str]]:
     """The error of each quantity, and what is wrong."""
-    quantities = list(quantities)
     rest = errors.pop("rest", None)
     given: dict[str, Array] = {}
     wrong = []
@@ -419,18 +419,11 @@ def _given_errors(
         elif name in form.known:
             given[name] = np.zeros(n)
         elif by:
-            given[name] = np.full(n, errors[by[0]])
+            given["normal" if by[0] == "normal" else name] = np.full(n, errors[by[0]])
         elif rest is not None:
             given[name] = np.full(n, rest)
         else:
             wrong.append(f"{name}: no error is given; {_how_to_give(name)}")
-    if "normal" in errors and not all(
-        f"{name}_error" in columns or name in errors for name in NORMAL if name in quantities
-    ):
-        for name in NORMAL:  # an error [rad] of the direction, whatever the length of the normal
-            if name in quantities and f"{name}_error" not in columns:
-                length = np.hypot(columns["nx"], columns["ny"])
-                given[name] = given[name] * length
     wrong += [
         f"an error of {name} is given, and the file has no column {name}{nearest(name, quantities)}; it "
         f"has {', '.join(quantities)}"
@@ -458,8 +451,6 @@ def example(seed: int = 1) -> str:
     >>> fit.example(seed=1).splitlines()[0][:1]
     '#'
     """
-    from .laws import LAWS
-
     rng = np.random.default_rng(seed)
     psi = np.linspace(4.0, 72.0, 18)
     none = np.zeros((len(psi), 3))
@@ -490,8 +481,7 @@ def _per_collision(disk: Disk, n: int) -> dict[str, Array]:
     return {key: np.broadcast_to(value, (n,)) for key, value in of.items()}
 
 
-def _unknown(names: Iterable[str], known: Iterable[str]) -> list[str]:
-    known = list(known)
+def _unknown(names: Iterable[str], known: Collection[str]) -> list[str]:
     return [
         f"{name}: no such quantity{nearest(name, known)}; there are {', '.join(known)}"
         for name in names
@@ -499,8 +489,7 @@ def _unknown(names: Iterable[str], known: Iterable[str]) -> list[str]:
     ]
 
 
-def _wrong_names(values: Iterable[str], errors: Iterable[str]) -> list[str]:
-    values = list(values)
+def _wrong_names(values: Collection[str], errors: Collection[str]) -> list[str]:
     wrong = [f"{name}: no error is given; {_how_to_give(name)}" for name in values if name not in errors]
     others = [name for name in errors if name not in values]
     return wrong + [f"error of {name}: {name} was not measured{nearest(name, values)}" for name in others]
@@ -514,14 +503,11 @@ def _how_to_give(name: str) -> str:
 
 
 def _column(source: str, name: str, value: ArrayLike, n: int) -> Array:
-    array = np.array(value, dtype=np.float64)
+    """Values of n impacts, (n,); a number stands for all."""
+    array = np.array(np.broadcast_to(value, n) if np.ndim(value) == 0 else value, dtype=np.float64)
     if array.shape != (n,):
         raise InputError(f"{source}: {name} has shape {array.shape}: ({n},) is needed, as psi has")
     return array
-
-
-def _errors(source: str, name: str, value: ArrayLike, n: int) -> Array:
-    return _column(source, name, np.broadcast_to(value, n) if np.ndim(value) == 0 else value, n)
 
 
 def _end(source: str, found: list[tuple[int, str]], line: NDArray[np.int64] | None) -> None:

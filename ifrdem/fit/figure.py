@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..tools.files import write_aside
-from .data import Collisions, Data
+from .data import Data
 from .likelihood import Array
 from .model import MEASURED, CollisionProblem
 from .result import Fit, Fitted
@@ -23,9 +24,11 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
+Style = tuple[str, Any, str]
 # Okabe and Ito's colours, told apart with every kind of colour blindness; and by line and marker too.
-STYLES = (("#0072B2", "-", "o"), ("#D55E00", "--", "s"), ("#009E73", "-.", "^"), ("#CC79A7", ":", "v"), ("#56B4E9", (0, (5, 1, 1, 1)), "D"), ("#E69F00", "-", "P"))  # fmt: skip  # noqa: E501
+STYLES: tuple[Style, ...] = (("#0072B2", "-", "o"), ("#D55E00", "--", "s"), ("#009E73", "-.", "^"), ("#CC79A7", ":", "v"), ("#56B4E9", (0, (5, 1, 1, 1)), "D"), ("#E69F00", "-", "P"))  # fmt: skip  # noqa: E501
 _DATA, _OUT = "#222222", "#CC0000"
 SYMBOLS = {"e_n": "$e_n$", "e_t": "$e_t$", "mu": r"$\mu$", "rho": r"$\rho$", "beta": r"$\beta$"}
 
@@ -51,21 +54,13 @@ def draw(fit: Fit, paths: Sequence[Path]) -> None:
     A residual is measured minus predicted at the measured psi; its error has that of psi in it, by the slope
     of the curve. Vertical lines mark the fitted transitions, bands their intervals, red rings suspicious
     impacts. Of whole collisions, normal restitution and the slip after the impact over the speed of approach
-    are drawn against the angle of incidence at the contact.
+    are drawn against the angle of incidence at the contact. Each file is written in the format of its ending.
 
     Raises InputError if a file cannot be written.
-
-    Parameters
-    ----------
-    fit : Fit
-        The result.
-    paths : sequence of Path
-        Files to write, each in the format of its ending.
     """
     from matplotlib.figure import Figure
 
-    panels = _panels(fit)
-    laws = list(fit.laws.items())
+    panels, laws, styles = _panels(fit), fit.laws, _styles(fit)
     heights = (3.0, *[1.0] * len(laws))
     figure = Figure(figsize=(1.4 + 4.2 * len(panels), 4.6 + 1.3 * len(laws)), dpi=200, layout="constrained")
     grid = figure.subplots(1 + len(laws), len(panels), sharex=True, squeeze=False, height_ratios=heights)
@@ -79,8 +74,8 @@ def draw(fit: Fit, paths: Sequence[Path]) -> None:
         _rings(upper, fit.laws[fit.best], panel.psi, panel.value)
         angles = np.linspace(0.05, min(89.9, 1.06 * float(np.nanmax(panel.psi + panel.psi_error))), 400)
         largest = 3.0
-        for row, (_, fitted) in enumerate(laws, start=1):
-            colour, line, marker = STYLES[(row - 1) % len(STYLES)]
+        for row, (name, fitted) in enumerate(laws.items(), start=1):
+            colour, line, marker = styles[name]
             curve = _curve(fit, fitted, column, angles)
             upper.plot(angles, curve, ls=line, color=colour, lw=1.8, zorder=2)
             slope = np.gradient(curve, angles)
@@ -104,10 +99,9 @@ def draw(fit: Fit, paths: Sequence[Path]) -> None:
         grid[-1, column].set_xlabel(r"impact angle $\psi$ (degrees)")
         for axes in grid[:, column]:
             axes.grid(True, lw=0.4, alpha=0.5)
-    for row, (name, _) in enumerate(laws, start=1):
-        grid[row, 0].set_ylabel(
-            f"{name}\nresidual / error" if len(laws) > 1 else "residual / error", fontsize="small"
-        )
+    for row, name in enumerate(laws, start=1):
+        of = f"{name}\n" if len(laws) > 1 else ""
+        grid[row, 0].set_ylabel(f"{of}residual / error", fontsize="small")
     last = max(float(np.nanmax(panel.psi + panel.psi_error)) for panel in panels)
     grid[0, 0].set_xlim(0.0, min(1.05 * max(last, 1.0), 90.0))
     figure.legend(
@@ -122,22 +116,14 @@ def corner(fit: Fit, paths: Sequence[Path]) -> None:
     """Draw the coefficients of every law in pairs: ellipses of 68 and 95 %, from the covariance, and profile intervals.
 
     Raises InputError if a file cannot be written, or no law has a coefficient that is determined.
-
-    Parameters
-    ----------
-    fit : Fit
-        The result.
-    paths : sequence of Path
-        Files to write.
     """
     from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
 
-    determined = [np.isfinite(each.covariance).all() for each in fit.laws.values()]
-    laws = [(i, name, each) for i, (name, each) in enumerate(fit.laws.items()) if determined[i]]
+    laws = {name: each for name, each in fit.laws.items() if np.isfinite(each.covariance).all()}
+    styles = _styles(fit)
     if not laws:
         raise InputError("no picture of coefficients: none is determined by itself")
-    names = list(dict.fromkeys(name for _, _, each in laws for name in each.law.free))
+    names = list(dict.fromkeys(name for each in laws.values() for name in each.law.free))
     n = len(names)
     figure = Figure(figsize=(1.5 + 2.1 * n, 1.8 + 2.1 * n), dpi=200, layout="constrained")
     grid = figure.subplots(n, n, squeeze=False)
@@ -149,11 +135,11 @@ def corner(fit: Fit, paths: Sequence[Path]) -> None:
             if column > row:
                 axes.set_axis_off()
                 continue
-            if not any({a, b} <= set(each.law.free) for _, _, each in laws):
+            if not any({a, b} <= set(each.law.free) for each in laws.values()):
                 axes.set(xticks=[], yticks=[])
                 axes.text(0.5, 0.5, "no law has both", ha="center", transform=axes.transAxes, color="0.5")
-            for i, _, each in laws:
-                colour, line, marker = STYLES[i % len(STYLES)]
+            for name, each in laws.items():
+                colour, line, marker = styles[name]
                 free = each.law.free
                 if a not in free or b not in free:
                     continue
@@ -179,10 +165,7 @@ def corner(fit: Fit, paths: Sequence[Path]) -> None:
                 axes.set_ylabel(SYMBOLS.get(a, a))
             axes.tick_params(labelsize="x-small")
             axes.locator_params(axis="x", nbins=3)
-    handles = []
-    for i, name, _ in laws:
-        colour, line, marker = STYLES[i % len(STYLES)]
-        handles.append(Line2D([], [], color=colour, ls=line, marker=marker, ms=4, label=name))
+    handles = [_line(styles[name], name) for name in laws]
     ncols = min(len(handles), 3)
     figure.legend(handles=handles, loc="outside lower center", ncols=ncols, frameon=False, fontsize="small")
     bands = f"68 and 95 % ellipses, {100 * fit.level:g} % profile intervals (bands)"
@@ -196,9 +179,22 @@ def save(figure: Figure, paths: Sequence[Path]) -> None:
         write_aside(path, partial(figure.savefig, format=path.suffix[1:] or "png"))
 
 
+def _styles(fit: Fit) -> dict[str, Style]:
+    """Colour, line and marker of each law."""
+    return dict(zip(fit.laws, itertools.cycle(STYLES), strict=False))
+
+
+def _line(style: Style, label: str) -> Line2D:
+    """Entry of a law in a legend."""
+    from matplotlib.lines import Line2D
+
+    colour, line, marker = style
+    return Line2D([], [], color=colour, ls=line, marker=marker, ms=4, label=label)
+
+
 def _panels(fit: Fit) -> list[_Panel]:
-    data = fit.data
-    problem = fit.laws[fit.best].problem
+    """Quantities of a table of angles; of whole collisions -g_n'/g_n and g_t'/g_n, with errors to first order."""
+    data, problem = fit.data, fit.laws[fit.best].problem
     if isinstance(data, Data):
         found = []
         for i, name in enumerate(data.names, start=1):
@@ -206,14 +202,8 @@ def _panels(fit: Fit) -> list[_Panel]:
             label = MEASURED[name].symbol + unit
             found.append(_Panel(label, data.psi, data.measured[name], problem.s[:, 0], problem.s[:, i]))
         return found
-    return _of_collisions(data, problem)
-
-
-def _of_collisions(data: Collisions, problem: object) -> list[_Panel]:
-    """-g_n'/g_n and g_t'/g_n of collisions whose motion was measured whole, with errors to first order."""
     assert isinstance(problem, CollisionProblem)
-    blank = np.full(problem.y.shape[1], np.nan)
-    y = np.where(np.isnan(problem.y), blank, problem.y)
+    y = problem.y
     base = _derived(problem, y)
     variance = np.zeros_like(base)
     for i in range(y.shape[1]):
@@ -289,12 +279,12 @@ def _legend(fit: Fit, columns: int) -> list[Artist]:
     handles: list[Artist] = [
         Line2D([], [], ls="none", marker="o", ms=4, color=_DATA, label="measured, with standard errors")
     ]
-    for i, (name, fitted) in enumerate(fit.laws.items()):
-        colour, line, marker = STYLES[i % len(STYLES)]
+    styles = _styles(fit)
+    for name, fitted in fit.laws.items():
         values = (f"{SYMBOLS.get(key, key)} = {fitted.estimates[key].value:.4g}" for key in fitted.law.free)
         text = f"{name}: {', '.join(values)};" + ("\n" if columns == 1 else " ")
         text += f"$\\chi^2 = {fitted.chi2:.1f}$ for {fitted.dof} degrees of freedom"
-        handles.append(Line2D([], [], color=colour, ls=line, marker=marker, ms=4, label=text))
+        handles.append(_line(styles[name], text))
     if any("psi_transit" in each.estimates for each in fit.laws.values()):
         text = f"transition from sticking to sliding, with its {100 * fit.level:g} % interval"
         handles.append(Patch(color=_DATA, alpha=0.15, lw=0.0, label=text))

@@ -119,10 +119,6 @@ class Law:
         points = qmc.Sobol(len(self.free), scramble=False).random(number)
         return np.asarray(low + (high - low) * points)
 
-    def with_fixed(self, fixed: Mapping[str, float]) -> Law:
-        """The law with further coefficients fixed; those that it does not have are left out."""
-        return replace(self, fixed={**self.fixed, **{k: v for k, v in fixed.items() if k in self.ranges}})
-
     def collide(self, values: Array, motion: Sequence[Array]) -> tuple[Array, ...]:
         """Velocities and spins after (vx_i, vy_i, w_i, vx_j, vy_j, w_j), P_n, P_t, sticking, rolling.
 
@@ -185,19 +181,22 @@ class Law:
         """True for a law with Coulomb friction that another impulse bounds."""
         return self.sticking is not None or self.kind is Walton
 
-    def transitions(self, values: Array, probe: Sequence[Array], reach: Array) -> list[Array]:
-        """Angles of incidence [rad], each (..., n), at which the law changes its regime.
-
-        `reach` is r (..., n), which rolling friction rho is compared with.
-        """
+    def transitions(self, values: Array, probe: Sequence[Array]) -> list[Array]:
+        """Angles of incidence [rad], each (..., n), at which the law changes its regime; `probe` as for `stick`."""
         if not self.has_transition:
             return []
         of = self.full(values)
         found = [np.arctan(of["mu"] * (1.0 + of["e_n"]) / self.stick(values, probe))]
         if "rho" in self.free or self.fixed.get("rho", 0.0) > 0.0:
-            c = replace(self, sticking=STICKING[1]).stick(values, probe)  # m_t / m_n, by Eq. 12
-            found.append(np.arctan(of["rho"] * (1.0 + of["e_n"]) / (reach * c)))  # Eqs. 31 and 32 equal
+            contact = replace(self, sticking=STICKING[1])
+            lever = reach(probe) * contact.stick(values, probe)  # r m_t / m_n, by Eq. 12
+            found.append(np.arctan(of["rho"] * (1.0 + of["e_n"]) / lever))  # Eqs. 31 and 32 equal
         return found
+
+
+def reach(motion: Sequence[Array]) -> Array:
+    """r = 2 R_1 R_2 / (R_1 + R_2), (n,) or (1,), which rolling friction rho is compared with."""
+    return np.asarray(2.0 * motion[3] * motion[9] / (motion[3] + motion[9]))
 
 
 def _ifr(name: str, about: str, sticking: str, **fixed: float) -> Law:
@@ -337,10 +336,10 @@ def chosen(
             low, high = ranges[0]
             wrong.append(f"{name} = {value:g} cannot be fixed: a value from {low:g} to {high:g} is needed")
     refuse(wrong)
-    laws = {
-        name: law.with_fixed({k: v for k, v in fixed.items() if k not in law.fixed or k == "rho"})
-        for name, law in found.items()
-    }
+    laws = {}
+    for name, law in found.items():
+        further = {k: v for k, v in fixed.items() if k in law.free or (k == "rho" and k in law.ranges)}
+        laws[name] = replace(law, fixed={**law.fixed, **further})
     empty = [name for name, law in laws.items() if not law.free]
     if empty:
         raise InputError(f"model {empty[0]}: every coefficient is fixed, nothing is left to fit")

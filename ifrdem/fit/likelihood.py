@@ -93,16 +93,9 @@ class Points:
 
 
 class Likelihood:
-    """-2 ln L of a problem under a law, as a function of the free coefficients.
+    """-2 ln L of a problem under a law, as a function of its free coefficients, the p last axis of arrays.
 
-    Parameters
-    ----------
-    problem : Problem
-        The impacts as a fit sees them.
-    law : Law
-        Its free coefficients are the p last axis of arrays.
-    robust : float, optional
-        nu of a Student-t likelihood; Gaussian without it.
+    `robust` is nu of a Student-t likelihood; it is Gaussian without.
     """
 
     def __init__(self, problem: Problem, law: Law, robust: float | None = None) -> None:

@@ -6,16 +6,27 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import brentq, least_squares
+from scipy.special import chdtrc, chdtri, fdtri  # chdtrc: tail of the chi-square distribution
 
 from ..errors import InputError, counted, refuse
 from . import laws as of_laws
 from .data import Collisions, Data
-from .data import read as read
-from .doubts import admissibility, doubts, doubts_of_all
-from .laws import IFR, Law
+from .laws import IFR, Law, Range
 from .likelihood import NU, Array, Likelihood, Points
 from .model import AngleProblem, Pair, Problem
-from .result import CONFIDENCE, TELLING, Estimate, Fit, Fitted, Interval, Suspect
+from .result import (
+    CONFIDENCE,
+    TELLING,
+    Estimate,
+    Fit,
+    Fitted,
+    Interval,
+    Suspect,
+    admissibility,
+    doubts,
+    doubts_of_all,
+)
 
 Progress = Callable[[int], object]
 
@@ -112,7 +123,7 @@ def fit(
                 f"rolling friction changes spins only: a column {' or '.join(SPINNING)} is needed to fit rho"
             )
             wrong.append(f"{data.source}: {text}; there are {', '.join(data.names)}")
-        r = float(np.max(problem.reach()))
+        r = float(np.max(of_laws.reach(problem.probe())))
         chosen = {name: _rolling(law, r) if "rho" in law.ranges else law for name, law in chosen.items()}
     if bootstrap != 0 and bootstrap < 40:
         wrong.append(f"bootstrap = {bootstrap}: 0, or 40 data sets and more, are needed for intervals")
@@ -163,16 +174,23 @@ class Search:
 
     def transition(self, values: Array) -> float:
         """Angle of incidence [rad] at which sliding begins."""
-        problem = self.likelihood.problem
-        return float(self.law.transitions(values, problem.probe(), problem.reach())[0].flat[0])
+        return float(self.law.transitions(values, self.likelihood.problem.probe())[0].flat[0])
 
-    def transition_error(self, values: Array, covariance: Array) -> float:
-        """Standard error [rad] of the angle of transition; infinite where a coefficient's is."""
-        if not np.isfinite(covariance).all():
-            return float("inf")
-        at = self.transition(values)
-        by = np.array([(self.transition(values + 1e-6 * one) - at) / 1e-6 for one in np.eye(len(values))])
-        return float(np.sqrt(by @ covariance @ by))
+    def quantities(self, values: Array) -> dict[str, tuple[float, float, Range]]:
+        """Value, standard error and limits of the free coefficients, and of the angle of transition if it is one."""
+        law = self.law
+        covariance = covariance_of(self.points(values).information)
+        each = zip(law.free, values.tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True)
+        found = {name: (value, error, law.ranges[name]) for name, value, error in each}
+        if self.transits:
+            at, error, steepest = self.transition(values), float("inf"), values.copy()
+            steepest[law.free.index("mu")] = law.ranges["mu"][1]
+            if np.isfinite(covariance).all():
+                steps = 1e-6 * np.eye(len(values))
+                by = np.array([(self.transition(values + step) - at) / 1e-6 for step in steps])
+                error = float(np.sqrt(by @ covariance @ by))
+            found[TRANSIT] = at, error, (0.0, self.transition(steepest))
+        return found
 
     def _mu(self, values: Array, transition: float) -> float:
         """The mu with which the transition is there."""
@@ -181,8 +199,6 @@ class Search:
 
     def descend(self, start: Array, held: Mapping[str, float] | None = None) -> tuple[Array, float]:
         """Place and value of the least loss, from a start (p,), with quantities held."""
-        from scipy.optimize import least_squares
-
         law, held = self.law, dict(held or {})
         kind = "held" if held else "robust" if self.likelihood.robust is not None else "plain"
         tolerance = _TOLERANCE[kind]
@@ -296,22 +312,16 @@ class _Climb:
             ends = intervals(search, best, rise, profile=self.profile)
             if search.lowest[1] > loss - _BETTER:
                 break
-        points = search.points(best)
-        covariance = covariance_of(points.information)
+        points, quantities = search.points(best), search.quantities(best)
         p, dof = len(best), int(np.sum(problem.redundancy)) - len(best)
-        value = dict(zip(self.law.free, map(float, best), strict=True))
-        error = dict(zip(self.law.free, np.sqrt(np.diag(covariance)), strict=True))
-        if search.transits:
-            value[TRANSIT] = search.transition(best)
-            error[TRANSIT] = search.transition_error(best, covariance)
         again = self._bootstrap(problem, best, points, bootstrap, seed, progress) if bootstrap else {}
         estimates = {}
-        for name in value:
+        for name, (value, error, _) in quantities.items():
             unit: Callable[[float], float] = (lambda x: float(np.degrees(x))) if name == TRANSIT else float
             end = ends[name]
             estimates[name] = Estimate(
-                value=unit(value[name]),
-                standard_error=unit(error[name]),
+                value=unit(value),
+                standard_error=unit(error),
                 interval=Interval(unit(end.low), unit(end.high), end.low_open, end.high_open),
                 bootstrap=Interval(unit(again[name][0]), unit(again[name][1])) if again else None,
             )
@@ -322,13 +332,12 @@ class _Climb:
         suspects = self._suspects(problem, points)
         verdict = None
         if self.law.sticking is not None:
-            verdict = admissibility(self.law, {**self.law.fixed, **value}, self._pairs())
-        from scipy.special import chdtrc  # tail of the chi-square distribution
-
+            values = {name: value for name, (value, *_) in quantities.items()}
+            verdict = admissibility(self.law, {**self.law.fixed, **values}, self._pairs())
         found = Fitted(
             law=self.law,
             estimates=estimates,
-            covariance=covariance,
+            covariance=covariance_of(points.information),
             flat=_flat(points.information, self.law.free),
             chi2=chi2,
             dof=dof,
@@ -380,8 +389,6 @@ class _Climb:
 
     def _rise(self, problem: Problem, search: Search) -> float:
         """Rise of the loss at the ends of an interval: of chi-square, or of F where the errors are estimated."""
-        from scipy.special import chdtri, fdtri
-
         if not self.problem.estimated:
             return float(chdtri(1, 1.0 - self.level))
         return float(fdtri(1, max(np.sum(problem.redundancy) - len(self.law.free), 1.0), self.level))
@@ -406,8 +413,6 @@ class _Climb:
         return list(dict.fromkeys(zip(*columns, strict=True)))
 
     def _suspects(self, problem: Problem, points: Points) -> tuple[Suspect, ...]:
-        from scipy.special import chdtrc
-
         probability = chdtrc(np.maximum(problem.redundancy, 1), points.distance)
         found = []
         for i in np.argsort(probability, kind="stable"):
@@ -474,26 +479,15 @@ def intervals(search: Search, best: Array, rise: float, *, profile: bool = True)
 
     Without `profile`, from the standard errors.
     """
-    law = search.law
-    points = search.points(best)
-    covariance = covariance_of(points.information)
-    errors = dict(zip(law.free, np.sqrt(np.diag(covariance)), strict=True))
-    value = dict(zip(law.free, map(float, best), strict=True))
-    limits: dict[str, tuple[float, float]] = {name: law.ranges[name] for name in law.free}
-    if search.transits:
-        value[TRANSIT], errors[TRANSIT] = search.transition(best), search.transition_error(best, covariance)
-        steepest = best.copy()
-        steepest[law.free.index("mu")] = law.ranges["mu"][1]
-        limits[TRANSIT] = (0.0, search.transition(steepest))
     found = {}
-    for name in value:
+    for name, (value, error, limits) in search.quantities(best).items():
         if profile:
-            end = (best, name, value[name], float(errors[name]))
-            (low, low_open), (high, high_open) = (_end(search, *end, limit, rise) for limit in limits[name])
+            ends = [_end(search, best, name, value, error, limit, rise) for limit in limits]
         else:
-            half = np.sqrt(rise) * float(errors[name])
-            low_open, high_open = value[name] - half <= limits[name][0], value[name] + half >= limits[name][1]
-            low, high = max(value[name] - half, limits[name][0]), min(value[name] + half, limits[name][1])
+            half = np.sqrt(rise) * error
+            low, high = max(value - half, limits[0]), min(value + half, limits[1])
+            ends = [(low, value - half <= limits[0]), (high, value + half >= limits[1])]
+        (low, low_open), (high, high_open) = ends
         found[name] = Interval(low, high, bool(low_open), bool(high_open))
     return found
 
@@ -502,8 +496,6 @@ def _end(
     search: Search, best: Array, name: str, value: float, error: float, limit: float, rise: float
 ) -> tuple[float, bool]:
     """One end of an interval, and whether it is the limit, up to which the loss does not rise enough."""
-    from scipy.optimize import brentq
-
     loss = search.points(best).loss
     z = float(np.sqrt(rise))
     room = abs(limit - value)

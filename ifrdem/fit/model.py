@@ -152,15 +152,13 @@ class Problem(ABC):
         self.estimated: tuple[str, ...] = tuple(
             dict.fromkeys(group for group, each in each_group if each.any())
         )
-        for group in self.estimated:  # of any size at first; then `scaled`
-            members = [i for i, each in enumerate(groups) if each == group]
-            s[:, members] = np.where(unknown[:, members], self.first_guess(group), s[:, members])
         self.known: NDArray[np.bool_] = there & (s == 0.0)
-        for i, group in enumerate(groups):
-            alike = s[:, [j for j, each in enumerate(groups) if each == group]]
-            alike = alike[(alike > 0.0)]
-            least = np.min(alike) if alike.size else self.first_guess(group) * 1e-2
-            s[:, i] = np.where(self.known[:, i], _EXACT * least, s[:, i])
+        for group in dict.fromkeys(groups):
+            members, guess = [i for i, each in enumerate(groups) if each == group], self.first_guess(group)
+            own = np.where(unknown[:, members], guess, s[:, members])  # of any size at first; then `scaled`
+            positive = own[own > 0.0]
+            least = np.min(positive) if positive.size else 1e-2 * guess
+            s[:, members] = np.where(self.known[:, members], _EXACT * least, own)
         self.s: Array = np.where(there, s, np.nan)
         self.white: Array = _whitening(self.s, covariance or {}, self.names)
         self.rows: Index = np.arange(len(y))
@@ -188,14 +186,9 @@ class Problem(ABC):
     def probe(self) -> tuple[Any, ...]:
         """A motion of each impact with g_n = g_t = 1."""
 
-    def reach(self) -> Array:
-        """r = 2 R_1 R_2 / (R_1 + R_2) of each impact, (n,) or (1,)."""
-        motion = self.probe()
-        return np.asarray(2.0 * motion[3] * motion[9] / (motion[3] + motion[9]))
-
     def edges(self, law: Law, values: Array) -> Array:
         """Angles of incidence [rad] between which predictions are smooth, ascending: (..., n, e)."""
-        inner = law.transitions(values, self.probe(), self.reach())
+        inner = law.transitions(values, self.probe())
         if self.low < 0.0:
             inner = [*inner, *(-each for each in inner)]
         shape = (*values.shape[:-1], len(self.y))
@@ -212,7 +205,7 @@ class Problem(ABC):
         if not law.has_transition:
             regime = np.full(len(self.y), Regime.SEPARATING)
         elif law.sticking is None:
-            chi, (edge, *_) = x[:, 0], law.transitions(values, self.probe(), self.reach())
+            chi, (edge, *_) = x[:, 0], law.transitions(values, self.probe())
             regime = np.where(np.abs(chi) < edge, Regime.STICKING, Regime.SLIDING)
         return np.asarray(regime, dtype=np.int8)
 
@@ -362,19 +355,15 @@ class CollisionProblem(Problem):
         y: Array,
         s: Array,
         groups: Sequence[str],
-        disks: Sequence[Mapping[str, Array]],
+        disks: Sequence[Array],
         wall: Sequence[Array],
         covariance: Mapping[tuple[int, int], Array],
     ) -> None:
-        n = len(y)
-        one, two = (list(disk.values()) for disk in disks)
+        m_1, R_1, k_1, m_2, R_2, k_2 = disks
         self.wall: bool = bool(wall)
-        zero = np.zeros(n)
-        v_x, v_y, w = wall if wall else (zero, zero, zero)
-        R_2 = one[1] if self.wall else two[1]
-        self.of_disks: Array = np.stack(
-            [1.0 / one[0], one[1], one[2], 1.0 / two[0], R_2, two[2], v_x, v_y, w]
-        )
+        moves = wall if wall else np.zeros((3, len(y)))
+        R_2 = R_1 if self.wall else R_2
+        self.of_disks: Array = np.stack([1.0 / m_1, R_1, k_1, 1.0 / m_2, R_2, k_2, *moves])
         speeds = np.abs(y[:, [i for i, name in enumerate(names) if name[0] == "v"]])
         self.speed: float = float(np.nanmedian(speeds[speeds > 0.0])) if np.any(speeds > 0.0) else 1.0
         super().__init__(names, y, s, groups, covariance)

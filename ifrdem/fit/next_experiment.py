@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .likelihood import Array, Likelihood
-from .maximum import Search, covariance_of
+from .maximum import covariance_of
 from .result import Fit, Fitted
 
 
@@ -49,16 +49,12 @@ class Design:
 
 
 def design(fit: Fit, number: int = 10, psi: Array | None = None) -> Design:
-    """Expected information of further impacts.
+    """Expected information of `number` further impacts at each angle of incidence psi.
 
     Parameters
     ----------
-    fit : Fit
-        The fit so far.
-    number : int
-        Impacts that are added at one angle.
     psi : array (a,), optional
-        Angles of incidence [deg]; every 5 degrees from 5 to 85 without it.
+        Angles [deg]; every 5 degrees from 5 to 85 without it.
 
     Examples
     --------
@@ -87,9 +83,7 @@ def design(fit: Fit, number: int = 10, psi: Array | None = None) -> Design:
 
 def _gain(best: Fitted, other: Fitted, angles: Array, number: int) -> Array:
     """Gain (a,) of -2 ln L over another law, fitted again to what is known and to exact further impacts."""
-    known = Likelihood(other.problem, other.law)
-    search = Search(known)
-    before = search.points(other.values)
+    before = Likelihood(other.problem, other.law).at(other.values)
     found = []
     for angle in np.radians(angles):
         one = best.problem.at(best.law, best.values, np.array([angle]))

@@ -238,14 +238,9 @@ def _finite(value: Any) -> Any:
 
 
 def material(fit: Fit, name: str) -> str:
-    """A `[[material]]` table of the best law, for a case file.
+    """A `[[material]]` table of the best law, for a case file; `name` is that of the material.
 
     Raises InputError if the fitted law can add energy in collisions of the fitted pair: no case would take it.
-
-    Parameters
-    ----------
-    name : str
-        Of the material.
 
     Examples
     --------
@@ -299,11 +294,6 @@ def draws(fit: Fit, number: int, seed: int = 1) -> str:
     """A CSV table of coefficients of the best law, drawn from their joint distribution: a line a draw.
 
     Raises InputError as `Fitted.draw`.
-
-    Parameters
-    ----------
-    number, seed : int
-        Of draws, and of the random numbers.
 
     Examples
     --------

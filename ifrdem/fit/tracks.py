@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from ..errors import InputError, refuse
 from . import tabular
@@ -86,16 +87,9 @@ class FoundCollisions:
 def read(path: Path | str, *, fps: float | None = None, form: Form = Form()) -> Tracks:  # noqa: B008  (frozen)
     """Read tracks: a line a frame and disk, with columns id, x, y, and t or frame; angle if disks were seen to turn.
 
-    Raises InputError with a line for each thing that is wrong.
+    `fps`, frames per time, is needed with a column frame; `form` tells other names, units and signs of the file.
 
-    Parameters
-    ----------
-    path : path
-        The file; other names, units and signs by `form`.
-    fps : float, optional
-        Frames per time, needed with a column frame.
-    form : Form, optional
-        The writing of the file.
+    Raises InputError with a line for each thing that is wrong.
     """
     table = tabular.read(path, KINDS, _SPELLINGS, form)
     columns, source = table.columns, table.source
@@ -195,19 +189,17 @@ def find(
     rows, kept = [], []
     for each in fits:
         row = each.row(sigma, sigma_angle)
-        sure = _SURE * row["_approach_error"]
-        if row["_approach"] > sure and -row["_parting"] < sure + 0.02 * row["_approach"]:
+        if row is None:
+            about = f"{each.meeting.about} at t = {each.time:.6g}"
+            left_out.append(f"{about}: passed each other without an impact")
+        else:
             rows.append(row)
             kept.append(each)
-        else:
-            left_out.append(
-                f"{each.meeting.about} at t = {each.time:.6g}: passed each other without an impact"
-            )
     if not rows:
         raise InputError(
             f"{tracks.source}: no impact was found; {len(left_out)} encounters changed no velocity"
         )
-    names = list(dict.fromkeys(name for row in rows for name in row if not name.startswith("_")))
+    names = dict.fromkeys(name for row in rows for name in row)
     columns = {name: np.array([row.get(name, math.nan) for row in rows]) for name in names}
     bent = sum(each.squares > sigma**2 * (each.dof + 4.0 * math.sqrt(2.0 * each.dof)) for each in kept)
     return FoundCollisions(columns, sigma, sigma_angle, tuple(left_out), int(bent))
@@ -287,8 +279,8 @@ class _Flights:
     def time(self) -> float:
         return float(self.parameters[0])
 
-    def row(self, sigma: float, sigma_angle: float) -> dict[str, float]:
-        """A line of the table; also the speeds of approach and parting along the normal, names that begin with _."""
+    def row(self, sigma: float, sigma_angle: float) -> dict[str, float] | None:
+        """A line of the table; None where the disks passed each other, by their speeds along the normal."""
         # The constraint on the distance has its own weight, the last line of the Jacobian.
         weight = np.full(len(self.jacobian), 1.0 / sigma)
         weight[-1] = 1.0 / (_CONTACT * sum(float(np.asarray(each.radius)) for each in self.disks))
@@ -308,6 +300,13 @@ class _Flights:
             by["normal"][[1, 2, 7, 8]] = np.array([dy, -dx, -dy, dx]) / D**2
         else:
             normal = self.wall[0]
+        approach, parting = np.zeros(len(p)), np.zeros(len(p))
+        for i, sign in zip(range(len(self.disks)), (1.0, -1.0), strict=False):
+            approach[3 + 6 * i : 5 + 6 * i] = sign * normal
+            parting[5 + 6 * i : 7 + 6 * i] = sign * normal
+        speed, sure = float(approach @ p), _SURE * math.sqrt(float(approach @ covariance @ approach))
+        if not (speed > sure and float(parting @ p) < sure + 0.02 * speed):
+            return None
         row |= {"nx": float(normal[0]), "ny": float(normal[1])}
         for i in range(len(self.disks)):
             for k, name in enumerate(("vx_{}", "vy_{}", "vx_{}_after", "vy_{}_after"), start=3 + 6 * i):
@@ -335,13 +334,6 @@ class _Flights:
             row |= {f"{key}_{i}": float(np.asarray(getattr(disk, key))) for key in ("mass", "radius", "k")}
         if self.wall is not None:
             row |= {"mass_2": math.inf, "radius_2": row["radius_1"]}
-        approach = np.zeros(len(p))
-        parting = np.zeros(len(p))
-        for i, sign in zip(range(len(self.disks)), (1.0, -1.0), strict=False):
-            approach[3 + 6 * i : 5 + 6 * i] = sign * normal
-            parting[5 + 6 * i : 7 + 6 * i] = sign * normal
-        row["_approach"], row["_parting"] = float(approach @ p), float(-parting @ p)
-        row["_approach_error"] = math.sqrt(float(approach @ covariance @ approach))
         return row
 
 
@@ -354,8 +346,6 @@ def _fit(
     window: int,
 ) -> _Flights | str:
     """The flights of a meeting, or why there are none."""
-    from scipy.optimize import least_squares
-
     at = meeting.time
     seen = []
     for one in meeting.ids:

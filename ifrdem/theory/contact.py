@@ -154,11 +154,7 @@ def compressibility(
     """Z = P / (n T) of elastic hard disks of one or several sizes: 1 + (pi/2) n sum_ij x_i x_j sigma_ij^2 g_ij.
 
     The virial theorem in two dimensions; n sum_i x_i sigma_i^2 = 4 phi / pi. For equal disks it is 1 + 2 phi g.
-
-    Parameters
-    ----------
-    packing_fraction, radius, fraction, contact
-        As for `crowding_of_mixture`; without radii, equal disks.
+    Arguments as for `crowding_of_mixture`; without radii, equal disks.
 
     Examples
     --------

@@ -128,12 +128,8 @@ def thermal_conductivity(packing_fraction: float, T: float, mass: float, radius:
 
     In the first Sonine approximation (2/sigma) sqrt(T / (pi m)) [1/g + 3 phi + (9/4 + 4/pi) g phi^2]: dilute, four
     times eta / m; crowded, what drives the kinetic heat flux and what is passed on are each 1 + (3/2) phi g times as
-    much, and touching disks pass on (4/pi) g phi^2. Gass (1971), as in the module's text, has some 3 % more.
-
-    Parameters
-    ----------
-    packing_fraction, T, mass, radius
-        As for `collisions.collision_rate`; the packing fraction above 0.
+    much, and touching disks pass on (4/pi) g phi^2. Gass (1971), as in the module's text, has some 3 % more. Arguments
+    as for `collisions.collision_rate`, the packing fraction above 0.
 
     Examples
     --------
@@ -153,12 +149,8 @@ def shear_length(
     """Wavelength L_s = 2 pi xi [length] above which shear modes of a cooling gas grow beside thermal velocities.
 
     Infinite where nothing cools. It depends neither on mass nor on temperature, but on T_rot / T: waves of rough disks
-    that grow at first may decay later. `shear_mode_energy` follows them from the start.
-
-    Parameters
-    ----------
-    law, radius, packing_fraction, k, theta
-        As for `shear_viscosity`.
+    that grow at first may decay later. `shear_mode_energy` follows them from the start. Arguments as for
+    `shear_viscosity`.
 
     Examples
     --------

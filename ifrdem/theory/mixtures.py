@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -296,9 +296,7 @@ def mixture_driven(
     s = mixture.species
     if len(drives) != s:
         raise InputError(f"drives: {len(drives)} for {s} species; one each is needed")
-    names = ("power", "spin_power", "rate", "spin_rate")
-    columns = ([getattr(each, name) for each in drives] for name in names)
-    power, spin_power, rate, spin_rate = map(np.array, columns)
+    power, spin_power, rate, spin_rate = np.array([astuple(each) for each in drives]).T
     if not T0.any() and not power.any():
         raise InputError("T0 = 0 and no power: nothing moves")
     if len(when) == 0:

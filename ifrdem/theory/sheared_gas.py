@@ -55,9 +55,8 @@ LEAST_E_N = 0.65
 MOST_PACKING = 0.5
 """Between which the theory is compared with Monte Carlo in the module's text."""
 
-_ANGLES = (
-    24  # directions of the line of centres over half a turn: of a periodic function the mean converges fast
-)
+# Directions of the line of centres over half a turn: of a periodic function the mean converges fast.
+_ANGLES = 24
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 _FEW_NODES, _FEW_WEIGHTS = np.polynomial.legendre.leggauss(16)  # of three smooth pieces
 _HIGHEST = 7.0  # of a Gaussian variable, beyond which there is 1e-11 of it

@@ -264,6 +264,33 @@ def test_a_table_of_collisions_is_read_with_units_and_known_values(tmp_path: Pat
     np.testing.assert_allclose(error, np.sqrt(2.0) * 1e-4 / 10.5e-3, rtol=1e-9)
 
 
+def test_values_known_exactly_have_one_error_each_however_many_there_are() -> None:
+    """A ten thousandth of the least error of their kind, and of a guess where all of a kind are known."""
+    data = seen(3)
+    known = ("spin_1", "vx_2", "vy_2", "spin_2")
+    errors = {name: 0.0 * error if name in known else error for name, error in data.errors.items()}
+    problem = replace(data, errors=errors).problem()
+    told = dict(zip(problem.names, problem.s.T, strict=True))
+    np.testing.assert_allclose([told["vx_2"], told["vy_2"]], 1e-4 * 0.01, rtol=1e-12)
+    np.testing.assert_allclose([told["spin_1"], told["spin_2"]], 1e-4 * 0.01 / R[0], rtol=1e-12)
+
+
+def test_an_error_of_the_normal_is_an_angle_whatever_its_length(tmp_path: Path) -> None:
+    data = seen(1, wall=True)
+    twice = {name: 2.0 * data.measured[name] for name in ("nx", "ny")}
+    errors = {name: error for name, error in data.errors.items() if name not in twice} | {"normal": 0.01}
+    doubled = replace(data, measured={**data.measured, **twice}, errors=errors)
+    np.testing.assert_allclose(doubled.normal()[1], 0.01, rtol=1e-12)
+    disks = {"disk_1": data.disk_1, "disk_2": fit.WALL}
+    (tmp_path / "hits.csv").write_text("nx,ny,vx_1,vx_1_after\n2,0,1,-0.9\n", encoding="utf-8")
+    read = fit.read(tmp_path / "hits.csv", {"normal": 0.01, "nx": 0.1, "velocities": 0.01}, **disks)
+    assert read.errors["nx"][0] == 0.1  # its own comes first
+    assert read.errors["ny"][0] == pytest.approx(0.02)
+    (tmp_path / "hits.csv").write_text("nx,vx_1,vx_1_after\n2,1,-0.9\n", encoding="utf-8")
+    with pytest.raises(InputError, match="the normal is missing"):
+        fit.read(tmp_path / "hits.csv", {"normal": 0.01, "velocities": 0.01}, **disks)
+
+
 def test_impossible_collisions_are_refused_by_line() -> None:
     data = seen(5)
     turned = {**data.measured, "nx": -data.measured["nx"], "ny": -data.measured["ny"]}

@@ -125,7 +125,7 @@ def test_transition_holds_for_any_k() -> None:
     mean = (2.0 + 1.7 * 3.5) / 2.7
     for sticking, factor in (("contact_point", mean), ("percussion_center", 2.0)):
         problem = blank(("delta_2",), pair, 1)
-        (transition,) = law_of(sticking).transitions(COEFFICIENTS, problem.probe(), problem.reach())
+        (transition,) = law_of(sticking).transitions(COEFFICIENTS, problem.probe())
         np.testing.assert_allclose(np.tan(transition), factor * 0.21 * 1.87, rtol=1e-12)
 
 
