@@ -39,11 +39,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ... import analysis, theory
 from ...analysis import common
-from ...initial import placement
 from ...model.box import Box
 from ...model.ifr import IFRLaw
 from ...model.state import State
@@ -51,9 +49,10 @@ from ...simulation.simulation import Simulation
 from ...theory.cooling_gas import changes_per_collision
 from ...theory.hydrodynamics import excess
 from ...theory.sheared_gas import relaxation
+from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result
-from .sample import ELASTIC, add, equal_disks, seeds_of
+from .sample import ELASTIC, Mean, anew, compare, equal_disks, scattered, seeds_of
 from .waves import streams
 
 QUESTION = "Does a large cooling gas grow shear modes as theory says, and then clusters?"
@@ -71,7 +70,6 @@ BANDS = ((0.1, 0.25), (0.25, 0.4), (0.4, 0.6), (0.6, 0.8), (0.8, 1.0), (1.0, 1.2
 QUICK_BANDS = ((0.1, 0.4), (0.4, 0.6), (0.6, 0.9), (0.9, 1.2))  # there are fewer waves in a smaller box
 VISCOUS = 0.1  # part of the viscosity that its first approximation may be off by
 WAVES = "van Noije et al. (1997), doi:10.1103/PhysRevLett.79.411"
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -85,13 +83,12 @@ class Look:
 
 
 def run(quick: bool, seed: int) -> Result:
-    """See the module's QUESTION."""
     result = Result()
     n, end = (100_000, 40.0) if quick else (1_000_000, 60.0)
     bands = QUICK_BANDS if quick else BANDS
     (one,) = seeds_of(seed, 1, 6000)
     box, looks = cooled(n, end, one)
-    sampled: Any = {"disks": n, "seeds": [one], "replicas": 1}
+    sampled: Any = {"disks": n, "seeds": [one], "source": WAVES}
     z = -float(changes_per_collision(0.0, LAW, 2.0)[0])
     waves = {}
     for look in looks:
@@ -101,11 +98,11 @@ def run(quick: bool, seed: int) -> Result:
             held = streams(look.tau, LAW, PHI, n)
             factor = float(held.factor[0])
             # Wide enough for a gas without waves, it would say nothing.
-            add(
+            compare(
                 result, f"T over Haff's law after {look.tau:g} collisions per disk, waves hold {held.share[0]:.3f}",
-                look.T * math.exp(z * look.tau), factor, 1.0 / math.sqrt(n), math.inf,
-                float(held.factor_error[0]), "waves too short for hydrodynamics (validation/gas/waves.py)", WAVES,
-                widest=1.0 - 1.0 / factor, **sampled,
+                Mean(look.T * math.exp(z * look.tau), 1.0 / math.sqrt(n), 1), factor,
+                systematic=float(held.factor_error[0]), widest=1.0 - 1.0 / factor,
+                why="waves too short for hydrodynamics (validation/gas/waves.py)", **sampled,
             )  # fmt: skip
     _clustered(result, looks, box, z)
     result.pictures += [_fields(looks[-1], box, n), _curves(looks, box, z, waves, n)]
@@ -117,15 +114,10 @@ def cooled(n: int, end: float, seed: int) -> tuple[Box, list[Look]]:
     disks = equal_disks(n)
     box = Box.from_packing_fraction(disks.radius, PHI)
     # Random places have density waves of all lengths from the start; those of a lattice would take long to come.
-    position = placement.random_positions(box, disks.radius, seed=seed)
-    velocity = placement.maxwellian(disks.mass, temperature=1.0, seed=seed)
-    gas = Simulation(disks, box, ELASTIC, State(position, velocity, np.zeros(n)))
+    gas = Simulation(disks, box, ELASTIC, scattered(disks, box, seed, temperature=1.0))
     gas.run(collisions_per_disk=5.0)
-    begin = gas.state
     soon = 1e-3 / theory.collision_rate(PHI, 1.0, 1.0, 0.5)
-    gas = Simulation(
-        disks, box, LAW, State(begin.position, begin.velocity, begin.spin), collapse="tc", contact_time=soon
-    )
+    gas = anew(gas, LAW, collapse="tc", contact_time=soon)
     looks: list[Look] = []
     for tau in sorted({0.0, 2.0, *EARLY, *np.linspace(10.0, end, int(end / 5.0) - 1)}):
         if tau:
@@ -178,13 +170,12 @@ def _waves(
         x = x * (1.0 - short)
         expected = float(np.mean(growth(x, z * look.tau)))
         less = float(np.mean(growth((1.0 + VISCOUS + 4.0 * short**2) * x, z * look.tau)))
-        add(
+        compare(
             result, f"energy of transverse waves, k xi from {low} to {high}, after {look.tau:g} collisions per disk",
-            float(np.mean(S[inside])), expected, expected / math.sqrt(np.count_nonzero(inside)), math.inf,
-            expected - less + 0.02 * expected,
-            "what a tenth more viscosity would change (its first approximation at e_n = 0.7), the next order of "
-            "short waves, and 2 % (a_2; T at the start)",
-            WAVES, widest=0.4, **sampled,
+            Mean(float(np.mean(S[inside])), expected / math.sqrt(np.count_nonzero(inside)), 1), expected,
+            systematic=expected - less + 0.02 * expected, widest=0.4,
+            why="what a tenth more viscosity would change (its first approximation at e_n = 0.7), the next order of "
+            "short waves, and 2 % (a_2; T at the start)", **sampled,
         )  # fmt: skip
     return k * xi, S
 
