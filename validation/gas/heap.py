@@ -13,16 +13,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...initial import placement
 from ...model.box import Box
 from ...model.state import Disks, State
 from ...model.walls import Wall
 from ...simulation.simulation import Simulation
+from ...tools.checked import Array
 from .drum import LAW, highest
-
-Array = NDArray[np.float64]
+from .sample import scattered
 
 NUMBER, BOX = 650, Box((44.0, 50.0), (False, False))
 LEFT, RIGHT, PLATE, RIM, THICK = 7.0, 37.0, 16.0, 17.0, 0.2
@@ -53,9 +51,7 @@ def start(seed: int) -> tuple[Disks, list[Wall], State]:
         *(Wall.segment((LEFT - THICK, y), (RIGHT + THICK, y)) for y in (PLATE - 0.5, PLATE - 1.0)),
         *(Wall.segment((x, PLATE - 1.0), (x, RIM)) for x in (LEFT - THICK, RIGHT + THICK)),
     ]
-    position = placement.random_positions(BOX, radius, seed=seed, walls=[*walls, *solid])
-    velocity = placement.maxwellian(disks.mass, speed_rms=0.1, seed=seed)
-    return disks, walls, State(position, velocity, np.zeros(NUMBER))
+    return disks, walls, scattered(disks, BOX, seed, [*walls, *solid], speed_rms=0.1)
 
 
 def rained(seed: int, resting_speed: float) -> Heap:

@@ -17,10 +17,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...model.ifr import IFRLaw
 from ...model.state import Disks, State
+from ...tools.checked import Array
 
 STEP, ITERATIONS, OVERLAP = 1e-3, 50, 1e-3  # time; sweeps; length
 Segment = tuple[tuple[float, float], tuple[float, float]]
@@ -28,7 +28,7 @@ Segment = tuple[tuple[float, float], tuple[float, float]]
 
 def run(
     disks: Disks, law: IFRLaw, start: State, *, t_end: float, every: float, walls: Sequence[Segment]
-) -> NDArray[np.float64]:
+) -> Array:
     """Let Chipmunk move rigid disks between straight walls under g = 1 along -y.
 
     Parameters

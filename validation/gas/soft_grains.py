@@ -20,15 +20,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...model.box import Box
 from ...model.ifr import IFRLaw
 from ...model.state import Disks, State
+from ...tools.checked import Array
 from ..speed.soft_disks import SoftDisksError, spring_and_damping
 
 CONTACT_TIME, STEPS = 0.03, 40  # time; steps in it
-Array = NDArray[np.float64]
 
 
 def run(

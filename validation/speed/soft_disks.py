@@ -36,10 +36,10 @@ from importlib import metadata
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...model.box import Box
 from ...model.state import State
+from ...tools.checked import Array
 
 STEPS_PER_CONTACT = 50
 CONTACT_TIME = 0.01
@@ -89,8 +89,8 @@ class SoftRun:
 
     seconds: float  # wall time of its loop over the steps, without its set-up
     temperature: float  # kinetic energy per disk at the end [energy]
-    time: NDArray[np.float64]
-    energy: NDArray[np.float64]  # kinetic and spring energy per disk [energy]
+    time: Array
+    energy: Array  # kinetic and spring energy per disk [energy]
     # Sum over the samples of the pairs in contact: a contact lasts one sampling interval, so this counts collisions.
     contacts: int
 
