@@ -51,21 +51,6 @@ def thin(n: int) -> Gas:
     return _gas(n, 0.1, COIN)
 
 
-def dense(n: int) -> Gas:
-    """Disks with rolling friction at 0.5."""
-    return _gas(n, 0.5, ROLLING)
-
-
-def mixed(n: int) -> Gas:
-    """Two sizes, 1 : 1.5."""
-    return _gas(n, 0.4, COIN, np.where(np.arange(n) % 2, 0.5, 0.75))
-
-
-def rescaled(n: int) -> Gas:
-    """Coins whose energy is set, from a sum over all of them."""
-    return *_gas(n, 0.3, COIN)[:4], {"forces": [Rescale(0.05, energy=1.0)]}
-
-
 def walled(n: int) -> Gas:
     """Between walls at rest, under gravity, around a post."""
     _, box, state, law, _ = _gas(n, 0.2, COIN)
@@ -88,9 +73,13 @@ def shaken(n: int) -> Gas:
 
 
 EXACT: dict[str, Callable[[int], Gas]] = {
-    "coins at 0.1": thin, "rolling friction at 0.5": dense, "two sizes": mixed, "walls and gravity": walled,
-    "rescaled": rescaled,
-}  # fmt: skip
+    "coins at 0.1": thin,
+    "rolling friction at 0.5": lambda n: _gas(n, 0.5, ROLLING),
+    "two sizes": lambda n: _gas(n, 0.4, COIN, np.where(np.arange(n) % 2, 0.5, 0.75)),
+    "walls and gravity": walled,
+    # Their energy is set, from a sum over all of them.
+    "rescaled": lambda n: (*_gas(n, 0.3, COIN)[:4], {"forces": [Rescale(0.05, energy=1.0)]}),
+}
 
 
 def after(gas: Gas, per_disk: float, arch: str, **options: Any) -> Engine:
