@@ -274,8 +274,7 @@ def _curves(
         right.plot(found.k, found.S, color=style.COLOURS[i], label=rf"$\tau$ = {look.tau:g}")
     right.set(xscale="log", yscale="log", xlabel=r"$k$ (1 / diameter)", ylabel=r"structure factor $S(k)$")
     right.legend(fontsize=7)
-    for axes, text in ((left, "a"), (middle, "b"), (right, "c")):
-        axes.set_title(text, loc="left", weight="bold", fontsize=9)
+    style.titles(left, middle, right)
     caption = (
         f"{n:,} cooling disks. (a) Temperature over time. (b) Transverse velocity waves early on (markers) and "
         "their theory (lines). (c) Structure factor of the density at several "

@@ -60,8 +60,7 @@ def run(quick: bool, seed: int) -> Result:
     _kicked(result, quick, seed, left)
     _sheared(result, quick, seed, middle)
     _column(result, quick, seed, right)
-    for axes, text in ((left, "a"), (middle, "b"), (right, "c")):
-        axes.set_title(text, loc="left", weight="bold", fontsize=9)
+    style.titles(left, middle, right)
     caption = (
         "Steady states. (a) Temperatures of coins (1 pta) and of smooth disks that random kicks heat, over theory: "
         "of coins that of Gaussian velocities; waves, which DSMC does "

@@ -94,8 +94,7 @@ def run(quick: bool, seed: int) -> Result:
     else:
         _diffusion(result, seed, axes[2])
         _walls(result, seed, axes[3])
-    for one, text in zip(axes, "abcd", strict=True):
-        one.set_title(text, loc="left", weight="bold", fontsize=9)
+    style.titles(*axes)
     caption = (
         f"Elastic disks at equilibrium. (a) Energies of disks that began with one speed, over Maxwell's. (b) Free "
         f"paths, phi = {PATHS[0]}, and an exponential. (c) Mean-square displacement over 4 D t, D by Enskog's theory. "

@@ -68,8 +68,7 @@ def run(quick: bool, seed: int) -> Result:
         "first-order theory, polynomials up to the sixth, DSMC of the settled gas, and the simulated one while it "
         "settles."
     )
-    for axes, text in ((left, "a"), (right, "b")):
-        axes.set_title(text, loc="left", weight="bold", fontsize=9)
+    style.titles(left, right)
     result.pictures.append(Picture("gas_haff", caption, figure))
     return result
 

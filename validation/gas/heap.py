@@ -16,7 +16,7 @@ import numpy as np
 
 from ...model.box import Box
 from ...model.state import Disks, State
-from ...model.walls import Wall
+from ...model.walls import Wall, sides
 from ...simulation.simulation import Simulation
 from ...tools.checked import Array
 from .drum import LAW, highest
@@ -85,12 +85,7 @@ def rained_by_chipmunk(seed: int) -> Heap:
     from . import rigid_grains
 
     disks, walls, begin = start(seed)
-    width, height = BOX.lengths
-    corners = [(0.0, 0.0), (width, 0.0), (width, height), (0.0, height)]
-    lines = list(zip(corners, [*corners[1:], corners[0]], strict=True))
-    for (x, y), (along, up) in ((wall.place, wall.towards) for wall in walls):
-        lines.append(((x, y), (x + along, y + up)))
-    places = rigid_grains.run(disks, LAW, begin, t_end=END, every=0.1 * END, walls=lines)
+    places = rigid_grains.run(disks, LAW, begin, t_end=END, every=0.1 * END, walls=[*sides(BOX), *walls])
     return of(disks, places[-1], moved(places))
 
 

@@ -219,10 +219,7 @@ def _figure(found: dict[float, Found], dense: Found | None) -> Picture:
         xlim=(0.0, 0.72),
     )
     right.legend(loc="upper left")
-    for axes, text in ((left, "a"), (right, "b")):
-        axes.annotate(
-            text, (1.0, 0.0), (-10, 6), xycoords="axes fraction", textcoords="offset points", weight="bold"
-        )
+    style.titles(left, right)
     caption = (
         f"Compressibility factor of elastic disks. (a) By the collision rate, and the equation of state of Kolafa and "
         f"Rottner. (b) The difference, of {N} disks from Z_N, with standard errors, and of two closed forms; at phi = "

@@ -65,6 +65,12 @@ def errorbars(
     axes.errorbar(x, mean, error, fmt=marker, mfc="none", color=colour, label=label, **look)
 
 
+def titles(*panels: Axes) -> None:
+    """Name panels a, b, ... above their upper left corners."""
+    for axes, name in zip(panels, "abcd", strict=False):
+        axes.set_title(name, loc="left", weight="bold", fontsize=9)
+
+
 def letters(*panels: Axes) -> None:
     """Name panels (a), (b), ... in their upper left corners."""
     for axes, name in zip(panels, "abcdef", strict=False):
