@@ -21,12 +21,6 @@ kappa^6 with kappa^2 = (z/2) x / l, that of Navier and Stokes. So x is replaced 
 follows. There is no theory of numbers for what the gas looks like then; that it is far from homogeneous is asked for by
 rows that pass from a lower bound on. Cells have a side of 20 diameters: 102 disks each, on average.
 
-*Broken on purpose*, a million disks. T at tau = 8 fails with e_n = 0.72 for 0.7, and not with 0.69. Long waves carry
-momentum, which collisions keep whatever e_n is: rows of waves see what takes momentum. A drag that takes a fifth of
-their energy by tau = 4 fails all twelve, one that does by 8 the four of longest waves there; e_n = 0.8 only the two of
-shortest ones. At the end dense cells fail with e_n = 0.8, the variance with 0.9. T over Haff's law at the end says only
-that a gas with this e_n is not homogeneous: with e_n = 0.9 it passes, which T at tau = 8 refuses.
-
 Close to collapse, collisions soon after another are elastic (S. Luding and S. McNamara, Granul. Matter 1, 113 (1998),
 doi:10.1007/s100350050017), within 1e-3 of the first mean free time.
 """

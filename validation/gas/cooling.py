@@ -17,9 +17,6 @@ derives, with its uncertainty: it is proportional to density and losses, nothing
 packing fraction 0.3. Disks that meet again have spins that know of each other, which slows the decay of hot spins at
 0.3 by up to a tenth in theta (the table): theta is not held against DSMC there, nor where waves hold more than a
 twentieth of T, of which nobody knows how much the spins see.
-
-Broken on purpose, aluminium coins (1 pta) from cold spins in the dilute gas: 2 % more of 1 - e_n^2, 8 % more of mu and
-0.04 more of e_t each fail the row of T at tau = 20, mu that of theta at tau = 5 too.
 """
 
 from __future__ import annotations

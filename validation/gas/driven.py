@@ -13,10 +13,6 @@ not quite Gaussian is worth up to 3 % of T at e_n = 0.8, phi = 0.1 and below, by
 barometric law with its correction for finite density. Between an elastic floor and ceiling the energy is kept, not
 T: a column of N disks with the mean energy of one at T has that T but for 1 / N. At the floor disks lie in layers,
 which a local pressure does not know: what stands above the first two strips is compared, with itself.
-
-Broken on purpose: 2 % more power of the kicks fails the row of smooth disks, 4 % three of those of coins, 6 % the
-fourth; a shear rate 3 % higher, 6 % more of T, fails the row of e_n = 0.9, and 5 % higher all three; 2 % more gravity
-fails the mean height of the column, 3 % what stands highest, and 10 % the other two, which differ by 4 and 3 % then.
 """
 
 from __future__ import annotations

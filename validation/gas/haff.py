@@ -11,9 +11,7 @@ a_2.
 
 *Cumulant.* T. P. C. van Noije and M. H. Ernst, Granul. Matter 1, 57 (1998). Their first order in a_2, which the
 package has, is off by a tenth and more; polynomials up to the sixth, by quadrature (validation/gas/sonine_series.py),
-leave 0.1 % at e_n = 0.9 and 5 % at 0.6. Broken on purpose: rows of DSMC fail with e_n = 0.96 for 0.95, 0.92 for 0.9,
-0.82 for 0.8 and 0.62 for 0.6, by which a_2 changes by 0.003, 0.003, 0.003 and 0.008; that of the engine, which sees a
-sixth of a_2, fails with 0.95 for 0.9.
+leave 0.1 % at e_n = 0.9 and 5 % at 0.6.
 """
 
 from __future__ import annotations

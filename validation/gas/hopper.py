@@ -10,8 +10,6 @@ k = 1.4 the exponent is the slope of ln W over ln(D - k); k = 1 makes it larger 
 
 Disks with friction, whose radii spread by 10 %, rest in the hopper as `collapse = "rest"` has it, until a gate opens.
 The rate is a straight line through the number of disks that are out, from 20 to 65 % of them.
-
-Broken on purpose: rates times D^(3/4) fail the row.
 """
 
 from __future__ import annotations

@@ -14,11 +14,6 @@ g exp(-g^2/2), of the eighth degree at most: Gauss' rules of 5 nodes, and of 3 i
 a_20 is that of van Noije and Ernst.
 
 First order leaves out a tenth to a fifth of a cumulant (`sonine`).
-
-Broken on purpose at alpha = 0.9, beta = 0.5, DSMC or the engine alone: with beta = 0.53, 2 % more of the tangential
-impulse, the row of T_rot / T fails, and with 0.52 it passes. Cumulants depend little on the law, and their rows are as
-blunt as their tolerances say, two fifths of a_20 and of a_02: a_02 fails with alpha = 0.85 and with beta = 0.7 or 0.25,
-a_20 with alpha = 0.85 of the engine, and 0.8 of DSMC.
 """
 
 from __future__ import annotations

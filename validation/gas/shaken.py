@@ -30,9 +30,6 @@ disks of two sizes on a floor of temperature T are in equilibrium:
 F / T being the free energy per area beyond that of an ideal gas, by integrating Z of a mixture (A. Santos, S. B. Yuste
 and M. Lopez de Haro, Mol. Phys. 96, 1 (1999): (1 - xi) / (1 - phi) + xi Z), with Z of equal disks by Kolafa and Rottner
 (`gas_state`). Such a theory knows nothing of the layers in which disks lie at the floor: one small diameter is granted.
-
-Broken on purpose: a spectrum whose times are doubled fails the row of the frequency (0.55 instead of 1.09); large disks
-of diameter 2.4 instead of 2 in the theory fail both rows of heights.
 """
 
 from __future__ import annotations

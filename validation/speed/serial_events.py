@@ -62,7 +62,7 @@ class Arrays(NamedTuple):
     r: Array  # (n, 2): positions at the disks' own clocks
     v: Array  # (n, 2)
     clock: Array
-    count: Whole  # collisions so far
+    collisions: Whole  # so far
     cell: Whole  # (n, 2)
     head: Whole  # (cells,): first disk of each cell
     following: Whole  # next disk of the same cell
@@ -166,7 +166,7 @@ def _search(g, i, first_x, last_x, first_y, last_y, now, skip):
                     if t < g.contact[i]:
                         g.contact[i] = t
                         g.partner[i] = j
-                        g.stamp[i] = g.count[j]
+                        g.stamp[i] = g.collisions[j]
                 j = g.following[j]
 
 
@@ -263,7 +263,7 @@ def _run(g, collisions, e_n, times, pairs):
             _schedule(g, i)
             continue
         j = g.partner[i]
-        if g.count[j] != g.stamp[i]:
+        if g.collisions[j] != g.stamp[i]:
             # The partner collided since: void.
             g.contact[i] = np.inf
             _search(g, i, -1, 1, -1, 1, now, -1)
@@ -273,7 +273,7 @@ def _run(g, collisions, e_n, times, pairs):
             r[d, 0] += v[d, 0] * (now - clock[d])
             r[d, 1] += v[d, 1] * (now - clock[d])
             clock[d] = now
-            g.count[d] += 1
+            g.collisions[d] += 1
         # Equal masses: each disk's normal velocity changes by (1 + e_n) / 2 of the approach speed.
         nx = r[j, 0] - r[i, 0]
         ny = r[j, 1] - r[i, 1]
@@ -350,7 +350,7 @@ class SerialEvents:
         times, none = np.full(n, np.inf), np.full(n, -1)
         self._arrays = g = Arrays(
             L=L, sigma=float(diameter), M=M, width=L / M, r=box.wrap(state.position), v=state.velocity.copy(),
-            clock=np.zeros(n), count=np.zeros(n, np.int64), cell=np.zeros((n, 2), np.int64),
+            clock=np.zeros(n), collisions=np.zeros(n, np.int64), cell=np.zeros((n, 2), np.int64),
             head=np.full(cells[0] * cells[1], -1), following=none, before=none.copy(),
             contact=times, partner=none.copy(), stamp=np.zeros(n, np.int64),
             crossing=times.copy(), axis=np.zeros(n, np.int64), key=times.copy(),
@@ -362,7 +362,7 @@ class SerialEvents:
     @property
     def collisions(self) -> int:
         """Collisions so far."""
-        return int(self._arrays.count.sum()) // 2
+        return int(self._arrays.collisions.sum()) // 2
 
     @property
     def temperature(self) -> float:
@@ -383,6 +383,6 @@ class SerialEvents:
             velocity=g.v.copy(),
             spin=self._start.spin.copy(),
             time=self._start.time + self._now,
-            collisions=self._start.collisions + g.count.astype(np.int32),
+            collisions=self._start.collisions + g.collisions.astype(np.int32),
         )
         return Outcome(state, self._start.time + times[:recorded], pairs[:recorded])
