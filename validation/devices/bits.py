@@ -32,7 +32,6 @@ SEEN = ("position", "velocity", "spin", "image", "collisions", "wall_hits")
 WINDOW = 0.4  # collisions of a disk in a window, on both devices
 COIN = coins["1 pta"].law.table_row()
 ROLLING = IFRLaw(e_n=0.9, e_t=-0.7, mu=0.2, rho=0.01).table_row()
-ELASTIC = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0).table_row()
 BITS = "the same engine on the CPU"
 Gas = tuple[Disks, Box, State, tuple[float, ...], dict[str, Any]]
 

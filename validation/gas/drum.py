@@ -34,6 +34,7 @@ from ...model.walls import Wall
 from ...simulation.simulation import Simulation
 from ...tools.checked import Array
 from ..report import style
+from . import soft_grains
 from .sample import Mean, scattered, watched
 
 LAW = IFRLaw(e_n=0.5, e_t=-1.0, mu=0.5)
@@ -97,8 +98,6 @@ def turned(rate: float, seed: int, pieces: int, resting_speed: float = RESTING_S
 
 def turned_by_lammps(rate: float, seed: int, pieces: int, contact_time: float, folder: Path) -> list[Angles]:
     """The same by LAMMPS, which writes its files into a folder."""
-    from . import soft_grains
-
     disks, _, begin = start(seed)
     time, position = soft_grains.run(
         folder, disks, BOX, LAW, begin, t_end=(BEGIN + pieces * PIECE) / rate, every=SAMPLE / rate,

@@ -19,6 +19,7 @@ from ...model.state import Disks, State
 from ...model.walls import Wall, sides
 from ...simulation.simulation import Simulation
 from ...tools.checked import Array
+from . import rigid_grains, soft_grains
 from .drum import LAW, highest
 from .sample import scattered
 
@@ -66,8 +67,6 @@ def rained(seed: int, resting_speed: float) -> Heap:
 
 def rained_by_lammps(seed: int, contact_time: float, folder: Path) -> Heap:
     """That of LAMMPS from the same start; awake are disks that move by 1e-3 diameters in the last tenth of the time."""
-    from . import soft_grains
-
     disks, _, begin = start(seed)
     walls = [
         (f"block {LEFT} {RIGHT} {PLATE - 1.0} {PLATE} -1 1", "out"),
@@ -82,8 +81,6 @@ def rained_by_lammps(seed: int, contact_time: float, folder: Path) -> Heap:
 
 def rained_by_chipmunk(seed: int) -> Heap:
     """That of Chipmunk from the same start; awake as with LAMMPS."""
-    from . import rigid_grains
-
     disks, walls, begin = start(seed)
     places = rigid_grains.run(disks, LAW, begin, t_end=END, every=0.1 * END, walls=[*sides(BOX), *walls])
     return of(disks, places[-1], moved(places))
