@@ -105,18 +105,6 @@ def shrink(picture: Path, small: Path, width: int = WIDTH, colours: int = COLOUR
         )
 
 
-def comment(name: str) -> str:
-    """The first paragraph of a case's comment."""
-    lines = (shipped.FOLDER / f"{name}.toml").read_text(encoding="utf-8").splitlines()
-    paragraph = []
-    for line in lines:
-        text = line.removeprefix("#").strip()
-        if not text:
-            break
-        paragraph.append(text)
-    return " ".join(paragraph)
-
-
 def on_the_wall(name: str) -> str:
     """Markdown of one picture for a wall."""
     case, words, text = WALL[name]
@@ -138,7 +126,7 @@ def section(name: str) -> str:
 
 ![Picture of the case {name}](gallery/{name}.png)
 
-{comment(name)}
+{shipped.comment(name)}
 
 ```sh
 ifrdem run {name}

@@ -20,8 +20,8 @@ from ifrdem.fit.laws import LAWS
 from ifrdem.fit.likelihood import Likelihood
 from ifrdem.fit.maximum import TRANSIT, Search, covariance_of
 from ifrdem.fit.model import AngleProblem, Pair, Problem
+from ifrdem.tools.arguments import script
 from ifrdem.validation.paper.equations import TABLE_II
-from ifrdem.validation.speed.bench import script
 
 TRUTH = {
     "ifr-percussion": [0.87, -0.88, 0.21],
@@ -141,7 +141,7 @@ def coins(seed: int, n: int = 20, error: float = 1.0) -> Iterator[str]:
         yield f"  {row.disks:<24} {' | '.join(each)} | chi2 {loss:.1f} for {2 * n - 3}"
 
 
-def main(
+def fits(
     table: Literal["coverage", "selection", "coins"], kind: Literal["angles", "collisions"] = "angles", /, *,
     sets: int = 1000, seed: int = 1,
 ) -> None:  # fmt: skip
@@ -156,4 +156,4 @@ def main(
 
 
 if __name__ == "__main__":
-    sys.exit(script(main))
+    sys.exit(script(fits))

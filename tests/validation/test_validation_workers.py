@@ -16,7 +16,8 @@ from support import worker_calls
 
 from ifrdem.cli import main as cli
 from ifrdem.simulation import device
-from ifrdem.validation.report import registry, runner, terminal, workers
+from ifrdem.tools.processes import Died
+from ifrdem.validation.report import registry, runner, terminal
 from ifrdem.validation.report.registry import Result, Row
 
 
@@ -41,7 +42,7 @@ def collected(names: list[str], jobs: int, **more: Any) -> tuple[list[str], dict
     begun: list[str] = []
     found: dict[str, Any] = {}
     seen: list[list[str]] = []
-    workers.run(
+    runner.in_workers(
         worker_calls.shout, names, jobs, begun=begun.append, ended=found.__setitem__,
         waiting=lambda running: seen.append(list(running)), **more,
     )  # fmt: skip
@@ -53,10 +54,10 @@ def test_a_worker_that_dies_is_told_of_and_the_others_calls_are_made() -> None:
     assert begun == ["killed 1", "left 1", "killed 2", "a", "b", "left 2", "c"]
     assert [found[name][0] for name in "abc"] == ["A", "B", "C"]
     for name in ("killed 1", "killed 2"):
-        assert isinstance(found[name], workers.Died)
+        assert isinstance(found[name], Died)
         assert "killed by SIGKILL: the system does that when memory runs out" in found[name].reason
     for name in ("left 1", "left 2"):
-        assert found[name] == workers.Died("its process ended with status 3 and without a result")
+        assert found[name] == Died("its process ended with status 3 and without a result")
 
 
 def test_each_call_has_a_process_of_its_own_with_its_part_of_the_cores() -> None:

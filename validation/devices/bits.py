@@ -32,7 +32,6 @@ SEEN = ("position", "velocity", "spin", "image", "collisions", "wall_hits")
 WINDOW = 0.4  # collisions of a disk in a window, on both devices
 COIN = coins["1 pta"].law.table_row()
 ROLLING = IFRLaw(e_n=0.9, e_t=-0.7, mu=0.2, rho=0.01).table_row()
-ELASTIC = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0).table_row()
 BITS = "the same engine on the CPU"
 Gas = tuple[Disks, Box, State, tuple[float, ...], dict[str, Any]]
 
@@ -49,21 +48,6 @@ def _gas(n: int, packing_fraction: float, law: tuple[float, ...], radius: Any = 
 def thin(n: int) -> Gas:
     """Coins at a packing fraction of 0.1."""
     return _gas(n, 0.1, COIN)
-
-
-def dense(n: int) -> Gas:
-    """Disks with rolling friction at 0.5."""
-    return _gas(n, 0.5, ROLLING)
-
-
-def mixed(n: int) -> Gas:
-    """Two sizes, 1 : 1.5."""
-    return _gas(n, 0.4, COIN, np.where(np.arange(n) % 2, 0.5, 0.75))
-
-
-def rescaled(n: int) -> Gas:
-    """Coins whose energy is set, from a sum over all of them."""
-    return *_gas(n, 0.3, COIN)[:4], {"forces": [Rescale(0.05, energy=1.0)]}
 
 
 def walled(n: int) -> Gas:
@@ -88,9 +72,13 @@ def shaken(n: int) -> Gas:
 
 
 EXACT: dict[str, Callable[[int], Gas]] = {
-    "coins at 0.1": thin, "rolling friction at 0.5": dense, "two sizes": mixed, "walls and gravity": walled,
-    "rescaled": rescaled,
-}  # fmt: skip
+    "coins at 0.1": thin,
+    "rolling friction at 0.5": lambda n: _gas(n, 0.5, ROLLING),
+    "two sizes": lambda n: _gas(n, 0.4, COIN, np.where(np.arange(n) % 2, 0.5, 0.75)),
+    "walls and gravity": walled,
+    # Their energy is set, from a sum over all of them.
+    "rescaled": lambda n: (*_gas(n, 0.3, COIN)[:4], {"forces": [Rescale(0.05, energy=1.0)]}),
+}
 
 
 def after(gas: Gas, per_disk: float, arch: str, **options: Any) -> Engine:

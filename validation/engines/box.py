@@ -237,10 +237,10 @@ def _figure(found: dict[str, BoxMeasures], times: Array, others: list[str]) -> P
                     label="ifrdem" if line == "-" else r"ifrdem, $e_t = -0.88$")  # fmt: skip
             ax.fill_between(times, mean - error, mean + error, color=style.GREY, alpha=0.3, lw=0)
         for i, code in enumerate(others):
-            mean, error = mean_and_error(getattr(found[code], attribute))
             some = slice(i, None, 2)  # markers of two codes beside each other
-            ax.errorbar(times[some], mean[some], error[some], fmt=MARKERS[code], color=COLOURS[code], mfc="none", ms=4,
-                        lw=0.8, capsize=2, label=code)  # fmt: skip
+            look = {"ms": 4, "lw": 0.8, "capsize": 2}
+            values = getattr(found[code], attribute)[:, some]
+            style.errorbars(ax, times[some], values, COLOURS[code], code, MARKERS[code], **look)
         ax.set(xlabel=TIME, ylabel=text, xlim=(0, None), ylim=(0, None))
     style.letters(*axes)
     axes[0].set_ylim(0.0, 1.12)

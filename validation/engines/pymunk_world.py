@@ -24,6 +24,7 @@ from .bullet_world import Surface
 
 DISK, WALL = 1, 2  # collision types
 LONG = 1e3  # half the length of a line, in diameters: Chipmunk has segments only
+OVERLAP = 1e-3  # of disks that rest [length]
 
 
 def absence() -> str | None:
@@ -34,13 +35,23 @@ def absence() -> str | None:
 
 
 class PymunkWorld:
-    """Disks and straight walls in a space of pymunk; parameters and attributes as in `BulletWorld`."""
+    """Disks and straight walls in a space of pymunk; parameters and attributes as in `BulletWorld`.
+
+    If they are `resting`, g = 1 pulls along -y, contacts begin with the impulses that they had, and overlaps of more
+    than `OVERLAP` are pushed apart.
+    """
 
     name = "pymunk"
     moves_first = True  # whether a step moves bodies before they collide
 
     def __init__(
-        self, disks: Disks, surface: Surface, *, walls: Sequence[Wall] = (), time_step: float
+        self,
+        disks: Disks,
+        surface: Surface,
+        *,
+        walls: Sequence[Wall] = (),
+        time_step: float,
+        resting: bool = False,
     ) -> None:
         self.pymunk: ModuleType = importlib.import_module("pymunk")
         self.time_step: float = time_step
@@ -49,19 +60,22 @@ class PymunkWorld:
         self.wall_hits: int = 0
         diameter = 2.0 * float(disks.radius.max())
         self.space: Any = self.pymunk.Space()
-        self.space.gravity = (0.0, 0.0)
+        self.space.gravity = (0.0, -1.0 if resting else 0.0)
         self.space.iterations = 50
-        self.space.collision_slop = diameter
-        # Impulses of an earlier contact of the same pair, kept for three steps by default, would count again.
-        self.space.collision_persistence = 1
+        self.space.collision_slop = OVERLAP if resting else diameter
+        if not resting:
+            # Impulses of an earlier contact of the same pair, kept for three steps by default, would count again.
+            self.space.collision_persistence = 1
         self.bodies: list[Any] = []
         for mass, radius, inertia in zip(disks.mass, disks.radius, disks.inertia, strict=True):
             body = self.pymunk.Body(float(mass), float(inertia))
             self._add(body, self.pymunk.Circle(body, float(radius)), surface, DISK)
             self.bodies.append(body)
         for wall in walls:
-            along = LONG * diameter * np.array([-wall.towards[1], wall.towards[0]])
-            ends = (tuple((wall.place + sign * along).tolist()) for sign in (-1.0, 1.0))
+            place, towards = (np.array(each) for each in (wall.place, wall.towards))
+            along = LONG * diameter * np.array([-towards[1], towards[0]])
+            both = (place, place + towards) if wall.shape == "segment" else (place - along, place + along)
+            ends = (tuple(each.tolist()) for each in both)
             segment = self.pymunk.Segment(self.space.static_body, *ends, 0.0)
             self._add(None, segment, surface, WALL)
         self.space.on_collision(DISK, DISK, begin=partial(self._count, "collisions"))

@@ -69,7 +69,7 @@ def row(e_n: float) -> tuple[int, State]:
 
 
 def run(quick: bool, seed: int) -> Result:
-    """See the module's QUESTION; nothing is random here."""
+    """Nothing is random here."""
     result = Result()
     counts = {}
     for e_n in ABOVE:

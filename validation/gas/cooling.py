@@ -17,9 +17,6 @@ derives, with its uncertainty: it is proportional to density and losses, nothing
 packing fraction 0.3. Disks that meet again have spins that know of each other, which slows the decay of hot spins at
 0.3 by up to a tenth in theta (the table): theta is not held against DSMC there, nor where waves hold more than a
 twentieth of T, of which nobody knows how much the spins see.
-
-Broken on purpose, aluminium coins (1 pta) from cold spins in the dilute gas: 2 % more of 1 - e_n^2, 8 % more of mu and
-0.04 more of e_t each fail the row of T at tau = 20, mu that of theta at tau = 5 too.
 """
 
 from __future__ import annotations
@@ -29,14 +26,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ... import theory
 from ...model.coin_table import coins
 from ...model.ifr import IFRLaw
 from ...model.observables import Measure
 from ...simulation.dsmc import DSMC
-from ...simulation.simulation import Simulation
+from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result, Row, Table
 from .sample import Mean, compare, fluid, ratio, seeds_of, thermal, together
@@ -53,7 +49,6 @@ STEP = 0.25  # h of the rates at the start [collisions per disk]
 DISKS_OF_RATES, REPLICAS_OF_RATES = 50_000, 24
 GAUSSIAN = "closed form: Luding et al. (1998), doi:10.1103/PhysRevE.58.3416, extended to the IFR law"
 LARGE = 4096  # disks of a box that holds more waves, for the picture
-Array = NDArray[np.float64]
 
 
 class Size(NamedTuple):
@@ -98,7 +93,6 @@ class CooledGas(NamedTuple):
 
 
 def run(quick: bool, seed: int) -> Result:
-    """See the module's QUESTION."""
     result = Result()
     names = MATERIALS[:1] if quick else MATERIALS
     homogeneous = {}
@@ -140,8 +134,7 @@ def measured(law: IFRLaw, phi: float, T_rot: float, seeds: range, n: int) -> Coo
     """The engine's gases of n disks."""
     found = []
     for seed in seeds:
-        disks, box, begin = fluid(n, phi, seed, melting=5.0, T_rot=T_rot)
-        gas = Simulation(disks, box, law, begin)
+        gas = fluid(n, phi, seed, law, melting=5.0, T_rot=T_rot)
         rows: list[Measure] = []
         for tau in TAU:
             gas.run(collisions_per_disk=max(tau, 1e-9))

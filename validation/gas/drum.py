@@ -26,18 +26,16 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...initial import placement
 from ...model.box import Box
 from ...model.ifr import IFRLaw
 from ...model.state import Disks, State
 from ...model.walls import Wall
 from ...simulation.simulation import Simulation
+from ...tools.checked import Array
 from ..report import style
-from .sample import Mean
-
-Array = NDArray[np.float64]
+from . import soft_grains
+from .sample import Mean, scattered, watched
 
 LAW = IFRLaw(e_n=0.5, e_t=-1.0, mu=0.5)
 NUMBER, RADIUS, CENTRE = 200, 11.5, 12.0
@@ -81,9 +79,7 @@ def start(seed: int) -> tuple[Disks, Wall, State]:
     radius = np.random.default_rng(seed).uniform(0.4, 0.6, NUMBER)
     disks = Disks(NUMBER, mass=math.pi * radius**2, radius=radius)
     drum = Wall.container((CENTRE, CENTRE), RADIUS)
-    position = placement.random_positions(BOX, radius, seed=seed, walls=[drum])
-    velocity = placement.maxwellian(disks.mass, speed_rms=0.1, seed=seed)
-    return disks, drum, State(position, velocity, np.zeros(NUMBER))
+    return disks, drum, scattered(disks, BOX, seed, [drum], speed_rms=0.1)
 
 
 def turned(rate: float, seed: int, pieces: int, resting_speed: float = RESTING_SPEED) -> list[Angles]:
@@ -93,24 +89,15 @@ def turned(rate: float, seed: int, pieces: int, resting_speed: float = RESTING_S
         disks, BOX, LAW, begin, walls=[drum], gravity=(0.0, -1.0), gravity_turns=-rate, collapse="rest",
         resting_speed=resting_speed,
     )  # fmt: skip
-    time: list[float] = []
-    position: list[Array] = []
-    asleep: list[float] = []
-
-    def keep(state: State, _: Any) -> None:
-        time.append(state.time)
-        position.append(state.position.copy())
-        asleep.append(float(np.mean(state.asleep)))
-
     end = BEGIN + pieces * PIECE
-    simulation.run(t_end=end / rate, frames=round(end / SAMPLE), observers=[keep], progress=False)
-    return of_pieces(disks, rate, np.array(time), np.array(position), np.array(asleep), pieces)
+    states, _ = watched(simulation, round(end / SAMPLE), t_end=end / rate, progress=False)
+    seen = ([getattr(one, name) for one in states] for name in ("time", "position", "asleep"))
+    time, position, asleep = map(np.array, seen)
+    return of_pieces(disks, rate, time, position, asleep.mean(axis=1), pieces)
 
 
 def turned_by_lammps(rate: float, seed: int, pieces: int, contact_time: float, folder: Path) -> list[Angles]:
     """The same by LAMMPS, which writes its files into a folder."""
-    from . import soft_grains
-
     disks, _, begin = start(seed)
     time, position = soft_grains.run(
         folder, disks, BOX, LAW, begin, t_end=(BEGIN + pieces * PIECE) / rate, every=SAMPLE / rate,

@@ -20,21 +20,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ... import theory
 from ...model.ifr import IFRLaw
-from ...model.observables import Measure
 from ...simulation.dsmc import DSMC
-from ...simulation.simulation import Simulation
 from ...theory.collisions import collision_rate
+from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result
 from .rough import changes
-from .sample import Mean, compare, fluid, seeds_of, thermal
+from .sample import Mean, compare, fluid, seeds_of, thermal, watched
 
 QUESTION = (
     "Do perfectly rough disks keep their energy, relax at the rate of kinetic theory, and share it equally?"
@@ -52,7 +49,6 @@ T, T_ROT = 1.4, 0.2  # at the start: the mean energy of a component is 1/2
 TAU = np.linspace(0.0, 2.0, 9)
 LATER, QUICK_LATER = (40.0, 540.0), (40.0, 240.0)  # collisions per disk over which equipartition is measured
 SOURCE = "Luding et al. (1998), doi:10.1103/PhysRevE.58.3416"
-Array = NDArray[np.float64]
 
 
 def relaxed(tau: Array) -> Array:
@@ -78,12 +74,12 @@ def relaxed(tau: Array) -> Array:
 
 
 def run(quick: bool, seed: int) -> Result:
-    """See the module's QUESTION."""
     result = Result()
     replicas, span = (20, QUICK_LATER) if quick else (24, LATER)
     figure, (left, right) = style.panels(2)
     bridge = np.array([_dsmc(one, N) for one in seeds_of(seed, replicas, 180)])
     laws = dict(list(LAWS.items())[-1:]) if quick else LAWS
+    exact = np.exp(-LAMBDA * TAU)
     for i, (name, law) in enumerate(laws.items()):
         seeds = seeds_of(seed, replicas, 100 + 40 * i)
         ratio, drift, shares = (
@@ -94,17 +90,10 @@ def run(quick: bool, seed: int) -> Result:
             drift.max(), 0.0, 1e-12, "f64 round-off of 3e5 collisions", "conservation of energy",
         )  # fmt: skip
         _compare(result, name, seeds, ratio, bridge, shares, span)
-        colour = style.COLOURS[i]
-        mean, exact = ratio.mean(axis=0), np.exp(-LAMBDA * TAU)
-        error = ratio.std(axis=0, ddof=1) / math.sqrt(len(seeds))
-        label = name.replace("e_t", "$e_t$").replace("-1/2", "$-$1/2")
-        options: dict[str, Any] = {"fmt": "os"[i], "mfc": "none", "color": colour, "label": label}
-        left.errorbar(TAU, mean, error, **options)
-        right.errorbar(
-            TAU + 0.01 * (2 * i - 1), 100.0 * (mean / exact - 1.0), 100.0 * error / exact, **options
-        )
-    left.plot(TAU, np.exp(-LAMBDA * TAU), color=style.BLACK, label=r"$e^{-2\tau/3}$")
-    exact = np.exp(-LAMBDA * TAU)
+        look = style.COLOURS[i], name.replace("e_t", "$e_t$").replace("-1/2", "$-$1/2"), "os"[i]
+        style.errorbars(left, TAU, ratio, *look)
+        style.errorbars(right, TAU + 0.01 * (2 * i - 1), 100.0 * (ratio / exact - 1.0), *look)
+    left.plot(TAU, exact, color=style.BLACK, label=r"$e^{-2\tau/3}$")
     mean, error = bridge.mean(axis=0) / exact, bridge.std(axis=0, ddof=1) / math.sqrt(len(bridge)) / exact
     right.plot(TAU, 100.0 * (mean - 1.0), color=style.GREEN, label="DSMC")
     right.fill_between(
@@ -163,24 +152,14 @@ def _compare(
 
 def _replica(law: IFRLaw, seed: int, span: tuple[float, float]) -> tuple[Array, float, float]:
     """(T - T_rot) relative to the start at `TAU`, the relative change of the energy, and T_rot / T later on."""
-    disks, box, begin = fluid(N, PHI, seed, melting=3.0, T=T, T_rot=T_ROT)
-    gas = Simulation(disks, box, law, begin)
-    rows: list[Measure] = []
-    gas.run(
-        collisions_per_disk=TAU[-1], frames=len(TAU) - 1, observers=[lambda _, measure: rows.append(measure)]
-    )
+    gas = fluid(N, PHI, seed, law, melting=3.0, T=T, T_rot=T_ROT)
+    _, rows = watched(gas, len(TAU) - 1, collisions_per_disk=TAU[-1])
     apart = np.array([one.temperature - one.rotational_temperature for one in rows])
-    disks, box, begin = fluid(FEW, PHI, seed, melting=5.0, T=T, T_rot=T_ROT)
-    gas = Simulation(disks, box, law, begin)
+    gas = fluid(FEW, PHI, seed, law, melting=5.0, T=T, T_rot=T_ROT)
     # By time: at the moment of a collision its pair has more energy of motion than others, T / 2 in the mean.
     first, last = (tau / collision_rate(PHI, 1.0, 1.0, 0.5) for tau in span)
     gas.run(t_end=first)
-    later: list[Measure] = []
-    gas.run(
-        t_end=last,
-        frames=round((span[1] - span[0]) / 2.0),
-        observers=[lambda _, measure: later.append(measure)],
-    )
+    _, later = watched(gas, round((span[1] - span[0]) / 2.0), t_end=last)
     drifts = [abs(run[-1].energy / run[0].energy - 1.0) for run in (rows, later)]
     moving = np.mean([one.temperature for one in later]) * FEW / (FEW - 1.0)
     shares = float(np.mean([one.rotational_temperature for one in later]) / moving)

@@ -16,12 +16,11 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ...errors import EngineError, InputError, nearest
+from ...errors import EngineError
 from ...initial import maxwellian, random_positions
 from ...model.box import Box
 from ...model.coin_table import coins
@@ -29,10 +28,10 @@ from ...model.ifr import IFRLaw
 from ...model.state import Disks, State
 from ...model.walls import Motion, Turn, Wall
 from ...simulation.engine import ORDERS, Engine
-from ...tools.arguments import Parser, whole
+from ...tools.arguments import script, whole
+from ...tools.checked import one_of
 
 ROUNDING = 1e-9  # of the gap [length]: thousands of times the rounding of a place in this room
-BAD_INPUT, FAILED = 2, 1
 
 
 @dataclass(frozen=True)
@@ -137,30 +136,28 @@ def run(hits: int, order: str = "alone", *, where: str = "kinds", seed: int = 1)
     return Escape(engine.wall_hits, engine.collisions, engine.time, states, least)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run and print; returns 0, 1 (a disk escaped) or 2 (bad input)."""
-    parser = Parser(prog="python -m ifrdem.validation.gas.escape", description=__doc__, allow_abbrev=False)
-    parser.add_argument("--hits", metavar="H", default="1e7", help="wall hits (1e7)")
-    parser.add_argument("--room", metavar="ROOM", default="kinds", help=f"{', '.join(ROOMS)} (kinds)")
-    parser.add_argument("--order", metavar="ORDER", default="alone", help=f"{', '.join(ORDERS)} (alone)")
-    parser.add_argument("--seed", metavar="S", default="1", help="seed (1)")
-    try:
-        given = parser.parse_args(list(sys.argv[1:] if arguments is None else arguments))
-        for option, value, choices in (("order", given.order, ORDERS), ("room", given.room, list(ROOMS))):
-            if value not in choices:
-                allowed = f"{', '.join(choices)}{nearest(value, choices)}"
-                raise InputError(f"--{option} = {value}: allowed are {allowed}")
-        hits, seed = whole("--hits", given.hits, 1), whole("--seed", given.seed, 0)
-        found = run(hits, given.order, where=given.room, seed=seed)
-    except (InputError, EngineError) as error:
-        print(f"escape: {error}", file=sys.stderr)
-        return BAD_INPUT if isinstance(error, InputError) else FAILED
+def escape(*, hits: str = "1e7", room: str = "kinds", order: str = "alone", seed: str = "1") -> None:
+    """Look for disks that get through walls, until so many wall hits.
+
+    Parameters
+    ----------
+    hits
+        wall hits
+    room
+        walls: kinds, or corners
+    order
+        order of the engine
+    seed
+        seed
+    """
+    one_of("--order", order, ORDERS)
+    one_of("--room", room, ROOMS)
+    found = run(whole("--hits", hits, 1), order, where=room, seed=whole("--seed", seed, 0))
     print(
         f"{found.hits} wall hits and {found.collisions} collisions to t = {found.time:.6g}; {found.states} states "
         f"looked at: no disk escaped, least gap {found.least_gap:.3g}"
     )
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(script(escape))

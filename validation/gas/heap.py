@@ -13,16 +13,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...initial import placement
 from ...model.box import Box
 from ...model.state import Disks, State
-from ...model.walls import Wall
+from ...model.walls import Wall, sides
 from ...simulation.simulation import Simulation
+from ...tools.checked import Array
+from . import rigid_grains, soft_grains
 from .drum import LAW, highest
-
-Array = NDArray[np.float64]
+from .sample import scattered
 
 NUMBER, BOX = 650, Box((44.0, 50.0), (False, False))
 LEFT, RIGHT, PLATE, RIM, THICK = 7.0, 37.0, 16.0, 17.0, 0.2
@@ -53,9 +52,7 @@ def start(seed: int) -> tuple[Disks, list[Wall], State]:
         *(Wall.segment((LEFT - THICK, y), (RIGHT + THICK, y)) for y in (PLATE - 0.5, PLATE - 1.0)),
         *(Wall.segment((x, PLATE - 1.0), (x, RIM)) for x in (LEFT - THICK, RIGHT + THICK)),
     ]
-    position = placement.random_positions(BOX, radius, seed=seed, walls=[*walls, *solid])
-    velocity = placement.maxwellian(disks.mass, speed_rms=0.1, seed=seed)
-    return disks, walls, State(position, velocity, np.zeros(NUMBER))
+    return disks, walls, scattered(disks, BOX, seed, [*walls, *solid], speed_rms=0.1)
 
 
 def rained(seed: int, resting_speed: float) -> Heap:
@@ -70,8 +67,6 @@ def rained(seed: int, resting_speed: float) -> Heap:
 
 def rained_by_lammps(seed: int, contact_time: float, folder: Path) -> Heap:
     """That of LAMMPS from the same start; awake are disks that move by 1e-3 diameters in the last tenth of the time."""
-    from . import soft_grains
-
     disks, _, begin = start(seed)
     walls = [
         (f"block {LEFT} {RIGHT} {PLATE - 1.0} {PLATE} -1 1", "out"),
@@ -86,15 +81,8 @@ def rained_by_lammps(seed: int, contact_time: float, folder: Path) -> Heap:
 
 def rained_by_chipmunk(seed: int) -> Heap:
     """That of Chipmunk from the same start; awake as with LAMMPS."""
-    from . import rigid_grains
-
     disks, walls, begin = start(seed)
-    width, height = BOX.lengths
-    corners = [(0.0, 0.0), (width, 0.0), (width, height), (0.0, height)]
-    lines = list(zip(corners, [*corners[1:], corners[0]], strict=True))
-    for (x, y), (along, up) in ((wall.place, wall.towards) for wall in walls):
-        lines.append(((x, y), (x + along, y + up)))
-    places = rigid_grains.run(disks, LAW, begin, t_end=END, every=0.1 * END, walls=lines)
+    places = rigid_grains.run(disks, LAW, begin, t_end=END, every=0.1 * END, walls=[*sides(BOX), *walls])
     return of(disks, places[-1], moved(places))
 
 

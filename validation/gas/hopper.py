@@ -10,8 +10,6 @@ k = 1.4 the exponent is the slope of ln W over ln(D - k); k = 1 makes it larger 
 
 Disks with friction, whose radii spread by 10 %, rest in the hopper as `collapse = "rest"` has it, until a gate opens.
 The rate is a straight line through the number of disks that are out, from 20 to 65 % of them.
-
-Broken on purpose: rates times D^(3/4) fail the row.
 """
 
 from __future__ import annotations
@@ -20,17 +18,16 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...initial import placement
 from ...model.box import Box
 from ...model.ifr import IFRLaw
-from ...model.state import Disks, State
+from ...model.state import Disks
 from ...model.walls import Wall
 from ...simulation.simulation import Simulation
+from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result
-from .sample import compare, seeds_of
+from .sample import compare, scattered, seeds_of, watched
 
 QUESTION = "Does a hopper empty by Beverloo's law, with the exponent 3/2 of two dimensions?"
 REFERENCE = "Beverloo, Leniger and van de Velde (1961), doi:10.1016/0009-2509(61)85030-6"
@@ -41,11 +38,9 @@ FLOOR, RESTED = 25.0, 14.0  # height of the outlet, and the time at which its ga
 K = 1.4
 FILLING = 35.0  # disks for each diameter of the outlet
 OUT = (0.2, 0.65)  # parts of the disks that are out
-Array = NDArray[np.float64]
 
 
 def run(quick: bool, seed: int) -> Result:
-    """See the module's QUESTION."""
     result = Result()
     outlets, replicas = ((6.0, 12.0), 10) if quick else ((6.0, 8.0, 10.0, 12.0), 12)
     seeds = [seeds_of(seed, replicas, 6600 + 50 * i) for i in range(len(outlets))]
@@ -75,21 +70,14 @@ def flow(outlet: float, seed: int) -> float:
     # The packing fraction of the start, and so the height of the box, bounds the time of the fall.
     box = Box((width, top + math.pi * n / (4.0 * 0.3 * width) + 1.0), (False, False))
     disks = Disks(n, mass=4.0 * radius**2, radius=radius)
-    position = placement.random_positions(box, radius, seed=seed, walls=walls)
-    start = State(position, placement.maxwellian(disks.mass, speed_rms=0.3, seed=seed), np.zeros(n))
+    start = scattered(disks, box, seed, walls, speed_rms=0.3)
     hopper = Simulation(
         disks, box, LAW, start, walls=walls, gravity=(0.0, -1.0), collapse="rest", resting_speed=0.05
     )
     hopper.run(t_end=RESTED)
-    time: list[float] = []
-    out: list[int] = []
-
-    def count(state: State, _: Any) -> None:
-        time.append(state.time)
-        out.append(int((state.position[:, 1] < FLOOR).sum()))
-
-    hopper.run(t_end=RESTED + 1.5 * n / (outlet - 1.5) ** 1.5, frames=400, observers=[count])
-    t, gone = np.array(time), np.array(out)
+    states, _ = watched(hopper, 400, t_end=RESTED + 1.5 * n / (outlet - 1.5) ** 1.5)
+    t = np.array([state.time for state in states])
+    gone = np.array([(state.position[:, 1] < FLOOR).sum() for state in states])
     used = (gone > OUT[0] * n) & (gone < OUT[1] * n)
     return float(np.polyfit(t[used], gone[used], 1)[0])
 

@@ -19,23 +19,19 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...initial import placement
 from ...model.box import Box
 from ...model.observables import Measure
-from ...model.state import State
 from ...model.walls import Piston, Wall
 from ...simulation.simulation import Simulation
+from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result
-from .sample import ELASTIC, compare, equal_disks, seeds_of
-from .state import compressibility
+from .sample import ELASTIC, compare, equal_disks, scattered, seeds_of
+from .state import SOURCE, compressibility
 
 QUESTION = "Does a gas under a free piston have the density of its pressure, and follow the adiabat when that changes?"
 REFERENCE = "Kolafa and Rottner (2006), doi:10.1080/00268970600967963, and d(N T) = -P dV"
-SOURCE = "Kolafa and Rottner (2006), doi:10.1080/00268970600967963"
-Array = NDArray[np.float64]
 
 FROM, TO = 0.2, 0.3  # packing fractions of the bulk
 WIDTH, MASS = 16.0, 40.0
@@ -102,9 +98,8 @@ def follow(n: int, seed: int, forces: tuple[float, float], stay: float, ramp: fl
     box = Box((WIDTH, round(1.6 * start.h)), (True, False))
     piston = Wall.line((0.0, start.h), (0.0, -1.0), piston=Piston(mass=MASS, force=forces[0]))
     disks = equal_disks(n)
-    position = placement.random_positions(box, disks.radius, seed=seed, walls=[piston])
-    velocity = placement.maxwellian(disks.mass, temperature=1.0, seed=seed)
-    gas = Simulation(disks, box, ELASTIC, State(position, velocity, np.zeros(n)), walls=[piston])
+    begin = scattered(disks, box, seed, [piston], temperature=1.0)
+    gas = Simulation(disks, box, ELASTIC, begin, walls=[piston])
     heights: list[float] = []
     temperatures: list[float] = []
     F = forces[0]
@@ -125,21 +120,20 @@ def follow(n: int, seed: int, forces: tuple[float, float], stay: float, ramp: fl
 
     ways = []
     found = [staying()]
-    for begin, end in (forces, forces[::-1]):
+    for first, last in (forces, forces[::-1]):
         for step in range(STEPS):
-            F = float(begin * (end / begin) ** ((step + 1) / STEPS))
+            F = float(first * (last / first) ** ((step + 1) / STEPS))
             gas.set_piston_force(0, F)
             gas.run(t_end=gas.time + ramp / STEPS, progress=False)
             sample(gas.measure())
             ways.append((heights[-1], temperatures[-1]))
-        if end == forces[1]:
+        if last == forces[1]:
             found.append(staying())
     h, T, enthalpy = zip(*found, strict=True)
     return Path(h, T, (*enthalpy, F * heights[-1] + n * temperatures[-1]), ways)
 
 
 def run(quick: bool, seed: int) -> Result:
-    """See the module's QUESTION."""
     n, replicas, stay, ramp = (300, 10, 150.0, 400.0) if quick else (600, 12, 1000.0, 1500.0)
     on_adiabat = adiabat(Equilibrium.at(force(FROM, 1.0), 1.0, n), n)
     forces = float(force(FROM, 1.0)), float(np.interp(TO, PHI, force(PHI, on_adiabat)))

@@ -2,33 +2,32 @@ r"""Chipmunk (`pymunk`) as a peer of disks that rest: rigid disks with friction,
 
 Unlike LAMMPS's soft disks (`soft_grains`) contacts have no springs: in each step impulses are found that let no two
 disks approach, and hold them by friction up to mu times the normal one, in as many sweeps over all contacts
-(`ITERATIONS`; E. Catto, Game Developers Conference 2005); they begin with those of the last step. Such contacts are the
+(50; E. Catto, Game Developers Conference 2005); they begin with those of the last step. Such contacts are the
 limit of infinite stiffness. What is not ours: steps, sweeps that do not find the impulses wholly, and restitution with
-e_n at every speed of contacts that last. Disks may overlap by `OVERLAP`; what is more is pushed apart.
+e_n at every speed of contacts that last. Disks may overlap by 1e-3; what is more is pushed apart.
 
 Optional: `pip install 'ifrdem[bullet]'` adds it.
 """
 
 from __future__ import annotations
 
-import importlib
-import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...model.ifr import IFRLaw
 from ...model.state import Disks, State
+from ...model.walls import Wall
+from ...tools.checked import Array
+from ..engines.bullet_world import Surface
+from ..engines.pymunk_world import PymunkWorld
 
-STEP, ITERATIONS, OVERLAP = 1e-3, 50, 1e-3  # time; sweeps; length
-Segment = tuple[tuple[float, float], tuple[float, float]]
+STEP = 1e-3  # [time]
 
 
 def run(
-    disks: Disks, law: IFRLaw, start: State, *, t_end: float, every: float, walls: Sequence[Segment]
-) -> NDArray[np.float64]:
+    disks: Disks, law: IFRLaw, start: State, *, t_end: float, every: float, walls: Sequence[Wall]
+) -> Array:
     """Let Chipmunk move rigid disks between straight walls under g = 1 along -y.
 
     Parameters
@@ -37,8 +36,8 @@ def run(
         As of a `Simulation`, from t = 0; of the law e_n and mu are taken.
     t_end, every : float
         End of the run, and time between two samples [time].
-    walls : sequence of ((x, y), (x, y))
-        Ends of each wall.
+    walls : sequence of Wall
+        Lines and segments.
 
     Returns
     -------
@@ -50,26 +49,11 @@ def run(
     ModuleNotFoundError
         If pymunk is not installed.
     """
-    pymunk: Any = importlib.import_module("pymunk")
-    space = pymunk.Space()
-    space.gravity, space.iterations, space.collision_slop = (0.0, -1.0), ITERATIONS, OVERLAP
-    bodies = []
-    for i in range(disks.n):
-        body = pymunk.Body(float(disks.mass[i]), float(disks.inertia[i]))
-        body.position, body.velocity = tuple(start.position[i].tolist()), tuple(start.velocity[i].tolist())
-        body.angular_velocity = float(start.spin[i])
-        bodies.append(body)
-    circles = [
-        pymunk.Circle(body, radius) for body, radius in zip(bodies, disks.radius.tolist(), strict=True)
-    ]
-    lines = [pymunk.Segment(space.static_body, *ends, 0.0) for ends in walls]
-    for shape in (*circles, *lines):  # Chipmunk multiplies the coefficients of both
-        shape.elasticity, shape.friction = math.sqrt(law.e_n), math.sqrt(law.mu)
-    space.add(*bodies, *circles, *lines)
-    found = []
-    between = max(round(every / STEP), 1)
-    for step in range(round(t_end / STEP) + 1):
-        if step % between == 0:
-            found.append([tuple(body.position) for body in bodies])
-        space.step(STEP)
+    surface = Surface(law.e_n, law.mu)
+    with PymunkWorld(disks, surface, walls=walls, time_step=STEP, resting=True) as world:
+        world.place(start.position, start.velocity, start.spin)
+        found = [start.position]
+        for _ in range(round(t_end / every)):
+            world.step(max(round(every / STEP), 1))
+            found.append(world.state().position)
     return np.array(found)

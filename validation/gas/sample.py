@@ -5,15 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...initial import placement
 from ...model.box import Box
 from ...model.ifr import IFRLaw
+from ...model.observables import Measure
 from ...model.state import Disks, State
+from ...model.walls import Wall
 from ...simulation.simulation import Simulation
+from ...tools.checked import Array
 from ..report.registry import Result, Row, Sampling
 
 CHANCE = 6.334e-5
@@ -40,11 +44,16 @@ def student(freedom: float) -> float:
 
 @dataclass(frozen=True)
 class Mean:
-    """Mean of replicas and its standard error, from their scatter."""
+    """Mean of replicas and its standard error, from their scatter; of one replica, an error that is known."""
 
     value: float
     error: float
     replicas: int
+
+    @property
+    def freedom(self) -> float:
+        """Degrees of freedom of the error."""
+        return self.replicas - 1.0 if self.replicas > 1 else math.inf
 
     @classmethod
     def of(cls, values: ArrayLike) -> Mean:
@@ -57,7 +66,7 @@ class Mean:
         return Mean(factor * self.value, abs(factor) * self.error, self.replicas)
 
 
-def ratio(above: ArrayLike, below: ArrayLike) -> NDArray[np.float64]:
+def ratio(above: ArrayLike, below: ArrayLike) -> Array:
     """Values whose mean is the ratio of two means over replicas, and whose scatter is that ratio's, to first order.
 
     The mean of ratios would be off by the variance of what stands below.
@@ -70,7 +79,7 @@ def ratio(above: ArrayLike, below: ArrayLike) -> NDArray[np.float64]:
 def compare(
     result: Result,
     quantity: str,
-    values: ArrayLike,
+    values: ArrayLike | Mean,
     expected: float | Mean,
     *,
     disks: int,
@@ -84,7 +93,7 @@ def compare(
 
     Parameters
     ----------
-    values : array_like (replicas,)
+    values : array_like (replicas,) or Mean
         One of each replica; they are independent.
     expected : float or Mean
         If a mean, its error counts too; degrees of freedom are then Welch's (Biometrika 34, 28 (1947)).
@@ -95,41 +104,16 @@ def compare(
     widest : float
         The largest tolerance, relative to the expected value, with which the row says something: see `Sampling`.
     """
-    found = Mean.of(values)
-    right, error, freedom = expected, found.error, found.replicas - 1.0
+    found = values if isinstance(values, Mean) else Mean.of(values)
+    right, error, freedom = expected, found.error, found.freedom
     if isinstance(expected, Mean):
         right, error = expected.value, math.hypot(found.error, expected.error)
-        parts = ((one.error**4, one.replicas - 1.0) for one in (found, expected))
-        freedom = error**4 / sum(square / n for square, n in parts)
-    add(
-        result, quantity, found.value, float(right), error, freedom, systematic, why, source,  # type: ignore[arg-type]
-        widest=widest, disks=disks, seeds=seeds, replicas=found.replicas,
-    )  # fmt: skip
-
-
-def add(
-    result: Result,
-    quantity: str,
-    measured: float,
-    expected: float,
-    error: float,
-    freedom: float,
-    systematic: float,
-    why: str,
-    source: str,
-    *,
-    widest: float,
-    disks: int,
-    seeds: Sequence[int],
-    replicas: int,
-) -> None:
-    """Add a row whose standard error, of so many degrees of freedom, is known; the rest as for `compare`."""
-    z = student(freedom)
-    span = (min(seeds), max(seeds))
-    sampling = Sampling(disks, span, replicas, error, z, systematic, widest * abs(expected), freedom)
+        freedom = error**4 / sum(one.error**4 / one.freedom for one in (found, expected))
+    right, z, span = float(right), student(freedom), (min(seeds), max(seeds))  # type: ignore[arg-type]
+    sampling = Sampling(disks, span, found.replicas, error, z, systematic, widest * abs(right), freedom)
     text = f"statistical (as many standard errors as Student's t says); systematic: {why}"
     tolerance = z * error + systematic
-    result.rows.append(Row(quantity, measured, expected, tolerance, text, source, sampling=sampling))
+    result.rows.append(Row(quantity, found.value, right, tolerance, text, source, sampling=sampling))
 
 
 def together(result: Result, quantity: str, rows: Sequence[Row], source: str) -> None:
@@ -161,9 +145,7 @@ def equal_disks(n: int) -> Disks:
     return Disks(n, mass=np.full(n, 1.0), radius=np.full(n, 0.5))
 
 
-def thermal(
-    n: int, seed: int, *, T: float = 1.0, T_rot: float = 0.0
-) -> tuple[Disks, NDArray[np.float64], NDArray[np.float64]]:
+def thermal(n: int, seed: int, *, T: float = 1.0, T_rot: float = 0.0) -> tuple[Disks, Array, Array]:
     """Equal disks of mass and diameter 1, Maxwellian velocities and Gaussian spins."""
     disks = equal_disks(n)
     velocity = placement.maxwellian(disks.mass, temperature=T, seed=seed)
@@ -171,25 +153,47 @@ def thermal(
     return disks, velocity, placement.gaussian_spins(n, spin_rms=spin_rms, seed=seed)
 
 
+def scattered(disks: Disks, box: Box, seed: int, walls: Sequence[Wall] = (), **speed: float) -> State:
+    """Disks at random places, with Maxwellian velocities of a `temperature` or `speed_rms`, without spins."""
+    position = placement.random_positions(box, disks.radius, seed=seed, walls=walls)
+    return State(position, placement.maxwellian(disks.mass, seed=seed, **speed), np.zeros(disks.n))
+
+
 LOOSE = 0.3  # packing fraction up to which disks find random places, which are almost those of the fluid
 
 
-def start(
-    n: int, packing_fraction: float, seed: int, *, T: float = 1.0, T_rot: float = 0.0
-) -> tuple[Disks, Box, State]:
-    """Equal disks of mass and diameter 1, Maxwellian, at random or, where dense, on a lattice; the box, the state."""
+def fluid(
+    n: int,
+    packing_fraction: float,
+    seed: int,
+    law: IFRLaw = ELASTIC,
+    *,
+    melting: float,
+    T: float = 1.0,
+    T_rot: float = 0.0,
+    **options: Any,
+) -> Simulation:
+    """A gas of `thermal` disks without memory of its first places, random or, where dense, of a lattice.
+
+    It had `melting` elastic collisions per disk; time and counts are 0. `options` as of a `Simulation`.
+    """
     disks, velocity, spin = thermal(n, seed, T=T, T_rot=T_rot)
     box = Box.from_packing_fraction(disks.radius, packing_fraction)
     place = placement.random_positions if packing_fraction <= LOOSE else placement.hexagonal_positions
-    return disks, box, State(place(box, disks.radius, seed=seed), velocity, spin)
-
-
-def fluid(
-    n: int, packing_fraction: float, seed: int, *, melting: float, T: float = 1.0, T_rot: float = 0.0
-) -> tuple[Disks, Box, State]:
-    """The same after `melting` elastic collisions per disk, without memory of its places; time and counts at 0."""
-    disks, box, begin = start(n, packing_fraction, seed, T=T, T_rot=T_rot)
-    gas = Simulation(disks, box, ELASTIC, begin)
+    gas = Simulation(disks, box, ELASTIC, State(place(box, disks.radius, seed=seed), velocity, spin))
     gas.run(collisions_per_disk=melting)
-    end = gas.state
-    return disks, box, State(end.position, end.velocity, end.spin)
+    return anew(gas, law, seed=seed, **options)
+
+
+def anew(gas: Simulation, law: IFRLaw = ELASTIC, **options: Any) -> Simulation:
+    """A simulation from the present state of another one in a box without walls, time and counts at 0."""
+    now = gas.state
+    return Simulation(gas.disks, gas.box, law, State(now.position, now.velocity, now.spin), **options)
+
+
+def watched(gas: Simulation, frames: int, **end: Any) -> tuple[list[State], list[Measure]]:
+    """States and measures of a run to an end (`t_end`, `collisions_per_disk`): at its start, and at even times."""
+    seen: list[tuple[State, Measure]] = []
+    gas.run(frames=frames, observers=[lambda *one: seen.append(one)], **end)
+    states, measures = zip(*seen, strict=True)
+    return list(states), list(measures)

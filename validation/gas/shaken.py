@@ -30,9 +30,6 @@ disks of two sizes on a floor of temperature T are in equilibrium:
 F / T being the free energy per area beyond that of an ideal gas, by integrating Z of a mixture (A. Santos, S. B. Yuste
 and M. Lopez de Haro, Mol. Phys. 96, 1 (1999): (1 - xi) / (1 - phi) + xi Z), with Z of equal disks by Kolafa and Rottner
 (`gas_state`). Such a theory knows nothing of the layers in which disks lie at the floor: one small diameter is granted.
-
-Broken on purpose: a spectrum whose times are doubled fails the row of the frequency (0.55 instead of 1.09); large disks
-of diameter 2.4 instead of 2 in the theory fail both rows of heights.
 """
 
 from __future__ import annotations
@@ -42,17 +39,16 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...initial import placement
 from ...model.box import Box
 from ...model.ifr import IFRLaw
-from ...model.state import Disks, State
+from ...model.state import Disks
 from ...model.walls import Motion, Wall
 from ...simulation.simulation import Simulation
+from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result
-from .sample import ELASTIC, compare, equal_disks, ratio, seeds_of
+from .sample import ELASTIC, compare, equal_disks, ratio, scattered, seeds_of, watched
 from .state import compressibility
 
 QUESTION = "Does a shaken layer float and swing on its gas, and do large disks rise or sink by their mass?"
@@ -66,7 +62,6 @@ SWINGING = "a piston on a gas, between isothermal and adiabatic: validation/gas/
 MIXED = "local densities, as Both and Hong (2002), doi:10.1103/PhysRevLett.88.124301"
 MELTING = 0.720
 """Packing fraction from which on hard disks are a crystal (Bernard and Krauth, doi:10.1103/PhysRevLett.107.155704)."""
-Array = NDArray[np.float64]
 
 SHAKEN = IFRLaw(e_n=0.8, e_t=-1.0, mu=0.0)
 STRENGTHS = (50.0, 100.0, 200.0)
@@ -79,7 +74,6 @@ COUNTS, ROOM, WARM = (120, 40), (20.0, 150.0), 6.0  # small and large ones; widt
 
 
 def run(quick: bool, seed: int) -> Result:
-    """See the module's QUESTION."""
     result = Result()
     figure, axes = style.panels(2, 2)
     _floating(result, quick, seed, axes[0], axes[1])
@@ -133,26 +127,19 @@ def _bed(strength: float, layers: int, seed: int, long: float) -> Bed:
     motion = Motion("sine", amplitude=AMPLITUDE, frequency=omega / (2.0 * math.pi))
     floor = Wall.line((0.0, AMPLITUDE), (0.0, 1.0), motion=motion)
     disks, box = equal_disks(n), Box((BED, 200.0), (True, False))
-    start = Box((BED, 60.0), (True, False))
-    position = placement.random_positions(start, disks.radius, seed=seed, walls=[floor])
-    velocity = placement.maxwellian(disks.mass, temperature=1.0, seed=seed)
+    start = scattered(disks, Box((BED, 60.0), (True, False)), seed, [floor], temperature=1.0)
     bed = Simulation(
-        disks, box, SHAKEN, State(position, velocity, np.zeros(n)), walls=[floor], gravity=(0.0, -1.0),
-        collapse="velocity_cutoff", velocity_cutoff=1e-3,
+        disks, box, SHAKEN, start, walls=[floor], gravity=(0.0, -1.0), collapse="velocity_cutoff",
+        velocity_cutoff=1e-3,
     )  # fmt: skip
     bed.run(t_end=0.2 * long)
+    states, _ = watched(bed, round(1.6 * long), t_end=long)
     edges = np.arange(0.0, 200.0 + 0.5 * STRIP, STRIP)
-    counts, time, mean = np.zeros(len(edges) - 1), [], []
-
-    def keep(state: State, _: Any) -> None:
-        y = state.position[:, 1]
-        counts[:] += np.histogram(y, edges)[0]
-        time.append(state.time)
-        mean.append(float(y.mean()))
-
-    bed.run(t_end=long, frames=round(1.6 * long), observers=[keep])
-    phi = counts * 0.25 * math.pi / (len(time) * BED * STRIP)
-    return Bed(0.5 * (edges[1:] + edges[:-1]), phi, np.array(time), np.array(mean))
+    y = np.array([state.position[:, 1] for state in states])
+    phi = np.histogram(y, edges)[0] * 0.25 * math.pi / (len(y) * BED * STRIP)
+    return Bed(
+        0.5 * (edges[1:] + edges[:-1]), phi, np.array([state.time for state in states]), y.mean(axis=1)
+    )
 
 
 def swing(time: Array, height: Array, guess: float) -> float:
@@ -205,16 +192,7 @@ def _floating(result: Result, quick: bool, seed: int, left: Any, right: Any) -> 
         )  # fmt: skip
         left.plot(np.mean([bed.phi for bed in beds], axis=0), beds[0].height, color=style.COLOURS[i],
                   label=f"$S$ = {strength:g}, $F$ = {LAYERS}")  # fmt: skip
-        error = np.std(swings, ddof=1) / math.sqrt(replicas)
-        right.errorbar(
-            strength,
-            np.mean(swings),
-            error,
-            fmt="o",
-            mfc="none",
-            color=style.BLUE,
-            label=None if i > 1 else "simulated",
-        )
+        style.errorbars(right, strength, swings, style.BLUE, None if i > 1 else "simulated")
     few = [_bed(100.0, 2, one, 0.5 * long) for one in seeds_of(seed, 4, 6200)]
     result.near(
         "packing fraction of 2 layers shaken with S = 100, largest", np.mean([bed.phi[bed.top] for bed in few]), 0.0,
@@ -285,17 +263,11 @@ def _settled(mass: float, seed: int, collisions: float) -> tuple[float, float, A
     box = Box(ROOM, (True, False))
     floor = Wall.line((0.0, 0.0), (0.0, 1.0), temperature=WARM)
     # From about as much energy as they have in equilibrium: the floor alone would take long to take it.
-    position = placement.random_positions(Box((ROOM[0], 7.5 * WARM), (True, False)), radius, seed=seed)
-    velocity = placement.maxwellian(disks.mass, temperature=0.5 * WARM, seed=seed)
-    start = State(position, velocity, np.zeros(disks.n))
+    start = scattered(disks, Box((ROOM[0], 7.5 * WARM), (True, False)), seed, temperature=0.5 * WARM)
     gas = Simulation(disks, box, ELASTIC, start, walls=[floor], gravity=(0.0, -1.0), seed=seed)
     gas.run(collisions_per_disk=0.25 * collisions)
-    heights: list[Array] = []
-    gas.run(
-        collisions_per_disk=collisions, frames=round(0.1 * collisions),
-        observers=[lambda state, _: heights.append(state.position[:, 1])],
-    )  # fmt: skip
-    y = np.array(heights)
+    states, _ = watched(gas, round(0.1 * collisions), collisions_per_disk=collisions)
+    y = np.array([state.position[:, 1] for state in states])
     strips = np.arange(0.0, ROOM[1] + 0.5, 1.0)
     both = (y[:, :small], y[:, small:])
     per = np.array([np.histogram(each, strips)[0] / len(y) / ROOM[0] for each in both])
@@ -328,10 +300,8 @@ def _mixtures(result: Result, quick: bool, seed: int, left: Any, right: Any) -> 
                 )
                 right.plot(y, n[j], color=colour, ls="-" if i else "--")
         for j in range(2):
-            heights = np.array([one[:2] for one in found])[:, j]
-            error = heights.std(ddof=1) / math.sqrt(replicas)
-            left.errorbar(mass, heights.mean(), error, fmt="os"[j], mfc="none", color=style.COLOURS[j],
-                          label=("small", "large")[j] if i == 0 else None)  # fmt: skip
+            label = None if i else ("small", "large")[j]
+            style.errorbars(left, mass, [one[j] for one in found], style.COLOURS[j], label, "os"[j])
     at = np.linspace(0.75, 3.0, 10)
     curves = np.array([(n * y).sum(axis=1) / n.sum(axis=1) for y, n in (densities(float(one)) for one in at)])
     for j in range(2):

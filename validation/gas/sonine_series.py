@@ -19,9 +19,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.polynomial import hermite_e, laguerre
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ...tools.checked import Array
+
 HIGHEST = 6  # K
 NODES = 19  # of each of three directions: exact up to order 37, and 36 is the highest of c^2K S_K S_K
 

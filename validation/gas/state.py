@@ -27,15 +27,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ... import analysis, theory
-from ...model.state import State
-from ...simulation.schedule import Observer
-from ...simulation.simulation import Simulation
+from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result
-from .sample import ELASTIC, LOOSE, Mean, compare, fluid, seeds_of, together
+from .sample import LOOSE, Mean, anew, compare, fluid, seeds_of, together, watched
 
 QUESTION = "Do elastic disks have the pressure, collision rate and contact value of the literature?"
 REFERENCE = (
@@ -58,7 +55,6 @@ SHARP = 0.003  # of Z: rows with wider tolerances say nothing
 N, REPLICAS, REPLICAS_OF_LI = 1024, 30, 32
 QUICK_REPLICAS = 24  # at one packing fraction, without impulses
 SOURCE = "Kolafa and Rottner (2006), doi:10.1080/00268970600967963"
-Array = NDArray[np.float64]
 
 
 def compressibility(phi: Any) -> Any:
@@ -94,7 +90,6 @@ class Found:
 
 
 def run(quick: bool, seed: int) -> Result:
-    """See the module's QUESTION."""
     result = Result()
     found = {}
     for i, phi in enumerate(PHI):
@@ -123,7 +118,7 @@ def run(quick: bool, seed: int) -> Result:
 def measured(phi: float, n: int, seeds: Sequence[int], *, impulses: bool = True) -> Found:
     """Replicas at one packing fraction."""
     # Impulses make Z - 1, and scatter by 0.7 of their mean: dilute gases need fewer.
-    melting, span, watched = 10.0, 200.0, max(40.0, 300.0 * phi)
+    melting, span, tracked = 10.0, 200.0, max(40.0, 300.0 * phi)
     if phi > LOOSE:
         melting, span = 100.0, 500.0
     if phi > 0.55:
@@ -131,37 +126,33 @@ def measured(phi: float, n: int, seeds: Sequence[int], *, impulses: bool = True)
     if phi > 0.66:  # close to freezing, crystals and fluid change slowly
         melting, span = 1000.0, 9000.0
     if not impulses:
-        watched = 0.0
-    return Found(*np.array([_replica(phi, n, seed, melting, span, watched) for seed in seeds]).T)
+        tracked = 0.0
+    return Found(*np.array([_replica(phi, n, seed, melting, span, tracked) for seed in seeds]).T)
 
 
 def _replica(
-    phi: float, n: int, seed: int, melting: float, span: float, watched: float
+    phi: float, n: int, seed: int, melting: float, span: float, tracked: float
 ) -> tuple[float, float, float]:
-    disks, box, begin = fluid(n, phi, seed, melting=melting)
+    gas = fluid(n, phi, seed, melting=melting)
     T = n / (n - 1.0)  # E / (N - 1), that of the start being 1
-    gas = Simulation(disks, box, ELASTIC, begin)
-    frames: list[Array] = []
-    watch: list[Observer] = [lambda state, _: frames.append(state.position)]
     # By time: a frame at the moment of a collision has a pair in contact, and g there would be too large.
     expected = theory.collision_rate(phi, T, 1.0, 0.5, g=(of_few(phi, n) - 1.0) / (2.0 * phi))
     both = phi <= BY_IMPULSES
-    gas.run(t_end=span / expected, frames=100 if phi < 0.25 else 40, observers=watch if both else [])
+    states, _ = watched(gas, 100 if phi < 0.25 else 40, t_end=span / expected)
     maxwellian = 1.0 + 1.0 / (8.0 * (n - 1))
     rate = 2.0 * gas.collisions / n / gas.time / maxwellian
     chi = analysis.contact_from_rate(rate, packing_fraction=phi, temperature=T, mass=1.0, radius=0.5)
     if not both:
         return np.nan, analysis.compressibility(phi, chi), np.nan
-    contact = analysis.contact_value(frames, box, radius=0.5).g
-    if not watched:
+    contact = analysis.contact_value([state.position for state in states], gas.box, radius=0.5).g
+    if not tracked:
         return np.nan, analysis.compressibility(phi, chi), contact
-    end = gas.state
-    gas = Simulation(disks, box, ELASTIC, State(end.position, end.velocity, end.spin), tracked=range(n))
-    gas.run(collisions_per_disk=watched)
+    gas = anew(gas, tracked=range(n))
+    gas.run(collisions_per_disk=tracked)
     events = gas.take_events()
     pressure = analysis.pressure_from_impulses(
         events.time, events.normal, events.impulse, np.ones(len(events)), span=(0.0, gas.time),
-        area=box.area, disks=n, tracked=n, temperature=T,
+        area=gas.box.area, disks=n, tracked=n, temperature=T,
     )  # fmt: skip
     rate = 2.0 * gas.collisions / n / gas.time / maxwellian
     now = analysis.contact_from_rate(rate, packing_fraction=phi, temperature=T, mass=1.0, radius=0.5)
@@ -228,10 +219,7 @@ def _figure(found: dict[float, Found], dense: Found | None) -> Picture:
         xlim=(0.0, 0.72),
     )
     right.legend(loc="upper left")
-    for axes, text in ((left, "a"), (right, "b")):
-        axes.annotate(
-            text, (1.0, 0.0), (-10, 6), xycoords="axes fraction", textcoords="offset points", weight="bold"
-        )
+    style.titles(left, right)
     caption = (
         f"Compressibility factor of elastic disks. (a) By the collision rate, and the equation of state of Kolafa and "
         f"Rottner. (b) The difference, of {N} disks from Z_N, with standard errors, and of two closed forms; at phi = "

@@ -32,18 +32,18 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ... import theory
 from ...model.ifr import IFRLaw
 from ...theory.cooling_gas import changes_per_collision
 from ...theory.hydrodynamics import excess, waves
+from ...tools.checked import Array
 
 PATHS = 2.0
 """Wave numbers up to 1 / (2 mean free paths) count as hydrodynamic."""
 MOST_SHARE = 0.08
 """Of T, that waves may hold where a gas is held against theories: with more of them they are no small noise."""
-Array = NDArray[np.float64]
 
 
 class Streams(NamedTuple):

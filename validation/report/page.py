@@ -7,19 +7,14 @@ import html
 import io
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from ...errors import InputError
-from .registry import BULLET, GAS, Picture, Table
+from .registry import Drawing, Picture, Table, Verdict, group_of
 from .terminal import number
-
-if TYPE_CHECKING:
-    from .runner import Verdict
 
 GREEK = {name: f"&{name};" for name in ("psi", "delta", "alpha", "omega", "mu", "rho")} | {"eps": "&epsilon;"}
 SYMBOLS = "|".join((*GREEK, *"evmRkdPTV"))  # what may have a subscript
@@ -51,21 +46,9 @@ def page(outcomes: Sequence[Verdict], record: Mapping[str, str]) -> str:
         letter=lambda index: chr(ord("a") + index),
         base64=lambda data: base64.b64encode(data).decode(),
     )
-    groups = {
-        "bullet" if each.name in BULLET else "gas" if each.name in GAS else "paper" for each in outcomes
-    }
+    groups = {group_of(each.name) for each in outcomes}
     group = groups.pop() if len(groups) == 1 else "paper"
     return environment.get_template("report.html").render(outcomes=outcomes, record=record, group=group)
-
-
-@dataclass(frozen=True)
-class Drawing:
-    """A rendered picture: its files by their endings, and its width and height in pixels on the page."""
-
-    name: str
-    caption: str
-    size: tuple[int, int]
-    files: dict[str, bytes]
 
 
 def draw(picture: Picture) -> Drawing:

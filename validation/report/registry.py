@@ -1,4 +1,4 @@
-"""Validation cases: their list, and what one returns.
+"""Validation cases: their list, what one returns, and its end.
 
 A case is a module of `ifrdem.validation.paper`, `.engines`, `.gas` or `.devices` with three things:
 
@@ -173,6 +173,47 @@ class Result:
         self.rows.append(Row(text, largest, 0.0, tolerance, reason, source))
 
 
+@dataclass(frozen=True)
+class Drawing:
+    """A rendered picture: its files by their endings, and its width and height in pixels on the page."""
+
+    name: str
+    caption: str
+    size: tuple[int, int]
+    files: dict[str, bytes]
+
+
+@dataclass
+class Verdict:
+    """The end of a case."""
+
+    name: str
+    question: str
+    reference: str
+    # Empty if it was skipped or raised; its pictures are in `drawings`.
+    result: Result = field(default_factory=Result)
+    drawings: list[Drawing] = field(default_factory=list)  # rendered where it ran
+    skipped: str = ""  # why it was skipped, or what it raised, with the traceback; empty otherwise
+    error: str = ""
+    details: str = ""
+    seconds: float = 0.0
+
+    @property
+    def failures(self) -> list[Row]:
+        """Rows that did not pass."""
+        return [row for row in self.result.rows if not row.passed]
+
+    @property
+    def passed(self) -> bool:
+        """True if the case ran, compared something, and every row passed."""
+        return bool(self.result.rows) and not (self.error or self.skipped or self.failures)
+
+    @property
+    def status(self) -> str:
+        """passed, failed or skipped."""
+        return "skipped" if self.skipped else "passed" if self.passed else "failed"
+
+
 class CaseModule(Protocol):
     """The module of a case."""
 
@@ -187,10 +228,14 @@ class CaseModule(Protocol):
 def load(name: str) -> CaseModule:
     """The case of this name; InputError if there is none."""
     check_names([name])
-    room, module = next(
-        (ROOMS[group], name.removeprefix(f"{group}_")) for group, has in GROUPS.items() if name in has
-    )
-    return cast(CaseModule, importlib.import_module(f"...validation.{room}.{module}", __package__))
+    group = group_of(name)
+    module = f"..{ROOMS[group]}.{name.removeprefix(f'{group}_')}"
+    return cast(CaseModule, importlib.import_module(module, __package__))
+
+
+def group_of(name: str) -> str:
+    """The group of a case; "paper" for one that is in none."""
+    return next((group for group, has in GROUPS.items() if name in has), "paper")
 
 
 def check_names(names: list[str]) -> None:

@@ -8,56 +8,26 @@ import os
 import platform
 import time
 import traceback
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 from importlib import metadata
+from multiprocessing import connection
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 from ... import bullet
 from ...errors import InputError
 from ...simulation import device
 from ...tools.files import write_text
-from ...tools.versions import __version__
-from . import registry, workers
-from .registry import Result, Row, Skip
+from ...tools.processes import Died, Worker
+from ...tools.versions import __version__, revision
+from . import page, registry, style
+from .registry import Row, Skip, Verdict
 from .terminal import Pace, Say, closing
 
-if TYPE_CHECKING:
-    from .page import Drawing
-
-
-@dataclass
-class Verdict:
-    """The end of a case."""
-
-    name: str
-    question: str
-    reference: str
-    # Empty if it was skipped or raised; its pictures are in `drawings`.
-    result: Result = field(default_factory=Result)
-    drawings: list[Drawing] = field(default_factory=list)  # rendered where it ran
-    skipped: str = ""  # why it was skipped, or what it raised, with the traceback; empty otherwise
-    error: str = ""
-    details: str = ""
-    seconds: float = 0.0
-
-    @property
-    def failures(self) -> list[Row]:
-        """Rows that did not pass."""
-        return [row for row in self.result.rows if not row.passed]
-
-    @property
-    def passed(self) -> bool:
-        """True if the case ran, compared something, and every row passed."""
-        return bool(self.result.rows) and not (self.error or self.skipped or self.failures)
-
-    @property
-    def status(self) -> str:
-        """passed, failed or skipped."""
-        return "skipped" if self.skipped else "passed" if self.passed else "failed"
+MOST_SEED = 1_000_000
 
 
 def listing() -> str:
@@ -94,24 +64,25 @@ def validate(
         cores, but no more than cases of the group `gas`; other cases take seconds, and run in this process.
 
     Returns 0 if every row passed, 1 otherwise: a case that cannot run here counts as failed if it was asked for by name
-    or group, and is left out in a run without names. InputError if a name, the seed or `jobs` is wrong, the folder
+    or group, and is left out in a run without names. InputError if a name is wrong, no case takes the seed, the folder
     cannot be written, or it holds a report and `force` is not given.
     """
     names = list(names)
     registry.check_names(names)
     chosen = registry.chosen(names)
-    _check_seed(seed, chosen)
+    gases = [name for name in chosen if name in registry.GAS]
+    if seed is not None and not gases:
+        takers = ", ".join(registry.GAS)
+        raise InputError(f"--seed {seed}: only the cases of the group gas take a seed: {takers}")
     jobs = _jobs(jobs, chosen)
     if chosen and {*chosen} <= {*registry.DEVICE} and (absence := device.cuda_absence()) is not None:
         raise InputError(f"{' '.join(names)}: there is no GPU to validate: {absence}")
     seed = 1 if seed is None else seed
     place = _folder(folder, force)
-    from . import page
-
     began = time.perf_counter()
     outcomes = _run_all(chosen, quick, seed, jobs, say)
     record = environment(quick=quick, seconds=time.perf_counter() - began)
-    if any(name in registry.GAS for name in chosen):
+    if gases:
         record["seed"] = str(seed)
     if jobs > 1:
         record["cases at a time"] = str(jobs)
@@ -125,19 +96,6 @@ def validate(
         outside = f"the cases against code from outside; `ifrdem validate bullet` does ({bullet.describe()})"
         say(f"not run: {outside}; and gases against the literature: `ifrdem validate gas`")
     return status
-
-
-MOST_SEED = 1_000_000
-
-
-def _check_seed(seed: int | None, chosen: Sequence[str]) -> None:
-    if seed is None:
-        return
-    if not 0 <= seed <= MOST_SEED:
-        raise InputError(f"--seed {seed}: a whole number from 0 to {MOST_SEED} is needed")
-    if not any(name in registry.GAS for name in chosen):
-        takers = ", ".join(registry.GAS)
-        raise InputError(f"--seed {seed}: only the cases of the group gas take a seed: {takers}")
 
 
 def _folder(folder: str, force: bool) -> Path:
@@ -160,8 +118,6 @@ def _jobs(jobs: int | None, chosen: Sequence[str]) -> int:
     """Number of cases that run at a time."""
     if jobs is None:
         jobs = min(device.cores(), sum(name in registry.GAS for name in chosen))
-    elif jobs < 1:
-        raise InputError(f"--jobs {jobs}: a whole number, 1 or more, is needed")
     return max(1, min(jobs, len(chosen)))
 
 
@@ -173,8 +129,8 @@ def _run_all(chosen: Sequence[str], quick: bool, seed: int, jobs: int, say: Say)
     found: dict[str, Verdict] = {}
     pace = Pace(order, quick=quick, jobs=jobs, say=say)
 
-    def ended(name: str, outcome: Verdict | workers.Died) -> None:
-        if isinstance(outcome, workers.Died):
+    def ended(name: str, outcome: Verdict | Died) -> None:
+        if isinstance(outcome, Died):
             case, died = registry.load(name), f"no result: {outcome.reason}"
             outcome = Verdict(name, case.QUESTION, case.REFERENCE, error=died, seconds=pace.seconds(name))
         found[name] = outcome
@@ -182,7 +138,7 @@ def _run_all(chosen: Sequence[str], quick: bool, seed: int, jobs: int, say: Say)
 
     work = partial(run_case, quick=quick, seed=seed)
     if jobs > 1:
-        workers.run(work, order, jobs, begun=pace.begun, ended=ended, waiting=lambda _: pace.waiting())
+        in_workers(work, order, jobs, begun=pace.begun, ended=ended, waiting=lambda _: pace.waiting())
     else:
         for name in order:
             pace.begun(name)
@@ -190,11 +146,51 @@ def _run_all(chosen: Sequence[str], quick: bool, seed: int, jobs: int, say: Say)
     return [found[name] for name in chosen]
 
 
+def in_workers(
+    work: Callable[[str], Any], names: Sequence[str], jobs: int, *, begun: Callable[[str], None],
+    ended: Callable[[str, Any], None], waiting: Callable[[Sequence[str]], None], every: float = 60.0,
+) -> None:  # fmt: skip
+    """Call `work(name)` of all names, in their order, `jobs` at a time.
+
+    `work` is of the top level of a module, as for `pickle`; each process has its part of the cores, as threads of
+    kernels. `begun` is called here with the name when its call begins, `ended` with name and result, or `Died`, when it
+    ends, and `waiting` with the names in work after `every` seconds without an end. At its end, by Ctrl-C included, no
+    process stays.
+    """
+    todo, threads = list(names), max(1, device.cores() // jobs)
+    busy: dict[Any, tuple[str, Worker]] = {}
+    try:
+        while todo or busy:
+            while todo and len(busy) < jobs:
+                worker = Worker()
+                busy[worker.line] = todo[0], worker
+                worker.call(_alone, work, todo[0], threads)
+                begun(todo.pop(0))
+            ready = connection.wait(list(busy), timeout=every)
+            if not ready:
+                waiting([name for name, _ in busy.values()])
+            for line in ready:
+                name, worker = busy.pop(line)
+                found = worker.result()
+                worker.end()
+                ended(name, found)
+    finally:
+        for _, worker in busy.values():
+            worker.end()
+
+
+def _alone(work: Callable[[str], Any], name: str, threads: int) -> Any:
+    """One call in a process of its own."""
+    device.limit_threads(threads)
+    try:
+        return work(name)
+    finally:
+        device.stop()  # which keeps the kernels that it compiled
+
+
 def run_case(name: str, *, quick: bool, seed: int) -> Verdict:
     """Run one case and render its pictures, here and now; whatever it raises is told of in the outcome."""
     import matplotlib as mpl
-
-    from . import page, style
 
     case = registry.load(name)
     outcome = Verdict(name, case.QUESTION, case.REFERENCE)
@@ -228,23 +224,22 @@ def rows_as_json(outcomes: Sequence[Verdict]) -> list[dict[str, object]]:
     """A list of rows; numbers that are not finite become null, and a row with one has not passed."""
     rows: list[dict[str, object]] = []
     for each in outcomes:
-        for row in each.result.rows:
+        found, nan = each.result.rows, math.nan
+        if each.error or each.skipped:
+            found = [
+                *found,
+                Row("the case as a whole", nan, nan, nan, each.error or each.skipped, each.reference),
+            ]
+        for row in found:
             names = ("measured", "expected", "tolerance", "printed")
             numbers = {name: _finite(getattr(row, name)) for name in names}
             if row.least:
                 numbers["tolerance"] = None
+            status = "passed" if row.passed else "skipped" if each.skipped else "failed"
             rows.append(
                 {
                     "case": each.name, "quantity": row.quantity, **numbers, "reason": row.reason, "source": row.source,
-                    "passed": row.passed, "status": "passed" if row.passed else "failed", **_sampling(row),
-                }
-            )  # fmt: skip
-        if each.error or each.skipped:
-            rows.append(
-                {
-                    "case": each.name, "quantity": "the case as a whole", "measured": None, "expected": None,
-                    "tolerance": None, "printed": None, "reason": each.error or each.skipped,
-                    "source": each.reference, "passed": False, "status": each.status,
+                    "passed": row.passed, "status": status, **_sampling(row),
                 }
             )  # fmt: skip
     return rows
@@ -268,8 +263,6 @@ def _finite(value: float | None) -> float | None:
 
 def environment(*, quick: bool, seconds: float) -> dict[str, str]:
     """Versions, machine and date, for the report."""
-    from ...tools.versions import revision
-
     packages = ("numpy", "scipy", "taichi", "h5py", "matplotlib")
     outside = {name: _version(name) for name in ("pybullet", "pymunk")}
     return {

@@ -5,6 +5,8 @@ from __future__ import annotations
 import logging
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -53,6 +55,20 @@ def panels(
 def points(axes: Axes, x: Any, y: Any, colour: str, label: str | None = None, marker: str = "o") -> None:
     """Simulated values: open markers, so that the line shows through."""
     axes.plot(x, y, marker, mfc="none", mec=colour, mew=0.9, color=colour, label=label, ls="none", zorder=3)
+
+
+def errorbars(
+    axes: Axes, x: Any, values: Any, colour: str, label: str | None = None, marker: str = "o", **look: Any
+) -> None:
+    """Means over replicas, the first axis of the values, with their standard errors: open markers."""
+    mean, error = np.mean(values, axis=0), np.std(values, axis=0, ddof=1) / np.sqrt(len(values))
+    axes.errorbar(x, mean, error, fmt=marker, mfc="none", color=colour, label=label, **look)
+
+
+def titles(*panels: Axes) -> None:
+    """Name panels a, b, ... above their upper left corners."""
+    for axes, name in zip(panels, "abcd", strict=False):
+        axes.set_title(name, loc="left", weight="bold", fontsize=9)
 
 
 def letters(*panels: Axes) -> None:

@@ -5,13 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ...tools.progress import clock_face
 from . import registry
-
-if TYPE_CHECKING:
-    from .runner import Verdict
+from .registry import Verdict
 
 Say = Callable[[str], None]
 ENOUGH = 0.1

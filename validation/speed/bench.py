@@ -12,7 +12,6 @@ import math
 import platform
 import re
 import statistics
-import sys
 import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
@@ -484,18 +483,3 @@ def mixing_time(gas: CaseGas) -> float:
     n, phi = gas.n, gas.kinds.covered / gas.box.area
     times = 15.0 if phi > 0.5 else 10.0 if n <= 2_000_000 else 5.0
     return times * mean_free_time(gas)
-
-
-def script(function: Callable[..., None], arguments: Sequence[str] | None = None) -> int:
-    """Exit status of a function that is called with a command line: its keyword arguments are the options."""
-    from cyclopts import App, CycloptsError
-
-    app = App(default_command=function, result_action="return_value", version_flags=[])
-    try:
-        app(sys.argv[1:] if arguments is None else arguments, exit_on_error=False, print_error=False)
-    except (InputError, CycloptsError) as error:
-        print(error, file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        return 130
-    return 0

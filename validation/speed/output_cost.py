@@ -23,6 +23,7 @@ from ...case.gas import CaseGas
 from ...case.output_section import ROWS_PER_FRAME
 from ...run.recorder import Ledger, Recorder
 from ...simulation.schedule import Cadence, Course, Span
+from ...tools.arguments import script
 from ...trajectory.writer import TrajectoryWriter
 from . import bench
 
@@ -100,4 +101,4 @@ def between(values: list[float]) -> tuple[float, float] | None:
 
 
 if __name__ == "__main__":
-    sys.exit(bench.script(output_cost))
+    sys.exit(script(output_cost))

@@ -27,7 +27,7 @@ import importlib.util
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,8 +35,10 @@ from numpy.typing import NDArray
 from ...errors import InputError
 from ...model.box import Box
 from ...model.state import State
+from ...tools.checked import Array
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
+Whole = NDArray[np.int64]
 
 COMPILED = importlib.util.find_spec("numba") is not None
 """True if Numba is here to compile this module; figures of speed mean something only then."""
@@ -50,12 +52,38 @@ def _compile(function: _Function) -> _Function:
     return compiled
 
 
+class Arrays(NamedTuple):
+    """The disks, and what is known of their next events; arrays (n,) unless it is said."""
+
+    L: Array  # (2,): sides of the box
+    sigma: float  # diameter
+    M: Whole  # (2,): cells along each side
+    width: Array  # (2,): of a cell
+    r: Array  # (n, 2): positions at the disks' own clocks
+    v: Array  # (n, 2)
+    clock: Array
+    collisions: Whole  # so far
+    cell: Whole  # (n, 2)
+    head: Whole  # (cells,): first disk of each cell
+    following: Whole  # next disk of the same cell
+    before: Whole  # the one that this one follows
+    contact: Array  # time of the earliest contact
+    partner: Whole  # in it
+    stamp: Whole  # the partner's number of collisions when it was predicted
+    crossing: Array  # time of leaving the cell
+    axis: Whole  # of the side that it leaves through
+    key: Array  # the earlier of contact and crossing
+    heap: Whole  # disks ordered by it
+    place: Whole  # of each disk in the heap
+
+
 # --- the heap: disks ordered by the time of their next event; `place` says where in it a disk stands ---------------
 
 
 @_compile
-def _rise(heap, place, key, at):
+def _rise(g, at):
     """Move the disk at this place of the heap up until its parent is not later."""
+    heap, place, key = g.heap, g.place, g.key
     disk = heap[at]
     while at > 0:
         parent = (at - 1) // 2
@@ -69,8 +97,9 @@ def _rise(heap, place, key, at):
 
 
 @_compile
-def _sink(heap, place, key, at):
+def _sink(g, at):
     """Move the disk at this place of the heap down until no child is earlier."""
+    heap, place, key = g.heap, g.place, g.key
     disk = heap[at]
     n = heap.size
     while 2 * at + 1 < n:
@@ -87,26 +116,27 @@ def _sink(heap, place, key, at):
 
 
 @_compile
-def _schedule(i, contact, crossing, key, heap, place):
+def _schedule(g, i):
     """Put disk i where its earlier event belongs."""
-    before = key[i]
-    key[i] = min(contact[i], crossing[i])
-    if key[i] < before:
-        _rise(heap, place, key, place[i])
+    before = g.key[i]
+    g.key[i] = min(g.contact[i], g.crossing[i])
+    if g.key[i] < before:
+        _rise(g, g.place[i])
     else:
-        _sink(heap, place, key, place[i])
+        _sink(g, g.place[i])
 
 
 # --- predictions ---------------------------------------------------------------------------------------------------
 
 
 @_compile
-def _contact_time(i, j, now, L, sigma, r, v, clock):
+def _contact_time(g, i, j, now):
     """Time at which disks i and j touch, not before `now`; infinity if they do not.
 
     |d + u t| = sigma with separation d and relative velocity u: u^2 t^2 + 2 b t + c = 0, b = d.u, c = d^2 - sigma^2.
     The earlier root is c / (sqrt(b^2 - u^2 c) - b), without cancellation for b < 0.
     """
+    L, r, v, clock = g.L, g.r, g.v, g.clock
     dx = (r[j, 0] + v[j, 0] * (now - clock[j])) - (r[i, 0] + v[i, 0] * (now - clock[i]))
     dy = (r[j, 1] + v[j, 1] * (now - clock[j])) - (r[i, 1] + v[i, 1] * (now - clock[i]))
     dx -= L[0] * np.rint(dx / L[0])
@@ -116,7 +146,7 @@ def _contact_time(i, j, now, L, sigma, r, v, clock):
     b = dx * ux + dy * uy
     if b >= 0.0:
         return np.inf
-    c = dx * dx + dy * dy - sigma * sigma
+    c = dx * dx + dy * dy - g.sigma * g.sigma
     discriminant = b * b - (ux * ux + uy * uy) * c
     if discriminant < 0.0:
         return np.inf
@@ -124,144 +154,126 @@ def _contact_time(i, j, now, L, sigma, r, v, clock):
 
 
 @_compile
-def _search(
-    i, first_x, last_x, first_y, last_y, now, skip,
-    L, sigma, M, r, v, clock, count, cell, head, following, contact, partner, stamp,
-):  # fmt: skip
+def _search(g, i, first_x, last_x, first_y, last_y, now, skip):
     """Lower disk i's contact to its earliest with the disks of the cells at these offsets; `skip` is left out."""
     for dx in range(first_x, last_x + 1):
-        column = (cell[i, 0] + dx) % M[0]
+        column = (g.cell[i, 0] + dx) % g.M[0]
         for dy in range(first_y, last_y + 1):
-            j = head[column * M[1] + (cell[i, 1] + dy) % M[1]]
+            j = g.head[column * g.M[1] + (g.cell[i, 1] + dy) % g.M[1]]
             while j >= 0:
                 if j != i and j != skip:
-                    t = _contact_time(i, j, now, L, sigma, r, v, clock)
-                    if t < contact[i]:
-                        contact[i] = t
-                        partner[i] = j
-                        stamp[i] = count[j]
-                j = following[j]
+                    t = _contact_time(g, i, j, now)
+                    if t < g.contact[i]:
+                        g.contact[i] = t
+                        g.partner[i] = j
+                        g.stamp[i] = g.collisions[j]
+                j = g.following[j]
 
 
 @_compile
-def _predict_crossing(i, now, width, r, v, clock, cell, crossing, axis):
+def _predict_crossing(g, i, now):
     """Time at which disk i leaves its cell, and the side: axis 0 or 1."""
-    crossing[i] = np.inf
+    g.crossing[i] = np.inf
     for a in range(2):
-        if v[i, a] != 0.0:
-            border = (cell[i, a] + (1 if v[i, a] > 0.0 else 0)) * width[a]
-            t = max(now, clock[i] + (border - r[i, a]) / v[i, a])
-            if t < crossing[i]:
-                crossing[i] = t
-                axis[i] = a
+        if g.v[i, a] != 0.0:
+            border = (g.cell[i, a] + (1 if g.v[i, a] > 0.0 else 0)) * g.width[a]
+            t = max(now, g.clock[i] + (border - g.r[i, a]) / g.v[i, a])
+            if t < g.crossing[i]:
+                g.crossing[i] = t
+                g.axis[i] = a
 
 
 @_compile
-def _enter(i, M, cell, head, following, before):
+def _enter(g, i):
     """Put disk i first on the list of its cell."""
-    c = cell[i, 0] * M[1] + cell[i, 1]
-    following[i] = head[c]
-    before[i] = -1
-    if head[c] >= 0:
-        before[head[c]] = i
-    head[c] = i
+    c = g.cell[i, 0] * g.M[1] + g.cell[i, 1]
+    g.following[i] = g.head[c]
+    g.before[i] = -1
+    if g.head[c] >= 0:
+        g.before[g.head[c]] = i
+    g.head[c] = i
 
 
 @_compile
-def _leave(i, M, cell, head, following, before):
+def _leave(g, i):
     """Take disk i off the list of its cell."""
-    if before[i] >= 0:
-        following[before[i]] = following[i]
+    if g.before[i] >= 0:
+        g.following[g.before[i]] = g.following[i]
     else:
-        head[cell[i, 0] * M[1] + cell[i, 1]] = following[i]
-    if following[i] >= 0:
-        before[following[i]] = before[i]
+        g.head[g.cell[i, 0] * g.M[1] + g.cell[i, 1]] = g.following[i]
+    if g.following[i] >= 0:
+        g.before[g.following[i]] = g.before[i]
 
 
 # --- the run -------------------------------------------------------------------------------------------------------
 
 
 @_compile
-def _prepare(
-    L, sigma, M, width, r, v, clock, count, cell, head, following, before,
-    contact, partner, stamp, crossing, axis, key, heap, place,
-):  # fmt: skip
+def _prepare(g):
     """Put the disks into cells, predict each, and order the heap."""
-    n = heap.size
+    n = g.heap.size
     for i in range(n):
         for a in range(2):
-            cell[i, a] = min(int(r[i, a] / width[a]), M[a] - 1)
-        _enter(i, M, cell, head, following, before)
+            g.cell[i, a] = min(int(g.r[i, a] / g.width[a]), g.M[a] - 1)
+        _enter(g, i)
     for i in range(n):
-        _search(
-            i, -1, 1, -1, 1, 0.0, -1,
-            L, sigma, M, r, v, clock, count, cell, head, following, contact, partner, stamp,
-        )  # fmt: skip
-        _predict_crossing(i, 0.0, width, r, v, clock, cell, crossing, axis)
-        key[i] = min(contact[i], crossing[i])
+        _search(g, i, -1, 1, -1, 1, 0.0, -1)
+        _predict_crossing(g, i, 0.0)
+        g.key[i] = min(g.contact[i], g.crossing[i])
     for i in range(n):
-        heap[i] = i
-        place[i] = i
-        _rise(heap, place, key, i)
+        g.heap[i] = i
+        g.place[i] = i
+        _rise(g, i)
 
 
 @_compile
-def _run(
-    collisions, e_n, times, pairs,
-    L, sigma, M, width, r, v, clock, count, cell, head, following, before,
-    contact, partner, stamp, crossing, axis, key, heap, place,
-):  # fmt: skip
+def _run(g, collisions, e_n, times, pairs):
     """Process events until so many more collisions have happened or no event is to come; returns the last one's time.
 
     The first `times.size` collisions are written to `times` and `pairs`.
     """
+    L, M, r, v, clock = g.L, g.M, g.r, g.v, g.clock
     done = 0
     now = 0.0
     while done < collisions:
-        i = heap[0]
-        if key[i] == np.inf:
+        i = g.heap[0]
+        if g.key[i] == np.inf:
             break
-        now = key[i]
-        if crossing[i] < contact[i]:
+        now = g.key[i]
+        if g.crossing[i] < g.contact[i]:
             # Into the next cell: the three cells beyond it become neighbours.
-            a = axis[i]
+            a = g.axis[i]
             step = 1 if v[i, a] > 0.0 else -1
-            _leave(i, M, cell, head, following, before)
-            cell[i, a] += step
-            if cell[i, a] == M[a]:
-                cell[i, a] = 0
+            _leave(g, i)
+            g.cell[i, a] += step
+            if g.cell[i, a] == M[a]:
+                g.cell[i, a] = 0
                 r[i, a] -= L[a]
-            elif cell[i, a] < 0:
-                cell[i, a] = M[a] - 1
+            elif g.cell[i, a] < 0:
+                g.cell[i, a] = M[a] - 1
                 r[i, a] += L[a]
-            _enter(i, M, cell, head, following, before)
+            _enter(g, i)
             first_x, last_x, first_y, last_y = -1, 1, -1, 1
             if a == 0:
                 first_x = last_x = step
             else:
                 first_y = last_y = step
-            _search(
-                i, first_x, last_x, first_y, last_y, now, -1,
-                L, sigma, M, r, v, clock, count, cell, head, following, contact, partner, stamp,
-            )  # fmt: skip
-            _predict_crossing(i, now, width, r, v, clock, cell, crossing, axis)
-            _schedule(i, contact, crossing, key, heap, place)
+            _search(g, i, first_x, last_x, first_y, last_y, now, -1)
+            _predict_crossing(g, i, now)
+            _schedule(g, i)
             continue
-        j = partner[i]
-        if count[j] != stamp[i]:
+        j = g.partner[i]
+        if g.collisions[j] != g.stamp[i]:
             # The partner collided since: void.
-            contact[i] = np.inf
-            _search(
-                i, -1, 1, -1, 1, now, -1,
-                L, sigma, M, r, v, clock, count, cell, head, following, contact, partner, stamp,
-            )  # fmt: skip
-            _schedule(i, contact, crossing, key, heap, place)
+            g.contact[i] = np.inf
+            _search(g, i, -1, 1, -1, 1, now, -1)
+            _schedule(g, i)
             continue
         for d in (i, j):
             r[d, 0] += v[d, 0] * (now - clock[d])
             r[d, 1] += v[d, 1] * (now - clock[d])
             clock[d] = now
-            count[d] += 1
+            g.collisions[d] += 1
         # Equal masses: each disk's normal velocity changes by (1 + e_n) / 2 of the approach speed.
         nx = r[j, 0] - r[i, 0]
         ny = r[j, 1] - r[i, 1]
@@ -282,14 +294,11 @@ def _run(
             pairs[done, 1] = max(i, j)
         done += 1
         for d in (i, j):
-            contact[d] = np.inf
+            g.contact[d] = np.inf
             # The two separate, even where rounding does not say so (b = -1e-17 at contact).
-            _search(
-                d, -1, 1, -1, 1, now, i + j - d,
-                L, sigma, M, r, v, clock, count, cell, head, following, contact, partner, stamp,
-            )  # fmt: skip
-            _predict_crossing(d, now, width, r, v, clock, cell, crossing, axis)
-            _schedule(d, contact, crossing, key, heap, place)
+            _search(g, d, -1, 1, -1, 1, now, i + j - d)
+            _predict_crossing(g, d, now)
+            _schedule(g, d)
     return now
 
 
@@ -298,7 +307,7 @@ class Outcome:
     """Outcome of a run."""
 
     state: State  # at the time of the last collision; positions in the box
-    time: NDArray[np.float64]  # (c,): times of the first collisions, as many as were to be recorded
+    time: Array  # (c,): times of the first collisions, as many as were to be recorded
     pair: NDArray[np.int32]  # (c, 2): their disks, the smaller number first
 
 
@@ -337,56 +346,43 @@ class SerialEvents:
         self._box = box
         self._e_n = e_n
         self._start = state
-        integer = np.int64
-        self._sigma = float(diameter)
-        self._L = np.array(box.lengths)
-        self._M = np.array(cells, dtype=integer)
-        self._r = box.wrap(state.position)
-        self._v = state.velocity.copy()
-        self._clock = np.zeros(n)
-        self._count = np.zeros(n, dtype=integer)
-        self._rest = (
-            np.zeros((n, 2), dtype=integer),  # cell
-            np.full(cells[0] * cells[1], -1, dtype=integer),  # head: first disk of each cell
-            np.full(n, -1, dtype=integer),  # following: next disk of the same cell
-            np.full(n, -1, dtype=integer),  # before: the one that this one follows
-            np.full(n, np.inf),  # contact: time of the earliest contact
-            np.full(n, -1, dtype=integer),  # partner in it
-            np.zeros(n, dtype=integer),  # stamp: the partner's number of collisions when it was predicted
-            np.full(n, np.inf),  # crossing: time of leaving the cell
-            np.zeros(n, dtype=integer),  # axis of the side that it leaves through
-            np.full(n, np.inf),  # key: the earlier of contact and crossing
-            np.zeros(n, dtype=integer),  # heap of disks
-            np.zeros(n, dtype=integer),  # place of each disk in the heap
-        )
-        width = self._L / self._M
-        self._arrays = (self._L, self._sigma, self._M, width, self._r, self._v, self._clock, self._count)
-        _prepare(*self._arrays, *self._rest)
+        L, M = np.array(box.lengths), np.array(cells)
+        times, none = np.full(n, np.inf), np.full(n, -1)
+        self._arrays = g = Arrays(
+            L=L, sigma=float(diameter), M=M, width=L / M, r=box.wrap(state.position), v=state.velocity.copy(),
+            clock=np.zeros(n), collisions=np.zeros(n, np.int64), cell=np.zeros((n, 2), np.int64),
+            head=np.full(cells[0] * cells[1], -1), following=none, before=none.copy(),
+            contact=times, partner=none.copy(), stamp=np.zeros(n, np.int64),
+            crossing=times.copy(), axis=np.zeros(n, np.int64), key=times.copy(),
+            heap=np.zeros(n, np.int64), place=np.zeros(n, np.int64),
+        )  # fmt: skip
+        _prepare(g)
         self._now = 0.0
 
     @property
     def collisions(self) -> int:
         """Collisions so far."""
-        return int(self._count.sum()) // 2
+        return int(self._arrays.collisions.sum()) // 2
 
     @property
     def temperature(self) -> float:
         """T = <v^2> / 2 [energy], mass 1."""
-        return 0.5 * float(np.mean(np.sum(self._v**2, axis=1)))
+        return 0.5 * float(np.mean(np.sum(self._arrays.v**2, axis=1)))
 
     def run(self, collisions: int, *, record: int = 0) -> Outcome:
         """Run for so many more collisions (fewer only if none is to come) and return the first `record` of them."""
         times = np.zeros(min(record, collisions))
         pairs = np.zeros((len(times), 2), dtype=np.int32)
         before = self.collisions
-        self._now = float(_run(collisions, self._e_n, times, pairs, *self._arrays, *self._rest))
+        self._now = float(_run(self._arrays, collisions, self._e_n, times, pairs))
         recorded = min(len(times), self.collisions - before)
-        flown = self._r + self._v * (self._now - self._clock)[:, None]
+        g = self._arrays
+        flown = g.r + g.v * (self._now - g.clock)[:, None]
         state = State(
             position=self._box.wrap(flown),
-            velocity=self._v.copy(),
+            velocity=g.v.copy(),
             spin=self._start.spin.copy(),
             time=self._start.time + self._now,
-            collisions=self._start.collisions + self._count.astype(np.int32),
+            collisions=self._start.collisions + g.collisions.astype(np.int32),
         )
         return Outcome(state, self._start.time + times[:recorded], pairs[:recorded])

