@@ -13,7 +13,7 @@ from ..model.observables import MECHANISMS
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .disks import draw_walls, shown_region
-from .energies import DISSIPATED
+from .series import DISSIPATED
 from .style import bar_beside, label, place_axes, with_unit
 
 if TYPE_CHECKING:

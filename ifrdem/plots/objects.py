@@ -38,12 +38,12 @@ def disks(thing: Frame | Simulation, axes: Any, color: str) -> Axes:
     return one
 
 
-def trajectory(thing: Trajectory, what: str, axes: Any, frames: Any, over: str, color: str | None) -> Any:
+def trajectory(thing: Trajectory, what: str, axes: Any, **options: Any) -> Any:
     """Draw a picture of a trajectory; see `Trajectory.plot`."""
     if axes is not None:
-        pictures.panels(thing, what, axes, frames, over, color)
+        pictures.panels(thing, what, axes, **options)
         return axes
-    made = pictures.figure(thing, what, frames=frames, over=over, color=color, make=_new)
+    made = pictures.figure(thing, what, make=_new, **options)
     return _one_or_all(np.array(made.axes))
 
 

@@ -39,6 +39,11 @@ PICTURES = {
 OVER = ("temperatures", "energy", "ledger", "mechanisms", "walls", "piston")
 """Pictures that can be drawn over collisions per disk."""
 UPPER_AND_LOWER: dict[str, Any] = {"nrows": 2, "sharex": True, "height_ratios": (3.0, 1.0)}
+LAYOUTS: dict[str, dict[str, Any]] = {
+    "walls": {"nrows": 2, "ncols": 2, "sharex": True}, "piston": {"nrows": 2, "sharex": True},
+    "dissipation": {"ncols": 2, "width_ratios": (1.4, 1.0)}, "disks": {}, "energy": {}, "mechanisms": {},
+}  # fmt: skip
+"""Arguments of `Figure.subplots`, beside those of analyses, and of pictures of which they depend on the trajectory."""
 
 
 def figure(
@@ -88,7 +93,7 @@ def figure(
         size = figure_size(trajectory, trajectory[frames[-1] if frames else -1].position)
     drawn: Figure = make(size) if make is not None else Figure(size, dpi=200, layout="constrained")
     axes = drawn.subplots(squeeze=False, **layout).ravel()
-    outcome = _draw([*axes], trajectory, what, frames, over, color)
+    outcome = _draw(axes, trajectory, what, frames, over, color)
     head = title(trajectory)
     if size[0] < 7.0:
         head = ",\n".join(head.rsplit(", ", 1))
@@ -102,14 +107,15 @@ def figure(
     return drawn
 
 
-def panels(
-    trajectory: Trajectory, what: str, axes: Any, frames: Sequence[int] | None, over: str, color: str | None
-) -> None:
-    """Draw into given axes. InputError if there are not as many as the picture has panels; a lower one may lack."""
+def panels(trajectory: Trajectory, what: str, axes: Any, **options: Any) -> None:
+    """Draw into given axes, with options as for `figure`.
+
+    InputError if there are not as many as the picture has panels; a lower one may lack.
+    """
     given, layout = as_list(axes), _layout(trajectory, what)
     count = layout.get("ncols", 1) * layout.get("nrows", 1)
     check_count(f"the picture {what}", given, count, 1 if layout is UPPER_AND_LOWER else count)
-    _draw(given, trajectory, what, frames, over, color)
+    _draw(given, trajectory, what, **options)
 
 
 def as_list(axes: Any) -> list[Axes]:
@@ -146,48 +152,33 @@ def _layout(trajectory: Trajectory, what: str) -> dict[str, Any]:
     if what == "ledger":  # only runs that count every collision have a residual
         known = "ledger_residual" in {*trajectory.series, *trajectory.observables}
         return UPPER_AND_LOWER if known else {}
-    if what == "walls":
-        return {"nrows": 2, "ncols": 2, "sharex": True}
-    if what == "piston":
-        return {"nrows": 2, "sharex": True}
-    if what == "dissipation":
-        return {"ncols": 2, "width_ratios": (1.4, 1.0)}
-    if what in ("disks", "energy", "mechanisms"):
-        return {}
+    if what in LAYOUTS:
+        return LAYOUTS[what]
     from .analyses import PANELS
 
     return PANELS[what].layout
 
 
 def _draw(
-    axes: list[Axes],
-    trajectory: Trajectory,
-    what: str,
-    frames: Sequence[int] | None,
-    over: str,
-    color: str | None,
-) -> Evaluation | None:
+    axes: Sequence[Axes], trajectory: Trajectory, what: str, frames: Sequence[int] | None = None, over: str = "t",
+    color: str | None = None,
+) -> Evaluation | None:  # fmt: skip
     """Draw a picture into its axes; returns what was found for it, if that is an analysis."""
     from ..tools import checked
-    from . import disks, dissipation, energies, pistons, temperatures, wall_forces
+    from . import disks, dissipation, series, temperatures
 
-    checked.one_of("over", over, tuple(energies.AXES))
+    checked.one_of("over", over, tuple(series.AXES))
     if over != "t" and what not in OVER:
         raise InputError(f"over = {over}: only of {', '.join(OVER)}, not of {what}")
     if color is not None and what != "disks":
         raise InputError(f"color = {color}: only of disks, not of {what}")
-    if what == "temperatures":
-        temperatures.draw(axes[0], trajectory, over, *axes[1:])
-    elif what == "disks":
+    if what == "disks":
         disks.last_frame(axes[0], trajectory, frames[-1] if frames else -1, color)
     elif what == "dissipation":
         dissipation.draw(axes[0], axes[1], trajectory, frames)
-    elif what == "walls":
-        wall_forces.draw(axes, trajectory, over)
-    elif what == "piston":
-        pistons.draw(axes, trajectory, over)
     elif what in OVER:
-        getattr(energies, what)(axes[0], trajectory, over, *axes[1:])
+        draw = temperatures.draw if what == "temperatures" else getattr(series, what)
+        draw(trajectory, over, *axes)
     else:
         from ..analysis.catalogue import ANALYSES
         from .analyses import PANELS

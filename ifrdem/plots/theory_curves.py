@@ -134,53 +134,41 @@ def _laws(disks: Disks, rows: list[list[dict[str, Any]]]) -> list[list[IFRLaw]]:
     ]
 
 
-def cooling(trajectory: Trajectory, over: str = "t") -> tuple[Curves | None, str]:
-    """Times, T and T_rot by kinetic theory, and what to say of it; None where it does not hold."""
-    gas, times = _gas(trajectory), trajectory.times
-    if isinstance(gas, str):
-        return None, gas
-    if not gas.T0.any() or times[-1] <= times[0]:
-        return None, "nothing moves: no kinetic theory here"
-    elapsed = times[times > times[0]] - times[0]
-    # Of a single frame, a decade before it shows where it comes from.
-    when = np.geomspace(elapsed[0] if len(elapsed) > 1 else 0.1 * elapsed[0], elapsed[-1], 300)
-    return gas.curves(trajectory, when, over), gas.text
+def theory(trajectory: Trajectory, over: str = "t") -> tuple[Curves | None, tuple[float, float] | None, str]:
+    """Curves of kinetic theory, T and T_rot of the steady state, and what to say; None where there are none.
 
-
-def driven(trajectory: Trajectory, over: str = "t") -> tuple[Curves | None, tuple[float, float] | None, str]:
-    """Times, T and T_rot by kinetic theory, the steady state, and what to say; None where it does not hold.
-
-    Of several kinds of disks there is no steady state in closed form; the curve shows it where the run is long.
+    Of several kinds of disks that are driven there is no steady state in closed form; the curve shows it where the run
+    is long.
     """
-    gas, times = _gas(trajectory), trajectory.times
+    gas, times, rate = _gas(trajectory), trajectory.times, trajectory.box.shear_rate
     if isinstance(gas, str):
         return None, None, gas
-    mass, inertia = gas.disks.mass, gas.disks.inertia
-    drives = [Drive.of(gas.forces, m, i) for m, i in set(zip(mass.tolist(), inertia.tolist(), strict=True))]
-    known = [drive for drive in drives if drive is not None]
-    if len(known) < len(drives):
-        return None, None, "a force that is not linear: no kinetic theory here"
-    if (not gas.T0.any() and not any(drive.power for drive in known)) or times[-1] <= times[0]:
-        return None, None, "nothing moves: no kinetic theory here"
-    when, T, T_rot, tau = gas.curves(trajectory, np.linspace(0.0, times[-1] - times[0], 400), over)
-    T = np.where(T > 0.0, T, np.nan)
-    steady = driven_gas.steady_state(*gas.one_kind, known[0]) if gas.kinds == 1 else None
-    return (when, T, T_rot, tau), steady, gas.text
-
-
-def sheared(trajectory: Trajectory, over: str = "t") -> tuple[Curves | None, tuple[float, float] | None, str]:
-    """Times, T and T_rot by kinetic theory, the steady state, and what to say; None where it does not hold."""
-    gas, times = _gas(trajectory), trajectory.times
-    if isinstance(gas, str):
-        return None, None, gas
-    if gas.forces:
-        return None, None, "forces in a flow: no kinetic theory here"
-    if gas.kinds > 1:
-        return None, None, "several kinds of disks in a flow: no kinetic theory here"
-    rate = trajectory.box.shear_rate
-    with warnings.catch_warnings(action="ignore", category=TheoryWarning):  # the run has said it
-        steady = sheared_gas.steady_state(*gas.one_kind, rate)
-    if not gas.T0.any() or times[-1] <= times[0]:
-        return None, steady, "nothing moves at first: no curve of kinetic theory here"
-    found = gas.curves(trajectory, np.linspace(0.0, times[-1] - times[0], 400), over, rate)
-    return found, steady, "kinetic theory (homogeneous flow)"
+    steady, text, moves = None, gas.text, bool(gas.T0.any())
+    nothing = "nothing moves: no kinetic theory here"
+    if rate:
+        if gas.forces:
+            return None, None, "forces in a flow: no kinetic theory here"
+        if gas.kinds > 1:
+            return None, None, "several kinds of disks in a flow: no kinetic theory here"
+        with warnings.catch_warnings(action="ignore", category=TheoryWarning):  # the run has said it
+            steady = sheared_gas.steady_state(*gas.one_kind, rate)
+        text, nothing = (
+            "kinetic theory (homogeneous flow)",
+            "nothing moves at first: no curve of kinetic theory here",
+        )
+    elif gas.forces:
+        masses = zip(gas.disks.mass.tolist(), gas.disks.inertia.tolist(), strict=True)
+        drives = [Drive.of(gas.forces, mass, inertia) for mass, inertia in set(masses)]
+        known = [drive for drive in drives if drive is not None]
+        if len(known) < len(drives):
+            return None, None, "a force that is not linear: no kinetic theory here"
+        moves |= any(drive.power for drive in known)
+        steady = driven_gas.steady_state(*gas.one_kind, known[0]) if gas.kinds == 1 and moves else None
+    if not moves or times[-1] <= times[0]:
+        return None, steady if rate else None, nothing
+    elapsed = times[times > times[0]] - times[0]
+    when = np.linspace(0.0, elapsed[-1], 400)
+    if not rate and not gas.forces:
+        # Of a single frame, a decade before it shows where it comes from.
+        when = np.geomspace(elapsed[0] if len(elapsed) > 1 else 0.1 * elapsed[0], elapsed[-1], 300)
+    return gas.curves(trajectory, when, over, rate), steady, text
