@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from .. import analysis
 from ..analysis.result import Evaluation
@@ -29,9 +30,6 @@ from .style import (
     unit_of,
     with_unit,
 )  # fmt: skip
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 MARKERS = "os^Dv<>P"
 POINTS: dict[str, Any] = {"fmt": "o", "lw": 0.8, "mfc": "none", "color": TRANSLATION}

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from ..errors import InputError
 from ..model.observables import MECHANISMS
@@ -15,9 +15,6 @@ from ..trajectory.reader import Trajectory
 from .disks import draw_walls, shown_region
 from .series import DISSIPATED
 from .style import bar_beside, label, place_axes, with_unit
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 PER_CELL = 60
 """Disks, over all frames, in a cell of the map, about."""

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.figure import Figure
 
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .disks import shown_region
 from .run import Place, Run, drawing
 from .style import RATIO, ROTATION, TRANSLATION, bar_beside, grid, label, legend_above, place_axes, positive
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 MOST_PATHS = 2000
 """Above this many disks, their paths are a grey haze: only the final places are drawn."""
@@ -74,8 +71,6 @@ def _moving(axes: Axes, trajectory: Trajectory) -> float:
 
 def _paths(axes: Axes, trajectory: Trajectory) -> None:
     """Paths from frame to frame, and the final places, coloured by how far away from the start they are."""
-    from matplotlib.collections import EllipseCollection, LineCollection
-
     radius, n = trajectory.disks.radius, trajectory.n
     positions = np.stack([frame.position for frame in trajectory])
     # Across a periodic side, a step is the short way round.

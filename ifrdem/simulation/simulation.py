@@ -22,7 +22,7 @@ from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.law import CollisionLaw, checked_class
 from ..model.law_table import check_energy, coefficient_table, law_table
 from ..model.observables import Measure, from_totals, sums
-from ..model.overlaps import check_no_overlap, check_no_overlap_of_slices
+from ..model.overlaps import check_no_overlap
 from ..model.state import DiskKinds, Disks, State, dealt
 from ..model.walls import Wall, WallSums, check_types, sides, wall_names
 from ..tools import checked, slices, world
@@ -241,7 +241,7 @@ class Simulation(Sealed, PicturedDisks):
             _refuse_other_slices(disks.n, comm)
             kinds = DiskKinds.of(disks, comm)
             world.together(comm, judged)
-            check_no_overlap_of_slices(box, disks.radius, begin.position, comm, time=begin.time)
+            check_no_overlap(box, disks.radius, begin.position, time=begin.time, comm=comm)
         else:
             begin = world.on_first(comm, typed) or state
             world.on_first(comm, judged)

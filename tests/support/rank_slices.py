@@ -11,7 +11,7 @@ from mpi4py import MPI
 import ifrdem
 from ifrdem import initial
 from ifrdem.errors import EngineError
-from ifrdem.model.overlaps import check_no_overlap_of_slices
+from ifrdem.model.overlaps import check_no_overlap
 from ifrdem.tools import slices
 
 COMM = MPI.COMM_WORLD
@@ -129,7 +129,7 @@ def pair_is_found(y: float, distance: float) -> bool:
     position = np.concatenate([[[8.0, y]], FAR, [[8.0, (y + distance) % 20.0]]])
     ids = ifrdem.slice_of(14, COMM)
     try:
-        check_no_overlap_of_slices(HIGH, np.full(len(ids), 0.5), position[ids.start : ids.stop], COMM)
+        check_no_overlap(HIGH, np.full(len(ids), 0.5), position[ids.start : ids.stop], comm=COMM)
     except ifrdem.InputError as error:
         return str(error).startswith("disks 0 and 13 overlap by 0.1")
     return False
