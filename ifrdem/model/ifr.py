@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError, nearest
 from ..tools import checked
 from ..tools.checked import Array
-from .law import CollisionLaw
+from .law import CollisionLaw, EnergyWarning
 
 STICKING = ("percussion_center", "contact_point")
 
@@ -32,10 +32,6 @@ _UNIT = 1e-12
 
 # Of k and of mu: powers of both are multiplied.
 _MOST = 1e50
-
-
-class EnergyWarning(UserWarning):
-    """The tangential impulses alone can add energy; only the loss along the line of centres outweighs it."""
 
 
 class Regime(IntEnum):

@@ -19,8 +19,7 @@ from ..model import crush
 from ..model.box import Box
 from ..model.collapse import Collapse
 from ..model.ifr import EnergyWarning, IFRLaw
-from ..model.law import CollisionLaw, checked_class
-from ..model.law_table import check_energy, coefficient_table, law_table
+from ..model.law import CollisionLaw, check_energy, checked_class, coefficient_table, law_table, try_on
 from ..model.observables import Measure, from_totals, sums
 from ..model.overlaps import check_no_overlap
 from ..model.state import DiskKinds, Disks, State, dealt
@@ -402,8 +401,6 @@ class Simulation(Sealed, PicturedDisks):
 
     def _try_on(self, kind: type[CollisionLaw], table: NDArray[np.float64], state: State) -> None:
         """Try a law that nobody has judged."""
-        from ..model.law_table import try_on
-
         fastest = checks.fastest(self.disks_here, state.velocity, state.spin)
         disks, comm = self._engine.kinds, self.comm
         if comm is not None:
