@@ -523,11 +523,9 @@ def hexagonal_positions(
 
 
 def _size_of(name: str, value: float, most: float = MOST_SPEED) -> float:
-    needed = f"a finite number, 0 or more and at most {most:g}, is needed"
-    size = checked.real(name, value, needed)
-    if not 0.0 <= size <= most:
-        raise InputError(f"{name} = {value}: {needed}")
-    return size
+    return checked.finite(
+        name, value, f"a finite number, 0 or more and at most {most:g}, is needed", 0.0, most
+    )
 
 
 def maxwellian(

@@ -33,6 +33,13 @@ _UNIT = 1e-12
 # Of k and of mu: powers of both are multiplied.
 _MOST = 1e50
 
+_RANGES = {
+    "e_n": (0.0, 1.0, "normal restitution must lie from 0 to 1; above 1 every collision would add energy"),
+    "e_t": (-1.0, 1.0, "tangential restitution must lie from -1 to 1, or it would add energy"),
+    "mu": (0.0, math.inf, "friction must be a finite number of 0 or more"),
+    "rho": (0.0, math.inf, "rolling friction [length] must be finite, 0 or more"),
+}
+
 
 class Regime(IntEnum):
     """Regime of a collision. 1 and 2 where the law's rho is 0, 3 to 6 where it is not.
@@ -159,18 +166,8 @@ class IFRLaw(CollisionLaw):
     k: float = field(default=2.0, compare=False)
 
     def __post_init__(self) -> None:
-        for name, low, high, why in (
-            (
-                "e_n",
-                0.0,
-                1.0,
-                "normal restitution must lie from 0 to 1; above 1 every collision would add energy",
-            ),
-            ("e_t", -1.0, 1.0, "tangential restitution must lie from -1 to 1, or it would add energy"),
-            ("mu", 0.0, math.inf, "friction must be a finite number of 0 or more"),
-            ("rho", 0.0, math.inf, "rolling friction [length] must be finite, 0 or more"),
-        ):
-            object.__setattr__(self, name, _number(name, getattr(self, name), low, high, why))
+        for name, range_ in _RANGES.items():
+            object.__setattr__(self, name, _number(name, getattr(self, name), *range_))
         object.__setattr__(self, "k", _positive("k", self.k))
         if self.sticking not in STICKING:
             allowed = ", ".join(repr(name) for name in STICKING)

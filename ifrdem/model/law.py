@@ -81,10 +81,7 @@ class CollisionLaw:
         for key in self.coefficients:
             if key not in values:
                 raise InputError(f"{name}: {key} is missing; it has: {', '.join(self.coefficients)}")
-            value = checked.real(f"{name}: {key}", values[key], "a finite number is needed")
-            if not math.isfinite(value):
-                raise InputError(f"{name}: {key} = {value!r}: a finite number is needed")
-            row.append(value)
+            row.append(checked.finite(f"{name}: {key}", values[key]))
         self._row = tuple(row)
 
     @staticmethod

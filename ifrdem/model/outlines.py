@@ -100,9 +100,7 @@ def given(
     tolerance : float, optional
         Of the curves of a drawing [length]; see `of_path`.
     """
-    unit = checked.real(f"{name}, scale", scale)
-    if not 0.0 < unit < math.inf:
-        raise InputError(f"{name}, scale = {scale}: a positive length is needed")
+    unit = checked.finite(f"{name}, scale", scale, "a positive length is needed", 0.0, open_=True)
     if not isinstance(points, str | os.PathLike):
         if unit != 1.0:
             raise InputError(f"{name}, scale = {scale}: only a file has it; points are lengths")
@@ -221,9 +219,9 @@ def of_path(
     InputError names what is not understood, and where.
     """
     commands = _commands(data, name)
-    if tolerance is not None and not 0.0 < checked.real("tolerance", tolerance) < math.inf:
-        raise InputError(f"{name}, tolerance = {tolerance}: a positive length is needed")
-    if tolerance is None:
+    if tolerance is not None:
+        checked.finite(f"{name}, tolerance", tolerance, "a positive length is needed", 0.0, open_=True)
+    else:
         ends = np.array([args[-2:] for command, args in commands if len(args) >= 2] or [[0.0, 0.0]])
         tolerance = TOLERANCE * (float(np.ptp(ends, axis=0).max()) or 1.0)
     points: list[tuple[float, float]] = []

@@ -279,9 +279,7 @@ class State(Brief, Sealed, Pictured):
         n = len(self.spin)
         self.position = checked.array("position", self.position, (n, 2))
         self.velocity = checked.array("velocity", self.velocity, (n, 2))
-        self.time = checked.real("time", self.time)
-        if not math.isfinite(self.time):
-            raise InputError(f"time = {self.time}: a finite number is needed")
+        self.time = checked.finite("time", self.time)
         for name, shape, default, least in _COUNTS:
             value = getattr(self, name)
             if value is None:

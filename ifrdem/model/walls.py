@@ -47,12 +47,9 @@ AT_ONCE = 2_000_000
 def _number(
     name: str, value: float, low: float = -math.inf, high: float = math.inf, *, open_: bool = False
 ) -> float:
-    number = checked.real(name, value, "a finite number is needed")
-    inside = low < number < high if open_ else low <= number <= high
-    if not (math.isfinite(number) and inside):
-        between = "" if low == -math.inf else f" {'above' if open_ else 'not below'} {low:g}"
-        between += "" if high == math.inf else f" and {'below' if open_ else 'not above'} {high:g}"
-        raise InputError(f"{name} = {value}: a finite number{between} is needed")
+    between = "" if low == -math.inf else f" {'above' if open_ else 'not below'} {low:g}"
+    between += "" if high == math.inf else f" and {'below' if open_ else 'not above'} {high:g}"
+    number = checked.finite(name, value, f"a finite number{between} is needed", low, high, open_=open_)
     if abs(number) > MOST:
         raise InputError(f"{name} = {value}: numbers up to {MOST:g} are allowed")
     return number
@@ -810,7 +807,7 @@ def at_displacements(walls: Sequence[Wall], displacements: Sequence[float]) -> t
     return tuple(wall if wall.piston is None else wall.at(next(left)) for wall in walls)
 
 
-def sides(box: Box, material: int = 0) -> list[Wall]:
+def sides(box: Box) -> list[Wall]:
     """Straight walls at those sides of a box that are not periodic; an open one has no sides."""
     if box.is_open:
         return []
@@ -820,7 +817,7 @@ def sides(box: Box, material: int = 0) -> list[Wall]:
         found += [((0.0, 0.0), (1.0, 0.0)), ((width, 0.0), (-1.0, 0.0))]
     if not box.periodic[1]:
         found += [((0.0, 0.0), (0.0, 1.0)), ((0.0, height), (0.0, -1.0))]
-    return [Wall.line(point, normal, material=material) for point, normal in found]
+    return [Wall.line(point, normal) for point, normal in found]
 
 
 def pieces(walls: Sequence[Wall]) -> int:
