@@ -171,11 +171,11 @@ class _Samples:
         sharp = np.concatenate(((within == 0.0) & bent[:-1][side], bent[-1:]))
         # Along a line disks are on the left; circles run counter-clockwise.
         of_disks = {"line": 1.0, "container": 1.0, "post": -1.0}.get(wall.shape, 0.0)
-        found = cls(wall, points, along[np.concatenate((side, side[-1:]))], sharp, of_disks)
+        along = along[np.concatenate((side, side[-1:]))]
         if wall.shape == "line":
             inside = np.all((points >= 0.0) & (points <= box.lengths), axis=1)
-            return cls(wall, points[inside], found.along[inside], sharp[inside], of_disks)
-        return found
+            points, along, sharp = points[inside], along[inside], sharp[inside]
+        return cls(wall, points, along, sharp, of_disks)
 
     def gap(self, other: Wall, t: float, diameter: float) -> float:
         """The smallest gap to another wall at a time [length], between places that face each other."""

@@ -607,7 +607,7 @@ class Wall:
         """Lowest and highest x and y [length] of the wall as it turns, but for its displacement, shape (2,)."""
         if self.shape == "arc":
             first, last = (each / _QUARTER for each in self.angles)
-            quarters = np.arange(math.ceil(first), math.floor(last) + 1) * _QUARTER
+            quarters: Array = np.arange(math.ceil(first), math.floor(last) + 1) * _QUARTER
             found = np.concatenate((self.arc_ends, self._on_circle(quarters)))
         elif self.shape in ("container", "post", "line"):
             found = np.array((np.subtract(self.place, self.radius), np.add(self.place, self.radius)))

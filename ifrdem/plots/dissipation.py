@@ -44,9 +44,8 @@ def of(trajectory: Trajectory, frames: Sequence[int] | None = None) -> Dissipati
             f"{trajectory.path} does not hold what each disk lost: output.fields must have 'dissipated' (in Python "
             "Simulation(dissipated=True), and the field in TrajectoryWriter)"
         )
-    used = sorted(
-        set(range(len(trajectory)) if frames is None else (range(len(trajectory))[i] for i in frames))
-    )
+    every = range(len(trajectory))
+    used = sorted({every[i] for i in (every if frames is None else frames)})
     if len(used) < 2:
         raise InputError(
             f"{trajectory.path}: two frames at least are needed, between which disks lose energy"

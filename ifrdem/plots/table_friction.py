@@ -79,11 +79,8 @@ def _paths(axes: Axes, trajectory: Trajectory) -> None:
     everything = unwrapped.reshape(-1, 2)
     region = shown_region(trajectory, everything)
     if not trajectory.box.is_open:
-        low, high = (
-            np.minimum(region[:, 0], everything.min(axis=0)),
-            np.maximum(region[:, 1], everything.max(axis=0)),
-        )
-        region = np.stack([low, high], axis=1)
+        low = np.minimum(region[:, 0], everything.min(axis=0))
+        region = np.stack([low, np.maximum(region[:, 1], everything.max(axis=0))], axis=1)
     place_axes(axes, trajectory, region)
     if n <= MOST_PATHS:
         paths = list(np.swapaxes(unwrapped, 0, 1))
