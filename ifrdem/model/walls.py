@@ -496,7 +496,7 @@ class Wall:
         closed = self.points[:1] if self.shape == "polygon" else ()
         return np.array((*self.points, *closed), dtype=np.float64).reshape(-1, 2)
 
-    def _on_circle(self, angle: Array) -> Array:
+    def _on_circle(self, angle: Any) -> Array:
         return np.array(self.place) + self.radius * np.column_stack((np.cos(angle), np.sin(angle)))
 
     @property
@@ -607,7 +607,7 @@ class Wall:
         """Lowest and highest x and y [length] of the wall as it turns, but for its displacement, shape (2,)."""
         if self.shape == "arc":
             first, last = (each / _QUARTER for each in self.angles)
-            quarters: Array = np.arange(math.ceil(first), math.floor(last) + 1) * _QUARTER
+            quarters = np.arange(math.ceil(first), math.floor(last) + 1) * _QUARTER
             found = np.concatenate((self.arc_ends, self._on_circle(quarters)))
         elif self.shape in ("container", "post", "line"):
             found = np.array((np.subtract(self.place, self.radius), np.add(self.place, self.radius)))

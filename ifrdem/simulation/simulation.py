@@ -23,7 +23,7 @@ from ..model.law import CollisionLaw, check_energy, checked_class, coefficient_t
 from ..model.observables import Measure, from_totals, sums
 from ..model.overlaps import check_no_overlap
 from ..model.state import DiskKinds, Disks, State, dealt
-from ..model.walls import Wall, WallSums, check_types, sides, wall_names
+from ..model.walls import Wall, WallSums, check_types, sides
 from ..tools import checked, slices, world
 from ..tools.pictured import PicturedDisks
 from ..tools.progress import Progress as Bar
@@ -741,13 +741,10 @@ class Simulation(Sealed, PicturedDisks):
 
     def _foresee(self, t_end: float) -> None:
         """Warn, once, of walls that may crush a disk between them until `t_end` [time]; InputError if they must."""
-        walls, diameter = self._engine.walls, 2.0 * float(self.disks.radius.max(initial=0.0))
         if self._foreseen or not self.disks.n or self.box.is_open:
             return
-        names = wall_names(walls, self.box)
-        for each in crush.crushes(walls, self.box, diameter, self.time, t_end):
-            crush.refuse_certain(each, walls, names, 2.0 * float(self.disks.radius.min()), t_end)
-            warnings.warn(crush.told(each, names, diameter), crush.WallWarning, stacklevel=3)
+        for text in crush.foreseen(self._engine.walls, self.box, self.disks.radius, self.time, t_end):
+            warnings.warn(text, crush.WallWarning, stacklevel=3)
         self._foreseen = True
 
     def switch_ledger(self, on: bool) -> None:
