@@ -157,7 +157,7 @@ def _differences(
     Those of the disks, modulo the range of the type, then images as they are; low bytes stand before high ones.
     """
     found = {}
-    for name in arrays.keys() & before.keys() - {"id", "map"}:
+    for name in [each for each in arrays if each in before and each not in ("id", "map")]:
         one = arrays[name].copy()
         common = 2 * disks if name == "position" else disks
         one[:common] -= before[name][:common]
