@@ -32,8 +32,7 @@ def disks(thing: Frame | Simulation, axes: Any, color: str) -> Axes:
     view = plot_disks.View.of(thing)
     if axes is None:
         axes = _new(plot_disks.figure_size(view, view.moving.position)).subplots()
-    (one,) = given = pictures.as_list(axes)[:1]
-    pictures.check_count("a picture of disks", given, 1, 1)
+    (one,) = pictures.checked_axes("a picture of disks", axes, 1, 1)
     plot_disks.draw(one, view, color)
     return one
 
@@ -56,9 +55,7 @@ def result(found: Any, axes: Any) -> Any:
     if axes is None:
         size = (10.0, 4.4) if count == 2 else (6.4, 4.8)
         axes = _one_or_all(_new(size).subplots(squeeze=False, **panels.layout).ravel())
-    given = pictures.as_list(axes)
-    pictures.check_count(f"a picture of {type(found).__name__}", given, count, count)
-    panels.draw(*given, found)
+    panels.draw(*pictures.checked_axes(f"a picture of {type(found).__name__}", axes, count, count), found)
     return axes
 
 

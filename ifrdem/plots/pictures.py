@@ -112,23 +112,18 @@ def panels(trajectory: Trajectory, what: str, axes: Any, **options: Any) -> None
 
     InputError if there are not as many as the picture has panels; a lower one may lack.
     """
-    given, layout = as_list(axes), _layout(trajectory, what)
+    layout = _layout(trajectory, what)
     count = layout.get("ncols", 1) * layout.get("nrows", 1)
-    check_count(f"the picture {what}", given, count, 1 if layout is UPPER_AND_LOWER else count)
+    given = checked_axes(f"the picture {what}", axes, count, 1 if layout is UPPER_AND_LOWER else count)
     _draw(given, trajectory, what, **options)
 
 
-def as_list(axes: Any) -> list[Axes]:
-    """Axes as a list, from one or an array."""
+def checked_axes(what: str, axes: Any, most: int, least: int) -> list[Axes]:
+    """Axes as a list, from one or an array; refuses what are no axes, and fewer or more of them than panels."""
     import numpy as np
-
-    return list(np.ravel(np.asarray(axes, dtype=object)))
-
-
-def check_count(what: str, given: Sequence[Any], most: int, least: int) -> None:
-    """Refuse what are no axes, and fewer or more of them than panels."""
     from matplotlib.axes import Axes
 
+    given = list(np.ravel(np.asarray(axes, dtype=object)))
     wrong = next((one for one in given if not isinstance(one, Axes)), None)
     if wrong is not None:
         raise InputError(f"ax = {wrong!r}: Axes of Matplotlib are needed")
@@ -139,6 +134,7 @@ def check_count(what: str, given: Sequence[Any], most: int, least: int) -> None:
         raise InputError(
             f"{what} has {most} panel{'s' * (most > 1)}: {needed} is needed, not {len(given)} axes"
         )
+    return given
 
 
 def _layout(trajectory: Trajectory, what: str) -> dict[str, Any]:
