@@ -122,9 +122,8 @@ class Box:
         slice (`slice_of`). InputError if the packing fraction is not between 0 and pi / (2 sqrt 3) = 0.9069, the
         densest packing of equal disks, or if there are no disks.
         """
-        return cls.around(
-            math.pi * float(slices.total(np.square(radius), comm)), packing_fraction, aspect, shear_rate
-        )
+        covered = math.pi * float(slices.total(np.square(radius), comm))
+        return cls.around(covered, packing_fraction, aspect, shear_rate)
 
     @classmethod
     def around(cls, covered: float, packing_fraction: float, aspect: float, shear_rate: float = 0.0) -> Box:

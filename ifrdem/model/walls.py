@@ -881,17 +881,14 @@ def check_place(wall: Wall, box: Box) -> None:
 
 def _check_spans(wall: Wall, box: Box) -> None:
     """Raise InputError unless a segment reaches across the box along an axis: its ends would be hit aslant."""
-    along = [axis for axis in range(2) if wall.towards[1 - axis] == 0.0]
-    ends = (
-        (wall.place[along[0]], wall.place[along[0]] + wall.towards[along[0]])
-        if along
-        else (math.nan, math.nan)
+    for axis in range(2):
+        ends = wall.place[axis], wall.place[axis] + wall.towards[axis]
+        if wall.towards[1 - axis] == 0.0 and min(ends) <= 0.0 and max(ends) >= box.lengths[axis]:
+            return
+    raise InputError(
+        "as a piston a segment must run from side to side of the box, along x or y, so that disks hit it along the way "
+        "that it moves; give such a one, or a line"
     )
-    if not (min(ends) <= 0.0 and max(ends) >= box.lengths[along[0] if along else 0]):
-        raise InputError(
-            "as a piston a segment must run from side to side of the box, along x or y, so that disks hit it "
-            "along the way that it moves; give such a one, or a line"
-        )
 
 
 def check(
