@@ -24,6 +24,8 @@ from numpy.typing import NDArray
 
 from .errors import InelasticCollapse, InputError
 from .model.ifr import IFRLaw, collide
+from .tools import checked
+from .tools.checked import Array
 
 LAST_PYTHON = (3, 11)  # PyBullet publishes wheels for Python 3.9 to 3.11
 
@@ -77,8 +79,6 @@ def load() -> ModuleType:
         raise InputError(f"pybullet: {reason}")
     return importlib.import_module("pybullet")
 
-
-Array = NDArray[np.float64]
 
 UPRIGHT = 1e-6  # how far a cylinder's axis may lean, as the x and y of its quaternion
 
@@ -138,8 +138,7 @@ def add_disk(
     p = load()
     height = radius if height is None else height
     for name, value in (("mass", mass), ("radius", radius), ("k", k), ("height", height)):
-        if not (math.isfinite(value) and value > 0.0):
-            raise InputError(f"{name} = {value}: a positive finite number is needed")
+        checked.finite(name, value, "a positive finite number is needed", 0.0, open_=True)
     shape = p.createCollisionShape(p.GEOM_CYLINDER, radius=radius, height=height, physicsClientId=client)
     body = p.createMultiBody(mass, shape, -1, [0.0] * 3, useMaximalCoordinates=1, physicsClientId=client)
     _surface(p, client, body, friction, restitution)
@@ -494,13 +493,10 @@ class _Step:
         for side, one in enumerate((i, j)):
             if one < self.n and math.isfinite(bodies.mass[one]):
                 self.since[one] = time
-                self._turn_off(one, time, after.velocity[side], float(after.spin[side]))
+                velocity, spin = after.velocity[side], float(after.spin[side])
+                self.x[one, :2] += (self.v[one] - velocity) * time
+                self.angle[one] += (self.w[one] - spin) * time
+                self.v[one], self.w[one] = velocity, spin
+                (x, y, z), angle = self.x[one], self.angle[one]
+                place(self.client, self.ids[one], (x, y), velocity, spin, angle=angle, z=z)
         return Hit(time + self.dt, self.ids[i], self.ids[j], float(after.P_n), float(after.P_t))
-
-    def _turn_off(self, i: int, time: float, velocity: Array, spin: float) -> None:
-        """Let disk i fly on from where it is at `time` with another velocity and spin."""
-        self.x[i, :2] += (self.v[i] - velocity) * time
-        self.angle[i] += (self.w[i] - spin) * time
-        self.v[i], self.w[i] = velocity, spin
-        body = self.bodies.disks[i].body
-        place(self.client, body, self.x[i, :2], velocity, spin, angle=self.angle[i], z=self.x[i, 2])

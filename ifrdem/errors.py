@@ -54,7 +54,7 @@ class FrameError(InputError, IndexError):
 
 
 class NameMissing(InputError, KeyError):
-    """A name that the file does not hold."""
+    """A name that a file, or the table of coins, does not hold."""
 
     def __str__(self) -> str:  # KeyError would put its message into quotes
         return Exception.__str__(self)

@@ -65,7 +65,7 @@ SLOW = 2.0  # resting speeds: slower disks may rest
 GAP = 4.0  # v_s^2 / g: disks that are nearer touch
 QUICK, QUICK_HITS, JAMMED_HITS = 1e-3, 8, 64  # v_s / g: times between hits that are none; how many of them
 AT_REST, MOVED = 1e-3, 3e-3  # g: accelerations below which a disk may fall asleep, and above which it wakes
-MU, RHO = 2, 4  # columns of the law's table (`law_table.table_row`)
+MU, RHO = 2, 4  # columns of the law's table (`IFRLaw.table_row`)
 NEAR_ENOUGH = 1e-4  # g: what steps still change of accelerations when forces are found
 # contact that may bear: places of both disks, the second -1 for a wall; the normal; what a unit of its four forces
 # (normal, along the contact, torques on both disks) does to either, scaled so that each changes sqrt(m) a by 1 in all;

@@ -22,7 +22,7 @@ from ..model.box import Box
 from ..model.free_area import Room
 from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.state import DiskKinds, Disks, State, dealt, united
-from ..model.walls import Wall, at_displacements, wall_names
+from ..model.walls import Wall, at_displacements
 from ..simulation import checks
 from ..simulation.simulation import Simulation
 from ..simulation.turning import FASTEST_DRUM
@@ -176,13 +176,8 @@ class CaseGas:
         """One text for each two walls that may crush a disk between them in the run; InputError if they must."""
         if not self.n:
             return []
-        walls, radius = self.room.all_walls, self.kinds.radius
-        names, diameter = wall_names(walls, self.box), 2.0 * float(radius.max())
         end = math.inf if self.case.run.t_end is None else self.case.run.t_end
-        found = list(crush.crushes(walls, self.box, diameter, 0.0, end))
-        for each in found:
-            crush.refuse_certain(each, walls, names, 2.0 * float(radius.min()), end)
-        return [crush.told(each, names, diameter) for each in found]
+        return crush.foreseen(self.room.all_walls, self.box, self.kinds.radius, 0.0, end)
 
     @property
     def drum(self) -> float:

@@ -20,7 +20,7 @@ from ..initial.from_csv import Given
 from ..kernels.limits import MOST_IDS, MOST_WALLS
 from ..model.box import Box
 from ..model.free_area import Room
-from ..model.overlaps import check_no_overlap_of_slices, relax
+from ..model.overlaps import check_no_overlap, relax
 from ..model.state import DiskKinds
 from ..model.walls import Wall, check_place, pieces
 from ..model.walls import check as check_walls
@@ -383,7 +383,7 @@ def given_start(
             )
             if start.relax is not None:
                 given = replace(given, position=relax(box, radius, given.position, start.relax, comm=comm))
-            check_no_overlap_of_slices(box, radius, given.position, comm)
+            check_no_overlap(box, radius, given.position, comm=comm)
             check_walls(room.all_walls, box, given.position, radius, comm=comm)
     except InputError as error:
         found += [Complaint(key, value, line) for line in str(error).splitlines()]

@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import InputError, nearest
 from ..model.box import Box
 from ..model.free_area import Room
-from ..model.overlaps import TOLERANCE, check_no_overlap_of_slices
+from ..model.overlaps import TOLERANCE, check_no_overlap
 from ..model.walls import Wall
 from ..model.walls import check as check_walls
 from ..tools import slices, world
@@ -72,7 +72,7 @@ def read(
         overlap, into = ROUNDING * size / (2.0 * smallest), ROUNDING * side
     try:
         all_walls = Room(box, tuple(walls)).all_walls
-        check_no_overlap_of_slices(box, radius, position, comm, tolerance=overlap)
+        check_no_overlap(box, radius, position, tolerance=overlap, comm=comm)
         check_walls(all_walls, box, position, radius, tolerance=into, comm=comm)
         if single:
             given = replace(given, position=packing.separate(box, radius, position, walls=walls, comm=comm))

@@ -7,7 +7,7 @@ velocities does not tie the two together.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,10 +29,8 @@ from ..model.walls import Wall
 from ..tools import checked, seeds, slices, world
 from ..tools.checked import Array
 
-CLOSER, CLEAR = (
-    1.0 - 1e-9,
-    1.0 + 1e-9,
-)  # of the diameter among sites, of the radius at walls: room for rounding
+# Of the diameter among sites, of the radius at walls: room for rounding.
+CLOSER, CLEAR = 1.0 - 1e-9, 1.0 + 1e-9
 HALVINGS = 40
 AT_ONCE = 1 << 18  # sites that are looked at together
 
@@ -113,23 +111,21 @@ class _Sites:
 
     def off_walls(self, numbers: range) -> Array:
         """Those of some numbers at which a disk overlaps no wall; shape (sites, 2)."""
+        return np.concatenate([np.empty((0, 2)), *self._blocks_off_walls(numbers)])
+
+    def _blocks_off_walls(self, numbers: range) -> Iterator[Array]:
         along, across = (1, 0) if self.upright else (0, 1)
-        found = [np.empty((0, 2))]
         for first in range(numbers.start, numbers.stop, AT_ONCE):
             row, column = np.divmod(np.arange(first, min(first + AT_ONCE, numbers.stop)), self.columns)
             position = np.empty((len(row), 2))
             position[:, along] = self.origin[0] + (column + 0.5 * (row % 2)) * self.step
             position[:, across] = self.origin[1] + row * self.rise
-            found.append(position[self.room.gap(position, np.full(len(position), self.radius)) >= 0.0])
-        return np.concatenate(found)
+            yield position[self.room.gap(position, np.full(len(position), self.radius)) >= 0.0]
 
     def count(self, comm: Any = None) -> int:
         """Number of sites at which a disk overlaps no wall."""
         numbers = slices.slice_of(self.points, comm)
-        own = sum(
-            len(self.off_walls(range(first, min(first + AT_ONCE, numbers.stop))))
-            for first in range(numbers.start, numbers.stop, AT_ONCE)
-        )
+        own = sum(map(len, self._blocks_off_walls(numbers)))
         return own if comm is None else int(comm.allreduce(own))
 
 
@@ -275,11 +271,10 @@ def random_positions(
     if n == 0:
         return np.empty((0, 2))
     seeds.stream(seed, seeds.POSITIONS)  # refuses what is no seed
-    ends = [(float(radii.min(initial=np.inf)), float(radii.max(initial=0.0)))]
-    ends = ends if comm is None else comm.allgather(ends[0])
-    smallest, largest = min(low for low, _ in ends), max(high for _, high in ends)
+    smallest = -world.largest(comm, -float(radii.min(initial=np.inf)))
+    largest = world.largest(comm, float(radii.max(initial=0.0)))
     room = Room(box, tuple(walls))
-    _refuse_no_room(room, radii, comm)
+    world.together(comm, lambda: refuse_no_room(room, radii, ids.start))
     wanted = room.covered_part(math.pi * float(slices.total(np.square(radii), comm)))
     # Few disks have no sharp limit: 4 of them in a box that just holds a square of them reach 0.785.
     if wanted > SATURATION + 0.5 / math.sqrt(n) and smallest == largest:
@@ -298,9 +293,8 @@ def random_positions(
         there = slices.exchange(comm, owner[np.searchsorted(firsts, number, side="right") - 1], there)
     order = np.argsort(there[0])
     who, radii_there = there[1][order], there[2][order]
-    rows = {
-        each: slice(firsts[each] - firsts[own[0]], firsts[each + 1] - firsts[own[0]]) for each in own
-    }  # of the disks here, of each strip
+    # Of the disks here, those of each strip.
+    rows = {each: slice(firsts[each] - firsts[own[0]], firsts[each + 1] - firsts[own[0]]) for each in own}
     covered = {each: float(np.sum(np.square(radii_there[rows[each]]))) for each in own}
     told = [covered] if comm is None else comm.allgather(covered)
     areas = np.array([each for some in told for each in some.values()])  # ranks own strips in order
@@ -352,7 +346,7 @@ def _beside(
 ) -> dict[int, tuple[Array, Array]]:  # fmt: skip
     """Places and radii of disks of strips 0, 2, ... near the strips beside them, by these, on their owners."""
     count, reach = len(edges) - 1, 2.0 * float(radius.max(initial=0.0)) * (1.0 + 2.0 * TOLERANCE)
-    reach = reach if comm is None else max(comm.allgather(reach))
+    reach = world.largest(comm, reach)
     strips, places, radii = [np.empty(0, np.int64)], [np.empty((0, 2))], [np.empty(0)]
     for each, own in rows.items():
         if each % 2:
@@ -473,22 +467,10 @@ def lattice(box: Box, n: int, diameter: float) -> tuple[int, int, bool]:
 def _told(box: Box, radius: ArrayLike, comm: Any) -> tuple[Array, range, int]:
     """Radii of this rank's slice, which fit into the box, its ids, and the number of all disks."""
 
-    def looked_at() -> Array:
-        radii = checked_radii(radius)
-        if len(radii):
-            refuse_wider_than_box(box, radii)
-        return radii
-
-    radii = world.together(comm, looked_at)
-    return radii, *slices.numbered(len(radii), comm)
-
-
-def _refuse_no_room(room: Room, radii: Array, comm: Any) -> None:
-    """As `refuse_no_room`, of ranks that have slices."""
-    if comm is None:
-        refuse_no_room(room, radii)
-    else:
-        slices.judged(comm, lambda: refuse_no_room(room, radii) if len(radii) else None)
+    radii = world.together(comm, lambda: checked_radii(radius))
+    ids, n = slices.numbered(len(radii), comm)
+    world.together(comm, lambda: refuse_wider_than_box(box, radii, ids.start))
+    return radii, ids, n
 
 
 def _spread(number: NDArray[np.int64], sites: int, n: int) -> NDArray[np.int64]:
@@ -521,37 +503,29 @@ def hexagonal_positions(
     radii, ids, n = _told(box, radius, comm)
     if n == 0:
         return np.empty((0, 2))
-    diameter = 2.0 * float(radii.max(initial=0.0))
-    diameter = diameter if comm is None else max(comm.allgather(diameter))
+    largest = world.largest(comm, float(radii.max(initial=0.0)))
     room = Room(box, tuple(walls))
-    if room.all_walls:
-        _refuse_no_room(room, radii, comm)
-        number = np.arange(ids.start, ids.stop)
-        if seed is not None:
-            number = seeds.permuted(seed, seeds.SITES, n, ids)
-        found = sites(room, n, 0.5 * diameter, number, comm)
-        if comm is None:
-            check_no_overlap(box, radii, found)
-        return found
-    columns, rows, upright = lattice(box, n, diameter)
-    lengths = box.lengths[::-1] if upright else box.lengths
     number = np.arange(ids.start, ids.stop) if seed is None else seeds.permuted(seed, seeds.SITES, n, ids)
-    row, column = np.divmod(_spread(number, columns * rows, n), columns)
-    # A quarter column from the side: both kinds of row then have the same margin.
-    x = (column + 0.25 + 0.5 * (row % 2)) * (lengths[0] / columns)
-    y = (row + 0.5) * (lengths[1] / rows)
-    found = np.column_stack((y, x) if upright else (x, y))
+    if room.all_walls:
+        world.together(comm, lambda: refuse_no_room(room, radii, ids.start))
+        found = sites(room, n, largest, number, comm)
+    else:
+        columns, rows, upright = lattice(box, n, 2.0 * largest)
+        lengths = box.lengths[::-1] if upright else box.lengths
+        row, column = np.divmod(_spread(number, columns * rows, n), columns)
+        # A quarter column from the side: both kinds of row then have the same margin.
+        x = (column + 0.25 + 0.5 * (row % 2)) * (lengths[0] / columns)
+        y = (row + 0.5) * (lengths[1] / rows)
+        found = np.column_stack((y, x) if upright else (x, y))
     if comm is None:
         check_no_overlap(box, radii, found)
     return found
 
 
 def _size_of(name: str, value: float, most: float = MOST_SPEED) -> float:
-    needed = f"a finite number, 0 or more and at most {most:g}, is needed"
-    size = checked.real(name, value, needed)
-    if not 0.0 <= size <= most:
-        raise InputError(f"{name} = {value}: {needed}")
-    return size
+    return checked.finite(
+        name, value, f"a finite number, 0 or more and at most {most:g}, is needed", 0.0, most
+    )
 
 
 def maxwellian(

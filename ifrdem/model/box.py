@@ -70,10 +70,8 @@ class Box:
         whole_plane = lengths == (math.inf, math.inf) and not any(periodic)
         if not (whole_plane or all(math.isfinite(side) and side > 0 for side in lengths)):
             raise InputError(f"box lengths = {self.lengths}: {needed}")
-        shear_rate = checked.real("box shear_rate", self.shear_rate, "a finite number is needed")
+        shear_rate = checked.finite("box shear_rate", self.shear_rate)
         text, across = f"box shear_rate = {shear_rate:g}", abs(shear_rate) * lengths[1]
-        if not math.isfinite(shear_rate):
-            raise InputError(f"{text}: a finite number is needed")
         if shear_rate != 0.0 and across > FASTEST_FLOW:
             raise InputError(
                 f"{text}: across the box the flow would differ by {across:.3g}, more than {FASTEST_FLOW:g}, whose "
@@ -124,12 +122,8 @@ class Box:
         slice (`slice_of`). InputError if the packing fraction is not between 0 and pi / (2 sqrt 3) = 0.9069, the
         densest packing of equal disks, or if there are no disks.
         """
-        return cls.around(
-            math.pi * float(slices.total(np.square(checked.array("radius", radius)), comm)),
-            packing_fraction,
-            aspect,
-            shear_rate,
-        )
+        covered = math.pi * float(slices.total(np.square(checked.array("radius", radius)), comm))
+        return cls.around(covered, packing_fraction, aspect, shear_rate)
 
     @classmethod
     def around(cls, covered: float, packing_fraction: float, aspect: float, shear_rate: float = 0.0) -> Box:
@@ -142,8 +136,7 @@ class Box:
             )
         if covered <= 0.0:
             raise InputError("a packing fraction needs at least one disk")
-        if not (math.isfinite(aspect) and aspect > 0.0):
-            raise InputError(f"box aspect = {aspect}: a positive finite number is needed")
+        checked.finite("box aspect", aspect, "a positive finite number is needed", 0.0, open_=True)
         area = covered / packing_fraction
         return cls((math.sqrt(area * aspect), math.sqrt(area / aspect)), shear_rate=shear_rate)
 

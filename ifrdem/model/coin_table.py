@@ -9,15 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from ..errors import InputError, nearest
+from ..errors import NameMissing, nearest
 from .ifr import IFRLaw
-
-
-class UnknownCoinError(InputError, KeyError):
-    """No coin of this name, or no coefficients for this pair of coins."""
-
-    def __str__(self) -> str:  # that of KeyError would quote the message
-        return ValueError.__str__(self)
 
 
 @dataclass(frozen=True)
@@ -66,7 +59,7 @@ class Coins(Mapping[str, Coin]):
         except KeyError:
             known = ", ".join(self._coins)
             hint = nearest(str(name), self._coins)
-            raise UnknownCoinError(f"coin = {name!r}: unknown{hint}; known are {known}") from None
+            raise NameMissing(f"coin = {name!r}: unknown{hint}; known are {known}") from None
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._coins)
@@ -89,7 +82,7 @@ class Coins(Mapping[str, Coin]):
         try:
             return self._mixed[frozenset((a, b))]
         except KeyError:
-            raise UnknownCoinError(
+            raise NameMissing(
                 f"coins {a!r} and {b!r}: Table II of the paper has no coefficients for this pair, only for "
                 "coins of one kind and for '500 pts' with '100 pts'; give the pair's own e_n, e_t and mu"
             ) from None

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from ..errors import InputError, nearest
+from ..errors import InputError
+from ..tools import checked
 
 COLLAPSE = ("none", "tc", "velocity_cutoff", "rest")
 
@@ -40,10 +41,7 @@ class Collapse:
     resting_speed: float | None = None
 
     def __post_init__(self) -> None:
-        if self.kind not in COLLAPSE:
-            raise InputError(
-                f"collapse = {self.kind!r}: allowed are {', '.join(COLLAPSE)}{nearest(str(self.kind), COLLAPSE)}"
-            )
+        checked.one_of("collapse", self.kind, COLLAPSE)
         for name, kind in (
             ("contact_time", "tc"), ("velocity_cutoff", "velocity_cutoff"), ("resting_speed", "rest"),
         ):  # fmt: skip

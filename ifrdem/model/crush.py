@@ -19,7 +19,7 @@ import numpy as np
 from ..errors import InputError
 from ..tools.checked import Array
 from .box import Box
-from .walls import FULL_TURN, Wall
+from .walls import FULL_TURN, Wall, wall_names
 
 FACING = 0.5
 """Cosine between a wall and the gap, up to which it lies across it."""
@@ -67,35 +67,35 @@ def crushes(walls: Sequence[Wall], box: Box, diameter: float, begin: float, end:
                 yield Crush(i, j, *found)
 
 
-def told(crush: Crush, names: Sequence[str], diameter: float) -> str:
-    """Message about it."""
-    return (
-        f"{names[crush.one]} and {names[crush.other]} come within {crush.gap:.3g} of each other at t = "
-        f"{crush.time:.4g}, less than the diameter {diameter:.3g}: a disk between them would be crushed"
-    )
+def foreseen(walls: Sequence[Wall], box: Box, radius: Array, begin: float, end: float) -> list[str]:
+    """One message for each two walls that would crush the largest of the disks between them, between two times.
 
-
-def refuse_certain(
-    crush: Crush, walls: Sequence[Wall], names: Sequence[str], smallest: float, end: float
-) -> None:
-    """Refuse two lines that face each other and close, in a run until a known time: no disk can leave the room between.
-
-    Other walls have ends, or a side behind them, by which disks may get away: they are warned of.
-
-    Raises
-    ------
-    InputError
-        With both walls and the time, if the gap gets below the diameter of the smallest disk [length].
+    InputError, with both walls and the time, if two lines face each other and close in a run until a known time to less
+    than the diameter of the smallest disk: no disk can leave the room between. Other walls have ends, or a side behind
+    them, by which disks may get away.
     """
-    one, other = walls[crush.one], walls[crush.other]
-    facing = one.shape == other.shape == "line" and float(np.dot(one.towards, other.towards)) < -1.0 + 1e-9
-    gated = one.opens_after is not None or other.opens_after is not None
-    if facing and not gated and math.isfinite(end) and crush.gap < smallest:
-        raise InputError(
-            f"{names[crush.one]} and {names[crush.other]} close to {crush.gap:.3g} at t = {crush.time:.4g}, less than "
-            f"the diameter {smallest:.3g} of the smallest disk, and all disks are between them: end the run before, or "
-            "let the wall stop (moves_until) or open"
+    names, smallest, diameter = wall_names(walls, box), 2.0 * float(radius.min()), 2.0 * float(radius.max())
+    texts = []
+    for found in crushes(walls, box, diameter, begin, end):
+        one, other = walls[found.one], walls[found.other]
+        both, when = (
+            f"{names[found.one]} and {names[found.other]}",
+            f"t = {found.time:.4g}, less than the diameter",
         )
+        facing = (
+            one.shape == other.shape == "line" and float(np.dot(one.towards, other.towards)) < -1.0 + 1e-9
+        )
+        gated = one.opens_after is not None or other.opens_after is not None
+        if facing and not gated and math.isfinite(end) and found.gap < smallest:
+            raise InputError(
+                f"{both} close to {found.gap:.3g} at {when} {smallest:.3g} of the smallest disk, and all disks are "
+                "between them: end the run before, or let the wall stop (moves_until) or open"
+            )
+        texts.append(
+            f"{both} come within {found.gap:.3g} of each other at {when} {diameter:.3g}: a disk between them would be "
+            "crushed"
+        )
+    return texts
 
 
 def _relative_speed(one: Wall, other: Wall) -> float:
@@ -171,11 +171,11 @@ class _Samples:
         sharp = np.concatenate(((within == 0.0) & bent[:-1][side], bent[-1:]))
         # Along a line disks are on the left; circles run counter-clockwise.
         of_disks = {"line": 1.0, "container": 1.0, "post": -1.0}.get(wall.shape, 0.0)
-        found = cls(wall, points, along[np.concatenate((side, side[-1:]))], sharp, of_disks)
+        along = along[np.concatenate((side, side[-1:]))]
         if wall.shape == "line":
             inside = np.all((points >= 0.0) & (points <= box.lengths), axis=1)
-            return cls(wall, points[inside], found.along[inside], sharp[inside], of_disks)
-        return found
+            points, along, sharp = points[inside], along[inside], sharp[inside]
+        return cls(wall, points, along, sharp, of_disks)
 
     def gap(self, other: Wall, t: float, diameter: float) -> float:
         """The smallest gap to another wall at a time [length], between places that face each other."""

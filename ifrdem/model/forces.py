@@ -402,10 +402,7 @@ def number(name: str, value: float | None, *, positive: bool = False, negative: 
     kind = (
         "a positive finite number" if positive else "a finite number" + ("" if negative else ", 0 or more,")
     )
-    found = checked.real(name, value, f"{kind} is needed")
-    if not math.isfinite(found) or (positive and found <= 0.0) or (not negative and found < 0.0):
-        raise InputError(f"{name} = {value}: {kind} is needed")
-    return found
+    return checked.finite(name, value, f"{kind} is needed", -math.inf if negative else 0.0, open_=positive)
 
 
 def _strength(power: float | None, diffusion: float | None) -> tuple[float, float]:

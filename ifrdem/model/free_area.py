@@ -29,27 +29,26 @@ ROUNDING = 1e-9
 SCANS = 1000
 """Lines along x on which a room with polygons is measured: it is exact without circles, and to some 1e-5 with them."""
 
-_ALONG = np.array(
-    [0.37, 0.61]
-)  # where a piece is tested; its middle may be where another boundary touches it
+# Where a piece is tested; its middle may be where another boundary touches it.
+_ALONG = np.array([0.37, 0.61])
 _QUARTER = 0.5 * math.pi
 
 
 @dataclass(frozen=True)
 class _Line:
-    """A straight boundary through `point`; `normal` is its unit normal into the room."""
+    """A straight boundary through `place`; `normal` is its unit normal into the room."""
 
-    point: Point
+    place: Point
     normal: Point
 
     def inward(self, points: Array) -> Array:
         """Distances from points, shape (n, 2), to the boundary, positive inside."""
-        return (points - self.point) @ np.array(self.normal)
+        return (points - self.place) @ np.array(self.normal)
 
     def at(self, s: Array) -> Array:
-        """Points at the lengths s from `point`, walking with the room on the left."""
+        """Points at the lengths s from `place`, walking with the room on the left."""
         direction = np.array((self.normal[1], -self.normal[0]))
-        return np.array(self.point) + s[:, None] * direction
+        return np.array(self.place) + s[:, None] * direction
 
     def ends(self, far: float) -> tuple[float, float]:
         """Largest and smallest s."""
@@ -73,18 +72,18 @@ class _Line:
 class _Circle:
     """A round boundary: the room is inside of it (a container), or outside (a post)."""
 
-    center: Point
+    place: Point
     radius: float
     inside: bool
 
     def inward(self, points: Array) -> Array:
         """As for a line."""
-        r = np.hypot(*(points - self.center).T)
+        r = np.hypot(*(points - self.place).T)
         return self.radius - r if self.inside else r - self.radius
 
     def at(self, s: Array) -> Array:
         """Points at the angles s."""
-        return np.array(self.center) + self.radius * np.column_stack((np.cos(s), np.sin(s)))
+        return np.array(self.place) + self.radius * np.column_stack((np.cos(s), np.sin(s)))
 
     def ends(self, far: float) -> tuple[float, float]:
         """Range of s: all angles, from where no other boundary has a special point."""
@@ -92,7 +91,7 @@ class _Circle:
 
     def green(self, s: float, s_1: float) -> float:
         """As for a line; around a post the room is on the left clockwise."""
-        (x, y), r = self.center, self.radius
+        (x, y), r = self.place, self.radius
         turn = x * (math.sin(s_1) - math.sin(s)) - y * (math.cos(s_1) - math.cos(s))
         return (0.5 if self.inside else -0.5) * r * (r * (s_1 - s) + turn)
 
@@ -113,7 +112,7 @@ _Piece = tuple[_Boundary, float, float]
 def _meetings(one: _Boundary, other: _Boundary) -> list[float]:
     """Lengths or angles along `one` at which it meets `other`."""
     if isinstance(one, _Line):
-        x, y = (float(value) for value in np.subtract(one.point, _anchor(other)))
+        x, y = (float(value) for value in np.subtract(one.place, other.place))
         ux, uy = one.normal[1], -one.normal[0]
         if isinstance(other, _Line):
             across = ux * other.normal[0] + uy * other.normal[1]
@@ -124,22 +123,18 @@ def _meetings(one: _Boundary, other: _Boundary) -> list[float]:
     if isinstance(other, _Line):
         points = other.at(np.array(_meetings(other, one)))
     else:
-        dx, dy = (float(value) for value in np.subtract(other.center, one.center))
+        dx, dy = (float(value) for value in np.subtract(other.place, one.place))
         d = math.hypot(dx, dy)
         if d == 0.0 or not abs(one.radius - other.radius) < d < one.radius + other.radius:
             return []
         along = (d * d + one.radius**2 - other.radius**2) / (2.0 * d)
         across = math.sqrt(max(0.0, one.radius**2 - along**2))
-        foot = np.array(one.center) + along / d * np.array((dx, dy))
+        foot = np.array(one.place) + along / d * np.array((dx, dy))
         step = across / d * np.array((-dy, dx))
         points = np.array((foot - step, foot + step))
     low, _ = one.ends(0.0)
-    angles = (math.atan2(y - one.center[1], x - one.center[0]) for x, y in points)
+    angles = (math.atan2(y - one.place[1], x - one.place[0]) for x, y in points)
     return [float((angle - low) % (2.0 * math.pi) + low) for angle in angles]
-
-
-def _anchor(boundary: _Boundary) -> Point:
-    return boundary.point if isinstance(boundary, _Line) else boundary.center
 
 
 @dataclass(frozen=True)
@@ -264,9 +259,8 @@ class Room:
         area = 0.0
         polygons = self._polygons
         corners_y = np.clip(np.concatenate([corners[:, 1] for corners, _ in polygons]), 0.0, height)
-        edges = np.unique(
-            np.concatenate([np.linspace(0.0, height, SCANS + 1), corners_y])
-        )  # widths are linear between
+        # Widths are linear between these.
+        edges = np.unique(np.concatenate([np.linspace(0.0, height, SCANS + 1), corners_y]))
         for y, step in zip(0.5 * (edges[1:] + edges[:-1]), np.diff(edges), strict=True):
             across = _line(np.array((0.0, y)), np.array((0.0, 1.0)))
             met = [across.at(np.array([s]))[0, 0] for other in boundaries for s in _meetings(across, other)]
@@ -294,7 +288,7 @@ class Room:
         for i, one in enumerate(boundaries):
             if isinstance(one, _Circle) and one.radius <= 0.0:
                 continue
-            far = 4.0 * size + 2.0 * float(np.max(np.abs(_anchor(one))))
+            far = 4.0 * size + 2.0 * float(np.max(np.abs(one.place)))
             low, high = one.ends(far)
             met = [s for j, other in enumerate(boundaries) if j != i for s in _meetings(one, other)]
             ends = sorted({low, high, *(s for s in met if low < s < high)})

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError, nearest
 from ..tools import checked
 from ..tools.checked import Array
-from .law import CollisionLaw
+from .law import CollisionLaw, EnergyWarning
 
 STICKING = ("percussion_center", "contact_point")
 
@@ -33,9 +33,12 @@ _UNIT = 1e-12
 # Of k and of mu: powers of both are multiplied.
 _MOST = 1e50
 
-
-class EnergyWarning(UserWarning):
-    """The tangential impulses alone can add energy; only the loss along the line of centres outweighs it."""
+_RANGES = {
+    "e_n": (0.0, 1.0, "normal restitution must lie from 0 to 1; above 1 every collision would add energy"),
+    "e_t": (-1.0, 1.0, "tangential restitution must lie from -1 to 1, or it would add energy"),
+    "mu": (0.0, math.inf, "friction must be a finite number of 0 or more"),
+    "rho": (0.0, math.inf, "rolling friction [length] must be finite, 0 or more"),
+}
 
 
 class Regime(IntEnum):
@@ -163,18 +166,8 @@ class IFRLaw(CollisionLaw):
     k: float = field(default=2.0, compare=False)
 
     def __post_init__(self) -> None:
-        for name, low, high, why in (
-            (
-                "e_n",
-                0.0,
-                1.0,
-                "normal restitution must lie from 0 to 1; above 1 every collision would add energy",
-            ),
-            ("e_t", -1.0, 1.0, "tangential restitution must lie from -1 to 1, or it would add energy"),
-            ("mu", 0.0, math.inf, "friction must be a finite number of 0 or more"),
-            ("rho", 0.0, math.inf, "rolling friction [length] must be finite, 0 or more"),
-        ):
-            object.__setattr__(self, name, _number(name, getattr(self, name), low, high, why))
+        for name, range_ in _RANGES.items():
+            object.__setattr__(self, name, _number(name, getattr(self, name), *range_))
         object.__setattr__(self, "k", _positive("k", self.k))
         if self.sticking not in STICKING:
             allowed = ", ".join(repr(name) for name in STICKING)

@@ -28,7 +28,8 @@ from ..tools.checked import Array
 
 TOLERANCE = 1e-4
 """Of curves, as a part of the larger side of the rectangle around the points of a path, where none is given."""
-_TOKEN = re.compile(r"([A-Za-z])|([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)|([\s,]+)|(.)")
+_FLAG = re.compile(r"[\s,]*([01])")
+_NUMBER = re.compile(r"[\s,]*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
 _NUMBERS = {"M": 2, "L": 2, "H": 1, "V": 1, "Z": 0, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7}
 MOST = 1e50
 """Largest number of a point: products of some of them overflow far above it."""
@@ -65,14 +66,14 @@ def checked_points(name: str, points: Any, *, closed: bool) -> tuple[tuple[float
     if not closed:
         return tuple(found)
     corners = np.array(around)
-    for i, (before, after) in enumerate(
-        itertools.pairwise([*np.diff(corners, axis=0), corners[1] - corners[0]])
-    ):
-        if before[0] * after[1] == before[1] * after[0] and before @ after < 0.0:
-            j = (i + 1) % len(found)
-            raise InputError(
-                f"{name}, points[{j}] = ({found[j][0]:.6g}, {found[j][1]:.6g}): the outline doubles back there"
-            )
+    after = np.diff(corners, axis=0)
+    before = np.roll(after, 1, axis=0)
+    back = (before[:, 0] * after[:, 1] == before[:, 1] * after[:, 0]) & (np.sum(before * after, axis=1) < 0.0)
+    if back.any():
+        j = int(np.argmax(np.roll(back, -1)) + 1) % len(found)  # the first after the beginning
+        raise InputError(
+            f"{name}, points[{j}] = ({found[j][0]:.6g}, {found[j][1]:.6g}): the outline doubles back there"
+        )
     if crossing := first_crossing(corners):
         i, j = crossing
         raise InputError(
@@ -99,9 +100,7 @@ def given(
     tolerance : float, optional
         Of the curves of a drawing [length]; see `of_path`.
     """
-    unit = checked.real(f"{name}, scale", scale)
-    if not 0.0 < unit < math.inf:
-        raise InputError(f"{name}, scale = {scale}: a positive length is needed")
+    unit = checked.finite(f"{name}, scale", scale, "a positive length is needed", 0.0, open_=True)
     if not isinstance(points, str | os.PathLike):
         if unit != 1.0:
             raise InputError(f"{name}, scale = {scale}: only a file has it; points are lengths")
@@ -146,15 +145,10 @@ def first_crossing(corners: Array) -> tuple[int, int] | None:
     for first in range(0, n, part):
         i = np.arange(first, min(first + part, n))
         p, q = a[i, None], b[i, None]
-        s_1, s_2, s_3, s_4 = (
-            left(p, q, a[None]),
-            left(p, q, b[None]),
-            left(a[None], b[None], p),
-            left(a[None], b[None], q),
-        )
+        s_1, s_2, s_3, s_4 = left(p, q, a), left(p, q, b), left(a, b, p), left(a, b, q)
         crosses = (s_1 * s_2 < 0) & (s_3 * s_4 < 0)
-        crosses |= ((s_1 == 0) & on(p, q, a[None])) | ((s_2 == 0) & on(p, q, b[None]))
-        apart = (np.arange(n)[None] - i[:, None]) % n
+        crosses |= ((s_1 == 0) & on(p, q, a)) | ((s_2 == 0) & on(p, q, b))
+        apart = (np.arange(n) - i[:, None]) % n
         crosses &= (apart > 1) & (apart < n - 1)
         if crosses.any():
             k, j = (int(each[0]) for each in np.nonzero(crosses))
@@ -225,9 +219,9 @@ def of_path(
     InputError names what is not understood, and where.
     """
     commands = _commands(data, name)
-    if tolerance is not None and not 0.0 < checked.real("tolerance", tolerance) < math.inf:
-        raise InputError(f"{name}, tolerance = {tolerance}: a positive length is needed")
-    if tolerance is None:
+    if tolerance is not None:
+        checked.finite(f"{name}, tolerance", tolerance, "a positive length is needed", 0.0, open_=True)
+    else:
         ends = np.array([args[-2:] for command, args in commands if len(args) >= 2] or [[0.0, 0.0]])
         tolerance = TOLERANCE * (float(np.ptp(ends, axis=0).max()) or 1.0)
     points: list[tuple[float, float]] = []
@@ -237,18 +231,16 @@ def of_path(
     for command, args in commands:
         if closed or (command in "Mm" and points):
             raise InputError(f"{name}: it has several parts; give each a wall of its own")
-        if command.islower() and command not in "a":
-            args = [each + (x, y)[i % 2] for i, each in enumerate(args)] if command not in "hv" else args
-            args = [args[0] + (x if command == "h" else y)] if command in "hv" else args
-        elif command == "a":
-            args = [*args[:5], args[5] + x, args[6] + y]
+        if command in "Hh":
+            args = [args[0], y if command == "H" else 0.0]
+        elif command in "Vv":
+            args = [x if command == "V" else 0.0, args[0]]
+        if command.islower():
+            others = 5 if command == "a" else 0  # numbers that are no places
+            args = args[:others] + [each + (x, y)[i % 2] for i, each in enumerate(args[others:])]
         match command.upper():
-            case "M" | "L":
+            case "M" | "L" | "H" | "V":
                 new = [(args[0], args[1])]
-            case "H":
-                new = [(args[0], y)]
-            case "V":
-                new = [(x, args[0])]
             case "C" | "S" | "Q" | "T":
                 if command in "SsTt":  # a curve that goes on smoothly: the mirror image of the handle before
                     smooth = last in ("CS" if command in "Ss" else "QT")
@@ -279,41 +271,26 @@ def _text(path: str | os.PathLike[str]) -> str:
 def _commands(data: str, name: str) -> list[tuple[str, list[float]]]:
     """Commands of a path, each with its numbers; what follows M counts as L."""
     found: list[tuple[str, list[float]]] = []
-    at = 0
-    command = ""
+    command, at = "", 0
     while at < len(data):
-        match = _TOKEN.match(data, at)
-        assert match is not None
-        letter, number, blank, other = match.groups()
-        if blank:
-            at = match.end()
+        if data[at].isspace() or data[at] == ",":
+            at += 1
             continue
-        if other or (number and not command):
-            raise InputError(
-                f"{name}: {data[at : at + 12]!r} at character {at + 1}: a path begins with M and a point"
-            )
-        if letter:
+        letter, here = data[at], f"{data[at : at + 12]!r} at character {at + 1}"
+        if letter.isascii() and letter.isalpha():
             if letter.upper() not in _NUMBERS:
                 raise InputError(
                     f"{name}: command {letter!r} at character {at + 1} is not known: allowed are "
                     f"{', '.join(_NUMBERS)} and their small letters"
                 )
-            if not found and letter not in "Mm":
-                raise InputError(
-                    f"{name}: {letter!r} at character {at + 1}: a path begins with M and a point"
-                )
-            command, at = letter, match.end()
-            if letter in "Zz":
-                found.append((letter, []))
-                continue
-        elif command in "Zz":
-            raise InputError(f"{name}: {data[at : at + 12]!r} at character {at + 1}: Z takes no numbers")
+            command, at = letter, at + 1
+        elif command in ("Z", "z"):
+            raise InputError(f"{name}: {here}: Z takes no numbers")
+        if not found and command not in ("M", "m"):
+            raise InputError(f"{name}: {here}: a path begins with M and a point")
         numbers: list[float] = []
-        while len(numbers) < _NUMBERS[command.upper()]:
-            flag = command in "Aa" and len(numbers) in (3, 4)
-            read = re.compile(
-                r"[\s,]*([01])" if flag else r"[\s,]*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
-            ).match(data, at)
+        for i in range(_NUMBERS[command.upper()]):
+            read = (_FLAG if command in "Aa" and i in (3, 4) else _NUMBER).match(data, at)
             if read is None:
                 needed = f"{command!r} takes {_NUMBERS[command.upper()]} numbers"
                 raise InputError(f"{name}: {data[at : at + 12]!r} at character {at + 1}: {needed}")

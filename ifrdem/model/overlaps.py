@@ -35,21 +35,21 @@ def checked_radii(radius: ArrayLike) -> Array:
     return column
 
 
-def refuse_wider_than_box(box: Box, radius: Array) -> None:
-    """A disk wider than the box overlaps its own periodic image."""
-    i = int(np.argmax(radius))
-    if 2.0 * radius[i] > min(box.lengths) * (1.0 + TOLERANCE):
+def refuse_wider_than_box(box: Box, radius: Array, first: int = 0) -> None:
+    """A disk wider than the box overlaps its own periodic image; disks are numbered from `first` on."""
+    i = int(np.argmax(radius)) if len(radius) else 0
+    if len(radius) and 2.0 * radius[i] > min(box.lengths) * (1.0 + TOLERANCE):
         raise InputError(
-            f"disk {i} has diameter {2.0 * radius[i]:.6g}, more than the box side {min(box.lengths):.6g}: "
+            f"disk {first + i} has diameter {2.0 * radius[i]:.6g}, more than the box side {min(box.lengths):.6g}: "
             "it overlaps its own periodic image"
         )
 
 
-def refuse_no_room(room: Room, radius: Array) -> None:
-    """Raise InputError if walls leave no room for some disk, wherever it stands."""
-    i = int(np.argmax(radius))
-    if room.all_walls and room.area(float(radius[i])) <= 0.0:
-        raise InputError(f"the walls leave no room for disk {i}, of diameter {2.0 * radius[i]:.6g}")
+def refuse_no_room(room: Room, radius: Array, first: int = 0) -> None:
+    """Raise InputError if walls leave no room for some disk, wherever it stands; numbers as above."""
+    i = int(np.argmax(radius)) if len(radius) else 0
+    if len(radius) and room.all_walls and room.area(float(radius[i])) <= 0.0:
+        raise InputError(f"the walls leave no room for disk {first + i}, of diameter {2.0 * radius[i]:.6g}")
 
 
 def size_classes(radius: Array, ratio: float) -> Iterator[NDArray[np.intp]]:
@@ -87,7 +87,7 @@ def close_pairs(box: Box, radius: Array, position: Array, margin: float = 0.0) -
 
 def _close_pairs_at(box: Box, radius: Array, position: Array, time: float) -> NDArray[np.intp]:
     """`close_pairs` at a `time` [time], in a sheared box too, where a tree knows the images to the sides only."""
-    if box.shear_rate == 0.0:
+    if box.shear_rate == 0.0 or not len(radius):
         return close_pairs(box, radius, position)
     low = np.flatnonzero(position[:, 1] < 2.0 * radius.max() * (1.0 + TOLERANCE))
     above = (position[low] + (box.image_above(time), box.lengths[1])) % (box.lengths[0], math.inf)
@@ -99,7 +99,7 @@ def _close_pairs_at(box: Box, radius: Array, position: Array, time: float) -> ND
 
 def check_no_overlap(
     box: Box, radius: ArrayLike, position: ArrayLike, *, tolerance: float = TOLERANCE, time: float = 0.0,
-    ids: Sequence[int] | NDArray[np.integer] | None = None,
+    ids: Sequence[int] | NDArray[np.integer] | None = None, comm: Any = None,
 ) -> None:  # fmt: skip
     """Refuse positions at which disks overlap, across the periodic sides too.
 
@@ -119,25 +119,42 @@ def check_no_overlap(
         The time [time], which says where the images above and below are in a sheared box.
     ids : sequence of int (n,)
         Numbers of the disks, for the message; 0 to n - 1 by default.
+    comm : mpi4py.MPI.Comm, optional
+        Ranks of MPI, of which each gives the disks of its slice; all raise the same.
     """
-    radii = checked_radii(radius)
-    centres = np.asarray(position, dtype=np.float64)
-    if centres.shape != (len(radii), 2):
-        raise InputError(f"position has shape {centres.shape}: {(len(radii), 2)} is needed")
-    if len(radii) == 0:
-        return
-    _refuse_infinite(centres)
-    refuse_wider_than_box(box, radii)
-    pairs, told = _overlapping(box, radii, box.wrap(centres, time), tolerance, time)
-    _refuse_pairs(pairs if ids is None else np.sort(np.asarray(ids)[pairs]), told)
 
+    def looked_at() -> tuple[Array, Array]:
+        radii, centres = checked_radii(radius), np.asarray(position, dtype=np.float64)
+        if centres.shape != (len(radii), 2):
+            raise InputError(f"position has shape {centres.shape}: {(len(radii), 2)} is needed")
+        return radii, centres
 
-def _refuse_infinite(centres: Array, first: int = 0) -> None:
-    """Refuse places that are not finite; the disks are numbered from `first` on."""
-    finite = np.isfinite(centres).all(axis=1)
-    if not finite.all():
-        i = int(np.argmin(finite))
-        raise InputError(f"position[{first + i}] = {centres[i]}: every value must be finite")
+    radii, centres = world.together(comm, looked_at)
+    first = slices.numbered(len(radii), comm)[0].start
+
+    def refuse_single_ones() -> None:
+        finite = np.isfinite(centres).all(axis=1)
+        if not finite.all():
+            i = int(np.argmin(finite))
+            raise InputError(f"position[{first + i}] = {centres[i]}: every value must be finite")
+        refuse_wider_than_box(box, radii, first)
+
+    world.together(comm, refuse_single_ones)
+    own, numbers, radii, centres = _beside_in_box(box, radii, centres, comm, 0.0, time)
+    rows, told = world.together(
+        comm, lambda: _overlapping(box, radii, box.wrap(centres, time), tolerance, time)
+    )
+    pairs, count = np.sort((numbers if ids is None else np.asarray(ids))[rows]), len(rows)
+    if comm is not None:
+        pairs, told, count = _worst_of_ranks(comm, pairs, told, own[rows].sum(axis=1))
+    if count:
+        worst = _worst(pairs, told)[0]
+        (one, other), (overlap, distance, contact) = pairs[worst], told[worst]
+        others = "" if count == 1 else f"; {count} pairs overlap, this one the most"
+        raise InputError(
+            f"disks {one} and {other} overlap by {overlap:.6g} "
+            f"(distance {distance:.6g}, sum of radii {contact:.6g}){others}"
+        )
 
 
 def _overlapping(
@@ -153,56 +170,29 @@ def _overlapping(
     return pairs[wrong], np.column_stack((overlap, distance, contact))[wrong]
 
 
-def _refuse_pairs(pairs: NDArray[np.integer], told: Array, count: int | None = None) -> None:
-    """Refuse pairs that overlap, by their disks' numbers, if there are any; `count` is the number of all."""
-    if not len(pairs):
-        return
-    worst = np.lexsort((pairs[:, 1], pairs[:, 0], -told[:, 0]))[0]
-    (first, second), (overlap, distance, contact) = pairs[worst], told[worst]
-    count = len(pairs) if count is None else count
-    others = "" if count == 1 else f"; {count} pairs overlap, this one the most"
-    raise InputError(
-        f"disks {first} and {second} overlap by {overlap:.6g} "
-        f"(distance {distance:.6g}, sum of radii {contact:.6g}){others}"
-    )
+def _worst(pairs: NDArray[np.integer], told: Array) -> NDArray[np.intp]:
+    """Place of the pair that overlaps most, of the lowest numbers in a tie, shape (1,); (0,) without pairs."""
+    return np.lexsort((pairs[:, 1], pairs[:, 0], -told[:, 0]))[:1]
+
+
+def _worst_of_ranks(
+    comm: Any, pairs: NDArray[np.integer], told: Array, here: NDArray[np.integer]
+) -> tuple[NDArray[np.integer], Array, int]:
+    """Pairs that overlap, of all ranks, the worst among them, what is told of each, and the number of all.
+
+    `here` is how many of a pair's disks stand in the own part of the box: a pair of two ranks may be seen by both.
+    """
+    inner, between = here == 2, here == 1
+    worst = np.flatnonzero(inner)[_worst(pairs[inner], told[inner])]
+    gathered = comm.allgather((int(inner.sum()), pairs[worst], told[worst], pairs[between], told[between]))
+    counts, best, values, at, more = zip(*gathered, strict=True)
+    border, rows = np.unique(np.concatenate(at), axis=0, return_index=True)
+    told = np.concatenate((*values, np.concatenate(more)[rows]))
+    return np.concatenate((*best, border)), told, sum(counts) + len(border)
 
 
 _BANDS = 64
 """Bands of the box along y for each rank, of which those that it checks are put together."""
-
-
-def check_no_overlap_of_slices(
-    box: Box, radius: Array, position: Array, comm: Any, *, tolerance: float = TOLERANCE, time: float = 0.0
-) -> None:
-    """As `check_no_overlap`, of disks of which each rank has a slice; all raise the same."""
-    if comm is None:
-        check_no_overlap(box, radius, position, tolerance=tolerance, time=time)
-        return
-    world.together(comm, lambda: checked_radii(radius))
-    first = slices.numbered(len(radius), comm)[0].start
-    world.together(comm, lambda: _refuse_infinite(position, first))
-    own, ids, radii, places = _beside_in_box(box, radius, position, comm, 0.0, time)
-
-    def found() -> tuple[NDArray[np.intp], Array]:
-        if not len(radii):
-            return np.empty((0, 2), np.intp), np.empty((0, 3))
-        refuse_wider_than_box(box, radii)
-        return _overlapping(box, radii, box.wrap(places, time), tolerance, time)
-
-    pairs, told = world.together(comm, found)
-    here = own[pairs].sum(axis=1)  # a pair of two ranks may be seen by both
-    numbers = np.sort(ids[pairs])
-    inner, between = here == 2, here == 1
-    worst = np.lexsort((*numbers[inner].T[::-1], -told[inner, 0]))[:1]
-    counts, best, values, at, more = zip(
-        *comm.allgather(
-            (int(inner.sum()), numbers[inner][worst], told[inner][worst], numbers[between], told[between])
-        ),
-        strict=True,
-    )
-    border, rows = np.unique(np.concatenate(at), axis=0, return_index=True)
-    everywhere = np.concatenate((*best, border)), np.concatenate((*values, np.concatenate(more)[rows]))
-    _refuse_pairs(*everywhere, count=sum(counts) + len(border))
 
 
 def _beside_in_box(
@@ -211,10 +201,13 @@ def _beside_in_box(
     """Disks of a part of the box along y, about as many on each rank, and those that reach into it from above.
 
     So each pair that is closer than contact + `gap` [length] is seen by the rank of its lower disk. Returned are, of
-    disks of which each rank gives a slice: whether they stand in the own part, their ids, radii and places.
+    disks of which each rank gives a slice: whether they stand in the own part, their ids, radii and places. Without
+    ranks they are all.
     """
+    if comm is None:
+        return np.ones(len(radius), dtype=bool), np.arange(len(radius)), radius, position
     ids, _ = slices.numbered(len(radius), comm)
-    width = 2.0 * max(comm.allgather(float(radius.max(initial=0.0)))) * (1.0 + 2.0 * TOLERANCE) + gap
+    width = 2.0 * world.largest(comm, float(radius.max(initial=0.0))) * (1.0 + 2.0 * TOLERANCE) + gap
     height = box.lengths[1]
     y = box.wrap(position, time)[:, 1]
     bands = _BANDS * comm.size
@@ -247,9 +240,7 @@ def close_ones(
 
     Their ids, radii and centres; of ranks, which give the disks of their slices, on the first one, and None on others.
     """
-    ids, radii, places = np.arange(len(radius)), radius, position
-    if comm is not None:
-        _, ids, radii, places = _beside_in_box(box, radius, position, comm, gap)
+    _, ids, radii, places = _beside_in_box(box, radius, position, comm, gap)
     centres = box.wrap(places)
     i, j = close_pairs(box, radii, centres, gap).T
     near = np.linalg.norm(box.minimum_image(centres[j] - centres[i]), axis=-1) < radii[i] + radii[j] + gap

@@ -5,8 +5,8 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -206,13 +206,13 @@ def extremes(columns: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
 
 _LOWEST = -(2**31)
 _COUNTS = (
-    ("collisions", (), 0),
-    ("image", (2,), _LOWEST),
-    ("wall_hits", (), 0),
-    ("last_partner", (), _LOWEST),
-    ("asleep", (), 0),
+    ("collisions", (), 0, 0),
+    ("image", (2,), 0, _LOWEST),
+    ("wall_hits", (), 0, 0),
+    ("last_partner", (), -1, _LOWEST),
+    ("asleep", (), 0, 0),
 )
-"""Counts of a state, their shape beside the number of disks, and the lowest number."""
+"""Counts of a state, their shape beside the number of disks, what they are where not given, and the lowest number."""
 
 
 @dataclass(eq=False, repr=False)
@@ -258,11 +258,6 @@ class State(Brief, Sealed, Pictured):
     (0.0, (2, 2))
     """
 
-    assignable: ClassVar[frozenset[str]] = frozenset({
-        "angle", "asleep", "collisions", "dissipated", "flow", "image", "last_partner", "latest_collision", "position",
-        "spin", "time", "velocity", "wall_hits",
-    })  # fmt: skip
-
     position: Array
     velocity: Array
     spin: Array
@@ -284,13 +279,11 @@ class State(Brief, Sealed, Pictured):
         n = len(self.spin)
         self.position = checked.array("position", self.position, (n, 2))
         self.velocity = checked.array("velocity", self.velocity, (n, 2))
-        self.time = checked.real("time", self.time)
-        if not math.isfinite(self.time):
-            raise InputError(f"time = {self.time}: a finite number is needed")
-        for name, shape, least in _COUNTS:
+        self.time = checked.finite("time", self.time)
+        for name, shape, default, least in _COUNTS:
             value = getattr(self, name)
             if value is None:
-                value = np.full((n, *shape), -1 if name == "last_partner" else 0, dtype=np.int32)
+                value = np.full((n, *shape), default, dtype=np.int32)
             setattr(self, name, checked.counts(name, value, (n, *shape), least=least))
         if self.latest_collision is None:
             self.latest_collision = np.full(n, -np.inf)
@@ -329,10 +322,8 @@ class State(Brief, Sealed, Pictured):
         return self.velocity if self.flow is None else self.velocity - self.flow
 
 
-OF_STATE = (
-    "position", "velocity", "spin", "collisions", "image", "wall_hits", "latest_collision", "last_partner", "angle",
-    "dissipated", "asleep",
-)  # fmt: skip
+State.assignable = frozenset(each.name for each in fields(State))
+OF_STATE = tuple(each.name for each in fields(State) if each.name not in ("time", "flow"))
 """Names of what a state has of each disk, beside the flow, which the box gives."""
 
 

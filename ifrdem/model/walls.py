@@ -47,12 +47,9 @@ AT_ONCE = 2_000_000
 def _number(
     name: str, value: float, low: float = -math.inf, high: float = math.inf, *, open_: bool = False
 ) -> float:
-    number = checked.real(name, value, "a finite number is needed")
-    inside = low < number < high if open_ else low <= number <= high
-    if not (math.isfinite(number) and inside):
-        between = "" if low == -math.inf else f" {'above' if open_ else 'not below'} {low:g}"
-        between += "" if high == math.inf else f" and {'below' if open_ else 'not above'} {high:g}"
-        raise InputError(f"{name} = {value}: a finite number{between} is needed")
+    between = "" if low == -math.inf else f" {'above' if open_ else 'not below'} {low:g}"
+    between += "" if high == math.inf else f" and {'below' if open_ else 'not above'} {high:g}"
+    number = checked.finite(name, value, f"a finite number{between} is needed", low, high, open_=open_)
     if abs(number) > MOST:
         raise InputError(f"{name} = {value}: numbers up to {MOST:g} are allowed")
     return number
@@ -493,9 +490,14 @@ class Wall:
 
     @property
     def corners(self) -> Array:
-        """Points of a polyline; of a polygon the first one again at the end [length], shape (points, 2)."""
+        """Ends of a segment, points of a polyline, of a polygon the first one again at the end; shape (points, 2)."""
+        if self.shape == "segment":
+            return np.array((self.place, np.add(self.place, self.towards)))
         closed = self.points[:1] if self.shape == "polygon" else ()
         return np.array((*self.points, *closed), dtype=np.float64).reshape(-1, 2)
+
+    def _on_circle(self, angle: Any) -> Array:
+        return np.array(self.place) + self.radius * np.column_stack((np.cos(angle), np.sin(angle)))
 
     @property
     def arc_ends(self) -> Array:
@@ -503,8 +505,7 @@ class Wall:
         begin, end = self.angles
         if end - begin >= FULL_TURN * (1.0 - 1e-15):
             return np.empty((0, 2))
-        angle = np.array(self.angles)
-        return np.array(self.place) + self.radius * np.column_stack((np.cos(angle), np.sin(angle)))
+        return self._on_circle(np.array(self.angles))
 
     def rows(self) -> Array:
         """The pieces of the wall as rows of `kernels/walls.py`, shape (pieces, `WALL`)."""
@@ -535,8 +536,7 @@ class Wall:
             found = [row(kind, self.place, out, self.radius, half) for kind in ("arc inside", "arc outside")]
             found += [row("post", end, (0.0, 0.0)) for end in self.arc_ends]
         elif self.points:
-            corners = self.corners
-            found = [row("segment", a, b - a) for a, b in itertools.pairwise(corners)]
+            found = [row("segment", a, b - a) for a, b in itertools.pairwise(self.corners)]
         else:
             found = [row(self.shape, self.place, self.towards, self.radius)]
         if (piston := self.piston) is not None:
@@ -587,9 +587,7 @@ class Wall:
         step, angle = self.moved(t)
         if self.turn.kind == "still":
             return points + step
-        c, s = math.cos(angle), math.sin(angle)
-        x, y = (points - self.turn.center).T
-        return np.column_stack((c * x - s * y, s * x + c * y)) + self.turn.center + step
+        return _rotated(points - self.turn.center, angle) + self.turn.center + step
 
     def outline(self, t: float = 0.0, step: float = 0.05) -> Array:
         """Points along the wall at a time [length], shape (n, 2), in steps of this angle [rad] along a circle or arc.
@@ -600,32 +598,21 @@ class Wall:
 
     def drawn(self, step: float = 0.05) -> Array:
         """The same of the wall as it is given, before it moves."""
-        if self.shape == "line":
-            return np.empty((0, 2))
-        if self.points:
-            found = self.corners
-        elif self.shape == "segment":
-            found = np.array((self.place, np.add(self.place, self.towards)))
-        else:
-            begin, end = self.angles if self.shape == "arc" else (0.0, FULL_TURN)
-            angle = np.linspace(begin, end, 2 + int((end - begin) / step))
-            found = np.array(self.place) + self.radius * np.column_stack((np.cos(angle), np.sin(angle)))
-        return found
+        if self.shape not in ("container", "post", "arc"):
+            return self.corners
+        begin, end = self.angles if self.shape == "arc" else (0.0, FULL_TURN)
+        return self._on_circle(np.linspace(begin, end, 2 + int((end - begin) / step)))
 
     def bounds(self) -> tuple[Array, Array]:
         """Lowest and highest x and y [length] of the wall as it turns, but for its displacement, shape (2,)."""
-        if self.points:
-            found = self.corners
-        elif self.shape == "arc":
-            quarters = np.arange(
-                math.ceil(self.angles[0] / _QUARTER), math.floor(self.angles[1] / _QUARTER) + 1
-            )
-            out = np.column_stack((np.cos(quarters * _QUARTER), np.sin(quarters * _QUARTER)))
-            found = np.concatenate((self.arc_ends, np.array(self.place) + self.radius * out))
-        elif self.shape == "segment":
-            found = np.array((self.place, np.add(self.place, self.towards)))
-        else:
+        if self.shape == "arc":
+            first, last = (each / _QUARTER for each in self.angles)
+            quarters = np.arange(math.ceil(first), math.floor(last) + 1) * _QUARTER
+            found = np.concatenate((self.arc_ends, self._on_circle(quarters)))
+        elif self.shape in ("container", "post", "line"):
             found = np.array((np.subtract(self.place, self.radius), np.add(self.place, self.radius)))
+        else:
+            found = self.corners
         if self.turn.kind == "still":
             return found.min(axis=0), found.max(axis=0)
         lever = self.lever
@@ -654,13 +641,8 @@ class Wall:
         position = position - step
         if self.turn.kind == "still":
             return self._normal(position)
-        c, s = math.cos(angle), math.sin(angle)
-        x, y = (position - self.turn.center).T
-        (n_x, n_y), distance = (
-            each.T
-            for each in self._normal(np.column_stack((c * x + s * y, c * y - s * x)) + self.turn.center)
-        )
-        return np.column_stack((c * n_x - s * n_y, s * n_x + c * n_y)), distance
+        away, distance = self._normal(_rotated(position - self.turn.center, -angle) + self.turn.center)
+        return _rotated(away, angle), distance
 
     def _normal(self, position: Array) -> tuple[Array, Array]:
         """The same before it moved."""
@@ -674,8 +656,7 @@ class Wall:
             along = np.clip(d @ towards / (towards @ towards), 0.0, 1.0)
             d = d - along[:, None] * towards
         r = np.hypot(d[:, 0], d[:, 1])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            away = np.where(r[:, None] > 0.0, d / r[:, None], (1.0, 0.0))  # in its middle, any direction does
+        away = _unit(d, r)
         if self.shape == "container":
             return -away, self.radius - r
         distance = r - self.radius
@@ -689,8 +670,7 @@ class Wall:
                 which = np.argmin(far, axis=1)
                 rows = np.arange(len(which))
                 distance[beside] = far[rows, which]
-                with np.errstate(divide="ignore", invalid="ignore"):
-                    away[beside] = to_ends[rows, which] / far[rows, which][:, None]
+                away[beside] = _unit(to_ends[rows, which], distance[beside])
         return away, distance
 
     def _normal_of_points(self, position: Array) -> tuple[Array, Array]:
@@ -718,8 +698,7 @@ class Wall:
                 with np.errstate(divide="ignore", invalid="ignore"):
                     beyond = d[..., 0] < q[some][:, 0] * y_0 / q[some][:, 1]
                 crossed += np.count_nonzero(straddles & beyond, axis=1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            away = np.where(distance[:, None] > 0.0, away / distance[:, None], (1.0, 0.0))
+        away = _unit(away, distance)
         if self.shape == "polygon" and self.holds != "both":
             wrong = (crossed % 2 == 1) != (self.holds == "inside")
             sign = np.where(wrong, -1.0, 1.0)
@@ -734,6 +713,19 @@ class Wall:
 
 
 _QUARTER = 0.5 * math.pi
+
+
+def _rotated(vectors: Array, angle: float) -> Array:
+    """Vectors, shape (n, 2), turned counter-clockwise."""
+    c, s = math.cos(angle), math.sin(angle)
+    x, y = vectors.T
+    return np.column_stack((c * x - s * y, s * x + c * y))
+
+
+def _unit(vectors: Array, length: Array) -> Array:
+    """Unit vectors along vectors, shape (n, 2), of these lengths, shape (n,); along x where the length is 0."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(length[:, None] > 0.0, vectors / length[:, None], (1.0, 0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -815,7 +807,7 @@ def at_displacements(walls: Sequence[Wall], displacements: Sequence[float]) -> t
     return tuple(wall if wall.piston is None else wall.at(next(left)) for wall in walls)
 
 
-def sides(box: Box, material: int = 0) -> list[Wall]:
+def sides(box: Box) -> list[Wall]:
     """Straight walls at those sides of a box that are not periodic; an open one has no sides."""
     if box.is_open:
         return []
@@ -825,7 +817,7 @@ def sides(box: Box, material: int = 0) -> list[Wall]:
         found += [((0.0, 0.0), (1.0, 0.0)), ((width, 0.0), (-1.0, 0.0))]
     if not box.periodic[1]:
         found += [((0.0, 0.0), (0.0, 1.0)), ((0.0, height), (0.0, -1.0))]
-    return [Wall.line(point, normal, material=material) for point, normal in found]
+    return [Wall.line(point, normal) for point, normal in found]
 
 
 def pieces(walls: Sequence[Wall]) -> int:
@@ -889,17 +881,14 @@ def check_place(wall: Wall, box: Box) -> None:
 
 def _check_spans(wall: Wall, box: Box) -> None:
     """Raise InputError unless a segment reaches across the box along an axis: its ends would be hit aslant."""
-    along = [axis for axis in range(2) if wall.towards[1 - axis] == 0.0]
-    ends = (
-        (wall.place[along[0]], wall.place[along[0]] + wall.towards[along[0]])
-        if along
-        else (math.nan, math.nan)
+    for axis in range(2):
+        ends = wall.place[axis], wall.place[axis] + wall.towards[axis]
+        if wall.towards[1 - axis] == 0.0 and min(ends) <= 0.0 and max(ends) >= box.lengths[axis]:
+            return
+    raise InputError(
+        "as a piston a segment must run from side to side of the box, along x or y, so that disks hit it along the way "
+        "that it moves; give such a one, or a line"
     )
-    if not (min(ends) <= 0.0 and max(ends) >= box.lengths[along[0] if along else 0]):
-        raise InputError(
-            "as a piston a segment must run from side to side of the box, along x or y, so that disks hit it "
-            "along the way that it moves; give such a one, or a line"
-        )
 
 
 def check(

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from .. import analysis
 from ..analysis.result import Evaluation
@@ -30,10 +31,8 @@ from .style import (
     with_unit,
 )  # fmt: skip
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 MARKERS = "os^Dv<>P"
+BARS: dict[str, Any] = {"color": ACROSS, "ec": TRANSLATION, "ecolor": ROTATION, "capsize": 3.0}
 POINTS: dict[str, Any] = {"fmt": "o", "lw": 0.8, "mfc": "none", "color": TRANSLATION}
 
 
@@ -108,10 +107,8 @@ def pairs(axes: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> Non
     axes.plot(r / unit, g, "-", color=TRANSLATION, lw=1.2, label="disks, band: standard error")
     axes.axhline(1.0, color=RATIO, ls=":", lw=1.2, label="ideal gas")
     far = r > 0.7 * r[-1]
-    plateau, of_plateau = (
-        float(g[far].mean()),
-        float(np.sqrt(np.sum(error[far] ** 2)) / np.count_nonzero(far)),
-    )
+    plateau = float(g[far].mean())
+    of_plateau = float(np.sqrt(np.sum(error[far] ** 2)) / np.count_nonzero(far))
     if plateau - 1.0 > max(CLEARLY, 4.0 * of_plateau):
         why = "walls" if trajectory is not None and trajectory.room.all_walls else "clusters"
         text = f"{plateau:.3g}: above 1, as the density varies ({why})"
@@ -315,9 +312,8 @@ def _ratio(axes: Axes, found: analysis.RatioFit) -> None:
 def _pressure(axes: Axes, found: analysis.Pressure) -> None:
     """The kinetic and the collisional part, and their sum."""
     error = found.error if np.isfinite(found.error) else 0.0
-    look: dict[str, Any] = {"color": ACROSS, "ec": TRANSLATION, "ecolor": ROTATION, "capsize": 3.0}
     parts = ("kinetic", "collisional", "total")
-    axes.bar(parts, [getattr(found, one) for one in parts], yerr=[0.0, error, error], **look)
+    axes.bar(parts, [getattr(found, one) for one in parts], yerr=[0.0, error, error], **BARS)
     axes.set(xlabel="part, bars: standard error", ylabel="pressure $p$")
     axes.set_title(f"$p A / (N T)$ = {found.Z:.4g}", fontsize="medium")
     grid(axes)
@@ -330,14 +326,12 @@ def impact(left: Axes, right: Axes, trajectory: Trajectory | None, outcome: Eval
     left.errorbar(np.degrees(found.psi), found.density, found.density_error, ms=4, label=text, **POINTS)
     fine = np.linspace(0.0, 90.0, 200)
     left.plot(fine, np.cos(np.radians(fine)), "-", color=RATIO, lw=1.5, label=r"molecular chaos, $\cos\psi$")
-    left.set(
-        xlim=(0.0, 90.0), xlabel=r"angle of impact $\psi$ (degrees)", ylabel="probability density (1/rad)"
-    )
+    left.set(xlabel=r"angle of impact $\psi$ (degrees)", ylabel="probability density (1/rad)")
+    left.set(xlim=(0.0, 90.0))
     left.set_ylim(bottom=0.0)
     left.legend(loc="best", frameon=False)
     share, error = np.array(list(found.regimes.values())).reshape(-1, 2).T
-    look: dict[str, Any] = {"color": ACROSS, "ec": TRANSLATION, "ecolor": ROTATION, "capsize": 3.0}
-    right.barh(list(found.regimes), share, xerr=error, **look)
+    right.barh(list(found.regimes), share, xerr=error, **BARS)
     right.set(xlim=(0.0, 1.0), xlabel="share of collisions, bars: standard error")
     right.set_title(f"regimes of {found.regime_collisions} collisions", fontsize="medium")
     grid(left, right)

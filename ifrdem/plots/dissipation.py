@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from ..errors import InputError
 from ..model.observables import MECHANISMS
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .disks import draw_walls, shown_region
-from .energies import DISSIPATED
+from .series import DISSIPATED
 from .style import bar_beside, label, place_axes, with_unit
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 PER_CELL = 60
 """Disks, over all frames, in a cell of the map, about."""
@@ -47,9 +44,8 @@ def of(trajectory: Trajectory, frames: Sequence[int] | None = None) -> Dissipati
             f"{trajectory.path} does not hold what each disk lost: output.fields must have 'dissipated' (in Python "
             "Simulation(dissipated=True), and the field in TrajectoryWriter)"
         )
-    used = sorted(
-        set(range(len(trajectory)) if frames is None else (range(len(trajectory))[i] for i in frames))
-    )
+    every = range(len(trajectory))
+    used = sorted({every[i] for i in (every if frames is None else frames)})
     if len(used) < 2:
         raise InputError(
             f"{trajectory.path}: two frames at least are needed, between which disks lose energy"

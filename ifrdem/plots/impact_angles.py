@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import contextlib
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from scipy.optimize import bisect
 
 from ..errors import InputError
 from ..initial import impact_scan as scan
@@ -17,9 +18,6 @@ from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .run import Place, Run, save
 from .style import OPEN, RATIO, ROTATION, TRANSLATION, grid
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def impact_scan(run: Run, path_png: Place = None) -> Figure:
@@ -35,8 +33,6 @@ def impact_scan(run: Run, path_png: Place = None) -> Figure:
     >>> from ifrdem import plots
     >>> figure = plots.impact_scan("impact_scan.h5")  # doctest: +SKIP
     """
-    from matplotlib.figure import Figure
-
     with contextlib.nullcontext(run) if isinstance(run, Trajectory) else Trajectory(run) as trajectory:
         law, disks = _law(trajectory), trajectory.disks
         tan_psi, tan_delta = measured(trajectory)
@@ -115,8 +111,6 @@ def predicted(law: IFRLaw, disks: Disks, tan_psi: Array) -> tuple[Array, NDArray
 
 def _change(law: IFRLaw, disks: Disks, low: float, high: float) -> float:
     """Tangent of psi, between two, at which sticking turns into sliding, or back."""
-    from scipy.optimize import bisect
-
     return float(bisect(lambda at: predicted(law, disks, np.array([at]))[1][0] - 0.5, low, high, xtol=1e-15))
 
 

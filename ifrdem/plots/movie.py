@@ -7,7 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps, rc_context, rcParams
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from numpy.typing import NDArray
+from PIL import Image
 
 from ..errors import InputError
 from ..tools.checked import Array
@@ -57,8 +65,6 @@ class Scene:
         regions = [plot_disks.shown_region(trajectory, trajectory[i].position) for i in samples]
         self._region = np.column_stack([np.min(regions, axis=0)[:, 0], np.max(regions, axis=0)[:, 1]])
         self._low, self._high = self._range(samples)
-        from matplotlib import rc_context, rcParams
-
         small = min(*(size or LARGEST), SMALL) / SMALL  # letters shrink with a small picture
         with rc_context({"font.size": small * rcParams["font.size"]}):
             self._compose(size or self._fitting())
@@ -75,13 +81,6 @@ class Scene:
 
     def _compose(self, size: tuple[int, int]) -> None:
         """Draw all but the disks, walls and time."""
-        from matplotlib import colormaps, rcParams
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.cm import ScalarMappable
-        from matplotlib.colors import Normalize
-        from matplotlib.figure import Figure
-        from matplotlib.layout_engine import ConstrainedLayoutEngine
-
         figure = Figure(figsize=(size[0] / DPI, size[1] / DPI), dpi=DPI)
         self._canvas = FigureCanvasAgg(figure)
         self._axes = axes = figure.add_subplot()
@@ -180,8 +179,6 @@ class Scene:
 
     def _draw_disks(self, index: int) -> str:
         """Draw disks and how far they have turned; returns what the title says of them."""
-        from matplotlib.collections import PolyCollection
-
         frame, radius, box = self._trajectory[index], self._trajectory.disks.radius, self._axes.bbox
         pixel = float(np.mean(np.ptp(self._region, axis=1) / (box.width, box.height)))
         drawn, owner = plot_disks.add_disks(self._axes, plot_disks.View.of(frame), pixel)
@@ -260,7 +257,6 @@ def _ffmpeg(fps: int) -> Encoder:
 
 def _pillow(kind: str, fps: int, quality: int) -> Encoder:
     """An animation that plays again and again."""
-    from PIL import Image
 
     def encode(aside: Path, size: tuple[int, int], pictures: Iterable[NDArray[np.uint8]]) -> None:
         first, *others = (Image.fromarray(picture) for picture in pictures)

@@ -31,18 +31,17 @@ def disks(thing: Frame | Simulation, axes: Any, color: str) -> Axes:
     view = plot_disks.View.of(thing)
     if axes is None:
         axes = _new(plot_disks.figure_size(view, view.moving.position)).subplots()
-    (one,) = given = pictures.as_list(axes)[:1]
-    pictures.check_count("a picture of disks", given, 1, 1)
+    (one,) = pictures.checked_axes("a picture of disks", axes, 1, 1)
     plot_disks.draw(one, view, color)
     return one
 
 
-def trajectory(thing: Trajectory, what: str, axes: Any, frames: Any, over: str, color: str | None) -> Any:
+def trajectory(thing: Trajectory, what: str, axes: Any, **options: Any) -> Any:
     """Draw a picture of a trajectory; see `Trajectory.plot`."""
     if axes is not None:
-        pictures.panels(thing, what, axes, frames, over, color)
+        pictures.panels(thing, what, axes, **options)
         return axes
-    made = pictures.figure(thing, what, frames=frames, over=over, color=color, make=_new)
+    made = pictures.figure(thing, what, make=_new, **options)
     return _one_or_all(np.array(made.axes))
 
 
@@ -55,9 +54,7 @@ def result(found: Any, axes: Any) -> Any:
     if axes is None:
         size = (10.0, 4.4) if count == 2 else (6.4, 4.8)
         axes = _one_or_all(_new(size).subplots(squeeze=False, **panels.layout).ravel())
-    given = pictures.as_list(axes)
-    pictures.check_count(f"a picture of {type(found).__name__}", given, count, count)
-    panels.draw(*given, found)
+    panels.draw(*pictures.checked_axes(f"a picture of {type(found).__name__}", axes, count, count), found)
     return axes
 
 

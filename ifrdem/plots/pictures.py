@@ -39,6 +39,11 @@ PICTURES = {
 OVER = ("temperatures", "energy", "ledger", "mechanisms", "walls", "piston")
 """Pictures that can be drawn over collisions per disk."""
 UPPER_AND_LOWER: dict[str, Any] = {"nrows": 2, "sharex": True, "height_ratios": (3.0, 1.0)}
+LAYOUTS: dict[str, dict[str, Any]] = {
+    "walls": {"nrows": 2, "ncols": 2, "sharex": True}, "piston": {"nrows": 2, "sharex": True},
+    "dissipation": {"ncols": 2, "width_ratios": (1.4, 1.0)}, "disks": {}, "energy": {}, "mechanisms": {},
+}  # fmt: skip
+"""Arguments of `Figure.subplots`, beside those of analyses, and of pictures of which they depend on the trajectory."""
 
 
 def figure(
@@ -88,7 +93,7 @@ def figure(
         size = figure_size(trajectory, trajectory[frames[-1] if frames else -1].position)
     drawn: Figure = make(size) if make is not None else Figure(size, dpi=200, layout="constrained")
     axes = drawn.subplots(squeeze=False, **layout).ravel()
-    outcome = _draw([*axes], trajectory, what, frames, over, color)
+    outcome = _draw(axes, trajectory, what, frames, over, color)
     head = title(trajectory)
     if size[0] < 7.0:
         head = ",\n".join(head.rsplit(", ", 1))
@@ -103,26 +108,24 @@ def figure(
 
 
 def panels(
-    trajectory: Trajectory, what: str, axes: Any, frames: Sequence[int] | None, over: str, color: str | None
+    trajectory: Trajectory, what: str, axes: Any, frames: Sequence[int] | None = None, **options: Any
 ) -> None:
-    """Draw into given axes. InputError if there are not as many as the picture has panels; a lower one may lack."""
-    given, layout = as_list(axes), _layout(trajectory, what)
+    """Draw into given axes, with options as for `figure`.
+
+    InputError if there are not as many as the picture has panels; a lower one may lack.
+    """
+    layout = _layout(trajectory, what)
     count = layout.get("ncols", 1) * layout.get("nrows", 1)
-    check_count(f"the picture {what}", given, count, 1 if layout is UPPER_AND_LOWER else count)
-    _draw(given, trajectory, what, _numbers(trajectory, frames), over, color)
+    given = checked_axes(f"the picture {what}", axes, count, 1 if layout is UPPER_AND_LOWER else count)
+    _draw(given, trajectory, what, _numbers(trajectory, frames), **options)
 
 
-def as_list(axes: Any) -> list[Axes]:
-    """Axes as a list, from one or an array."""
+def checked_axes(what: str, axes: Any, most: int, least: int) -> list[Axes]:
+    """Axes as a list, from one or an array; refuses what are no axes, and fewer or more of them than panels."""
     import numpy as np
-
-    return list(np.ravel(np.asarray(axes, dtype=object)))
-
-
-def check_count(what: str, given: Sequence[Any], most: int, least: int) -> None:
-    """Refuse what are no axes, and fewer or more of them than panels."""
     from matplotlib.axes import Axes
 
+    given = list(np.ravel(np.asarray(axes, dtype=object)))
     wrong = next((one for one in given if not isinstance(one, Axes)), None)
     if wrong is not None:
         raise InputError(f"ax = {wrong!r}: Axes of Matplotlib are needed")
@@ -133,6 +136,7 @@ def check_count(what: str, given: Sequence[Any], most: int, least: int) -> None:
         raise InputError(
             f"{what} has {most} panel{'s' * (most > 1)}: {needed} is needed, not {len(given)} axes"
         )
+    return given
 
 
 def _layout(trajectory: Trajectory, what: str) -> dict[str, Any]:
@@ -146,14 +150,8 @@ def _layout(trajectory: Trajectory, what: str) -> dict[str, Any]:
     if what == "ledger":  # only runs that count every collision have a residual
         known = "ledger_residual" in {*trajectory.series, *trajectory.observables}
         return UPPER_AND_LOWER if known else {}
-    if what == "walls":
-        return {"nrows": 2, "ncols": 2, "sharex": True}
-    if what == "piston":
-        return {"nrows": 2, "sharex": True}
-    if what == "dissipation":
-        return {"ncols": 2, "width_ratios": (1.4, 1.0)}
-    if what in ("disks", "energy", "mechanisms"):
-        return {}
+    if what in LAYOUTS:
+        return LAYOUTS[what]
     from .analyses import PANELS
 
     return PANELS[what].layout
@@ -169,34 +167,25 @@ def _numbers(trajectory: Trajectory, frames: Sequence[int] | None) -> list[int] 
 
 
 def _draw(
-    axes: list[Axes],
-    trajectory: Trajectory,
-    what: str,
-    frames: Sequence[int] | None,
-    over: str,
-    color: str | None,
-) -> Evaluation | None:
+    axes: Sequence[Axes], trajectory: Trajectory, what: str, frames: Sequence[int] | None = None, over: str = "t",
+    color: str | None = None,
+) -> Evaluation | None:  # fmt: skip
     """Draw a picture into its axes; returns what was found for it, if that is an analysis."""
     from ..tools import checked
-    from . import disks, dissipation, energies, pistons, temperatures, wall_forces
+    from . import disks, dissipation, series, temperatures
 
-    checked.one_of("over", over, tuple(energies.AXES))
+    checked.one_of("over", over, tuple(series.AXES))
     if over != "t" and what not in OVER:
         raise InputError(f"over = {over}: only of {', '.join(OVER)}, not of {what}")
     if color is not None and what != "disks":
         raise InputError(f"color = {color}: only of disks, not of {what}")
-    if what == "temperatures":
-        temperatures.draw(axes[0], trajectory, over, *axes[1:])
-    elif what == "disks":
+    if what == "disks":
         disks.last_frame(axes[0], trajectory, frames[-1] if frames else -1, color)
     elif what == "dissipation":
         dissipation.draw(axes[0], axes[1], trajectory, frames)
-    elif what == "walls":
-        wall_forces.draw(axes, trajectory, over)
-    elif what == "piston":
-        pistons.draw(axes, trajectory, over)
     elif what in OVER:
-        getattr(energies, what)(axes[0], trajectory, over, *axes[1:])
+        draw = temperatures.draw if what == "temperatures" else getattr(series, what)
+        draw(trajectory, over, *axes)
     else:
         from ..analysis.catalogue import ANALYSES
         from .analyses import PANELS

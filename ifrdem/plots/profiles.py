@@ -160,9 +160,8 @@ def _value_axis(axes: Axes, profile: Strips, text: str, *, from_zero: bool = Tru
 
 def _temperatures(axes: Axes, trajectory: Trajectory, profile: Strips) -> None:
     along, across = ("y", "x") if profile.axis == 1 else ("x", "y")
-    spins = (
-        "" if np.isfinite(profile.rotational_temperature).any() else ": the file holds no angular_velocity"
-    )
+    known = np.isfinite(profile.rotational_temperature).any()
+    spins = "" if known else ": the file holds no angular_velocity"
     for values, colour, style, text in (
         (profile.temperature[:, profile.axis], TRANSLATION, "o-", rf"$T_{along}$, along"),
         (profile.temperature[:, 1 - profile.axis], ACROSS, "s--", rf"$T_{across}$, across"),

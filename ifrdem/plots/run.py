@@ -27,7 +27,7 @@ def cooling(run: Run, path_png: Place = None) -> Figure:
     """Draw a cooling gas: its temperatures against time beside kinetic theory, and its disks at the end.
 
     The theory is `theory.prediction` from the first frame on, of one kind of disks or of a mixture. Where it does not
-    hold (more than `curves.MOST_KINDS` kinds of disks, rolling friction), the picture says so. InputError if the
+    hold (more than `temperatures.MOST_KINDS` kinds of disks, rolling friction), the picture says so. InputError if the
     trajectory cannot be read or lacks these observables, or the picture cannot be written.
 
     Parameters
@@ -97,7 +97,7 @@ def walled(run: Run, path_png: Place = None) -> Figure:
         grid = figure.add_gridspec(2, 2, width_ratios=(8.2, right), height_ratios=(1.0, 1.5))
         turns = "gravity_turns" in trajectory.parameters
         found = None if turns else profiles.of(trajectory)
-        temperatures.draw(figure.add_subplot(grid[:, 0] if turns else grid[0, 0]), trajectory)
+        temperatures.draw(trajectory, "t", figure.add_subplot(grid[:, 0] if turns else grid[0, 0]))
         if found is not None:
             profiles.draw(figure, grid[1, 0], trajectory, found)
         elif not turns:
@@ -116,7 +116,7 @@ def _draw(run: Run, path_png: Place, *, flow: bool = False) -> Figure:
         widths = (1.0, 0.4, 1.15) if flow else (1.0, 1.15)
         grid = figure.add_gridspec(2, len(widths), width_ratios=widths, height_ratios=(3.0, 1.0))
         upper = figure.add_subplot(grid[0, 0])
-        temperatures.draw(upper, trajectory, lower=figure.add_subplot(grid[1, 0], sharex=upper))
+        temperatures.draw(trajectory, "t", upper, figure.add_subplot(grid[1, 0], sharex=upper))
         if flow:
             profiles.flow(figure.add_subplot(grid[:, 1]), trajectory)
         disks.last_frame(figure.add_subplot(grid[:, -1]), trajectory)

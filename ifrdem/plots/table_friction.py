@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.figure import Figure
 
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .disks import shown_region
 from .run import Place, Run, drawing
 from .style import RATIO, ROTATION, TRANSLATION, bar_beside, grid, label, legend_above, place_axes, positive
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 MOST_PATHS = 2000
 """Above this many disks, their paths are a grey haze: only the final places are drawn."""
@@ -74,8 +71,6 @@ def _moving(axes: Axes, trajectory: Trajectory) -> float:
 
 def _paths(axes: Axes, trajectory: Trajectory) -> None:
     """Paths from frame to frame, and the final places, coloured by how far away from the start they are."""
-    from matplotlib.collections import EllipseCollection, LineCollection
-
     radius, n = trajectory.disks.radius, trajectory.n
     positions = np.stack([frame.position for frame in trajectory])
     # Across a periodic side, a step is the short way round.
@@ -84,11 +79,8 @@ def _paths(axes: Axes, trajectory: Trajectory) -> None:
     everything = unwrapped.reshape(-1, 2)
     region = shown_region(trajectory, everything)
     if not trajectory.box.is_open:
-        low, high = (
-            np.minimum(region[:, 0], everything.min(axis=0)),
-            np.maximum(region[:, 1], everything.max(axis=0)),
-        )
-        region = np.stack([low, high], axis=1)
+        low = np.minimum(region[:, 0], everything.min(axis=0))
+        region = np.stack([low, np.maximum(region[:, 1], everything.max(axis=0))], axis=1)
     place_axes(axes, trajectory, region)
     if n <= MOST_PATHS:
         paths = list(np.swapaxes(unwrapped, 0, 1))

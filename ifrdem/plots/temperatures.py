@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import warnings
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import InputError
+from ..model.ifr import EnergyWarning, IFRLaw
+from ..model.state import Disks
+from ..theory import driven_gas, sheared_gas
+from ..theory.choose import prediction
+from ..theory.driven_gas import Drive
+from ..theory.mixtures import Mixture
+from ..theory.sheared_gas import TheoryWarning
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
-from . import theory_curves
-from .energies import along, axis_label
+from .series import along, axis_label
 from .style import RATIO, ROTATION, TRANSLATION, few_labels, foreground, from_zero, grid, label, positive
 
 if TYPE_CHECKING:
@@ -22,86 +31,203 @@ NAMES = (
     r"rotational, $T_\mathrm{rot} = \langle I \omega^2 \rangle$",
     None,
 )
-
-
 BAND = 2.0
 """Standard errors that a band reaches to both sides: 95 % of a normal distribution."""
+Curves = tuple[Array, Array, Array, Array]
+"""Times, T and T_rot [energy] and collisions per disk at them."""
+
+MOST_KINDS = 16
+"""Of disks: every pair of kinds is summed at every step, which takes seconds from there on."""
+LONGER = 1e6
+"""Times the run's end: where theory has not had the collisions of the run by then, its curve ends before."""
 
 
-def draw(upper: Axes, trajectory: Trajectory, over: str = "t", lower: Axes | None = None) -> None:
-    """Temperatures, and their ratio if it has axes, with the theory of the run: sheared, driven or cooling, or none."""
-    if trajectory.room.all_walls:
-        walled(upper, trajectory, over)
-    elif trajectory.box.shear_rate:
-        _with_steady_state(upper, lower, trajectory, over, theory_curves.sheared(trajectory, over))
-    elif trajectory.record("forces", bool, "[]"):
-        _with_steady_state(upper, lower, trajectory, over, theory_curves.driven(trajectory, over))
+@dataclass(frozen=True)
+class _Gas:
+    """Gas of a trajectory as kinetic theory takes it: temperatures at its start are those of each kind of disks."""
+
+    disks: Disks
+    laws: list[list[IFRLaw]]
+    phi: float
+    T0: Array
+    T_rot0: Array
+    forces: list[dict[str, Any]]
+    kinds: int
+
+    @property
+    def one_kind(self) -> tuple[IFRLaw, float, float, float, float]:
+        """Law, mass, radius, k and packing fraction, as theories of equal disks take them."""
+        d, material = self.disks, int(self.disks.material[0])
+        return self.laws[material][material], float(d.mass[0]), float(d.radius[0]), float(d.k[0]), self.phi
+
+    def curves(self, trajectory: Trajectory, elapsed: Array, over: str, shear_rate: float = 0.0) -> Curves:
+        """T and T_rot of all disks, `elapsed` after the first frame; over "tau" up to the collisions of the run."""
+        before = end = 0.0
+        if "collisions" in trajectory.observables:
+            before, end = 2.0 * trajectory.observables["collisions"][[0, -1]] / self.disks.n
+        if over == "tau":
+            elapsed = np.append(0.0, elapsed[elapsed > 0.0])
+        while True:
+            with (  # the run has told both
+                warnings.catch_warnings(action="ignore", category=EnergyWarning),
+                warnings.catch_warnings(action="ignore", category=TheoryWarning),
+            ):
+                found = prediction(
+                    self.disks, self.laws, self.phi, self.T0, self.T_rot0, elapsed, forces=self.forces,
+                    shear_rate=shear_rate,
+                )  # fmt: skip
+            collisions = before + found.collisions_per_disk
+            if over == "t" or collisions[-1] >= end or elapsed[-1] > LONGER * trajectory.times[-1]:
+                shown = slice(None) if over == "t" else slice(int(np.searchsorted(collisions, end)) + 1)
+                curves = elapsed + trajectory.times[0], found.T, found.T_rot, collisions
+                return curves[0][shown], curves[1][shown], curves[2][shown], curves[3][shown]
+            elapsed = np.append(elapsed, elapsed[-1] * 2.0 ** np.linspace(0.05, 1.0, 20))
+
+    @property
+    def text(self) -> str:
+        """Name of the curves in the legend."""
+        return f"kinetic theory (homogeneous {'gas' if self.kinds == 1 else 'mixture'})"
+
+
+def _gas(trajectory: Trajectory) -> _Gas | str:
+    """The gas of a trajectory as kinetic theory takes it, or why it does not hold."""
+    if trajectory.missing:
+        return "a part is missing: no kinetic theory here"
+    disks = trajectory.disks
+    kinds = len(np.unique(np.stack([disks.mass, disks.radius, disks.k, disks.material]), axis=1).T)
+    for wrong, text in (
+        (trajectory.room.all_walls, "walls"),
+        (trajectory.parameters.get("collapse", "none") != "none", "elastic exceptions against collapse"),
+        (trajectory.box.is_open, "open box"),
+        (not disks.movable.all(), "immovable disks"),
+        ("laws" not in trajectory.parameters, "no law in the file"),
+        (kinds > MOST_KINDS, f"more than {MOST_KINDS} kinds of disks"),
+    ):
+        if wrong:
+            return f"{text}: no kinetic theory here"
+    phi = trajectory.box.packing_fraction(disks.radius)
+    with warnings.catch_warnings(action="ignore", category=EnergyWarning):
+        rows = [[one for one in line if one is not None] for line in trajectory.laws]
+        if any(len(line) < len(rows) for line in rows):
+            return "materials that never meet: no kinetic theory here"
+        if any(row["rho"] > 0.0 for line in rows for row in line):
+            return "rolling friction: no kinetic theory here"
+        try:
+            laws = _laws(disks, rows)
+            _, which = Mixture.of(disks, laws, phi)
+        except InputError as error:
+            return f"no kinetic theory here: {error}"
+    forces = trajectory.record("forces", _forces, "[]")
+    if kinds == 1:
+        start = [trajectory.observables[name][:1] for name in ("temperature", "rotational_temperature")]
     else:
-        cooling(upper, lower, trajectory, over)
+        frame, members = trajectory[0], [which == kind for kind in range(kinds)]
+        moving = 0.5 * disks.mass * np.sum(frame.velocity**2, axis=1)
+        spinning = disks.inertia * frame.spin**2
+        start = [np.array([each[those].mean() for those in members]) for each in (moving, spinning)]
+    return _Gas(disks, laws, phi, start[0], start[1], forces, kinds)
 
 
-def cooling(upper: Axes, lower: Axes | None, trajectory: Trajectory, over: str = "t") -> None:
-    """Both temperatures, and below them their ratio theta, against time.
+def _forces(given: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The forces of a case, after a look at what theory takes of them."""
+    Drive.of(given, 1.0, 1.0)
+    return given
 
-    Double logarithmic: a homogeneous gas cools like t^-2 (Haff), a straight line. Over collisions per disk only T is.
+
+def _laws(disks: Disks, rows: list[list[dict[str, Any]]]) -> list[list[IFRLaw]]:
+    """The table [material][material] of a file, each law with the mean k of a pair of disks that is there."""
+    m, k = (
+        np.array([column[disks.material == a][0] if np.any(disks.material == a) else 2.0 for a in range(len(rows))])
+        for column in (disks.mass, disks.k)
+    )  # fmt: skip
+    return [
+        [IFRLaw(**row, k=(k[a] * m[b] + k[b] * m[a]) / (m[a] + m[b])) for b, row in enumerate(line)]
+        for a, line in enumerate(rows)
+    ]
+
+
+def theory(trajectory: Trajectory, over: str = "t") -> tuple[Curves | None, tuple[float, float] | None, str]:
+    """Curves of kinetic theory, T and T_rot of the steady state, and what to say; None where there are none.
+
+    Of several kinds of disks that are driven there is no steady state in closed form; the curve shows it where the run
+    is long.
     """
-    shown = (trajectory.times > 0.0) | (over != "t")  # time 0 has no place on a logarithmic axis
-    T = _points(upper, lower, trajectory, shown, over)
-    _curves(upper, lower, over, *theory_curves.cooling(trajectory, over))
-    if np.any(T[shown] > 0.0):
+    gas, times, rate = _gas(trajectory), trajectory.times, trajectory.box.shear_rate
+    if isinstance(gas, str):
+        return None, None, gas
+    steady, text, moves = None, gas.text, bool(gas.T0.any())
+    nothing = "nothing moves: no kinetic theory here"
+    if rate:
+        if gas.forces:
+            return None, None, "forces in a flow: no kinetic theory here"
+        if gas.kinds > 1:
+            return None, None, "several kinds of disks in a flow: no kinetic theory here"
+        with warnings.catch_warnings(action="ignore", category=TheoryWarning):  # the run has said it
+            steady = sheared_gas.steady_state(*gas.one_kind, rate)
+        text, nothing = (
+            "kinetic theory (homogeneous flow)",
+            "nothing moves at first: no curve of kinetic theory here",
+        )
+    elif gas.forces:
+        masses = zip(gas.disks.mass.tolist(), gas.disks.inertia.tolist(), strict=True)
+        drives = [Drive.of(gas.forces, mass, inertia) for mass, inertia in set(masses)]
+        known = [drive for drive in drives if drive is not None]
+        if len(known) < len(drives):
+            return None, None, "a force that is not linear: no kinetic theory here"
+        moves |= any(drive.power for drive in known)
+        steady = driven_gas.steady_state(*gas.one_kind, known[0]) if gas.kinds == 1 and moves else None
+    if not moves or times[-1] <= times[0]:
+        return None, steady if rate else None, nothing
+    elapsed = times[times > times[0]] - times[0]
+    when = np.linspace(0.0, elapsed[-1], 400)
+    if not rate and not gas.forces:
+        # Of a single frame, a decade before it shows where it comes from.
+        when = np.geomspace(elapsed[0] if len(elapsed) > 1 else 0.1 * elapsed[0], elapsed[-1], 300)
+    return gas.curves(trajectory, when, over, rate), steady, text
+
+
+def draw(trajectory: Trajectory, over: str, upper: Axes, lower: Axes | None = None) -> None:
+    """Both temperatures and, if it has axes, their ratio theta against time, beside the theory of the run.
+
+    A cooling gas is drawn double logarithmic: a homogeneous one cools like t^-2 (Haff), a straight line. Over
+    collisions per disk only T is logarithmic. Other gases have plain axes that begin at 0. Between walls there is no
+    theory; where a tenth of the positive temperatures there are below a hundredth of the highest one, the axis is
+    logarithmic and leaves out zeros, that is disks at rest.
+    """
+    walled = bool(trajectory.room.all_walls)
+    cools = not (walled or trajectory.box.shear_rate or trajectory.record("forces", bool, "[]"))
+    T, T_rot = (trajectory.observables[name] for name in ("temperature", "rotational_temperature"))
+    known = np.concatenate((T[T > 0.0], T_rot[T_rot > 0.0]))
+    decades = walled and len(known) > 0 and np.quantile(known, 0.1) < 0.01 * known.max()
+    lower = None if walled else lower
+    # Time 0 has no place on a logarithmic axis.
+    shown = (trajectory.times > 0.0) | (over != "t" or not cools)
+    _points(upper, lower, trajectory, shown, over, zeros=walled and not decades)
+    if not walled:
+        _theory(upper, lower, over, *theory(trajectory, over))
+    if decades:
+        upper.set_yscale("log")
+    elif cools and np.any(T[shown] > 0.0):
         upper.set(xscale="log" if over == "t" else "linear", yscale="log")
-    _label(upper, lower, trajectory, over)
+    upper.set_ylabel(label(trajectory, "temperature", "energy"))
+    (lower or upper).set_xlabel(axis_label(trajectory, over))
+    grid(upper)
+    if lower is not None:
+        lower.set_ylabel(r"$\theta = T_\mathrm{rot} / T$")
+        from_zero(lower)
+        grid(lower)
+        upper.tick_params(which="both", labelbottom=False)
+    if not (cools or decades):
+        from_zero(upper)
     upper.legend(loc="best", frameon=False)
     if upper.get_xscale() == "log":
         few_labels(upper)
 
 
-def _with_steady_state(
-    upper: Axes, lower: Axes | None, trajectory: Trajectory, over: str,
-    theory: tuple[theory_curves.Curves | None, tuple[float, float] | None, str],
-) -> None:  # fmt: skip
-    """Both temperatures and their ratio, curves of kinetic theory and the steady state, on axes that begin at 0."""
-    _points(upper, lower, trajectory, np.ones(len(trajectory), dtype=bool), over)
-    drawn, steady, note = theory
-    _curves(upper, lower, over, drawn, note)
-    if steady is not None:
-        values = (*steady, steady[1] / steady[0])
-        for axes, value, colour in zip((upper, upper, lower), values, COLOURS, strict=True):
-            if axes is not None and np.isfinite(value):
-                axes.axhline(value, ls=":", lw=1.5, color=colour)
-        upper.plot([], [], color=foreground(upper), ls=":", lw=1.5, label="its steady state")
-    _label(upper, lower, trajectory, over)
-    from_zero(upper)
-    upper.legend(loc="best", frameon=False)
-
-
-def walled(upper: Axes, trajectory: Trajectory, over: str = "t") -> None:
-    """Both temperatures against time; there is no theory of gases between walls.
-
-    On a plain axis that begins at 0, which shows disks at rest; where a tenth of the positive temperatures are below a
-    hundredth of the highest one, on a logarithmic axis, which leaves zeros out.
-    """
-    T = np.concatenate([trajectory.observables[f"{kind}temperature"] for kind in ("", "rotational_")])
-    decades = bool(np.any(T > 0.0)) and np.quantile(T[T > 0.0], 0.1) < 0.01 * T.max()
-    _points(upper, None, trajectory, np.ones(len(trajectory), dtype=bool), over, zeros=not decades)
-    _label(upper, None, trajectory, over)
-    if decades:
-        upper.set_yscale("log")
-    else:
-        from_zero(upper)
-    upper.legend(loc="best", frameon=False)
-
-
 def _points(
-    upper: Axes,
-    lower: Axes | None,
-    trajectory: Trajectory,
-    shown: NDArray[np.bool_],
-    over: str,
-    *,
-    zeros: bool = False,
-) -> Array:
-    """Draw T, T_rot and, if it has axes, their ratio at the frames that are `shown`; returns T of all frames.
+    upper: Axes, lower: Axes | None, trajectory: Trajectory, shown: NDArray[np.bool_], over: str, *, zeros: bool
+) -> None:  # fmt: skip
+    """Draw T, T_rot and, if it has axes, their ratio at the frames that are `shown`.
 
     `zeros` are drawn on plain axes: disks at rest.
 
@@ -125,29 +251,23 @@ def _points(
     upper.fill_between(
         [], [], [], color=RATIO, alpha=0.4, lw=0.0, label=rf"$\pm {BAND:g}$ standard errors of {n} disks"
     )
-    return T
 
 
-def _curves(
-    upper: Axes, lower: Axes | None, over: str, drawn: theory_curves.Curves | None, note: str
-) -> None:
-    """Draw temperatures by theory, if there is one, and their ratio; put the note into the legend."""
+def _theory(
+    upper: Axes, lower: Axes | None, over: str, drawn: Curves | None, steady: tuple[float, float] | None, note: str
+) -> None:  # fmt: skip
+    """Draw temperatures by theory, those of the steady state, and their ratios, if there are any, with a note."""
     if drawn is not None:
         when, T, T_rot, tau = drawn
+        T = positive(T)  # disks may begin at rest
         for axes, values, colour in zip((upper, upper, lower), (T, T_rot, T_rot / T), COLOURS, strict=True):
             if axes is not None:
                 axes.plot(when if over == "t" else tau, positive(values), "--", lw=1.5, color=colour)
     style = "--" if drawn is not None else "none"
     upper.plot([], [], color=foreground(upper), ls=style, lw=1.5, label=note)
-
-
-def _label(upper: Axes, lower: Axes | None, trajectory: Trajectory, over: str) -> None:
-    """Label the axes, of which the lower ones begin at 0."""
-    upper.set_ylabel(label(trajectory, "temperature", "energy"))
-    (lower or upper).set_xlabel(axis_label(trajectory, over))
-    grid(upper)
-    if lower is not None:
-        lower.set_ylabel(r"$\theta = T_\mathrm{rot} / T$")
-        from_zero(lower)
-        grid(lower)
-        upper.tick_params(which="both", labelbottom=False)
+    if steady is not None:
+        ratio = steady[1] / steady[0]
+        for axes, value, colour in zip((upper, upper, lower), (*steady, ratio), COLOURS, strict=True):
+            if axes is not None and np.isfinite(value):
+                axes.axhline(value, ls=":", lw=1.5, color=colour)
+        upper.plot([], [], color=foreground(upper), ls=":", lw=1.5, label="its steady state")

@@ -22,8 +22,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import EngineError, InputError, NoMoreCollisions
 from ..model.ifr import IFRLaw
-from ..model.law import CollisionLaw, checked_class, compiled
-from ..model.law_table import check_energy, coefficient_table, law_table
+from ..model.law import (
+    CollisionLaw,
+    check_energy,
+    checked_class,
+    coefficient_table,
+    compiled,
+    law_table,
+    try_on,
+)
 from ..model.state import Disks, State
 from ..theory.contact import Contact, checked_packing_fraction, crowding_of_mixture
 from ..theory.driven_gas import Drive
@@ -263,8 +270,6 @@ class DSMC(Sealed):
         table = coefficient_table(laws)
         self._make_arrays(start, compiled(kind), table)
         if kind is not IFRLaw:  # whether it adds energy is not known
-            from ..model.law_table import try_on
-
             fastest = max(float(np.abs(part).max()) for part in (start.velocity, disks.radius * spins))
             try_on(kind, table, disks, [], fastest or 1.0)
         self._set(time=0.0, collisions=0, energy_input=0.0, candidates=0, cut_for_speed=0)

@@ -19,12 +19,11 @@ from ..model import crush
 from ..model.box import Box
 from ..model.collapse import Collapse
 from ..model.ifr import EnergyWarning, IFRLaw
-from ..model.law import CollisionLaw, checked_class
-from ..model.law_table import check_energy, coefficient_table, law_table
+from ..model.law import CollisionLaw, check_energy, checked_class, coefficient_table, law_table, try_on
 from ..model.observables import Measure, from_totals, sums
-from ..model.overlaps import check_no_overlap, check_no_overlap_of_slices
+from ..model.overlaps import check_no_overlap
 from ..model.state import DiskKinds, Disks, State, dealt
-from ..model.walls import Wall, WallSums, check_types, sides, wall_names
+from ..model.walls import Wall, WallSums, check_types, sides
 from ..tools import checked, slices, world
 from ..tools.pictured import PicturedDisks
 from ..tools.progress import Progress as Bar
@@ -241,7 +240,7 @@ class Simulation(Sealed, PicturedDisks):
             _refuse_other_slices(disks.n, comm)
             kinds = DiskKinds.of(disks, comm)
             world.together(comm, judged)
-            check_no_overlap_of_slices(box, disks.radius, begin.position, comm, time=begin.time)
+            check_no_overlap(box, disks.radius, begin.position, time=begin.time, comm=comm)
         else:
             begin = world.on_first(comm, typed) or state
             world.on_first(comm, judged)
@@ -402,8 +401,6 @@ class Simulation(Sealed, PicturedDisks):
 
     def _try_on(self, kind: type[CollisionLaw], table: NDArray[np.float64], state: State) -> None:
         """Try a law that nobody has judged."""
-        from ..model.law_table import try_on
-
         fastest = checks.fastest(self.disks_here, state.velocity, state.spin)
         disks, comm = self._engine.kinds, self.comm
         if comm is not None:
@@ -744,13 +741,10 @@ class Simulation(Sealed, PicturedDisks):
 
     def _foresee(self, t_end: float) -> None:
         """Warn, once, of walls that may crush a disk between them until `t_end` [time]; InputError if they must."""
-        walls, diameter = self._engine.walls, 2.0 * float(self.disks.radius.max(initial=0.0))
         if self._foreseen or not self.disks.n or self.box.is_open:
             return
-        names = wall_names(walls, self.box)
-        for each in crush.crushes(walls, self.box, diameter, self.time, t_end):
-            crush.refuse_certain(each, walls, names, 2.0 * float(self.disks.radius.min()), t_end)
-            warnings.warn(crush.told(each, names, diameter), crush.WallWarning, stacklevel=3)
+        for text in crush.foreseen(self._engine.walls, self.box, self.disks.radius, self.time, t_end):
+            warnings.warn(text, crush.WallWarning, stacklevel=3)
         self._foreseen = True
 
     def switch_ledger(self, on: bool) -> None:

@@ -21,7 +21,7 @@ from ..case.gas import CaseGas
 from ..errors import InputError, TheoryError
 from ..model.ifr import EnergyWarning
 from ..model.observables import MECHANISMS, REGIMES
-from ..plots.theory_curves import MOST_KINDS
+from ..plots.temperatures import MOST_KINDS
 from ..theory.choose import prediction
 from ..theory.mixtures import Mixture
 from ..theory.sheared_gas import TheoryWarning

@@ -32,6 +32,18 @@ def real(name: str, value: object, needed: str = "a number is needed") -> float:
         raise InputError(f"{name}: {needed}, below {np.finfo(np.float64).max:.3g}") from None
 
 
+def finite(
+    name: str, value: object, needed: str = "a finite number is needed", low: float = -math.inf,
+    high: float = math.inf, *, open_: bool = False,
+) -> float:  # fmt: skip
+    """A finite number from `low` to `high`, or between them (`open_`), as a float."""
+    number = real(name, value, needed)
+    inside = low < number < high if open_ else low <= number <= high
+    if not (inside and math.isfinite(number)):
+        raise InputError(f"{name} = {value}: {needed}")
+    return number
+
+
 def whole(name: str, value: object, least: int, most: float = math.inf) -> int:
     """A whole number from `least` to `most` as an int; 3.0 is one."""
     allowed = f"{least} or more" if math.isinf(most) else f"{least} to {most:.0f}"

@@ -776,7 +776,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
             If there is no such picture or argument, the file does not hold what it takes, or axes are missing.
         """
         refuse_unknown(unknown, ("what", "ax", "frames", "over", "color"))
-        return plots().trajectory(self, what, ax, frames, over, color)
+        return plots().trajectory(self, what, ax, frames=frames, over=over, color=color)
 
     def universe(self) -> MDAnalysis.Universe:
         """A universe of MDAnalysis over this file, in the units of the file (nothing is converted).

@@ -242,18 +242,15 @@ class Content:
         position, owner = self._placed(frame)
         radius, whole = self.trajectory.disks.radius, self.trajectory.n
         if window is not None:
-            near = (position + radius[owner, None] >= window[:, 0]) & (
-                position - radius[owner, None] <= window[:, 1]
-            )
+            reach = radius[owner, None]
+            near = (position + reach >= window[:, 0]) & (position - reach <= window[:, 1])
             kept = np.flatnonzero(near.all(axis=1))
             position, owner, whole = position[kept], owner[kept], 0
         if len(owner) > MOST_DISKS:
             return self._map(frame, header, window)
-        low, high = (
-            np.transpose([(x.min(), x.max()) for x in position.T])
-            if len(owner)
-            else (np.zeros(2), np.ones(2))
-        )
+        low, high = np.zeros(2), np.ones(2)
+        if len(owner):
+            low, high = position.min(axis=0), position.max(axis=0)
         high = np.where(high > low, high, low + 1.0)
         arrays: dict[str, NDArray[Any]] = {
             "position": np.rint((position - low) / (high - low) * 65535.0).astype(np.uint16).ravel(),
@@ -274,10 +271,8 @@ class Content:
         """Positions with periodic images and their owners; kept for the next window of the same frame."""
         if self._places is None or self._places[0] != frame.index:
             it = self.trajectory
-            self._places = (
-                frame.index,
-                *plot_disks.with_images(frame.position, it.disks.radius, it.box, frame.time),
-            )
+            found = plot_disks.with_images(frame.position, it.disks.radius, it.box, frame.time)
+            self._places = (frame.index, *found)
         return self._places[1:]
 
     def _map(
@@ -286,9 +281,8 @@ class Content:
         position = frame.position
         region = plot_disks.shown_region(self.trajectory, position)
         if window is not None and not self.trajectory.box.is_open:
-            region = np.stack(
-                [np.maximum(window[:, 0], region[:, 0]), np.minimum(window[:, 1], region[:, 1])], axis=1
-            )
+            low, high = np.maximum(window[:, 0], region[:, 0]), np.minimum(window[:, 1], region[:, 1])
+            region = np.stack([low, high], axis=1)
         covered = plot_disks.area_fraction(self.trajectory, position, region)
         top = float(np.quantile(covered, 0.999)) or 1.0
         header |= {
@@ -323,9 +317,8 @@ class Content:
             self._events = time[partner != KICK], id[partner != KICK]
         time, id = self._events
         last = np.full(self.trajectory.n, np.nan)
-        until = np.searchsorted(
-            time, frame.time, side="right"
-        )  # events are ordered by time: the last one stays
+        until = np.searchsorted(time, frame.time, side="right")
+        # Events are ordered by time: the last one stays.
         last[id[:until]] = time[:until]
         return frame.time - last
 

@@ -127,9 +127,8 @@ class view:
         opened = trajectory if isinstance(trajectory, Trajectory) else Trajectory(trajectory)
         if frames is None:
             most = int(np.clip(NOTEBOOK_DISKS // max(opened.disks.n, 1), 1, NOTEBOOK_FRAMES))
-            frames = (
-                np.unique(np.linspace(0, len(opened) - 1, most).astype(int)).tolist() if len(opened) else []
-            )
+            every = np.linspace(0, len(opened) - 1, min(most, len(opened)))
+            frames = np.unique(every.astype(int)).tolist()
         if isinstance(frames, str) or not isinstance(frames, Iterable):
             raise InputError(f"frames = {frames!r}: a list of frame numbers is needed, [{frames!r}] for one")
         numbers = [
@@ -158,7 +157,7 @@ def _differences(
     Those of the disks, modulo the range of the type, then images as they are; low bytes stand before high ones.
     """
     found = {}
-    for name in arrays.keys() & before.keys() - {"id", "map"}:
+    for name in [each for each in arrays if each in before and each not in ("id", "map")]:
         one = arrays[name].copy()
         common = 2 * disks if name == "position" else disks
         one[:common] -= before[name][:common]

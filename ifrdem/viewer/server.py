@@ -80,15 +80,15 @@ class Server(ThreadingHTTPServer):
                 "point: a trajectory is shown here; `ifrdem view --study` shows the points of a study"
             )
         with self.lock:
-            if self._points is not None and (name == "point" or (name == "head" and "run" not in query)):
-                found = self._points.head() if name == "head" else self._points.point(_number(query, "point"))
-                return JSON, _json(found)
+            if self._points is not None and name == "point":
+                return JSON, _json(self._points.point(_number(query, "point")))
+            if self._points is not None and name == "head" and "run" not in query:
+                return JSON, _json(self._points.head())
             content = self._of_run(query.get("run", ""))
             if name == "head":
                 content.refresh()
-                news = (
-                    _number(query, "frames", -1) != len(content.trajectory) or query.get("gas") != content.gas
-                )
+                seen = _number(query, "frames", -1), query.get("gas")
+                news = seen != (len(content.trajectory), content.gas)
                 return JSON, _json(content.head() if news else {"status": content.status})
             if name == "disks":
                 return BYTES, content.disks()
@@ -143,9 +143,8 @@ class _Handler(BaseHTTPRequestHandler):
             return False
         hosts = {f"{name}:{self.server.server_port}" for name in ("127.0.0.1", "localhost")}
         token = self.path.partition("?")[0].strip("/").partition("/")[0]
-        if self.headers.get("Host") in hosts and secrets.compare_digest(
-            token.encode(), self.server.token.encode()
-        ):
+        known = secrets.compare_digest(token.encode(), self.server.token.encode())
+        if known and self.headers.get("Host") in hosts:
             return True
         self.close_connection = True
         self._send(HTTPStatus.FORBIDDEN, TEXT, b"the address of `ifrdem view` is needed, with its token\n")
@@ -155,9 +154,8 @@ class _Handler(BaseHTTPRequestHandler):
         """Answer a request."""
         path, _, query = self.path.partition("?")
         try:
-            found = self.server.answer(
-                path.partition(self.server.token)[2].strip("/"), dict(parse_qsl(query))
-            )
+            name = path.partition(self.server.token)[2].strip("/")
+            found = self.server.answer(name, dict(parse_qsl(query)))
         except InputError as error:
             self._send(HTTPStatus.BAD_REQUEST, TEXT, f"{error}\n".encode())
             return

@@ -71,6 +71,8 @@ def gas() -> ifrdem.Simulation:
 def test_a_simulation_draws_its_disks_to_scale_into_the_axes_that_it_gets(gas: ifrdem.Simulation) -> None:
     axes = pyplot.figure().subplots()
     assert gas.plot(axes) is axes
+    with pytest.raises(InputError, match="a picture of disks has 1 panel: ax=axes is needed, not 2 axes"):
+        gas.plot([axes, axes])
     (drawn,) = axes.findobj(EllipseCollection)
     assert len(drawn.get_offsets()) == 4 + 1 + 1  # that of the corner shows in all four
     np.testing.assert_allclose(np.unique(drawn.get_widths()), [0.8, 1.0, 1.2])

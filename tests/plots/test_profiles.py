@@ -16,7 +16,8 @@ from support.figures import texts
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
-from ifrdem.plots import profiles, run, theory_curves
+from ifrdem.plots import profiles, run
+from ifrdem.plots.temperatures import theory
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter
 
@@ -164,7 +165,7 @@ def test_the_picture_shows_walls_profiles_and_no_theory(tmp_path: Path, drawn: l
     assert "packing fraction between walls" in shown
     with Trajectory(tmp_path / "a.h5") as trajectory:
         found = profiles.of(trajectory)
-        assert theory_curves.driven(trajectory)[2] == "walls: no kinetic theory here"
+        assert theory(trajectory)[2] == "walls: no kinetic theory here"
     assert found is not None
     density, temperatures, velocities = figure.axes[1:4]  # a surface moves, so the velocity is shown
     np.testing.assert_array_equal(density.lines[0].get_xdata(), found.packing_fraction)

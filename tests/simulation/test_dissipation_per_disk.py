@@ -5,7 +5,7 @@ import pytest
 
 import ifrdem
 from ifrdem.errors import InputError
-from ifrdem.model.law_table import coefficient_table, law_table
+from ifrdem.model.law import coefficient_table, law_table
 from ifrdem.plots import dissipation, pictures
 from ifrdem.simulation.engine import Engine
 from ifrdem.trajectory.export import export

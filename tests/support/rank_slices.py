@@ -11,7 +11,7 @@ from mpi4py import MPI
 import ifrdem
 from ifrdem import initial
 from ifrdem.errors import EngineError
-from ifrdem.model.overlaps import check_no_overlap_of_slices
+from ifrdem.model.overlaps import check_no_overlap
 from ifrdem.tools import slices
 
 COMM = MPI.COMM_WORLD
@@ -129,7 +129,7 @@ def pair_is_found(y: float, distance: float) -> bool:
     position = np.concatenate([[[8.0, y]], FAR, [[8.0, (y + distance) % 20.0]]])
     ids = ifrdem.slice_of(14, COMM)
     try:
-        check_no_overlap_of_slices(HIGH, np.full(len(ids), 0.5), position[ids.start : ids.stop], COMM)
+        check_no_overlap(HIGH, np.full(len(ids), 0.5), position[ids.start : ids.stop], comm=COMM)
     except ifrdem.InputError as error:
         return str(error).startswith("disks 0 and 13 overlap by 0.1")
     return False
@@ -138,6 +138,12 @@ def pair_is_found(y: float, distance: float) -> bool:
 heights = np.linspace(0.0, 20.0, 41)
 found["overlaps"] = all(pair_is_found(y, 0.9) for y in heights)
 found["no overlaps"] = not any(pair_is_found(y, 1.01) for y in heights)
+fourteen = ifrdem.slice_of(14, COMM)
+wide = np.where(np.arange(14) == 13, 5.5, 0.5)[fourteen.start : fourteen.stop]
+try:
+    check_no_overlap(HIGH, wide, np.ones((len(wide), 2)), comm=COMM)
+except ifrdem.InputError as error:
+    found["wide"] = str(error).startswith("disk 13 has diameter 11, more than the box side 10")
 lost, twice = anywhere(50), anywhere(50)
 if len(lost):
     lost = lost[:-1]

@@ -24,7 +24,7 @@ def test_slices_are_dealt_out_and_put_together_again(ranks: int) -> None:
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert found.pop("lost") == found.pop("twice") == MISSING
-    assert len(found) == 43
+    assert len(found) == 44
     assert [name for name, right in found.items() if not right] == []
 
 

@@ -1,0 +1,203 @@
+"""Panels of what changes with time: energies and what became of them, pistons, and what walls take from the disks."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..analysis import result
+from ..errors import InputError
+from ..model.walls import OF_PISTONS, Turn
+from ..tools.checked import Array
+from ..trajectory.reader import Trajectory
+from .style import ACROSS, KINDS, RATIO, ROTATION, TRANSLATION, grid, label, legend_above
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+INPUT, HEAT, DISSIPATED = "#009E73", "#CC79A7", "#E69F00"
+POINTS = 100
+"""Spans of time, at most, over which forces on walls are means."""
+AXES = {"t": "time $t$", "tau": r"collisions per disk $\tau$"}
+"""Axes of what changes in time."""
+
+
+def along(trajectory: Trajectory, when: Array, over: str) -> Array:
+    """Times [time], or the collisions per disk until them."""
+    if over == "t":
+        return when
+    times, (collisions,) = result.series(trajectory, "collisions")
+    return np.asarray(np.interp(when, times, 2.0 * collisions / max(trajectory.n, 1)))
+
+
+def series(trajectory: Trajectory, over: str, *names: str) -> tuple[Array, list[Array]]:
+    """Whole-gas quantities by name, and where they stand on such an axis."""
+    when, values = result.series(trajectory, *names)
+    return along(trajectory, when, over), values
+
+
+def axis_label(trajectory: Trajectory, over: str) -> str:
+    """Label of such an axis."""
+    return label(trajectory, AXES["t"], "time") if over == "t" else AXES[over]
+
+
+def _finish(axes: Axes, trajectory: Trajectory, text: str, over: str, columns: int = 3) -> None:
+    axes.set(xlabel=axis_label(trajectory, over), ylabel=label(trajectory, text, "energy"))
+    grid(axes)
+    legend_above(axes, columns)
+
+
+def energy(trajectory: Trajectory, over: str, axes: Axes) -> None:
+    """Translational, rotational and potential energy against time, and that of the pistons."""
+    names = ["translational_energy", "rotational_energy"]
+    x, values = series(trajectory, over, *names)
+    for name, value, colour, style in zip(names, values, (TRANSLATION, ROTATION), ("-", "--"), strict=True):
+        axes.plot(x, value, style, color=colour, lw=1.5, label=name.replace("_", " "))
+    if "potential_energy" in trajectory.observables and np.any(trajectory.observables["potential_energy"]):
+        x, (value,) = series(trajectory, over, "potential_energy")
+        axes.plot(x, value, "-.", color=RATIO, lw=1.5, label="potential energy")
+    if f"{OF_PISTONS}energy" in trajectory.observables:
+        x, (value,) = series(trajectory, over, f"{OF_PISTONS}energy")
+        name = "pistons (kinetic and potential)"
+        axes.plot(x, value.sum(axis=1), ":", color=INPUT, lw=1.8, label=name)
+    if all(np.min(np.asarray(line.get_ydata()), initial=0.0) >= 0.0 for line in axes.lines):
+        axes.set_ylim(bottom=0.0)
+    _finish(axes, trajectory, "energy", over)
+
+
+def ledger(trajectory: Trajectory, over: str, upper: Axes, lower: Axes | None = None) -> None:
+    """Energy ledger: present, dissipated, put in; and by how much the sum of it all changes.
+
+    present + dissipated - input = start. The residual, in axes of its own, is the file's `ledger_residual`, which is
+    counted collision by collision.
+    """
+    x, (present, dissipated) = series(trajectory, over, "energy", "dissipated_energy")
+    if "potential_energy" in trajectory.observables:
+        present = present + result.series(trajectory, "potential_energy")[1][0]
+    upper.plot(x, present, "-", color=TRANSLATION, lw=1.5, label="present (kinetic and potential)")
+    upper.plot(x, dissipated, "--", color=DISSIPATED, lw=1.5, label="dissipated by collisions")
+    total = present + dissipated
+    for name, colour, text in (
+        ("energy_input", INPUT, "put in by forces or shear"),
+        ("wall_work", ACROSS, "work of walls"),
+        ("wall_heat", HEAT, "heat of walls"),
+    ):
+        if name in trajectory.observables and np.any(trajectory.observables[name]):
+            _, (value,) = result.series(trajectory, name)
+            upper.plot(x, value, "-.", color=colour, lw=1.5, label=text)
+            total = total - value
+    upper.plot(x, total, ":", color=RATIO, lw=1.8, label="present + dissipated $-$ put in")
+    _finish(upper, trajectory, "energy", over)
+    if lower is not None:
+        x, (residual,) = series(trajectory, over, "ledger_residual")
+        lower.plot(x, residual / (abs(float(total[0])) or 1.0), ".-", color=RATIO, lw=0.8, ms=3)
+        lower.set(ylabel="residual / start", xlabel=upper.get_xlabel())
+        grid(lower)
+        upper.set_xlabel("")
+
+
+def mechanisms(trajectory: Trajectory, over: str, axes: Axes) -> None:
+    """Energy dissipated by each mechanism against time."""
+    x, (values,) = series(trajectory, over, "dissipated_by_mechanism")
+    names = ("normal", "tangential restitution", "sliding", "sticking", "rolling", "walls", "rest")
+    colours = (TRANSLATION, ROTATION, INPUT, HEAT, DISSIPATED, RATIO, ACROSS)
+    styles = ("-", "--", "-.", ":", "-", "--", "-.")
+    # Files of before disks could rest have six.
+    for name, colour, style, value in zip(names, colours, styles, values.T, strict=False):
+        if np.any(value):
+            axes.plot(x, value, style, color=colour, lw=1.5, label=name)
+    _finish(axes, trajectory, "energy dissipated", over, columns=4)
+
+
+def piston(trajectory: Trajectory, over: str, *panels: Axes) -> None:
+    """Displacement of each piston along its normal, and its velocity, against time.
+
+    InputError if the file has no piston.
+    """
+    quantities = [f"{OF_PISTONS}{name}" for name in ("displacement", "velocity")]
+    if quantities[0] not in trajectory.observables:
+        raise InputError(
+            f"{trajectory.path} has no piston: a wall with one, piston = {{ mass = ... }} in [[wall]], is needed"
+        )
+    x, columns = series(trajectory, over, *quantities)
+    pistons = [(number, wall) for number, wall in enumerate(trajectory.walls) if wall.piston is not None]
+    texts = (("displacement", "length"), ("velocity", "length/time"))
+    for panel, values, (text, unit) in zip(panels, columns, texts, strict=False):
+        for i, (number, wall) in enumerate(pistons):
+            name = f"wall {number} {wall.shape}"
+            panel.plot(x, values[:, i], "-", color=KINDS[i % len(KINDS)], lw=1.2, label=name)
+        panel.set_ylabel(label(trajectory, f"{text} of the piston{'s' * (len(pistons) > 1)}", unit))
+    panels[-1].set_xlabel(axis_label(trajectory, over))
+    grid(*panels)
+    if len(pistons) > 1:
+        legend_above(panels[0])
+
+
+def _wall_names(trajectory: Trajectory) -> list[str]:
+    """Names of the curves: groups, and walls without one; those of most hits if there are more than colours.
+
+    InputError if the file does not hold the sums of walls, or fewer than two rows of them.
+    """
+    sums = trajectory.series
+    if "walls_hits" not in sums:
+        raise InputError(
+            f"{trajectory.path} does not hold what walls give to the disks: output.wall_sums = true is needed, "
+            "as by `ifrdem run CASE --set output.wall_sums=true` (in Python Simulation(wall_sums=True))"
+        )
+    if len(sums.time) < 2:
+        raise InputError(f"{trajectory.path}: two rows of the series at least are needed for forces on walls")
+    columns = sums.columns("walls_hits")
+    grouped = {wall.group for wall in trajectory.walls if wall.group}
+    names = list(
+        dict.fromkeys(
+            next((g for g in grouped if re.fullmatch(rf"{re.escape(g)} \d+ .*", c)), c) for c in columns
+        )
+    )
+    hits = {name: float(sums[f"walls_hits/{name}"][-1]) for name in names}
+    most = sorted(names, key=lambda name: -hits[name])[: len(KINDS)]
+    return [name for name in names if name in most and hits[name] > 0.0] or most
+
+
+def walls(trajectory: Trajectory, over: str, force: Axes, torque: Axes, work: Axes, heat: Axes) -> None:
+    """Mean force and torque *on* walls between rows of the series, and the work and heat that they gave until then.
+
+    Torques are about the centre of a wall's turn, or the origin.
+    """
+    sums, names = trajectory.series, _wall_names(trajectory)
+    rows = np.unique(np.linspace(0, len(sums.time) - 1, POINTS + 1).astype(int))
+    rows = rows[np.concatenate(([True], np.diff(sums.time[rows]) > 0.0))]
+    time = sums.time[rows]
+    middle = along(trajectory, 0.5 * (time[1:] + time[:-1]), over)
+
+    def rate(quantity: str, name: str) -> Array:
+        return np.asarray(-np.diff(sums[f"walls_{quantity}/{name}"][rows]) / np.diff(time))
+
+    for name, colour in zip(names, KINDS, strict=False):
+        force.plot(middle, rate("momentum_y", name), "-", color=colour, lw=1.2, label=name)
+        force.plot(middle, rate("momentum_x", name), ":", color=colour, lw=1.2)
+        torque.plot(middle, rate("torque", name), "-", color=colour, lw=1.2)
+        for panel, quantity in ((work, "work"), (heat, "heat")):
+            values = sums[f"walls_{quantity}/{name}"]
+            panel.plot(along(trajectory, sums.time, over), values, "-", color=colour, lw=1.2)
+    if not any(np.any(sums[f"walls_heat/{name}"]) for name in names):
+        text = "no wall here gave heat"
+        heat.text(0.5, 0.53, text, ha="center", va="center", color="0.5", transform=heat.transAxes)
+        heat.set_yticks([])
+    turning = sum(wall.turn != Turn() for wall in trajectory.walls)
+    sides = sum(not each for each in trajectory.box.periodic)
+    centre = "the centre of its turn"
+    if turning < len(trajectory.walls) or sides:
+        centre = "(0, 0)" + "\n(walls that turn: its centre)" * (turning > 0)
+    left_out = len(sums.columns("walls_hits")) > len(KINDS) == len(names)
+    text = "along $x$ (others: $y$)" + ("; those of most hits" if left_out else "")
+    force.plot([], [], ":", color="0.5", label=text)
+    force.set_ylabel(label(trajectory, "mean force on the wall", "mass length/time^2"))
+    torque.set_ylabel(label(trajectory, f"mean torque about {centre}", "mass length^2/time^2"))
+    work.set_ylabel(label(trajectory, "work given to disks", "energy"))
+    heat.set_ylabel(label(trajectory, "heat given to disks", "energy"))
+    for panel in (work, heat):
+        panel.set_xlabel(axis_label(trajectory, over))
+    grid(force, torque, work, heat)
+    legend_above(force, 2)
