@@ -29,7 +29,7 @@ with D = (K - E)/m and C = (2 D - K)/m, which the arithmetic-geometric mean give
 (M. Abramowitz, I. A. Stegun, Handbook of Mathematical Functions, 17.6); E = K - m D.
 """
 
-from .language import ti
+from .language import Rows, ti
 
 AGM_STEPS = 9  # halve the digits that are missing; enough for 1 - m as small as TINY
 TINY = 1.0e-30  # least 1 - m: K has a logarithm there, which enters multiplied by 1 - m
@@ -236,12 +236,7 @@ def advance(v, u, k, a, dt, tolerance):
 
 
 @ti.kernel
-def friction_of(
-    v: ti.types.ndarray(ndim=1),
-    u: ti.types.ndarray(ndim=1),
-    F: ti.types.ndarray(ndim=1),
-    T: ti.types.ndarray(ndim=1),
-):
+def friction_of(v: Rows, u: Rows, F: Rows, T: Rows):
     """F and T, shape (n,), for speeds v and rim speeds u [any one unit], 0 or more and not both 0."""
     for i in range(v.shape[0]):
         F[i], T[i] = friction(v[i], u[i])
@@ -249,15 +244,7 @@ def friction_of(
 
 @ti.kernel
 def slide_coins(
-    dt: ti.f64,
-    tolerance: ti.f64,
-    a: ti.types.ndarray(ndim=1),
-    k: ti.types.ndarray(ndim=1),
-    v: ti.types.ndarray(ndim=1),
-    u: ti.types.ndarray(ndim=1),
-    x: ti.types.ndarray(ndim=1),
-    t: ti.types.ndarray(ndim=1),
-    eps: ti.types.ndarray(ndim=1),
+    dt: ti.f64, tolerance: ti.f64, a: Rows, k: Rows, v: Rows, u: Rows, x: Rows, t: Rows, eps: Rows
 ):
     """Move n independent disks by dt (`NEVER`: to rest); see `advance`. v and u change in place."""
     for i in range(v.shape[0]):

@@ -19,9 +19,10 @@ from ..errors import EngineError
 from ..kernels import layout as k
 from ..kernels.language import ti
 from ..kernels.limits import ADDRESSABLE, ALONE, MOST_DISKS, OWNER, PISTON_STATE, TOLD_DISKS, WALL, WALL_SUMS
+from ..kernels.readout import exchange
 from ..kernels.shear import displacement
 from ..kernels.walls import FREE, GONE, HEAT, MOTION, NEXT_PISTON, PISTON, PUSH, SUMS, TEMPERATURE, TYPE
-from ..kernels.windows import exchange, sum_shared
+from ..kernels.windows import sum_shared
 from ..model.box import Box
 from ..model.state import COLUMNS, Disks, State, codes
 from ..model.walls import Wall
@@ -204,7 +205,7 @@ class DeviceArrays:
         number = int(owner.max()) + 1 if uses.summed else 0
         self.pistons: NDArray[np.int64] = np.flatnonzero(walls[:, MOTION] == FREE)  # rows of walls
         first_piston = len(self.thermal) + WALL_SUMS * number
-        self.heats: int = first_piston + PISTON_STATE * len(self.pistons)
+        self.columns: int = k.TALLY + first_piston + PISTON_STATE * len(self.pistons)  # of the tally
         self.grid[k.FIRST_PISTON] = self.pistons[0] if len(self.pistons) else -1
         self.wall_rows: NDArray[np.float64] = walls
         if len(walls):
@@ -213,7 +214,7 @@ class DeviceArrays:
             walls[self.pistons, PISTON] = first_piston + PISTON_STATE * np.arange(len(self.pistons))
             walls[self.pistons, NEXT_PISTON] = np.append(self.pistons[1:], -1)[: len(self.pistons)]
             self.walls.from_numpy(walls.astype(self.real))
-        self.sums: NDArray[np.float64] = np.zeros(k.TALLY + self.heats)
+        self.sums: NDArray[np.float64] = np.zeros(self.columns)
         self.tile: Any = None
         self.listed: Any = None
         self.disk: Any = None
@@ -301,7 +302,7 @@ class DeviceArrays:
         self.grid[k.NOTES], rows = notes, max(notes, 1)
         self.note: NDArray[np.int32] = np.zeros((rows, 3), dtype=np.int32)
         self.note_at: NDArray[np.float64] = np.zeros(rows)
-        self.note_tally: NDArray[np.float64] = np.zeros((rows, k.TALLY + max(self.heats, 1)))
+        self.note_tally: NDArray[np.float64] = np.zeros((rows, self.columns))
 
     def _check_addresses(self, rows: int) -> None:
         if 8 * rows > ADDRESSABLE:
@@ -377,11 +378,10 @@ class DeviceArrays:
             self.scale[k.DRIFT] = self.box.shear_rate * edges[1][1]
         total: int = tiles[0] * tiles[1]
         self.tiles: int = total
-        heats = max(self.heats, 1)
-        if (1 + k.MOST_MOMENTS) * total * heats > ADDRESSABLE:
+        if (1 + k.MOST_MOMENTS) * total * self.columns > ADDRESSABLE:
             raise EngineError(
-                f"sums of walls: {heats} columns in each of {total} tiles are more than the {ADDRESSABLE} numbers that "
-                "32-bit indices of Taichi reach; make polylines of walls, or do without wall_sums"
+                f"sums of walls: {self.columns} columns in each of {total} tiles are more than the {ADDRESSABLE} "
+                "numbers that 32-bit indices of Taichi reach; make polylines of walls, or do without wall_sums"
             )
         for axis, name in enumerate(("edge_x", "edge_y")):
             self._replace(name, self._array(ti.f64, len(edges[axis])))
@@ -401,12 +401,11 @@ class DeviceArrays:
 
     def _make_sums(self) -> None:
         """Room for what tiles add up in a window, to its end and to each moment; sums that are known stay."""
-        total, times, heats = self.tiles, 1 + max(self.parts - 2, 1), max(self.heats, 1)
-        columns, known = k.FIRST_SUM + times * (k.TALLY + heats), self.total
+        total, times = self.tiles, 1 + max(self.parts - 2, 1)
+        columns, known = k.FIRST_SUM + times * self.columns, self.total
         if len(known) == columns:
             return
-        self._replace("tally", self._array(ti.f64, total, times, k.TALLY))
-        self._replace("heat", self._array(ti.f64, total, times, heats))
+        self._replace("tally", self._array(ti.f64, total, times, self.columns))
         self._replace("found", self._array(ti.f64, -(-total // k.BLOCK_OF_TILES), columns))
         self.total = np.zeros(columns)
         self.total[: min(len(known), columns)] = known[:columns]

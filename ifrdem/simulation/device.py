@@ -10,6 +10,7 @@ import io
 import logging
 import os
 import shutil
+import signal
 import tempfile
 import threading
 import time
@@ -17,6 +18,7 @@ import weakref
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import FrameType
 from typing import Any, Protocol
 
 from ..errors import EngineError, InputError, nearest
@@ -102,6 +104,36 @@ def sole_use() -> Iterator[None]:
         yield
     finally:
         _in_use.release()
+
+
+@contextlib.contextmanager
+def deferred_interrupts() -> Iterator[None]:
+    """Delay Ctrl-C: KeyboardInterrupt is raised at the end of the block, where the gas is in a whole state.
+
+    A second Ctrl-C raises it at once. Nothing is delayed in a thread other than the main one, or where a handler other
+    than Python's own is installed for SIGINT, such as that of the command `ifrdem run`.
+    """
+    usual, came = signal.default_int_handler, False
+    if (
+        threading.current_thread() is not threading.main_thread()
+        or signal.getsignal(signal.SIGINT) is not usual
+    ):
+        yield
+        return
+
+    def note(_number: int, _frame: FrameType | None) -> None:
+        nonlocal came
+        if came:
+            raise KeyboardInterrupt
+        came = True
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, usual)
+    if came:
+        raise KeyboardInterrupt
 
 
 def limit_threads(most: int) -> None:

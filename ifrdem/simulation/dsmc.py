@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import EngineError, InputError, NoMoreCollisions
+from ..kernels.layout import Uses
 from ..model.ifr import IFRLaw
 from ..model.law import CollisionLaw, checked_class, compiled
 from ..model.law_table import check_energy, coefficient_table, law_table
@@ -32,7 +33,6 @@ from ..tools import checked, seeds
 from ..tools.sealed import Sealed
 from . import device
 from . import device as backend
-from .interrupts import Deferred
 
 
 @dataclass(frozen=True)
@@ -280,7 +280,6 @@ class DSMC(Sealed):
 
     def _make_arrays(self, start: State, law: Any, table: NDArray[np.float64]) -> None:
         from ..kernels import dsmc as kernels  # imports Taichi, which `backend.start` has set going
-        from ..kernels.layout import Uses
 
         import taichi as ti  # isort: skip
 
@@ -435,7 +434,7 @@ class DSMC(Sealed):
     def _step(self, longest: float, wanted: float = math.inf) -> None:
         """Let the gas go on, for `longest` [time] at most, and not for many more collisions than are `wanted`."""
         self._check_whole()
-        with Deferred():  # Ctrl-C takes effect between batches
+        with device.deferred_interrupts():  # Ctrl-C takes effect between batches
             self._whole = False
             self._batch_of(longest, wanted)
             self._whole = True

@@ -9,7 +9,7 @@ tiles, and in each window copies of those of the *ring*, the tiles of others bes
 3. *trails*: the hash of a disk's history and its way are known to the rank that ran the tile which the disk is in, and
    a disk may have left the tile that lists it. So ranks first tell owners about disks of the ring that they ran, then
    owners tell all who have a copy of their lists, with `reach` of the tiles;
-4. *share*: what tiles have added up (`tally`, `heat`, `reach`) is added up by the owner of the first tile in each block
+4. *share*: what tiles have added up (`tally`, `reach`) is added up by the owner of the first tile in each block
    of 128 numbers of tiles, tile by tile; the sums of blocks go to all, and are added up block by block;
 5. each rank verifies its own tiles; bad ones run again, and steps 3 to 5 are repeated, until no rank has a bad tile.
    Where no halo is wide enough, every rank gets the whole box for this window, and runs it in order.
@@ -26,8 +26,8 @@ plan the same window. By induction over windows each disk moves as on one rank.
 Checked as it runs: each listed disk has been run by exactly one rank in each window (3), and no disk is lost or there
 twice whenever a state is put together.
 
-On GPUs, of which each rank has one, rows for others go to the host and back (`kernels/rows.py`), and what tiles have
-added up (376 bytes a tile) does in each round.
+On GPUs, of which each rank has one, rows for others go to the host and back (`kernels/readout.py`), and what tiles have
+added up (360 bytes a tile) does in each round.
 
 What each rank holds: its disks and those of its ring (198 bytes each), with their kinds where there are several: a
 table of all kinds, or, if these are more than 1000, of those of the disks that are here; 450
@@ -43,7 +43,6 @@ Imports Taichi: import this module only after `device.start`. Needs mpi4py.
 
 from __future__ import annotations
 
-import ctypes
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -55,9 +54,9 @@ from numpy.typing import NDArray
 
 from ..errors import EngineError, InputError
 from ..kernels import layout as k
-from ..kernels.language import ti
+from ..kernels.language import ti, view
 from ..kernels.limits import ADDRESSABLE
-from ..kernels.rows import put_rows, take_rows
+from ..kernels.readout import put_rows, take_rows
 from ..kernels.windows import WIDEN, sum_shared, survey, verify
 from ..model.box import Box
 from ..model.state import COLUMNS, DiskKinds, Disks
@@ -72,7 +71,6 @@ BETWEEN, UNEVEN = (
 MOST_EVENTS = 10.0  # of a disk in a window, that count there
 SLACK = 1.2  # of slots for disks, beyond those in use
 STEPS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
-_TYPES = {"f64": np.float64, "f32": np.float32, "i32": np.int32}
 
 
 @dataclass
@@ -104,17 +102,6 @@ class Traffic:
     whole: int = 0
     moved: int = 0
     seconds: float = 0.0
-
-
-def view(array: Any) -> NDArray[Any]:
-    """The memory of a Taichi array on the CPU as an array of NumPy, without a copy; as long as the array lives."""
-    runtime = ti.lang.impl.get_runtime()
-    runtime.sync()
-    kind: np.dtype[Any] = np.dtype(_TYPES[str(array.dtype)])
-    shape = (*array.shape, *array.element_shape)
-    size = kind.itemsize * int(np.prod(shape))
-    memory: Any = (ctypes.c_char * size).from_address(runtime.prog.get_ndarray_data_ptr_as_int(array.arr))
-    return np.ndarray(shape, kind, buffer=memory)
 
 
 def first_id(n: int) -> int:
@@ -321,7 +308,7 @@ class RankArrays(DeviceArrays):
             found = view(getattr(self, name))[at]
             return found
         array, at = getattr(self, name), numbers_of(at)
-        found = np.empty((len(at), *(array.element_shape or (1,))), _TYPES[str(array.dtype)])
+        found = np.empty((len(at), *(array.element_shape or (1,))), ti.lang.util.to_numpy_type(array.dtype))
         if len(at):
             take_rows(array, at, found)
         return found if array.element_shape else found[:, 0]
@@ -606,7 +593,7 @@ class RankArrays(DeviceArrays):
 
     def share(self) -> None:
         """Have all ranks know the sums of what tiles added up."""
-        with self.written("tally", "heat", "reach") as rows:
+        with self.written("tally", "reach") as rows:
             self._tell_adders([each.reshape(self.tiles, -1) for each in rows])
         self.launch(sum_shared, len(self._own_blocks), 0)
         with self.written("found") as (found,):

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import EngineError
-from ..kernels.layout import ANGLE, LAST_PARTNER, LATEST, MECHANISMS, WALL_HITS
-from ..kernels.readout import SLEEPING, TOTALS, read_out
+from ..kernels.layout import ANGLE, LAST_PARTNER, LATEST, MECHANISMS, SLEEPING, TOTALS, WALL_HITS
+from ..kernels.readout import read_out
 from ..model.box import below
 from ..model.state import State, StoredState
 from ..tools import slices

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..kernels import layout as k
 from ..model.box import Box, below
 from ..model.ifr import EnergyWarning, IFRLaw, collide
 from ..model.law import CollisionLaw
@@ -170,8 +171,6 @@ class Tracking:
 
     def gather(self, began: float, real: NDArray[Any], whole: NDArray[Any], box: Box) -> None:
         """Enter the collisions of a window that began at this time [time]: rows of `event` and `event_int`."""
-        from ..kernels import layout as k
-
         order = np.lexsort((whole[:, k.EVENT_NUMBER], whole[:, k.EVENT_ID], real[:, k.AT]))
         real, whole = real[order].astype(np.float64), whole[order]
 

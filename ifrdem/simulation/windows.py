@@ -141,7 +141,7 @@ class Windows:
 
     @property
     def sums(self) -> NDArray[np.float64]:
-        """Sums over all windows so far, to the present time; columns of `tally`, then those of `heat`."""
+        """Sums over all windows so far, to the present time; columns of `tally`."""
         if self._ahead and self.now == self.end:
             return self._done + self._at_end
         if self.now == self.begin and not self._paused:
@@ -548,8 +548,8 @@ class Windows:
 
     def _tally(self, when: int) -> NDArray[np.float64]:
         """Sums over the tiles, one after another: the same for any number of threads."""
-        first = k.FIRST_SUM + when * (k.TALLY + max(self.arrays.heats, 1))
-        return self.arrays.total[first : first + k.TALLY + self.arrays.heats].copy()
+        first = k.FIRST_SUM + when * self.arrays.columns
+        return self.arrays.total[first : first + self.arrays.columns].copy()
 
     def _most(self, column: int) -> float:
         """The largest of all tiles."""
