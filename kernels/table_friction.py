@@ -92,14 +92,7 @@ def rates(theta, log_q, k):
     sine, cosine = ti.max(ti.sin(theta), 0.0), ti.max(ti.cos(theta), 0.0)
     F, T = friction(sine, cosine)
     q = ti.exp(log_q)
-    return ti.Vector(
-        [
-            -(F * cosine - k * T * sine),
-            -(F * sine + k * T * cosine),
-            q,
-            q * q * sine,
-        ]
-    )
+    return ti.Vector([-(F * cosine - k * T * sine), -(F * sine + k * T * cosine), q, q * q * sine])
 
 
 @ti.func

@@ -19,7 +19,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
-from typing import Any, Protocol
+from typing import Any
 
 from ..errors import EngineError, InputError, nearest
 
@@ -88,10 +88,7 @@ def check_process() -> None:
 def sole_use() -> Iterator[None]:
     """Keep Taichi to the present thread; a decorator too.
 
-    Raises
-    ------
-    EngineError
-        If another thread uses it, or the process is a forked copy (`check_process`).
+    EngineError if another thread uses it, or the process is a forked copy (`check_process`).
     """
     check_process()
     if not _in_use.acquire(blocking=False):
@@ -165,12 +162,8 @@ def show_gpu(number: int) -> None:
     """Have this process see one GPU only: of those that CUDA_VISIBLE_DEVICES names, in turn, or of all of the machine.
 
     `number` is that of a rank among those of its machine. Without that variable rank 2 gets GPU 2, or there is none for
-    it: ranks share GPUs only where the user, or the batch system, says so by naming fewer.
-
-    Raises
-    ------
-    InputError
-        If the driver, which looks at the variable once, has been asked before and shows another one.
+    it: ranks share GPUs only where the user, or the batch system, says so by naming fewer. InputError if the driver,
+    which looks at the variable once, has been asked before and shows another one.
     """
     global _shown
     if _shown is not None:
@@ -316,18 +309,11 @@ def _remove_stale_lock(folder: Path) -> None:
             lock.unlink()
 
 
-class User(Protocol):
-    """A holder of arrays of Taichi's."""
-
-    def release(self) -> None:
-        """Give the arrays up: Taichi ends."""
+_users: weakref.WeakSet[Any] = weakref.WeakSet()
 
 
-_users: weakref.WeakSet[User] = weakref.WeakSet()
-
-
-def register(user: User) -> None:
-    """Have `user.release()` called before Taichi ends or starts anew."""
+def register(user: Any) -> None:
+    """Have `user.release()`, which gives its arrays up, called before Taichi ends or starts anew."""
     _users.add(user)
 
 

@@ -199,10 +199,7 @@ class Engine:
         self.comm: Any = comm if comm is not None and comm.size > 1 else None
         self.box: Box = box
         self._law_table, self._law = np.ascontiguousarray(law_table, dtype=np.float64), law
-        check_turning(
-            given.gravity, box.periodic, given.gravity_turns, given.gravity_step, tracking is not None,
-            comm.size if comm else 1,
-        )  # fmt: skip
+        check_turning(given, box.periodic, tracking is not None, comm.size if comm else 1)
         self.precision: str = given.precision
         self.walls: tuple[Wall, ...] = (*walls, *sides(box))
         self.given_walls: int = len(walls)
@@ -217,11 +214,7 @@ class Engine:
 
         def judged() -> None:
             checks.check_number(n, comm.size if comm else 1, given.partners)
-            checks.check(
-                disks, box, state, len(self._law_table), walls, given.gravity, given.precision, forces,
-                velocity_cutoff=given.velocity_cutoff, contact_time=given.contact_time,
-                resting_speed=given.resting_speed, speed=max(speeds),
-            )  # fmt: skip
+            checks.check(disks, box, state, len(self._law_table), walls, forces, given, max(speeds))
             check_walls(
                 self.walls, box, state.position, disks.radius, len(self._law_table), float(state.time),
                 collisions=self._before[0], tolerance=TOLERANCE * float(disks.radius.max(initial=0.0)),
@@ -241,16 +234,9 @@ class Engine:
         self.kinds: Disks = disks if self.comm is None else DiskKinds.of(self.disks_here, self.comm)
         self.disks: Disks = disks if whole and world.is_first(self.comm) else self.kinds
         time = float(begin.time)
-        if given.resting_speed:
-            self._check_resting(given.gravity, forces, law)
+        self._check_resting(given.gravity, forces, law)
         checks.check_pistons(
-            walls,
-            n,
-            given.arch,
-            given.precision,
-            given.resting_speed,
-            given.order,
-            comm.size if comm else 1,
+            walls, n, given.arch, given.precision, given.resting_speed, given.order, comm.size if comm else 1
         )
         if given.gravity_turns and any(wall.piston is not None for wall in walls):
             raise InputError(f"gravity_turns = {given.gravity_turns:g}: not with a piston; let gravity stay")
@@ -471,12 +457,20 @@ class Engine:
             state = self._state()
             if self.tracking is not None:
                 self.tracking.drop_after(state.time)
-            excess = self._excess()
-            self.windows.settle_at(state.time)
-            self._lay(state)
-            self._flow_excess += self._excess() - excess  # other rows of tiles, by which nothing is done
+            self._lay_anew(state)
         else:
             self.windows.settle()
+
+    def _lay_anew(self, state: State, *, wakes: bool = False) -> None:
+        """Begin a window with a state at the present time, in which disks that sleep are woken if it `wakes`."""
+        if wakes and self.options.resting_speed:
+            self._slept -= self.asleep
+            state.asleep = np.zeros_like(state.asleep)
+        excess = self._excess()
+        self.windows.settle_at(state.time)
+        self._lay(state)
+        # Of energies in the frames of rows of tiles: what they are then is none of the flow's doing.
+        self._flow_excess += self._excess() - excess
 
     def _check_alike(self, forces: Sequence[Force]) -> None:
         """Refuse ranks that were given different gases."""
@@ -495,23 +489,19 @@ class Engine:
         self, gravity: tuple[float, float], forces: Sequence[Force], law: type[CollisionLaw]
     ) -> None:
         given = self.options
-        checks.check_resting(
-            self.disks, self.box, gravity, given.resting_speed, forces, law, given.arch, given.precision
-        )
+        if given.resting_speed:
+            checks.check_resting(
+                self.disks, self.box, gravity, given.resting_speed, forces, law, given.arch, given.precision
+            )
 
     def _wake(self) -> None:
         """Wake all disks at the present time, between windows: what holds them is to change."""
         if self.options.resting_speed:
-            self._slept -= self.asleep
-            state = self._state()
-            state.asleep = np.zeros_like(state.asleep)
-            self.windows.settle_at(state.time)
-            self._lay(state)
+            self._lay_anew(self._state(), wakes=True)
 
     def set_law(self, law_table: NDArray[np.float64], law: type[CollisionLaw]) -> None:
         """Collide by another law from now on; arguments as for the engine."""
-        if self.options.resting_speed:
-            self._check_resting(self.gravity, (), law)
+        self._check_resting(self.gravity, (), law)
         with self.changing():
             self._end_window()
             self._wake()
@@ -529,8 +519,7 @@ class Engine:
         def checked() -> ForceSteps:
             steps = ForceSteps(forces, self.arrays, self.disks, self.options.seed, self.time)
             checks.check_between_collisions(self.disks, self.box, self.gravity, steps.forces)
-            if self.options.resting_speed:
-                self._check_resting(self.gravity, steps.forces, self._law)
+            self._check_resting(self.gravity, steps.forces, self._law)
             return steps
 
         steps = world.together(self.comm, checked)
@@ -550,8 +539,7 @@ class Engine:
             )
         gravity = checked.finite_pair("gravity", gravity)
         checks.check_between_collisions(self.disks, self.box, gravity, self.force_steps.forces)
-        if self.options.resting_speed:
-            self._check_resting(gravity, (), self._law)
+        self._check_resting(gravity, (), self._law)
         with self.changing():
             self._end_window()
             self._wake()
@@ -606,17 +594,10 @@ class Engine:
         world.together(self.comm, judge)
         with self.changing():
             present = self._state()
-            excess = self._excess()
             before = self._snapshot(present)
             present.velocity, present.spin = state.velocity, state.spin
-            if self.options.resting_speed:
-                self._slept -= self.asleep
-                present.asleep = np.zeros_like(present.asleep)
-            self.windows.settle_at(present.time)
-            self._lay(present)
+            self._lay_anew(present, wakes=True)
             self._begin_anew()
-            # What was done to energies in the frames of rows was not done by the flow.
-            self._flow_excess += self._excess() - excess
             if self.tracking is not None:
                 self.tracking.kick(self.time, before, self._snapshot(present))
 

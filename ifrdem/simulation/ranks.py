@@ -44,8 +44,7 @@ Imports Taichi: import this module only after `device.start`. Needs mpi4py.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -64,10 +63,8 @@ from ..tools import slices, world
 from .arrays import DeviceArrays, kind_rows, kinds_of, stretches, sums_of_blocks, tiles_on_ranks
 from .windows import Windows, _Again
 
-BETWEEN, UNEVEN = (
-    16,
-    1.1,
-)  # windows between looks at who has more to do than others, and how much more is too much
+# Windows between looks at who has more to do than others, and how much more is too much.
+BETWEEN, UNEVEN = 16, 1.1
 MOST_EVENTS = 10.0  # of a disk in a window, that count there
 SLACK = 1.2  # of slots for disks, beyond those in use
 STEPS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
@@ -211,7 +208,7 @@ class RankArrays(DeviceArrays):
         """Divide the tiles, with so much work each, among the ranks."""
         tiles = int(self.grid[k.TILES_X]), int(self.grid[k.TILES_Y])
         self.owner: NDArray[np.int32] = owners(count, tiles, self.comm.size)
-        self.own: NDArray[np.intp] = np.flatnonzero(self.owner == self.comm.rank)
+        self.own = np.flatnonzero(self.owner == self.comm.rank)
         with self.written("tile") as (tile,):
             tile[:, k.OWNED] = self.owner == self.comm.rank
             tile[:, k.BAD] = 0  # of a tile that goes elsewhere nobody here would say it again
@@ -246,7 +243,7 @@ class RankArrays(DeviceArrays):
         with self.written("reach") as (reach,):
             reach[:, k.WIDER] = told[:, 2]
         self.assign(told[:, 0])
-        self._send(held, listed, np.zeros_like(listed))
+        self._list(held, listed, np.zeros_like(listed))
 
     def _beside(self) -> NDArray[np.int64]:
         """The eight tiles around each, shape (8, tiles); -1 beyond an end of the box."""
@@ -287,19 +284,6 @@ class RankArrays(DeviceArrays):
         return found
 
     # ------------------------------------------------------------------ what lies on the device
-
-    def _values(self, name: str) -> NDArray[Any]:
-        """As on one rank; on a CPU not to be changed, for it is the array itself."""
-        return super()._values(name) if self.on_gpu else view(getattr(self, name))
-
-    @contextmanager
-    def written(self, *names: str) -> Iterator[list[NDArray[Any]]]:
-        """Content of arrays, which may be changed; a GPU gets it back at the end."""
-        found = [self._values(name) for name in names]
-        yield found
-        if self.on_gpu:
-            for name, values in zip(names, found, strict=True):
-                getattr(self, name).from_numpy(values)
 
     def _rows(self, name: str, at: slice | NDArray[np.integer]) -> NDArray[Any]:
         """Some rows of an array, to be read: of a GPU's, only these leave it."""
@@ -367,29 +351,9 @@ class RankArrays(DeviceArrays):
     def make_room(self, slots: int) -> None:
         """See to it that there are so many slots, and not many more."""
         if self.room < slots or self.room > 4 * slots + 1024:
-            self.set_room(int(SLACK * slots) + 64)
-
-    def set_room(self, room: int) -> None:
-        """Another number of slots; what is in the first ones stays."""
-        held = {name: self._values(name).copy() for name, kept in self.state_arrays().items() if kept}
-        before, self.room = self.room, room
-        self.grid[k.ROOM] = room
-        self._replace("trail", self._vectors(2, ti.i32, room))
-        self._replace("way", self._array(ti.f32, room))
-        self._replace("back", self._array(ti.i32, room))
-        for name in self.state_arrays():
-            self._replace(name, None)
-        self._make_parts(self.parts)
-        same = min(before, room)
-        for name, old in held.items():
-            with self.written(name) as (new,):
-                for part in range(self.parts):
-                    new[part * room : part * room + same] = old[part * before : part * before + same]
+            self._make_parts(self.parts, int(SLACK * slots) + 64)
 
     # ------------------------------------------------------------------ a window
-
-    def _names(self) -> list[str]:
-        return [name for name, kept in self.state_arrays().items() if kept]
 
     def bands(self) -> NDArray[np.float64]:
         """Halo that each own tile begins with, and what it may grow to when it runs again for the first time."""
@@ -602,21 +566,6 @@ class RankArrays(DeviceArrays):
 
     # ------------------------------------------------------------------ the state
 
-    def rows_of(self, part: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """As on one rank, of own tiles."""
-        first, count = (self._values("tile")[self.own, column + part] for column in (k.START, k.COUNT))
-        return part * self.room + stretches(first, count), np.repeat(self.own, count)
-
-    def rows_held(self, part: int) -> tuple[dict[str, NDArray[Any]], NDArray[np.intp]]:
-        """As on one rank, of own tiles, as `_told_rows` tells them."""
-        rows, tile = self.rows_of(part)
-        return {name: self._told_rows(name, rows) for name in self._names()}, tile
-
-    def list_anew(self) -> None:
-        """As on one rank; disks go to the ranks whose tiles they are in."""
-        held, listed, tile = self._moved()
-        self._send(held, tile, listed)
-
     def _take(
         self,
         rows: dict[str, NDArray[Any]],
@@ -633,9 +582,9 @@ class RankArrays(DeviceArrays):
             rows = rows | {
                 "kind": kind_rows(of.mass, of.radius, of.k, of.material) if self._of_here else self._kind
             }
-        self._send(rows, tile, rows["meta"][:, k.ID] if place is None else place)
+        super()._take(rows, tile, place)
 
-    def _send(
+    def _list(
         self, rows: dict[str, NDArray[Any]], tile: NDArray[np.integer], place: NDArray[np.integer]
     ) -> None:
         """List rows in their tiles, by `place`, on the ranks that own these: at the beginning of a window."""
@@ -704,9 +653,8 @@ class RankWindows(Windows):
                     self._run_own(1)
             else:
                 a.counter[:] = 0
-        except (
-            Exception
-        ) as raised:  # not swallowed: `agree` raises it, on all ranks, which else would wait for this one
+        # Not swallowed: `agree` raises it, on all ranks, which else would wait for this one.
+        except Exception as raised:
             error = raised
         ran = time.perf_counter() - ran
         world.agree(a.comm, error)

@@ -607,7 +607,8 @@ class Simulation(Sealed, PicturedDisks):
         found["state_pistons"] = self.pistons
         meta: dict[str, Any] = {"fingerprint": snapshot.fingerprint(self._engine)}
         meta |= {"first": self._first, "given": self._given, "extra": dict(extra or {})}
-        own, small = snapshot.of_disks(found), {**snapshot.small(found), **(arrays or {})}
+        own, small = snapshot.divided(found)
+        small |= arrays or {}
         if self.sliced:
             checkpoint.write_parts(path, comm, own, small, meta)
             return
@@ -638,8 +639,8 @@ class Simulation(Sealed, PicturedDisks):
                 "differ"
             )
         if not in_parts and comm is not None:  # the first rank has all of it
-            own = snapshot.of_disks(found)
-            names, small = world.told(comm, (list(own), snapshot.small(found)))
+            own, small = snapshot.divided(found)
+            names, small = world.told(comm, (list(own), small))
             rows = slices.scatter(comm, self.disks.n, list(own.values()) if comm.rank == 0 else None)
             found = small | dict(zip(names, rows, strict=True))
         snapshot.put_back(self._engine, found)
@@ -880,10 +881,7 @@ class Simulation(Sealed, PicturedDisks):
         InputError
             If it is not a finite time, or lies in the past.
         """
-        if not (math.isfinite(t_end) and t_end >= self.time):
-            raise InputError(
-                f"t_end = {t_end}: a finite time not before the present one, {self.time}, is needed"
-            )
+        Span.to(self.disks.n, self.time, self.collisions, t_end=t_end)  # refuses it
         return self._recorded(lambda: self.time < t_end, t_end=t_end)
 
     def collide(self, count: int) -> CollisionTimes:

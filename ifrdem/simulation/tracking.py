@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -96,13 +96,12 @@ def joined(parts: Sequence[Events]) -> Events:
     return Events(*(np.concatenate([getattr(part, each.name) for part in parts]) for each in fields(Events)))
 
 
-def none() -> Events:
-    """No row."""
-    pair, one = np.empty((0, 2)), np.empty(0)
-    ids, images = np.empty(0, dtype=np.int32), np.empty((0, 2), dtype=np.int32)
+def blank(rows: int) -> Events:
+    """So many rows of zeros."""
+    one, pair, ids = np.zeros(rows), np.zeros((rows, 2)), np.zeros(rows, dtype=np.int32)
     return Events(
-        one, ids, ids, pair, images, pair, pair, pair, one, one, pair, pair, one, one, pair, one,
-        np.empty(0, dtype=np.int8),
+        one, ids, ids, pair, np.zeros((rows, 2), dtype=np.int32), pair, pair, pair, one, one, pair, pair, one, one,
+        pair, one, np.zeros(rows, dtype=np.int8),
     )  # fmt: skip
 
 
@@ -128,18 +127,7 @@ def checked_ids(tracked: Sequence[int] | NDArray[np.integer], n: int) -> NDArray
 
 
 class Tracking:
-    """Follows some disks of one engine.
-
-    Parameters
-    ----------
-    ids : array (m,) of int32
-        Disks to follow, ascending.
-    disks : Disks
-    laws : table of laws
-        [material][material].
-    walls : sequence of Wall
-        All, those at the sides of the box last.
-    """
+    """Follows some disks of one engine, by ascending ids (m,); of all walls, those at sides of the box are the last."""
 
     def __init__(
         self,
@@ -157,7 +145,7 @@ class Tracking:
 
     def take(self, until: float = math.inf) -> Events:
         """The events since the last call, up to a time [time]."""
-        found = joined(self._found) if self._found else none()
+        found = joined(self._found) if self._found else blank(0)
         now = found.time <= until
         if now.all():
             self._found = []
@@ -229,13 +217,12 @@ class Tracking:
         changed = np.flatnonzero(np.any(before[0][:, 2:] != after[0][:, 2:], axis=1))
         if not changed.size:
             return
-        old, new = before[0][changed], after[0][changed]
-        one, pair = np.zeros(len(changed)), np.zeros((len(changed), 2))
+        old, new, rows = before[0][changed], after[0][changed], blank(len(changed))
         self._found.append(
-            Events(
-                np.full(len(changed), time), self.ids[changed], np.full(len(changed), KICK, dtype=np.int32),
-                old[:, :2].copy(), before[1][changed], pair, old[:, 2:4].copy(), new[:, 2:4].copy(), old[:, 4].copy(),
-                new[:, 4].copy(), pair, pair, one, one, pair, one, np.zeros(len(changed), dtype=np.int8),
+            replace(
+                rows, time=rows.time + time, id=self.ids[changed], partner=rows.partner + KICK,
+                image=before[1][changed], position=old[:, :2].copy(), velocity_before=old[:, 2:4].copy(),
+                velocity_after=new[:, 2:4].copy(), spin_before=old[:, 4].copy(), spin_after=new[:, 4].copy(),
             )
         )  # fmt: skip
 

@@ -79,9 +79,8 @@ class Windows:
         self._ahead = False  # the window has been run to its end
         self._surveyed = False
         self._ready = False  # the present window has an end, and has not been run
-        self._paused = (
-            False  # it has been run to the moment that was told; the scratch space holds the rest of it
-        )
+        # It has been run to the moment that was told; the scratch space holds the rest of it.
+        self._paused = False
         self._watching = 0  # what was written down when it was run
         self._moments: list[Moment] = []  # that have been told
         self._moment_now = 0.0
@@ -89,14 +88,12 @@ class Windows:
         self._done, self._at_end = np.zeros(size), np.zeros(size)
         for row, column in self._piston_columns():
             self._done[[column, column + 1]] = arrays.wall_rows[row, [NOW_0, SPEED_0]]
-        self._asked: list[
-            tuple[float, float]
-        ] = []  # times and numbers of collisions at which a run will stop
+        # Times and numbers of collisions at which a run will stop.
+        self._asked: list[tuple[float, float]] = []
         self._noted = 0  # notes
         self._before: tuple[float, float, float] | None = None  # collisions, length, speed of the last window
-        self.protrudes: float = (
-            0.0  # how far disks are beyond the sides of the tiles that list them, at the beginning
-        )
+        # How far disks are beyond the sides of the tiles that list them, at the beginning.
+        self.protrudes: float = 0.0
         # Of all collisions in the window that begins at a time: several frames at numbers of collisions may lie in it.
         self._times: tuple[float, NDArray[np.float64]] | None = None
         self._burst = 1  # windows of a GPU that went well one after another
@@ -106,9 +103,8 @@ class Windows:
         self._watched: list[tuple[NDArray[Any], NDArray[Any]]] = []
         self.fastest: float = 0.0
         self.rests: bool = False
-        self.fresh: bool = (
-            False  # the present window has just been run, and what was written down in it is new
-        )
+        # The present window has just been run, and what was written down in it is new.
+        self.fresh: bool = False
 
     # ------------------------------------------------------------------ what it knows
 
@@ -197,10 +193,7 @@ class Windows:
             float(self._ready or self._ahead),
             self.fastest,
         ]
-        return {
-            "window": np.array([*length, a.clock[k.SQUARE_UNIT]]),
-            "sums": self._done.copy(),
-        }
+        return {"window": np.array([*length, a.clock[k.SQUARE_UNIT]]), "sums": self._done.copy()}
 
     def put_back(self, found: dict[str, NDArray[np.float64]], watching: int = 0) -> None:
         """Go on from what `snapshot` gave."""
