@@ -115,10 +115,8 @@ def read_out(
                         else:
                             real_out[i, column] = row[column]
                     int_out[i, 0] = gas.meta[s][EVENTS]
-                    int_out[i, 1], int_out[i, 2] = (
-                        gas.meta[s][IMAGE_X] + boxes_x,
-                        gas.meta[s][IMAGE_Y] + boxes_y,
-                    )
+                    int_out[i, 1] = gas.meta[s][IMAGE_X] + boxes_x
+                    int_out[i, 2] = gas.meta[s][IMAGE_Y] + boxes_y
                     if ti.static(gas.uses.remembers or gas.uses.turned):
                         past_out[i, LATEST], past_out[i, ANGLE] = gas.past[s][LATEST], gas.past[s][ANGLE]
                     if ti.static(gas.uses.itemised):

@@ -185,30 +185,14 @@ def slide(theta, k, end, tolerance):
 
 @ti.func
 def advance(v, u, k, a, dt, tolerance):
-    """Move one disk on the table by dt.
+    """Move one disk on the table by dt [time], or to rest (`NEVER`): v, u, x, t, eps.
 
-    Parameters
-    ----------
-    v, u : float
-        Speed of the centre, 0 or more, and R w with its sign [length/time].
-    k : float
-        Shape number in I = m R^2 / k.
-    a : float
-        mu_s g [length/time^2], positive.
-    dt : float
-        Time to move, positive; `NEVER` flies to rest.
-    tolerance : float
-        Error allowed a step, relative; 1e-12 in double precision, 1e-5 in single. The error of v, u and the
-        distance is a few of it, of the start's q = sqrt(v^2 + u^2) and q^2/a.
+    v is the speed of the centre, 0 or more, u = R w has a sign [length/time]; k in I = m R^2 / k; a = mu_s g
+    [length/time^2], positive. `tolerance` is the error allowed a step, relative: 1e-12 in double precision, 1e-5 in
+    single; that of v, u and the distance is a few of it, of the start's q = sqrt(v^2 + u^2) and q^2/a.
 
-    Returns
-    -------
-    v, u : float
-        After dt; both 0 at rest.
-    x, t : float
-        Distance moved along v [length], and time in motion, dt or less.
-    eps : float
-        v / |u| at the end; at rest, its limit.
+    Both speeds are 0 at rest; x is the distance moved along v [length], t the time in motion, dt or less, eps = v / |u|
+    at the end, at rest its limit.
     """
     q = ti.sqrt(v * v + u * u)
     v_new = 0.0 * v

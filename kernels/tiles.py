@@ -583,10 +583,8 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
                 gas.told_at[row - TOLD * gas.grid[ROOM]] = gas.work[i][TAU]
             if when == AT_END:
                 x, y = gas.disk[row][X], gas.disk[row][Y]
-                gas.trail[gas.mark[i][SLOT]][0], gas.trail[gas.mark[i][SLOT]][1] = (
-                    gas.link[i][HASH_1],
-                    gas.link[i][HASH_2],
-                )
+                gas.trail[gas.mark[i][SLOT]][0] = gas.link[i][HASH_1]
+                gas.trail[gas.mark[i][SLOT]][1] = gas.link[i][HASH_2]
                 gas.way[gas.mark[i][SLOT]] = ti.cast(1.000001 * way / gas.scale[WIDEST], ti.f32)
                 gas.back[slot] = gas.mark[i][SLOT]
                 furthest = ti.max(furthest, way)

@@ -502,10 +502,7 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
         ux, uy = gas.walls[w][UX], gas.walls[w][UY]
         rel_x = vx + gx * t - ux * speed
         rel_y = vy + gy * t - uy * speed
-        extra, swing = (
-            0.0 * t,
-            0.0 * t,
-        )  # of a wall that turns: bound on what rotation adds to f'', largest speed
+        extra, swing = 0.0 * t, 0.0 * t  # of a wall that turns: bound on what that adds to f'', largest speed
         if ti.static(gas.uses.turning):
             if gas.walls[w][TURN] != STILL:
                 angle, spin, most_spin, spin_bound = wall_turn(w, t, gas)
@@ -913,10 +910,8 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
                 )
                 add(tile, TALLY + column, heat, gas)
         if ti.static(gas.uses.summed):
-            gained_x, gained_y = (
-                ti.cast((vx - vx_0) / inverse_mass, ti.f64),
-                ti.cast((vy - vy_0) / inverse_mass, ti.f64),
-            )
+            gained_x = ti.cast((vx - vx_0) / inverse_mass, ti.f64)
+            gained_y = ti.cast((vy - vy_0) / inverse_mass, ti.f64)
             torque = lever_x * gained_y - lever_y * gained_x + turning_impulse(kind, spin - spin_0, gas)
             first = TALLY + ti.cast(gas.walls[w][SUMS], ti.i32)
             add(tile, first + MOMENTUM_X, gained_x, gas)

@@ -301,12 +301,7 @@ class DeviceArrays:
         lanes, uses = int(self.grid[k.LANES]), self.uses
         rows = lanes * places
         self._check_addresses(2 * rows)
-        self.grid[k.PLACES], self.grid[k.CELLS], self.grid[k.BINS], self.grid[k.ITEMS] = (
-            places,
-            cells,
-            bins,
-            items,
-        )
+        self.grid[[k.PLACES, k.CELLS, k.BINS, k.ITEMS]] = places, cells, bins, items
         self._replace("work", self._vectors(8, self._type, rows))
         self._replace("link", self._vectors(16, ti.i32, rows))
         self._replace("mark", self._vectors(6, ti.i32, rows))
@@ -380,10 +375,7 @@ class DeviceArrays:
         self.blocks.from_numpy(np.arange(blocks, dtype=np.int32))
         self.total: NDArray[np.float64] = np.zeros(0)
         self._make_sums()
-        self.scale[k.LENGTH_X], self.scale[k.LENGTH_Y] = (
-            edges[0][-1] - edges[0][0],
-            edges[1][-1] - edges[1][0],
-        )
+        self.scale[[k.LENGTH_X, k.LENGTH_Y]] = [edge[-1] - edge[0] for edge in edges]
 
     def _make_sums(self) -> None:
         """Room for what tiles add up in a window, to its end and to each moment; sums that are known stay."""

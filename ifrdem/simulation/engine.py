@@ -476,9 +476,8 @@ class Engine:
         """Refuse ranks that were given different gases."""
         told = [replace(self.options, threads=None), self.box.lengths, self.box.periodic, self.box.shear_rate]
         told += [self._law, self._law_table.tobytes(), rows_of(self.walls).tobytes()]
-        given = (
-            forces if isinstance(forces, (list, tuple)) else [forces]
-        )  # what is none, `ForceSteps` refuses
+        # What is none, `ForceSteps` refuses.
+        given = forces if isinstance(forces, (list, tuple)) else [forces]
         told += [
             (type(force).__name__, getattr(force, "parameters", None), getattr(force, "step", None))
             for force in given

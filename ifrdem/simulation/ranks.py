@@ -407,10 +407,8 @@ class RankArrays(DeviceArrays):
             slots = stretches(tile[tiles, first], counts)
             if not whole:
                 near = self._near(q, tiles, slots, counts)
-                slots, counts = (
-                    slots[near],
-                    np.bincount(np.repeat(np.arange(len(tiles)), counts)[near], minlength=len(tiles)),
-                )
+                slots, listed = slots[near], np.repeat(np.arange(len(tiles)), counts)[near]
+                counts = np.bincount(listed, minlength=len(tiles))
             self._given.append(slots)
             rows = (self._told_rows(name, part * self.room + slots) for name in names)
             messages.append((counts.astype(np.int32), *rows))

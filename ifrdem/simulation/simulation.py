@@ -721,20 +721,15 @@ class Simulation(Sealed, PicturedDisks):
             if cadence is not None:
                 refuse_endless(cadence, span)
         self._foresee(span.end.time)
-        bar = None
-        if self._engine.comm is not None and progress is None:
-            progress = False
-        if progress is True and not world.is_first(self._engine.comm):
-            progress, series = (
-                None,
-                Cadence(number=BAR_STEPS) if series is None else series,
-            )  # as on the first
-        elif progress is True or (progress is None and seen()):
-            progress = bar = Bar(
-                self.disks.n, t_end=t_end, collisions_per_disk=collisions_per_disk, unit="", kernels=backend.kernels,
-                brief=True,
-            )  # fmt: skip
+        bar, comm = None, self._engine.comm
+        if progress is True or (progress is None and comm is None and seen()):
             series = Cadence(number=BAR_STEPS) if series is None else series  # pauses, which change no bit
+            progress = None
+            if world.is_first(comm):
+                progress = bar = Bar(
+                    self.disks.n, t_end=t_end, collisions_per_disk=collisions_per_disk, unit="",
+                    kernels=backend.kernels, brief=True,
+                )  # fmt: skip
         with bar or contextlib.nullcontext():
             self.follow(
                 Course(span, frames, series),

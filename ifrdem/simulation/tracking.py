@@ -167,16 +167,6 @@ class Tracking:
 
         normal = vector(k.NORMAL_X)
         normal /= np.hypot(normal[:, 0], normal[:, 1])[:, None]  # single precision rounds it
-        ids, partner = whole[:, k.EVENT_ID].copy(), whole[:, k.EVENT_PARTNER].copy()
-        velocity = (vector(k.V_BEFORE), vector(k.V_AFTER))
-        other = (vector(k.U_BEFORE), vector(k.U_AFTER))
-        spin, other_spin = real[:, k.W_BEFORE].copy(), real[:, k.S_BEFORE].copy()
-        impulse = self._impulse(ids, partner, velocity, other)
-        relative = velocity[0] - other[0]
-        along, across = _dot(relative, normal), _cross(normal, relative)
-        regime = self._regime(ids, partner, normal, velocity[0], spin, other[0], other_spin)
-        regime[whole[:, k.EVENT_HOW] == k.BY_REMEDY] = ELASTIC
-        regime[whole[:, k.EVENT_HOW] == k.BY_HEAT] = UNKNOWN
         place, image = vector(k.PLACE), whole[:, k.EVENT_BOX : k.EVENT_BOX + 2].copy()
         for axis, length in enumerate(box.lengths):
             if box.periodic[axis]:
@@ -185,27 +175,31 @@ class Tracking:
                     place[:, axis] - boxes * length, below(length, np.dtype(np.float64))
                 )
                 image[:, axis] += boxes.astype(np.int32)
-        self._found.append(
-            Events(
-                time=began + real[:, k.AT],
-                id=ids,
-                partner=partner,
-                position=place,
-                image=image,
-                normal=normal,
-                velocity_before=velocity[0],
-                velocity_after=velocity[1],
-                spin_before=spin,
-                spin_after=real[:, k.W_AFTER].copy(),
-                partner_velocity_before=other[0],
-                partner_velocity_after=other[1],
-                partner_spin_before=other_spin,
-                partner_spin_after=real[:, k.S_AFTER].copy(),
-                impulse=np.stack([_dot(impulse, normal), _cross(normal, impulse)], axis=1),
-                psi=np.arctan2(np.abs(across), np.maximum(along, 0.0)),
-                regime=regime,
-            )
+        found = replace(
+            blank(len(real)),
+            time=began + real[:, k.AT],
+            id=whole[:, k.EVENT_ID].copy(),
+            partner=whole[:, k.EVENT_PARTNER].copy(),
+            position=place,
+            image=image,
+            normal=normal,
+            velocity_before=vector(k.V_BEFORE),
+            velocity_after=vector(k.V_AFTER),
+            spin_before=real[:, k.W_BEFORE].copy(),
+            spin_after=real[:, k.W_AFTER].copy(),
+            partner_velocity_before=vector(k.U_BEFORE),
+            partner_velocity_after=vector(k.U_AFTER),
+            partner_spin_before=real[:, k.S_BEFORE].copy(),
+            partner_spin_after=real[:, k.S_AFTER].copy(),
         )
+        relative, impulse = found.velocity_before - found.partner_velocity_before, self._impulse(found)
+        along, across = _dot(relative, normal), _cross(normal, relative)
+        regime = self._regime(found)
+        regime[whole[:, k.EVENT_HOW] == k.BY_REMEDY] = ELASTIC
+        regime[whole[:, k.EVENT_HOW] == k.BY_HEAT] = UNKNOWN
+        impulse = np.stack([_dot(impulse, normal), _cross(normal, impulse)], axis=1)
+        psi = np.arctan2(np.abs(across), np.maximum(along, 0.0))
+        self._found.append(replace(found, impulse=impulse, psi=psi, regime=regime))
 
     def kick(
         self,
@@ -226,32 +220,21 @@ class Tracking:
             )
         )  # fmt: skip
 
-    def _impulse(
-        self,
-        ids: NDArray[np.int32],
-        partner: NDArray[np.int32],
-        velocity: tuple[NDArray[np.float64], NDArray[np.float64]],
-        other: tuple[NDArray[np.float64], NDArray[np.float64]],
-    ) -> NDArray[np.float64]:
+    def _impulse(self, found: Events) -> NDArray[np.float64]:
         """Momentum that the disk gave: its own loss of momentum, or the partner's gain where it cannot move itself."""
-        mass = self._disks.mass[ids]
-        given = np.where(np.isfinite(mass), mass, 0.0)[:, None] * (velocity[0] - velocity[1])
-        stuck = np.flatnonzero(~np.isfinite(mass) & (partner >= 0))
-        given[stuck] = self._disks.mass[partner[stuck]][:, None] * (other[1][stuck] - other[0][stuck])
+        mass = self._disks.mass[found.id]
+        lost = found.velocity_before - found.velocity_after
+        given = np.where(np.isfinite(mass), mass, 0.0)[:, None] * lost
+        stuck = np.flatnonzero(~np.isfinite(mass) & (found.partner >= 0))
+        gained = found.partner_velocity_after[stuck] - found.partner_velocity_before[stuck]
+        given[stuck] = self._disks.mass[found.partner[stuck]][:, None] * gained
         return given
 
-    def _regime(
-        self,
-        ids: NDArray[np.int32],
-        partner: NDArray[np.int32],
-        normal: NDArray[np.float64],
-        velocity: NDArray[np.float64],
-        spin: NDArray[np.float64],
-        other: NDArray[np.float64],
-        other_spin: NDArray[np.float64],
-    ) -> NDArray[np.int8]:
+    def _regime(self, found: Events) -> NDArray[np.int8]:
         """By the law, from the motion before."""
-        disks = self._disks
+        disks, ids, partner = self._disks, found.id, found.partner
+        velocity = np.stack([found.velocity_before, found.partner_velocity_before], axis=1)
+        spin = np.stack([found.spin_before, found.partner_spin_before], axis=1)
         at_wall = partner < 0
         of_walls = np.array([wall.material for wall in self._walls] or [0])
         one = disks.material[ids]
@@ -272,12 +255,12 @@ class Tracking:
                 warnings.simplefilter("ignore", EnergyWarning)  # the simulation has said so
                 regime[rows] = collide(
                     law,
-                    normal[rows],
+                    found.normal[rows],
                     np.stack([disks.mass[ids[rows]], np.where(wall, np.inf, disks.mass[p])], axis=1),
                     np.stack([radius, np.where(wall, radius, disks.radius[p])], axis=1),
                     np.stack([disks.k[ids[rows]], np.where(wall, 1.0, disks.k[p])], axis=1),
-                    np.stack([velocity[rows], other[rows]], axis=1),
-                    np.stack([spin[rows], other_spin[rows]], axis=1),
+                    velocity[rows],
+                    spin[rows],
                 ).regime
         return regime
 

@@ -634,12 +634,9 @@ class Windows:
         window = self.end - self.begin
         pull = float(np.hypot(a.scale[k.GX], a.scale[k.GY]))
         drift = abs(float(a.scale[k.DRIFT])) * window
-        halo = (
-            usual_halo(float(a.scale[k.CHAIN]), self.fastest, pull, float(a.clock[k.WALL_SPEED]), window)
-            + drift
-        )
+        halo = usual_halo(float(a.scale[k.CHAIN]), self.fastest, pull, float(a.clock[k.WALL_SPEED]), window)
         a.scale[k.LEAST_SIDE] = self._least_side()
-        a.scale[k.USUAL_HALO], a.scale[k.MOST_HALO] = halo, self._widest_halo()
+        a.scale[k.USUAL_HALO], a.scale[k.MOST_HALO] = halo + drift, self._widest_halo()
 
     def _least_side(self) -> float:
         """Beyond it around a tile, the tiles around it would not have all disks."""
