@@ -378,12 +378,8 @@ def start(
         Let Taichi time every kernel, for `ifrdem.validation.speed.bench`. Without it, a Taichi that runs so already
         is kept, so that simulations can be made under the profiler; `stop` ends that.
 
-    Raises
-    ------
-    InputError
-        If architecture or precision are unknown, the device is not there, or there are not so many cores.
-    EngineError
-        If the process is a forked copy of one that has started Taichi.
+    InputError if architecture or precision are unknown, the device is not there, or there are not so many cores;
+    EngineError if the process is a forked copy of one that has started Taichi.
     """
     global _running, _process
     check_process()

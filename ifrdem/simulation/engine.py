@@ -170,11 +170,8 @@ class Engine:
     **options
         Those of `EngineOptions`.
 
-    Raises
-    ------
-    InputError
-        If a disk is larger than a third of a side of the box, one of infinite mass moves, the device is not there, or a
-        force cannot act.
+    InputError if a disk is larger than a third of a side of the box, one of infinite mass moves, the device is not
+    there, or a force cannot act.
     """
 
     def __init__(
@@ -430,10 +427,7 @@ class Engine:
     def dissipated(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Energy that collisions took, by mechanism, and collisions by regime, so far; zeros without a ledger.
 
-        Raises
-        ------
-        EngineError
-            If a collision took no number (NaN), or an infinite one: the law gives or takes energy without bounds.
+        EngineError if a collision took no number (NaN), or an infinite one: the law does not hold on to energy.
         """
         sums = self.windows.sums
         losses = sums[k.LOSSES : k.LOSSES + MECHANISMS]
@@ -631,15 +625,7 @@ class Engine:
         the total number of collisions `pause_after`. Where there are no windows, because nobody can meet anybody, it
         ends at `rest_at` [time], too. The run itself `ends` [time] later, if that is not `t_end`. `ahead` gives points
         to which later calls will go: those of the same window are told with it.
-
-        Raises
-        ------
-        NoMoreCollisions
-            If no collision can ever happen but some are asked for.
-        InelasticCollapse
-            If collisions pile up without end, or a disk comes to rest on a wall.
-        EngineError
-            If a force makes a velocity that is not finite, or a guarantee of the engine is violated.
+        Raises NoMoreCollisions, InelasticCollapse or EngineError as `Simulation.run`.
         """
         with self.changing():
             self.last_collisions = None

@@ -287,12 +287,12 @@ class RankArrays(DeviceArrays):
 
     def _rows(self, name: str, at: slice | NDArray[np.integer]) -> NDArray[Any]:
         """Some rows of an array, to be read: of a GPU's, only these leave it."""
-        found: NDArray[Any]
         if not self.on_gpu:
-            found = view(getattr(self, name))[at]
-            return found
+            return self._values(name)[at]
         array, at = getattr(self, name), numbers_of(at)
-        found = np.empty((len(at), *(array.element_shape or (1,))), ti.lang.util.to_numpy_type(array.dtype))
+        found: NDArray[Any] = np.empty(
+            (len(at), *(array.element_shape or (1,))), ti.lang.util.to_numpy_type(array.dtype)
+        )
         if len(at):
             take_rows(array, at, found)
         return found if array.element_shape else found[:, 0]

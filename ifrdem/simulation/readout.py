@@ -5,7 +5,6 @@ Imports Taichi: import this module only after `device.start`.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
 
 def totals(engine: Engine) -> NDArray[np.float64]:
     """Sums over all disks (`kernels/readout.py`) at the present time."""
-    part, _since = engine.windows.part
+    part = engine.windows.part
     found = np.zeros((engine.arrays.tiles, TOTALS))
     one, whole = np.zeros((1, 5), engine.arrays.real), np.zeros((1, 3), np.int32)
     engine.arrays.launch(
@@ -50,7 +49,7 @@ def read(
     gets its slice; or, of the `whole` gas, the first one all of it, and the others None.
     """
     arrays, uses, time = engine.arrays, engine.arrays.uses, engine.time
-    part, since = engine.windows.part
+    part = engine.windows.part
     kind: type[State] = State if stored is None else StoredState
     rows = arrays.rows_here(part)
     real = np.empty((max(rows, 1), 5), np.float64 if stored is None else np.float32)
@@ -111,7 +110,6 @@ def read(
     else:
         image = counts[:, 1:3] if "image" in stored else None
         state = kind(place, real[:, 2:4], real[:, 4], time, events, image, flow=flow, **told)  # type: ignore[arg-type]
-    assert math.isfinite(since)
     return state, sums
 
 

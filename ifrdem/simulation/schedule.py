@@ -195,10 +195,7 @@ class Span:
     ) -> Span:
         """To a time [time], or to so many collisions per disk, 2 * collisions / n.
 
-        Raises
-        ------
-        InputError
-            If not exactly one end is given, or it lies in the past.
+        InputError if not exactly one end is given, or it lies in the past.
         """
         if (t_end is None) == (collisions_per_disk is None):
             raise InputError("exactly one of t_end and collisions_per_disk is needed")

@@ -254,7 +254,6 @@ class Simulation(Sealed, PicturedDisks):
         law_class, table = checked_class(self._laws), coefficient_table(self._laws)
         self._tracking = self._follow_disks(tracked, kinds, box, walls)
         ledger = ledger or dissipated
-        self._has_ledger = ledger
         self._stopping = False
         self._foreseen = False
         self._given = 0.0  # energy that changes between runs put in
@@ -294,7 +293,7 @@ class Simulation(Sealed, PicturedDisks):
     @property
     def has_ledger(self) -> bool:
         """True if the energy that collisions take is added up, by mechanism."""
-        return self._has_ledger
+        return self._engine.options.ledger
 
     @property
     def gravity(self) -> tuple[float, float]:

@@ -145,14 +145,14 @@ class Windows:
         return self._done + self._sums_to(self._moment_now)
 
     @property
-    def part(self) -> tuple[int, float]:
-        """Part of the arrays that holds the present state, and the time since the beginning of its window."""
+    def part(self) -> int:
+        """Part of the arrays that holds the present state."""
         part = int(self.arrays.grid[k.PART])
         if self._ahead and self.now == self.end:
-            return 1 - part, self.end - self.begin
+            return 1 - part
         if self.now == self.begin and not self._paused:
-            return part, 0.0
-        return k.TOLD + self._tell(self._moment_now), self._moment_now
+            return part
+        return k.TOLD + self._tell(self._moment_now)
 
     @property
     def told_from(self) -> float:
@@ -161,7 +161,7 @@ class Windows:
 
     def settle(self) -> None:
         """Have a window begin at the present time, which is no moment within one."""
-        part, _since = self.part
+        part = self.part
         self._done = self.sums
         if self._ahead and self.now == self.end:
             self.protrudes = self._most(k.MOST_PROTRUDES)
