@@ -213,16 +213,14 @@ def check_pistons(
                 )
 
 
-def check_ranks(
-    size: int, box: Box, precision: str, tracked: bool, order: str | None = None, rests: bool = False
-) -> None:
+def check_ranks(size: int, box: Box, options: EngineOptions, tracked: bool) -> None:
     """Refuse what cannot be on several ranks of MPI (`ranks.py`)."""
     refused = {
-        f"precision = '{precision}'": precision != "f64",
-        "order = 'alone'": order == "alone",
+        f"precision = '{options.precision}'": options.precision != "f64",
+        "order = 'alone'": options.order == "alone",
         "tracked disks (histories)": tracked,
         "an open box": box.is_open,
-        'collapse = "rest"': rests,
+        'collapse = "rest"': options.resting_speed > 0.0,
     }
     for what, there in refused.items():
         if there:

@@ -196,7 +196,8 @@ class Engine:
         self.comm: Any = comm if comm is not None and comm.size > 1 else None
         self.box: Box = box
         self._law_table, self._law = np.ascontiguousarray(law_table, dtype=np.float64), law
-        check_turning(given, box.periodic, tracking is not None, comm.size if comm else 1)
+        ranks = 1 if self.comm is None else self.comm.size
+        check_turning(given, box.periodic, tracking is not None, ranks)
         self.precision: str = given.precision
         self.walls: tuple[Wall, ...] = (*walls, *sides(box))
         self.given_walls: int = len(walls)
@@ -210,7 +211,7 @@ class Engine:
             return disks.n, speed, met, hits, int(np.count_nonzero(state.asleep))
 
         def judged() -> None:
-            checks.check_number(n, comm.size if comm else 1, given.partners)
+            checks.check_number(n, ranks, given.partners)
             checks.check(disks, box, state, len(self._law_table), walls, forces, given, max(speeds))
             check_walls(
                 self.walls, box, state.position, disks.radius, len(self._law_table), float(state.time),
@@ -232,9 +233,7 @@ class Engine:
         self.disks: Disks = disks if whole and world.is_first(self.comm) else self.kinds
         time = float(begin.time)
         self._check_resting(given.gravity, forces, law)
-        checks.check_pistons(
-            walls, n, given.arch, given.precision, given.resting_speed, given.order, comm.size if comm else 1
-        )
+        checks.check_pistons(walls, n, given.arch, given.precision, given.resting_speed, given.order, ranks)
         if given.gravity_turns and any(wall.piston is not None for wall in walls):
             raise InputError(f"gravity_turns = {given.gravity_turns:g}: not with a piston; let gravity stay")
         self.turning = TurningGravity(given.gravity, given.gravity_turns, given.gravity_step, time)
@@ -248,14 +247,7 @@ class Engine:
         self._collided_at = time
         threads = given.threads
         if self.comm is not None:
-            checks.check_ranks(
-                self.comm.size,
-                box,
-                given.precision,
-                tracking is not None,
-                given.order,
-                given.resting_speed > 0.0,
-            )
+            checks.check_ranks(ranks, box, given, tracking is not None)
             self._check_alike(forces)
             threads = threads or world.cores_here(self.comm, device.cores())
             if given.arch == "cuda":

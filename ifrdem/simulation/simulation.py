@@ -248,8 +248,6 @@ class Simulation(Sealed, PicturedDisks):
             if comm is not None:
                 told: Any = world.told(comm, DiskKinds.of(disks) if comm.rank == 0 else None)
                 kinds = disks if comm.rank == 0 else told
-        if comm is not None:
-            checks.check_ranks(comm.size, box, precision, len(tracked) > 0)
         self._laws = law_table(law, kinds, max((wall.material for wall in walls), default=0))
         law_class, table = checked_class(self._laws), coefficient_table(self._laws)
         self._tracking = self._follow_disks(tracked, kinds, box, walls)
