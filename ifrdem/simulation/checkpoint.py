@@ -102,11 +102,8 @@ def _write(place: Path, arrays: Mapping[str, NDArray[Any]], record: Mapping[str,
                 file.create_group("arrays")
                 for name, array in arrays.items():
                     file[f"arrays/{name}"] = array
-            descriptor = os.open(new, os.O_RDONLY)
-            try:
-                os.fsync(descriptor)
-            finally:
-                os.close(descriptor)
+            with open(new, "rb") as written:
+                os.fsync(written.fileno())
     except (OSError, RuntimeError) as error:
         reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
         raise InputError(f"checkpoint {place} cannot be written: {reason}") from error

@@ -46,13 +46,13 @@ from ..model.walls import Wall, rows_of, sides
 from ..model.walls import check as check_walls
 from ..tools import checked, seeds, slices, world
 from . import checks, device
+from .schedule import Due
 from .tracking import Statistics
 from .turning import USUAL_STEP, TurningGravity, check_turning
 
 if TYPE_CHECKING:
     from ..model.forces import Force
     from .arrays import DeviceArrays
-    from .schedule import Due
     from .tracking import Tracking
     from .windows import Windows
 
@@ -628,7 +628,7 @@ class Engine:
             if self._nothing_happens():
                 self._fly_freely(kick, t_end, rest_at, t_end if ends is None else ends)
             else:
-                self._run(t_end, collisions, kick, pause_at, pause_after, ahead)
+                self._run(Due(t_end, collisions), kick, Due(pause_at, pause_after), ahead)
             self._apply_forces()
             self._turn_gravity()
             self._open_gates()
@@ -659,36 +659,26 @@ class Engine:
         forced = any(self.gravity) or walls_move or self.box.shear_rate
         return not forced and not self.windows.inside and self.windows.fastest == 0.0
 
-    def _run(
-        self,
-        t_end: float,
-        collisions: int | None,
-        kick: float,
-        pause_at: float,
-        pause_after: int | None,
-        ahead: Callable[[], Iterable[Due]],
-    ) -> None:
-        from .arrays import BURST
-
+    def _run(self, stop: Due, kick: float, pause: Due, ahead: Callable[[], Iterable[Due]]) -> None:
         windows = self.windows
         watching = k.PAIRS if self.keep_collisions else k.TRACKED if self.tracking is not None else 0
         if self.keep_collisions and self.tracking is not None:
             raise EngineError("collisions of all disks cannot be kept while some are tracked")
         before, was = windows.sums[k.COLLISIONS], self.time
         first = self._before[0]
-        most = 1 if watching else min(self._until_looked, BURST) if self.box.is_open else BURST
+        most = 1 if watching else self._until_looked if self.box.is_open else self.arrays.burst
         begun = self.statistics.windows
+
+        def counted(due: Due) -> tuple[float, float]:
+            return due.time, math.inf if due.collisions is None else due.collisions - first
+
         windows.run(
-            t_end,
-            None if collisions is None else collisions - first,
+            counted(stop),
             kick,
-            pause_at=pause_at,
-            pause_after=None if pause_after is None else pause_after - first,
+            counted(pause),
             most=most,
             watching=watching,
-            ahead=lambda: [
-                (due.time, math.inf if due.collisions is None else due.collisions - first) for due in ahead()
-            ],
+            ahead=lambda: map(counted, ahead()),
         )
         if windows.rests and not windows.inside:
             raise InelasticCollapse(
@@ -702,7 +692,7 @@ class Engine:
         if windows.sums[k.COLLISIONS] > before:  # of several ranks, all ask here: one may later, alone
             self._collided_at = self.time
             self._resting = 0
-        elif not math.isfinite(t_end):
+        elif not math.isfinite(stop.time):
             # Disks of a lattice that all begin to move at once may take a disk's own free time to meet.
             patience = max(PATIENCE, self.n * PATIENCE // 10)
             if self.time - self._collided_at > patience * self._free_time(windows.fastest):

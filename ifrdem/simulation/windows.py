@@ -29,7 +29,7 @@ from ..kernels.windows import (
     verify,
     window_length,
 )
-from .arrays import BURST, SLACK, DeviceArrays
+from .arrays import SLACK, DeviceArrays
 from .tracking import Statistics
 
 MOST_HALVINGS = 40  # of the window of a sheared gas
@@ -295,23 +295,20 @@ class Windows:
 
     def run(
         self,
-        stop: float,
-        wanted: int | None,
+        until: tuple[float, float],
         kick: float,
+        pause: tuple[float, float],
         *,
-        pause_at: float = math.inf,
-        pause_after: int | None = None,
-        most: int = BURST,
-        watching: int = 0,
-        ahead: Callable[[], Iterable[tuple[float, float]]] = list,
+        most: int,
+        watching: int,
+        ahead: Callable[[], Iterable[tuple[float, float]]],
     ) -> None:
-        """Go on to `stop` [time] or `wanted` collisions in all at the latest, or to the end of a window.
+        """Go on `until` a time or so many collisions in all, whatever is first, or to the end of a window.
 
-        The first one that ends at or after `pause_at` or `pause_after` collisions, or the last of `most` windows.
-        `ahead` gives times and numbers of collisions to which later calls will go; what lies in the same window is told
-        with it.
+        The first one that ends at or after a `pause`, of the same kind, or the last of `most` windows. `ahead` gives
+        those to which later calls will go; what lies in the same window is told with it.
         """
-        a = self.arrays
+        a, (stop, wanted) = self.arrays, until
         self.go_on(kick)
         if self._ahead and watching and self._watching != watching:
             # From its beginning, to see what happened in it.
@@ -322,11 +319,9 @@ class Windows:
                 a.make_moments()
                 moments = [known(stop - self.begin)] if stop < self.end else []
             else:
-                self._asked = [(stop, math.inf if wanted is None else wanted), *ahead()]
+                self._asked = [until, *ahead()]
                 moments = self._foresee(self.now)
-            a.clock[[k.STOP, k.PAUSE, k.KICK]] = stop, pause_at, kick
-            a.clock[k.WANTED] = math.inf if wanted is None else wanted
-            a.clock[k.PAUSE_AFTER] = math.inf if pause_after is None else pause_after
+            a.clock[[k.STOP, k.WANTED, k.PAUSE, k.PAUSE_AFTER, k.KICK]] = *until, *pause, kick
             self._compute(
                 moments, min(most, a.burst, self._burst if a.on_gpu else most), watching, pausing=pausing
             )
@@ -339,12 +334,12 @@ class Windows:
         stopping = self.begin < stop < self.end
         self.now = stop if stopping else self.end
         self._moment_now = stop - self.begin if stopping else self.end - self.begin
-        if wanted is not None and count + self._at_end[k.COLLISIONS] >= wanted:
+        if count + self._at_end[k.COLLISIONS] >= wanted:
             reached = self._at_end
             if stopping:
                 reached = self._sums_to(self._moment_now)
             if count + reached[k.COLLISIONS] >= wanted:
-                self._moment_now = self._time_of(wanted - int(count))
+                self._moment_now = self._time_of(int(wanted - count))
                 self.now = self.begin + self._moment_now
                 self._tell(self._moment_now)
 
