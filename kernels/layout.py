@@ -160,16 +160,10 @@ TOTALS = 8
 SLEEPING = 2
 
 
-def plain(function: Any) -> Any:
+def plain(f: Any) -> Any:
     """A copy of a Python function without type annotations, of which `ti.func` takes none but its own."""
-    copy = type(function)(
-        function.__code__,
-        function.__globals__,
-        function.__name__,
-        function.__defaults__,
-        function.__closure__,
-    )
-    copy.__qualname__, copy.__module__ = function.__qualname__, function.__module__
+    copy = type(f)(f.__code__, f.__globals__, f.__name__, f.__defaults__, f.__closure__)
+    copy.__qualname__, copy.__module__ = f.__qualname__, f.__module__
     return copy
 
 

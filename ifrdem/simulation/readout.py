@@ -50,7 +50,6 @@ def read(
     """
     arrays, uses, time = engine.arrays, engine.arrays.uses, engine.time
     part = engine.windows.part
-    kind: type[State] = State if stored is None else StoredState
     rows = arrays.rows_here(part)
     real = np.empty((max(rows, 1), 5), np.float64 if stored is None else np.float32)
     counts = np.empty((max(rows, 1), 3), np.int32)
@@ -99,9 +98,8 @@ def read(
     if uses.itemised:
         told["dissipated"] = spent
     events = counts[:, 0] - (told["wall_hits"] if uses.walled else 0)
-    flow = None
-    if engine.box.shear_rate:
-        flow = engine.box.flow(place.astype(np.float64))
+    flow = engine.box.flow(place.astype(np.float64)) if engine.box.shear_rate else None
+    state: State
     if stored is None:
         state = State(
             np.ascontiguousarray(place), np.ascontiguousarray(real[:, 2:4]), np.ascontiguousarray(real[:, 4]), time,
@@ -109,7 +107,7 @@ def read(
         )  # fmt: skip
     else:
         image = counts[:, 1:3] if "image" in stored else None
-        state = kind(place, real[:, 2:4], real[:, 4], time, events, image, flow=flow, **told)  # type: ignore[arg-type]
+        state = StoredState(place, real[:, 2:4], real[:, 4], time, events, image, flow=flow, **told)  # type: ignore[arg-type]
     return state, sums
 
 
