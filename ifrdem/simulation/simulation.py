@@ -891,7 +891,7 @@ class Simulation(Sealed, PicturedDisks):
         return self._recorded(lambda: self.collisions < target, collisions=target)
 
     def _recorded(self, going: Callable[[], bool], **end: float) -> CollisionTimes:
-        found: list[CollisionTimes] = []
+        found = [CollisionTimes(np.empty(0), np.empty((0, 2), dtype=np.int64))]
         self._engine.keep_collisions = True
         try:
             with backend.sole_use():
@@ -901,18 +901,14 @@ class Simulation(Sealed, PicturedDisks):
                         found.append(self._engine.last_collisions)
         finally:
             self._engine.keep_collisions = False
-        if not found:
-            return CollisionTimes(np.empty(0), np.empty((0, 2), dtype=np.int64))
         return CollisionTimes(
             np.concatenate([c.time for c in found]), np.concatenate([c.pair for c in found])
         )
 
     def _observe(self, observers: list[Observer], stored: Collection[str] | None) -> None:
-        if observers:
-            self._tell(observers, *self._engine.observed(stored))
-            self._stop_if_asked()
-
-    def _tell(self, observers: list[Observer], state: State | None, totals: NDArray[np.float64]) -> None:
+        if not observers:
+            return
+        state, totals = self._engine.observed(stored)
         measured = from_totals(self.disks, totals, self.time, self.wall_hits, **self._put_in())
 
         def tell() -> None:
@@ -921,6 +917,7 @@ class Simulation(Sealed, PicturedDisks):
                 observer(state, measured)
 
         (world.together if self.sliced else world.on_first)(self._engine.comm, tell)
+        self._stop_if_asked()
 
     def _sample(self, samplers: list[Sampler]) -> None:
         measured = self.measure()
