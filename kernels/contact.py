@@ -15,11 +15,11 @@ order of the two is a convention, their sum is not. The rolling torque takes wha
 depend on the frame, and their sum is what the pair loses, to rounding.
 """
 
-from .language import ti
+from .language import Cube, Table, ti
 from .law import after_impulses, inverse_masses, relative_motion
-from .layout import CUTOFF, Cube, GasArrays, Table, Uses
+from .layout import CUTOFF, Uses, gas_of
 
-# Columns of `log_loss`.
+# Columns of losses.
 BY_NORMAL, BY_RESTITUTION, BY_FRICTION, BY_ROLLING = range(4)
 
 
@@ -38,7 +38,7 @@ def braking_loss(T, w_free, inverse_mass, radius, k):
 
 @ti.func
 def losses_of(P_n, P_t, T, P_et, pair: ti.template()):
-    """Energy that these impulses take from a pair that approaches (`contact.pair_of`), by the columns of `log_loss`."""
+    """Energy that these impulses take from a pair that approaches (`impulses_between`), by column."""
     # Divisions are what this costs: none that can be spared.
     inverse_n, inverse_t = inverse_masses(pair.inverse_mass_i, pair.k_i, pair.inverse_mass_j, pair.k_j)
     tangential = ti.cast(P_t, ti.f64) * (pair.g_t - 0.5 * P_t * inverse_t)
@@ -62,25 +62,6 @@ LEAST_REBOUND = 0.1  # of the resting speed
 
 
 @ti.func
-def coefficients(p, q, gas: ti.template()):
-    """The law's coefficients for materials p and q."""
-    return ti.Vector([gas.law[p, q, j] for j in ti.static(range(gas.uses.collision_law.n_coefficients))])
-
-
-@ti.func
-def pair_of(
-    g_n, g_t, m_n, m_t, im_i, R_i, k_i, w_i, im_j, R_j, k_j, w_j
-):  # fmt: skip
-    """All that a law is told of a pair (`law.CollisionLaw.collide`)."""
-    return ti.Struct(
-        # A pair that separates by rounding has no power 1/5 of its approach; its impulses do not count.
-        g_n=ti.max(g_n, 0.0), g_t=g_t, m_n=m_n, m_t=m_t,
-        inverse_mass_i=im_i, radius_i=R_i, k_i=k_i, spin_i=w_i,
-        inverse_mass_j=im_j, radius_j=R_j, k_j=k_j, spin_j=w_j,
-    )  # fmt: skip
-
-
-@ti.func
 def impulses_between(
     p, q, n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j, gas: ti.template()
 ):  # fmt: skip
@@ -91,8 +72,13 @@ def impulses_between(
     g_n, g_t, m_n, m_t = relative_motion(
         n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j
     )
-    pair = pair_of(g_n, g_t, m_n, m_t, im_i, R_i, k_i, w_i, im_j, R_j, k_j, w_j)
-    row = coefficients(p, q, gas)
+    pair = ti.Struct(  # all that a law is told (`law.CollisionLaw.collide`)
+        # A pair that separates by rounding has no power 1/5 of its approach; its impulses do not count.
+        g_n=ti.max(g_n, 0.0), g_t=g_t, m_n=m_n, m_t=m_t,
+        inverse_mass_i=im_i, radius_i=R_i, k_i=k_i, spin_i=w_i,
+        inverse_mass_j=im_j, radius_j=R_j, k_j=k_j, spin_j=w_j,
+    )  # fmt: skip
+    row = ti.Vector([gas.law[p, q, j] for j in ti.static(range(gas.uses.collision_law.n_coefficients))])
     if ti.static(gas.uses.rests):
         if g_n < gas.scale[CUTOFF]:  # a contact that lasts (`rest.py`): e_n = 1 but for the least rebound
             pair.g_n = ti.max(g_n, LEAST_REBOUND * gas.scale[CUTOFF])
@@ -117,7 +103,7 @@ def collided(
 ):  # fmt: skip
     """Velocities and spins (vx_i, vy_i, w_i, vx_j, vy_j, w_j) of p and q after a collision; how it was; its losses.
 
-    How: ELASTIC; else, with a ledger, STICKS and ROLLS; else 0. Losses: by the columns of `log_loss`; 0 without one.
+    How: ELASTIC; else, with a ledger, STICKS and ROLLS; else 0. Losses: as of `losses_of`; 0 without one.
     Arguments as for `law.collide_pair`; p and q are materials. A pair that separates keeps
     its own. With `lasting` > 0 (the tc rule), or below the cut-off, disks collide like smooth elastic ones: a bounce is
     not followed by ever smaller ones in a finite time.
@@ -166,7 +152,7 @@ def try_law(collision_law: ti.template(), law: Cube, pairs: Table, found: Table)
     `pairs` (c, 12): materials p and q; inverse mass, radius, k of i and of j; velocity of i; spins of i and j. `found`
     (c, 8) gets P_n, m_n g_n, and both velocities and spins after.
     """
-    gas = ti.static(GasArrays(law=law, uses=Uses(collision_law=collision_law)))
+    gas = ti.static(gas_of(law=law, uses=Uses(collision_law=collision_law)))
     for c in range(pairs.shape[0]):
         p, q = ti.cast(pairs[c, 0], ti.i32), ti.cast(pairs[c, 1], ti.i32)
         P_n, P_t, T, _, _, _, g_n, pair = impulses_between(

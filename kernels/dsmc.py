@@ -6,8 +6,8 @@ is drawn by counter (`random.py`), for candidate c of a batch. See `ifrdem.simul
 """
 
 from .contact import collided
-from .language import spread_of_loops, ti
-from .layout import BLOCK, GasArrays, Rows, Table
+from .language import Cube, Rows, Table, spread_of_loops, ti
+from .layout import BLOCK, gas_of
 from .random import DRAWS, normals, unit, words
 
 # A disk's record
@@ -106,10 +106,10 @@ def meet(c, i, j, disk: ti.template(), hits: ti.template(), crowding: ti.templat
 @ti.kernel
 def settle(
     uses: ti.template(), now: ti.i32, disk: Rows, hits: Rows, first: Rows, pair: Rows, todo: Table, counter: Rows,
-    law: ti.types.ndarray(ndim=3), scale: Rows, crowding: Rows, key: Rows,
+    law: Cube, scale: Rows, crowding: Rows, key: Rows,
 ):  # fmt: skip
     """Settle those of the open candidates, list `now`, that are the first of both their disks; list the others anew."""
-    gas = ti.static(GasArrays(law=law, scale=scale, uses=uses))
+    gas = ti.static(gas_of(law=law, scale=scale, uses=uses))
     for e in range(counter[now]):
         c = todo[now, e]
         ti.atomic_min(first[pair[c][0]], c)
@@ -131,10 +131,10 @@ def settle(
 @ti.kernel
 def settle_in_order(
     uses: ti.template(), count: ti.i32, disk: Rows, hits: Rows, pair: Rows, counter: Rows,
-    law: ti.types.ndarray(ndim=3), scale: Rows, crowding: Rows, key: Rows,
+    law: Cube, scale: Rows, crowding: Rows, key: Rows,
 ):  # fmt: skip
     """Settle all candidates one after the other: what one thread does fastest, to the same last bit."""
-    gas = ti.static(GasArrays(law=law, scale=scale, uses=uses))
+    gas = ti.static(gas_of(law=law, scale=scale, uses=uses))
     for _ in range(1):
         for c in range(count):
             meet(c, pair[c][0], pair[c][1], disk, hits, crowding, key, counter, gas)

@@ -281,10 +281,8 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
         if row < gas.grid[MOST_EVENTS]:
             gas.event[row][AT] = t
             gas.event_int[row][EVENT_TILE] = tile
-            gas.event_int[row][EVENT_ID], gas.event_int[row][EVENT_PARTNER] = (
-                gas.link[a][WHO],
-                gas.link[b][WHO],
-            )
+            gas.event_int[row][EVENT_ID] = gas.link[a][WHO]
+            gas.event_int[row][EVENT_PARTNER] = gas.link[b][WHO]
         else:
             ti.atomic_or(gas.counter[FULL], FULL_WATCHED)
     if ti.static(gas.uses.watched):

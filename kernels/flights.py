@@ -5,8 +5,8 @@ are multiples of a grid q, and so are the corners that they are measured from. S
 from either disk, finds the same bits.
 """
 
-from .language import ti
-from .layout import FAR, ROUNDER, Rows, Table
+from .language import Rows, Table, ti
+from .layout import FAR, ROUNDER
 
 
 def rounding() -> float:

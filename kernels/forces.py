@@ -2,10 +2,10 @@
 
 from typing import Any
 
-from .language import spread_of_loops, ti
+from .language import Rows, Table, spread_of_loops, ti
 from .layout import (
-    COUNT, ID, INVERSE_MASS, KIND_RADIUS, PART, ROOM, SPIN, START, TILES_X, TILES_Y, VX, VY, GasArrays,
-    K, Rows, Table, Y, plain,
+    COUNT, ID, INVERSE_MASS, KIND_RADIUS, PART, ROOM, SPIN, START, TILES_X, TILES_Y, VX, VY, K, Y, gas_of,
+    plain,
 )  # fmt: skip
 from .places import listed_kind, round_products
 from .random import DRAWS
@@ -86,7 +86,7 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any]:
         tile: Table, edge_x: Rows, edge_y: Rows, when: Rows, counter_words: Rows, parameters: Rows,
         tile_sums: Table, rounders: Table,
     ):  # fmt: skip
-        gas = ti.static(GasArrays(
+        gas = ti.static(gas_of(
             grid=grid, scale=scale, clock=clock, disk=disk, kind=kind, kinds=kinds, meta=meta, tile=tile,
             edge_x=edge_x, edge_y=edge_y, uses=uses,
         ))  # fmt: skip
@@ -122,7 +122,7 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any]:
         tile: Table, edge_x: Rows, edge_y: Rows, when: Rows, counter_words: Rows, parameters: Rows,
         tile_sums: Table, totals: Rows,
     ):  # fmt: skip
-        gas = ti.static(GasArrays(
+        gas = ti.static(gas_of(
             grid=grid, scale=scale, clock=clock, disk=disk, kind=kind, kinds=kinds, meta=meta, tile=tile,
             edge_x=edge_x, edge_y=edge_y, uses=uses,
         ))  # fmt: skip

@@ -59,11 +59,15 @@ except ImportError as error:
 finally:
     inspect.getframeinfo = _whole
 
-__all__ = ["on_gpu", "round_products_by", "spread_of_loops", "ti"]
+__all__ = [
+    "Cube", "Rows", "Table", "has_numbers", "on_gpu", "round_products_by", "spread_of_loops", "ti", "view", "width",
+]  # fmt: skip
 
-_ZERO: dict[
-    Any, tuple[Any, Any]
-] = {}  # by the kernel that is compiled: a variable of it, and numbers from 1 on
+Rows: Any = ti.types.ndarray(ndim=1)
+Table: Any = ti.types.ndarray(ndim=2)
+Cube: Any = ti.types.ndarray(ndim=3)
+# By the kernel that is compiled: a variable of it, and numbers from 1 on.
+_ZERO: dict[Any, tuple[Any, Any]] = {}
 _WORDS = {ti.f64: ti.u64, ti.f32: ti.u32}
 
 
@@ -75,6 +79,17 @@ def on_gpu() -> bool:
 def spread_of_loops() -> int:
     """Items of a loop over few, long ones that one of them takes: Taichi hands a thread of a CPU at least so many."""
     return 1 if on_gpu() else 512
+
+
+def has_numbers(array: Any, of: Any) -> bool:
+    """Tell if an array that a kernel was given has numbers of this type."""
+    return bool(array.get_type().element_type == of)
+
+
+def width(array: Any) -> int:
+    """Number of columns of an array of vectors that a kernel was given; 0 of one of numbers."""
+    shape = array.element_shape()
+    return int(shape[0]) if len(shape) else 0
 
 
 def round_products_by(zero: Any) -> None:
@@ -122,9 +137,12 @@ def _position(context: Any, node: Any) -> str:
     return f'File "{context.file}", line {number}, in {name}:\n{context.src[node.lineno - 1].strip()}\n'
 
 
-def _address(array: Any) -> int:
-    """Place of an array in the memory of a CPU."""
-    return int(ti.lang.impl.get_runtime().prog.get_ndarray_data_ptr_as_int(array.arr))
+def view(array: Any) -> NDArray[Any]:
+    """The memory of a Taichi array on the CPU as an array of NumPy, without a copy; as long as the array lives."""
+    shape, kind = array.arr.total_shape(), np.dtype(ti.lang.util.to_numpy_type(array.dtype))
+    address = ti.lang.impl.get_runtime().prog.get_ndarray_data_ptr_as_int(array.arr)
+    memory: Any = (ctypes.c_char * (kind.itemsize * math.prod(shape))).from_address(address)
+    return np.ndarray(shape, kind, buffer=memory)
 
 
 def _from_numpy(by_kernel: Callable[..., None]) -> Callable[..., None]:
@@ -134,12 +152,10 @@ def _from_numpy(by_kernel: Callable[..., None]) -> Callable[..., None]:
         if on_gpu():
             by_kernel(array, values, **layout)
             return
-        if tuple(array.arr.total_shape()) != values.shape:
-            raise ValueError(
-                f"an array of shape {values.shape} for one of shape {tuple(array.arr.total_shape())}"
-            )
-        held = np.ascontiguousarray(values, ti.lang.util.to_numpy_type(array.dtype))
-        ctypes.memmove(_address(array), held.ctypes.data, held.nbytes)
+        held = view(array)
+        if held.shape != values.shape:
+            raise ValueError(f"an array of shape {values.shape} for one of shape {held.shape}")
+        held[...] = values
 
     return copy
 
@@ -148,11 +164,7 @@ def _to_numpy(by_kernel: Callable[..., NDArray[Any]]) -> Callable[..., NDArray[A
     """Copy an array of Taichi into a new one of NumPy."""
 
     def copy(array: Any, **layout: int) -> NDArray[Any]:
-        if on_gpu():
-            return by_kernel(array, **layout)
-        found = np.empty(array.arr.total_shape(), ti.lang.util.to_numpy_type(array.dtype))
-        ctypes.memmove(found.ctypes.data, _address(array), found.nbytes)
-        return found
+        return by_kernel(array, **layout) if on_gpu() else view(array).copy()
 
     return copy
 

@@ -28,12 +28,8 @@ def inverse_masses(im_i, k_i, im_j, k_j):
 def relative_motion(n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j):
     """Motion of the contact, from the arguments of `collide_pair`: g_n, g_t, m_n, m_t.
 
-    Returns
-    -------
-    g_n, g_t : float
-        Relative velocity at the contact along n and t [length/time]; g_n > 0 approaches.
-    m_n, m_t : float
-        Normal and tangential effective mass [mass].
+    Relative velocity at the contact along n and t [length/time], g_n > 0 approaches; normal and tangential effective
+    mass [mass].
     """
     # Relative velocity at the contact, g = v_i - v_j + (R_i w_i + R_j w_j) t: the paper's V = v + R omega,
     # with its clockwise omega_2 = -w_j, and without its choice that j is at rest.
@@ -48,27 +44,11 @@ def relative_motion(n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, v
 
 @ti.pyfunc
 def ifr_impulses(e_n, e_t, mu, contact_point, rho, g_n, g_t, m_n, m_t, R_i, R_j):
-    """The impulses of the IFR law for a pair that approaches, g_n > 0.
+    """The impulses of the IFR law for a pair that approaches, g_n > 0: P_n, P_t, T, sticking, rolling, P_et.
 
-    Parameters
-    ----------
-    e_n, e_t, mu, contact_point, rho : float
-        As for `collide_pair`.
-    g_n, g_t, m_n, m_t : float
-        As `relative_motion` returns them.
-    R_i, R_j : float
-        Radii [length].
-
-    Returns
-    -------
-    P_n, P_t : float
-        Impulses that i gives to j along n and t [mass length/time].
-    T : float
-        Angular impulse that brakes either spin, at most to rest [mass length^2/time].
-    sticking, rolling : float
-        As `collide_pair` returns them.
-    P_et : float
-        The part of P_t that tangential restitution gives; the rest is friction.
+    P_n, P_t : impulses that i gives to j along n and t [mass length/time]; P_et : the part of P_t that tangential
+    restitution gives, the rest is friction. T : angular impulse that brakes either spin, at most to rest
+    [mass length^2/time]. Arguments and flags as for `collide_pair` and `relative_motion`.
     """
     slip = ti.abs(g_t)
     direction = 1.0 * (g_t > 0.0) - 1.0 * (g_t < 0.0)

@@ -23,7 +23,7 @@ slept        (rows,)               AWAKE, ASLEEP, WOKEN or SAID_ASLEEP, of gases
 told_at      (parts room,)        time of the collision up to which a disk of parts from TOLD on was flown, in a window
 note         (notes,) of 3        slot of a disk that collided, its tile, 1 for one of each pair
 note_at      (notes,)             when it was, since the beginning of the window
-note_tally   (notes, columns)     the tally, and the heat, of its tile after that, f64
+note_tally   (notes, columns)     the tally of its tile after that, f64
 kind         (n,)                 kind of each disk, by id; of a gas on several ranks by row of `disk`, (rows,)
 kinds        (kinds,) of 6        what disks of a kind share
 trail        (room,) of 2            hash of the history of the disk at a slot of the window's beginning, by its tile
@@ -33,8 +33,8 @@ tile         (tiles, 10)          where its lists begin and how long they are, b
 reach        (tiles, 5)           halo; bound on how far its own disks came beyond its sides; the largest way; how
                                   far they are beyond its sides at the end; halo against the one that all begin with
 edge_x/y     (tiles + 1,)         sides of the columns and rows of tiles, on the grid of places
-tally        (tiles, 1 + moments, TALLY)  sums over the window to its end, and to moments that were asked for, f64
-heat         (tiles, 1 + moments, ...)    heat of thermal walls, the sums of every wall, and how pistons moved, likewise
+tally        (tiles, 1 + moments, TALLY + ...)  sums over the window to its end, and to moments asked for, f64;
+                                  from TALLY on those of walls: heat of thermal ones, sums of each, how pistons moved
 claim        (claims,) of 3       slot of a copy at the window's beginning; hash of its history here
 claim_at     (claims,) of 3       its place then, from the corner of the tile that made it; bound on how far it came
 event        (events,) of 17      what happened to watched disks (columns below)
@@ -48,9 +48,9 @@ held, grip   (rows,), (places,) of 20  forces that the last judgement found at c
 ===========  ===================  =====================================================================================
 """
 
+from collections import namedtuple
 from typing import Any, NamedTuple
 
-from .language import ti
 from .limits import MECHANISMS
 
 X, Y, VX, VY, SPIN = range(5)
@@ -66,8 +66,8 @@ MOST_MOMENTS = 8
 START, COUNT, CLAIMS, N_CLAIMS, BAD, GATHERED, OWNED, NOTED = 0, 2, 4, 5, 6, 7, 8, 9
 # reach
 HALO, BEYOND, FURTHEST, PROTRUDES, WIDER = range(5)
-# found, and `total` of all: largest of the square of a speed, and of `reach`; then sums of the tally, and of the heat,
-# to the end, and the same to each moment
+# found, and `total` of all: largest of the square of a speed, and of `reach`; then sums of the tally to the end, and
+# to each moment
 MOST_SPEED, MOST_BEYOND, MOST_FURTHEST, MOST_PROTRUDES, FIRST_SUM = range(5)
 BLOCK_OF_TILES = 128
 # tally: whole numbers are exact up to 2^53
@@ -154,22 +154,16 @@ BLOCK = 1024
 FAR = 1.0e30  # a time later than any event
 FIRST_WALL = -10  # as a partner: wall 0; wall w is FIRST_WALL - w
 NOBODY = -1
+# sums over all disks that `readout.read_out` gives; a column of its `hits_out`
+TRANSLATIONAL, ROTATIONAL, MOMENTUM_X, MOMENTUM_Y, SHEAR_PRESSURE, FALL, ALL_EVENTS, EXCESS = range(8)
+TOTALS = 8
+SLEEPING = 2
 
-Rows: Any = ti.types.ndarray(ndim=1)
-Table: Any = ti.types.ndarray(ndim=2)
-Cube: Any = ti.types.ndarray(ndim=3)
 
-
-def plain(function: Any) -> Any:
+def plain(f: Any) -> Any:
     """A copy of a Python function without type annotations, of which `ti.func` takes none but its own."""
-    copy = type(function)(
-        function.__code__,
-        function.__globals__,
-        function.__name__,
-        function.__defaults__,
-        function.__closure__,
-    )
-    copy.__qualname__, copy.__module__ = function.__qualname__, function.__module__
+    copy = type(f)(f.__code__, f.__globals__, f.__name__, f.__defaults__, f.__closure__)
+    copy.__qualname__, copy.__module__ = f.__qualname__, f.__module__
     return copy
 
 
@@ -206,60 +200,6 @@ class Uses(NamedTuple):
     collision_law: Any = None  # a `CompiledLaw`
 
 
-class GasArrays(NamedTuple):
-    """The arrays that a kernel was given, under their names in the table above; bundled while it is compiled."""
-
-    grid: Any = None
-    scale: Any = None
-    clock: Any = None
-    sums: Any = None
-    counter: Any = None
-    disk: Any = None
-    meta: Any = None
-    past: Any = None
-    hits: Any = None
-    spent: Any = None
-    slept: Any = None
-    held: Any = None
-    told_at: Any = None
-    note: Any = None
-    note_at: Any = None
-    note_tally: Any = None
-    kind: Any = None
-    kinds: Any = None
-    trail: Any = None
-    way: Any = None
-    back: Any = None
-    tile: Any = None
-    listed: Any = None
-    reach: Any = None
-    edge_x: Any = None
-    edge_y: Any = None
-    tally: Any = None
-    heat: Any = None
-    claim: Any = None
-    claim_at: Any = None
-    work: Any = None
-    link: Any = None
-    mark: Any = None
-    begun: Any = None
-    rest: Any = None
-    balance: Any = None
-    touch: Any = None
-    grip: Any = None
-    chosen: Any = None
-    since: Any = None
-    turn: Any = None
-    loss: Any = None
-    head: Any = None
-    bin: Any = None
-    wall_start: Any = None
-    wall_item: Any = None
-    walls: Any = None
-    law: Any = None
-    watched: Any = None
-    event: Any = None
-    event_int: Any = None
-    found: Any = None
-    total: Any = None
-    uses: Uses = Uses()
+def gas_of(**arrays: Any) -> Any:
+    """The arrays that a kernel was given, and `uses`: bundled under their names while it is compiled."""
+    return namedtuple("Gas", arrays)(**arrays)

@@ -139,15 +139,11 @@ def write_motion(row, t, first: ti.template(), before, after, gas: ti.template()
     """Write velocities and spins (vx, vy, spin of both partners) before and after, the disk's from `first` on."""
     fall_x, fall_y = gas.scale[GX] * t, gas.scale[GY] * t
     other = ti.static(3 - first)
-    gas.event[row][V_BEFORE], gas.event[row][V_BEFORE + 1] = (
-        before[first] + fall_x,
-        before[first + 1] + fall_y,
-    )
+    gas.event[row][V_BEFORE] = before[first] + fall_x
+    gas.event[row][V_BEFORE + 1] = before[first + 1] + fall_y
     gas.event[row][V_AFTER], gas.event[row][V_AFTER + 1] = after[first] + fall_x, after[first + 1] + fall_y
     gas.event[row][W_BEFORE], gas.event[row][W_AFTER] = before[first + 2], after[first + 2]
-    gas.event[row][U_BEFORE], gas.event[row][U_BEFORE + 1] = (
-        before[other] + fall_x,
-        before[other + 1] + fall_y,
-    )
+    gas.event[row][U_BEFORE] = before[other] + fall_x
+    gas.event[row][U_BEFORE + 1] = before[other + 1] + fall_y
     gas.event[row][U_AFTER], gas.event[row][U_AFTER + 1] = after[other] + fall_x, after[other + 1] + fall_y
     gas.event[row][S_BEFORE], gas.event[row][S_AFTER] = before[other + 2], after[other + 2]

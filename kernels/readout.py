@@ -1,21 +1,18 @@
-"""Disks by id, and sums over all of them, at the beginning or end of a window or at a moment in it asked for."""
+"""Disks by id, and sums over all of them, at the beginning or end of a window or at a moment in it asked for.
 
-from typing import Any
+And how the host gets small arrays, and rows of others, from a GPU and back.
+"""
 
-from .language import spread_of_loops, ti
+from .language import Cube, Rows, Table, has_numbers, spread_of_loops, ti, width
 from .layout import (
-    ANGLE, ASLEEP, AT_MOMENT, COUNT, DRIFT, EVENTS, GX, GY, ID, IMAGE_X, IMAGE_Y, KIND_INERTIA, KIND_MASS, LAST_PARTNER,
-    LATEST, MECHANISMS, MOMENTS, MOMENT_IN, NOTED, OWNED, PART, PERIODIC_X, PERIODIC_Y, ROOM, SAID_ASLEEP, SPIN, START,
-    TALLY, TILES_X, TILES_Y, TOLD, VX, VY, WALL_HITS,
-    Cube, GasArrays, Rows, Table, X, Y,
+    ALL_EVENTS, ANGLE, ASLEEP, AT_MOMENT, COUNT, DRIFT, EVENTS, EXCESS, FALL, GX, GY, ID, IMAGE_X, IMAGE_Y,
+    KIND_INERTIA, KIND_MASS, LAST_PARTNER, LATEST, MECHANISMS, MOMENTS, MOMENTUM_X, MOMENTUM_Y, MOMENT_IN, NOTED,
+    OWNED, PART, PERIODIC_X, PERIODIC_Y, ROOM, ROTATIONAL, SAID_ASLEEP, SHEAR_PRESSURE, SLEEPING, SPIN, START, TILES_X,
+    TILES_Y, TOLD, TOTALS, TRANSLATIONAL, VX, VY, WALL_HITS, X, Y, gas_of,
 )  # fmt: skip
 from .places import listed_kind, round_products
 from .shear import flow_at, frame_speed
 from .tiles import fly
-
-TRANSLATIONAL, ROTATIONAL, MOMENTUM_X, MOMENTUM_Y, SHEAR_PRESSURE, FALL, ALL_EVENTS, EXCESS = range(8)
-TOTALS = 8
-SLEEPING = 2  # column of `hits_out`
 
 
 @ti.func
@@ -72,11 +69,6 @@ def placed(s, tile, time, gas: ti.template()):
     return x, y, boxes_x, boxes_y, frame, flow
 
 
-def is_single(array: Any) -> bool:
-    """Tell if an array that a kernel was given has numbers of single precision."""
-    return array.get_type().element_type == ti.f32
-
-
 @ti.kernel
 def read_out(
     part: ti.i32, time: ti.f64, filled: ti.i32, uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, disk: Rows,
@@ -90,7 +82,7 @@ def read_out(
     with walls, latest partner, 1 for disks asleep; `spent_out` (n, MECHANISMS): energy that collisions took; `totals`
     (tiles, TOTALS).
     """
-    gas = ti.static(GasArrays(
+    gas = ti.static(gas_of(
         grid=grid, scale=scale, clock=clock, disk=disk, meta=meta, past=past, hits=hits, spent=spent, slept=slept,
         kind=kind, kinds=kinds, tile=tile, edge_x=edge_x, edge_y=edge_y, uses=uses,
     ))  # fmt: skip
@@ -118,15 +110,13 @@ def read_out(
                     vx = ti.cast(gas.disk[s][VX], ti.f64) + frame
                     row = ti.Vector([x, y, vx, gas.disk[s][VY], gas.disk[s][SPIN]], ti.f64)
                     for column in ti.static(range(5)):
-                        if ti.static(is_single(real_out)):
+                        if ti.static(has_numbers(real_out, ti.f32)):
                             real_out[i, column] = ti.cast(row[column], ti.f32)
                         else:
                             real_out[i, column] = row[column]
                     int_out[i, 0] = gas.meta[s][EVENTS]
-                    int_out[i, 1], int_out[i, 2] = (
-                        gas.meta[s][IMAGE_X] + boxes_x,
-                        gas.meta[s][IMAGE_Y] + boxes_y,
-                    )
+                    int_out[i, 1] = gas.meta[s][IMAGE_X] + boxes_x
+                    int_out[i, 2] = gas.meta[s][IMAGE_Y] + boxes_y
                     if ti.static(gas.uses.remembers or gas.uses.turned):
                         past_out[i, LATEST], past_out[i, ANGLE] = gas.past[s][LATEST], gas.past[s][ANGLE]
                     if ti.static(gas.uses.itemised):
@@ -147,15 +137,15 @@ def read_out(
 def settle(
     m: ti.i32, time: ti.f64, n_notes: ti.i32, n_slots: ti.i32, uses: ti.template(), grid: Rows, scale: Rows,
     tile: Table, disk: Rows, meta: Rows, past: Rows, hits: Rows, spent: Rows, told_at: Rows, note: Table, note_at: Rows,
-    note_tally: Table, tally: Cube, heat: Cube,
+    note_tally: Table, tally: Cube,
 ):  # fmt: skip
     """Bring moment m of a window, the time of which was not known, to a time since the window's beginning.
 
     Latest notes first, then flights. Notes of a disk stand in the order of time, for one tile took them.
     """
-    gas = ti.static(GasArrays(
+    gas = ti.static(gas_of(
         grid=grid, scale=scale, tile=tile, disk=disk, meta=meta, past=past, hits=hits, spent=spent, told_at=told_at,
-        note=note, note_at=note_at, note_tally=note_tally, tally=tally, heat=heat, uses=uses,
+        note=note, note_at=note_at, note_tally=note_tally, tally=tally, uses=uses,
     ))  # fmt: skip
     for _ in range(1):
         first = gas.scale[MOMENT_IN + 2 * m]
@@ -172,11 +162,8 @@ def settle(
                     gas.hits[row] = gas.hits[noted]
                 if ti.static(gas.uses.itemised):
                     gas.spent[row] = gas.spent[noted]
-                for column in range(TALLY):
+                for column in range(gas.tally.shape[2]):
                     gas.tally[k, AT_MOMENT + m, column] = gas.note_tally[n, column]
-                if ti.static(gas.uses.thermal or gas.uses.summed):
-                    for column in range(gas.heat.shape[2]):
-                        gas.heat[k, AT_MOMENT + m, column] = gas.note_tally[n, TALLY + column]
     for slot in range(n_slots):
         round_products(gas)
         now = ti.cast(time, float)
@@ -184,3 +171,46 @@ def settle(
             (TOLD + m) * gas.grid[ROOM] + slot, now - gas.told_at[m * gas.grid[ROOM] + slot], now,
             gas.scale[GX] * now, gas.scale[GY] * now, gas,
         )  # fmt: skip
+
+
+@ti.kernel
+def exchange(
+    board: Rows, sending: ti.i32, grid: Rows, scale: Rows, clock: Rows, sums: Rows, counter: Rows, total: Rows,
+):  # fmt: skip
+    """Copy the small arrays, one after another, from the `board` if `sending`, else to it, for the host."""
+    for _ in range(1):
+        at = 0
+        for array in ti.static((grid, scale, clock, sums, counter, total)):
+            for i in range(array.shape[0]):
+                if sending == 1:
+                    if ti.static(has_numbers(array, ti.i32)):
+                        array[i] = ti.cast(board[at + i], ti.i32)
+                    elif ti.static(has_numbers(array, ti.f32)):
+                        array[i] = ti.cast(board[at + i], ti.f32)
+                    else:
+                        array[i] = board[at + i]
+                else:
+                    board[at + i] = ti.cast(array[i], ti.f64)
+            at += array.shape[0]
+
+
+@ti.kernel
+def take_rows(array: Rows, at: Rows, rows: Table):
+    """Copy the rows `at` of an array into a table, which ranks send one another (`ifrdem/simulation/ranks.py`)."""
+    for i in range(at.shape[0]):
+        if ti.static(width(array) == 0):
+            rows[i, 0] = array[at[i]]
+        else:
+            for column in ti.static(range(width(array))):
+                rows[i, column] = array[at[i]][column]
+
+
+@ti.kernel
+def put_rows(array: Rows, at: Rows, rows: Table):
+    """Copy a table into the rows `at` of an array."""
+    for i in range(at.shape[0]):
+        if ti.static(width(array) == 0):
+            array[at[i]] = rows[i, 0]
+        else:
+            for column in ti.static(range(width(array))):
+                array[at[i]][column] = rows[i, column]

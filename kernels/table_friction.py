@@ -29,7 +29,7 @@ with D = (K - E)/m and C = (2 D - K)/m, which the arithmetic-geometric mean give
 (M. Abramowitz, I. A. Stegun, Handbook of Mathematical Functions, 17.6); E = K - m D.
 """
 
-from .language import ti
+from .language import Rows, ti
 
 AGM_STEPS = 9  # halve the digits that are missing; enough for 1 - m as small as TINY
 TINY = 1.0e-30  # least 1 - m: K has a logarithm there, which enters multiplied by 1 - m
@@ -92,14 +92,7 @@ def rates(theta, log_q, k):
     sine, cosine = ti.max(ti.sin(theta), 0.0), ti.max(ti.cos(theta), 0.0)
     F, T = friction(sine, cosine)
     q = ti.exp(log_q)
-    return ti.Vector(
-        [
-            -(F * cosine - k * T * sine),
-            -(F * sine + k * T * cosine),
-            q,
-            q * q * sine,
-        ]
-    )
+    return ti.Vector([-(F * cosine - k * T * sine), -(F * sine + k * T * cosine), q, q * q * sine])
 
 
 @ti.func
@@ -192,30 +185,14 @@ def slide(theta, k, end, tolerance):
 
 @ti.func
 def advance(v, u, k, a, dt, tolerance):
-    """Move one disk on the table by dt.
+    """Move one disk on the table by dt [time], or to rest (`NEVER`): v, u, x, t, eps.
 
-    Parameters
-    ----------
-    v, u : float
-        Speed of the centre, 0 or more, and R w with its sign [length/time].
-    k : float
-        Shape number in I = m R^2 / k.
-    a : float
-        mu_s g [length/time^2], positive.
-    dt : float
-        Time to move, positive; `NEVER` flies to rest.
-    tolerance : float
-        Error allowed a step, relative; 1e-12 in double precision, 1e-5 in single. The error of v, u and the
-        distance is a few of it, of the start's q = sqrt(v^2 + u^2) and q^2/a.
+    v is the speed of the centre, 0 or more, u = R w has a sign [length/time]; k in I = m R^2 / k; a = mu_s g
+    [length/time^2], positive. `tolerance` is the error allowed a step, relative: 1e-12 in double precision, 1e-5 in
+    single; that of v, u and the distance is a few of it, of the start's q = sqrt(v^2 + u^2) and q^2/a.
 
-    Returns
-    -------
-    v, u : float
-        After dt; both 0 at rest.
-    x, t : float
-        Distance moved along v [length], and time in motion, dt or less.
-    eps : float
-        v / |u| at the end; at rest, its limit.
+    Both speeds are 0 at rest; x is the distance moved along v [length], t the time in motion, dt or less, eps = v / |u|
+    at the end, at rest its limit.
     """
     q = ti.sqrt(v * v + u * u)
     v_new = 0.0 * v
@@ -236,12 +213,7 @@ def advance(v, u, k, a, dt, tolerance):
 
 
 @ti.kernel
-def friction_of(
-    v: ti.types.ndarray(ndim=1),
-    u: ti.types.ndarray(ndim=1),
-    F: ti.types.ndarray(ndim=1),
-    T: ti.types.ndarray(ndim=1),
-):
+def friction_of(v: Rows, u: Rows, F: Rows, T: Rows):
     """F and T, shape (n,), for speeds v and rim speeds u [any one unit], 0 or more and not both 0."""
     for i in range(v.shape[0]):
         F[i], T[i] = friction(v[i], u[i])
@@ -249,15 +221,7 @@ def friction_of(
 
 @ti.kernel
 def slide_coins(
-    dt: ti.f64,
-    tolerance: ti.f64,
-    a: ti.types.ndarray(ndim=1),
-    k: ti.types.ndarray(ndim=1),
-    v: ti.types.ndarray(ndim=1),
-    u: ti.types.ndarray(ndim=1),
-    x: ti.types.ndarray(ndim=1),
-    t: ti.types.ndarray(ndim=1),
-    eps: ti.types.ndarray(ndim=1),
+    dt: ti.f64, tolerance: ti.f64, a: Rows, k: Rows, v: Rows, u: Rows, x: Rows, t: Rows, eps: Rows
 ):
     """Move n independent disks by dt (`NEVER`: to rest); see `advance`. v and u change in place."""
     for i in range(v.shape[0]):

@@ -31,7 +31,7 @@ from .layout import (
     KIND, LAP_X, LAP_Y, LAST, LAST_PARTNER, LATEST, LENGTH_X, LENGTH_Y, LISTED, MOMENTS, MOMENT_IN, MECHANISMS,
     MOST_CLAIMS, HITS_NOW, MAY_REST, MOST_HALO, NARROWER, NEXT_IN_CELL, NOBODY, NOTED, NOTES, NUMBER,
     N_CLAIMED, N_CLAIMS, N_NOTED, N_SLOTS, OF_HELD, OWN, PART, PARTNER, PERIODIC_X, PERIODIC_Y, PLACES, PREVIOUS,
-    PROTRUDES, ROOM, ROW, SLOT, SPIN, SPLIT, SQUARES, SQUARE_UNIT, START, TALLY, TAU, TEAM, TILES_ASIDE, TILES_X,
+    PROTRUDES, ROOM, ROW, SLOT, SPIN, SPLIT, SQUARES, SQUARE_UNIT, START, TAU, TEAM, TILES_ASIDE, TILES_X,
     TILES_Y, TOLD, TOP, USUAL_HALO, VX, VY, WALL_HITS, WHO, WIDER, WIDEST, WINDOW, W_SPIN, Uses, X, Y,
 )  # fmt: skip
 from .places import add, kind_of, largest_speed, listed_kind, note_speed, radius_of
@@ -240,11 +240,8 @@ def begin(tile, gas: ti.template()):
     for k in range(tile, last + 1):
         gas.tile[k, NOTED] = gas.counter[N_NOTED]
         for when in range(AT_MOMENT + gas.grid[MOMENTS]):
-            for column in range(TALLY):
+            for column in range(gas.tally.shape[2]):
                 gas.tally[k, when, column] = 0.0
-            if ti.static(gas.uses.thermal or gas.uses.summed or gas.uses.pistons):
-                for column in range(gas.heat.shape[2]):
-                    gas.heat[k, when, column] = 0.0
         gas.reach[k, BEYOND], gas.reach[k, FURTHEST], gas.reach[k, PROTRUDES] = -ENDLESS, 0.0, 0.0
     if gas.counter[AGAIN] == 0:
         gas.reach[tile, WIDER] = ti.max(NARROWER * gas.reach[tile, WIDER], 1.0)
@@ -536,11 +533,8 @@ def take_note(i, t, tile, gas: ti.template()):
                 counts = ti.cast(gas.link[i][WHO] < gas.link[partner][WHO], ti.i32)
             gas.note[n, 0], gas.note[n, 1], gas.note[n, 2] = slot, tile, counts
             gas.note_at[n] = ti.cast(t, ti.f64)
-            for column in range(TALLY):
+            for column in range(gas.tally.shape[2]):
                 gas.note_tally[n, column] = gas.tally[tile, AT_END, column]
-            if ti.static(gas.uses.thermal or gas.uses.summed):
-                for column in range(gas.heat.shape[2]):
-                    gas.note_tally[n, TALLY + column] = gas.heat[tile, AT_END, column]
 
 
 @ti.func
@@ -560,11 +554,8 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
         part = TOLD + m
         time = gas.scale[MOMENT_IN + 2 * m]
         known = ti.cast(gas.scale[MOMENT_IN + 2 * m + 1] <= time, ti.i32)
-        for column in range(TALLY):
+        for column in range(gas.tally.shape[2]):
             gas.tally[tile, when, column] = gas.tally[tile, AT_END, column]
-        if ti.static(gas.uses.thermal or gas.uses.summed or gas.uses.pistons):
-            for column in range(gas.heat.shape[2]):
-                gas.heat[tile, when, column] = gas.heat[tile, AT_END, column]
     if ti.static(gas.uses.pistons):
         write_pistons(tile, when, time, gas)
     fall_x, fall_y = gas.scale[GX] * time, gas.scale[GY] * time
@@ -592,10 +583,8 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
                 gas.told_at[row - TOLD * gas.grid[ROOM]] = gas.work[i][TAU]
             if when == AT_END:
                 x, y = gas.disk[row][X], gas.disk[row][Y]
-                gas.trail[gas.mark[i][SLOT]][0], gas.trail[gas.mark[i][SLOT]][1] = (
-                    gas.link[i][HASH_1],
-                    gas.link[i][HASH_2],
-                )
+                gas.trail[gas.mark[i][SLOT]][0] = gas.link[i][HASH_1]
+                gas.trail[gas.mark[i][SLOT]][1] = gas.link[i][HASH_2]
                 gas.way[gas.mark[i][SLOT]] = ti.cast(1.000001 * way / gas.scale[WIDEST], ti.f32)
                 gas.back[slot] = gas.mark[i][SLOT]
                 furthest = ti.max(furthest, way)

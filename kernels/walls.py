@@ -29,8 +29,8 @@ RISE            part of its period in which SAWTOOTH rises, from -AMPLITUDE to A
 SURFACE         speed of the wall's surface along its tangent, (-n_y, n_x) of the normal towards the disk
 WALL_MATERIAL   row of the law's table
 NOW_0           what MOTION needs to know of the beginning of the window: displacement (STEADY), phase
-TEMPERATURE     of a thermal wall [energy], which does not follow the law (`thermal.py`); else 0
-HEAT            column of `heat` of a thermal wall, else -1
+TEMPERATURE     of a thermal wall [energy], which does not follow the law (below); else 0
+HEAT            which of the sums of walls is the heat of a thermal wall, else -1
 OWNER           number of the wall that this is a piece of
 HALF            half the angle of an arc
 TURN            STILL, STEADY or SINE rotation about (CX, CY), which the displacement carries along
@@ -42,10 +42,10 @@ TURN_0          what TURN needs to know of the beginning of the window: angle (S
 LEVER           distance of the farthest point of the piece from (CX, CY)
 BEGINS, ENDS    time of the run from which on it moves, and until when
 MOVES           1 if it moves in the window, which neither of the two lies in, else 0
-SUMS            first column of `heat` of the sums of its wall, with a momentum (2), torque, work, heat, hits
+SUMS            first of the sums of its wall: momentum (2), torque, work, heat, hits
 INVERSE         inverse mass of a piston, whose motion is FREE
 LOW, HIGH       of a piston's displacement, which its stops bound
-PISTON          first column of `heat` of the changes of its displacement and velocity
+PISTON          first of the changes of its displacement and velocity, among the sums of walls
 NEXT_PISTON     row of the next piston, or -1
 STOP_AT         time of the window at which it meets a stop
 ==============  ==========================================================================================
@@ -92,7 +92,7 @@ from .contact import ELASTIC, collided
 from .flights import rounding
 from .language import ti
 from .layout import (
-    AT_END, AT_WALLS, BEFORE, BEGIN, BY_HEAT, BY_LAW, BY_REMEDY, BY_WALLS, CELL, CELLS, ELASTICS, EVENT_HOW,
+    AT_WALLS, BEFORE, BEGIN, BY_HEAT, BY_LAW, BY_REMEDY, BY_WALLS, CELL, CELLS, ELASTICS, EVENT_HOW,
     EVENT_PARTNER, FAR, FIRST_PISTON, FIRST_WALL, FULL, FULL_WALLS, GX, GY, INVERSE_MASS, ITEMS, KIND_RADIUS, LAST,
     LENGTH_X, LENGTH_Y, LOSSES, MATERIAL, NEEDED, NORMAL_X, NUMBER, OWN, PARTNER, PATH, PERIODIC_X, PERIODIC_Y,
     RESTING, RESUMING, SEED_HIGH, SEED_LOW, TALLY, TAU, VX, VY, WALLS, WALL_COLLISIONS, WALL_WORK, WHO, WIDEST,
@@ -341,10 +341,10 @@ def write_pistons(tile, when, time, gas: ti.template()):
     """Note how pistons have changed from the beginning of the window until a time of it."""
     w = gas.grid[FIRST_PISTON]
     while w >= 0:
-        column = ti.cast(gas.walls[w][PISTON], ti.i32)
+        column = TALLY + ti.cast(gas.walls[w][PISTON], ti.i32)
         s, speed, _bound, _pull = piston_motion(w, time, gas)
-        gas.heat[tile, when, column] = s - gas.sums[TALLY + column]
-        gas.heat[tile, when, column + 1] = speed - gas.sums[TALLY + column + 1]
+        gas.tally[tile, when, column] = s - gas.sums[column]
+        gas.tally[tile, when, column + 1] = speed - gas.sums[column + 1]
         w = ti.cast(gas.walls[w][NEXT_PISTON], ti.i32)
 
 
@@ -502,10 +502,7 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
         ux, uy = gas.walls[w][UX], gas.walls[w][UY]
         rel_x = vx + gx * t - ux * speed
         rel_y = vy + gy * t - uy * speed
-        extra, swing = (
-            0.0 * t,
-            0.0 * t,
-        )  # of a wall that turns: bound on what rotation adds to f'', largest speed
+        extra, swing = 0.0 * t, 0.0 * t  # of a wall that turns: bound on what that adds to f'', largest speed
         if ti.static(gas.uses.turning):
             if gas.walls[w][TURN] != STILL:
                 angle, spin, most_spin, spin_bound = wall_turn(w, t, gas)
@@ -911,27 +908,19 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
                 heat = heat_given(
                     kind, vx - ux, vy - uy, spin - spin_w, vx_0 - ux, vy_0 - uy, spin_0 - spin_w, gas
                 )
-                gas.heat[tile, AT_END, column] = gas.heat[tile, AT_END, column] + heat
+                add(tile, TALLY + column, heat, gas)
         if ti.static(gas.uses.summed):
-            gained_x, gained_y = (
-                ti.cast((vx - vx_0) / inverse_mass, ti.f64),
-                ti.cast((vy - vy_0) / inverse_mass, ti.f64),
-            )
+            gained_x = ti.cast((vx - vx_0) / inverse_mass, ti.f64)
+            gained_y = ti.cast((vy - vy_0) / inverse_mass, ti.f64)
             torque = lever_x * gained_y - lever_y * gained_x + turning_impulse(kind, spin - spin_0, gas)
-            first = ti.cast(gas.walls[w][SUMS], ti.i32)
-            add_sum(tile, first + MOMENTUM_X, gained_x, gas)
-            add_sum(tile, first + MOMENTUM_Y, gained_y, gas)
-            add_sum(tile, first + TORQUE, torque, gas)
-            add_sum(tile, first + WORK, work, gas)
-            add_sum(tile, first + WARMTH, heat, gas)
-            add_sum(tile, first + HITS, 1.0, gas)
+            first = TALLY + ti.cast(gas.walls[w][SUMS], ti.i32)
+            add(tile, first + MOMENTUM_X, gained_x, gas)
+            add(tile, first + MOMENTUM_Y, gained_y, gas)
+            add(tile, first + TORQUE, torque, gas)
+            add(tile, first + WORK, work, gas)
+            add(tile, first + WARMTH, heat, gas)
+            add(tile, first + HITS, 1.0, gas)
     return how
-
-
-@ti.func
-def add_sum(tile, column, value, gas: ti.template()):
-    """Add to the sums of a wall."""
-    gas.heat[tile, AT_END, column] = gas.heat[tile, AT_END, column] + value
 
 
 @ti.func

@@ -4,18 +4,16 @@ The length of a window depends on the state of the gas at its beginning only, ne
 where places and velocities are rounded.
 """
 
-from typing import Any
-
 from .events import predict, run_events
-from .language import on_gpu, spread_of_loops, ti
+from .language import Cube, Rows, Table, on_gpu, spread_of_loops, ti
 from .layout import (
     AGAIN, ALONE, AT_END, BAD, BEGIN, BEYOND, BINS, BLOCK_OF_TILES, CELLS, CHAIN, COLLISIONS, COUNT,
     END, FAR, FASTEST, FIRST_SUM, FREE_PATH, FULL, FULL_CELLS, FULL_PLACES, GATHERED, GX, GY, HALO,
     HALTED, IN_WINDOW, KICK, LANES, LEAST_SIDE, LONGEST, MOMENT_IN, MOST_BEYOND, MOST_FURTHEST, MOST_HALO,
     MOST_MOMENTS, MOST_PROTRUDES, MOST_SPEED, NEEDED, NEXT_TILE, N_BAD, N_CLAIMED, N_EVENTS, N_SLOTS, N_WINDOWS,
     OWNED, PART, PATH, PAUSE, PAUSED, PAUSE_AFTER, PLACES, RESTING, RESUMING, ROOM, SPEED, SQUARES, SQUARE_UNIT,
-    STALLED, START, STOP, STRIDE, STUCK, TALLY, TILES_X, TILES_Y, TILE_SIDE, USUAL_HALO, VX, VY,
-    WALL_SPEED, WANTED, WIDER, WIDEST, WINDOW, Cube, GasArrays, N, Rows, Table,
+    STALLED, START, STOP, STRIDE, STUCK, TILES_X, TILES_Y, TILE_SIDE, USUAL_HALO, VX, VY,
+    WALL_SPEED, WANTED, WIDER, WIDEST, WINDOW, N, gas_of,
 )  # fmt: skip
 from .places import round_products
 from .rest import judge
@@ -25,9 +23,8 @@ from .tiles import (
 )  # fmt: skip
 from .walls import fastest_piston, place_walls, wall_phases
 
-MOST_EVENTS_OF_A_LAUNCH = (
-    1_000_000  # of a gas in one tile: a second's work at most, between two looks at the clock
-)
+# Of a gas in one tile: a second's work at most, between two looks at the clock.
+MOST_EVENTS_OF_A_LAUNCH = 1_000_000
 LEAST_PATH = 0.01  # of that of a gas that fills the box
 WIDEN = 1.6  # halo of a tile that has to be run again
 LEAST_HALO = 0.7  # of the least side of a tile, that the widest halo may have before disks are listed anew
@@ -165,24 +162,19 @@ def prepare(tile, lane, gas: ti.template()):
 @ti.func
 def total_of(column, gas: ti.template()):
     """One of the sums over all tiles to the end of the window; the largest square of a speed."""
-    total = gas.tally[0, AT_END, ti.min(column, TALLY - 1)]
+    total = gas.tally[0, AT_END, column]
     if gas.grid[ALONE] == 0:
         total = gas.total[FIRST_SUM + column]
         if column == FASTEST:
             total = gas.total[MOST_SPEED]
-    elif column >= TALLY:
-        total = gas.heat[0, AT_END, column - TALLY]
     return total
 
 
 @ti.func
 def plan(gas: ti.template()):
     """Set the next window, from the sums of the last one, which are added up. A force ends it."""
-    for column in range(TALLY):
+    for column in range(gas.tally.shape[2]):
         gas.sums[column] = gas.sums[column] + total_of(column, gas)
-    if ti.static(gas.uses.thermal or gas.uses.summed or gas.uses.pistons):
-        for column in range(TALLY, TALLY + gas.heat.shape[2]):
-            gas.sums[column] = gas.sums[column] + total_of(column, gas)
     way = gas.clock[SPEED] * (gas.clock[END] - gas.clock[BEGIN])
     gas.clock[PATH] = path_from(
         gas.clock[PATH], gas.clock[FREE_PATH], gas.clock[IN_WINDOW], way, total_of(COLLISIONS, gas)
@@ -284,7 +276,7 @@ def sum_up(b, column, gas: ti.template()):
     first = b * BLOCK_OF_TILES
     last = ti.min(first + BLOCK_OF_TILES, gas.grid[TILES_X] * gas.grid[TILES_Y])
     total = ti.cast(0.0, ti.f64)
-    columns = ti.static(TALLY) + gas.heat.shape[2]
+    columns = gas.tally.shape[2]
     if column == MOST_SPEED:
         for k in range(first, last):
             total = ti.max(total, gas.tally[k, AT_END, FASTEST])
@@ -295,10 +287,7 @@ def sum_up(b, column, gas: ti.template()):
         when = (column - FIRST_SUM) // columns
         of = column - FIRST_SUM - when * columns
         for k in range(first, last):
-            if of < TALLY:
-                total += gas.tally[k, when, of]
-            else:
-                total += gas.heat[k, when, of - TALLY]
+            total += gas.tally[k, when, of]
     gas.found[b, column] = total
 
 
@@ -320,7 +309,7 @@ def run_windows(
     sums: Rows, counter: Rows,
     disk: Rows, meta: Rows, past: Rows, hits: Rows, spent: Rows, slept: Rows, held: Rows, told_at: Rows, note: Table,
     note_at: Rows, note_tally: Table, kind: Rows, kinds: Rows, trail: Rows,
-    way: Rows, back: Rows, tile: Table, listed: Rows, reach: Table, edge_x: Rows, edge_y: Rows, tally: Cube, heat: Cube,
+    way: Rows, back: Rows, tile: Table, listed: Rows, reach: Table, edge_x: Rows, edge_y: Rows, tally: Cube,
     claim: Rows, claim_at: Rows, work: Rows, link: Rows, mark: Rows,
     begun: Rows, rest: Rows, balance: Rows, touch: Rows, grip: Rows, chosen: Rows,
     since: Rows, turn: Rows, loss: Rows, head: Rows, bin: Rows, wall_start: Rows, wall_item: Rows,
@@ -332,11 +321,11 @@ def run_windows(
     each thread takes tile after tile. On a GPU, where there is a lane for each tile, teams of threads share all the
     work but the events.
     """
-    gas = ti.static(GasArrays(
+    gas = ti.static(gas_of(
         grid=grid, scale=scale, clock=clock, sums=sums, counter=counter, disk=disk, meta=meta, past=past, hits=hits,
         spent=spent, slept=slept, held=held, told_at=told_at, note=note, note_at=note_at, note_tally=note_tally,
         rest=rest, balance=balance, touch=touch, grip=grip, kind=kind, kinds=kinds, trail=trail, way=way, back=back,
-        tile=tile, listed=listed, reach=reach, edge_x=edge_x, edge_y=edge_y, tally=tally, heat=heat, claim=claim,
+        tile=tile, listed=listed, reach=reach, edge_x=edge_x, edge_y=edge_y, tally=tally, claim=claim,
         claim_at=claim_at, work=work, link=link, mark=mark, begun=begun, chosen=chosen, since=since, turn=turn,
         loss=loss, head=head, bin=bin, wall_start=wall_start, wall_item=wall_item, walls=walls, law=law,
         watched=watched, event=event, event_int=event_int, found=found, total=total, uses=uses,
@@ -425,18 +414,13 @@ def run_windows(
             sum_blocks(column, gas)
 
 
-def has_numbers(array: Any, of: Any) -> bool:
-    """Tell if an array that a kernel was given has numbers of this type."""
-    return array.get_type().element_type == of
-
-
 @ti.kernel
 def verify(
     uses: ti.template(), grid: Rows, scale: Rows, counter: Rows, disk: Rows, trail: Rows, way: Rows, back: Rows,
     tile: Table, listed: Rows, reach: Table, edge_x: Rows, edge_y: Rows, claim: Rows, claim_at: Rows,
 ):  # fmt: skip
     """Find the tiles whose windows may not be exact: into `listed`, `counter[N_BAD]` of them; widen their halos."""
-    gas = ti.static(GasArrays(
+    gas = ti.static(gas_of(
         grid=grid, scale=scale, counter=counter, disk=disk, trail=trail, way=way, back=back, tile=tile, listed=listed,
         reach=reach, edge_x=edge_x, edge_y=edge_y, claim=claim, claim_at=claim_at, uses=uses,
     ))  # fmt: skip
@@ -464,12 +448,12 @@ def verify(
 
 @ti.kernel
 def survey(
-    uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, disk: Rows, tile: Table, tally: Cube, heat: Cube,
+    uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, disk: Rows, tile: Table, tally: Cube,
     reach: Table, found: Table, total: Rows,
 ):  # fmt: skip
     """The largest square of a speed and the sum of all, as a window's end tells, of disks moved by something else."""
-    gas = ti.static(GasArrays(
-        grid=grid, scale=scale, clock=clock, disk=disk, tile=tile, tally=tally, heat=heat, reach=reach, found=found,
+    gas = ti.static(gas_of(
+        grid=grid, scale=scale, clock=clock, disk=disk, tile=tile, tally=tally, reach=reach, found=found,
         total=total, uses=uses,
     ))  # fmt: skip
     spread = ti.static(spread_of_loops())
@@ -496,35 +480,14 @@ def survey(
 
 @ti.kernel
 def sum_shared(
-    n_blocks: ti.i32, last: ti.i32, uses: ti.template(), grid: Rows, tally: Cube, heat: Cube, reach: Table,
+    n_blocks: ti.i32, last: ti.i32, uses: ti.template(), grid: Rows, tally: Cube, reach: Table,
     found: Table, total: Rows, blocks: Rows,
 ):  # fmt: skip
     """The last step of `run_windows` and `survey` on ranks: sums of `n_blocks` blocks of tiles; of all, if `last`."""
-    gas = ti.static(GasArrays(
-        grid=grid, tally=tally, heat=heat, reach=reach, found=found, total=total, uses=uses,
+    gas = ti.static(gas_of(
+        grid=grid, tally=tally, reach=reach, found=found, total=total, uses=uses,
     ))  # fmt: skip
     for item in range(n_blocks * gas.found.shape[1]):
         sum_up(blocks[item // gas.found.shape[1]], item % gas.found.shape[1], gas)
     for column in range(last * gas.total.shape[0]):
         sum_blocks(column, gas)
-
-
-@ti.kernel
-def exchange(
-    board: Rows, sending: ti.i32, grid: Rows, scale: Rows, clock: Rows, sums: Rows, counter: Rows, total: Rows,
-):  # fmt: skip
-    """Copy the small arrays, one after another, from the `board` if `sending`, else to it, for the host."""
-    for _ in range(1):
-        at = 0
-        for array in ti.static((grid, scale, clock, sums, counter, total)):
-            for i in range(array.shape[0]):
-                if sending == 1:
-                    if ti.static(has_numbers(array, ti.i32)):
-                        array[i] = ti.cast(board[at + i], ti.i32)
-                    elif ti.static(has_numbers(array, ti.f32)):
-                        array[i] = ti.cast(board[at + i], ti.f32)
-                    else:
-                        array[i] = board[at + i]
-                else:
-                    board[at + i] = ti.cast(array[i], ti.f64)
-            at += array.shape[0]

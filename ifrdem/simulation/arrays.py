@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 
 from ..errors import EngineError
 from ..kernels import layout as k
-from ..kernels.language import ti
+from ..kernels.language import ti, view
 from ..kernels.limits import ADDRESSABLE, ALONE, MOST_DISKS, OWNER, PISTON_STATE, TOLD_DISKS, WALL, WALL_SUMS
+from ..kernels.readout import exchange
 from ..kernels.shear import displacement
 from ..kernels.walls import FREE, GONE, HEAT, MOTION, NEXT_PISTON, PISTON, PUSH, SUMS, TEMPERATURE, TYPE
-from ..kernels.windows import exchange, sum_shared
+from ..kernels.windows import sum_shared
 from ..model.box import Box
 from ..model.state import COLUMNS, Disks, State, codes
 from ..model.walls import Wall
@@ -125,18 +126,15 @@ def sums_of_blocks(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 class DeviceArrays:
     """All arrays of one engine, under the names that kernels give their arguments.
 
-    Parameters
-    ----------
-    disks, box : Disks, Box
-    law_table : array (M, M, c)
-        Coefficients of the law for each pair of materials.
-    options : EngineOptions
-    walls : array (rows, WALL)
-        Pieces of walls as `kernels/walls.py` describes them.
-    uses : Uses
-        What is compiled.
+    Coefficients of the law for each pair of materials, `law_table` (M, M, c); `options` of `Engine`; pieces of `walls`,
+    (rows, WALL), as `kernels/walls.py` describes them.
     """
 
+    tile: Any
+    listed: Any
+    way: Any
+    event: Any
+    event_int: Any
     found: Any
     blocks: Any
     comm: Any = None
@@ -158,7 +156,7 @@ class DeviceArrays:
         self.real: type[np.floating[Any]] = np.float32 if options.precision == "f32" else np.float64
         self._type = getattr(ti, options.precision)
         self._arguments: dict[Callable[..., Any], list[str]] = {}
-        self.room: int = self._first_room(n)
+        self.room: int = 0
         self.parts: int = 2
         kinds, self._kind = kinds_of(disks)
         self.kinds: Any = self._vectors(6, self._type, max(len(kinds), 1))
@@ -187,7 +185,7 @@ class DeviceArrays:
         words = np.array([options.seed & 0xFFFFFFFF, options.seed >> 32], dtype=np.uint32)
         self.grid[k.SEED_LOW : k.SEED_LOW + 2] = words.view(np.int32)
         # Where there are more disks, on several ranks, no kernel asks how many.
-        self.grid[k.N], self.grid[k.LANES], self.grid[k.ROOM] = min(n, ADDRESSABLE), 1, self.room
+        self.grid[k.N], self.grid[k.LANES] = min(n, ADDRESSABLE), 1
         self.grid[k.WALLS] = len(walls)
         self.grid[k.PERIODIC_X], self.grid[k.PERIODIC_Y] = box.periodic
         self.widest: float = 2.0 * float(disks.radius.max()) if n else 1.0
@@ -204,7 +202,7 @@ class DeviceArrays:
         number = int(owner.max()) + 1 if uses.summed else 0
         self.pistons: NDArray[np.int64] = np.flatnonzero(walls[:, MOTION] == FREE)  # rows of walls
         first_piston = len(self.thermal) + WALL_SUMS * number
-        self.heats: int = first_piston + PISTON_STATE * len(self.pistons)
+        self.columns: int = k.TALLY + first_piston + PISTON_STATE * len(self.pistons)  # of the tally
         self.grid[k.FIRST_PISTON] = self.pistons[0] if len(self.pistons) else -1
         self.wall_rows: NDArray[np.float64] = walls
         if len(walls):
@@ -213,27 +211,12 @@ class DeviceArrays:
             walls[self.pistons, PISTON] = first_piston + PISTON_STATE * np.arange(len(self.pistons))
             walls[self.pistons, NEXT_PISTON] = np.append(self.pistons[1:], -1)[: len(self.pistons)]
             self.walls.from_numpy(walls.astype(self.real))
-        self.sums: NDArray[np.float64] = np.zeros(k.TALLY + self.heats)
-        self.tile: Any = None
-        self.listed: Any = None
-        self.disk: Any = None
-        self.meta: Any = None
-        self.past: Any = None
-        self.hits: Any = None
-        self.spent: Any = None
-        self.slept: Any = None
-        self.held: Any = None
-        self.told_at: Any = None
+        self.sums: NDArray[np.float64] = np.zeros(self.columns)
         self._lanes = 0
         self.batch: int = 0
-        self.trail: Any = self._vectors(2, ti.i32, self.room)
-        self.way: Any = self._array(ti.f32, self.room)
-        self.back: Any = self._array(ti.i32, self.room)
         self.make_notes(0)
-        self._make_parts(2)
+        self._make_parts(2, self._first_room(n))
         self.watched: Any = self._array(ti.i32, n if uses.watched else 1)
-        self.event: Any = None
-        self.event_int: Any = None
         self.scratch(0, 0, 0, 0)
         self.claims(0)
         self.events(0)
@@ -254,33 +237,36 @@ class DeviceArrays:
             device.free_array(old)
         setattr(self, name, new)
 
-    def _make_parts(self, parts: int) -> None:
-        """Room for the state at so many times: the beginning and end of a window, and moments in it; for notes."""
-        uses, notes = self.uses, int(self.grid[k.NOTES])
-        rows = parts * self.room + notes
+    def _make_parts(self, parts: int, room: int) -> None:
+        """Room for the state of so many disks at so many times, and for notes; what is there already stays.
+
+        Times are the beginning and end of a window, and moments in it.
+        """
+        notes, kept = int(self.grid[k.NOTES]), self.state_arrays()
+        rows = parts * room + notes
         self._check_addresses(rows)
-        before = (
-            {}
-            if self.disk is None
-            else {name: getattr(self, name).to_numpy() for name in self.state_arrays()}
-        )
-        dated, counted = uses.remembers or uses.turned, uses.walled or uses.partnered
-        self._replace("disk", self._vectors(5, self._type, rows))
-        self._replace("meta", self._vectors(4, ti.i32, rows))
-        self._replace("past", self._vectors(2, ti.f64, rows if dated else 1))
-        self._replace("hits", self._vectors(2, ti.i32, rows if counted else 1))
-        self._replace("spent", self._vectors(k.MECHANISMS, ti.f64, rows if uses.itemised else 1))
-        self._replace("slept", self._array(ti.i32, rows if uses.rests else 1))
-        self._replace("held", self._vectors(k.HELD * k.OF_HELD, ti.f64, rows if uses.rests else 1))
-        if uses.shared:
-            self._replace("kind", self._array(ti.i32, rows if uses.mixed else 1))
+        before = {name: self._values(name).copy() for name in self._names()} if self.room else {}
+        for name in before:
+            self._replace(name, None)
+        for name, columns, of in (
+            ("disk", 5, self._type), ("meta", 4, ti.i32), ("past", 2, ti.f64), ("hits", 2, ti.i32),
+            ("spent", k.MECHANISMS, ti.f64), ("held", k.HELD * k.OF_HELD, ti.f64),
+        ):  # fmt: skip
+            self._replace(name, self._vectors(columns, of, rows if kept[name] else 1))
+        self._replace("slept", self._array(ti.i32, rows if kept["slept"] else 1))
+        if self.uses.shared:
+            self._replace("kind", self._array(ti.i32, rows if kept["kind"] else 1))
+        same = min(self.room, room)
         for name, old in before.items():
-            new = getattr(self, name).to_numpy()
-            kept = min(len(old), len(new), 2 * self.room)
-            new[:kept] = old[:kept]
-            getattr(self, name).from_numpy(new)
-        self._replace("told_at", self._array(self._type, (parts - 2) * self.room if notes else 1))
-        self.parts, self.grid[k.MOMENTS] = parts, parts - 2
+            with self.written(name) as (new,):
+                for part in range(min(self.parts, parts)):
+                    new[part * room : part * room + same] = old[part * self.room : part * self.room + same]
+        self._replace("trail", self._vectors(2, ti.i32, room))
+        self._replace("way", self._array(ti.f32, room))
+        self._replace("back", self._array(ti.i32, room))
+        self._replace("told_at", self._array(self._type, (parts - 2) * room if notes else 1))
+        self.parts, self.room = parts, room
+        self.grid[k.MOMENTS], self.grid[k.ROOM] = parts - 2, room
 
     def make_moments(self, needed: int = 1, notes: int = 0) -> int:
         """Make room for so many moments within a window, or for the most that there may be: for how many.
@@ -292,7 +278,7 @@ class DeviceArrays:
         if moments > self.parts - 2 or notes * moments > self.grid[k.NOTES]:
             if notes * moments > self.grid[k.NOTES]:
                 self.make_notes(1 << (notes * moments).bit_length())
-            self._make_parts(2 + moments)
+            self._make_parts(2 + moments, self.room)
             self._make_sums()
         return self.parts - 2
 
@@ -301,7 +287,7 @@ class DeviceArrays:
         self.grid[k.NOTES], rows = notes, max(notes, 1)
         self.note: NDArray[np.int32] = np.zeros((rows, 3), dtype=np.int32)
         self.note_at: NDArray[np.float64] = np.zeros(rows)
-        self.note_tally: NDArray[np.float64] = np.zeros((rows, k.TALLY + max(self.heats, 1)))
+        self.note_tally: NDArray[np.float64] = np.zeros((rows, self.columns))
 
     def _check_addresses(self, rows: int) -> None:
         if 8 * rows > ADDRESSABLE:
@@ -315,12 +301,7 @@ class DeviceArrays:
         lanes, uses = int(self.grid[k.LANES]), self.uses
         rows = lanes * places
         self._check_addresses(2 * rows)
-        self.grid[k.PLACES], self.grid[k.CELLS], self.grid[k.BINS], self.grid[k.ITEMS] = (
-            places,
-            cells,
-            bins,
-            items,
-        )
+        self.grid[[k.PLACES, k.CELLS, k.BINS, k.ITEMS]] = places, cells, bins, items
         self._replace("work", self._vectors(8, self._type, rows))
         self._replace("link", self._vectors(16, ti.i32, rows))
         self._replace("mark", self._vectors(6, ti.i32, rows))
@@ -377,11 +358,11 @@ class DeviceArrays:
             self.scale[k.DRIFT] = self.box.shear_rate * edges[1][1]
         total: int = tiles[0] * tiles[1]
         self.tiles: int = total
-        heats = max(self.heats, 1)
-        if (1 + k.MOST_MOMENTS) * total * heats > ADDRESSABLE:
+        self.own: NDArray[np.intp] = np.arange(total)
+        if (1 + k.MOST_MOMENTS) * total * self.columns > ADDRESSABLE:
             raise EngineError(
-                f"sums of walls: {heats} columns in each of {total} tiles are more than the {ADDRESSABLE} numbers that "
-                "32-bit indices of Taichi reach; make polylines of walls, or do without wall_sums"
+                f"sums of walls: {self.columns} columns in each of {total} tiles are more than the {ADDRESSABLE} "
+                "numbers that 32-bit indices of Taichi reach; make polylines of walls, or do without wall_sums"
             )
         for axis, name in enumerate(("edge_x", "edge_y")):
             self._replace(name, self._array(ti.f64, len(edges[axis])))
@@ -394,19 +375,15 @@ class DeviceArrays:
         self.blocks.from_numpy(np.arange(blocks, dtype=np.int32))
         self.total: NDArray[np.float64] = np.zeros(0)
         self._make_sums()
-        self.scale[k.LENGTH_X], self.scale[k.LENGTH_Y] = (
-            edges[0][-1] - edges[0][0],
-            edges[1][-1] - edges[1][0],
-        )
+        self.scale[[k.LENGTH_X, k.LENGTH_Y]] = [edge[-1] - edge[0] for edge in edges]
 
     def _make_sums(self) -> None:
         """Room for what tiles add up in a window, to its end and to each moment; sums that are known stay."""
-        total, times, heats = self.tiles, 1 + max(self.parts - 2, 1), max(self.heats, 1)
-        columns, known = k.FIRST_SUM + times * (k.TALLY + heats), self.total
+        total, times = self.tiles, 1 + max(self.parts - 2, 1)
+        columns, known = k.FIRST_SUM + times * self.columns, self.total
         if len(known) == columns:
             return
-        self._replace("tally", self._array(ti.f64, total, times, k.TALLY))
-        self._replace("heat", self._array(ti.f64, total, times, heats))
+        self._replace("tally", self._array(ti.f64, total, times, self.columns))
         self._replace("found", self._array(ti.f64, -(-total // k.BLOCK_OF_TILES), columns))
         self.total = np.zeros(columns)
         self.total[: min(len(known), columns)] = known[:columns]
@@ -506,8 +483,7 @@ class DeviceArrays:
 
     def take_lists(self, found: dict[str, NDArray[Any]]) -> None:
         """Go on from lists that `lists` gave, as the beginning of a window."""
-        rows = {name: found[name] for name in self._kept()}
-        self._take(rows, found["listed"][:, 0], found["listed"][:, 1])
+        self._take({name: found[name] for name in self._kept()}, *found["listed"].T)
 
     def lists(self, part: int) -> dict[str, NDArray[Any]]:
         """Rows of the state at a part, by array and in order of ids; and `listed`, the tile and the place in its list.
@@ -523,12 +499,22 @@ class DeviceArrays:
 
     def _kept(self) -> list[str]:
         """Names of the arrays of a state that this gas keeps, beside the kinds of disks, which ids tell."""
-        return [name for name, kept in self.state_arrays().items() if kept and name != "kind"]
+        return [name for name in self._names() if name != "kind"]
 
     def _values(self, name: str) -> NDArray[Any]:
-        """Content of an array."""
-        found: NDArray[Any] = getattr(self, name).to_numpy()
+        """Content of an array; on a CPU not to be changed, for it is the array itself."""
+        array = getattr(self, name)
+        found: NDArray[Any] = array.to_numpy() if self.on_gpu else view(array)
         return found
+
+    @contextmanager
+    def written(self, *names: str) -> Iterator[list[NDArray[Any]]]:
+        """Content of arrays, which may be changed; a GPU gets it back at the end."""
+        found = [self._values(name) for name in names]
+        yield found
+        if self.on_gpu:
+            for name, values in zip(names, found, strict=True):
+                getattr(self, name).from_numpy(values)
 
     def rows_here(self, part: int) -> int:
         """Number of disks that a part holds: all."""
@@ -591,12 +577,17 @@ class DeviceArrays:
         place: NDArray[np.integer] | None = None,
     ) -> None:
         """List rows of the state, which are in order of ids, in their tiles: by `place`, or by ids without it."""
-        order = np.argsort(tile, kind="stable") if place is None else np.lexsort((place, tile))
-        for name, values in rows.items():
-            array = np.zeros_like(self._values(name))
-            array[: self.n] = values[order]
-            getattr(self, name).from_numpy(array)
-        self.set_lists(0, np.bincount(tile, minlength=self.tiles))
+        self._list(rows, tile, rows["meta"][:, k.ID] if place is None else place)
+
+    def _list(
+        self, rows: dict[str, NDArray[Any]], tile: NDArray[np.integer], place: NDArray[np.integer]
+    ) -> None:
+        """List rows of the state in their tiles, by `place`, at the beginning of a window."""
+        order, part = np.lexsort((place, tile)), int(self.grid[k.PART])
+        with self.written(*rows) as arrays:
+            for array, values in zip(arrays, rows.values(), strict=True):
+                array[part * self.room : part * self.room + self.n] = values[order]
+        self.set_lists(part, np.bincount(tile, minlength=self.tiles))
 
     def _rows_from(self, state: State) -> tuple[dict[str, NDArray[Any]], NDArray[np.integer]]:
         """Rows of the arrays for a state, by the arrays' names; and the tile of each."""
@@ -642,23 +633,16 @@ class DeviceArrays:
         """Slots to begin with."""
         return max(n, 1)
 
-    def set_lists(self, part: int, count: NDArray[np.int64], start: NDArray[np.int64] | None = None) -> None:
-        """Say how many disks each tile lists, and where its list begins: one after another, if not told."""
-        tile = self.tile.to_numpy()
-        tile[:, k.COUNT + part] = count
-        tile[:, k.START + part] = np.cumsum(count) - count if start is None else start
-        self.tile.from_numpy(tile)
+    def set_lists(self, part: int, count: NDArray[np.int64]) -> None:
+        """Say how many disks each tile lists; lists begin one after another."""
+        with self.written("tile") as (tile,):
+            tile[:, k.COUNT + part] = count
+            tile[:, k.START + part] = np.cumsum(count) - count
 
     def list_anew(self) -> None:
         """List the disks by the tiles they are in; places stay what they are, to the last bit."""
         held, listed, tile = self._moved()
-        order = np.lexsort((listed, tile))
-        rows = slice(int(self.grid[k.PART]) * self.room, int(self.grid[k.PART]) * self.room + self.n)
-        for name, values in held.items():
-            array = getattr(self, name).to_numpy()
-            array[rows] = values[order]
-            getattr(self, name).from_numpy(array)
-        self.set_lists(int(self.grid[k.PART]), np.bincount(tile, minlength=self.tiles))
+        self._list(held, tile, listed)
 
     def _moved(self) -> tuple[dict[str, NDArray[Any]], NDArray[np.intp], NDArray[np.int64]]:
         """Rows of the state by array, list after list, from the corners of the tiles that they are in now.
@@ -684,13 +668,20 @@ class DeviceArrays:
     def rows_held(self, part: int) -> tuple[dict[str, NDArray[Any]], NDArray[np.intp]]:
         """Rows of the state at a part, by array, list after list; and the tile that lists each."""
         rows, tile = self.rows_of(part)
-        return {name: self._values(name)[rows] for name, kept in self.state_arrays().items() if kept}, tile
+        return {name: self._told_rows(name, rows) for name in self._names()}, tile
 
     def rows_of(self, part: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Rows of a part in the arrays of the state, list after list, and the tile that lists each."""
-        lists = self.tile.to_numpy()
-        first, count = lists[:, k.START + part], lists[:, k.COUNT + part]
-        return part * self.room + stretches(first, count), np.repeat(np.arange(self.tiles), count)
+        """Rows of a part in the arrays of the state, list after list, and the tile that lists each; own ones only."""
+        first, count = (self._values("tile")[self.own, column + part] for column in (k.START, k.COUNT))
+        return part * self.room + stretches(first, count), np.repeat(self.own, count)
+
+    def _told_rows(self, name: str, at: slice | NDArray[np.integer]) -> NDArray[Any]:
+        """Some rows of the state."""
+        return self._values(name)[at]
+
+    def _names(self) -> list[str]:
+        """Names of the arrays of a state that this gas keeps."""
+        return [name for name, kept in self.state_arrays().items() if kept]
 
     def state_arrays(self) -> dict[str, bool]:
         """Names of the arrays that hold a state, and whether this gas keeps them."""

@@ -33,21 +33,9 @@ _KIND = "ifrdem checkpoint"
 def write(
     path: str | os.PathLike[str], arrays: Mapping[str, NDArray[Any]], record: Mapping[str, Any]
 ) -> None:
-    """Write a checkpoint: beside its place, synced to the disk, then renamed into place.
+    """Write a checkpoint, arrays by name and a `record` of what JSON knows: beside its place, synced, then renamed.
 
-    Parameters
-    ----------
-    path : path
-        The file; an existing one is replaced, with its parts.
-    arrays : mapping
-        Arrays by name.
-    record : mapping
-        What JSON knows. Versions of the packages are added.
-
-    Raises
-    ------
-    InputError
-        If it cannot be written; the old file is kept then.
+    An existing file is replaced, with its parts. InputError if it cannot be written; the old one is kept then.
     """
     _write(Path(path), arrays, record)
     _remove_parts(Path(path))
@@ -66,23 +54,8 @@ def write_parts(
     with the rows of its slice of the disks. The files of one checkpoint bear a mark of their own, and those of the one
     before are there until NAME.checkpoint.h5 names the new ones: whenever a rank is killed, one of both is whole.
 
-    Parameters
-    ----------
-    path : path
-        The file, on the first rank.
-    comm : mpi4py.MPI.Comm
-        The ranks.
-    arrays : mapping
-        Arrays with a row for each disk of this rank's slice (`tools/slices.py`).
-    small : mapping
-        Other arrays, of which those of the first rank are written.
-    record : mapping
-        As for `write`, of the first rank.
-
-    Raises
-    ------
-    InputError
-        On all ranks, if a file cannot be written; the checkpoint that was there is kept then.
+    `arrays` have a row for each disk of this rank's slice (`tools/slices.py`); the path, `small` ones and the record
+    are those of the first rank. InputError on all, if a file cannot be written; the old checkpoint is kept then.
     """
     counts = comm.allgather(len(next(iter(arrays.values()))))
 
@@ -129,11 +102,8 @@ def _write(place: Path, arrays: Mapping[str, NDArray[Any]], record: Mapping[str,
                 file.create_group("arrays")
                 for name, array in arrays.items():
                     file[f"arrays/{name}"] = array
-            descriptor = os.open(new, os.O_RDONLY)
-            try:
-                os.fsync(descriptor)
-            finally:
-                os.close(descriptor)
+            with open(new, "rb") as written:
+                os.fsync(written.fileno())
     except (OSError, RuntimeError) as error:
         reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
         raise InputError(f"checkpoint {place} cannot be written: {reason}") from error
@@ -180,11 +150,7 @@ def _digest(arrays: Mapping[str, NDArray[Any]], record: str) -> str:
 def check_extra(path: object, extra: object, arrays: object) -> None:
     """Refuse what cannot go into a checkpoint, before anything is copied from the device.
 
-    Raises
-    ------
-    InputError
-        If the path is none, `extra` is no mapping or holds what JSON does not know, or `arrays` is no mapping of arrays
-        of numbers.
+    InputError unless the path is one, `extra` a mapping of what JSON knows, and `arrays` one of arrays of numbers.
     """
     if not isinstance(path, str | os.PathLike):
         raise InputError(f"path = {path!r}: the path of a file is needed, a text or a Path")
@@ -206,10 +172,7 @@ def read(
 ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """The arrays and the record of a checkpoint, whole also where it is in parts; without `rows`, none of its parts.
 
-    Raises
-    ------
-    InputError
-        If there is no such file, or it is none of ours, or damaged, or a part is missing.
+    InputError if there is no such file, or it is none of ours, or damaged, or a part is missing.
     """
     arrays, record = _read(path)
     return (arrays | _rows(path, record, None) if rows else arrays), record
@@ -221,12 +184,7 @@ def read_parts(
     """The arrays and the record of a checkpoint, on each rank with the rows of its own slice of the disks.
 
     All ranks call it, any number of them; the path is the first one's. The last of the three tells if the checkpoint is
-    in parts; if it is not, the first rank has all arrays, and the others have none.
-
-    Raises
-    ------
-    InputError
-        On all ranks, as `read`.
+    in parts; if it is not, the first rank has all arrays, and the others have none. InputError on all, as `read`.
     """
 
     def first() -> tuple[Path, dict[str, NDArray[Any]], dict[str, Any]]:
@@ -313,13 +271,7 @@ def state_of(arrays: Mapping[str, NDArray[Any]]) -> State:
 
 
 def check_versions(record: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
-    """Refuse a checkpoint of another version: its bits could not go on.
-
-    Raises
-    ------
-    InputError
-        With both versions.
-    """
+    """Refuse a checkpoint of another version, whose bits could not go on: InputError with both versions."""
     present = package_versions()
     for package in ("ifrdem", "taichi"):
         if record["versions"].get(package) != present[package]:

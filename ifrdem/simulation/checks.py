@@ -1,4 +1,4 @@
-"""Input that the engine refuses before it makes any array, with the reason."""
+"""Input that the engine refuses before it makes any array: InputError says what is wrong, and what to do instead."""
 
 from __future__ import annotations
 
@@ -15,6 +15,10 @@ from ..model.box import Box
 from ..model.state import Disks, State
 from ..model.walls import Wall
 
+if TYPE_CHECKING:
+    from ..model.forces import Force
+    from .engine import EngineOptions
+
 MOST_JUMP = 0.01
 """Jumps of disks at rest, in smallest radii: what is low against them."""
 MOST_COEFFICIENT = {"f32": 1e30, "f64": 1e100}
@@ -26,38 +30,13 @@ def fastest(disks: Disks, velocity: NDArray[np.float64], spin: NDArray[np.float6
     return float(max(np.abs(velocity).max(initial=0.0), (np.abs(spin) * disks.radius).max(initial=0.0)))
 
 
+@np.errstate(over="ignore", under="ignore")
 def check_magnitudes(disks: Disks, box: Box, speed: float, precision: str, hottest: float = 0.0) -> None:
     """Refuse units in which numbers that the kernels form would leave the range of their type, silently.
 
     Squares of discriminants and inverse inertias go furthest; times must stay below FAR (`kernels/layout.py`). The
     disks are as fast as `speed` (`fastest`); walls may be as hot as `hottest` [energy].
-
-    Raises
-    ------
-    InputError
-        Names the number, its value and the range.
     """
-    with np.errstate(over="ignore", under="ignore"):
-        _check_magnitudes(disks, box, speed, precision, hottest)
-
-
-def check_coefficients(law_table: NDArray[np.float64], precision: str) -> None:
-    """Refuse coefficients of a law that the precision cannot hold: an infinite one would not stay a number.
-
-    Raises
-    ------
-    InputError
-        Names the largest, and the limit.
-    """
-    most = MOST_COEFFICIENT.get(precision, np.inf)  # the engine refuses others
-    largest = float(np.abs(law_table).max(initial=0.0))
-    if not largest <= most:
-        raise InputError(
-            f"law: a coefficient of {largest:.3g} is beyond {most:g}, what {precision} can compute with"
-        )
-
-
-def _check_magnitudes(disks: Disks, box: Box, speed: float, precision: str, hottest: float) -> None:
     low, high = (1e-30, 1e30) if precision == "f32" else (1e-280, 1e280)
     finite = np.isfinite(disks.mass)
     if not disks.n or not finite.any():
@@ -82,15 +61,20 @@ def _check_magnitudes(disks: Disks, box: Box, speed: float, precision: str, hott
         )
 
 
+def check_coefficients(law_table: NDArray[np.float64], precision: str) -> None:
+    """Refuse coefficients of a law that the precision cannot hold: an infinite one would not stay a number."""
+    most = MOST_COEFFICIENT.get(precision, np.inf)  # the engine refuses others
+    largest = float(np.abs(law_table).max(initial=0.0))
+    if not largest <= most:
+        raise InputError(
+            f"law: a coefficient of {largest:.3g} is beyond {most:g}, what {precision} can compute with"
+        )
+
+
 def check_stored(largest: Mapping[str, float], precision: str) -> None:
     """Refuse quantities, the largest of each by name, that a trajectory file in single precision cannot hold.
 
     `precision` is "f4" or "f8".
-
-    Raises
-    ------
-    InputError
-        Names the quantity, its value and the range.
     """
     limits = np.finfo(precision)
     low, high = float(limits.tiny), float(limits.max)
@@ -103,33 +87,19 @@ def check_stored(largest: Mapping[str, float], precision: str) -> None:
             )
 
 
-if TYPE_CHECKING:
-    from ..model.forces import Force
-
-
 def check(
     disks: Disks,
     box: Box,
     state: State,
     materials: int,
     walls: Sequence[Wall],
-    gravity: tuple[float, float],
-    precision: str,
     forces: Sequence[Force],
-    *,
-    velocity_cutoff: float,
-    contact_time: float,
-    resting_speed: float,
+    options: EngineOptions,
     speed: float,
 ) -> None:
     """Refuse what the engine cannot simulate; arguments as for `Engine`, `materials` the rows of the law's table.
 
     Of ranks, `disks` and `state` may be those of a slice; `speed` is the largest of all disks (`fastest`).
-
-    Raises
-    ------
-    InputError
-        Names what is wrong, and what to do instead.
     """
     n = disks.n
     check_motion(disks, state)
@@ -143,9 +113,8 @@ def check(
             f"disk {i} has diameter {diameter:.6g}, more than a third of the box side {shortest:.6g}: "
             "it could meet its own periodic image; use a larger box"
         )
-    for name, value in (
-        ("velocity_cutoff", velocity_cutoff), ("contact_time", contact_time), ("resting_speed", resting_speed),
-    ):  # fmt: skip
+    for name in ("velocity_cutoff", "contact_time", "resting_speed"):
+        value = getattr(options, name)
         if not (math.isfinite(value) and value >= 0.0):
             raise InputError(f"{name} = {value}: a finite number not below 0 is needed")
     hottest = max((wall.temperature or 0.0 for wall in walls), default=0.0)
@@ -157,8 +126,8 @@ def check(
         )
     if box.shear_rate:
         _check_sheared(disks, box, walls)
-    check_magnitudes(disks, box, speed, precision, hottest)
-    check_between_collisions(disks, box, gravity, forces)
+    check_magnitudes(disks, box, speed, options.precision, hottest)
+    check_between_collisions(disks, box, options.gravity, forces)
 
 
 def check_number(n: int, ranks: int = 1, partners: bool = False) -> None:
@@ -244,27 +213,14 @@ def check_pistons(
                 )
 
 
-def check_ranks(
-    size: int,
-    box: Box,
-    precision: str,
-    tracked: bool,
-    order: str | None = None,
-    rests: bool = False,
-) -> None:
-    """Refuse what cannot be on several ranks of MPI (`ranks.py`).
-
-    Raises
-    ------
-    InputError
-        Names what it is.
-    """
+def check_ranks(size: int, box: Box, options: EngineOptions, tracked: bool) -> None:
+    """Refuse what cannot be on several ranks of MPI (`ranks.py`)."""
     refused = {
-        f"precision = '{precision}'": precision != "f64",
-        "order = 'alone'": order == "alone",
+        f"precision = '{options.precision}'": options.precision != "f64",
+        "order = 'alone'": options.order == "alone",
         "tracked disks (histories)": tracked,
         "an open box": box.is_open,
-        'collapse = "rest"': rests,
+        'collapse = "rest"': options.resting_speed > 0.0,
     }
     for what, there in refused.items():
         if there:

@@ -10,6 +10,7 @@ import io
 import logging
 import os
 import shutil
+import signal
 import tempfile
 import threading
 import time
@@ -17,7 +18,8 @@ import weakref
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol
+from types import FrameType
+from typing import Any
 
 from ..errors import EngineError, InputError, nearest
 
@@ -86,10 +88,7 @@ def check_process() -> None:
 def sole_use() -> Iterator[None]:
     """Keep Taichi to the present thread; a decorator too.
 
-    Raises
-    ------
-    EngineError
-        If another thread uses it, or the process is a forked copy (`check_process`).
+    EngineError if another thread uses it, or the process is a forked copy (`check_process`).
     """
     check_process()
     if not _in_use.acquire(blocking=False):
@@ -102,6 +101,36 @@ def sole_use() -> Iterator[None]:
         yield
     finally:
         _in_use.release()
+
+
+@contextlib.contextmanager
+def deferred_interrupts() -> Iterator[None]:
+    """Delay Ctrl-C: KeyboardInterrupt is raised at the end of the block, where the gas is in a whole state.
+
+    A second Ctrl-C raises it at once. Nothing is delayed in a thread other than the main one, or where a handler other
+    than Python's own is installed for SIGINT, such as that of the command `ifrdem run`.
+    """
+    usual, came = signal.default_int_handler, False
+    if (
+        threading.current_thread() is not threading.main_thread()
+        or signal.getsignal(signal.SIGINT) is not usual
+    ):
+        yield
+        return
+
+    def note(_number: int, _frame: FrameType | None) -> None:
+        nonlocal came
+        if came:
+            raise KeyboardInterrupt
+        came = True
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, usual)
+    if came:
+        raise KeyboardInterrupt
 
 
 def limit_threads(most: int) -> None:
@@ -133,12 +162,8 @@ def show_gpu(number: int) -> None:
     """Have this process see one GPU only: of those that CUDA_VISIBLE_DEVICES names, in turn, or of all of the machine.
 
     `number` is that of a rank among those of its machine. Without that variable rank 2 gets GPU 2, or there is none for
-    it: ranks share GPUs only where the user, or the batch system, says so by naming fewer.
-
-    Raises
-    ------
-    InputError
-        If the driver, which looks at the variable once, has been asked before and shows another one.
+    it: ranks share GPUs only where the user, or the batch system, says so by naming fewer. InputError if the driver,
+    which looks at the variable once, has been asked before and shows another one.
     """
     global _shown
     if _shown is not None:
@@ -284,18 +309,11 @@ def _remove_stale_lock(folder: Path) -> None:
             lock.unlink()
 
 
-class User(Protocol):
-    """A holder of arrays of Taichi's."""
-
-    def release(self) -> None:
-        """Give the arrays up: Taichi ends."""
+_users: weakref.WeakSet[Any] = weakref.WeakSet()
 
 
-_users: weakref.WeakSet[User] = weakref.WeakSet()
-
-
-def register(user: User) -> None:
-    """Have `user.release()` called before Taichi ends or starts anew."""
+def register(user: Any) -> None:
+    """Have `user.release()`, which gives its arrays up, called before Taichi ends or starts anew."""
     _users.add(user)
 
 
@@ -360,12 +378,8 @@ def start(
         Let Taichi time every kernel, for `ifrdem.validation.speed.bench`. Without it, a Taichi that runs so already
         is kept, so that simulations can be made under the profiler; `stop` ends that.
 
-    Raises
-    ------
-    InputError
-        If architecture or precision are unknown, the device is not there, or there are not so many cores.
-    EngineError
-        If the process is a forked copy of one that has started Taichi.
+    InputError if architecture or precision are unknown, the device is not there, or there are not so many cores;
+    EngineError if the process is a forked copy of one that has started Taichi.
     """
     global _running, _process
     check_process()

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import EngineError, InputError, NoMoreCollisions
+from ..kernels.layout import Uses
 from ..model.ifr import IFRLaw
 from ..model.law import (
     CollisionLaw,
@@ -38,8 +39,6 @@ from ..theory.sonine import sonine_coefficient
 from ..tools import checked, seeds
 from ..tools.sealed import Sealed
 from . import device
-from . import device as backend
-from .interrupts import Deferred
 
 
 @dataclass(frozen=True)
@@ -118,17 +117,8 @@ def sample(
 ) -> dict[str, Any]:
     """A sample: what `Relaxation` has of one time, but for that and what was put in.
 
-    Parameters
-    ----------
-    disks : Disks
-    velocity : array (n, 2)
-        [length/time].
-    spin : array (n,)
-        [rad/time].
-    hits : array (n,)
-        Collisions that each disk has had.
-    species : array (n,)
-        0 to s - 1: what each disk is summed up with.
+    Velocities (n, 2) [length/time], spins (n,) [rad/time], collisions (n,) of each disk; `species` (n,), 0 to s - 1:
+    what each is summed up with.
     """
     drift = np.sum(disks.mass[:, None] * velocity, axis=0) / disks.mass.sum()
     # Scaled so that their squares are twice the energies: disks of different masses can be summed up.
@@ -285,8 +275,7 @@ class DSMC(Sealed):
         return which.ravel()
 
     def _make_arrays(self, start: State, law: Any, table: NDArray[np.float64]) -> None:
-        from ..kernels import dsmc as kernels  # imports Taichi, which `backend.start` has set going
-        from ..kernels.layout import Uses
+        from ..kernels import dsmc as kernels  # imports Taichi, which `device.start` has set going
 
         import taichi as ti  # isort: skip
 
@@ -424,7 +413,7 @@ class DSMC(Sealed):
                 raise InputError(
                     f"samples: numbers in increasing order from {now:.6g} to {end:.6g} are needed"
                 )
-        with backend.sole_use():
+        with device.sole_use():
             found = [self._measure()]
             for mark in marks:
                 if by_time:
@@ -441,7 +430,7 @@ class DSMC(Sealed):
     def _step(self, longest: float, wanted: float = math.inf) -> None:
         """Let the gas go on, for `longest` [time] at most, and not for many more collisions than are `wanted`."""
         self._check_whole()
-        with Deferred():  # Ctrl-C takes effect between batches
+        with device.deferred_interrupts():  # Ctrl-C takes effect between batches
             self._whole = False
             self._batch_of(longest, wanted)
             self._whole = True
@@ -479,7 +468,7 @@ class DSMC(Sealed):
         return n * (n - 1) * self._section * 2.0 * cap / self.area
 
     def _check_alive(self) -> None:
-        backend.check_process()
+        device.check_process()
         if self._disk is None:
             raise EngineError("this gas is gone: Taichi was started anew, with other settings")
 

@@ -14,29 +14,11 @@ within a window changes no bit of what comes after: a gas in one tile pauses the
 they pass them, and run the window again only for those that nobody foresaw.
 Only what something else does to the disks (a force, a change by the user) ends a window.
 
+Open space. Disks lie in tiles over what they fill, which have no end at its edge. Once they have spread they are laid
+anew, in wider cells; once no two of them approach each other the rest is one flight.
+
 Limits. Places are rounded to 2^-52 to 2^-51 of the box. Tiles of a sheared gas have frames of their own: there the bits
 depend on the tiles, which depend on the gas only.
-
-What it costs (N = 1e4 or 1e5, phi = 0.3, against the engine of lists, log and rollback before, in the same minutes):
-
-==========================================  ==========================  ==================================
-version                                     expected                    outcome (time a collision, old = 1)
-==========================================  ==========================  ==================================
-as the prototype, five arrays for a disk    0.6 to 0.7                  1.1 in one tile, launches included
-two lines of the cache for a disk           fewer misses                1.05
-many windows a launch, four collisions a    launches (0.7 ms) are       0.9
-disk in each                                nothing then
-no division for cells, sides of cells kept  fewer instructions          0.8; 0.55 on two threads in tiles
-a pause at a row of a series, in one tile   a row no longer costs the   a row of 2,000 disks: 6.3 ms -> 2.2 ms
-                                            window again
-halos that were too narrow stay wider       fewer tiles run again       in clusters a third of them
-two layers of cells                         sizes 1 : 10 at twice the   7.5 -> 2.4 times, 1 : 50 180 -> 5.4
-                                            cost of one size
-several moments of a window in one run,     no window again for frames  N = 1e5, 2.7 frames by collisions in each
-those of collisions by notes                                            window: 4.8 -> 1.7 times without frames
-room for claims foreseen                    the first window of a run   11 launches of the first window -> 3
-                                            twice instead of five times
-==========================================  ==========================  ==================================
 """
 
 from __future__ import annotations
@@ -52,7 +34,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import EngineError, InelasticCollapse, InputError, NoMoreCollisions
-from ..kernels.limits import MECHANISMS, PISTON_STATE, REGIMES, WALL_SUMS
+from ..kernels import layout as k
+from ..kernels.limits import MECHANISMS, PISTON_STATE, WALL_SUMS
+from ..kernels.limits import REGIMES as N_REGIMES
 from ..model.box import Box
 from ..model.ifr import IFRLaw
 from ..model.law import CollisionLaw, compiled
@@ -62,59 +46,39 @@ from ..model.walls import Wall, rows_of, sides
 from ..model.walls import check as check_walls
 from ..tools import checked, seeds, slices, world
 from . import checks, device
-from .interrupts import Deferred
+from .schedule import Due
 from .tracking import Statistics
 from .turning import USUAL_STEP, TurningGravity, check_turning
-from .unbounded import nobody_meets
 
 if TYPE_CHECKING:
     from ..model.forces import Force
     from .arrays import DeviceArrays
-    from .schedule import Due
     from .tracking import Tracking
     from .windows import Windows
 
 PATIENCE = 1000  # usual times between collisions without one, after which a run by collisions gives up
 ORDERS = ("alone", "tiles")
-OPEN_WINDOWS = (
-    32  # of an open gas, after which it is looked at: how far it has spread, and whether anybody can meet
-)
+# Windows of an open gas after which it is looked at: how far it has spread, and whether anybody can meet.
+OPEN_WINDOWS = 32
+
+
+MOST_COMPARED = 200_000
+"""Disks of which all pairs are compared at most: some ten seconds. More fly on in windows, which get longer."""
 
 
 @dataclass(frozen=True)
 class EngineOptions:
-    """Options of an engine.
+    """Options of an engine: those of `Simulation`; remedies for collapse that are 0 do without.
 
     Attributes
     ----------
-    arch : {"cpu", "cuda"}
-        Device.
-    threads : int or None
-        On the CPU; all cores by default.
-    precision : {"f64", "f32"}
     order : {"alone", "tiles"} or None
         One tile that is the whole box, by one thread; or many; by default as the number of disks suggests. The same
         bits.
     tile_disks : int or None
         Disks of a tile; by default what is fastest.
-    window_collisions : float or None
-        Collisions that a disk has in a window, 0.001 to 10; by default what is fastest on the device. Bits depend on
-        it: with the same, a CPU and a GPU give the same (`exactness`).
-    gravity : two floats
-        Acceleration of all disks [length/time^2]; only in directions that are not periodic.
-    gravity_turns, gravity_step : float
-        Rate at which gravity turns [rad/time], counter-clockwise, and the angle of its steps [rad] (`turning.py`).
-    velocity_cutoff : float
-        Collisions whose normal speed of approach is below this [length/time] are elastic, and without friction.
-    contact_time : float
-        So are those of a disk whose latest collision was less than this ago [time]; 0 does without.
-    resting_speed : float
-        Below this [length/time] a contact lasts, and disks fall asleep (`kernels/rest.py`); 0 does without.
-    seed : int
-        Of the random numbers of forces and thermal walls, 0 to 2^64 - 1.
-    ledger, partners, angles, itemised, wall_sums : bool
-        Add up what dissipates energy; keep whom each disk hit last; how far each disk has turned; what its collisions
-        took, with a ledger only; add up what each wall gives.
+    itemised : bool
+        `dissipated` of `Simulation`; with a ledger only.
     """
 
     arch: str = "cpu"
@@ -167,19 +131,35 @@ class CollisionTimes:
     pair: NDArray[np.int64]
 
 
+def nobody_meets(state: State, disks: Disks) -> bool:
+    """True if no two disks of an open gas approach each other in a way that they could touch: the rest is one flight.
+
+    Every pair is looked at, until one is found; up to MOST_COMPARED disks. Imports the kernels.
+    """
+    from ..kernels.flights import approaching
+
+    if state.n < 2:
+        return True
+    if state.n > MOST_COMPARED:
+        return False
+    begin, rows = 0, 64
+    while begin < state.n:
+        end = min(begin + rows, state.n)
+        if approaching(begin, end, state.position, state.velocity, np.ascontiguousarray(disks.radius)):
+            return False
+        begin, rows = end, 4 * rows
+    return True
+
+
 class Engine:
     """Disks in a box, moved from collision to collision.
 
     Parameters
     ----------
-    disks, box, state : Disks, Box, State
-        What moves, where, and its start. Positions must not overlap (`placement.check_no_overlap`).
+    disks, box, state, walls, forces, sliced
+        As for `Simulation`; positions must not overlap (`placement.check_no_overlap`).
     law_table : array (M, M, c)
         Coefficients of the law for each pair of materials (`table_row`): e_n, e_t, mu, contact_point, rho of `IFRLaw`.
-    walls : sequence of Wall
-        Beside the straight ones of material 0 at sides of the box that are not periodic, which come after them.
-    forces : sequence of Force
-        What acts between collisions (`force_steps.py` says when).
     law : class of laws
         Whose coefficients the table holds.
     tracking : Tracking, optional
@@ -187,17 +167,11 @@ class Engine:
     comm : communicator of mpi4py, optional
         Whose ranks have a part of the gas each, if there are several (`ranks.py`); all make the same engine, and call
         the same methods.
-    sliced : bool
-        Each rank gives the disks and the start of its slice (`tools/slices.py`), and is told states of it; else the
-        first one gives and is told all of them, and what the others give is not looked at.
     **options
         Those of `EngineOptions`.
 
-    Raises
-    ------
-    InputError
-        If a disk is larger than a third of a side of the box, one of infinite mass moves, the device is not there, or a
-        force cannot act.
+    InputError if a disk is larger than a third of a side of the box, one of infinite mass moves, the device is not
+    there, or a force cannot act.
     """
 
     def __init__(
@@ -222,10 +196,8 @@ class Engine:
         self.comm: Any = comm if comm is not None and comm.size > 1 else None
         self.box: Box = box
         self._law_table, self._law = np.ascontiguousarray(law_table, dtype=np.float64), law
-        check_turning(
-            given.gravity, box.periodic, given.gravity_turns, given.gravity_step, tracking is not None,
-            comm.size if comm else 1,
-        )  # fmt: skip
+        ranks = 1 if self.comm is None else self.comm.size
+        check_turning(given, box.periodic, tracking is not None, ranks)
         self.precision: str = given.precision
         self.walls: tuple[Wall, ...] = (*walls, *sides(box))
         self.given_walls: int = len(walls)
@@ -239,12 +211,8 @@ class Engine:
             return disks.n, speed, met, hits, int(np.count_nonzero(state.asleep))
 
         def judged() -> None:
-            checks.check_number(n, comm.size if comm else 1, given.partners)
-            checks.check(
-                disks, box, state, len(self._law_table), walls, given.gravity, given.precision, forces,
-                velocity_cutoff=given.velocity_cutoff, contact_time=given.contact_time,
-                resting_speed=given.resting_speed, speed=max(speeds),
-            )  # fmt: skip
+            checks.check_number(n, ranks, given.partners)
+            checks.check(disks, box, state, len(self._law_table), walls, forces, given, max(speeds))
             check_walls(
                 self.walls, box, state.position, disks.radius, len(self._law_table), float(state.time),
                 collisions=self._before[0], tolerance=TOLERANCE * float(disks.radius.max(initial=0.0)),
@@ -264,17 +232,8 @@ class Engine:
         self.kinds: Disks = disks if self.comm is None else DiskKinds.of(self.disks_here, self.comm)
         self.disks: Disks = disks if whole and world.is_first(self.comm) else self.kinds
         time = float(begin.time)
-        if given.resting_speed:
-            self._check_resting(given.gravity, forces, law)
-        checks.check_pistons(
-            walls,
-            n,
-            given.arch,
-            given.precision,
-            given.resting_speed,
-            given.order,
-            comm.size if comm else 1,
-        )
+        self._check_resting(given.gravity, forces, law)
+        checks.check_pistons(walls, n, given.arch, given.precision, given.resting_speed, given.order, ranks)
         if given.gravity_turns and any(wall.piston is not None for wall in walls):
             raise InputError(f"gravity_turns = {given.gravity_turns:g}: not with a piston; let gravity stay")
         self.turning = TurningGravity(given.gravity, given.gravity_turns, given.gravity_step, time)
@@ -288,14 +247,7 @@ class Engine:
         self._collided_at = time
         threads = given.threads
         if self.comm is not None:
-            checks.check_ranks(
-                self.comm.size,
-                box,
-                given.precision,
-                tracking is not None,
-                given.order,
-                given.resting_speed > 0.0,
-            )
+            checks.check_ranks(ranks, box, given, tracking is not None)
             self._check_alike(forces)
             threads = threads or world.cores_here(self.comm, device.cores())
             if given.arch == "cuda":
@@ -304,14 +256,13 @@ class Engine:
         world.together(
             self.comm, lambda: device.start(given.arch, threads=threads, precision=given.precision)
         )
-        from ..kernels.layout import WALL_SPEED, Uses
         from .arrays import DeviceArrays
         from .force_steps import ForceSteps
         from .windows import Windows
 
         kind: Any = law  # mypy does not take a class for hashable
         rows = rows_of(self.walls)
-        uses = Uses(
+        uses = k.Uses(
             walled=len(self.walls) > 0,
             thermal=any(wall.temperature for wall in self.walls),
             pieced=len(rows) != len(self.walls),
@@ -348,7 +299,7 @@ class Engine:
         device.register(self)
         if tracking is not None:
             self.arrays.watched.from_numpy((tracking.rows > 0).astype(np.int32))
-        self.arrays.clock[WALL_SPEED] = max((wall.most_speed for wall in self.walls), default=0.0)
+        self.arrays.clock[k.WALL_SPEED] = max((wall.most_speed for wall in self.walls), default=0.0)
         self.past: dict[str, Any] = {
             "wall_hits": begin.wall_hits, "latest_collision": begin.latest_collision,
             "last_partner": begin.last_partner, "angle": begin.angle, "dissipated": begin.dissipated,
@@ -386,16 +337,12 @@ class Engine:
     @property
     def collisions(self) -> int:
         """Collisions of two disks, those before the start included."""
-        from ..kernels.layout import COLLISIONS
-
-        return self._before[0] + int(self._sum(COLLISIONS))
+        return self._before[0] + int(self._sum(k.COLLISIONS))
 
     @property
     def wall_hits(self) -> int:
         """Collisions with walls, those before the start included."""
-        from ..kernels.layout import WALL_COLLISIONS
-
-        return self._before[1] + int(self._sum(WALL_COLLISIONS))
+        return self._before[1] + int(self._sum(k.WALL_COLLISIONS))
 
     @property
     def asleep(self) -> int:
@@ -405,26 +352,20 @@ class Engine:
     @property
     def wall_work(self) -> float:
         """Energy that moving walls gave to the disks so far [energy]."""
-        from ..kernels.layout import WALL_WORK
-
-        return self._sum(WALL_WORK)
+        return self._sum(k.WALL_WORK)
 
     @property
     def wall_heats(self) -> NDArray[np.float64]:
         """Heat that each wall, those at sides of the box last, gave so far [energy]."""
-        from ..kernels.layout import TALLY
-
         heat = np.zeros(len(self.walls))
         thermal = self.arrays.thermal
-        heat[thermal] = self.windows.sums[TALLY : TALLY + len(thermal)]
+        heat[thermal] = self.windows.sums[k.TALLY : k.TALLY + len(thermal)]
         return heat
 
     @property
     def wall_sums(self) -> NDArray[np.float64]:
         """Sums of what each wall gave so far, sides of the box last, shape (walls, 6); columns `model.walls.SUMS`."""
-        from ..kernels.layout import TALLY
-
-        first = TALLY + len(self.arrays.thermal)
+        first = k.TALLY + len(self.arrays.thermal)
         return self.windows.sums[first : first + WALL_SUMS * len(self.walls)].reshape(-1, WALL_SUMS)
 
     @property
@@ -478,22 +419,16 @@ class Engine:
     def dissipated(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Energy that collisions took, by mechanism, and collisions by regime, so far; zeros without a ledger.
 
-        Raises
-        ------
-        EngineError
-            If a collision took no number (NaN), or an infinite one: the law gives or takes energy without bounds.
+        EngineError if a collision took no number (NaN), or an infinite one: the law does not hold on to energy.
         """
-        from ..kernels.layout import LOSSES
-        from ..kernels.layout import REGIMES as FIRST_REGIME
-
         sums = self.windows.sums
-        losses = sums[LOSSES : LOSSES + MECHANISMS]
+        losses = sums[k.LOSSES : k.LOSSES + MECHANISMS]
         if not np.isfinite(losses).all():
             raise EngineError(
                 "a collision took an energy beyond all bounds, or no number: the law does not hold on to energy; with "
                 "output.ledger = false (ledger=False) nobody counts"
             )
-        return losses.copy(), sums[FIRST_REGIME : FIRST_REGIME + REGIMES].astype(np.int64)
+        return losses.copy(), sums[k.REGIMES : k.REGIMES + N_REGIMES].astype(np.int64)
 
     def switch_ledger(self, on: bool) -> None:
         """Go on without adding up what takes energy, or with it again: to time what the ledger costs."""
@@ -508,20 +443,27 @@ class Engine:
             state = self._state()
             if self.tracking is not None:
                 self.tracking.drop_after(state.time)
-            excess = self._excess()
-            self.windows.settle_at(state.time)
-            self._lay(state)
-            self._flow_excess += self._excess() - excess  # other rows of tiles, by which nothing is done
+            self._lay_anew(state)
         else:
             self.windows.settle()
+
+    def _lay_anew(self, state: State, *, wakes: bool = False) -> None:
+        """Begin a window with a state at the present time, in which disks that sleep are woken if it `wakes`."""
+        if wakes and self.options.resting_speed:
+            self._slept -= self.asleep
+            state.asleep = np.zeros_like(state.asleep)
+        excess = self._excess()
+        self.windows.settle_at(state.time)
+        self._lay(state)
+        # Of energies in the frames of rows of tiles: what they are then is none of the flow's doing.
+        self._flow_excess += self._excess() - excess
 
     def _check_alike(self, forces: Sequence[Force]) -> None:
         """Refuse ranks that were given different gases."""
         told = [replace(self.options, threads=None), self.box.lengths, self.box.periodic, self.box.shear_rate]
         told += [self._law, self._law_table.tobytes(), rows_of(self.walls).tobytes()]
-        given = (
-            forces if isinstance(forces, (list, tuple)) else [forces]
-        )  # what is none, `ForceSteps` refuses
+        # What is none, `ForceSteps` refuses.
+        given = forces if isinstance(forces, (list, tuple)) else [forces]
         told += [
             (type(force).__name__, getattr(force, "parameters", None), getattr(force, "step", None))
             for force in given
@@ -532,23 +474,19 @@ class Engine:
         self, gravity: tuple[float, float], forces: Sequence[Force], law: type[CollisionLaw]
     ) -> None:
         given = self.options
-        checks.check_resting(
-            self.disks, self.box, gravity, given.resting_speed, forces, law, given.arch, given.precision
-        )
+        if given.resting_speed:
+            checks.check_resting(
+                self.disks, self.box, gravity, given.resting_speed, forces, law, given.arch, given.precision
+            )
 
     def _wake(self) -> None:
         """Wake all disks at the present time, between windows: what holds them is to change."""
         if self.options.resting_speed:
-            self._slept -= self.asleep
-            state = self._state()
-            state.asleep = np.zeros_like(state.asleep)
-            self.windows.settle_at(state.time)
-            self._lay(state)
+            self._lay_anew(self._state(), wakes=True)
 
     def set_law(self, law_table: NDArray[np.float64], law: type[CollisionLaw]) -> None:
         """Collide by another law from now on; arguments as for the engine."""
-        if self.options.resting_speed:
-            self._check_resting(self.gravity, (), law)
+        self._check_resting(self.gravity, (), law)
         with self.changing():
             self._end_window()
             self._wake()
@@ -558,13 +496,7 @@ class Engine:
             self._begin_anew()
 
     def set_forces(self, forces: Sequence[Force]) -> None:
-        """Have other forces act from now on.
-
-        Raises
-        ------
-        InputError
-            If one is none, or cannot act here.
-        """
+        """Have other forces act from now on; InputError if one is none, or cannot act here."""
         from .force_steps import ForceSteps
 
         self.check_whole()
@@ -572,8 +504,7 @@ class Engine:
         def checked() -> ForceSteps:
             steps = ForceSteps(forces, self.arrays, self.disks, self.options.seed, self.time)
             checks.check_between_collisions(self.disks, self.box, self.gravity, steps.forces)
-            if self.options.resting_speed:
-                self._check_resting(self.gravity, steps.forces, self._law)
+            self._check_resting(self.gravity, steps.forces, self._law)
             return steps
 
         steps = world.together(self.comm, checked)
@@ -585,13 +516,7 @@ class Engine:
             self._begin_anew()
 
     def set_gravity(self, gravity: tuple[float, float]) -> None:
-        """Let disks fall otherwise from now on.
-
-        Raises
-        ------
-        InputError
-            If it is not two finite numbers, or acts along a periodic direction.
-        """
+        """Let disks fall otherwise from now on; InputError unless gravity is constant and can act along this."""
         if self.options.gravity_turns:
             raise InputError(
                 f"gravity = {gravity}: it turns (gravity_turns = {self.options.gravity_turns:g}), and cannot be set; "
@@ -599,8 +524,7 @@ class Engine:
             )
         gravity = checked.finite_pair("gravity", gravity)
         checks.check_between_collisions(self.disks, self.box, gravity, self.force_steps.forces)
-        if self.options.resting_speed:
-            self._check_resting(gravity, (), self._law)
+        self._check_resting(gravity, (), self._law)
         with self.changing():
             self._end_window()
             self._wake()
@@ -609,13 +533,7 @@ class Engine:
             self._begin_anew()
 
     def set_piston_force(self, number: int, force: float) -> None:
-        """Have another constant force act on the piston that is wall `number` from now on.
-
-        Raises
-        ------
-        InputError
-            If that wall is no piston, or the force no finite number.
-        """
+        """Have another constant force act on the piston that is wall `number`; InputError if it is none."""
         pistons = [w for w, wall in enumerate(self.walls) if wall.piston is not None]
         if number not in pistons:
             known = ", ".join(map(str, pistons)) or "none"
@@ -637,25 +555,19 @@ class Engine:
 
     def _turn_gravity(self) -> None:
         """Turn gravity, if it is time. Nobody is woken: the next window begins with a judgement of who still rests."""
-        from ..kernels.readout import FALL
-
         if self.time < self.turning.next_time:
             return
         self._end_window()
-        before = self._totals()[FALL]
+        before = self._totals()[k.FALL]
         self.turning.next_step += 1
         self.put_gravity()
-        self.turning.work += float(before - self._totals()[FALL])
+        self.turning.work += float(before - self._totals()[k.FALL])
 
     def set_velocities(self, state: State) -> None:
         """Go on with the velocities and spins of another state (of ranks, of the slice), from the present places.
 
-        Raises
-        ------
-        InputError
-            If an immovable disk would move, or they are too large or small to compute with.
+        InputError if an immovable disk would move, or they are too large or small to compute with.
         """
-
         hottest = max((wall.temperature or 0.0 for wall in self.walls), default=0.0)
         speed = checks.fastest(self.disks_here, state.velocity, state.spin)
         speed = speed if self.comm is None else max(self.comm.allgather(speed))
@@ -667,17 +579,10 @@ class Engine:
         world.together(self.comm, judge)
         with self.changing():
             present = self._state()
-            excess = self._excess()
             before = self._snapshot(present)
             present.velocity, present.spin = state.velocity, state.spin
-            if self.options.resting_speed:
-                self._slept -= self.asleep
-                present.asleep = np.zeros_like(present.asleep)
-            self.windows.settle_at(present.time)
-            self._lay(present)
+            self._lay_anew(present, wakes=True)
             self._begin_anew()
-            # What was done to energies in the frames of rows was not done by the flow.
-            self._flow_excess += self._excess() - excess
             if self.tracking is not None:
                 self.tracking.kick(self.time, before, self._snapshot(present))
 
@@ -712,15 +617,7 @@ class Engine:
         the total number of collisions `pause_after`. Where there are no windows, because nobody can meet anybody, it
         ends at `rest_at` [time], too. The run itself `ends` [time] later, if that is not `t_end`. `ahead` gives points
         to which later calls will go: those of the same window are told with it.
-
-        Raises
-        ------
-        NoMoreCollisions
-            If no collision can ever happen but some are asked for.
-        InelasticCollapse
-            If collisions pile up without end, or a disk comes to rest on a wall.
-        EngineError
-            If a force makes a velocity that is not finite, or a guarantee of the engine is violated.
+        Raises NoMoreCollisions, InelasticCollapse or EngineError as `Simulation.run`.
         """
         with self.changing():
             self.last_collisions = None
@@ -731,7 +628,7 @@ class Engine:
             if self._nothing_happens():
                 self._fly_freely(kick, t_end, rest_at, t_end if ends is None else ends)
             else:
-                self._run(t_end, collisions, kick, pause_at, pause_after, ahead)
+                self._run(Due(t_end, collisions), kick, Due(pause_at, pause_after), ahead)
             self._apply_forces()
             self._turn_gravity()
             self._open_gates()
@@ -753,10 +650,8 @@ class Engine:
             or (self.n == 1 and not self.walls and not self.box.shear_rate)
         ):
             return True
-        from ..kernels.layout import WALL_SPEED
-
         self.windows.go_on(self.next_kick)
-        walls_move = self.arrays.clock[WALL_SPEED] > 0.0 or self.arrays.uses.pistons
+        walls_move = self.arrays.clock[k.WALL_SPEED] > 0.0 or self.arrays.uses.pistons
         all_sleep = self.options.resting_speed and not self.windows.inside and self.asleep == self.n
         judged = self.statistics.windows > 0 and self.time != self.turning.turned_at
         if all_sleep and judged:  # else it is judged first whether they may
@@ -764,37 +659,26 @@ class Engine:
         forced = any(self.gravity) or walls_move or self.box.shear_rate
         return not forced and not self.windows.inside and self.windows.fastest == 0.0
 
-    def _run(
-        self,
-        t_end: float,
-        collisions: int | None,
-        kick: float,
-        pause_at: float,
-        pause_after: int | None,
-        ahead: Callable[[], Iterable[Due]],
-    ) -> None:
-        from ..kernels.layout import COLLISIONS, PAIRS, TRACKED
-        from .arrays import BURST
-
+    def _run(self, stop: Due, kick: float, pause: Due, ahead: Callable[[], Iterable[Due]]) -> None:
         windows = self.windows
-        watching = PAIRS if self.keep_collisions else TRACKED if self.tracking is not None else 0
+        watching = k.PAIRS if self.keep_collisions else k.TRACKED if self.tracking is not None else 0
         if self.keep_collisions and self.tracking is not None:
             raise EngineError("collisions of all disks cannot be kept while some are tracked")
-        before, was = windows.sums[COLLISIONS], self.time
+        before, was = windows.sums[k.COLLISIONS], self.time
         first = self._before[0]
-        most = 1 if watching else min(self._until_looked, BURST) if self.box.is_open else BURST
+        most = 1 if watching else self._until_looked if self.box.is_open else self.arrays.burst
         begun = self.statistics.windows
+
+        def counted(due: Due) -> tuple[float, float]:
+            return due.time, math.inf if due.collisions is None else due.collisions - first
+
         windows.run(
-            t_end,
-            None if collisions is None else collisions - first,
+            counted(stop),
             kick,
-            pause_at=pause_at,
-            pause_after=None if pause_after is None else pause_after - first,
+            counted(pause),
             most=most,
             watching=watching,
-            ahead=lambda: [
-                (due.time, math.inf if due.collisions is None else due.collisions - first) for due in ahead()
-            ],
+            ahead=lambda: map(counted, ahead()),
         )
         if windows.rests and not windows.inside:
             raise InelasticCollapse(
@@ -805,10 +689,10 @@ class Engine:
         if watching:
             self._take_watched(watching, was)
         self.statistics.elastic = windows.elastic
-        if windows.sums[COLLISIONS] > before:  # of several ranks, all ask here: one may later, alone
+        if windows.sums[k.COLLISIONS] > before:  # of several ranks, all ask here: one may later, alone
             self._collided_at = self.time
             self._resting = 0
-        elif not math.isfinite(t_end):
+        elif not math.isfinite(stop.time):
             # Disks of a lattice that all begin to move at once may take a disk's own free time to meet.
             patience = max(PATIENCE, self.n * PATIENCE // 10)
             if self.time - self._collided_at > patience * self._free_time(windows.fastest):
@@ -822,20 +706,18 @@ class Engine:
                 self._look_around()
 
     def _look_around(self) -> None:
-        """Lay an open gas anew once it has spread, and see whether anybody can still meet anybody."""
+        """Lay an open gas anew once it has spread, in wider cells, and see whether anybody can still meet anybody."""
         state = self._state()
         self.windows.settle()
         self._lay(state)
 
     def _take_watched(self, watching: int, was: float) -> None:
-        from ..kernels.layout import AT, EVENT_ID, EVENT_PARTNER, PAIRS
-
         windows = self.windows
         real, whole = windows.watched()
-        if watching == PAIRS:
-            time = windows.begin + real[:, AT].astype(np.float64)
+        if watching == k.PAIRS:
+            time = windows.begin + real[:, k.AT].astype(np.float64)
             now = ((time > was) | (windows.begin == was)) & (time <= self.time)
-            pair = np.sort(whole[now, EVENT_ID : EVENT_PARTNER + 1], axis=1).astype(np.int64)
+            pair = np.sort(whole[now, k.EVENT_ID : k.EVENT_PARTNER + 1], axis=1).astype(np.int64)
             pair -= self.arrays.first_id
             order = np.lexsort((pair[:, 1], pair[:, 0], time[now]))
             self.last_collisions = CollisionTimes(time[now][order], pair[order])
@@ -867,12 +749,12 @@ class Engine:
             )
 
     @contextmanager
-    def changing(self) -> Iterator[Deferred]:
+    def changing(self) -> Iterator[None]:
         """Refuse to begin unless the engine is whole, and delay Ctrl-C until it is whole again."""
         self.check_whole()
-        with device.sole_use(), Deferred() as deferred:
+        with device.sole_use(), device.deferred_interrupts():
             self._whole = False
-            yield deferred
+            yield
             self._whole = True
 
     def _apply_forces(self) -> None:
@@ -984,16 +866,12 @@ class Engine:
 
     def _excess(self) -> float:
         """Kinetic energy in the frames of rows of tiles beyond that in the flow [energy]."""
-        from ..kernels.readout import EXCESS
-
-        return float(self._totals()[EXCESS]) if self.box.shear_rate else 0.0
+        return float(self._totals()[k.EXCESS]) if self.box.shear_rate else 0.0
 
     @property
     def flow_work(self) -> float:
         """Energy that the flow of a sheared box has put in: its work in the frames of rows, less what only they see."""
-        from ..kernels.layout import FLOW_WORK
-
         if not self.box.shear_rate:
             return 0.0
         excess = self._excess()
-        return self._sum(FLOW_WORK) - (excess - self._flow_excess)
+        return self._sum(k.FLOW_WORK) - (excess - self._flow_excess)

@@ -28,18 +28,10 @@ _kernels = functools.cache(kernels_of)  # compiled once for all objects of a cla
 
 
 class ForceSteps:
-    """The forces of one engine.
+    """The forces of one engine, in the order in which they act at a time at which several do.
 
-    Parameters
-    ----------
-    forces : sequence of Force
-        In the order in which they act at a time at which several do.
-    arrays : DeviceArrays
-    disks : Disks
-    seed : int
-        Of all random numbers, 0 to 2^64 - 1.
-    time : float
-        The present time [time]; what was to act until then has acted.
+    What was to act until the present `time` [time] has acted. InputError if a force is none, or cannot act on these
+    disks.
 
     Attributes
     ----------
@@ -47,11 +39,6 @@ class ForceSteps:
         Number of the step in which each force acts next.
     energy_inputs : array (forces,)
         Energy that each has put in [energy].
-
-    Raises
-    ------
-    InputError
-        If a force is none, or cannot act on these disks.
     """
 
     def __init__(
@@ -109,10 +96,7 @@ class ForceSteps:
     def apply(self, index: int, now: float) -> float:
         """Apply a force due at `now` [time], where a window begins; what frames of rows see of it beyond its energy.
 
-        Raises
-        ------
-        EngineError
-            If it makes a velocity or spin that is not finite.
+        EngineError if it makes a velocity or spin that is not finite.
         """
         force, step, k = self.forces[index], self._steps[index], self.next_steps[index]
         parameters = np.array([*force.parameters, 0.0])  # one entry at least

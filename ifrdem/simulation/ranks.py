@@ -9,7 +9,7 @@ tiles, and in each window copies of those of the *ring*, the tiles of others bes
 3. *trails*: the hash of a disk's history and its way are known to the rank that ran the tile which the disk is in, and
    a disk may have left the tile that lists it. So ranks first tell owners about disks of the ring that they ran, then
    owners tell all who have a copy of their lists, with `reach` of the tiles;
-4. *share*: what tiles have added up (`tally`, `heat`, `reach`) is added up by the owner of the first tile in each block
+4. *share*: what tiles have added up (`tally`, `reach`) is added up by the owner of the first tile in each block
    of 128 numbers of tiles, tile by tile; the sums of blocks go to all, and are added up block by block;
 5. each rank verifies its own tiles; bad ones run again, and steps 3 to 5 are repeated, until no rank has a bad tile.
    Where no halo is wide enough, every rank gets the whole box for this window, and runs it in order.
@@ -26,8 +26,8 @@ plan the same window. By induction over windows each disk moves as on one rank.
 Checked as it runs: each listed disk has been run by exactly one rank in each window (3), and no disk is lost or there
 twice whenever a state is put together.
 
-On GPUs, of which each rank has one, rows for others go to the host and back (`kernels/rows.py`), and what tiles have
-added up (376 bytes a tile) does in each round.
+On GPUs, of which each rank has one, rows for others go to the host and back (`kernels/readout.py`), and what tiles have
+added up (360 bytes a tile) does in each round.
 
 What each rank holds: its disks and those of its ring (198 bytes each), with their kinds where there are several: a
 table of all kinds, or, if these are more than 1000, of those of the disks that are here; 450
@@ -43,10 +43,8 @@ Imports Taichi: import this module only after `device.start`. Needs mpi4py.
 
 from __future__ import annotations
 
-import ctypes
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -55,9 +53,9 @@ from numpy.typing import NDArray
 
 from ..errors import EngineError, InputError
 from ..kernels import layout as k
-from ..kernels.language import ti
+from ..kernels.language import ti, view
 from ..kernels.limits import ADDRESSABLE
-from ..kernels.rows import put_rows, take_rows
+from ..kernels.readout import put_rows, take_rows
 from ..kernels.windows import WIDEN, sum_shared, survey, verify
 from ..model.box import Box
 from ..model.state import COLUMNS, DiskKinds, Disks
@@ -65,14 +63,11 @@ from ..tools import slices, world
 from .arrays import DeviceArrays, kind_rows, kinds_of, stretches, sums_of_blocks, tiles_on_ranks
 from .windows import Windows, _Again
 
-BETWEEN, UNEVEN = (
-    16,
-    1.1,
-)  # windows between looks at who has more to do than others, and how much more is too much
+# Windows between looks at who has more to do than others, and how much more is too much.
+BETWEEN, UNEVEN = 16, 1.1
 MOST_EVENTS = 10.0  # of a disk in a window, that count there
 SLACK = 1.2  # of slots for disks, beyond those in use
 STEPS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
-_TYPES = {"f64": np.float64, "f32": np.float32, "i32": np.int32}
 
 
 @dataclass
@@ -104,17 +99,6 @@ class Traffic:
     whole: int = 0
     moved: int = 0
     seconds: float = 0.0
-
-
-def view(array: Any) -> NDArray[Any]:
-    """The memory of a Taichi array on the CPU as an array of NumPy, without a copy; as long as the array lives."""
-    runtime = ti.lang.impl.get_runtime()
-    runtime.sync()
-    kind: np.dtype[Any] = np.dtype(_TYPES[str(array.dtype)])
-    shape = (*array.shape, *array.element_shape)
-    size = kind.itemsize * int(np.prod(shape))
-    memory: Any = (ctypes.c_char * size).from_address(runtime.prog.get_ndarray_data_ptr_as_int(array.arr))
-    return np.ndarray(shape, kind, buffer=memory)
 
 
 def first_id(n: int) -> int:
@@ -224,7 +208,7 @@ class RankArrays(DeviceArrays):
         """Divide the tiles, with so much work each, among the ranks."""
         tiles = int(self.grid[k.TILES_X]), int(self.grid[k.TILES_Y])
         self.owner: NDArray[np.int32] = owners(count, tiles, self.comm.size)
-        self.own: NDArray[np.intp] = np.flatnonzero(self.owner == self.comm.rank)
+        self.own = np.flatnonzero(self.owner == self.comm.rank)
         with self.written("tile") as (tile,):
             tile[:, k.OWNED] = self.owner == self.comm.rank
             tile[:, k.BAD] = 0  # of a tile that goes elsewhere nobody here would say it again
@@ -259,7 +243,7 @@ class RankArrays(DeviceArrays):
         with self.written("reach") as (reach,):
             reach[:, k.WIDER] = told[:, 2]
         self.assign(told[:, 0])
-        self._send(held, listed, np.zeros_like(listed))
+        self._list(held, listed, np.zeros_like(listed))
 
     def _beside(self) -> NDArray[np.int64]:
         """The eight tiles around each, shape (8, tiles); -1 beyond an end of the box."""
@@ -301,27 +285,14 @@ class RankArrays(DeviceArrays):
 
     # ------------------------------------------------------------------ what lies on the device
 
-    def _values(self, name: str) -> NDArray[Any]:
-        """As on one rank; on a CPU not to be changed, for it is the array itself."""
-        return super()._values(name) if self.on_gpu else view(getattr(self, name))
-
-    @contextmanager
-    def written(self, *names: str) -> Iterator[list[NDArray[Any]]]:
-        """Content of arrays, which may be changed; a GPU gets it back at the end."""
-        found = [self._values(name) for name in names]
-        yield found
-        if self.on_gpu:
-            for name, values in zip(names, found, strict=True):
-                getattr(self, name).from_numpy(values)
-
     def _rows(self, name: str, at: slice | NDArray[np.integer]) -> NDArray[Any]:
         """Some rows of an array, to be read: of a GPU's, only these leave it."""
-        found: NDArray[Any]
         if not self.on_gpu:
-            found = view(getattr(self, name))[at]
-            return found
+            return self._values(name)[at]
         array, at = getattr(self, name), numbers_of(at)
-        found = np.empty((len(at), *(array.element_shape or (1,))), _TYPES[str(array.dtype)])
+        found: NDArray[Any] = np.empty(
+            (len(at), *(array.element_shape or (1,))), ti.lang.util.to_numpy_type(array.dtype)
+        )
         if len(at):
             take_rows(array, at, found)
         return found if array.element_shape else found[:, 0]
@@ -380,29 +351,9 @@ class RankArrays(DeviceArrays):
     def make_room(self, slots: int) -> None:
         """See to it that there are so many slots, and not many more."""
         if self.room < slots or self.room > 4 * slots + 1024:
-            self.set_room(int(SLACK * slots) + 64)
-
-    def set_room(self, room: int) -> None:
-        """Another number of slots; what is in the first ones stays."""
-        held = {name: self._values(name).copy() for name, kept in self.state_arrays().items() if kept}
-        before, self.room = self.room, room
-        self.grid[k.ROOM] = room
-        self._replace("trail", self._vectors(2, ti.i32, room))
-        self._replace("way", self._array(ti.f32, room))
-        self._replace("back", self._array(ti.i32, room))
-        for name in self.state_arrays():
-            self._replace(name, None)
-        self._make_parts(self.parts)
-        same = min(before, room)
-        for name, old in held.items():
-            with self.written(name) as (new,):
-                for part in range(self.parts):
-                    new[part * room : part * room + same] = old[part * before : part * before + same]
+            self._make_parts(self.parts, int(SLACK * slots) + 64)
 
     # ------------------------------------------------------------------ a window
-
-    def _names(self) -> list[str]:
-        return [name for name, kept in self.state_arrays().items() if kept]
 
     def bands(self) -> NDArray[np.float64]:
         """Halo that each own tile begins with, and what it may grow to when it runs again for the first time."""
@@ -456,10 +407,8 @@ class RankArrays(DeviceArrays):
             slots = stretches(tile[tiles, first], counts)
             if not whole:
                 near = self._near(q, tiles, slots, counts)
-                slots, counts = (
-                    slots[near],
-                    np.bincount(np.repeat(np.arange(len(tiles)), counts)[near], minlength=len(tiles)),
-                )
+                slots, listed = slots[near], np.repeat(np.arange(len(tiles)), counts)[near]
+                counts = np.bincount(listed, minlength=len(tiles))
             self._given.append(slots)
             rows = (self._told_rows(name, part * self.room + slots) for name in names)
             messages.append((counts.astype(np.int32), *rows))
@@ -606,7 +555,7 @@ class RankArrays(DeviceArrays):
 
     def share(self) -> None:
         """Have all ranks know the sums of what tiles added up."""
-        with self.written("tally", "heat", "reach") as rows:
+        with self.written("tally", "reach") as rows:
             self._tell_adders([each.reshape(self.tiles, -1) for each in rows])
         self.launch(sum_shared, len(self._own_blocks), 0)
         with self.written("found") as (found,):
@@ -614,21 +563,6 @@ class RankArrays(DeviceArrays):
         self.launch(sum_shared, 0, 1)
 
     # ------------------------------------------------------------------ the state
-
-    def rows_of(self, part: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """As on one rank, of own tiles."""
-        first, count = (self._values("tile")[self.own, column + part] for column in (k.START, k.COUNT))
-        return part * self.room + stretches(first, count), np.repeat(self.own, count)
-
-    def rows_held(self, part: int) -> tuple[dict[str, NDArray[Any]], NDArray[np.intp]]:
-        """As on one rank, of own tiles, as `_told_rows` tells them."""
-        rows, tile = self.rows_of(part)
-        return {name: self._told_rows(name, rows) for name in self._names()}, tile
-
-    def list_anew(self) -> None:
-        """As on one rank; disks go to the ranks whose tiles they are in."""
-        held, listed, tile = self._moved()
-        self._send(held, tile, listed)
 
     def _take(
         self,
@@ -646,9 +580,9 @@ class RankArrays(DeviceArrays):
             rows = rows | {
                 "kind": kind_rows(of.mass, of.radius, of.k, of.material) if self._of_here else self._kind
             }
-        self._send(rows, tile, rows["meta"][:, k.ID] if place is None else place)
+        super()._take(rows, tile, place)
 
-    def _send(
+    def _list(
         self, rows: dict[str, NDArray[Any]], tile: NDArray[np.integer], place: NDArray[np.integer]
     ) -> None:
         """List rows in their tiles, by `place`, on the ranks that own these: at the beginning of a window."""
@@ -717,9 +651,8 @@ class RankWindows(Windows):
                     self._run_own(1)
             else:
                 a.counter[:] = 0
-        except (
-            Exception
-        ) as raised:  # not swallowed: `agree` raises it, on all ranks, which else would wait for this one
+        # Not swallowed: `agree` raises it, on all ranks, which else would wait for this one.
+        except Exception as raised:
             error = raised
         ran = time.perf_counter() - ran
         world.agree(a.comm, error)

@@ -5,7 +5,6 @@ Imports Taichi: import this module only after `device.start`.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection
 from typing import TYPE_CHECKING, Any
 
@@ -13,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import EngineError
-from ..kernels.layout import ANGLE, LAST_PARTNER, LATEST, MECHANISMS, WALL_HITS
-from ..kernels.readout import SLEEPING, TOTALS, read_out
+from ..kernels.layout import ANGLE, LAST_PARTNER, LATEST, MECHANISMS, SLEEPING, TOTALS, WALL_HITS
+from ..kernels.readout import read_out
 from ..model.box import below
 from ..model.state import State, StoredState
 from ..tools import slices
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
 
 def totals(engine: Engine) -> NDArray[np.float64]:
     """Sums over all disks (`kernels/readout.py`) at the present time."""
-    part, _since = engine.windows.part
+    part = engine.windows.part
     found = np.zeros((engine.arrays.tiles, TOTALS))
     one, whole = np.zeros((1, 5), engine.arrays.real), np.zeros((1, 3), np.int32)
     engine.arrays.launch(
@@ -50,8 +49,7 @@ def read(
     gets its slice; or, of the `whole` gas, the first one all of it, and the others None.
     """
     arrays, uses, time = engine.arrays, engine.arrays.uses, engine.time
-    part, since = engine.windows.part
-    kind: type[State] = State if stored is None else StoredState
+    part = engine.windows.part
     rows = arrays.rows_here(part)
     real = np.empty((max(rows, 1), 5), np.float64 if stored is None else np.float32)
     counts = np.empty((max(rows, 1), 3), np.int32)
@@ -100,9 +98,8 @@ def read(
     if uses.itemised:
         told["dissipated"] = spent
     events = counts[:, 0] - (told["wall_hits"] if uses.walled else 0)
-    flow = None
-    if engine.box.shear_rate:
-        flow = engine.box.flow(place.astype(np.float64))
+    flow = engine.box.flow(place.astype(np.float64)) if engine.box.shear_rate else None
+    state: State
     if stored is None:
         state = State(
             np.ascontiguousarray(place), np.ascontiguousarray(real[:, 2:4]), np.ascontiguousarray(real[:, 4]), time,
@@ -110,8 +107,7 @@ def read(
         )  # fmt: skip
     else:
         image = counts[:, 1:3] if "image" in stored else None
-        state = kind(place, real[:, 2:4], real[:, 4], time, events, image, flow=flow, **told)  # type: ignore[arg-type]
-    assert math.isfinite(since)
+        state = StoredState(place, real[:, 2:4], real[:, 4], time, events, image, flow=flow, **told)  # type: ignore[arg-type]
     return state, sums
 
 

@@ -195,10 +195,7 @@ class Span:
     ) -> Span:
         """To a time [time], or to so many collisions per disk, 2 * collisions / n.
 
-        Raises
-        ------
-        InputError
-            If not exactly one end is given, or it lies in the past.
+        InputError if not exactly one end is given, or it lies in the past.
         """
         if (t_end is None) == (collisions_per_disk is None):
             raise InputError("exactly one of t_end and collisions_per_disk is needed")
@@ -236,16 +233,7 @@ class Schedule:
     """The points of a run at which something is due: the k-th one, k = 1, 2, ...; the last is the run's end.
 
     A point is computed from its number and the run's beginning alone: a run that goes on later finds the same.
-
-    Parameters
-    ----------
-    cadence : Cadence
-    span : Span
-
-    Raises
-    ------
-    InputError
-        If at the end of the run an interval is lost in the rounding of the time.
+    InputError if at the end of the run an interval is lost in the rounding of the time.
     """
 
     def __init__(self, cadence: Cadence, span: Span) -> None:
@@ -283,28 +271,21 @@ class Schedule:
         total = span.collisions + math.ceil(collisions)
         return Due(end.time, total if end.collisions is None else min(total, end.collisions))
 
-    def following(self, k: int) -> int:
-        """The first point after k that does not coincide with it; k is not the run's end."""
-        here = self.due(k)
-        return self._first_not(k, lambda due: due == here)
-
     def after(self, k: int, time: float, collisions: int) -> int:
         """The first point from k on that a run at this time, after so many collisions, has not reached."""
-        if self._span.end.reached(time, collisions):
-            return k
-        return self._first_not(k, lambda due: due.reached(time, collisions))
 
-    def _first_not(self, k: int, holds: Callable[[Due], bool]) -> int:
-        """The first point from k on for which this does not hold; beyond it, it never does."""
-        if not holds(self.due(k)):
+        def passed(number: int) -> bool:
+            return self.due(number).reached(time, collisions)
+
+        if self._span.end.reached(time, collisions) or not passed(k):
             return k
-        step = 1  # ever longer steps find a point for which it does not hold, halving them the first
-        while holds(self.due(k + step)):
+        step = 1  # ever longer steps find a point that has not been reached, halving them the first
+        while passed(k + step):
             k += step
             step *= 2
         while step > 1:
             step //= 2
-            if holds(self.due(k + step)):
+            if passed(k + step):
                 k += step
         return k + 1
 

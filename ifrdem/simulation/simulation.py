@@ -247,13 +247,10 @@ class Simulation(Sealed, PicturedDisks):
             if comm is not None:
                 told: Any = world.told(comm, DiskKinds.of(disks) if comm.rank == 0 else None)
                 kinds = disks if comm.rank == 0 else told
-        if comm is not None:
-            checks.check_ranks(comm.size, box, precision, len(tracked) > 0)
         self._laws = law_table(law, kinds, max((wall.material for wall in walls), default=0))
         law_class, table = checked_class(self._laws), coefficient_table(self._laws)
         self._tracking = self._follow_disks(tracked, kinds, box, walls)
         ledger = ledger or dissipated
-        self._has_ledger = ledger
         self._stopping = False
         self._foreseen = False
         self._given = 0.0  # energy that changes between runs put in
@@ -293,7 +290,7 @@ class Simulation(Sealed, PicturedDisks):
     @property
     def has_ledger(self) -> bool:
         """True if the energy that collisions take is added up, by mechanism."""
-        return self._has_ledger
+        return self._engine.options.ledger
 
     @property
     def gravity(self) -> tuple[float, float]:
@@ -604,7 +601,8 @@ class Simulation(Sealed, PicturedDisks):
         found["state_pistons"] = self.pistons
         meta: dict[str, Any] = {"fingerprint": snapshot.fingerprint(self._engine)}
         meta |= {"first": self._first, "given": self._given, "extra": dict(extra or {})}
-        own, small = snapshot.of_disks(found), {**snapshot.small(found), **(arrays or {})}
+        own, small = snapshot.divided(found)
+        small |= arrays or {}
         if self.sliced:
             checkpoint.write_parts(path, comm, own, small, meta)
             return
@@ -635,8 +633,8 @@ class Simulation(Sealed, PicturedDisks):
                 "differ"
             )
         if not in_parts and comm is not None:  # the first rank has all of it
-            own = snapshot.of_disks(found)
-            names, small = world.told(comm, (list(own), snapshot.small(found)))
+            own, small = snapshot.divided(found)
+            names, small = world.told(comm, (list(own), small))
             rows = slices.scatter(comm, self.disks.n, list(own.values()) if comm.rank == 0 else None)
             found = small | dict(zip(names, rows, strict=True))
         snapshot.put_back(self._engine, found)
@@ -717,20 +715,15 @@ class Simulation(Sealed, PicturedDisks):
             if cadence is not None:
                 refuse_endless(cadence, span)
         self._foresee(span.end.time)
-        bar = None
-        if self._engine.comm is not None and progress is None:
-            progress = False
-        if progress is True and not world.is_first(self._engine.comm):
-            progress, series = (
-                None,
-                Cadence(number=BAR_STEPS) if series is None else series,
-            )  # as on the first
-        elif progress is True or (progress is None and seen()):
-            progress = bar = Bar(
-                self.disks.n, t_end=t_end, collisions_per_disk=collisions_per_disk, unit="", kernels=backend.kernels,
-                brief=True,
-            )  # fmt: skip
+        bar, comm = None, self._engine.comm
+        if progress is True or (progress is None and comm is None and seen()):
             series = Cadence(number=BAR_STEPS) if series is None else series  # pauses, which change no bit
+            progress = None
+            if world.is_first(comm):
+                progress = bar = Bar(
+                    self.disks.n, t_end=t_end, collisions_per_disk=collisions_per_disk, unit="",
+                    kernels=backend.kernels, brief=True,
+                )  # fmt: skip
         with bar or contextlib.nullcontext():
             self.follow(
                 Course(span, frames, series),
@@ -874,9 +867,7 @@ class Simulation(Sealed, PicturedDisks):
         InputError
             If it is not a finite time, or lies in the past.
         """
-        needed = f"a finite time not before the present one, {self.time}, is needed"
-        if not (math.isfinite(checked.real("t_end", t_end, needed)) and t_end >= self.time):
-            raise InputError(f"t_end = {t_end}: {needed}")
+        Span.to(self.disks.n, self.time, self.collisions, t_end=t_end)  # refuses it
         return self._recorded(lambda: self.time < t_end, t_end=t_end)
 
     def collide(self, count: int) -> CollisionTimes:
@@ -894,7 +885,7 @@ class Simulation(Sealed, PicturedDisks):
         return self._recorded(lambda: self.collisions < target, collisions=target)
 
     def _recorded(self, going: Callable[[], bool], **end: float) -> CollisionTimes:
-        found: list[CollisionTimes] = []
+        found = [CollisionTimes(np.empty(0), np.empty((0, 2), dtype=np.int64))]
         self._engine.keep_collisions = True
         try:
             with backend.sole_use():
@@ -904,18 +895,14 @@ class Simulation(Sealed, PicturedDisks):
                         found.append(self._engine.last_collisions)
         finally:
             self._engine.keep_collisions = False
-        if not found:
-            return CollisionTimes(np.empty(0), np.empty((0, 2), dtype=np.int64))
         return CollisionTimes(
             np.concatenate([c.time for c in found]), np.concatenate([c.pair for c in found])
         )
 
     def _observe(self, observers: list[Observer], stored: Collection[str] | None) -> None:
-        if observers:
-            self._tell(observers, *self._engine.observed(stored))
-            self._stop_if_asked()
-
-    def _tell(self, observers: list[Observer], state: State | None, totals: NDArray[np.float64]) -> None:
+        if not observers:
+            return
+        state, totals = self._engine.observed(stored)
         measured = from_totals(self.disks, totals, self.time, self.wall_hits, **self._put_in())
 
         def tell() -> None:
@@ -924,6 +911,7 @@ class Simulation(Sealed, PicturedDisks):
                 observer(state, measured)
 
         (world.together if self.sliced else world.on_first)(self._engine.comm, tell)
+        self._stop_if_asked()
 
     def _sample(self, samplers: list[Sampler]) -> None:
         measured = self.measure()

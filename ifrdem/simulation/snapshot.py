@@ -61,7 +61,7 @@ def fingerprint(engine: Engine) -> str:
 def take(engine: Engine) -> Snapshot:
     """Copy everything: the beginning of the present window, and how far the run has come in it.
 
-    Arrays of disks (`of_disks`) are in order of ids; of ranks each gets those of its slice, and the others whole.
+    Arrays of disks (`divided`) are in order of ids; of ranks each gets those of its slice, and the others whole.
     """
     with engine.changing():
         a, windows, steps = engine.arrays, engine.windows, engine.force_steps
@@ -87,23 +87,16 @@ def take(engine: Engine) -> Snapshot:
     return found
 
 
-def small(found: Snapshot) -> Snapshot:
-    """The parts of a snapshot beside arrays of disks."""
-    return {name: each for name, each in found.items() if not _is_of_disks(name)}
+def divided(found: Snapshot) -> tuple[Snapshot, Snapshot]:
+    """What has a row for each disk, in order of ids; and all else. Of the present state, too, beside a snapshot."""
+    of_disks = {name: each for name, each in found.items() if name in OF_DISKS or name.startswith("before_")}
+    return of_disks, {name: each for name, each in found.items() if name not in of_disks}
 
 
-def of_disks(found: Snapshot) -> Snapshot:
-    """Those that have a row for each disk, in order of ids."""
-    return {name: each for name, each in found.items() if _is_of_disks(name)}
-
-
-def _is_of_disks(name: str) -> bool:
-    large = ("disk", "meta", "past", "hits", "spent", "slept", "held", "listed")
-    return name in large or name.startswith("before_") or name in OF_STATES
-
-
-OF_STATES = ("state_position", "state_velocity", "state_spin")
-"""Names of what a checkpoint has of the present state, beside a snapshot."""
+OF_DISKS = (
+    "disk", "meta", "past", "hits", "spent", "slept", "held", "listed",
+    "state_position", "state_velocity", "state_spin",
+)  # fmt: skip
 
 
 def put_back(engine: Engine, found: Snapshot) -> None:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..kernels import layout as k
 from ..model.box import Box, below
 from ..model.ifr import EnergyWarning, IFRLaw, collide
 from ..model.law import CollisionLaw
@@ -95,13 +96,12 @@ def joined(parts: Sequence[Events]) -> Events:
     return Events(*(np.concatenate([getattr(part, each.name) for part in parts]) for each in fields(Events)))
 
 
-def none() -> Events:
-    """No row."""
-    pair, one = np.empty((0, 2)), np.empty(0)
-    ids, images = np.empty(0, dtype=np.int32), np.empty((0, 2), dtype=np.int32)
+def blank(rows: int) -> Events:
+    """So many rows of zeros."""
+    one, pair, ids = np.zeros(rows), np.zeros((rows, 2)), np.zeros(rows, dtype=np.int32)
     return Events(
-        one, ids, ids, pair, images, pair, pair, pair, one, one, pair, pair, one, one, pair, one,
-        np.empty(0, dtype=np.int8),
+        one, ids, ids, pair, np.zeros((rows, 2), dtype=np.int32), pair, pair, pair, one, one, pair, pair, one, one,
+        pair, one, np.zeros(rows, dtype=np.int8),
     )  # fmt: skip
 
 
@@ -127,18 +127,7 @@ def checked_ids(tracked: Sequence[int] | NDArray[np.integer], n: int) -> NDArray
 
 
 class Tracking:
-    """Follows some disks of one engine.
-
-    Parameters
-    ----------
-    ids : array (m,) of int32
-        Disks to follow, ascending.
-    disks : Disks
-    laws : table of laws
-        [material][material].
-    walls : sequence of Wall
-        All, those at the sides of the box last.
-    """
+    """Follows some disks of one engine, by ascending ids (m,); of all walls, those at sides of the box are the last."""
 
     def __init__(
         self,
@@ -156,7 +145,7 @@ class Tracking:
 
     def take(self, until: float = math.inf) -> Events:
         """The events since the last call, up to a time [time]."""
-        found = joined(self._found) if self._found else none()
+        found = joined(self._found) if self._found else blank(0)
         now = found.time <= until
         if now.all():
             self._found = []
@@ -170,8 +159,6 @@ class Tracking:
 
     def gather(self, began: float, real: NDArray[Any], whole: NDArray[Any], box: Box) -> None:
         """Enter the collisions of a window that began at this time [time]: rows of `event` and `event_int`."""
-        from ..kernels import layout as k
-
         order = np.lexsort((whole[:, k.EVENT_NUMBER], whole[:, k.EVENT_ID], real[:, k.AT]))
         real, whole = real[order].astype(np.float64), whole[order]
 
@@ -180,16 +167,6 @@ class Tracking:
 
         normal = vector(k.NORMAL_X)
         normal /= np.hypot(normal[:, 0], normal[:, 1])[:, None]  # single precision rounds it
-        ids, partner = whole[:, k.EVENT_ID].copy(), whole[:, k.EVENT_PARTNER].copy()
-        velocity = (vector(k.V_BEFORE), vector(k.V_AFTER))
-        other = (vector(k.U_BEFORE), vector(k.U_AFTER))
-        spin, other_spin = real[:, k.W_BEFORE].copy(), real[:, k.S_BEFORE].copy()
-        impulse = self._impulse(ids, partner, velocity, other)
-        relative = velocity[0] - other[0]
-        along, across = _dot(relative, normal), _cross(normal, relative)
-        regime = self._regime(ids, partner, normal, velocity[0], spin, other[0], other_spin)
-        regime[whole[:, k.EVENT_HOW] == k.BY_REMEDY] = ELASTIC
-        regime[whole[:, k.EVENT_HOW] == k.BY_HEAT] = UNKNOWN
         place, image = vector(k.PLACE), whole[:, k.EVENT_BOX : k.EVENT_BOX + 2].copy()
         for axis, length in enumerate(box.lengths):
             if box.periodic[axis]:
@@ -198,27 +175,31 @@ class Tracking:
                     place[:, axis] - boxes * length, below(length, np.dtype(np.float64))
                 )
                 image[:, axis] += boxes.astype(np.int32)
-        self._found.append(
-            Events(
-                time=began + real[:, k.AT],
-                id=ids,
-                partner=partner,
-                position=place,
-                image=image,
-                normal=normal,
-                velocity_before=velocity[0],
-                velocity_after=velocity[1],
-                spin_before=spin,
-                spin_after=real[:, k.W_AFTER].copy(),
-                partner_velocity_before=other[0],
-                partner_velocity_after=other[1],
-                partner_spin_before=other_spin,
-                partner_spin_after=real[:, k.S_AFTER].copy(),
-                impulse=np.stack([_dot(impulse, normal), _cross(normal, impulse)], axis=1),
-                psi=np.arctan2(np.abs(across), np.maximum(along, 0.0)),
-                regime=regime,
-            )
+        found = replace(
+            blank(len(real)),
+            time=began + real[:, k.AT],
+            id=whole[:, k.EVENT_ID].copy(),
+            partner=whole[:, k.EVENT_PARTNER].copy(),
+            position=place,
+            image=image,
+            normal=normal,
+            velocity_before=vector(k.V_BEFORE),
+            velocity_after=vector(k.V_AFTER),
+            spin_before=real[:, k.W_BEFORE].copy(),
+            spin_after=real[:, k.W_AFTER].copy(),
+            partner_velocity_before=vector(k.U_BEFORE),
+            partner_velocity_after=vector(k.U_AFTER),
+            partner_spin_before=real[:, k.S_BEFORE].copy(),
+            partner_spin_after=real[:, k.S_AFTER].copy(),
         )
+        relative, impulse = found.velocity_before - found.partner_velocity_before, self._impulse(found)
+        along, across = _dot(relative, normal), _cross(normal, relative)
+        regime = self._regime(found)
+        regime[whole[:, k.EVENT_HOW] == k.BY_REMEDY] = ELASTIC
+        regime[whole[:, k.EVENT_HOW] == k.BY_HEAT] = UNKNOWN
+        impulse = np.stack([_dot(impulse, normal), _cross(normal, impulse)], axis=1)
+        psi = np.arctan2(np.abs(across), np.maximum(along, 0.0))
+        self._found.append(replace(found, impulse=impulse, psi=psi, regime=regime))
 
     def kick(
         self,
@@ -230,42 +211,30 @@ class Tracking:
         changed = np.flatnonzero(np.any(before[0][:, 2:] != after[0][:, 2:], axis=1))
         if not changed.size:
             return
-        old, new = before[0][changed], after[0][changed]
-        one, pair = np.zeros(len(changed)), np.zeros((len(changed), 2))
+        old, new, rows = before[0][changed], after[0][changed], blank(len(changed))
         self._found.append(
-            Events(
-                np.full(len(changed), time), self.ids[changed], np.full(len(changed), KICK, dtype=np.int32),
-                old[:, :2].copy(), before[1][changed], pair, old[:, 2:4].copy(), new[:, 2:4].copy(), old[:, 4].copy(),
-                new[:, 4].copy(), pair, pair, one, one, pair, one, np.zeros(len(changed), dtype=np.int8),
+            replace(
+                rows, time=rows.time + time, id=self.ids[changed], partner=rows.partner + KICK,
+                image=before[1][changed], position=old[:, :2].copy(), velocity_before=old[:, 2:4].copy(),
+                velocity_after=new[:, 2:4].copy(), spin_before=old[:, 4].copy(), spin_after=new[:, 4].copy(),
             )
         )  # fmt: skip
 
-    def _impulse(
-        self,
-        ids: NDArray[np.int32],
-        partner: NDArray[np.int32],
-        velocity: tuple[NDArray[np.float64], NDArray[np.float64]],
-        other: tuple[NDArray[np.float64], NDArray[np.float64]],
-    ) -> NDArray[np.float64]:
+    def _impulse(self, found: Events) -> NDArray[np.float64]:
         """Momentum that the disk gave: its own loss of momentum, or the partner's gain where it cannot move itself."""
-        mass = self._disks.mass[ids]
-        given = np.where(np.isfinite(mass), mass, 0.0)[:, None] * (velocity[0] - velocity[1])
-        stuck = np.flatnonzero(~np.isfinite(mass) & (partner >= 0))
-        given[stuck] = self._disks.mass[partner[stuck]][:, None] * (other[1][stuck] - other[0][stuck])
+        mass = self._disks.mass[found.id]
+        lost = found.velocity_before - found.velocity_after
+        given = np.where(np.isfinite(mass), mass, 0.0)[:, None] * lost
+        stuck = np.flatnonzero(~np.isfinite(mass) & (found.partner >= 0))
+        gained = found.partner_velocity_after[stuck] - found.partner_velocity_before[stuck]
+        given[stuck] = self._disks.mass[found.partner[stuck]][:, None] * gained
         return given
 
-    def _regime(
-        self,
-        ids: NDArray[np.int32],
-        partner: NDArray[np.int32],
-        normal: NDArray[np.float64],
-        velocity: NDArray[np.float64],
-        spin: NDArray[np.float64],
-        other: NDArray[np.float64],
-        other_spin: NDArray[np.float64],
-    ) -> NDArray[np.int8]:
+    def _regime(self, found: Events) -> NDArray[np.int8]:
         """By the law, from the motion before."""
-        disks = self._disks
+        disks, ids, partner = self._disks, found.id, found.partner
+        velocity = np.stack([found.velocity_before, found.partner_velocity_before], axis=1)
+        spin = np.stack([found.spin_before, found.partner_spin_before], axis=1)
         at_wall = partner < 0
         of_walls = np.array([wall.material for wall in self._walls] or [0])
         one = disks.material[ids]
@@ -286,12 +255,12 @@ class Tracking:
                 warnings.simplefilter("ignore", EnergyWarning)  # the simulation has said so
                 regime[rows] = collide(
                     law,
-                    normal[rows],
+                    found.normal[rows],
                     np.stack([disks.mass[ids[rows]], np.where(wall, np.inf, disks.mass[p])], axis=1),
                     np.stack([radius, np.where(wall, radius, disks.radius[p])], axis=1),
                     np.stack([disks.k[ids[rows]], np.where(wall, 1.0, disks.k[p])], axis=1),
-                    np.stack([velocity[rows], other[rows]], axis=1),
-                    np.stack([spin[rows], other_spin[rows]], axis=1),
+                    velocity[rows],
+                    spin[rows],
                 ).regime
         return regime
 

@@ -17,9 +17,13 @@ Omega^2.
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 from ..errors import InputError
 from .schedule import first_after, time_of
+
+if TYPE_CHECKING:
+    from .engine import EngineOptions
 
 USUAL_STEP, MOST_STEP = 0.005, 0.1  # rad
 FASTEST_DRUM = 0.01
@@ -29,16 +33,8 @@ FASTEST_DRUM = 0.01
 class TurningGravity:
     """Direction of gravity, step after step.
 
-    Parameters
-    ----------
-    gravity : two floats
-        At t = 0 [length/time^2].
-    rate : float
-        Omega [rad/time], counter-clockwise; 0 for gravity that stays.
-    step : float
-        Angle of a step [rad].
-    time : float
-        The present time [time]; the steps until then are done.
+    It is `gravity` [length/time^2] at t = 0, and turns counter-clockwise at a `rate` Omega [rad/time], 0 if it stays,
+    in steps of an angle [rad]; those until the present `time` [time] are done.
 
     Attributes
     ----------
@@ -82,21 +78,9 @@ class TurningGravity:
         return c * x - s * y, s * x + c * y
 
 
-def check_turning(
-    gravity: tuple[float, float],
-    periodic: tuple[bool, bool],
-    rate: float,
-    step: float,
-    tracked: bool,
-    ranks: int,
-) -> None:
-    """Refuse gravity that cannot turn.
-
-    Raises
-    ------
-    InputError
-        Names what is wrong, and what is allowed.
-    """
+def check_turning(options: EngineOptions, periodic: tuple[bool, bool], tracked: bool, ranks: int) -> None:
+    """Refuse gravity that cannot turn: InputError."""
+    gravity, rate, step = options.gravity, options.gravity_turns, options.gravity_step
     if not math.isfinite(rate):
         raise InputError(f"gravity_turns = {rate}: a finite number [rad/time] is needed")
     if not 0.0 < step <= MOST_STEP:

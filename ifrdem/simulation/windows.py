@@ -29,7 +29,7 @@ from ..kernels.windows import (
     verify,
     window_length,
 )
-from .arrays import BURST, SLACK, DeviceArrays
+from .arrays import SLACK, DeviceArrays
 from .tracking import Statistics
 
 MOST_HALVINGS = 40  # of the window of a sheared gas
@@ -79,9 +79,8 @@ class Windows:
         self._ahead = False  # the window has been run to its end
         self._surveyed = False
         self._ready = False  # the present window has an end, and has not been run
-        self._paused = (
-            False  # it has been run to the moment that was told; the scratch space holds the rest of it
-        )
+        # It has been run to the moment that was told; the scratch space holds the rest of it.
+        self._paused = False
         self._watching = 0  # what was written down when it was run
         self._moments: list[Moment] = []  # that have been told
         self._moment_now = 0.0
@@ -89,14 +88,12 @@ class Windows:
         self._done, self._at_end = np.zeros(size), np.zeros(size)
         for row, column in self._piston_columns():
             self._done[[column, column + 1]] = arrays.wall_rows[row, [NOW_0, SPEED_0]]
-        self._asked: list[
-            tuple[float, float]
-        ] = []  # times and numbers of collisions at which a run will stop
+        # Times and numbers of collisions at which a run will stop.
+        self._asked: list[tuple[float, float]] = []
         self._noted = 0  # notes
         self._before: tuple[float, float, float] | None = None  # collisions, length, speed of the last window
-        self.protrudes: float = (
-            0.0  # how far disks are beyond the sides of the tiles that list them, at the beginning
-        )
+        # How far disks are beyond the sides of the tiles that list them, at the beginning.
+        self.protrudes: float = 0.0
         # Of all collisions in the window that begins at a time: several frames at numbers of collisions may lie in it.
         self._times: tuple[float, NDArray[np.float64]] | None = None
         self._burst = 1  # windows of a GPU that went well one after another
@@ -106,9 +103,8 @@ class Windows:
         self._watched: list[tuple[NDArray[Any], NDArray[Any]]] = []
         self.fastest: float = 0.0
         self.rests: bool = False
-        self.fresh: bool = (
-            False  # the present window has just been run, and what was written down in it is new
-        )
+        # The present window has just been run, and what was written down in it is new.
+        self.fresh: bool = False
 
     # ------------------------------------------------------------------ what it knows
 
@@ -141,7 +137,7 @@ class Windows:
 
     @property
     def sums(self) -> NDArray[np.float64]:
-        """Sums over all windows so far, to the present time; columns of `tally`, then those of `heat`."""
+        """Sums over all windows so far, to the present time; columns of `tally`."""
         if self._ahead and self.now == self.end:
             return self._done + self._at_end
         if self.now == self.begin and not self._paused:
@@ -149,14 +145,14 @@ class Windows:
         return self._done + self._sums_to(self._moment_now)
 
     @property
-    def part(self) -> tuple[int, float]:
-        """Part of the arrays that holds the present state, and the time since the beginning of its window."""
+    def part(self) -> int:
+        """Part of the arrays that holds the present state."""
         part = int(self.arrays.grid[k.PART])
         if self._ahead and self.now == self.end:
-            return 1 - part, self.end - self.begin
+            return 1 - part
         if self.now == self.begin and not self._paused:
-            return part, 0.0
-        return k.TOLD + self._tell(self._moment_now), self._moment_now
+            return part
+        return k.TOLD + self._tell(self._moment_now)
 
     @property
     def told_from(self) -> float:
@@ -165,7 +161,7 @@ class Windows:
 
     def settle(self) -> None:
         """Have a window begin at the present time, which is no moment within one."""
-        part, _since = self.part
+        part = self.part
         self._done = self.sums
         if self._ahead and self.now == self.end:
             self.protrudes = self._most(k.MOST_PROTRUDES)
@@ -197,10 +193,7 @@ class Windows:
             float(self._ready or self._ahead),
             self.fastest,
         ]
-        return {
-            "window": np.array([*length, a.clock[k.SQUARE_UNIT]]),
-            "sums": self._done.copy(),
-        }
+        return {"window": np.array([*length, a.clock[k.SQUARE_UNIT]]), "sums": self._done.copy()}
 
     def put_back(self, found: dict[str, NDArray[np.float64]], watching: int = 0) -> None:
         """Go on from what `snapshot` gave."""
@@ -302,23 +295,20 @@ class Windows:
 
     def run(
         self,
-        stop: float,
-        wanted: int | None,
+        until: tuple[float, float],
         kick: float,
+        pause: tuple[float, float],
         *,
-        pause_at: float = math.inf,
-        pause_after: int | None = None,
-        most: int = BURST,
-        watching: int = 0,
-        ahead: Callable[[], Iterable[tuple[float, float]]] = list,
+        most: int,
+        watching: int,
+        ahead: Callable[[], Iterable[tuple[float, float]]],
     ) -> None:
-        """Go on to `stop` [time] or `wanted` collisions in all at the latest, or to the end of a window.
+        """Go on `until` a time or so many collisions in all, whatever is first, or to the end of a window.
 
-        The first one that ends at or after `pause_at` or `pause_after` collisions, or the last of `most` windows.
-        `ahead` gives times and numbers of collisions to which later calls will go; what lies in the same window is told
-        with it.
+        The first one that ends at or after a `pause`, of the same kind, or the last of `most` windows. `ahead` gives
+        those to which later calls will go; what lies in the same window is told with it.
         """
-        a = self.arrays
+        a, (stop, wanted) = self.arrays, until
         self.go_on(kick)
         if self._ahead and watching and self._watching != watching:
             # From its beginning, to see what happened in it.
@@ -329,11 +319,9 @@ class Windows:
                 a.make_moments()
                 moments = [known(stop - self.begin)] if stop < self.end else []
             else:
-                self._asked = [(stop, math.inf if wanted is None else wanted), *ahead()]
+                self._asked = [until, *ahead()]
                 moments = self._foresee(self.now)
-            a.clock[[k.STOP, k.PAUSE, k.KICK]] = stop, pause_at, kick
-            a.clock[k.WANTED] = math.inf if wanted is None else wanted
-            a.clock[k.PAUSE_AFTER] = math.inf if pause_after is None else pause_after
+            a.clock[[k.STOP, k.WANTED, k.PAUSE, k.PAUSE_AFTER, k.KICK]] = *until, *pause, kick
             self._compute(
                 moments, min(most, a.burst, self._burst if a.on_gpu else most), watching, pausing=pausing
             )
@@ -346,12 +334,12 @@ class Windows:
         stopping = self.begin < stop < self.end
         self.now = stop if stopping else self.end
         self._moment_now = stop - self.begin if stopping else self.end - self.begin
-        if wanted is not None and count + self._at_end[k.COLLISIONS] >= wanted:
+        if count + self._at_end[k.COLLISIONS] >= wanted:
             reached = self._at_end
             if stopping:
                 reached = self._sums_to(self._moment_now)
             if count + reached[k.COLLISIONS] >= wanted:
-                self._moment_now = self._time_of(wanted - int(count))
+                self._moment_now = self._time_of(int(wanted - count))
                 self.now = self.begin + self._moment_now
                 self._tell(self._moment_now)
 
@@ -548,8 +536,8 @@ class Windows:
 
     def _tally(self, when: int) -> NDArray[np.float64]:
         """Sums over the tiles, one after another: the same for any number of threads."""
-        first = k.FIRST_SUM + when * (k.TALLY + max(self.arrays.heats, 1))
-        return self.arrays.total[first : first + k.TALLY + self.arrays.heats].copy()
+        first = k.FIRST_SUM + when * self.arrays.columns
+        return self.arrays.total[first : first + self.arrays.columns].copy()
 
     def _most(self, column: int) -> float:
         """The largest of all tiles."""
@@ -641,12 +629,9 @@ class Windows:
         window = self.end - self.begin
         pull = float(np.hypot(a.scale[k.GX], a.scale[k.GY]))
         drift = abs(float(a.scale[k.DRIFT])) * window
-        halo = (
-            usual_halo(float(a.scale[k.CHAIN]), self.fastest, pull, float(a.clock[k.WALL_SPEED]), window)
-            + drift
-        )
+        halo = usual_halo(float(a.scale[k.CHAIN]), self.fastest, pull, float(a.clock[k.WALL_SPEED]), window)
         a.scale[k.LEAST_SIDE] = self._least_side()
-        a.scale[k.USUAL_HALO], a.scale[k.MOST_HALO] = halo, self._widest_halo()
+        a.scale[k.USUAL_HALO], a.scale[k.MOST_HALO] = halo + drift, self._widest_halo()
 
     def _least_side(self) -> float:
         """Beyond it around a tile, the tiles around it would not have all disks."""

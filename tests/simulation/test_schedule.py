@@ -147,7 +147,7 @@ def test_points_that_coincide_are_passed_together() -> None:
     k, places = 1, []
     while schedule.due(k) != Due(collisions=5):
         places.append(schedule.due(k).collisions)
-        k = schedule.following(k)
+        k = schedule.after(k, 0.0, places[-1])
         assert schedule.due(k - 1) != schedule.due(k)
     assert places == [1, 2, 3, 4]
     assert k == 801

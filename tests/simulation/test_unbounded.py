@@ -19,8 +19,7 @@ from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Wall
 from ifrdem.run.info import describe
-from ifrdem.simulation import unbounded
-from ifrdem.simulation.engine import Engine
+from ifrdem.simulation.engine import Engine, nobody_meets
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter
@@ -96,12 +95,12 @@ def test_no_pair_that_will_meet_is_taken_for_parted() -> None:
     velocity = np.vstack((velocity, [1.0 + 21.0 / 1e6, 0.0]))
     disks = Disks(n + 1, mass=1.0, radius=0.5)
     state = State(position, velocity, np.zeros(n + 1))
-    assert not unbounded.nobody_meets(state, disks)
+    assert not nobody_meets(state, disks)
     simulation = Simulation(disks, Box.open(), LAW, state)
     found = simulation.collide_until(2e6)
     np.testing.assert_array_equal(found.pair, [[0, n]])
     assert found.time[0] == pytest.approx(1e6, rel=1e-9)
-    assert unbounded.nobody_meets(simulation.state, disks)
+    assert nobody_meets(simulation.state, disks)
 
 
 def test_any_number_of_threads_gives_the_same_bits() -> None:

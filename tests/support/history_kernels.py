@@ -2,14 +2,15 @@
 
 import taichi as ti
 
-from ifrdem.kernels.layout import GasArrays, Rows, Table
+from ifrdem.kernels.language import Rows, Table
+from ifrdem.kernels.layout import gas_of
 from ifrdem.kernels.places import remember
 
 
 @ti.kernel
 def enter(time: Rows, partner: Rows, link: Rows):
     """Enter collisions with partners at times, in this order, into the history of the disk at place 0."""
-    gas = ti.static(GasArrays(link=link))
+    gas = ti.static(gas_of(link=link))
     for _ in range(1):
         for m in range(time.shape[0]):
             remember(0, time[m], partner[m], gas)
@@ -18,7 +19,7 @@ def enter(time: Rows, partner: Rows, link: Rows):
 @ti.kernel
 def enter_each(time: Table, partner: Table, link: Rows):
     """Enter collisions with partners at times, a row of them for each disk, into the histories of the disks."""
-    gas = ti.static(GasArrays(link=link))
+    gas = ti.static(gas_of(link=link))
     for i in range(time.shape[0]):
         for m in range(time.shape[1]):
             remember(i, time[i, m], partner[i, m], gas)

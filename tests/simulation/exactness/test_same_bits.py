@@ -285,7 +285,7 @@ def test_ids_up_to_the_last_of_32_bits_on_one_thread() -> None:
         while engine.collisions < 10 * N:
             engine.advance(collisions=10 * N)
         arrays = engine.arrays
-        rows = slice(engine.windows.part[0] * arrays.room, engine.windows.part[0] * arrays.room + N)
+        rows = slice(engine.windows.part * arrays.room, engine.windows.part * arrays.room + N)
         lists = {
             name: getattr(arrays, name).to_numpy()[rows]
             for name, kept in arrays.state_arrays().items()
