@@ -45,7 +45,9 @@ def room() -> list[Wall]:
 
 # So deep in a corner that no disk reaches them: what the room has too, so that all scenes share its kernels.
 CORNER = [
-    Wall.segment((0.03, 0.03), (0.05, 0.03), turn=Turn("steady", center=(0.04, 0.03), rate=0.1), opens_at=1e3),
+    Wall.segment(
+        (0.03, 0.03), (0.05, 0.03), turn=Turn("steady", center=(0.04, 0.03), rate=0.1), opens_at=1e3
+    ),
     Wall.arc((0.03, 0.05), 0.01, (0.0, 3.0)),
     Wall.polyline([(0.05, 0.02), (0.06, 0.03), (0.05, 0.04)]),
 ]
@@ -177,7 +179,9 @@ def test_a_wall_that_turns_is_seen_as_a_frame_that_turns() -> None:
     """
     w, d, R, beta = 0.9, 3.0, 0.5, 1.0
     disks = Disks(2, mass=1.0, radius=R, k=K)
-    start = State([[15.0 + d * math.cos(beta), 15.0 + d * math.sin(beta)], [28.0, 28.0]], np.zeros((2, 2)), [0.0] * 2)
+    start = State(
+        [[15.0 + d * math.cos(beta), 15.0 + d * math.sin(beta)], [28.0, 28.0]], np.zeros((2, 2)), [0.0] * 2
+    )
     blade = Wall.segment(MIDDLE, (20.0, 15.0), turn=Turn("steady", center=MIDDLE, rate=w))
     engine = Engine(disks, BOX, start, np.array([[ELASTIC]]), walls=[blade, *CORNER], wall_sums=True)
     t = (beta - math.asin(R / d)) / w

@@ -141,7 +141,7 @@ def test_a_moving_wall_is_hit_at_the_first_root(shape: str, motion: Motion, grav
             return x + np.multiply.outer(t, velocity) + np.multiply.outer(0.5 * t * t, [0.0, -gravity])
 
         def gap(t: float) -> float:
-            return float(wall.gap(place(np.array([t])), np.array([0.5]), t)[0])  # noqa: B023
+            return float(wall.gap(place(np.array([t])), np.array([0.5]), t)[0])
 
         gaps = still.gap(place(times) - steps, np.array([0.5]))  # of all times at once, as seen from the wall
         crossing = np.flatnonzero(gaps < 0.0)
