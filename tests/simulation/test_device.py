@@ -96,7 +96,7 @@ def test_arrays_of_a_taichi_that_ended_take_none_of_the_next_with_them() -> None
     import taichi as ti
 
     backend.start("cpu")
-    for _ in range(10):
+    for _ in range(3):
         old = [ti.ndarray(ti.i32, (100,)) for _ in range(200)]
         backend.stop()
         assert all(array.arr is None for array in old)

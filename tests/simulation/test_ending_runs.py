@@ -192,8 +192,8 @@ def test_a_second_thread_is_told_that_another_one_runs_a_simulation() -> None:
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
-@pytest.mark.parametrize("act", ["gas()", "one.run(t_end=2.0)", "one.state", "backend.stop()"])
-def test_a_forked_copy_of_a_process_with_a_simulation_is_refused_and_does_not_hang(act: str) -> None:
+def test_a_forked_copy_of_a_process_with_a_simulation_is_refused_and_does_not_hang() -> None:
+    """Of one process, a copy for each act."""
     program = f"""
 import os, signal, sys
 sys.path[:0] = {[os.path.dirname(__file__), os.path.dirname(os.path.dirname(__file__))]!r}
@@ -202,15 +202,17 @@ from ifrdem import EngineError
 from ifrdem.simulation import device as backend
 one = gas()
 one.run(t_end=0.1)
-child = os.fork()
-if child == 0:
-    signal.alarm(30)
-    try:
-        {act}
-    except EngineError as error:
-        os._exit(0 if 'get_context("spawn")' in str(error) else 2)
-    os._exit(3)
-assert os.waitpid(child, 0)[1] == 0
+acts = [gas, lambda: one.run(t_end=2.0), lambda: one.state, backend.stop]
+for number, act in enumerate(acts):
+    child = os.fork()
+    if child == 0:
+        signal.alarm(30)
+        try:
+            act()
+        except EngineError as error:
+            os._exit(0 if 'get_context("spawn")' in str(error) else 2)
+        os._exit(3)
+    assert os.waitpid(child, 0)[1] == 0, number
 one.run(t_end=0.2)
 """
     subprocess.run([sys.executable, "-c", program], check=True, timeout=120)

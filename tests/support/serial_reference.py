@@ -100,17 +100,25 @@ class _Gas:
 
     def predict_contacts(self, i: int, now: float, offsets: list[tuple[int, int]]) -> None:
         """Put the contacts of disk i with the disks of the cells at these offsets on the heap."""
+        x, y, vx, vy, clock, radius = self.x, self.y, self.vx, self.vy, self.clock, self.radius
+        (m_x, m_y), (L_x, L_y), since = self.cells, self.lengths, now - clock[i]
+        x_i, y_i, vx_i, vy_i, radius_i = x[i] + vx[i] * since, y[i] + vy[i] * since, vx[i], vy[i], radius[i]
         for dx, dy in offsets:
             column, row = self.cx[i] + dx, self.cy[i] + dy
-            for j in self.members[column % self.cells[0]][row % self.cells[1]]:
-                if j != i:
-                    # The image of j that is in that cell: how many boxes from where j itself is.
-                    sx = (column - self.cx[j]) // self.cells[0]
-                    sy = (row - self.cy[j]) // self.cells[1]
-                    if i < j:
-                        self.predict_contact(i, j, sx, sy, now)
-                    else:
-                        self.predict_contact(j, i, -sx, -sy, now)
+            for j in self.members[column % m_x][row % m_y]:
+                if j == i:
+                    continue
+                # The image of j that is in that cell: how many boxes from where j itself is.
+                sx, sy = (column - self.cx[j]) // m_x, (row - self.cy[j]) // m_y
+                if self.last[i] == (j, sx, sy) and self.last[j] == (i, -sx, -sy):
+                    continue
+                since = now - clock[j]
+                rx, ry = (x[j] + vx[j] * since) - x_i + sx * L_x, (y[j] + vy[j] * since) - y_i + sy * L_y
+                delay = contact_delay(rx, ry, vx[j] - vx_i, vy[j] - vy_i, radius_i + radius[j])
+                if delay < math.inf:
+                    first = (i, j, self.count[i], self.count[j], sx, sy)
+                    other = (j, i, self.count[j], self.count[i], -sx, -sy)
+                    heapq.heappush(self.heap, (now + delay, *(first if i < j else other)))
 
     def separation(self, i: int, j: int, sx: int, sy: int, now: float) -> tuple[float, float]:
         """From disk i to the image of disk j that is (sx, sy) boxes away from disk j itself."""
@@ -118,16 +126,6 @@ class _Gas:
         rx = (self.x[j] + self.vx[j] * since_j) - (self.x[i] + self.vx[i] * since_i)
         ry = (self.y[j] + self.vy[j] * since_j) - (self.y[i] + self.vy[i] * since_i)
         return rx + sx * self.lengths[0], ry + sy * self.lengths[1]
-
-    def predict_contact(self, i: int, j: int, sx: int, sy: int, now: float) -> None:
-        """Put the contact of disk i with that image of disk j > i on the heap, if there is one."""
-        if self.last[i] == (j, sx, sy) and self.last[j] == (i, -sx, -sy):
-            return
-        rx, ry = self.separation(i, j, sx, sy, now)
-        ux, uy = self.vx[j] - self.vx[i], self.vy[j] - self.vy[i]
-        delay = contact_delay(rx, ry, ux, uy, self.radius[i] + self.radius[j])
-        if delay < math.inf:
-            heapq.heappush(self.heap, (now + delay, i, j, self.count[i], self.count[j], sx, sy))
 
     def predict_crossing(self, i: int, now: float) -> None:
         """Put the time when disk i leaves its cell on the heap, with the cell step it then makes."""

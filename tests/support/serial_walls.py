@@ -14,6 +14,7 @@ Every disk knows its latest place, velocity and time; the next event is the smal
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 
@@ -81,11 +82,17 @@ def nearest(wall: Wall, x: Array, t: Array) -> tuple[Array, Array]:
     return np.column_stack((z.real, z.imag)), distance
 
 
+@functools.cache
+def sides_between(points: tuple[tuple[float, float], ...]) -> list[Wall]:
+    """Straight walls from each of some points to the next."""
+    return [Wall.segment(a, b) for a, b in itertools.pairwise(points)]
+
+
 def nearest_at_rest(wall: Wall, x: Array) -> tuple[Array, Array]:
     """The same of a wall that stands as it is given."""
     if wall.points:
-        ends = [*wall.points, *(wall.points[:1] if wall.shape == "polygon" else ())]
-        sides = [nearest_at_rest(Wall.segment(a, b), x) for a, b in itertools.pairwise(ends)]
+        ends = (*wall.points, *(wall.points[:1] if wall.shape == "polygon" else ()))
+        sides = [nearest_at_rest(side, x) for side in sides_between(ends)]
         first = np.argmin([distance for _, distance in sides], axis=0)
         steps = np.arange(len(x))
         return np.array([out for out, _ in sides])[first, steps], np.array([d for _, d in sides])[

@@ -13,6 +13,7 @@ import ifrdem
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.observables import Measure
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Piston, Turn, Wall, from_json, to_json
 from ifrdem.simulation.simulation import Simulation
@@ -20,6 +21,13 @@ from ifrdem.simulation.simulation import Simulation
 ELASTIC = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
 ROUGH = IFRLaw(e_n=0.9, e_t=-0.6, mu=0.3, rho=0.01)
 BOX = Box((10.0, 20.0), (False, False))
+
+
+def piston_gas(
+    disks: Disks, box: Box, law: IFRLaw, state: State, walls: list[Wall], **options: Any
+) -> Simulation:
+    """With sums of walls, so that all tests share kernels."""
+    return Simulation(disks, box, law, state, walls=walls, **({"wall_sums": True} | options))
 
 
 def lid(height: float = 12.0, **options: Any) -> Wall:
@@ -32,7 +40,7 @@ def gas(law: IFRLaw, walls: list[Wall], n: int = 30, **options: Any) -> Simulati
     position = ifrdem.initial.random_positions(BOX, disks.radius, seed=1, walls=walls)
     velocity = ifrdem.initial.maxwellian(disks.mass, speed_rms=1.4, seed=2)
     state = State(position, velocity, np.random.default_rng(3).normal(size=n))
-    return Simulation(disks, BOX, law, state, walls=walls, **options)
+    return piston_gas(disks, BOX, law, state, walls, **options)
 
 
 def whole_energy(simulation: Simulation) -> float:
@@ -52,7 +60,7 @@ def test_a_piston_on_one_disk_makes_as_many_hits_as_digits_of_pi(ratio: float, c
     start = State([[5.0, 4.0]], np.zeros((1, 2)), np.zeros(1))
     piston = lid(6.0, mass=ratio, velocity=1.0)
     box = Box((10.0, 1000.0), (False, False))  # which the piston leaves later
-    simulation = Simulation(disks, box, ELASTIC, start, walls=[piston])
+    simulation = piston_gas(disks, box, ELASTIC, start, [piston])
     simulation.run(t_end=500.0)
     assert simulation.wall_hits == count
     # All energy was the piston's, and it keeps all of it but what is left to the disk.
@@ -60,7 +68,7 @@ def test_a_piston_on_one_disk_makes_as_many_hits_as_digits_of_pi(ratio: float, c
 
 
 def test_momentum_and_energy_hold_over_a_hundred_thousand_hits() -> None:
-    simulation = gas(ELASTIC, [lid(mass=3.0, force=6.0)], n=8, wall_sums=True)
+    simulation = gas(ELASTIC, [lid(mass=3.0, force=6.0)], n=8)
     before = whole_energy(simulation)
     simulation.run(t_end=75_000.0, progress=False)
     s, speed, *_ = simulation.pistons[0]
@@ -91,12 +99,15 @@ def test_a_soft_spring_is_as_good_as_none(stop: float | None) -> None:
     np.testing.assert_allclose(found[2], found[0], rtol=1e-7)
 
 
+TOLD: dict[str, Any] = {"ledger": True, "dissipated": True, "tracked": range(30)}
+
+
 def test_two_pistons_under_friction_lose_what_the_ledger_says() -> None:
     walls = [
         lid(mass=4.0, force=3.0, spring=0.5),
         Wall.line((0.5, 0.0), (1.0, 0.0), piston=Piston(mass=8.0, spring=3.0, low=-0.4)),
     ]
-    simulation = gas(ROUGH, walls, gravity=(0.0, -0.2), ledger=True, wall_sums=True, dissipated=True)
+    simulation = gas(ROUGH, walls, gravity=(0.0, -0.2), **TOLD)
     before = whole_energy(simulation)
     simulation.run(t_end=12.0, progress=False)
     measured = simulation.measure()
@@ -114,12 +125,16 @@ def test_the_mean_height_of_a_piston_on_one_disk_is_that_of_the_virial() -> None
     # is bounded, so that <m v_y^2 + M V^2> = F <h>; with E = (m v_y^2 + M V^2)/2 + F h, <h> = 2 E / 3 F.
     disks = Disks(1, mass=1.0, radius=0.5)
     start = State([[5.0, 2.0]], [[0.3, 1.1]], np.zeros(1))
-    simulation = Simulation(disks, BOX, ELASTIC, start, walls=[lid(5.0, mass=1.618, force=0.5)])
+    simulation = piston_gas(disks, BOX, ELASTIC, start, [lid(5.0, mass=1.618, force=0.5)])
     energy = 0.5 * 1.1**2 + 0.5 * (5.0 - 1.0)
-    heights = []
-    for t in np.arange(1, 3001) * 7.3:
-        simulation.run(t_end=t, progress=False)
-        heights.append(5.0 - simulation.pistons[0, 0] - 1.0)
+    heights: list[float] = []
+
+    def look(measured: Measure) -> None:
+        assert measured.pistons is not None
+        heights.append(5.0 - float(measured.pistons[0, 0]) - 1.0)
+
+    simulation.run(t_end=3000 * 7.3, series=3000, samplers=[look], progress=False)
+    assert len(heights) == 3001
     # Scatter of h about 0.7 <h>; some 3000 values, correlated over a few: 0.7 / sqrt(600) = 3 %.
     assert np.mean(heights) == pytest.approx(2.0 * energy / (3.0 * 0.5), rel=0.06)
 
@@ -129,7 +144,7 @@ def test_a_piston_bounces_between_its_stops_and_rests_where_it_is_pressed() -> N
     start = State([[5.0, 1.0]], np.zeros((1, 2)), np.zeros(1))
 
     def at(t: float, **options: Any) -> np.ndarray:
-        simulation = Simulation(disks, BOX, ELASTIC, start, walls=[lid(mass=2.0, **options)])
+        simulation = piston_gas(disks, BOX, ELASTIC, start, [lid(mass=2.0, **options)])
         simulation.run(t_end=t)
         return simulation.pistons[0]
 
@@ -146,7 +161,7 @@ def test_a_piston_bounces_between_its_stops_and_rests_where_it_is_pressed() -> N
 def test_gravity_pulls_the_piston_too() -> None:
     disks = Disks(1, mass=1.0, radius=0.5)
     start = State([[5.0, 1.0]], np.zeros((1, 2)), np.zeros(1))
-    simulation = Simulation(disks, BOX, ELASTIC, start, walls=[lid(mass=2.0, force=3.0)], gravity=(0.3, -1.0))
+    simulation = piston_gas(disks, BOX, ELASTIC, start, [lid(mass=2.0, force=3.0)], gravity=(0.3, -1.0))
     simulation.run(t_end=0.5)
     # Down along its normal with 1 + 3/2.
     np.testing.assert_allclose(simulation.pistons[0, :2], (0.5 * 2.5 * 0.25, 1.25), rtol=1e-14)
@@ -155,7 +170,7 @@ def test_gravity_pulls_the_piston_too() -> None:
 @pytest.mark.parametrize("cut", [3.7, 8.000001])
 def test_a_run_goes_on_from_a_checkpoint_to_the_bit(tmp_path: Path, cut: float) -> None:
     walls = [lid(mass=4.0, force=3.0, spring=0.5, low=-1.0, high=1.0)]
-    whole, first, second = (gas(ROUGH, walls, gravity=(0.0, -0.2), wall_sums=True) for _ in range(3))
+    whole, first, second = (gas(ROUGH, walls, gravity=(0.0, -0.2)) for _ in range(3))
     whole.run(t_end=15.0, frames=7)
     first.run(t_end=cut)
     first.save_checkpoint(tmp_path / "one.ckpt")
@@ -184,7 +199,7 @@ def test_a_run_that_jumps_by_collisions_has_the_same_bits() -> None:
 def test_another_force_acts_from_a_time_on() -> None:
     disks = Disks(1, mass=1.0, radius=0.5)
     start = State([[5.0, 1.0]], np.zeros((1, 2)), np.zeros(1))
-    simulation = Simulation(disks, BOX, ELASTIC, start, walls=[lid(mass=2.0, force=3.0)])
+    simulation = piston_gas(disks, BOX, ELASTIC, start, [lid(mass=2.0, force=3.0)])
     simulation.run(t_end=1.0)
     simulation.set_piston_force(0, -1.0)
     simulation.run(t_end=3.0)
@@ -199,7 +214,7 @@ def test_another_force_acts_from_a_time_on() -> None:
 
 
 def test_tracked_disks_tell_what_the_piston_did() -> None:
-    simulation = gas(ROUGH, [lid(mass=4.0, force=3.0)], tracked=range(30))
+    simulation = gas(ROUGH, [lid(mass=4.0, force=3.0)], **TOLD)
     simulation.run(t_end=10.0)
     events = simulation.take_events()
     at = events.partner == -2

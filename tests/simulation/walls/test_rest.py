@@ -46,8 +46,9 @@ def said_asleep(run: Simulation, asleep: list[int], **law: float) -> Simulation:
     state = run.state
     state.asleep = np.array(asleep)
     return Simulation(
-        run.disks, run.box, IFRLaw(**law), state, gravity=(0.0, -1.0), collapse="rest", resting_speed=SLOW
-    )
+        run.disks, run.box, IFRLaw(**law), state,
+        gravity=(0.0, -1.0), collapse="rest", resting_speed=SLOW, ledger=True,
+    )  # fmt: skip
 
 
 def pile(n: int = 60, seed: int = 1, **options: Any) -> Simulation:
@@ -422,7 +423,7 @@ def test_nothing_sleeps_on_the_slope_of_an_arc(angle: float) -> None:
         run = Simulation(
             Disks(1, mass=1.0, radius=0.5), Box((20.0, 20.0), (False, False)), IFRLaw(e_n=0.5, e_t=-1.0, mu=0.5),
             State([place], [[0.0, 0.0]], [0.0]), walls=[bowl], gravity=(0.0, -1.0), collapse="rest",
-            resting_speed=SLOW,
+            resting_speed=SLOW, ledger=True,
         )  # fmt: skip
         run.run(t_end=4.0)
         found.append(run.state.position[0])

@@ -43,6 +43,17 @@ def room() -> list[Wall]:
     ]
 
 
+# So deep in a corner that no disk reaches them: what the room has too, so that all scenes share its kernels.
+CORNER = [
+    Wall.segment(
+        (0.03, 0.03), (0.05, 0.03), turn=Turn("steady", center=(0.04, 0.03), rate=0.1), opens_at=1e3
+    ),
+    Wall.arc((0.03, 0.05), 0.01, (0.0, 3.0)),
+    Wall.polyline([(0.05, 0.02), (0.06, 0.03), (0.05, 0.04)]),
+]
+K = np.array([2.0, 1.0])  # two kinds of disks, for the same reason
+
+
 def gas(
     order: str | None = None, *, n: int = 120, law: tuple[float, ...] = COIN, sums: bool = True,
     threads: int | None = None, walls: list[Wall] | None = None, gravity: tuple[float, float] = (0.0, -0.3),
@@ -94,9 +105,9 @@ def test_bits_do_not_depend_on_tiles_threads_looks_or_sums() -> None:
 def test_bits_of_a_shaken_container_under_gravity_do_not_depend_on_tiles() -> None:
     """Its root is found in steps whose last bits depend on how far ahead their bounds reach: to the window's end."""
     shaken = Motion("sine", (1.0, 0.4), amplitude=0.3, frequency=0.3)
-    walls = [Wall.container(MIDDLE, 14.5, motion=shaken), Wall.post((15.0, 10.0), 1.0)]
+    walls = [Wall.container(MIDDLE, 14.5, motion=shaken), Wall.post((15.0, 10.0), 1.0), *CORNER]
     for pull in (-0.4, -0.5):
-        one, other = (gas(order, walls=walls, sums=False, gravity=(0.1, pull)) for order in ORDERS)
+        one, other = (gas(order, walls=walls, gravity=(0.1, pull)) for order in ORDERS)
         same(run_to(one, 9.0), run_to(other, 9.0))
         assert one.wall_hits > 150
 
@@ -137,6 +148,7 @@ def test_torques_about_the_origin_are_those_of_the_angular_momentum() -> None:
     walls = [
         Wall.polygon(outline(14.5, 9), holds="inside"),
         Wall.arc(MIDDLE, 4.0, (0.3, 4.0), surface_speed=0.4),
+        *CORNER,
     ]
     engine = gas(walls=walls, gravity=(0.0, 0.0))
     start, end = engine.state(), run_to(engine, 5.0)
@@ -166,10 +178,12 @@ def test_a_wall_that_turns_is_seen_as_a_frame_that_turns() -> None:
     the blade at the foot of the disk twice, along the blade's normal.
     """
     w, d, R, beta = 0.9, 3.0, 0.5, 1.0
-    disks = Disks(1, mass=1.0, radius=R)
-    start = State([[15.0 + d * math.cos(beta), 15.0 + d * math.sin(beta)]], [[0.0, 0.0]], [0.0])
+    disks = Disks(2, mass=1.0, radius=R, k=K)
+    start = State(
+        [[15.0 + d * math.cos(beta), 15.0 + d * math.sin(beta)], [28.0, 28.0]], np.zeros((2, 2)), [0.0] * 2
+    )
     blade = Wall.segment(MIDDLE, (20.0, 15.0), turn=Turn("steady", center=MIDDLE, rate=w))
-    engine = Engine(disks, BOX, start, np.array([[ELASTIC]]), walls=[blade], wall_sums=True)
+    engine = Engine(disks, BOX, start, np.array([[ELASTIC]]), walls=[blade, *CORNER], wall_sums=True)
     t = (beta - math.asin(R / d)) / w
     run_to(engine, t - 1e-12)
     assert engine.wall_hits == 0
@@ -187,13 +201,18 @@ def test_a_gate_opens_at_its_time_and_after_its_collisions_to_the_collision(orde
     moving, is when it opens: until then both runs are one."""
     lid = {"start": (0.0, 15.0), "end": (30.0, 15.0)}
     below = [Wall.line((0.0, 14.9), (0.0, -1.0))]  # where disks start, only
-    disks = Disks(60, mass=1.0, radius=0.4)
+    disks = Disks(60, mass=1.0, radius=0.4, k=np.tile(K, 30))
     position = random_positions(BOX, disks.radius, seed=5, walls=below)
     state = State(position, maxwellian(disks.mass, speed_rms=1.0, seed=5), np.zeros(60))
 
+    def engine_of(state: State, walls: list[Wall]) -> Engine:
+        return Engine(
+            disks, BOX, state, np.array([[COIN]]), walls=walls, order=order, tile_disks=20, wall_sums=True
+        )
+
     def gated(**options: float) -> Engine:
         wall = Wall.segment(lid["start"], lid["end"], **options)  # type: ignore[arg-type]
-        return Engine(disks, BOX, state, np.array([[COIN]]), walls=[wall], order=order, tile_disks=20)
+        return engine_of(state, [wall, *CORNER])
 
     shut = gated()
     by_time, by_count = gated(opens_at=2.5), gated(opens_after=40)
@@ -206,7 +225,7 @@ def test_a_gate_opens_at_its_time_and_after_its_collisions_to_the_collision(orde
     same(by_count.state(), shut.state())
     # From then on it is a gas without the lid, at once.
     opened = by_count.state()
-    free = Engine(disks, BOX, opened, np.array([[COIN]]), order=order, tile_disks=20)
+    free = engine_of(opened, CORNER)
     t = opened.time + 1.0
     np.testing.assert_allclose(run_to(by_count, t).position, run_to(free, t).position, rtol=0.0, atol=1e-9)
     assert run_to(by_time, 2.5).position[:, 1].max() <= 14.6 + 1e-9
@@ -221,14 +240,18 @@ def test_a_wall_moves_from_one_time_to_another() -> None:
     floor = Wall.line(
         (0.0, 10.0), (0.0, 1.0), motion=Motion("steady", speed=0.5), moves_from=1.0, moves_until=2.0
     )
-    start = State([[15.0, 10.7]], [[0.0, 0.0]], [0.0])  # the floor stands at 10 before
-    disks = Disks(1, mass=1.0, radius=0.5)
-    engine = Engine(disks, BOX, start, np.array([[ELASTIC]]), walls=[floor])
+    disks = Disks(2, mass=1.0, radius=0.5, k=K)  # the second one is far away
+
+    def above(y: float, speed: float, t: float) -> Engine:
+        start = State([[15.0, y], [25.0, 25.0]], [[0.0, speed], [0.0, 0.0]], np.zeros(2), time=t)
+        walls = [floor, *CORNER]
+        return Engine(disks, BOX, start, np.array([[ELASTIC]]), walls=walls, wall_sums=True)
+
+    engine = above(10.7, 0.0, 0.0)  # the floor stands at 10 before
     run_to(engine, 1.4 - 1e-9)
     assert engine.wall_hits == 0
     assert run_to(engine, 1.4 + 1e-9).velocity[0, 1] == pytest.approx(1.0, rel=1e-12)  # twice the floor's
-    late = State([[15.0, 12.5]], [[0.0, -0.5]], [0.0], time=1.9)  # the floor stands at 10.5 from t = 2 on
-    engine = Engine(disks, BOX, late, np.array([[ELASTIC]]), walls=[floor])
+    engine = above(12.5, -0.5, 1.9)  # the floor stands at 10.5 from t = 2 on
     assert run_to(engine, 1.9 + 3.0 + 1e-9).velocity[0, 1] == pytest.approx(0.5, rel=1e-12)  # met at rest
 
 
