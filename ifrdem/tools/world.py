@@ -115,7 +115,20 @@ def together(comm: Any, work: Callable[[], Result]) -> Result:
 
 def on_first(comm: Any, work: Callable[[], Result]) -> Result | None:
     """Have the first rank do something, and give its result; None on the others. An error is raised on all."""
-    return together(comm, lambda: work() if is_first(comm) else None)
+    if comm is None:
+        return work()
+    result, error = None, None
+    if comm.rank == 0:
+        try:
+            result = work()
+        except BaseException as raised:
+            error = raised
+    told = comm.bcast(_told(error))
+    if error is not None:
+        raise error
+    if told is not None:
+        raise _made(*told)
+    return result
 
 
 def told(comm: Any, value: Result) -> Result:
