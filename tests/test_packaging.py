@@ -191,6 +191,7 @@ IMPORTS_OF_KERNELS = {
     "inspect",
     "itertools",
     "linecache",
+    "textwrap",
     "sys",
     "types",
 }

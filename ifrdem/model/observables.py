@@ -147,7 +147,7 @@ def sums(disks: Disks, state: State, gravity: tuple[float, float] = (0.0, 0.0), 
 
 
 def from_totals(disks: Disks, totals: Array, time: float, wall_hits: int, **put_in: Any) -> Measure:
-    """The same of sums over all disks (`kernels/totals.py`), which `Engine.totals` gives.
+    """The same of sums over all disks, which `Engine.totals` gives.
 
     Examples
     --------

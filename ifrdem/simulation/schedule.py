@@ -200,11 +200,9 @@ class Span:
         if (t_end is None) == (collisions_per_disk is None):
             raise InputError("exactly one of t_end and collisions_per_disk is needed")
         if t_end is not None:
-            t_end = checked.real("t_end", t_end)
-            if not (math.isfinite(t_end) and t_end >= time):
-                raise InputError(
-                    f"t_end = {t_end}: a finite time not before the present one, {time}, is needed"
-                )
+            needed = f"a finite time not before the present one, {time}, is needed"
+            if not (math.isfinite(checked.real("t_end", t_end, needed)) and t_end >= time):
+                raise InputError(f"t_end = {t_end}: {needed}")
             return cls(n, time, collisions, Due(time=float(t_end)))
         assert collisions_per_disk is not None
         collisions_per_disk = checked.real("collisions_per_disk", collisions_per_disk)
