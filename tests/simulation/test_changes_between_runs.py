@@ -47,6 +47,10 @@ def setting(kind: str, n: int = 60) -> tuple[Box, State, dict[str, Any]]:
     return box, state, {}
 
 
+def made(box: Box, state: State, **options: Any) -> Simulation:
+    return Simulation(gases.equal_disks(60), box, LAW, state, ledger=True, **options)
+
+
 def assert_same_motion(one: State, other: State) -> None:
     # A new simulation measures positions from other corners: rounding, which collisions multiply.
     np.testing.assert_allclose(one.position, other.position, rtol=0, atol=1e-8)
@@ -105,7 +109,7 @@ def test_a_changed_gas_goes_on_as_a_new_one_from_its_state_and_the_ledger_closes
 def test_the_change_of_energy_by_other_velocities_and_gravity_is_its_definition() -> None:
     """Velocities times 3, spins kept: translational energy grows by 8 times itself; gravity: -m (g' - g) . x."""
     box, state, options = setting("walls")
-    gas = Simulation(gases.equal_disks(60), box, LAW, state, **options)
+    gas = made(box, state, **options)
     gas.run(t_end=0.5)
     before, present = gas.measure(), gas.state
     gas.set_velocities(3.0 * present.velocity)
@@ -120,7 +124,7 @@ def test_the_change_of_energy_by_other_velocities_and_gravity_is_its_definition(
 
 def test_energy_that_former_forces_put_in_still_counts() -> None:
     box, state, _ = setting("periodic")
-    gas = Simulation(gases.equal_disks(60), box, LAW, state, forces=[forces.RandomKicks(0.05, power=1.0)])
+    gas = made(box, state, forces=[forces.RandomKicks(0.05, power=1.0)])
     gas.run(t_end=1.0)
     put_in = gas.energy_input
     assert put_in > 0.0
@@ -134,7 +138,7 @@ def test_energy_that_former_forces_put_in_still_counts() -> None:
 def test_a_gas_that_has_flown_apart_or_rests_moves_again_with_other_velocities() -> None:
     disks = gases.equal_disks(2)
     apart = State([[0.0, 0.0], [2.0, 0.0]], [[-1.0, 0.0], [1.0, 0.0]], [0.0, 0.0])
-    gas = Simulation(disks, Box.open(), IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), apart)
+    gas = Simulation(disks, Box.open(), IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), apart, ledger=True)
     gas.run(t_end=10.0)
     assert gas.collisions == 0
     gas.set_velocities([[1.0, 0.0], [-1.0, 0.0]])  # 22 apart, they touch after 10.5
@@ -144,7 +148,7 @@ def test_a_gas_that_has_flown_apart_or_rests_moves_again_with_other_velocities()
     assert gas.collisions == 1
     box, state, _ = setting("periodic")
     still = replace(state, velocity=np.zeros((60, 2)), spin=np.zeros(60))
-    resting = Simulation(gases.equal_disks(60), box, LAW, still)
+    resting = made(box, still)
     resting.run(t_end=1.0)
     resting.set_velocities(state.velocity, state.spin)
     resting.run(t_end=2.0)
@@ -153,7 +157,7 @@ def test_a_gas_that_has_flown_apart_or_rests_moves_again_with_other_velocities()
 
 def test_histories_go_on_across_a_change_of_velocities() -> None:
     box, state, _ = setting("periodic")
-    gas = Simulation(gases.equal_disks(60), box, LAW, state, tracked=[4])
+    gas = made(box, state, tracked=[4])
     gas.run(t_end=0.5)
     gas.take_events()
     old = gas.state.velocity[4]
@@ -167,7 +171,7 @@ def test_histories_go_on_across_a_change_of_velocities() -> None:
 def test_a_law_of_ones_own_is_tried_when_it_is_set_and_serves_the_next_run() -> None:
     """Smooth disks keep their spins, and lose energy where e < 1."""
     box, state, _ = setting("periodic")
-    gas = Simulation(gases.equal_disks(60), box, LAW, state)
+    gas = made(box, state)
     gas.run(t_end=0.5)
     gas.set_law(Lossy(e=0.5))  # whose trial says nothing: no collision gains
     spin, energy = gas.state.spin, gas.measure().energy
@@ -178,7 +182,7 @@ def test_a_law_of_ones_own_is_tried_when_it_is_set_and_serves_the_next_run() -> 
 
 def test_a_checkpoint_of_a_changed_gas_fits_one_changed_likewise(tmp_path: Path) -> None:
     box, state, _ = setting("periodic")
-    gas, other = (Simulation(gases.equal_disks(60), box, LAW, state) for _ in range(2))
+    gas, other = (made(box, state) for _ in range(2))
     gas.run(t_end=0.5)
     turned(gas)
     gas.set_law(ROUGH)
@@ -209,7 +213,7 @@ def test_a_checkpoint_of_a_changed_gas_fits_one_changed_likewise(tmp_path: Path)
 )
 def test_a_refused_change_leaves_the_gas_as_it_was(act: Callable[[Simulation], None], says: str) -> None:
     box, state, _ = setting("periodic")
-    gas, other = (Simulation(gases.equal_disks(60), box, LAW, state) for _ in range(2))
+    gas, other = (made(box, state) for _ in range(2))
     gas.run(t_end=0.3)
     with pytest.raises(InputError, match=says):
         act(gas)

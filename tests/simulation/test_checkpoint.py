@@ -61,7 +61,7 @@ def walled(threads: int | None = None) -> Simulation:
         Wall.line((0.0, 18.0), (0.0, -1.0), temperature=1.5),
         Wall.segment((1.0, 8.2), (6.0, 8.2), opens_at=0.7),
         Wall.segment((8.0, 8.2), (13.0, 8.2), opens_after=OPENS),
-        Wall.arc((7.0, 12.0), 3.0, (3.3, 6.1), turn=Turn("steady", (7.0, 12.0), rate=2.0), moves_until=1.5),
+        Wall.arc((7.0, 13.2), 3.0, (3.3, 6.1), turn=Turn("steady", (7.0, 13.2), rate=2.0), moves_until=1.5),
     ]
     return Simulation(
         disks, box, COIN, State(grid, rng.normal(size=(60, 2)), rng.normal(size=60)), threads=threads, walls=walls,
@@ -95,7 +95,9 @@ def driven(threads: int | None = None) -> Simulation:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("make", [gas(), gas(precision="f32"), walled, sheared, freed, driven])
+@pytest.mark.parametrize(
+    "make", [gas(), walled, sheared, freed, driven, pytest.param(gas(precision="f32"), id="f32")]
+)
 def test_a_run_goes_on_to_the_bit(tmp_path, make):
     # In time, except that a gas in single precision may as well end by its collisions.
     whole = make()
@@ -146,7 +148,7 @@ def test_writing_a_checkpoint_changes_nothing(tmp_path):
 def test_the_checkpoint_of_another_gas_is_refused(tmp_path):
     make = gas()
     make().save_checkpoint(tmp_path / "a.h5")
-    for other in (gas(seed=2), gas(precision="f32"), driven):
+    for other in (gas(seed=2), driven, gas(precision="f32")):
         with pytest.raises(InputError, match="another gas"):
             other().load_checkpoint(tmp_path / "a.h5")
 

@@ -36,12 +36,14 @@ def test_half_of_what_a_head_on_collision_takes_belongs_to_either_disk():
 
 def test_a_wall_leaves_all_of_it_to_the_disk():
     # Normal restitution 0.8 at v = 2: (1 - 0.64) 2^2 / 2 = 0.72.
-    disks = ifrdem.Disks(1, mass=1.0, radius=0.5)
+    disks = ifrdem.Disks(
+        2, mass=1.0, radius=0.5, k=[2.0, 1.0]
+    )  # two kinds, as everywhere here; one does not move
     box = ifrdem.Box((20.0, 10.0), periodic=(True, False))
-    start = ifrdem.State([[5.0, 5.0]], [[0.0, -2.0]], [0.0])
+    start = ifrdem.State([[5.0, 5.0], [15.0, 5.0]], [[0.0, -2.0], [0.0, 0.0]], [0.0, 0.0])
     run = ifrdem.Simulation(disks, box, ifrdem.IFRLaw(e_n=0.8, e_t=-0.5, mu=0.2), start, dissipated=True)
     run.run(t_end=3.0)
-    np.testing.assert_allclose(run.state.dissipated, [[0, 0, 0, 0, 0, 0.72, 0]], rtol=1e-14)
+    np.testing.assert_allclose(run.state.dissipated, [[0, 0, 0, 0, 0, 0.72, 0], [0] * 7], rtol=1e-14)
 
 
 def test_disks_lose_together_what_the_ledger_says():

@@ -266,7 +266,7 @@ def test_totals_on_the_device_are_those_of_the_state(arch):
     )
     box, state = start(equal_disks(300), 0.3)
     state.velocity[7], state.spin[7] = 0.0, 0.0
-    simulation = Simulation(disks, box, COIN, state, arch=arch)
+    simulation = Simulation(disks, box, COIN, state, arch=arch, ledger=True)
     seen: list[Measure] = []
     simulation.run(collisions_per_disk=2.0, observers=[lambda _state, measure: seen.append(measure)])
     device, host = simulation.measure(), seen[-1]

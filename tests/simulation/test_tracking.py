@@ -10,13 +10,18 @@ from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.forces import RandomKicks
 from ifrdem.model.ifr import IFRLaw, collide
-from ifrdem.model.state import State
+from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.simulation.tracking import ELASTIC, KICK, UNKNOWN, Events
 
 COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 ROLLING = IFRLaw(e_n=0.9, e_t=-0.9, mu=0.15, sticking="contact_point", rho=0.02)
+
+
+def two_kinds(n: int) -> Disks:
+    """Equal disks but for their shape numbers: all tests share kernels."""
+    return Disks(n, mass=1.0, radius=0.5, k=np.where(np.arange(n) % 2, 1.0, 2.0))
 
 
 def rows_of(events: Events, disk: int) -> dict[str, np.ndarray]:
@@ -67,7 +72,7 @@ def test_each_row_is_one_collision_of_the_law(arch):
     """Impulses, regime, angle and both sides' velocities of every row against `law.collide`."""
     disks = mixture(500)
     box, state = start(disks, 0.3)
-    simulation = Simulation(disks, box, ROLLING, state, arch=arch, tracked=range(500))
+    simulation = Simulation(disks, box, ROLLING, state, arch=arch, tracked=range(500), partners=True)
     simulation.run(collisions_per_disk=3.0)
     e = simulation.take_events()
     assert len(e) == 2 * simulation.collisions  # all disks are tracked: each collision twice
@@ -101,7 +106,7 @@ def _positions_of_partners(e: Events) -> np.ndarray:
 
 def test_collisions_at_one_time_stand_in_the_order_in_which_they_happened(arch):
     """Disks at rest that two others hit from both sides at once: the path leads through both, in one order only."""
-    disks = equal_disks(24)
+    disks = two_kinds(24)  # one hits, and is hit by, disks of its own kind
     middle = np.column_stack((np.full(8, 8.0), 1.0 + 2.0 * np.arange(8)))
     away = np.array([2.0, 0.0])
     state = State(
@@ -152,11 +157,12 @@ def test_walls_gravity_and_heat_are_in_the_path(arch):
 
 
 def test_kicks_are_rows_so_that_driven_paths_are_exact_too(arch):
-    disks = equal_disks(200)
+    disks = two_kinds(200)
     box, state = start(disks, 0.2)
     simulation = Simulation(
-        disks, box, COIN, state, arch=arch, tracked=[3, 150], forces=[RandomKicks(0.1, power=1.0)], seed=4
-    )
+        disks, box, COIN, state, arch=arch, tracked=[3, 150], forces=[RandomKicks(0.1, power=1.0)], seed=4,
+        partners=True,
+    )  # fmt: skip
     simulation.run(t_end=1.0)
     events, end = simulation.take_events(), simulation.state
     assert np.count_nonzero(events.partner == KICK) == 2 * 10

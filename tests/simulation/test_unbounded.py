@@ -108,7 +108,7 @@ def test_any_number_of_threads_gives_the_same_bits() -> None:
     law = np.array([[COIN]])
     ends = [
         run(Engine(disks, Box.open(), state, law, order="tiles", tile_disks=60, threads=threads), 20.0)
-        for threads in (1, None)
+        for threads in (None, 1)
     ]
     for name in ("position", "velocity", "spin", "collisions"):
         np.testing.assert_array_equal(getattr(ends[0], name), getattr(ends[1], name))
