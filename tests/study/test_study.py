@@ -353,7 +353,11 @@ def quiet(tmp_path_factory: pytest.TempPathFactory) -> ifrdem.Study:
     folder = tmp_path_factory.mktemp("quiet")
     (folder / "gas.toml").write_text(CASE)
     study = ifrdem.Study(
-        folder / "gas.toml", vary=[VARY], seeds=4, set=["run.collisions_per_disk=200"], output=folder / "quiet"
+        folder / "gas.toml",
+        vary=[VARY],
+        seeds=4,
+        set=["run.collisions_per_disk=200"],
+        output=folder / "quiet",
     )
     study.run(workers=0)
     return study
