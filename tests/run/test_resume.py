@@ -22,6 +22,7 @@ from ifrdem.case.gas import CaseGas
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError, Stopped
 from ifrdem.model.observables import Measure
+from ifrdem.model.state import State
 from ifrdem.run import job as run
 from ifrdem.run.recorder import Recorder
 from ifrdem.run.signals import Stops
@@ -350,6 +351,17 @@ def wait_for_frames(folder: Path, count: int, process: subprocess.Popen[str]) ->
 LONG = CASE.replace("t_end = 2.0", "t_end = 400.0").replace("frames = 12", "frames = 4000")
 
 
+def test_ctrl_c_ends_a_run_with_a_checkpoint(tmp_path):
+    """All processes of the run get it, as from a terminal."""
+    (tmp_path / "gas.toml").write_text(LONG)
+    process = launched(tmp_path / "gas.toml")
+    wait_for_frames(tmp_path, 3, process)
+    os.killpg(process.pid, signal.SIGINT)
+    _, told = process.communicate(timeout=60)
+    assert process.returncode == 130
+    stopped_with_a_checkpoint(tmp_path, "interrupted", told)
+
+
 @pytest.mark.parametrize(
     ("number", "status", "word"),
     [
@@ -359,18 +371,29 @@ LONG = CASE.replace("t_end = 2.0", "t_end = 400.0").replace("frames = 12", "fram
         (signal.SIGUSR2, 3, "warned (SIGUSR2)"),
     ],
 )
-def test_signals_end_a_run_with_a_checkpoint(tmp_path, number, status, word):
-    """All processes of the run get them, as from a terminal."""
+def test_signals_end_a_run_with_a_checkpoint(tmp_path, monkeypatch, capsys, number, status, word):
     (tmp_path / "gas.toml").write_text(LONG)
-    process = launched(tmp_path / "gas.toml")
-    wait_for_frames(tmp_path, 3, process)
-    os.killpg(process.pid, number)
-    _, told = process.communicate(timeout=60)
-    assert process.returncode == status
+    frame, sent = Recorder.frame, []
+
+    def signalled(self: Recorder, state: State, measure: Measure) -> None:
+        frame(self, state, measure)
+        if measure.time > 0.5 and not sent:  # five frames, after the first checkpoint
+            sent.append(1)
+            os.kill(os.getpid(), number)
+
+    monkeypatch.setattr(Recorder, "frame", signalled)
+    assert cli.main(["run", str(tmp_path / "gas.toml"), "-o", f"{tmp_path}/"]) == status
+    assert sent
+    stopped_with_a_checkpoint(tmp_path, word, capsys.readouterr().err)
+    with h5py.File(tmp_path / "gas.h5") as file:
+        assert 5 < len(file["particles/all/box/edges/step"]) < 100  # of 4001
+
+
+def stopped_with_a_checkpoint(folder: Path, word: str, told: str) -> None:
     assert f"{word}: the run stops after this window, with a checkpoint" in told
     assert "to go on: ifrdem resume" in told
-    assert (tmp_path / "gas.checkpoint.h5").exists()
-    content = json.loads((tmp_path / "gas.status.json").read_text())
+    assert (folder / "gas.checkpoint.h5").exists()
+    content = json.loads((folder / "gas.status.json").read_text())
     assert content["state"] == "interrupted"
 
 

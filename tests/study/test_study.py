@@ -347,13 +347,25 @@ def first_result(folder: Path, process: subprocess.Popen[str]) -> None:
         time.sleep(0.02)
 
 
+@pytest.fixture(scope="module")
+def quiet(tmp_path_factory: pytest.TempPathFactory) -> ifrdem.Study:
+    """The study of `run_it`, of which nothing is killed."""
+    folder = tmp_path_factory.mktemp("quiet")
+    (folder / "gas.toml").write_text(CASE)
+    study = ifrdem.Study(
+        folder / "gas.toml",
+        vary=[VARY],
+        seeds=4,
+        set=["run.collisions_per_disk=200"],
+        output=folder / "quiet",
+    )
+    study.run(workers=0)
+    return study
+
+
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are found in /proc")
 @pytest.mark.parametrize("engine", ["pool", "dask"])
-def test_killed_workers_and_clients_leave_the_same_bits_and_no_orphans(case, tmp_path, engine):
-    quiet = ifrdem.Study(
-        case, vary=[VARY], seeds=4, set=["run.collisions_per_disk=200"], output=tmp_path / "quiet"
-    )
-    quiet.run(workers=0)
+def test_killed_workers_and_clients_leave_the_same_bits_and_no_orphans(case, quiet, tmp_path, engine):
     client = run_it(case, tmp_path / "killed", engine)
     folder = tmp_path / "killed.runs"
     first_result(folder, client)

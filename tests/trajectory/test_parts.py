@@ -82,10 +82,17 @@ def shown(path: Path) -> dict[str, bytes]:
     return {name: each for name, each in content(path).items() if not name.startswith("parts/")}
 
 
+@pytest.fixture(scope="module")
+def original(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("original")
+    write_parts(folder / "run.h5", 4)
+    return folder
+
+
 @pytest.fixture
-def made(tmp_path: Path) -> Path:
+def made(original: Path, tmp_path: Path) -> Path:
     """A trajectory in four parts of 10, 10, 10 and 11 disks."""
-    write_parts(tmp_path / "run.h5", 4)
+    shutil.copytree(original, tmp_path, dirs_exist_ok=True)
     return tmp_path / "run.h5"
 
 
