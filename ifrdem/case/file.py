@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from ..errors import InputError, listed, nearest
 from ..tools import text_file, world
-from .case import Case
+from .case import IMPACT_SCAN, Case
 from .gas import CaseGas, judge
 from .section import Complaint, Section
 
@@ -114,6 +114,10 @@ def of_text(text: str, path: Path, overrides: Sequence[str] = (), comm: Any = No
     gas, found = judged(raw, path.parent, comm)
     _refuse(found, path, overrides)
     assert gas is not None  # else something was wrong
+    if gas.case.start.positions == IMPACT_SCAN:  # of which all places are made here
+        from .summary import refuse_beyond_memory
+
+        refuse_beyond_memory(gas.n, gas.case.run.arch)
     return CaseFile(path, text, tuple(overrides), gas if gas.is_read_in_slices(comm) else gas.ready())
 
 

@@ -7,7 +7,7 @@ import math
 import operator
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -74,6 +74,10 @@ class CaseGas:
         radius = self.rows(slices.slice_of(self.n, comm)).radius
         given = rules.given_start(self.case, radius, self.room, folder, found, comm)
         return replace(self, given=given), found
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Its fields: what is computed from them, such as all disks, is not sent to other ranks and processes."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
 
     def ready(self, comm: Any = None) -> CaseGas:
         """The gas as it starts: its motion known, its magnitudes such that the engine and the trajectory take them.

@@ -433,9 +433,9 @@ def _errors(texts: list[str], wrong: Wrong) -> dict[str, float]:
 
 
 TRACKS = """\
-TRACKS is a CSV file with a line for each disk in each frame: id, x, y, and t or frame (with --fps); angle
-where disks are
-seen to turn. Units stand in brackets, as in x (mm) or angle (rad); angles are in degrees unless told.
+TRACKS is a CSV file with a line for each disk in each frame: id, x, y, and t or frame (with
+--fps); angle where disks are seen to turn. Units stand in brackets, as in x (mm) or angle (rad);
+angles are in degrees unless told.
 
   ifrdem collisions tracks.csv --fps 120 --disk 1.19e-3,10.5e-3,2 -o hits.csv
   ifrdem fit hits.csv
@@ -542,9 +542,9 @@ def _tracked_disks(texts: list[str] | None, wrong: Wrong) -> Disk | dict[int, Di
 
 
 MEASURED = """\
-MEASURED is a CSV file with a line for each place: id (the disk's number in the run, from 0, as in its start
-file), x, y;
-t for a time other than the end; angle for how far a disk has turned; x_error and so on.
+MEASURED is a CSV file with a line for each place: id (the disk's number in the run, from 0, as in
+its start file), x, y; t for a time other than the end; angle for how far a disk has turned; x_error
+and so on.
 
   ifrdem compare table.h5 rest.csv --error positions=2e-4 --picture table_compared
   ifrdem compare table.h5 rest.csv --draws draws.csv --members 50 --start-error positions=2e-4

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..case import summary as check
 from ..case.case import IMPACT_SCAN, UNITS, Case
@@ -87,7 +88,7 @@ def run(
     gas, case, ranks = file.gas, file.case, comm.size if comm else 1
     sliced = gas.is_told_in_slices(comm) and gas.is_made_in_slices
 
-    def prepared() -> State | None:
+    def prepared() -> tuple[State | None, NDArray[np.int32]]:
         outputs.check(force=force)
         backend.check(case.run.arch, case.run.threads, case.run.precision)
         checks.check_number(gas.n, ranks)
@@ -102,13 +103,13 @@ def run(
         say(check.summary(gas, estimate, how(case, cores, comm)))
         for text in (*gas.warnings, *crushes, *gas.cautions):
             warn(text)
-        return None if sliced else gas.start(Stage("growth"))
+        begin = None if sliced else gas.start(Stage("growth"))
+        return begin, gas.tracked(begin)
 
     try:
-        state = world.on_first(comm, prepared)
+        state, tracked = world.on_first(comm, prepared) or (None, gas.tracked(None))
         if gas.is_read_in_slices(comm):
             state = gas.start(comm=comm)
-        tracked = gas.tracked(state)
         simulation = gas.simulation(state, tracked=tracked, comm=comm)
         start = state if len(tracked) else None
         del state  # which is large
@@ -130,11 +131,13 @@ def run(
         return None if in_parts else TrajectoryWriter(outputs.trajectory, gas.disks, gas.box, **options)
 
     writer = world.on_first(comm, begin)
-    queue: Any = None if writer is None else QueuedWriter(writer)
+    queue: Any = None
     if in_parts:
         queue = PartsWriter.create(
             outputs.trajectory, simulation.disks, simulation.disks_here, gas.box, comm=comm, **options
         )
+    elif writer is not None:
+        queue = QueuedWriter(writer)
     if not world.is_first(comm):
         accompany(case, simulation, course, queue)
         return

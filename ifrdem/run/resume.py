@@ -123,15 +123,16 @@ def resume(
         disks = gas.kinds if parts.are_in(trajectory) else gas.disks  # parts look at theirs themselves
         writer = TrajectoryWriter.resume(trajectory, disks, gas.box, **stored(gas), **seen)
         in_parts = "parts" in record, writer.parts is not None
-        return (path, file, outputs, course, seen, in_parts), writer, ledger, arrays
+        moved, tracked = arrays["state_pistons"][:, 0].tolist(), arrays["tracked"]
+        return (path, file, outputs, course, seen, in_parts, moved, tracked), writer, ledger, arrays
 
     found = world.on_first(comm, prepared)
     told, writer, ledger, arrays = found or (None, None, Ledger(), {})
-    path, file, outputs, course, seen, (rows_in_parts, fields_in_parts) = world.told(comm, told)
+    path, file, outputs, course, seen, in_parts, pistons, tracked = world.told(comm, told)
+    rows_in_parts, fields_in_parts = in_parts
     gas, case = file.gas, file.case
     rows = checkpoint.read_parts(path, comm)[0] if rows_in_parts else arrays
-    pistons = arrays["state_pistons"][:, 0].tolist() if arrays else None
-    tracked, pending = arrays.get("tracked"), _events(arrays)
+    pending = _events(arrays)
     with contextlib.ExitStack() as stack:
         if writer is not None:
             stack.enter_context(writer)
@@ -139,10 +140,12 @@ def resume(
         simulation = gas.simulation(state, tracked=tracked, comm=comm, pistons=pistons)
         del state, rows, arrays, found  # which are large
         simulation.load_checkpoint(path)
-        queue: Any = None if writer is None else QueuedWriter(writer)
+        queue: Any = None
         if fields_in_parts:
             options = {**stored(gas), "frames": seen["frames"]}
             queue = PartsWriter.resume(writer, simulation.disks_here, gas.box, comm=comm, **options)
+        elif writer is not None:
+            queue = QueuedWriter(writer)
         if not world.is_first(comm):
             accompany(case, simulation, course, queue)
             return

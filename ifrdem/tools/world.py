@@ -182,20 +182,22 @@ def end(status: int, message: str, complain: Callable[[str], None]) -> int:
     return status
 
 
-_TOLD = (Stopped, InputError, TrajectoryError, *EngineError.__subclasses__(), EngineError, KeyboardInterrupt)
-_KINDS: dict[str, type[BaseException]] = {each.__name__: each for each in _TOLD}
-"""Errors that ranks tell each other by name, each before the class that it is of."""
+def _kinds() -> dict[str, type[BaseException]]:
+    """Errors that ranks tell each other, by name; those that are EngineErrors before that class."""
+    of_engine = EngineError.__subclasses__()
+    told = (Stopped, InputError, TrajectoryError, *of_engine, EngineError, KeyboardInterrupt)
+    return {each.__name__: each for each in told}
 
 
 def _told(error: BaseException | None) -> tuple[str, str, int] | None:
     """Parts of an error that are sent: its kind, its text, an exit status."""
     if error is None:
         return None
-    for name, kind in _KINDS.items():
+    for name, kind in _kinds().items():
         if isinstance(error, kind):
             return name, str(error), getattr(error, "status", 0)
     return "EngineError", f"{type(error).__name__}: {error}", 0
 
 
 def _made(name: str, text: str, status: int) -> BaseException:
-    return Stopped(text, status) if name == "Stopped" else _KINDS[name](text)
+    return Stopped(text, status) if name == "Stopped" else _kinds()[name](text)
