@@ -319,7 +319,9 @@ def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     box, when = trajectory.box, trajectory.times[used]
     has_image = "image" in trajectory.fields
     if not has_image and not box.is_open:
-        notes.append('no "image" in the file: each step is taken for the shortest through the sides')
+        notes.append(
+            'no "image" in the file: between frames disks are taken to move by the shortest way (minimum image)'
+        )
 
     def paths() -> Iterator[Array]:
         images = _parts(trajectory, used, "image") if has_image else itertools.repeat(None)

@@ -205,7 +205,7 @@ def report(gas: CaseGas, estimate: RunEstimate) -> str:
     return "\n".join(lines)
 
 
-COMPILING = "a second or two if this machine has compiled them before, else ten to forty"
+COMPILING = "a second or two if this machine has compiled them before, else some ten"
 
 
 def planned_ranks(n: int) -> list[int]:

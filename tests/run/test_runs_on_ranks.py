@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -81,12 +82,12 @@ def plain(case: Path) -> Path:
     return folder / "gas.h5"
 
 
-LONG = ["--set", "output.frames=40", "--set", "run.collisions_per_disk=20.0"]
+LONG = ["--set", "output.frames=20", "--set", "run.collisions_per_disk=10.0"]
 
 
 @pytest.fixture(scope="module")
 def long(case: Path) -> Path:
-    """The same, longer and with 40 frames: a run that can be killed on the way."""
+    """The same, longer and with 20 frames: a run that can be killed on the way."""
     folder = case.parent / "long"
     folder.mkdir()
     words = mpi.ifrdem("run", case, "-o", f"{folder}/", *LONG)
@@ -109,19 +110,150 @@ def differing(one: Path, other: Path) -> list[str]:
     return found
 
 
+MAXH = ["--maxh", "1e-6"]
+PARTS = ["--set", "output.parts=true"]
+ONE = ["--set", "run.threads=1"]  # of a process, as those of ranks here, which goes on with its kernels
+
+
+def _material_and_radii() -> list[str]:
+    """Words that give each disk a radius of its own, by two distributions."""
+    one = 'name="{}",material="a",areal_density=1.0,speed_rms=1.0,radii='
+    lognormal = '{distribution="lognormal",mean=0.01,deviation=0.002,low=0.006,high=0.02}'
+    uniform = '{distribution="uniform",low=0.012,high=0.016}'
+    species = (
+        f"[{{number=15000,{one.format('small')}{lognormal}}},{{number=6000,{one.format('large')}{uniform}}}]"
+    )
+    changes = ['material=[{name="a",e_n=0.9,e_t=-0.9,mu=0.2}]', f"species={species}"]
+    changes += ["start.positions=hexagonal", "output.frames=2"]
+    return [word for each in changes for word in ("--set", each)]
+
+
+@pytest.fixture(scope="module")
+def told(case: Path, plain: Path) -> dict[str, dict[str, Any]]:
+    """Commands on some of four ranks, one after another: how each ended, what it said, the files there were then."""
+    folder, radii = case.parent, _material_and_radii()
+    start = ["start.motion=true", f"start.positions={plain}", "species[0].speed_rms=", "output.frames=1"]
+    frame = [word for each in start for word in ("--set", each)]
+
+    def run(name: str, *more: str) -> list[str]:
+        (folder / name).mkdir()
+        return ["run", str(case), "-o", f"{folder / name}/", *more]
+
+    def resume(name: str, *more: str) -> list[str]:
+        return ["resume", str(folder / name / "gas.h5"), *more]
+
+    few = {"block": 4096}  # disks of a block, so that slices begin within blocks
+    many = {"gathered": 1000}  # disks, of which more are too many for a rank
+    stopped = [*PARTS, *MAXH]
+    steps: dict[str, tuple[int, dict[str, int], list[str]]] = {
+        "stopped": (3, {}, run("stopped", *MAXH)),
+        "stopped goes on": (2, {}, resume("stopped")),
+        "4 parts": (4, {}, run("parts4", *PARTS)),
+        "4 parts again": (2, {}, ["run", str(case), "-o", f"{folder / 'parts4'}/", *PARTS]),
+        "radii stopped": (3, few, run("radii", *radii, *stopped)),
+        "radii stopped again": (2, few, resume("radii", *MAXH)),
+        "gathered stopped": (2, many, run("gathered", "--set", "output.parts=false", *MAXH)),
+        "gathered goes on": (3, many, resume("gathered")),
+        "from a frame on ranks": (2, {}, run("from_frame", *frame, *PARTS)),
+        "from a frame": (1, {}, run("from_frame_alone", *frame, *ONE)),
+        "radii go on": (1, few, resume("radii", "--threads", "1")),
+        "radii alone": (1, few, run("radii_alone", *radii, *ONE)),
+        "1 part": (1, {}, run("parts1", *PARTS, *ONE)),
+    }
+    listed: list[list[Any]] = []
+    for name, (ranks, constants, words) in steps.items():
+        if name == "radii go on":  # nobody else's file is removed
+            listed.append(["touch", str(folder / "radii" / "gas.checkpoint.parts" / "gone")])
+        listed.append([ranks, constants.get("block"), constants.get("gathered"), words])
+    (folder / "steps.json").write_text(json.dumps(listed))
+    script = SUPPORT / "rank_commands.py"
+    done = mpi.on(4, sys.executable, "-m", "mpi4py", script, folder / "steps.json", timeout=600.0)
+    assert done.returncode == 0, done.stderr + done.stdout
+    return dict(zip(steps, map(json.loads, done.stdout.splitlines()), strict=True))
+
+
+def _in(folder: str, files: list[str]) -> list[str]:
+    """Names of what is in a folder, of all files there are."""
+    return [each.removeprefix(f"{folder}/") for each in files if str(Path(each).parent) == folder]
+
+
 @mpi.needed
-def test_a_run_that_is_stopped_goes_on_with_other_ranks_to_the_bit(case: Path, plain: Path) -> None:
-    """Three ranks until time is up, a rank that is killed among two, then two again: the file of one process."""
-    folder = case.parent / "stopped"
-    folder.mkdir()
-    done = mpi.on(3, *mpi.ifrdem("run", case, "-o", f"{folder}/", "--maxh", "1e-6"))
-    assert done.returncode == 3, done.stderr
-    assert done.stderr.count("hours are up (--maxh)") == 1  # told once
-    assert "used by each of 3 ranks" in done.stdout
-    done = mpi.on(2, *mpi.ifrdem("resume", folder / "gas.h5"))
-    assert done.returncode == 0, done.stderr
-    assert differing(plain, folder / "gas.h5") == []
-    assert sorted(path.name for path in folder.iterdir()) == ["gas.h5", "gas.status.json"]
+def test_a_run_that_is_stopped_goes_on_with_other_ranks_to_the_bit(
+    plain: Path, told: dict[str, dict[str, Any]]
+) -> None:
+    """Three ranks until time is up, then two: the file of one process."""
+    stopped, goes_on = told["stopped"], told["stopped goes on"]
+    assert stopped["status"] == 3, stopped["err"]
+    assert stopped["err"].count("hours are up (--maxh)") == 1  # told once
+    assert "used by each of 3 ranks" in stopped["out"]
+    assert goes_on["status"] == 0, goes_on["err"]
+    assert differing(plain, plain.parents[1] / "stopped" / "gas.h5") == []
+    assert _in("stopped", goes_on["files"]) == ["gas.h5", "gas.status.json"]
+
+
+@mpi.needed
+@pytest.mark.parametrize("ranks", [1, 4])  # 3, 2 and 1 one after another below
+def test_a_run_in_parts_has_the_bits_of_one_file(
+    plain: Path, told: dict[str, dict[str, Any]], ranks: int
+) -> None:
+    done = told["1 part" if ranks == 1 else "4 parts"]
+    assert done["status"] == 0, done["err"]
+    assert differing(plain, plain.parents[1] / f"parts{ranks}" / "gas.h5") == []
+    names = [f"{number:04d}.h5" for number in range(ranks)]
+    assert _in(f"parts{ranks}/gas.parts", done["files"]) == names
+    assert _in(f"parts{ranks}", done["files"]) == ["gas.h5", "gas.parts", "gas.status.json"]
+    assert all(f"gas.parts/{name}" in done["out"] for name in names)
+    if ranks > 1:  # told once
+        again = told["4 parts again"]
+        assert again["status"] == 2
+        assert again["err"].count("exists already; --force replaces it") == 1
+
+
+@mpi.needed
+def test_a_run_from_a_frame_that_ranks_read_in_slices_has_the_bits_of_one_process(
+    plain: Path, told: dict[str, dict[str, Any]]
+) -> None:
+    assert told["from a frame"]["status"] == 0, told["from a frame"]["err"]
+    assert told["from a frame on ranks"]["status"] == 0, told["from a frame on ranks"]["err"]
+    folders = [plain.parents[1] / name for name in ("from_frame_alone", "from_frame")]
+    assert differing(*(folder / "gas.h5" for folder in folders)) == []
+
+
+@mpi.needed
+def test_a_run_in_parts_goes_on_with_any_number_of_ranks(
+    plain: Path, told: dict[str, dict[str, Any]]
+) -> None:
+    """Three ranks, then two, then one process: three parts, and the file of one process, under forces.
+
+    Each disk has a radius of its own, by two distributions, drawn in slices that begin within blocks.
+    """
+    folder = plain.parents[1]
+    for name, status, parts in (("radii stopped", 3, 3), ("radii stopped again", 3, 2)):
+        assert told[name]["status"] == status, told[name]["err"]
+        assert len(_in("radii/gas.checkpoint.parts", told[name]["files"])) == parts
+    done = told["radii go on"]
+    assert done["status"] == 0, done["err"]
+    assert told["radii alone"]["status"] == 0, told["radii alone"]["err"]
+    assert differing(folder / "radii_alone" / "gas.h5", folder / "radii" / "gas.h5") == []
+    assert len(_in("radii/gas.parts", done["files"])) == 3
+    assert _in("radii/gas.checkpoint.parts", done["files"]) == ["gone"]  # which nothing else was left in
+    names = ["gas.checkpoint.parts", "gas.h5", "gas.parts", "gas.status.json"]
+    assert _in("radii", done["files"]) == names
+    with h5py.File(folder / "radii" / "gas.h5") as file:
+        assert len(np.unique(file["particles/all/radius"])) > 20_990  # hardly any two alike
+
+
+@mpi.needed
+def test_many_disks_go_into_one_file_if_the_case_says_so(
+    plain: Path, told: dict[str, dict[str, Any]]
+) -> None:
+    """No rank has all disks, but frames are gathered; checkpoints are in parts, and another number goes on."""
+    stopped, goes_on = told["gathered stopped"], told["gathered goes on"]
+    assert stopped["status"] == 3, stopped["err"]
+    assert len(_in("gathered/gas.checkpoint.parts", stopped["files"])) == 2
+    assert goes_on["status"] == 0, goes_on["err"]
+    assert differing(plain, plain.parents[1] / "gathered" / "gas.h5") == []
+    assert _in("gathered", goes_on["files"]) == ["gas.h5", "gas.status.json"]
 
 
 @mpi.needed
@@ -151,83 +283,6 @@ def test_a_rank_that_dies_ends_the_run_and_the_checkpoint_is_good(case: Path, pl
 
 
 @mpi.needed
-@pytest.mark.parametrize("ranks", [1, 4])  # 3, 2 and 1 one after another below
-def test_a_run_in_parts_has_the_bits_of_one_file(case: Path, plain: Path, ranks: int) -> None:
-    folder = case.parent / f"parts{ranks}"
-    folder.mkdir()
-    words = mpi.ifrdem("run", case, "-o", f"{folder}/", "--set", "output.parts=true")
-    done = mpi.on(ranks, *words)
-    assert done.returncode == 0, done.stderr
-    assert differing(plain, folder / "gas.h5") == []
-    names = [f"{number:04d}.h5" for number in range(ranks)]
-    assert sorted(each.name for each in (folder / "gas.parts").iterdir()) == names
-    assert sorted(each.name for each in folder.iterdir()) == ["gas.h5", "gas.parts", "gas.status.json"]
-    assert all(f"gas.parts/{name}" in done.stdout for name in names)
-    if ranks > 1:  # told once
-        done = mpi.on(2, *words)
-        assert done.returncode == 2
-        assert done.stderr.count("exists already; --force replaces it") == 1
-
-
-@mpi.needed
-def test_a_run_from_a_frame_that_ranks_read_in_slices_has_the_bits_of_one_process(
-    case: Path, plain: Path
-) -> None:
-    start = ["start.motion=true", f"start.positions={plain}", "species[0].speed_rms="]
-    changes = [word for each in (*start, "output.frames=1") for word in ("--set", each)]
-    folders = [case.parent / name for name in ("from_file", "from_file_on_ranks")]
-    for folder in folders:
-        folder.mkdir()
-    words = [mpi.ifrdem("run", case, "-o", f"{folder}/", *changes) for folder in folders]
-    subprocess.run(list(map(str, words[0])), check=True, capture_output=True)
-    done = mpi.on(2, *words[1], "--set", "output.parts=true")
-    assert done.returncode == 0, done.stderr
-    assert differing(*(folder / "gas.h5" for folder in folders)) == []
-
-
-@mpi.needed
-def test_a_run_in_parts_goes_on_with_any_number_of_ranks(case: Path) -> None:
-    """Three ranks, then two, then one process: three parts, and the file of one process, under forces.
-
-    Each disk has a radius of its own, by two distributions, drawn in slices that begin within blocks.
-    """
-    folder = case.parent / "going_on"
-    material = 'material=[{name="a",e_n=0.9,e_t=-0.9,mu=0.2}]'
-    one = 'name="{}",material="a",areal_density=1.0,speed_rms=1.0,radii='
-    lognormal = '{distribution="lognormal",mean=0.01,deviation=0.002,low=0.006,high=0.02}'
-    uniform = '{distribution="uniform",low=0.012,high=0.016}'
-    species = (
-        f"[{{number=15000,{one.format('small')}{lognormal}}},{{number=6000,{one.format('large')}{uniform}}}]"
-    )
-    changes = [material, f"species={species}", "start.positions=hexagonal", "output.frames=2"]
-    start = [sys.executable, SUPPORT / "small_blocks.py"]
-    words = [*start, "run", case, *(word for each in changes for word in ("--set", each))]
-    for name in ("one", "ranks"):
-        (folder / name).mkdir(parents=True)
-    alone = subprocess.run([*map(str, words), "-o", f"{folder}/one/"], capture_output=True, text=True)
-    assert alone.returncode == 0, alone.stderr
-    there = folder / "ranks"
-    done = mpi.on(3, *words, "-o", f"{there}/", "--set", "output.parts=true", "--maxh", "1e-6")
-    assert done.returncode == 3, done.stderr
-    assert len(list((there / "gas.checkpoint.parts").iterdir())) == 3
-    done = mpi.on(2, *start, "resume", there / "gas.h5", "--maxh", "1e-6")
-    assert done.returncode == 3, done.stderr
-    assert len(list((there / "gas.checkpoint.parts").iterdir())) == 2
-    (moved := there / "gas.checkpoint.parts" / "gone").touch()  # nobody else's file is removed
-    done = subprocess.run(
-        list(map(str, [*start, "resume", there / "gas.h5"])), capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
-    moved.unlink()
-    moved.parent.rmdir()  # which nothing else was left in
-    assert differing(folder / "one" / "gas.h5", there / "gas.h5") == []
-    assert len(list((there / "gas.parts").iterdir())) == 3
-    assert sorted(each.name for each in there.iterdir()) == ["gas.h5", "gas.parts", "gas.status.json"]
-    with h5py.File(there / "gas.h5") as file:
-        assert len(np.unique(file["particles/all/radius"])) > 20_990  # hardly any two alike
-
-
-@mpi.needed
 def test_a_rank_that_dies_leaves_frames_that_are_whole_in_all_parts(case: Path, long: Path) -> None:
     """The second of two ranks is killed, then the first of three that go on; what the file counts is the run's.
 
@@ -241,7 +296,7 @@ def test_a_rank_that_dies_leaves_frames_that_are_whole_in_all_parts(case: Path, 
     for ranks, victim, words in ((2, 1, begin), (3, 0, mpi.ifrdem("resume", file))):
         _kill_after(frames + 3, file, ranks, victim, words)
         with ifrdem.Trajectory(file) as found, ifrdem.Trajectory(long) as expected:
-            assert frames + 3 <= len(found) < 41
+            assert frames + 3 <= len(found) < 21
             frames = len(found)
             for frame, right in zip(found, expected, strict=False):
                 for name in found.fields:
@@ -271,22 +326,6 @@ def _counted(path: Path) -> int:
             return len(file[f"{layout.EDGES}/step"])
     except (OSError, KeyError, RuntimeError):
         return 0
-
-
-@mpi.needed
-def test_many_disks_go_into_one_file_if_the_case_says_so(case: Path, plain: Path) -> None:
-    """No rank has all disks, but frames are gathered; checkpoints are in parts, and another number goes on."""
-    folder = case.parent / "gathered"
-    folder.mkdir()
-    start = [sys.executable, SUPPORT / "few_gathered.py"]
-    words = ["run", case, "-o", f"{folder}/", "--set", "output.parts=false", "--maxh", "1e-6"]
-    done = mpi.on(2, *start, *words)
-    assert done.returncode == 3, done.stderr
-    assert len(list((folder / "gas.checkpoint.parts").iterdir())) == 2
-    done = mpi.on(3, *start, "resume", folder / "gas.h5")
-    assert done.returncode == 0, done.stderr
-    assert differing(plain, folder / "gas.h5") == []
-    assert sorted(each.name for each in folder.iterdir()) == ["gas.h5", "gas.status.json"]
 
 
 @mpi.needed
