@@ -117,7 +117,10 @@ def of_text(text: str, path: Path, overrides: Sequence[str] = (), comm: Any = No
     if gas.case.start.positions == IMPACT_SCAN:  # of which all places are made here
         from .summary import refuse_beyond_memory
 
-        refuse_beyond_memory(gas.n, gas.case.run.arch)
+        try:
+            refuse_beyond_memory(gas.n, gas.case.run.arch)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
     return CaseFile(path, text, tuple(overrides), gas if gas.is_read_in_slices(comm) else gas.ready())
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import math
+import pickle
 import tracemalloc
 
 import numpy as np
@@ -67,6 +68,14 @@ def large() -> tuple[CaseGas, file.CaseFile, RunEstimate, int]:
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     return gas, found, estimate, peak
+
+
+def test_no_array_of_all_disks_goes_to_other_ranks() -> None:
+    """What was computed of a gas stays here: 2000 disks have 5 columns of 8 bytes, 80 kB."""
+    gas = case_of("species[0].number=1000", "species[1].number=1000").gas
+    sent = len(pickle.dumps(gas))
+    assert gas.disks.n == 2000
+    assert len(pickle.dumps(gas)) == sent < 20_000
 
 
 def test_a_case_of_1e9_disks_is_judged_without_an_array_of_them() -> None:
