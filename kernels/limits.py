@@ -1,7 +1,4 @@
-"""Sizes and bounds of the engine, of which `check`, estimates and file layouts ask without importing Taichi.
-
-So they stand apart from `layout.py`, which imports it.
-"""
+"""Sizes and bounds of the engine, for `check`, estimates and files; names of columns stand in `layout.py`."""
 
 WALL = 38  # columns of a wall (`kernels/walls.py`)
 OWNER, MOVING, INVERSE = 18, 6, 32  # of them: the number of the wall; the first of its motion; of a piston's

@@ -88,7 +88,7 @@ def take(engine: Engine) -> Snapshot:
 
 
 def divided(found: Snapshot) -> tuple[Snapshot, Snapshot]:
-    """What has a row for each disk, in order of ids; and all else. Of the present state, too, beside a snapshot."""
+    """Rows of disks, in order of ids; and all else. Of the present state, too, beside a snapshot."""
     of_disks = {name: each for name, each in found.items() if name in OF_DISKS or name.startswith("before_")}
     return of_disks, {name: each for name, each in found.items() if name not in of_disks}
 

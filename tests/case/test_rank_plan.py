@@ -71,7 +71,7 @@ def large() -> tuple[CaseGas, file.CaseFile, RunEstimate, int]:
 
 
 def test_no_array_of_all_disks_goes_to_other_ranks() -> None:
-    """What was computed of a gas stays here: 2000 disks have 5 columns of 8 bytes, 80 kB."""
+    """Arrays that were computed of a gas stay here: 2000 disks have 5 columns of 8 bytes, 80 kB."""
     gas = case_of("species[0].number=1000", "species[1].number=1000").gas
     sent = len(pickle.dumps(gas))
     assert gas.disks.n == 2000

@@ -98,7 +98,7 @@ COOLING_TOLERANCE = 5e-2
 
 @dataclass(frozen=True)
 class Options:
-    """What is compared, and for how long."""
+    """Sizes of the comparison, and its times."""
 
     n: int
     phi: float
