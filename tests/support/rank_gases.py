@@ -107,13 +107,13 @@ def driven() -> Gas:
         SpinKicks(0.08, power=0.2),
         TableFriction(0.05, mu=0.02, gravity=10.0),
     ]
-    return periodic(0.3, COIN, 10.0, mixture, seed=3, ledger=True, forces=[*forces, Drag(0.1, rate=0.3)])
+    return periodic(0.3, COIN, 5.0, mixture, seed=3, ledger=True, forces=[*forces, Drag(0.1, rate=0.3)])
 
 
 GASES: dict[str, Any] = {
     "elastic": lambda: periodic(0.3, ELASTIC, 20.0, mixture, ledger=True),
     "cooling": lambda: periodic(0.4, COIN, 80.0, ledger=True, angles=True, partners=True),
-    "mixture": lambda: periodic(0.4, ROLLING, 10.0, mixture, contact_time=1e-3),
+    "mixture": lambda: periodic(0.4, ROLLING, 5.0, mixture, contact_time=1e-3),
     "walls": walled,
     "shear": sheared,
     "driven": driven,
