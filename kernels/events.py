@@ -40,7 +40,8 @@ TOO_FAR = 1e6  # or a disk that would come so many times through its region in a
 @ti.func
 def take_out(i, bins, gas: ti.template()):
     """Take a disk out of its bin."""
-    before, after = gas.event_info[i].previous, gas.event_info[i].next
+    info = gas.event_info[i]
+    before, after = info.previous, info.next
     if before != NOT_QUEUED:
         if before < NOT_QUEUED:
             gas.bin[bins - 2 - before] = after
@@ -48,7 +49,7 @@ def take_out(i, bins, gas: ti.template()):
             gas.event_info[before].next = after
         if after >= 0:
             gas.event_info[after].previous = before
-        gas.event_info[i].previous = NOT_QUEUED
+        info.previous = NOT_QUEUED
 
 
 @ti.func
@@ -74,11 +75,12 @@ def next_event(i, gas: ti.template()):
 @ti.func
 def precedes(i, k, gas: ti.template()):
     """1 if the event of the disk at place i, at the time of that at place k, comes first: the smaller pair of ids."""
-    a, b, c, d = gas.event_info[i].id, gas.event_info[i].id, gas.event_info[k].id, gas.event_info[k].id
-    if gas.event_info[i].partner >= 0 and gas.motion[i].t_hit <= gas.motion[i].t_leave:
-        b = gas.event_info[gas.event_info[i].partner].id
-    if gas.event_info[k].partner >= 0 and gas.motion[k].t_hit <= gas.motion[k].t_leave:
-        d = gas.event_info[gas.event_info[k].partner].id
+    info, info_k = gas.event_info[i], gas.event_info[k]
+    a, b, c, d = info.id, info.id, info_k.id, info_k.id
+    if info.partner >= 0 and gas.motion[i].t_hit <= gas.motion[i].t_leave:
+        b = gas.event_info[info.partner].id
+    if info_k.partner >= 0 and gas.motion[k].t_hit <= gas.motion[k].t_leave:
+        d = gas.event_info[info_k.partner].id
     low_1, high_1 = ti.min(a, b), ti.max(a, b)
     low_2, high_2 = ti.min(c, d), ti.max(c, d)
     return low_1 < low_2 or (low_1 == low_2 and high_1 < high_2)
@@ -90,15 +92,16 @@ def leaving(i, region: ti.template(), gas: ti.template()):
 
     Cells at an end of the region that is no periodic side have no end there.
     """
-    cx, cy = gas.event_info[i].cell >> 16, gas.event_info[i].cell & 0xFFFF
+    motion, info = gas.motion[i], gas.event_info[i]
+    cx, cy = info.cell >> 16, info.cell & 0xFFFF
     nx, ny, factor = scale_of(layer_of(i, gas), region, gas)
     side_x, side_y = factor * region.side_x, factor * region.side_y
-    x, y, vx, vy = gas.motion[i].x, gas.motion[i].y, gas.motion[i].vx, gas.motion[i].vy
+    x, y, vx, vy = motion.x, motion.y, motion.vx, motion.vy
     if ti.static(gas.uses.sheared):
-        row = gas.event_info[i].shear_row
+        row = info.shear_row
         if row != 0:  # in the frame of the region
             vx += row * gas.scale.drift
-            x += row * (gas.scale.aside + gas.scale.drift * gas.motion[i].tau)
+            x += row * (gas.scale.aside + gas.scale.drift * motion.tau)
     soonest, side = FAR + 0.0 * x, 0
     if vx > 0.0:
         if cx < nx - 1 or region.wrap_x == 1:
@@ -115,30 +118,31 @@ def leaving(i, region: ti.template(), gas: ti.template()):
         ahead = region.y + cy * side_y - y
         if (cy > 0 or region.wrap_y == 1) and ahead > soonest * vy:
             soonest, side = ahead / vy, 3
-    return gas.motion[i].tau + ti.select(soonest > 0.0, soonest, 0.0 * x), side
+    return motion.tau + ti.select(soonest > 0.0, soonest, 0.0 * x), side
 
 
 @ti.func
 def leave(i, side, region: ti.template(), gas: ti.template()):
     """Move the disk at place i into the next cell over a side; round the box where that is periodic."""
-    cx, cy = gas.event_info[i].cell >> 16, gas.event_info[i].cell & 0xFFFF
+    info, motion, image = gas.event_info[i], gas.motion[i], gas.image_info[i]
+    cx, cy = info.cell >> 16, info.cell & 0xFFFF
     layer = layer_of(i, gas)
     nx, ny, _factor = scale_of(layer, region, gas)
     cell = head_at(cx, cy, layer, region, gas)
     k = gas.head[cell]
     if k == i:
-        gas.head[cell] = gas.event_info[i].next_in_cell
+        gas.head[cell] = info.next_in_cell
     else:
         while gas.event_info[k].next_in_cell != i:
             k = gas.event_info[k].next_in_cell
-        gas.event_info[k].next_in_cell = gas.event_info[i].next_in_cell
+        gas.event_info[k].next_in_cell = info.next_in_cell
     if side <= 2:
         step = 2 * side - 3
         cx += step
         if cx < 0 or cx >= nx:
             cx -= step * nx
-            gas.motion[i].x = gas.motion[i].x - step * gas.scale.length_x
-            gas.image_info[i].lap_x = gas.image_info[i].lap_x + step
+            motion.x = motion.x - step * gas.scale.length_x
+            image.lap_x = image.lap_x + step
             if ti.static(gas.uses.walled):
                 other_image(i, 3 * step, gas)
     else:
@@ -146,13 +150,13 @@ def leave(i, side, region: ti.template(), gas: ti.template()):
         cy += step
         if cy < 0 or cy >= ny:
             cy -= step * ny
-            gas.motion[i].y = gas.motion[i].y - step * gas.scale.length_y
-            gas.image_info[i].lap_y = gas.image_info[i].lap_y + step
+            motion.y = motion.y - step * gas.scale.length_y
+            image.lap_y = image.lap_y + step
             if ti.static(gas.uses.walled):
                 other_image(i, step, gas)
-    gas.event_info[i].cell = (cx << 16) + cy
+    info.cell = (cx << 16) + cy
     cell = head_at(cx, cy, layer, region, gas)
-    gas.event_info[i].next_in_cell = gas.head[cell]
+    info.next_in_cell = gas.head[cell]
     gas.head[cell] = i
 
 
@@ -332,15 +336,16 @@ def find(
     pair is looked at once. With two layers, small disks look at the large cells around their own too, if `half` or if
     they have just come into a large cell; large disks look at all small cells in the large ones, unless `half`.
     """
-    own_x, own_y = gas.event_info[i].cell >> 16, gas.event_info[i].cell & 0xFFFF
+    info, motion = gas.event_info[i], gas.motion[i]
+    own_x, own_y = info.cell >> 16, info.cell & 0xFFFF
     x, y, vx, vy, tau = (
-        gas.motion[i].x,
-        gas.motion[i].y,
-        gas.motion[i].vx,
-        gas.motion[i].vy,
-        gas.motion[i].tau,
+        motion.x,
+        motion.y,
+        motion.vx,
+        motion.vy,
+        motion.tau,
     )
-    last = gas.event_info[i].last
+    last = info.last
     radius = gas.scale.widest * 0.5
     if ti.static(gas.uses.mixed):
         radius = radius_of(i, gas)
@@ -392,7 +397,7 @@ def find(
                     shift_y = gas.scale.length_y
                 j = gas.head[head_at(ax, ay, layer, region, gas)]
                 if halved == 1 and column == own_x and row_of_cells == own_y:
-                    j = gas.event_info[i].next_in_cell
+                    j = info.next_in_cell
                 while j >= 0:
                     following = gas.event_info[j].next_in_cell
                     if j != i:
@@ -405,7 +410,7 @@ def find(
                         ry = ((gas.motion[j].y - y) + shift_y) + (vy_j * from_j - vy * from_i)
                         ux, uy = vx_j - vx, vy_j - vy
                         if ti.static(gas.uses.sheared):
-                            rows = gas.event_info[j].shear_row - gas.event_info[i].shear_row
+                            rows = gas.event_info[j].shear_row - info.shear_row
                             if rows != 0:
                                 rx += rows * (gas.scale.aside + gas.scale.drift * start)
                                 ux += rows * gas.scale.drift
@@ -460,11 +465,12 @@ def predict(
     i, x_low, x_high, y_low, y_high, half, keeps, region: ti.template(), gas: ti.template()
 ):  # fmt: skip
     """Find the next event of the disk at place i in the cells that `find` tells, or that which it `keeps`; its time."""
+    motion, info = gas.motion[i], gas.event_info[i]
     window = gas.scale.window
     best, partner = window, NOBODY
     if keeps == 1:
-        if gas.event_info[i].partner != NOBODY:
-            best, partner = gas.motion[i].t_hit, gas.event_info[i].partner
+        if info.partner != NOBODY:
+            best, partner = motion.t_hit, info.partner
     before = partner
     best, partner = find(i, x_low, x_high, y_low, y_high, half, best, partner, region, gas)
     if ti.static(gas.uses.walled and not gas.uses.rests):
@@ -475,14 +481,14 @@ def predict(
     if partner == NOBODY:
         best = FAR + 0.0 * window
     elif partner >= 0 and partner != before:
-        gas.event_info[i].partner_number = gas.event_info[partner].number
-    gas.motion[i].t_hit = best
-    gas.event_info[i].partner = partner
+        info.partner_number = gas.event_info[partner].number
+    motion.t_hit = best
+    info.partner = partner
     leaves, side = leaving(i, region, gas)
     if ti.static(gas.uses.rests):
         if sleeps(i, gas):
             leaves = FAR
-    gas.motion[i].t_leave, gas.event_info[i].direction = leaves, side
+    motion.t_leave, info.direction = leaves, side
     return ti.select(best < leaves, best, leaves)
 
 

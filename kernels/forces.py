@@ -18,6 +18,7 @@ LEVELS = 3
 @ti.func
 def told(s, tile, time, gas: ti.template()):
     """All that a force may know of a listed disk at `time`. Velocities are those in the mean flow, if there is one."""
+    disk = gas.disk[s]
     x, y, _boxes_x, _boxes_y, _frame, flow = placed(s, tile, time, gas)
     kind = listed_kind(s, gas)
     mass = 1.0 / gas.kinds[kind].inverse_mass
@@ -25,9 +26,9 @@ def told(s, tile, time, gas: ti.template()):
     return ti.Struct(
         x=ti.cast(x, float),
         y=ti.cast(y, float),
-        vx=gas.disk[s].vx - ti.cast(flow, float),
-        vy=gas.disk[s].vy,
-        spin=gas.disk[s].spin,
+        vx=disk.vx - ti.cast(flow, float),
+        vy=disk.vy,
+        spin=disk.spin,
         mass=mass,
         radius=radius,
         k=gas.kinds[kind].k,
@@ -127,6 +128,7 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any]:
                 gain, excess = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
                 first = gas.grid.part * gas.grid.room + gas.tile[b].start[gas.grid.part]
                 for s in range(first, first + gas.tile[b].count[gas.grid.part]):
+                    listed_disk = gas.disk[s]
                     step = ti.Struct(
                         time=ti.cast(gas.when.time, float), dt=ti.cast(gas.when.dt, float),
                         random=stream_of(s, gas), totals=vector(totals, n_totals),
@@ -136,11 +138,11 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any]:
                     vx, vy, spin = act(body, step, vector(parameters, n_parameters))
                     flow = 0.0 * vx
                     if ti.static(gas.uses.sheared):
-                        flow = ti.cast(flow_at(gas.disk[s].y, gas), float)
-                    gas.disk[s].vx, gas.disk[s].vy, gas.disk[s].spin = vx + flow, vy, spin
+                        flow = ti.cast(flow_at(listed_disk.y, gas), float)
+                    listed_disk.vx, listed_disk.vy, listed_disk.spin = vx + flow, vy, spin
                     # What was stored may be rounded to single precision.
-                    stored = gas.disk[s].vx - flow
-                    gain += energy(body.mass, body.inertia, stored, gas.disk[s].vy, gas.disk[s].spin) - before
+                    stored = listed_disk.vx - flow
+                    gain += energy(body.mass, body.inertia, stored, listed_disk.vy, listed_disk.spin) - before
                     if ti.static(gas.uses.sheared):
                         # What the frame of the row sees of it beyond that is not the flow's doing (`shear.py`).
                         excess += ti.cast(body.mass * flow * (stored - body.vx), ti.f64)

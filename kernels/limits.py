@@ -7,11 +7,10 @@ ADDRESSABLE = 2**31 - 1  # numbers of one array that 32-bit indices reach
 MOST_DISKS = ADDRESSABLE // 24  # of the longest array: three parts of eight numbers
 # Disks of a gas on several ranks. Its ids have 32 bits: those of more than 2^31 - 1 disks begin below 0 there.
 MOST_IDS = 2**32 - 1
-GHOST_BYTES = 14
-# Bytes that the arrays take for each disk in double precision: at the beginning and end of a window and at a moment in
-# it places, velocities, spin (40) and id, events, images (16); hash, way and slot (16); claims of disks in halos (14).
-# Further moments of gases of up to TOLD_DISKS disks have another 28 MB in all, those of collisions 8 bytes a disk more.
-_PARTS = 3
+_PARTS = 3  # of the state: at the beginning and end of a window, and at a moment in it
+GHOST_BYTES = 14  # of ghost records of disks in halos, for each disk
+# Bytes that the arrays take for each disk in double precision. Further moments of gases of up to TOLD_DISKS disks have
+# another 28 MB in all, those of collisions 8 bytes a disk more.
 BYTES_PER_DISK = (
     _PARTS * bytes_of("disk", "meta") + bytes_of("history_hash", "displacement", "slot_before") + GHOST_BYTES
 )

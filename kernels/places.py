@@ -45,6 +45,7 @@ def remember(i, t, whom, gas: ti.template()):
 
     Two hashes of 32 bits, by multiplication with odd constants.
     """
+    info = gas.event_info[i]
     low, high = ti.u32(0), ti.u32(0)
     if ti.static(ti.lang.impl.get_runtime().default_fp == ti.f32):
         low = ti.bit_cast(t, ti.u32)
@@ -52,14 +53,14 @@ def remember(i, t, whom, gas: ti.template()):
         word = ti.bit_cast(t, ti.u64)
         low, high = ti.cast(word, ti.u32), ti.cast(word >> ti.u64(32), ti.u32)
     partner = ti.cast(whom, ti.u32)
-    one, two = ti.cast(gas.event_info[i].hash_1, ti.u32), ti.cast(gas.event_info[i].hash_2, ti.u32)
+    one, two = ti.cast(info.hash_1, ti.u32), ti.cast(info.hash_2, ti.u32)
     one = (one ^ low) * ti.u32(0x9E3779B1) + high
     one = (one ^ (one >> ti.u32(15)) ^ partner) * ti.u32(0x85EBCA77)
     two = (two ^ high) * ti.u32(0xC2B2AE3D) + partner
     two = (two ^ (two >> ti.u32(13))) * ti.u32(0x27D4EB2F)
     two = (two ^ low) * ti.u32(0x165667B1)
-    gas.event_info[i].hash_1 = ti.cast(one ^ (one >> ti.u32(16)), ti.i32)
-    gas.event_info[i].hash_2 = ti.cast(two ^ (two >> ti.u32(16)), ti.i32)
+    info.hash_1 = ti.cast(one ^ (one >> ti.u32(16)), ti.i32)
+    info.hash_2 = ti.cast(two ^ (two >> ti.u32(16)), ti.i32)
 
 
 @ti.func
@@ -89,12 +90,13 @@ def just_collided(i, t, gas: ti.template()):
 @ti.func
 def came_to(i, t, gas: ti.template()):
     """Fly the disk at place i to its collision at time t."""
-    dt = t - gas.motion[i].tau
-    gas.motion[i].x = gas.motion[i].x + on_grid(gas.motion[i].vx * dt, gas)
-    gas.motion[i].y = gas.motion[i].y + on_grid(gas.motion[i].vy * dt, gas)
+    motion = gas.motion[i]
+    dt = t - motion.tau
+    motion.x = motion.x + on_grid(motion.vx * dt, gas)
+    motion.y = motion.y + on_grid(motion.vy * dt, gas)
     if ti.static(gas.uses.turned):
-        gas.turn[i] = gas.turn[i] + ti.cast(gas.motion[i].spin, ti.f64) * ti.cast(dt, ti.f64)
-    gas.motion[i].tau = t
+        gas.turn[i] = gas.turn[i] + ti.cast(motion.spin, ti.f64) * ti.cast(dt, ti.f64)
+    motion.tau = t
     gas.event_info[i].number = gas.event_info[i].number + 1
 
 
@@ -113,9 +115,10 @@ def charge(i, column, energy, gas: ti.template()):
 @ti.func
 def watched_row(i, t, tile, region: ti.template(), gas: ti.template()):
     """Begin a row of `event` for a collision of the disk at place i at time t; -1 if nobody watches it, or no room."""
+    info, image = gas.event_info[i], gas.image_info[i]
     row = -1
-    if gas.grid.watching == TRACKED and gas.event_info[i].own_rank > 0:
-        if gas.watched[gas.event_info[i].id] > 0:
+    if gas.grid.watching == TRACKED and info.own_rank > 0:
+        if gas.watched[info.id] > 0:
             row = ti.atomic_add(gas.counter.n_watched, 1)
             if row >= gas.grid.most_events:
                 ti.atomic_or(gas.counter.full, FULL_WATCHED)
@@ -125,33 +128,34 @@ def watched_row(i, t, tile, region: ti.template(), gas: ti.template()):
                 gas.event[row].position[0] = region.corner_x + gas.motion[i].x + 0.5 * gas.scale.gx * t * t
                 gas.event[row].position[1] = region.corner_y + gas.motion[i].y + 0.5 * gas.scale.gy * t * t
                 gas.event_int[row].tile = tile
-                gas.event_int[row].id = gas.event_info[i].id
-                s = gas.grid.part * gas.grid.room + gas.image_info[i].slot
-                gas.event_int[row].image[0] = gas.meta[s].image_x + gas.image_info[i].lap_x
-                gas.event_int[row].image[1] = gas.meta[s].image_y + gas.image_info[i].lap_y
-                gas.event_int[row].number = gas.event_info[i].number
+                gas.event_int[row].id = info.id
+                s = gas.grid.part * gas.grid.room + image.slot
+                gas.event_int[row].image[0] = gas.meta[s].image_x + image.lap_x
+                gas.event_int[row].image[1] = gas.meta[s].image_y + image.lap_y
+                gas.event_int[row].number = info.number
     return row
 
 
 @ti.func
 def write_motion(row, t, first: ti.template(), before, after, gas: ti.template()):
     """Write velocities and spins (vx, vy, spin of both partners) before and after, the disk's from `first` on."""
+    event = gas.event[row]
     fall_x, fall_y = gas.scale.gx * t, gas.scale.gy * t
     other = ti.static(3 - first)
-    gas.event[row].velocity_before[0] = before[first] + fall_x
-    gas.event[row].velocity_before[1] = before[first + 1] + fall_y
-    gas.event[row].velocity_after[0], gas.event[row].velocity_after[1] = (
+    event.velocity_before[0] = before[first] + fall_x
+    event.velocity_before[1] = before[first + 1] + fall_y
+    event.velocity_after[0], event.velocity_after[1] = (
         after[first] + fall_x,
         after[first + 1] + fall_y,
     )
-    gas.event[row].spin_before, gas.event[row].spin_after = before[first + 2], after[first + 2]
-    gas.event[row].partner_velocity_before[0] = before[other] + fall_x
-    gas.event[row].partner_velocity_before[1] = before[other + 1] + fall_y
-    gas.event[row].partner_velocity_after[0], gas.event[row].partner_velocity_after[1] = (
+    event.spin_before, event.spin_after = before[first + 2], after[first + 2]
+    event.partner_velocity_before[0] = before[other] + fall_x
+    event.partner_velocity_before[1] = before[other + 1] + fall_y
+    event.partner_velocity_after[0], event.partner_velocity_after[1] = (
         after[other] + fall_x,
         after[other + 1] + fall_y,
     )
-    gas.event[row].partner_spin_before, gas.event[row].partner_spin_after = (
+    event.partner_spin_before, event.partner_spin_after = (
         before[other + 2],
         after[other + 2],
     )

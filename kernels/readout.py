@@ -19,10 +19,11 @@ def count_in(s, x, y, flow, total: ti.template(), gas: ti.template()):
     Kinetic energies, momentum, m v_x v_y, mass times the way along gravity, collisions with disks and walls. Velocities
     are those beyond the flow; the last sum is how much more kinetic energy the frames of rows of tiles see.
     """
+    disk = gas.disk[s]
     kind = listed_kind(s, gas)
     mass = ti.cast(gas.kinds[kind].mass, ti.f64)
-    vx, vy = ti.cast(gas.disk[s].vx, ti.f64), ti.cast(gas.disk[s].vy, ti.f64)
-    spin = ti.cast(gas.disk[s].spin, ti.f64)
+    vx, vy = ti.cast(disk.vx, ti.f64), ti.cast(disk.vy, ti.f64)
+    spin = ti.cast(disk.spin, ti.f64)
     total[READOUT.all_events] += gas.meta[s].events
     if ti.static(gas.uses.sheared):
         total[READOUT.excess] += flow * (vx - 0.5 * flow) * mass
@@ -38,15 +39,16 @@ def count_in(s, x, y, flow, total: ti.template(), gas: ti.template()):
 @ti.func
 def placed(s, tile, time, gas: ti.template()):
     """Place in the box of a listed disk, boxes that it is away from there, velocities of its frame and the flow."""
+    disk = gas.disk[s]
     tx = tile // gas.grid.tiles_y
     ty = tile - tx * gas.grid.tiles_y
-    x = gas.edge_x[tx] + ti.cast(gas.disk[s].x, ti.f64)
-    y = gas.edge_y[ty] + ti.cast(gas.disk[s].y, ti.f64)
+    x = gas.edge_x[tx] + ti.cast(disk.x, ti.f64)
+    y = gas.edge_y[ty] + ti.cast(disk.y, ti.f64)
     boxes_x, boxes_y = 0, 0
     frame, flow = 0.0 * x, 0.0 * x
     if ti.static(gas.uses.sheared):
         frame = frame_speed(ty, gas)
-        flow = flow_at(gas.disk[s].y, gas)
+        flow = flow_at(disk.y, gas)
         x += frame * time
     if gas.grid.periodic_y == 1:
         length = gas.edge_y[gas.grid.tiles_y]
@@ -100,22 +102,23 @@ def read_out(
                 if gas.tile[k].owned == 0:
                     last = first
             for s in range(first, last):
+                meta_row, listed_disk = gas.meta[s], gas.disk[s]
                 x, y, boxes_x, boxes_y, frame, flow = placed(s, k, time, gas)
                 count_in(s, x, y, flow, total, gas)
                 if filled == 1:
-                    i = gas.meta[s].id
+                    i = meta_row.id
                     if ti.static(gas.uses.shared):
                         i = s - part * gas.grid.room
-                    vx = ti.cast(gas.disk[s].vx, ti.f64) + frame
-                    row = ti.Vector([x, y, vx, gas.disk[s].vy, gas.disk[s].spin], ti.f64)
+                    vx = ti.cast(listed_disk.vx, ti.f64) + frame
+                    row = ti.Vector([x, y, vx, listed_disk.vy, listed_disk.spin], ti.f64)
                     for column in ti.static(range(REAL_OUT.width)):
                         if ti.static(has_numbers(real_out, ti.f32)):
                             gas.real_out[i][column] = ti.cast(row[column], ti.f32)
                         else:
                             gas.real_out[i][column] = row[column]
-                    gas.int_out[i].events = gas.meta[s].events
-                    gas.int_out[i].image_x = gas.meta[s].image_x + boxes_x
-                    gas.int_out[i].image_y = gas.meta[s].image_y + boxes_y
+                    gas.int_out[i].events = meta_row.events
+                    gas.int_out[i].image_x = meta_row.image_x + boxes_x
+                    gas.int_out[i].image_y = meta_row.image_y + boxes_y
                     if ti.static(gas.uses.remembers or gas.uses.turned):
                         gas.past_out[i].latest, gas.past_out[i].angle = gas.past[s].latest, gas.past[s].angle
                     if ti.static(gas.uses.itemised):

@@ -76,17 +76,19 @@ def sleeps(i, gas: ti.template()):
 @ti.func
 def set_in_motion(i, t, gas: ti.template()):
     """Say where a disk that sleeps at place i is, and how it moves, in the frame that falls."""
-    gas.motion[i].x = gas.motion[i].x - on_grid(0.5 * gas.scale.gx * t * t, gas)
-    gas.motion[i].y = gas.motion[i].y - on_grid(0.5 * gas.scale.gy * t * t, gas)
-    gas.motion[i].vx, gas.motion[i].vy = -gas.scale.gx * t, -gas.scale.gy * t
+    motion = gas.motion[i]
+    motion.x = motion.x - on_grid(0.5 * gas.scale.gx * t * t, gas)
+    motion.y = motion.y - on_grid(0.5 * gas.scale.gy * t * t, gas)
+    motion.vx, motion.vy = -gas.scale.gx * t, -gas.scale.gy * t
 
 
 @ti.func
 def set_at_rest(i, t, gas: ti.template()):
     """Fix the disk at place i where it is in the lab."""
-    gas.motion[i].x = gas.motion[i].x + on_grid(0.5 * gas.scale.gx * t * t, gas)
-    gas.motion[i].y = gas.motion[i].y + on_grid(0.5 * gas.scale.gy * t * t, gas)
-    gas.motion[i].vx, gas.motion[i].vy, gas.motion[i].spin = 0.0, 0.0, 0.0
+    motion = gas.motion[i]
+    motion.x = motion.x + on_grid(0.5 * gas.scale.gx * t * t, gas)
+    motion.y = motion.y + on_grid(0.5 * gas.scale.gy * t * t, gas)
+    motion.vx, motion.vy, motion.spin = 0.0, 0.0, 0.0
 
 
 @ti.func
@@ -126,21 +128,22 @@ def fall_asleep(i, t, tile, gas: ti.template()):
 
     It may, too, if it is caught between others. If it cannot get free it falls asleep at any speed.
     """
-    vx, vy = gas.motion[i].vx + gas.scale.gx * t, gas.motion[i].vy + gas.scale.gy * t
-    hits, slow = gas.rest[i].hits, is_slow(i, vx, vy, gas)
-    if hits >= JAMMED_HITS or (slow and (gas.rest[i].may_rest == 1 or hits >= QUICK_HITS)):
+    rest, motion = gas.rest[i], gas.motion[i]
+    vx, vy = motion.vx + gas.scale.gx * t, motion.vy + gas.scale.gy * t
+    hits, slow = rest.hits, is_slow(i, vx, vy, gas)
+    if hits >= JAMMED_HITS or (slow and (rest.may_rest == 1 or hits >= QUICK_HITS)):
         if not slow:
             gas.counter.jammed = gas.counter.jammed + 1
-        gas.rest[i].hits = 0
+        rest.hits = 0
         kind = kind_of(i, gas)
-        radius, spin = gas.kinds[kind].radius, gas.motion[i].spin
+        radius, spin = gas.kinds[kind].radius, motion.spin
         lost = vx * vx + vy * vy + radius * radius * spin * spin / gas.kinds[kind].k
         energy = ti.cast(0.5 * lost / gas.kinds[kind].inverse_mass, ti.f64)
         add(tile, TALLY.losses.rest, energy, gas)
         if ti.static(gas.uses.itemised):
             charge(i, MECHANISM.rest, energy, gas)
         add(tile, TALLY.sleepers, 1.0, gas)
-        gas.rest[i].asleep = ASLEEP
+        rest.asleep = ASLEEP
         set_at_rest(i, t, gas)
 
 
@@ -195,6 +198,7 @@ def note_touch(i, j, nx, ny, mu, rho, count, gas: ti.template()):
     A force F_n n + F_t t acts on i at -R n from its centre, the opposite on j; t = (-n_y, n_x). The friction torque T
     on each disk acts by itself. sqrt(m) a and sqrt(I) alpha = sqrt(k / m) (T / R - F_t) are what is made small.
     """
+    contact = gas.contact[count]
     if count < TOUCHES_OF_DISK * gas.grid.places:
         one = mobility(i, gas)
         other = ti.Vector([0.0, 0.0, 0.0], ti.f64)
@@ -203,14 +207,14 @@ def note_touch(i, j, nx, ny, mu, rho, count, gas: ti.template()):
         along = one.xy.norm_sqr() + other.xy.norm_sqr()
         size_n = ti.sqrt(one.x * one.x + other.x * other.x)
         size_t = ti.sqrt(along)
-        gas.contact[count].i, gas.contact[count].j = ti.cast(i, ti.f64), ti.cast(j, ti.f64)
-        gas.contact[count].normal_x, gas.contact[count].normal_y = nx, ny
-        gas.contact[count].push[0], gas.contact[count].push[1] = one.x / size_n, other.x / size_n
-        gas.contact[count].drag[0], gas.contact[count].drag[1] = one.x / size_t, other.x / size_t
-        gas.contact[count].spin_up[0], gas.contact[count].spin_up[1] = -one.y / size_t, -other.y / size_t
-        gas.contact[count].bound[0] = mu * size_t / size_n
-        gas.contact[count].bound[1] = rho * one.z / size_n
-        gas.contact[count].bound[2] = rho * other.z / size_n
+        contact.i, contact.j = ti.cast(i, ti.f64), ti.cast(j, ti.f64)
+        contact.normal_x, contact.normal_y = nx, ny
+        contact.push[0], contact.push[1] = one.x / size_n, other.x / size_n
+        contact.drag[0], contact.drag[1] = one.x / size_t, other.x / size_t
+        contact.spin_up[0], contact.spin_up[1] = -one.y / size_t, -other.y / size_t
+        contact.bound[0] = mu * size_t / size_n
+        contact.bound[1] = rho * one.z / size_n
+        contact.bound[2] = rho * other.z / size_n
     return count + 1
 
 
@@ -245,8 +249,9 @@ def meets_moving_wall(i, region: ti.template(), gas: ti.template()):
 @ti.func
 def is_support(w, gas: ti.template()):
     """1 if wall w is at rest, its surface too, and has no temperature, else 0."""
-    moves = gas.walls[w].motion != STILL or gas.walls[w].turn != STILL or gas.walls[w].surface != 0.0
-    return not (moves or gas.walls[w].temperature > 0.0)
+    wall = gas.walls[w]
+    moves = wall.motion != STILL or wall.turn != STILL or wall.surface != 0.0
+    return not (moves or wall.temperature > 0.0)
 
 
 @ti.func
@@ -284,8 +289,9 @@ def find_touches(n, region: ti.template(), gas: ti.template()):
     places = region.lane * gas.grid.places
     count = 0
     for i in range(places, places + n):
+        info = gas.event_info[i]
         if gas.rest[i].may_rest == 1:
-            own_x, own_y = gas.event_info[i].cell >> 16, gas.event_info[i].cell & 0xFFFF
+            own_x, own_y = info.cell >> 16, info.cell & 0xFFFF
             radius = radius_of(i, gas)
             p = ti.cast(gas.kinds[kind_of(i, gas)].material, ti.i32)
             for step in range(5):  # each pair once: the own cell, and half of those around
@@ -305,7 +311,7 @@ def find_touches(n, region: ti.template(), gas: ti.template()):
                 if ax < region.nx and ay >= 0 and ay < region.ny:
                     j = gas.head[region.cells + ax * region.ny + ay]
                     if step == 0:
-                        j = gas.event_info[i].next_in_cell
+                        j = info.next_in_cell
                 while j >= 0:
                     if gas.rest[j].may_rest == 1:
                         dx = gas.motion[i].x - gas.motion[j].x - shift_x
@@ -347,53 +353,50 @@ def accelerate(count, n, further, weight, rolls, places, gas: ti.template()):
     These are the forces and `further` of their last change. Friction torques count only if some contact `rolls`.
     """
     for i in range(places, places + n):
+        residual = gas.residual_acceleration[i]
         root = weight / ti.sqrt(ti.cast(gas.kinds[kind_of(i, gas)].inverse_mass, ti.f64))
-        gas.residual_acceleration[i].x, gas.residual_acceleration[i].y = (
+        residual.x, residual.y = (
             root * gas.scale.gx,
             root * gas.scale.gy,
         )
-        gas.residual_acceleration[i].turn = 0.0
+        residual.turn = 0.0
     for c in range(count):
-        i, j = ti.cast(gas.contact[c].i, ti.i32), ti.cast(gas.contact[c].j, ti.i32)
-        nx, ny = gas.contact[c].normal_x, gas.contact[c].normal_y
-        push = gas.contact[c].force[0] + further * gas.contact[c].tried[0]
-        drag = gas.contact[c].force[1] + further * gas.contact[c].tried[1]
-        gas.contact[c].tried[0], gas.contact[c].tried[1] = push, drag
-        p, q = push * gas.contact[c].push[0], drag * gas.contact[c].drag[0]
+        contact = gas.contact[c]
+        i, j = ti.cast(contact.i, ti.i32), ti.cast(contact.j, ti.i32)
+        nx, ny = contact.normal_x, contact.normal_y
+        push = contact.force[0] + further * contact.tried[0]
+        drag = contact.force[1] + further * contact.tried[1]
+        contact.tried[0], contact.tried[1] = push, drag
+        p, q = push * contact.push[0], drag * contact.drag[0]
         gas.residual_acceleration[i].x = gas.residual_acceleration[i].x + (p * nx - q * ny)
         gas.residual_acceleration[i].y = gas.residual_acceleration[i].y + (p * ny + q * nx)
-        gas.residual_acceleration[i].turn = (
-            gas.residual_acceleration[i].turn + drag * gas.contact[c].spin_up[0]
-        )
+        gas.residual_acceleration[i].turn = gas.residual_acceleration[i].turn + drag * contact.spin_up[0]
         if j >= 0:
-            p, q = push * gas.contact[c].push[1], drag * gas.contact[c].drag[1]
+            p, q = push * contact.push[1], drag * contact.drag[1]
             gas.residual_acceleration[j].x = gas.residual_acceleration[j].x - (p * nx - q * ny)
             gas.residual_acceleration[j].y = gas.residual_acceleration[j].y - (p * ny + q * nx)
-            gas.residual_acceleration[j].turn = (
-                gas.residual_acceleration[j].turn + drag * gas.contact[c].spin_up[1]
-            )
+            gas.residual_acceleration[j].turn = gas.residual_acceleration[j].turn + drag * contact.spin_up[1]
         if rolls == 1:
             for q in ti.static(range(2, FORCES)):
-                gas.contact[c].tried[q] = gas.contact[c].force[q] + further * gas.contact[c].tried[q]
-            gas.residual_acceleration[i].turn = gas.residual_acceleration[i].turn + gas.contact[c].tried[2]
+                contact.tried[q] = contact.force[q] + further * contact.tried[q]
+            gas.residual_acceleration[i].turn = gas.residual_acceleration[i].turn + contact.tried[2]
             if j >= 0:
-                gas.residual_acceleration[j].turn = (
-                    gas.residual_acceleration[j].turn + gas.contact[c].tried[3]
-                )
+                gas.residual_acceleration[j].turn = gas.residual_acceleration[j].turn + contact.tried[3]
 
 
 @ti.func
 def gained(c, gas: ti.template()):
     """Change of the sum of (m a^2 + I alpha^2) / 2 by a unit more of each of the four forces of a contact."""
-    i, j = ti.cast(gas.contact[c].i, ti.i32), ti.cast(gas.contact[c].j, ti.i32)
-    nx, ny = gas.contact[c].normal_x, gas.contact[c].normal_y
+    contact = gas.contact[c]
+    i, j = ti.cast(contact.i, ti.i32), ti.cast(contact.j, ti.i32)
+    nx, ny = contact.normal_x, contact.normal_y
     ax, ay, turn = (
         gas.residual_acceleration[i].x,
         gas.residual_acceleration[i].y,
         gas.residual_acceleration[i].turn,
     )
-    push = gas.contact[c].push[0] * (nx * ax + ny * ay)
-    drag = gas.contact[c].drag[0] * (nx * ay - ny * ax) + gas.contact[c].spin_up[0] * turn
+    push = contact.push[0] * (nx * ax + ny * ay)
+    drag = contact.drag[0] * (nx * ay - ny * ax) + contact.spin_up[0] * turn
     other = ti.cast(0.0, ti.f64)
     if j >= 0:
         ax, ay, other = (
@@ -401,8 +404,8 @@ def gained(c, gas: ti.template()):
             gas.residual_acceleration[j].y,
             gas.residual_acceleration[j].turn,
         )
-        push -= gas.contact[c].push[1] * (nx * ax + ny * ay)
-        drag -= gas.contact[c].drag[1] * (nx * ay - ny * ax) - gas.contact[c].spin_up[1] * other
+        push -= contact.push[1] * (nx * ax + ny * ay)
+        drag -= contact.drag[1] * (nx * ay - ny * ax) - contact.spin_up[1] * other
     return ti.Vector([push, drag, turn, other], ti.f64)
 
 
@@ -424,17 +427,18 @@ def into_cone(force, c, gas: ti.template()):
     F is the root of F - F_0 - sum b_q max(|F_q| - b_q F, 0), which grows and bends down: Newton's steps from its left
     side stay there, and each loses a term at least or is the last one.
     """
+    contact = gas.contact[c]
     push = ti.max(force[0], 0.0)
     least = force[0]
     for q in ti.static(range(FORCES - 1)):
-        least += gas.contact[c].bound[q] * ti.abs(force[q + 1])
+        least += contact.bound[q] * ti.abs(force[q + 1])
     found = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)
     if least > 0.0:
         going, steps = 1, 0
         while going == 1:
             value, slope = push - force[0], ti.cast(1.0, ti.f64)
             for q in ti.static(range(FORCES - 1)):
-                bound = gas.contact[c].bound[q]
+                bound = contact.bound[q]
                 over = ti.abs(force[q + 1]) - bound * push
                 if over > 0.0:
                     value -= bound * over
@@ -444,7 +448,7 @@ def into_cone(force, c, gas: ti.template()):
             going = ti.cast(value < 0.0 and steps < FORCES, ti.i32)
         found[0] = push
         for q in ti.static(range(FORCES - 1)):
-            most = gas.contact[c].bound[q] * push
+            most = contact.bound[q] * push
             found[q + 1] = ti.max(-most, ti.min(force[q + 1], most))
     return found
 
@@ -454,15 +458,16 @@ def balanced(count, n, most, places, gas: ti.template()):
     """Find the forces in all cones that leave the least accelerations; 1 if that was done in `most` steps, else 0."""
     lightest, rolls = ti.cast(0.0, ti.f64), 0
     for c in range(count):
-        i = ti.cast(gas.contact[c].i, ti.i32)
+        contact = gas.contact[c]
+        i = ti.cast(contact.i, ti.i32)
         lightest = ti.max(lightest, ti.cast(gas.kinds[kind_of(i, gas)].inverse_mass, ti.f64))
-        if gas.contact[c].bound[1] > 0.0:
+        if contact.bound[1] > 0.0:
             rolls = 1
         # Torques against the force along the contact: what turns a disk most.
-        gas.contact[c].force[0], gas.contact[c].force[1] = 1.0, -1.0 - 0.1 * ti.cast(c % 3, ti.f64)
-        gas.contact[c].force[2], gas.contact[c].force[3] = 1.0, 1.0
+        contact.force[0], contact.force[1] = 1.0, -1.0 - 0.1 * ti.cast(c % 3, ti.f64)
+        contact.force[2], contact.force[3] = 1.0, 1.0
         for q in ti.static(range(FORCES)):
-            gas.contact[c].tried[q] = 0.0
+            contact.tried[q] = 0.0
     pull = ti.cast(ti.sqrt(gas.scale.gx**2 + gas.scale.gy**2), ti.f64)
     enough = (NEAR_ENOUGH * pull) ** 2 / ti.max(lightest, 1.0e-300)
     # The largest curvature, by the power method; a tenth more is above it.
@@ -488,23 +493,24 @@ def balanced(count, n, most, places, gas: ti.template()):
         accelerate(count, n, further, 1.0, rolls, places, gas)
         changed, upwards = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
         for c in range(count):
+            touching = gas.contact[c]
             slope = gained(c, gas)
             force = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)
-            force[0] = gas.contact[c].tried[0] - step * slope[0]
-            force[1] = gas.contact[c].tried[1] - step * slope[1]
+            force[0] = touching.tried[0] - step * slope[0]
+            force[1] = touching.tried[1] - step * slope[1]
             if rolls == 1:
-                force[2] = gas.contact[c].tried[2] - step * slope[2]
-                force[3] = gas.contact[c].tried[3] - step * slope[3]
+                force[2] = touching.tried[2] - step * slope[2]
+                force[3] = touching.tried[3] - step * slope[3]
                 force = into_cone(force, c, gas)
             else:
-                force[0], force[1] = into_wedge(force[0], force[1], gas.contact[c].bound[0])
+                force[0], force[1] = into_wedge(force[0], force[1], touching.bound[0])
             for q in ti.static(range(FORCES)):
                 if q < 2 or rolls == 1:
-                    change = force[q] - gas.contact[c].force[q]
-                    changed += (force[q] - gas.contact[c].tried[q]) ** 2
+                    change = force[q] - touching.force[q]
+                    changed += (force[q] - touching.tried[q]) ** 2
                     upwards += slope[q] * change
-                    gas.contact[c].tried[q] = change
-                    gas.contact[c].force[q] = force[q]
+                    touching.tried[q] = change
+                    touching.force[q] = force[q]
         turn += 1
         if changed < enough * step * step:
             going, done = 0, 1
@@ -537,7 +543,8 @@ def recall(c, gas: ti.template()):
 
     Seen from the other disk n, t and the force are the opposite: F_n and F_t are the same, and torques change places.
     """
-    i, j = ti.cast(gas.contact[c].i, ti.i32), ti.cast(gas.contact[c].j, ti.i32)
+    contact = gas.contact[c]
+    i, j = ti.cast(contact.i, ti.i32), ti.cast(contact.j, ti.i32)
     other = who_touches(c, gas)
     found = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)
     for h in ti.static(range(HELD.contact.count)):
@@ -556,7 +563,7 @@ def recall(c, gas: ti.template()):
                     ti.f64,
                 )
     for q in ti.static(range(FORCES)):
-        gas.contact[c].force[q], gas.contact[c].tried[q] = found[q], 0.0  # no change yet
+        contact.force[q], contact.tried[q] = found[q], 0.0  # no change yet
 
 
 @ti.func
@@ -566,24 +573,26 @@ def keep(count, n, places, gas: ti.template()):
         for h in ti.static(range(HELD.contact.count)):
             gas.cached_force[i].contact[h].other = NOBODY
     for c in range(count):
-        i = ti.cast(gas.contact[c].i, ti.i32)
-        going = ti.cast(gas.contact[c].force[0] > 0.0, ti.i32)
+        contact = gas.contact[c]
+        i = ti.cast(contact.i, ti.i32)
+        going = ti.cast(contact.force[0] > 0.0, ti.i32)
         for h in ti.static(range(HELD.contact.count)):
             if going == 1 and gas.cached_force[i].contact[h].other == NOBODY:
                 gas.cached_force[i].contact[h].other = who_touches(c, gas)
                 for q in ti.static(range(FORCES)):
-                    gas.cached_force[i].contact[h].force[q] = gas.contact[c].force[q]
+                    gas.cached_force[i].contact[h].force[q] = contact.force[q]
                 going = 0
 
 
 @ti.func
 def left_over(i, gas: ti.template()):
     """The larger of the acceleration and R alpha that is left of the disk at place i."""
+    residual = gas.residual_acceleration[i]
     kind = kind_of(i, gas)
     ax, ay, turn = (
-        gas.residual_acceleration[i].x,
-        gas.residual_acceleration[i].y,
-        gas.residual_acceleration[i].turn,
+        residual.x,
+        residual.y,
+        residual.turn,
     )
     root = ti.sqrt(ti.cast(gas.kinds[kind].inverse_mass, ti.f64))
     return root * ti.max(
@@ -602,17 +611,18 @@ def judge(n, tile, region: ti.template(), gas: ti.template()):
     pull = ti.cast(ti.sqrt(gas.scale.gx**2 + gas.scale.gy**2), ti.f64)
     changed = ti.cast(gas.clock.begin == gas.clock.turned, ti.i32)
     for i in range(places, places + n):
-        if gas.rest[i].asleep == WOKEN:
-            gas.rest[i].asleep = AWAKE
+        rest = gas.rest[i]
+        if rest.asleep == WOKEN:
+            rest.asleep = AWAKE
             changed = 1
-        if gas.rest[i].asleep == SAID_ASLEEP:
-            gas.rest[i].asleep = ASLEEP
+        if rest.asleep == SAID_ASLEEP:
+            rest.asleep = ASLEEP
             changed = 1
-        gas.rest[i].may_rest = ti.max(sleeps(i, gas), is_slow(i, gas.motion[i].vx, gas.motion[i].vy, gas))
+        rest.may_rest = ti.max(sleeps(i, gas), is_slow(i, gas.motion[i].vx, gas.motion[i].vy, gas))
         if ti.static(gas.uses.walled):
-            if gas.rest[i].may_rest == 1:
+            if rest.may_rest == 1:
                 if meets_moving_wall(i, region, gas):
-                    gas.rest[i].may_rest = 0
+                    rest.may_rest = 0
                     if sleeps(i, gas):
                         wake(i, tile, gas)
                         changed = 1

@@ -195,12 +195,13 @@ def source(tile, step, gas: ti.template()):
 @ti.func
 def seen(s, step_y, shift_x, shift_y, region: ti.template(), gas: ti.template()):
     """Place of a listed disk from the corner of the tile that gathers, boxes that it went round, its row of tiles."""
-    x, y = gas.disk[s].x + shift_x, gas.disk[s].y + shift_y
+    disk = gas.disk[s]
+    x, y = disk.x + shift_x, disk.y + shift_y
     lap_x, lap_y, row = 0, 0, 0
     if ti.static(gas.uses.sheared):
         x += step_y * gas.scale.aside
         height = ti.cast(gas.edge_y[1], float)
-        row = step_y + ti.cast(ti.floor((gas.disk[s].y) / height), ti.i32)
+        row = step_y + ti.cast(ti.floor((disk.y) / height), ti.i32)
     if region.wrap_x == 1:
         if x < 0.0:
             x += gas.scale.length_x
@@ -303,7 +304,7 @@ def count_chunk(thread, region: ti.template(), gas: ti.template()):
 
 @ti.func
 def order(tile, thread, region: ti.template(), gas: ti.template()):
-    """Say where the disks of each cell begin, and where the tile's list and its claims do."""
+    """Say where the disks of each cell begin, and where the tile's list and its ghost records do."""
     part = 1 - gas.grid.part
     cells = region.nx * region.ny
     chunk = (cells + ti.static(team_of(gas.uses)) - 1) // ti.static(team_of(gas.uses))
@@ -322,11 +323,11 @@ def order(tile, thread, region: ti.template(), gas: ti.template()):
                     gas.tile[other].count[part] = gas.tile[other].count.other[part]
             else:
                 gas.tile[tile].start[part] = ti.atomic_add(gas.counter.n_slots, gas.tile[tile].count[part])
-        claims = gas.tile[tile].n_ghosts
-        if claims > 0:
-            claim = ti.atomic_add(gas.counter.n_ghosts, claims)
-            gas.tile[tile].ghosts = claim
-            if claim + claims > gas.grid.most_ghosts:
+        ghosts = gas.tile[tile].n_ghosts
+        if ghosts > 0:
+            g = ti.atomic_add(gas.counter.n_ghosts, ghosts)
+            gas.tile[tile].ghosts = g
+            if g + ghosts > gas.grid.most_ghosts:
                 ti.atomic_or(gas.counter.full, FULL_CLAIMS)
 
 
@@ -414,12 +415,13 @@ def chain_layers(n, region: ti.template(), gas: ti.template()):
         gas.head[region.cells + c] = -1
     places = region.lane * gas.grid.places
     for i in range(places, places + n):
+        info = gas.event_info[i]
         layer = layer_of(i, gas)
         _nx, _ny, factor = scale_of(layer, region, gas)
-        cx, cy = (gas.event_info[i].cell >> 16) // factor, (gas.event_info[i].cell & 0xFFFF) // factor
-        gas.event_info[i].cell = (cx << 16) + cy
+        cx, cy = (info.cell >> 16) // factor, (info.cell & 0xFFFF) // factor
+        info.cell = (cx << 16) + cy
         at = head_at(cx, cy, layer, region, gas)
-        gas.event_info[i].next_in_cell = gas.head[at]
+        info.next_in_cell = gas.head[at]
         gas.head[at] = i
 
 
@@ -445,11 +447,12 @@ def last_hit(i, gas: ti.template()):
 
     Of its latest collision, from the corner of the tile that will list it.
     """
+    image = gas.image_info[i]
     x, y = gas.motion[i].x, gas.motion[i].y
-    slot, lap_x, lap_y = gas.event_info[i].own_rank - 1, gas.image_info[i].lap_x, gas.image_info[i].lap_y
+    slot, lap_x, lap_y = gas.event_info[i].own_rank - 1, image.lap_x, image.lap_y
     if gas.grid.single_tile == 1 and gas.grid.tiles_x * gas.grid.tiles_y > 1:  # the lists stay as they are
-        slot = gas.image_info[i].slot
-        listed = gas.image_info[i].home_tile
+        slot = image.slot
+        listed = image.home_tile
         x += lap_x * gas.scale.length_x
         y += lap_y * gas.scale.length_y
         x -= ti.cast(gas.edge_x[listed // gas.grid.tiles_y] - gas.edge_x[0], float)
@@ -461,16 +464,17 @@ def last_hit(i, gas: ti.template()):
 @ti.func
 def put_down(i, row, x, y, vx, vy, lap_x, lap_y, gas: ti.template()):
     """Write the disk at place i into a row of the state, with this place and velocity."""
+    info, disk_row, meta_row = gas.event_info[i], gas.disk[row], gas.meta[row]
     s = gas.grid.part * gas.grid.room + gas.image_info[i].slot
-    gas.disk[row].x, gas.disk[row].y = x, y
-    gas.disk[row].vx, gas.disk[row].vy = vx, vy
-    gas.disk[row].spin = gas.motion[i].spin
-    gas.meta[row].id = gas.event_info[i].id
-    gas.meta[row].events = gas.meta[s].events + gas.event_info[i].number
-    gas.meta[row].image_x = gas.meta[s].image_x + lap_x
-    gas.meta[row].image_y = gas.meta[s].image_y + lap_y
+    disk_row.x, disk_row.y = x, y
+    disk_row.vx, disk_row.vy = vx, vy
+    disk_row.spin = gas.motion[i].spin
+    meta_row.id = info.id
+    meta_row.events = gas.meta[s].events + info.number
+    meta_row.image_x = gas.meta[s].image_x + lap_x
+    meta_row.image_y = gas.meta[s].image_y + lap_y
     if ti.static(gas.uses.mixed and gas.uses.shared):
-        gas.kind[row] = gas.event_info[i].kind
+        gas.kind[row] = info.kind
     if ti.static(gas.uses.remembers):
         gas.past[row].latest = ti.cast(gas.since[i], ti.f64)
     if ti.static(gas.uses.rests):
@@ -486,7 +490,7 @@ def put_down(i, row, x, y, vx, vy, lap_x, lap_y, gas: ti.template()):
         gas.hits[row].wall_hits = gas.hits[s].wall_hits + gas.image_info[i].wall_hits
     if ti.static(gas.uses.partnered):
         partner = gas.hits[s].last_partner
-        last = gas.event_info[i].last
+        last = info.last
         if last >= 0:
             partner = gas.event_info[last].id
         elif last <= FIRST_WALL:
@@ -497,18 +501,20 @@ def put_down(i, row, x, y, vx, vy, lap_x, lap_y, gas: ti.template()):
 @ti.func
 def fly(row, dt, time, fall_x, fall_y, gas: ti.template()):
     """Fly the disk in a row of the state for dt to a time since the window's beginning; places are on the grid."""
-    vx, vy = gas.disk[row].vx, gas.disk[row].vy
-    gas.disk[row].x = gas.disk[row].x + on_grid(vx * dt + 0.5 * fall_x * time, gas)
-    gas.disk[row].y = gas.disk[row].y + on_grid(vy * dt + 0.5 * fall_y * time, gas)
-    gas.disk[row].vx, gas.disk[row].vy = vx + fall_x, vy + fall_y
+    disk_row = gas.disk[row]
+    vx, vy = disk_row.vx, disk_row.vy
+    disk_row.x = disk_row.x + on_grid(vx * dt + 0.5 * fall_x * time, gas)
+    disk_row.y = disk_row.y + on_grid(vy * dt + 0.5 * fall_y * time, gas)
+    disk_row.vx, disk_row.vy = vx + fall_x, vy + fall_y
     if ti.static(gas.uses.turned):
-        gas.past[row].angle = gas.past[row].angle + ti.cast(gas.disk[row].spin, ti.f64) * ti.cast(dt, ti.f64)
+        gas.past[row].angle = gas.past[row].angle + ti.cast(disk_row.spin, ti.f64) * ti.cast(dt, ti.f64)
 
 
 @ti.func
 def take_note(i, t, tile, gas: ti.template()):
     """Note the disk at place i, if it is the tile's own, after its collision at t, and what the tile has added up."""
-    if gas.event_info[i].own_rank > 0:
+    info = gas.event_info[i]
+    if info.own_rank > 0:
         n = ti.atomic_add(gas.counter.n_noted, 1)
         if n < gas.grid.notes:
             slot, x, y, lap_x, lap_y = last_hit(i, gas)
@@ -516,9 +522,9 @@ def take_note(i, t, tile, gas: ti.template()):
                 slot += gas.tile[tile].start.other[gas.grid.part]
             row = (TOLD + gas.grid.moments) * gas.grid.room + n
             put_down(i, row, x, y, gas.motion[i].vx, gas.motion[i].vy, lap_x, lap_y, gas)
-            partner, counts = gas.event_info[i].last, 0
+            partner, counts = info.last, 0
             if partner >= 0:
-                counts = ti.cast(gas.event_info[i].id < gas.event_info[partner].id, ti.i32)
+                counts = ti.cast(info.id < gas.event_info[partner].id, ti.i32)
             gas.note[n].slot, gas.note[n].tile, gas.note[n].counts = slot, tile, counts
             gas.note_at[n] = ti.cast(t, ti.f64)
             for column in range(gas.tally.shape[2]):
@@ -529,8 +535,8 @@ def take_note(i, t, tile, gas: ti.template()):
 def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()):
     """Write own disks to their slots, as they are at the window's end, or at a moment asked for.
 
-    At the end, where a window begins next, histories and claims are written. A moment whose time is not known yet has
-    disks where their latest collisions left them. A `team` of threads shares the n disks.
+    At the end, where a window begins next, histories and ghost records are written. A moment whose time is not known
+    yet has disks where their latest collisions left them. A `team` of threads shares the n disks.
     """
     places = region.lane * gas.grid.places
     base = gas.tile[tile].start.other[gas.grid.part]
@@ -590,20 +596,20 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
                 if ti.static(gas.uses.remembers):
                     gas.past[row].latest = ti.cast(gas.since[i], ti.f64) - ti.cast(time, ti.f64)
         elif when == AT_END:
-            claim = gas.tile[tile].ghosts - rank - 1
-            gas.ghost[claim].slot = gas.image_info[i].slot
-            gas.ghost[claim].hash_1, gas.ghost[claim].hash_2 = (
+            g = gas.tile[tile].ghosts - rank - 1
+            gas.ghost[g].slot = gas.image_info[i].slot
+            gas.ghost[g].hash_1, gas.ghost[g].hash_2 = (
                 gas.event_info[i].hash_1,
                 gas.event_info[i].hash_2,
             )
             faster = 0.0 * time
             if ti.static(gas.uses.sheared):
                 faster = ti.abs(gas.event_info[i].shear_row * gas.scale.drift)
-            gas.ghost_position[claim].x, gas.ghost_position[claim].y = (
+            gas.ghost_position[g].x, gas.ghost_position[g].y = (
                 gas.start_position[i].x,
                 gas.start_position[i].y,
             )
-            gas.ghost_position[claim].displacement = (largest_speed(i, gas) + faster) * time
+            gas.ghost_position[g].displacement = (largest_speed(i, gas) + faster) * time
         i += team
     if when == AT_END:
         ti.atomic_max(gas.tally[tile, AT_END].fastest, ti.cast(fastest, ti.f64))
@@ -620,14 +626,15 @@ def came(slot, gas: ti.template()):
 
 
 @ti.func
-def touches(claim, tile, gas: ti.template()):
-    """1 if the disk of a claim, or its copy, may have touched an own disk of the tile that made it, else 0.
+def touches(g, tile, gas: ti.template()):
+    """1 if the disk of a ghost record, or its copy, may have touched an own disk of the tile that made it, else 0.
 
     All that either passed lies in a circle around its first place. All that an own disk passed lies in one around its
     last place, with its way as the radius.
     """
-    x, y = gas.ghost_position[claim].x, gas.ghost_position[claim].y
-    way = ti.max(gas.ghost_position[claim].displacement, came(gas.ghost[claim].slot, gas)) + gas.scale.widest
+    position = gas.ghost_position[g]
+    x, y = position.x, position.y
+    way = ti.max(position.displacement, came(gas.ghost[g].slot, gas)) + gas.scale.widest
     if ti.static(gas.uses.sheared):
         way += ti.abs(gas.scale.drift) * gas.scale.window
     found = 0
@@ -663,15 +670,15 @@ def is_too_narrow(tile, gas: ti.template()):
 
 @ti.func
 def is_wrong(tile, thread, gas: ti.template()):
-    """1 if a claim of a tile may make its window inexact (2 above), of those that this thread of its team tests."""
+    """1 if a ghost record of a tile that this thread of its team tests may make its window inexact (2 above)."""
     wrong = 0
-    claim, end = gas.tile[tile].ghosts + thread, gas.tile[tile].ghosts + gas.tile[tile].n_ghosts
-    while claim < end and wrong == 0:
-        s = gas.ghost[claim].slot
+    g, end = gas.tile[tile].ghosts + thread, gas.tile[tile].ghosts + gas.tile[tile].n_ghosts
+    while g < end and wrong == 0:
+        s = gas.ghost[g].slot
         if (
-            gas.ghost[claim].hash_1 != gas.history_hash[s].hash_1
-            or gas.ghost[claim].hash_2 != gas.history_hash[s].hash_2
+            gas.ghost[g].hash_1 != gas.history_hash[s].hash_1
+            or gas.ghost[g].hash_2 != gas.history_hash[s].hash_2
         ):
-            wrong = touches(claim, tile, gas)
-        claim += ti.static(team_of(gas.uses))
+            wrong = touches(g, tile, gas)
+        g += ti.static(team_of(gas.uses))
     return wrong

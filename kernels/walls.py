@@ -134,17 +134,18 @@ TWO_PI = 6.283185307179586
 def wall_phases(gas: ti.template()):
     """At the beginning of a window: where every wall is in its motion. In double precision, for long runs."""
     for w in range(gas.grid.walls):
-        motion = ti.cast(gas.walls[w].motion, ti.i32)
+        wall = gas.walls[w]
+        motion = ti.cast(wall.motion, ti.i32)
         now = ti.cast(gas.clock.begin, ti.f64)
         if ti.static(gas.uses.timed):
-            begins, ends = ti.cast(gas.walls[w].begins, ti.f64), ti.cast(gas.walls[w].ends, ti.f64)
-            gas.walls[w].moves = ti.cast(now >= begins and now < ends, float)
+            begins, ends = ti.cast(wall.begins, ti.f64), ti.cast(wall.ends, ti.f64)
+            wall.moves = ti.cast(now >= begins and now < ends, float)
             now = ti.min(ti.max(now, begins), ends)
             if begins > -FAR:  # its motion counts from where it begins
                 now -= begins
-        rate = ti.cast(gas.walls[w].rate, ti.f64)
-        phase = ti.cast(gas.walls[w].phase, ti.f64)
-        at = ti.cast(gas.walls[w].amplitude, ti.f64) * now
+        rate = ti.cast(wall.rate, ti.f64)
+        phase = ti.cast(wall.phase, ti.f64)
+        at = ti.cast(wall.amplitude, ti.f64) * now
         if motion == SINE:
             turns = (rate * now + phase) / TWO_PI
             at = TWO_PI * (turns - ti.floor(turns))
@@ -152,15 +153,13 @@ def wall_phases(gas: ti.template()):
             turns = rate * now + phase
             at = turns - ti.floor(turns)
         if motion != FREE:
-            gas.walls[w].now = ti.cast(at, float)
+            wall.now = ti.cast(at, float)
         if ti.static(gas.uses.turning):
-            turned = ti.cast(gas.walls[w].turn_by, ti.f64) * now + ti.cast(gas.walls[w].turn_phase, ti.f64)
-            if ti.cast(gas.walls[w].turn, ti.i32) == SINE:
-                turned = ti.cast(gas.walls[w].turn_rate, ti.f64) * now + ti.cast(
-                    gas.walls[w].turn_phase, ti.f64
-                )
+            turned = ti.cast(wall.turn_by, ti.f64) * now + ti.cast(wall.turn_phase, ti.f64)
+            if ti.cast(wall.turn, ti.i32) == SINE:
+                turned = ti.cast(wall.turn_rate, ti.f64) * now + ti.cast(wall.turn_phase, ti.f64)
             turned /= TWO_PI
-            gas.walls[w].turn_now = ti.cast(TWO_PI * (turned - ti.floor(turned)), float)
+            wall.turn_now = ti.cast(TWO_PI * (turned - ti.floor(turned)), float)
     if ti.static(gas.uses.pistons):
         w = gas.grid.first_piston
         while w >= 0:
@@ -173,7 +172,8 @@ def wall_phases(gas: ti.template()):
 @ti.func
 def push_of(w, gas: ti.template()):
     """Acceleration of piston w by its force and gravity."""
-    return gas.walls[w].push + (gas.scale.gx * gas.walls[w].ux + gas.scale.gy * gas.walls[w].uy)
+    wall = gas.walls[w]
+    return wall.push + (gas.scale.gx * wall.ux + gas.scale.gy * wall.uy)
 
 
 @ti.pyfunc
@@ -199,9 +199,10 @@ def fastest_piston(gas: ti.template()):
 @ti.func
 def set_piston(w, t, s, speed, gas: ti.template()):
     """Let piston w go on from a displacement with a speed at a time of the window; note when it meets a stop."""
-    gas.walls[w].now, gas.walls[w].speed, gas.walls[w].since = s, speed, t
-    push, rate = push_of(w, gas), gas.walls[w].rate
-    low, high = gas.walls[w].low, gas.walls[w].high
+    wall = gas.walls[w]
+    wall.now, wall.speed, wall.since = s, speed, t
+    push, rate = push_of(w, gas), wall.rate
+    low, high = wall.low, wall.high
     delay = FAR + 0.0 * t
     if is_held(w, gas) == 0:
         if rate == 0.0:
@@ -228,7 +229,7 @@ def set_piston(w, t, s, speed, gas: ti.template()):
                         delay = ti.max(delay + (stop - there) / u, 0.0)
             if (s <= low and speed < 0.0) or (s >= high and speed > 0.0):
                 delay = 0.0 * t
-    gas.walls[w].stop_at = t + delay
+    wall.stop_at = t + delay
 
 
 @ti.func
@@ -258,19 +259,21 @@ def fall_time(height, speed, pull):
 @ti.func
 def is_held(w, gas: ti.template()):
     """1 if piston w is pressed against a stop without speed, else 0."""
-    s = gas.walls[w].now
-    pull = push_of(w, gas) - gas.walls[w].rate ** 2 * s
-    pressed = (s <= gas.walls[w].low and pull < 0.0) or (s >= gas.walls[w].high and pull > 0.0)
-    return ti.cast(pressed and gas.walls[w].speed == 0.0, ti.i32)
+    wall = gas.walls[w]
+    s = wall.now
+    pull = push_of(w, gas) - wall.rate**2 * s
+    pressed = (s <= wall.low and pull < 0.0) or (s >= wall.high and pull > 0.0)
+    return ti.cast(pressed and wall.speed == 0.0, ti.i32)
 
 
 @ti.func
 def piston_motion(w, time, gas: ti.template()):
     """Displacement of piston w at a time of the window, its speed, a bound of the magnitude of its acceleration, and
     that itself where it is constant, else minus the bound."""
-    t = time - gas.walls[w].since
-    s, speed = gas.walls[w].now, gas.walls[w].speed
-    push, rate = push_of(w, gas), gas.walls[w].rate
+    wall = gas.walls[w]
+    t = time - wall.since
+    s, speed = wall.now, wall.speed
+    push, rate = push_of(w, gas), wall.rate
     bound, pull = 0.0 * t, 0.0 * t
     if is_held(w, gas) == 0:
         if rate == 0.0:
@@ -339,13 +342,14 @@ def write_pistons(tile, when, time, gas: ti.template()):
 def wall_motion(w, time, gas: ti.template()):
     """Displacement of wall w along its direction at a time of the window, its speed, a bound of the magnitude of its
     acceleration, and the time until which all three hold."""
+    wall = gas.walls[w]
     t = time
     if ti.static(gas.uses.timed):
-        t = time * gas.walls[w].moves
-    motion = ti.cast(gas.walls[w].motion, ti.i32)
-    amplitude = gas.walls[w].amplitude
-    rate = gas.walls[w].rate
-    at = gas.walls[w].now
+        t = time * wall.moves
+    motion = ti.cast(wall.motion, ti.i32)
+    amplitude = wall.amplitude
+    rate = wall.rate
+    at = wall.now
     s = 0.0 * t
     speed = 0.0 * t
     bound = 0.0 * t
@@ -358,7 +362,7 @@ def wall_motion(w, time, gas: ti.template()):
         speed = amplitude * rate * ti.cos(at + rate * t)
         bound = ti.abs(amplitude) * rate * rate
     elif motion == SAWTOOTH:
-        rise = gas.walls[w].rise
+        rise = wall.rise
         turns = at + rate * t
         whole = ti.floor(turns)
         part = turns - whole
@@ -380,9 +384,9 @@ def wall_motion(w, time, gas: ti.template()):
         if motion == FREE:
             s, speed, bound, _pull = piston_motion(w, time, gas)
     if ti.static(gas.uses.timed):
-        speed *= gas.walls[w].moves
-        bound *= gas.walls[w].moves
-        if gas.walls[w].moves == 0.0:
+        speed *= wall.moves
+        bound *= wall.moves
+        if wall.moves == 0.0:
             until = FAR + 0.0 * time
     return s, speed, bound, until
 
@@ -391,24 +395,25 @@ def wall_motion(w, time, gas: ti.template()):
 def wall_turn(w, time, gas: ti.template()):
     """Angle of wall w at a time of the window, its angular velocity, and bounds of its magnitude and that of the
     angular acceleration."""
+    wall = gas.walls[w]
     t = time
     if ti.static(gas.uses.timed):
-        t = time * gas.walls[w].moves
-    turn = ti.cast(gas.walls[w].turn, ti.i32)
-    by, at = gas.walls[w].turn_by, gas.walls[w].turn_now
+        t = time * wall.moves
+    turn = ti.cast(wall.turn, ti.i32)
+    by, at = wall.turn_by, wall.turn_now
     angle, spin, most, bound = 0.0 * t, 0.0 * t, 0.0 * t, 0.0 * t
     if turn == STEADY:
         angle = at + by * t
         spin = by
         most = ti.abs(by)
     elif turn == SINE:
-        rate = gas.walls[w].turn_rate
+        rate = wall.turn_rate
         angle = by * ti.sin(at + rate * t)
         spin = by * rate * ti.cos(at + rate * t)
         most = ti.abs(by * rate)
         bound = most * rate
     if ti.static(gas.uses.timed):
-        moves = gas.walls[w].moves
+        moves = wall.moves
         spin, most, bound = spin * moves, most * moves, bound * moves
     return angle, spin, most, bound
 
@@ -416,8 +421,9 @@ def wall_turn(w, time, gas: ti.template()):
 @ti.func
 def turned_back(w, x, y, s, angle, gas: ti.template()):
     """A place (x, y) as wall w, displaced by s, saw it before it turned by an angle."""
-    cx = gas.walls[w].cx + gas.walls[w].ux * s
-    cy = gas.walls[w].cy + gas.walls[w].uy * s
+    wall = gas.walls[w]
+    cx = wall.cx + wall.ux * s
+    cy = wall.cy + wall.uy * s
     c, sine = ti.cos(angle), ti.sin(angle)
     return cx + c * (x - cx) + sine * (y - cy), cy - sine * (x - cx) + c * (y - cy)
 
@@ -438,10 +444,11 @@ def wall_vector(w, x, y, s, gas: ti.template()):
 
     For a container and the inside of an arc, the vector points inwards, and an arc counts as the whole circle.
     """
-    kind = ti.cast(gas.walls[w].type, ti.i32)
-    dx = x - gas.walls[w].px - gas.walls[w].ux * s
-    dy = y - gas.walls[w].py - gas.walls[w].uy * s
-    qx, qy = gas.walls[w].qx, gas.walls[w].qy
+    wall = gas.walls[w]
+    kind = ti.cast(wall.type, ti.i32)
+    dx = x - wall.px - wall.ux * s
+    dy = y - wall.py - wall.uy * s
+    qx, qy = wall.qx, wall.qy
     nx, ny = qx, qy
     distance = dx * qx + dy * qy
     if kind == SEGMENT:
@@ -451,10 +458,10 @@ def wall_vector(w, x, y, s, gas: ti.template()):
     if kind != LINE:
         r = ti.sqrt(dx * dx + dy * dy)
         nx, ny = dx / r, dy / r
-        distance = r - gas.walls[w].circle
+        distance = r - wall.circle
         if kind == CONTAINER or kind == ARC_INSIDE:
             nx, ny = -nx, -ny
-            distance = gas.walls[w].circle - r
+            distance = wall.circle - r
             if r == 0.0:  # in the middle of a container, all directions are the same
                 nx, ny = 1.0 + 0.0 * x, 0.0 * x
     return nx, ny, distance
@@ -466,19 +473,20 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
 
     Returns the time, and 1 if the disk rests on the wall, which has no next collision.
     """
+    wall = gas.walls[w]
     gx, gy = gas.scale.gx, gas.scale.gy
-    kind = ti.cast(gas.walls[w].type, ti.i32)
+    kind = ti.cast(wall.type, ti.i32)
     found = FAR + 0.0 * tau
     resting = 0
     t = tau
     if ti.static(gas.uses.pistons):
-        if gas.walls[w].motion == FREE:
-            t = ti.max(t, gas.walls[w].since)
+        if wall.motion == FREE:
+            t = ti.max(t, wall.since)
     going = 1
     steps = 0
     behind = 0  # 1 on the side of an arc's circle from which its face is not touched
     if ti.static(gas.uses.arched):
-        if kind == ARC_INSIDE and gas.walls[w].circle <= radius:
+        if kind == ARC_INSIDE and wall.circle <= radius:
             going = 0
     while going == 1:
         steps += 1
@@ -486,15 +494,15 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
         at_x = x + vx * (t - tau) + 0.5 * gx * t * t
         at_y = y + vy * (t - tau) + 0.5 * gy * t * t
         s, speed, bound, until = wall_motion(w, t, gas)
-        ux, uy = gas.walls[w].ux, gas.walls[w].uy
+        ux, uy = wall.ux, wall.uy
         rel_x = vx + gx * t - ux * speed
         rel_y = vy + gy * t - uy * speed
         extra, swing = 0.0 * t, 0.0 * t  # of a wall that turns: bound on what that adds to f'', largest speed
         if ti.static(gas.uses.turning):
-            if gas.walls[w].turn != STILL:
+            if wall.turn != STILL:
                 angle, spin, most_spin, spin_bound = wall_turn(w, t, gas)
-                lever_x = at_x - gas.walls[w].cx - ux * s
-                lever_y = at_y - gas.walls[w].cy - uy * s
+                lever_x = at_x - wall.cx - ux * s
+                lever_y = at_y - wall.cy - uy * s
                 still = ti.min(gas.scale.window, until) - t
                 push = ti.sqrt(gx * gx + gy * gy) + bound
                 fastest = ti.sqrt(rel_x * rel_x + rel_y * rel_y) + push * still
@@ -516,11 +524,11 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
         if kind == LINE:
             curve = gx * nx + gy * ny - ti.abs(ux * nx + uy * ny) * bound
             if ti.static(gas.uses.pistons):
-                if gas.walls[w].motion == FREE and gas.walls[w].rate == 0.0:
+                if wall.motion == FREE and wall.rate == 0.0:
                     _s, _speed, _bound, pull_w = piston_motion(w, t, gas)
                     curve = gx * nx + gy * ny - (ux * nx + uy * ny) * pull_w
         # Positions are sums of numbers as large as these.
-        tolerance = 8.0 * ti.static(epsilon()) * (ti.abs(at_x) + ti.abs(at_y) + radius + gas.walls[w].circle)
+        tolerance = 8.0 * ti.static(epsilon()) * (ti.abs(at_x) + ti.abs(at_y) + radius + wall.circle)
         noise = ti.static(rounding()) * (ti.abs(vx) + ti.abs(vy) + pull * t + ti.abs(speed))
         if ti.static(gas.uses.turning):
             noise += ti.static(rounding()) * swing
@@ -530,15 +538,15 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
                 # rho^2 - r^2 within the circle of centres that touch it, as for a container; r - rho beyond.
                 counts_within = ti.cast(kind == ARC_INSIDE, ti.i32)
                 sign = 1.0 - 2.0 * counts_within
-                rho = gas.walls[w].circle + sign * radius
-                r = gas.walls[w].circle + sign * distance
+                rho = wall.circle + sign * radius
+                r = wall.circle + sign * distance
                 beyond = r - rho
                 if steps == 1:
                     behind = ti.cast(-sign * beyond > tolerance, ti.i32)
                 within = counts_within ^ behind
                 out_x, out_y = sign * nx, sign * ny
-                middle = out_x * gas.walls[w].qx + out_y * gas.walls[w].qy
-                half = gas.walls[w].half + ti.static(seam())
+                middle = out_x * wall.qx + out_y * wall.qy
+                half = wall.half + ti.static(seam())
                 here = ti.cast(half >= 0.5 * TWO_PI or middle >= ti.cos(half), ti.i32) * (1 - behind)
                 slope = out_x * rel_x + out_y * rel_y
                 f = beyond
@@ -553,8 +561,8 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
                     noise *= 2.0 * rho
         if kind == CONTAINER:
             # The same roots for (R_c - R)^2 - r^2, whose second derivative is bounded: -2 v^2 without forces.
-            inner = gas.walls[w].circle - radius
-            r = gas.walls[w].circle - distance
+            inner = wall.circle - radius
+            r = wall.circle - distance
             push = pull + bound
             if ti.static(gas.uses.turning):
                 push += extra
@@ -617,16 +625,17 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
 @ti.func
 def wall_reach(w, gas: ti.template()):
     """Distance from a wall, as the window begins, of the farthest centre of a disk that may touch it in the window."""
+    wall = gas.walls[w]
     window = gas.scale.window
     _s, speed, bound, _until = wall_motion(w, 0.0 * window, gas)
     way = ti.abs(speed) * window + 0.5 * bound * window * window
-    if ti.cast(gas.walls[w].motion, ti.i32) == SAWTOOTH:
-        way = 2.0 * ti.abs(gas.walls[w].amplitude)
-    if ti.cast(gas.walls[w].motion, ti.i32) == FREE:  # where hits may drive it
+    if ti.cast(wall.motion, ti.i32) == SAWTOOTH:
+        way = 2.0 * ti.abs(wall.amplitude)
+    if ti.cast(wall.motion, ti.i32) == FREE:  # where hits may drive it
         way = FAR + 0.0 * window
     if ti.static(gas.uses.turning):
         _angle, _spin, most_spin, _bound = wall_turn(w, 0.0 * window, gas)
-        way += ti.min(most_spin * window, 2.0) * gas.walls[w].lever
+        way += ti.min(most_spin * window, 2.0) * wall.lever
     fall = 0.5 * ti.sqrt(gas.scale.gx**2 + gas.scale.gy**2) * window * window
     return way + 2.0 * fall + 0.5 * gas.scale.widest
 
@@ -642,12 +651,13 @@ def span(low, high, corner, side, count):
 @ti.func
 def arc_distance(w, nx, ny, distance, gas: ti.template()):
     """Distance of a place from the arc of wall w; arguments as `wall_vector` gives them of the whole circle."""
+    wall = gas.walls[w]
     sign = 1.0
-    if ti.cast(gas.walls[w].type, ti.i32) == ARC_INSIDE:
+    if ti.cast(wall.type, ti.i32) == ARC_INSIDE:
         sign = -1.0
-    radius, half = gas.walls[w].circle, gas.walls[w].half
+    radius, half = wall.circle, wall.half
     r = radius + sign * distance
-    qx, qy = gas.walls[w].qx, gas.walls[w].qy
+    qx, qy = wall.qx, wall.qy
     along, across = sign * (nx * qx + ny * qy), sign * (ny * qx - nx * qy)
     found = ti.abs(distance)
     if along < ti.cos(half):  # the end on its side of the middle is nearest
@@ -671,7 +681,8 @@ def place_walls(region: ti.template(), gas: ti.template()):
         gas.wall_start[starts + c] = 0
     for turn in range(2):
         for w in range(gas.grid.walls):
-            kind = ti.cast(gas.walls[w].type, ti.i32)
+            wall = gas.walls[w]
+            kind = ti.cast(wall.type, ti.i32)
             s, _speed, _bound, _until = wall_motion(w, 0.0 * gas.scale.window, gas)
             reach = 1.001 * wall_reach(w, gas)
             around = reach + 0.5 * ti.sqrt(region.side_x**2 + region.side_y**2)
@@ -688,9 +699,9 @@ def place_walls(region: ti.template(), gas: ti.template()):
                     # The wall's image, from the corner of the region's tile.
                     off_x = box_x * gas.scale.length_x - region.corner_x
                     off_y = box_y * gas.scale.length_y - region.corner_y
-                    px = gas.walls[w].px + gas.walls[w].ux * s + off_x
-                    py = gas.walls[w].py + gas.walls[w].uy * s + off_y
-                    qx, qy = gas.walls[w].qx, gas.walls[w].qy
+                    px = wall.px + wall.ux * s + off_x
+                    py = wall.py + wall.uy * s + off_y
+                    qx, qy = wall.qx, wall.qy
                     if ti.static(gas.uses.turning):
                         px, py = turned_back(w, px - off_x, py - off_y, s, -angle, gas)
                         px += off_x
@@ -704,11 +715,11 @@ def place_walls(region: ti.template(), gas: ti.template()):
                         low_x, high_x = ti.min(px, px + qx), ti.max(px, px + qx)
                         low_y, high_y = ti.min(py, py + qy), ti.max(py, py + qy)
                     if kind == LINE:
-                        if gas.walls[w].qx != 0.0:
+                        if wall.qx != 0.0:
                             low_y, high_y = -FAR + 0.0 * px, FAR + 0.0 * px
-                        if gas.walls[w].qy != 0.0:
+                        if wall.qy != 0.0:
                             low_x, high_x = -FAR + 0.0 * px, FAR + 0.0 * px
-                    extent = reach + gas.walls[w].circle
+                    extent = reach + wall.circle
                     first_x, last_x = span(
                         low_x - extent, high_x + extent, region.x, region.side_x, region.nx
                     )
@@ -752,22 +763,19 @@ def place_walls(region: ti.template(), gas: ti.template()):
 @ti.func
 def first_wall(i, best, partner, region: ti.template(), gas: ti.template()):
     """The earlier of the meeting at `best` with `partner` and the first one with a wall near the disk at place i."""
+    info, motion = gas.event_info[i], gas.motion[i]
     lane = region.lane
-    cell = (
-        lane * (gas.grid.cells + 1)
-        + (gas.event_info[i].cell >> 16) * region.ny
-        + (gas.event_info[i].cell & 0xFFFF)
-    )
+    cell = lane * (gas.grid.cells + 1) + (info.cell >> 16) * region.ny + (info.cell & 0xFFFF)
     for item in range(gas.wall_start[cell], gas.wall_start[cell + 1]):
         code = gas.wall_item[lane * gas.grid.items + item]
         w = code // 9
         t, resting = wall_time(
             w,
-            region.corner_x + gas.motion[i].x - ((code // 3) % 3 - 1) * gas.scale.length_x,
-            region.corner_y + gas.motion[i].y - (code % 3 - 1) * gas.scale.length_y,
-            gas.motion[i].vx, gas.motion[i].vy, gas.motion[i].tau, radius_of(i, gas), best, gas,
+            region.corner_x + motion.x - ((code // 3) % 3 - 1) * gas.scale.length_x,
+            region.corner_y + motion.y - (code % 3 - 1) * gas.scale.length_y,
+            motion.vx, motion.vy, motion.tau, radius_of(i, gas), best, gas,
         )  # fmt: skip
-        if resting == 1 and gas.event_info[i].own_rank > 0:
+        if resting == 1 and info.own_rank > 0:
             gas.counter.resting = 1
         if t < best:
             best = t
@@ -778,10 +786,11 @@ def first_wall(i, best, partner, region: ti.template(), gas: ti.template()):
 @ti.func
 def other_image(i, boxes, gas: ti.template()):
     """Name the wall that the disk at place i meets by its image there, after the disk went round the box."""
-    if gas.event_info[i].partner <= FIRST_WALL:
-        kind = ti.cast(gas.walls[(FIRST_WALL - gas.event_info[i].partner) // 9].type, ti.i32)
+    info = gas.event_info[i]
+    if info.partner <= FIRST_WALL:
+        kind = ti.cast(gas.walls[(FIRST_WALL - info.partner) // 9].type, ti.i32)
         if kind != LINE and kind != CONTAINER:
-            gas.event_info[i].partner = gas.event_info[i].partner + boxes
+            info.partner = info.partner + boxes
 
 
 @ti.func
@@ -790,7 +799,8 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
 
     Returns how (`contact.collided`).
     """
-    code = FIRST_WALL - gas.event_info[i].partner
+    info, motion = gas.event_info[i], gas.motion[i]
+    code = FIRST_WALL - info.partner
     w = code // 9
     lasting = 0
     if ti.static(gas.uses.remembers):
@@ -799,8 +809,8 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
     came_to(i, t, gas)
     gx, gy = gas.scale.gx, gas.scale.gy
     s, speed, _bound, _until = wall_motion(w, t, gas)
-    x = region.corner_x + gas.motion[i].x - ((code // 3) % 3 - 1) * gas.scale.length_x + 0.5 * gx * t * t
-    y = region.corner_y + gas.motion[i].y - (code % 3 - 1) * gas.scale.length_y + 0.5 * gy * t * t
+    x = region.corner_x + motion.x - ((code // 3) % 3 - 1) * gas.scale.length_x + 0.5 * gx * t * t
+    y = region.corner_y + motion.y - (code % 3 - 1) * gas.scale.length_y + 0.5 * gy * t * t
     spin_w, at_x, at_y, angle = 0.0 * t, x, y, 0.0 * t
     if ti.static(gas.uses.turning):
         angle, spin_w, _most, _turn_bound = wall_turn(w, t, gas)
@@ -827,7 +837,7 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
     inverse_mass, radius = gas.kinds[kind].inverse_mass, gas.kinds[kind].radius
     p = ti.cast(gas.kinds[kind].material, ti.i32)
     q = ti.cast(gas.walls[w].material, ti.i32)
-    vx_0, vy_0, spin_0 = gas.motion[i].vx + gx * t, gas.motion[i].vy + gy * t, gas.motion[i].spin
+    vx_0, vy_0, spin_0 = motion.vx + gx * t, motion.vy + gy * t, motion.spin
     seen_spin = spin_0
     if ti.static(gas.uses.turning):
         seen_spin -= spin_w
@@ -851,7 +861,7 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
             lost = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)  # what it took or gave is heat
     if ti.static(gas.uses.turning):
         spin += spin_w
-    gas.motion[i].vx, gas.motion[i].vy, gas.motion[i].spin = vx - gx * t, vy - gy * t, spin
+    motion.vx, motion.vy, motion.spin = vx - gx * t, vy - gy * t, spin
     if ti.static(gas.uses.watched):
         row = watched_row(i, t, tile, region, gas)
         if row >= 0:
@@ -876,9 +886,9 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
         charge(i, MECHANISM.walls, lost.sum(), gas)
     remember(i, t, -1 - w, gas)
     note_speed(i, gas)
-    gas.event_info[i].last = FIRST_WALL - owner
+    info.last = FIRST_WALL - owner
     gas.image_info[i].wall_hits = gas.image_info[i].wall_hits + 1
-    if gas.event_info[i].own_rank > 0:
+    if info.own_rank > 0:
         add(tile, TALLY.wall_collisions, 1.0, gas)
         if how >= ELASTIC:
             add(tile, TALLY.elastics, 1.0, gas)

@@ -460,7 +460,8 @@ def survey(
             first = gas.grid.part * gas.grid.room + gas.tile[k].start[gas.grid.part]
             fastest, squares = 0.0 * gas.scale.window, ti.cast(0.0, ti.f64)
             for s in range(first, first + gas.tile[k].count[gas.grid.part]):
-                speed2 = gas.disk[s].vx * gas.disk[s].vx + gas.disk[s].vy * gas.disk[s].vy
+                listed_disk = gas.disk[s]
+                speed2 = listed_disk.vx * listed_disk.vx + listed_disk.vy * listed_disk.vy
                 fastest = ti.max(fastest, speed2)
                 squares += ti.floor(ti.cast(speed2, ti.f64) / gas.clock.square_unit)
             gas.tally[k, AT_END].fastest = ti.cast(fastest, ti.f64)

@@ -326,7 +326,7 @@ class RankArrays(DeviceArrays):
         self._in_table = 0
         if not own + more <= room <= 2 * wanted:
             self._replace("kinds", None)
-            self._replace("kinds", self._vectors(6, self._type, wanted))
+            self._make("kinds", wanted)
 
     def _make_room_in_table(self, more: int) -> None:
         """See to it that the own table of kinds takes more rows: if not, those of disks that have gone make room."""
