@@ -17,7 +17,8 @@ depend on the frame, and their sum is what the pair loses, to rounding.
 
 from .language import Cube, Table, ti
 from .law import after_impulses, inverse_masses, relative_motion
-from .layout import CUTOFF, Uses, gas_of
+from .layout import Uses
+from .records import gas_of
 
 # Columns of losses.
 BY_NORMAL, BY_RESTITUTION, BY_FRICTION, BY_ROLLING = range(4)
@@ -78,10 +79,10 @@ def impulses_between(
         inverse_mass_i=im_i, radius_i=R_i, k_i=k_i, spin_i=w_i,
         inverse_mass_j=im_j, radius_j=R_j, k_j=k_j, spin_j=w_j,
     )  # fmt: skip
-    row = ti.Vector([gas.law[p, q, j] for j in ti.static(range(gas.uses.collision_law.n_coefficients))])
+    row = ti.Vector([gas.law[p, q][j] for j in ti.static(range(gas.uses.collision_law.n_coefficients))])
     if ti.static(gas.uses.rests):
-        if g_n < gas.scale[CUTOFF]:  # a contact that lasts (`rest.py`): e_n = 1 but for the least rebound
-            pair.g_n = ti.max(g_n, LEAST_REBOUND * gas.scale[CUTOFF])
+        if g_n < gas.scale.cutoff:  # a contact that lasts (`rest.py`): e_n = 1 but for the least rebound
+            pair.g_n = ti.max(g_n, LEAST_REBOUND * gas.scale.cutoff)
             row[0], row[1], row[3] = g_n / pair.g_n, -1.0, 1.0
     # One of the two, so that a law is compiled once.
     impulses = ti.Vector([0.0 * g_n] * 6)
@@ -111,7 +112,7 @@ def collided(
     P_n, P_t, T, P_et, sticking, rolling, g_n, pair = impulses_between(
         p, q, n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j, gas
     )
-    elastic = g_n < gas.scale[CUTOFF]
+    elastic = g_n < gas.scale.cutoff
     if ti.static(gas.uses.remembers):
         elastic = elastic or lasting > 0
     how = 0

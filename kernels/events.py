@@ -12,17 +12,13 @@ Places and clocks of disks change at collisions only, never at crossings, and ar
 depend neither on the cells nor on the region: only on who is there.
 """
 
+from .columns import MECHANISM, TALLY
 from .contact import ELASTIC, ROLLS, STICKS, collided
 from .flights import contact_delay, rounding
 from .language import on_gpu, ti
 from .layout import (
-    ASIDE, AT, AT_END, AT_MOMENT, BINS, BY_COUNT, BY_LAW, BY_REMEDY, CELL, COLLISIONS, CUTOFF, DIRECTION, DRIFT,
-    ELASTICALLY, ELASTICS, EVENT_HOW, EVENT_ID, EVENT_PARTNER, EVENT_TILE, FAR, FIRST_WALL, FLOW_WORK,
-    FULL, FULL_WATCHED, GX, GY, INVERSE_MASS, KIND_RADIUS, LAP_X, LAP_Y, LAST, LENGTH_X, LENGTH_Y, LOSSES,
-    MATERIAL, MOMENT_IN, MOST_EVENTS, NEXT, NEXT_IN_CELL, NOBODY, NORMAL, NORMAL_X, NUMBER, N_EVENTS,
-    N_WATCHED, OWN, PAIRS, PARTNER, PARTNER_NUMBER, PAUSED, PAUSING, PLACES, PREVIOUS, REGIMES,
-    RESTITUTION, ROLLING_LOSS, ROW, SLIDING_LOSS, STALLED, STICKING_LOSS, TAU, T_HIT, T_LEAVE, VX, VY,
-    WANTED, WATCHING, WHO, WIDEST, WINDOW, W_SPIN, K, X, Y,
+    AT_END, AT_MOMENT, BY_COUNT, BY_LAW, BY_REMEDY, ELASTICALLY, FAR, FIRST_WALL, FULL_WATCHED, NOBODY,
+    PAIRS,
 )  # fmt: skip
 from .places import (
     add, came_to, charge, just_collided, kind_of, largest_speed, note_speed, radius_of, remember, watched_row,
@@ -44,15 +40,16 @@ TOO_FAR = 1e6  # or a disk that would come so many times through its region in a
 @ti.func
 def take_out(i, bins, gas: ti.template()):
     """Take a disk out of its bin."""
-    before, after = gas.link[i][PREVIOUS], gas.link[i][NEXT]
+    info = gas.event_info[i]
+    before, after = info.previous, info.next
     if before != NOT_QUEUED:
         if before < NOT_QUEUED:
             gas.bin[bins - 2 - before] = after
         else:
-            gas.link[before][NEXT] = after
+            gas.event_info[before].next = after
         if after >= 0:
-            gas.link[after][PREVIOUS] = before
-        gas.link[i][PREVIOUS] = NOT_QUEUED
+            gas.event_info[after].previous = before
+        info.previous = NOT_QUEUED
 
 
 @ti.func
@@ -61,28 +58,29 @@ def put_in(i, t, present, bins, n_bins, rate, gas: ti.template()):
     if t * rate < n_bins:
         b = ti.min(ti.max(ti.cast(t * rate, ti.i32), present), n_bins - 1)
         after = gas.bin[bins + b]
-        gas.link[i][NEXT] = after
-        gas.link[i][PREVIOUS] = -2 - b
+        gas.event_info[i].next = after
+        gas.event_info[i].previous = -2 - b
         if after >= 0:
-            gas.link[after][PREVIOUS] = i
+            gas.event_info[after].previous = i
         gas.bin[bins + b] = i
 
 
 @ti.func
 def next_event(i, gas: ti.template()):
     """Time at which the disk at place i collides or leaves its cell."""
-    hit, leaves = gas.work[i][T_HIT], gas.work[i][T_LEAVE]
+    hit, leaves = gas.motion[i].t_hit, gas.motion[i].t_leave
     return ti.select(leaves < hit, leaves, hit)
 
 
 @ti.func
 def precedes(i, k, gas: ti.template()):
     """1 if the event of the disk at place i, at the time of that at place k, comes first: the smaller pair of ids."""
-    a, b, c, d = gas.link[i][WHO], gas.link[i][WHO], gas.link[k][WHO], gas.link[k][WHO]
-    if gas.link[i][PARTNER] >= 0 and gas.work[i][T_HIT] <= gas.work[i][T_LEAVE]:
-        b = gas.link[gas.link[i][PARTNER]][WHO]
-    if gas.link[k][PARTNER] >= 0 and gas.work[k][T_HIT] <= gas.work[k][T_LEAVE]:
-        d = gas.link[gas.link[k][PARTNER]][WHO]
+    info, info_k = gas.event_info[i], gas.event_info[k]
+    a, b, c, d = info.id, info.id, info_k.id, info_k.id
+    if info.partner >= 0 and gas.motion[i].t_hit <= gas.motion[i].t_leave:
+        b = gas.event_info[info.partner].id
+    if info_k.partner >= 0 and gas.motion[k].t_hit <= gas.motion[k].t_leave:
+        d = gas.event_info[info_k.partner].id
     low_1, high_1 = ti.min(a, b), ti.max(a, b)
     low_2, high_2 = ti.min(c, d), ti.max(c, d)
     return low_1 < low_2 or (low_1 == low_2 and high_1 < high_2)
@@ -94,15 +92,16 @@ def leaving(i, region: ti.template(), gas: ti.template()):
 
     Cells at an end of the region that is no periodic side have no end there.
     """
-    cx, cy = gas.link[i][CELL] >> 16, gas.link[i][CELL] & 0xFFFF
+    motion, info = gas.motion[i], gas.event_info[i]
+    cx, cy = info.cell >> 16, info.cell & 0xFFFF
     nx, ny, factor = scale_of(layer_of(i, gas), region, gas)
     side_x, side_y = factor * region.side_x, factor * region.side_y
-    x, y, vx, vy = gas.work[i][X], gas.work[i][Y], gas.work[i][VX], gas.work[i][VY]
+    x, y, vx, vy = motion.x, motion.y, motion.vx, motion.vy
     if ti.static(gas.uses.sheared):
-        row = gas.link[i][ROW]
+        row = info.shear_row
         if row != 0:  # in the frame of the region
-            vx += row * gas.scale[DRIFT]
-            x += row * (gas.scale[ASIDE] + gas.scale[DRIFT] * gas.work[i][TAU])
+            vx += row * gas.scale.drift
+            x += row * (gas.scale.aside + gas.scale.drift * motion.tau)
     soonest, side = FAR + 0.0 * x, 0
     if vx > 0.0:
         if cx < nx - 1 or region.wrap_x == 1:
@@ -119,30 +118,31 @@ def leaving(i, region: ti.template(), gas: ti.template()):
         ahead = region.y + cy * side_y - y
         if (cy > 0 or region.wrap_y == 1) and ahead > soonest * vy:
             soonest, side = ahead / vy, 3
-    return gas.work[i][TAU] + ti.select(soonest > 0.0, soonest, 0.0 * x), side
+    return motion.tau + ti.select(soonest > 0.0, soonest, 0.0 * x), side
 
 
 @ti.func
 def leave(i, side, region: ti.template(), gas: ti.template()):
     """Move the disk at place i into the next cell over a side; round the box where that is periodic."""
-    cx, cy = gas.link[i][CELL] >> 16, gas.link[i][CELL] & 0xFFFF
+    info, motion, image = gas.event_info[i], gas.motion[i], gas.image_info[i]
+    cx, cy = info.cell >> 16, info.cell & 0xFFFF
     layer = layer_of(i, gas)
     nx, ny, _factor = scale_of(layer, region, gas)
     cell = head_at(cx, cy, layer, region, gas)
     k = gas.head[cell]
     if k == i:
-        gas.head[cell] = gas.link[i][NEXT_IN_CELL]
+        gas.head[cell] = info.next_in_cell
     else:
-        while gas.link[k][NEXT_IN_CELL] != i:
-            k = gas.link[k][NEXT_IN_CELL]
-        gas.link[k][NEXT_IN_CELL] = gas.link[i][NEXT_IN_CELL]
+        while gas.event_info[k].next_in_cell != i:
+            k = gas.event_info[k].next_in_cell
+        gas.event_info[k].next_in_cell = info.next_in_cell
     if side <= 2:
         step = 2 * side - 3
         cx += step
         if cx < 0 or cx >= nx:
             cx -= step * nx
-            gas.work[i][X] = gas.work[i][X] - step * gas.scale[LENGTH_X]
-            gas.mark[i][LAP_X] = gas.mark[i][LAP_X] + step
+            motion.x = motion.x - step * gas.scale.length_x
+            image.lap_x = image.lap_x + step
             if ti.static(gas.uses.walled):
                 other_image(i, 3 * step, gas)
     else:
@@ -150,13 +150,13 @@ def leave(i, side, region: ti.template(), gas: ti.template()):
         cy += step
         if cy < 0 or cy >= ny:
             cy -= step * ny
-            gas.work[i][Y] = gas.work[i][Y] - step * gas.scale[LENGTH_Y]
-            gas.mark[i][LAP_Y] = gas.mark[i][LAP_Y] + step
+            motion.y = motion.y - step * gas.scale.length_y
+            image.lap_y = image.lap_y + step
             if ti.static(gas.uses.walled):
                 other_image(i, step, gas)
-    gas.link[i][CELL] = (cx << 16) + cy
+    info.cell = (cx << 16) + cy
     cell = head_at(cx, cy, layer, region, gas)
-    gas.link[i][NEXT_IN_CELL] = gas.head[cell]
+    info.next_in_cell = gas.head[cell]
     gas.head[cell] = i
 
 
@@ -175,40 +175,40 @@ def nearest(d, length, wraps):
 @ti.func
 def friction_column(how):
     """Column of losses to which friction in a collision belongs."""
-    return ti.select(how % ROLLS == STICKS, STICKING_LOSS, SLIDING_LOSS)
+    return ti.select(how % ROLLS == STICKS, MECHANISM.sticking, MECHANISM.sliding)
 
 
 @ti.func
 def enter_losses(tile, how, lost, gas: ti.template()):
     """Enter what a collision of two disks took, and its regime, into the ledger."""
-    add(tile, LOSSES + NORMAL, lost[0], gas)
-    add(tile, LOSSES + RESTITUTION, lost[1], gas)
-    add(tile, LOSSES + friction_column(how), lost[2], gas)
-    add(tile, LOSSES + ROLLING_LOSS, lost[3], gas)
-    add(tile, REGIMES + ti.min(how, ELASTICALLY), 1.0, gas)
+    add(tile, TALLY.losses.normal, lost[0], gas)
+    add(tile, TALLY.losses.restitution, lost[1], gas)
+    add(tile, TALLY.losses[friction_column(how)], lost[2], gas)
+    add(tile, TALLY.losses.rolling, lost[3], gas)
+    add(tile, TALLY.regimes[ti.min(how, ELASTICALLY)], 1.0, gas)
 
 
 @ti.func
 def charge_half(i, how, lost, gas: ti.template()):
     """Note half of what a collision took as lost by the disk at place i."""
-    charge(i, NORMAL, 0.5 * lost[0], gas)
-    charge(i, RESTITUTION, 0.5 * lost[1], gas)
+    charge(i, MECHANISM.normal, 0.5 * lost[0], gas)
+    charge(i, MECHANISM.restitution, 0.5 * lost[1], gas)
     charge(i, friction_column(how), 0.5 * lost[2], gas)
-    charge(i, ROLLING_LOSS, 0.5 * lost[3], gas)
+    charge(i, MECHANISM.rolling, 0.5 * lost[3], gas)
 
 
 @ti.func
 def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     """Collide the disks at places i and j at time t, the smaller id first: the same bits from either side."""
     a, b = i, j
-    if gas.link[j][WHO] < gas.link[i][WHO]:
+    if gas.event_info[j].id < gas.event_info[i].id:
         a, b = j, i
     lasting = 0
     if ti.static(gas.uses.remembers):
         lasting = ti.max(just_collided(a, t, gas), just_collided(b, t, gas))
         gas.since[a] = t
         gas.since[b] = t
-    since_a, since_b = gas.work[a][TAU], gas.work[b][TAU]
+    since_a, since_b = gas.motion[a].tau, gas.motion[b].tau
     came_to(a, t, gas)
     came_to(b, t, gas)
     asleep_a, asleep_b = sleeps(a, gas), sleeps(b, gas)
@@ -217,29 +217,29 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
             set_in_motion(a, t, gas)
         if asleep_b:
             set_in_motion(b, t, gas)
-    rx = gas.work[b][X] - gas.work[a][X]
-    ry = gas.work[b][Y] - gas.work[a][Y]
-    vx_b = gas.work[b][VX]
+    rx = gas.motion[b].x - gas.motion[a].x
+    ry = gas.motion[b].y - gas.motion[a].y
+    vx_b = gas.motion[b].vx
     faster = 0.0 * t
     rows = 0
     if ti.static(gas.uses.sheared):
         # In the frame of a's row, where b is faster.
-        rows = gas.link[b][ROW] - gas.link[a][ROW]
-        faster = rows * gas.scale[DRIFT]
-        rx += rows * gas.scale[ASIDE] + faster * t
+        rows = gas.event_info[b].shear_row - gas.event_info[a].shear_row
+        faster = rows * gas.scale.drift
+        rx += rows * gas.scale.aside + faster * t
         vx_b += faster
-    rx += nearest(rx, gas.scale[LENGTH_X], region.wrap_x)
-    ry += nearest(ry, gas.scale[LENGTH_Y], region.wrap_y)
+    rx += nearest(rx, gas.scale.length_x, region.wrap_x)
+    ry += nearest(ry, gas.scale.length_y, region.wrap_y)
     r = ti.sqrt(rx * rx + ry * ry)
     kind_a, kind_b = kind_of(a, gas), kind_of(b, gas)
-    p = ti.cast(gas.kinds[kind_a][MATERIAL], ti.i32)
-    q = ti.cast(gas.kinds[kind_b][MATERIAL], ti.i32)
-    vx_a = gas.work[a][VX]
-    vy_a_0, w_a_0, vy_b_0, w_b_0 = gas.work[a][VY], gas.work[a][W_SPIN], gas.work[b][VY], gas.work[b][W_SPIN]
-    inverse_a, inverse_b = gas.kinds[kind_a][INVERSE_MASS], gas.kinds[kind_b][INVERSE_MASS]
+    p = ti.cast(gas.kinds[kind_a].material, ti.i32)
+    q = ti.cast(gas.kinds[kind_b].material, ti.i32)
+    vx_a = gas.motion[a].vx
+    vy_a_0, w_a_0, vy_b_0, w_b_0 = gas.motion[a].vy, gas.motion[a].spin, gas.motion[b].vy, gas.motion[b].spin
+    inverse_a, inverse_b = gas.kinds[kind_a].inverse_mass, gas.kinds[kind_b].inverse_mass
     if ti.static(gas.uses.rests):
         # A slow hit leaves who sleeps asleep, like a wall; a harder one, or one by who is wedged in, wakes him.
-        slow = ((vx_a - vx_b) * rx + (vy_a_0 - vy_b_0) * ry) / r < gas.scale[CUTOFF]
+        slow = ((vx_a - vx_b) * rx + (vy_a_0 - vy_b_0) * ry) / r < gas.scale.cutoff
         if slow and asleep_a:
             count_hit(b, t, since_b, gas)
             slow = not is_wedged(b, t, gas)
@@ -255,14 +255,14 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
                 wake(b, tile, gas)
     new_vx_a, vy_a, w_a, new_vx_b, vy_b, w_b, how, lost = collided(
         p, q, rx / r, ry / r,
-        inverse_a, gas.kinds[kind_a][KIND_RADIUS], gas.kinds[kind_a][K],
-        vx_a, gas.work[a][VY], gas.work[a][W_SPIN],
-        inverse_b, gas.kinds[kind_b][KIND_RADIUS], gas.kinds[kind_b][K],
-        vx_b, gas.work[b][VY], gas.work[b][W_SPIN],
+        inverse_a, gas.kinds[kind_a].radius, gas.kinds[kind_a].k,
+        vx_a, gas.motion[a].vy, gas.motion[a].spin,
+        inverse_b, gas.kinds[kind_b].radius, gas.kinds[kind_b].k,
+        vx_b, gas.motion[b].vy, gas.motion[b].spin,
         lasting, gas,
     )  # fmt: skip
-    gas.work[a][VX], gas.work[a][VY], gas.work[a][W_SPIN] = new_vx_a, vy_a, w_a
-    gas.work[b][VX], gas.work[b][VY], gas.work[b][W_SPIN] = new_vx_b - faster, vy_b, w_b
+    gas.motion[a].vx, gas.motion[a].vy, gas.motion[a].spin = new_vx_a, vy_a, w_a
+    gas.motion[b].vx, gas.motion[b].vy, gas.motion[b].spin = new_vx_b - faster, vy_b, w_b
     if ti.static(gas.uses.rests):
         if sleeps(a, gas):
             set_at_rest(a, t, gas)
@@ -270,21 +270,21 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
         elif sleeps(b, gas):
             set_at_rest(b, t, gas)
             fall_asleep(a, t, tile, gas)
-    remember(a, t, gas.link[b][WHO], gas)
-    remember(b, t, gas.link[a][WHO], gas)
+    remember(a, t, gas.event_info[b].id, gas)
+    remember(b, t, gas.event_info[a].id, gas)
     note_speed(a, gas)
     note_speed(b, gas)
-    gas.link[a][LAST] = b
-    gas.link[b][LAST] = a
-    if gas.grid[WATCHING] == PAIRS and gas.link[a][OWN] > 0:
-        row = ti.atomic_add(gas.counter[N_WATCHED], 1)
-        if row < gas.grid[MOST_EVENTS]:
-            gas.event[row][AT] = t
-            gas.event_int[row][EVENT_TILE] = tile
-            gas.event_int[row][EVENT_ID] = gas.link[a][WHO]
-            gas.event_int[row][EVENT_PARTNER] = gas.link[b][WHO]
+    gas.event_info[a].last = b
+    gas.event_info[b].last = a
+    if gas.grid.watching == PAIRS and gas.event_info[a].own_rank > 0:
+        row = ti.atomic_add(gas.counter.n_watched, 1)
+        if row < gas.grid.most_events:
+            gas.event[row].time = t
+            gas.event_int[row].tile = tile
+            gas.event_int[row].id = gas.event_info[a].id
+            gas.event_int[row].partner = gas.event_info[b].id
         else:
-            ti.atomic_or(gas.counter[FULL], FULL_WATCHED)
+            ti.atomic_or(gas.counter.full, FULL_WATCHED)
     if ti.static(gas.uses.watched):
         before = ti.Vector([vx_a, vy_a_0, w_a_0, vx_b, vy_b_0, w_b_0])
         after = ti.Vector([new_vx_a, vy_a, w_a, new_vx_b, vy_b, w_b])
@@ -294,24 +294,24 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
                 one, other, sign = b, a, -1.0
             row = watched_row(one, t, tile, region, gas)
             if row >= 0:
-                gas.event[row][NORMAL_X], gas.event[row][NORMAL_X + 1] = sign * rx / r, sign * ry / r
+                gas.event[row].normal[0], gas.event[row].normal[1] = sign * rx / r, sign * ry / r
                 write_motion(row, t, 3 * side, before, after, gas)
-                gas.event_int[row][EVENT_PARTNER] = gas.link[other][WHO]
-                gas.event_int[row][EVENT_HOW] = ti.select(how >= ELASTIC, BY_REMEDY, BY_LAW)
+                gas.event_int[row].partner = gas.event_info[other].id
+                gas.event_int[row].how = ti.select(how >= ELASTIC, BY_REMEDY, BY_LAW)
     if ti.static(gas.uses.itemised):
         charge_half(a, how, lost, gas)
         charge_half(b, how, lost, gas)
-    if gas.link[a][OWN] > 0:
-        add(tile, COLLISIONS, 1.0, gas)
+    if gas.event_info[a].own_rank > 0:
+        add(tile, TALLY.collisions, 1.0, gas)
         if how >= ELASTIC:
-            add(tile, ELASTICS, 1.0, gas)
+            add(tile, TALLY.elastics, 1.0, gas)
         if ti.static(gas.uses.tallied):
             enter_losses(tile, how, lost, gas)
         if ti.static(gas.uses.sheared):
             if rows != 0:
                 # a got the momentum m dv, and b, in a frame that is faster, the opposite.
                 gained = ti.cast((new_vx_a - vx_a) * faster, ti.f64)
-                add(tile, FLOW_WORK, gained / gas.kinds[kind_a][INVERSE_MASS], gas)
+                add(tile, TALLY.flow_work, gained / gas.kinds[kind_a].inverse_mass, gas)
 
 
 @ti.func
@@ -320,7 +320,7 @@ def sooner(t, j, best, partner, gas: ti.template()):
     before = t < best
     if t == best and t < FAR:
         if partner >= 0:
-            before = gas.link[j][WHO] < gas.link[partner][WHO]
+            before = gas.event_info[j].id < gas.event_info[partner].id
         else:
             before = partner <= FIRST_WALL  # walls come after all disks
     return before
@@ -336,10 +336,17 @@ def find(
     pair is looked at once. With two layers, small disks look at the large cells around their own too, if `half` or if
     they have just come into a large cell; large disks look at all small cells in the large ones, unless `half`.
     """
-    own_x, own_y = gas.link[i][CELL] >> 16, gas.link[i][CELL] & 0xFFFF
-    x, y, vx, vy, tau = gas.work[i][X], gas.work[i][Y], gas.work[i][VX], gas.work[i][VY], gas.work[i][TAU]
-    last = gas.link[i][LAST]
-    radius = gas.scale[WIDEST] * 0.5
+    info, motion = gas.event_info[i], gas.motion[i]
+    own_x, own_y = info.cell >> 16, info.cell & 0xFFFF
+    x, y, vx, vy, tau = (
+        motion.x,
+        motion.y,
+        motion.vx,
+        motion.vy,
+        motion.tau,
+    )
+    last = info.last
+    radius = gas.scale.widest * 0.5
     if ti.static(gas.uses.mixed):
         radius = radius_of(i, gas)
     size = ti.abs(vx) + ti.abs(vy)
@@ -372,10 +379,10 @@ def find(
             shift_x = 0.0 * x
             if ax < 0:
                 ax += nx
-                shift_x = -gas.scale[LENGTH_X]
+                shift_x = -gas.scale.length_x
             elif ax >= nx:
                 ax -= nx
-                shift_x = gas.scale[LENGTH_X]
+                shift_x = gas.scale.length_x
             first_y = low_y
             if halved == 1 and column == own_x:
                 first_y = own_y
@@ -384,35 +391,35 @@ def find(
                 shift_y = 0.0 * x
                 if ay < 0:
                     ay += ny
-                    shift_y = -gas.scale[LENGTH_Y]
+                    shift_y = -gas.scale.length_y
                 elif ay >= ny:
                     ay -= ny
-                    shift_y = gas.scale[LENGTH_Y]
+                    shift_y = gas.scale.length_y
                 j = gas.head[head_at(ax, ay, layer, region, gas)]
                 if halved == 1 and column == own_x and row_of_cells == own_y:
-                    j = gas.link[i][NEXT_IN_CELL]
+                    j = info.next_in_cell
                 while j >= 0:
-                    following = gas.link[j][NEXT_IN_CELL]
+                    following = gas.event_info[j].next_in_cell
                     if j != i:
-                        tau_j = gas.work[j][TAU]
+                        tau_j = gas.motion[j].tau
                         start = ti.select(tau_j > tau, tau_j, tau)
-                        vx_j, vy_j = gas.work[j][VX], gas.work[j][VY]
+                        vx_j, vy_j = gas.motion[j].vx, gas.motion[j].vy
                         from_i, from_j = start - tau, start - tau_j
                         # Differences of places are exact. Seen from j, every term only changes its sign.
-                        rx = ((gas.work[j][X] - x) + shift_x) + (vx_j * from_j - vx * from_i)
-                        ry = ((gas.work[j][Y] - y) + shift_y) + (vy_j * from_j - vy * from_i)
+                        rx = ((gas.motion[j].x - x) + shift_x) + (vx_j * from_j - vx * from_i)
+                        ry = ((gas.motion[j].y - y) + shift_y) + (vy_j * from_j - vy * from_i)
                         ux, uy = vx_j - vx, vy_j - vy
                         if ti.static(gas.uses.sheared):
-                            rows = gas.link[j][ROW] - gas.link[i][ROW]
+                            rows = gas.event_info[j].shear_row - info.shear_row
                             if rows != 0:
-                                rx += rows * (gas.scale[ASIDE] + gas.scale[DRIFT] * start)
-                                ux += rows * gas.scale[DRIFT]
-                        sigma = gas.scale[WIDEST]
+                                rx += rows * (gas.scale.aside + gas.scale.drift * start)
+                                ux += rows * gas.scale.drift
+                        sigma = gas.scale.widest
                         if ti.static(gas.uses.mixed):
                             sigma = radius + radius_of(j, gas)
                         noise = ti.static(rounding()) * (size + (ti.abs(vx_j) + ti.abs(vy_j)))
                         t = start + contact_delay(rx, ry, ux, uy, noise, sigma, best - start, gas)
-                        if j == last and gas.link[j][LAST] == i:
+                        if j == last and gas.event_info[j].last == i:
                             # They part, since this start; but round a narrow box another image may come.
                             if rx * rx + ry * ry < PARTING * sigma * sigma:
                                 t = FAR
@@ -423,7 +430,7 @@ def find(
                             elif asleep_i or asleep_j:
                                 # A parabola in the lab, of the one that flies about the other.
                                 sign = ti.select(asleep_i, 1.0, -1.0)
-                                gx, gy = gas.scale[GX], gas.scale[GY]
+                                gx, gy = gas.scale.gx, gas.scale.gy
                                 t = start + meeting_with_sleeper(
                                     sign * rx + 0.5 * gx * start * start, sign * ry + 0.5 * gy * start * start,
                                     sign * ux + gx * start, sign * uy + gy * start,
@@ -458,11 +465,12 @@ def predict(
     i, x_low, x_high, y_low, y_high, half, keeps, region: ti.template(), gas: ti.template()
 ):  # fmt: skip
     """Find the next event of the disk at place i in the cells that `find` tells, or that which it `keeps`; its time."""
-    window = gas.scale[WINDOW]
+    motion, info = gas.motion[i], gas.event_info[i]
+    window = gas.scale.window
     best, partner = window, NOBODY
     if keeps == 1:
-        if gas.link[i][PARTNER] != NOBODY:
-            best, partner = gas.work[i][T_HIT], gas.link[i][PARTNER]
+        if info.partner != NOBODY:
+            best, partner = motion.t_hit, info.partner
     before = partner
     best, partner = find(i, x_low, x_high, y_low, y_high, half, best, partner, region, gas)
     if ti.static(gas.uses.walled and not gas.uses.rests):
@@ -473,14 +481,14 @@ def predict(
     if partner == NOBODY:
         best = FAR + 0.0 * window
     elif partner >= 0 and partner != before:
-        gas.link[i][PARTNER_NUMBER] = gas.link[partner][NUMBER]
-    gas.work[i][T_HIT] = best
-    gas.link[i][PARTNER] = partner
+        info.partner_number = gas.event_info[partner].number
+    motion.t_hit = best
+    info.partner = partner
     leaves, side = leaving(i, region, gas)
     if ti.static(gas.uses.rests):
         if sleeps(i, gas):
             leaves = FAR
-    gas.work[i][T_LEAVE], gas.link[i][DIRECTION] = leaves, side
+    motion.t_leave, info.direction = leaves, side
     return ti.select(best < leaves, best, leaves)
 
 
@@ -493,16 +501,16 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
     in one tile may pause at a moment, or after the last of so many collisions, and goes on when `resuming`.
     """
     lane = region.lane
-    places, bins = lane * gas.grid[PLACES], lane * gas.grid[BINS]
-    window = gas.scale[WINDOW]
-    moment = gas.scale[MOMENT_IN]
+    places, bins = lane * gas.grid.places, lane * gas.grid.bins
+    window = gas.scale.window
+    moment = gas.scale.moment[0].begin
     noting = -1.0 + 0.0 * window  # until when
     present, fresh, told, going = 0, n, 0, 1
     if resuming == 0:
         fresh = 0
         for b in range(n_bins):
             gas.bin[bins + b] = EMPTY
-    pausing = gas.counter[PAUSING]
+    pausing = gas.counter.pausing
     pauses = 1
     events, checked, checked_at = 0, 0, 0.0 * window
     patience = MANY_EVENTS + 20 * n
@@ -530,7 +538,7 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                     present += 1
             if i >= 0:
                 t = next_event(i, gas)
-                k = gas.link[i][NEXT]
+                k = gas.event_info[i].next
                 while k >= 0:
                     t_k = next_event(k, gas)
                     if t_k < t:
@@ -538,7 +546,7 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                     elif t_k == t:
                         if precedes(k, i, gas):
                             i, t = k, t_k
-                    k = gas.link[k][NEXT]
+                    k = gas.event_info[k].next
             if ti.static(gas.uses.pistons):
                 stop, stopped = next_stop(gas)
                 if stop < t:
@@ -548,11 +556,11 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
             writing = -1
             if moment < FAR and (i < 0 or t > moment):
                 writing = AT_MOMENT + told
-                noting = ti.max(noting, gas.scale[MOMENT_IN + 2 * told + 1])
+                noting = ti.max(noting, gas.scale.moment[told].until)
                 told += 1
-                moment = gas.scale[MOMENT_IN + 2 * told]
+                moment = gas.scale.moment[told].begin
                 if pausing == 1:
-                    gas.counter[PAUSED] = pauses
+                    gas.counter.paused = pauses
                     going = 0
             elif i < 0:
                 writing, going = AT_END, 0
@@ -572,9 +580,9 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                 events += 1
                 take_out(i, bins, gas)
                 first, looking = i, 1
-                partner = gas.link[i][PARTNER]
-                if gas.work[i][T_LEAVE] < gas.work[i][T_HIT]:
-                    side = gas.link[i][DIRECTION]
+                partner = gas.event_info[i].partner
+                if gas.motion[i].t_leave < gas.motion[i].t_hit:
+                    side = gas.event_info[i].direction
                     leave(i, side, region, gas)
                     keeps = 1
                     if side <= 2:
@@ -582,21 +590,18 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                     else:
                         y_low, y_high = 2 * side - 7, 2 * side - 7
                 elif partner >= 0:
-                    if gas.link[partner][NUMBER] == gas.link[i][PARTNER_NUMBER]:
+                    if gas.event_info[partner].number == gas.event_info[i].partner_number:
                         take_out(partner, bins, gas)
                         collide(i, partner, t, tile, region, gas)
                         second, looking = partner, 2
                         collided_at = t
                         if pausing == 1 and pauses == 1:
-                            if (
-                                gas.sums[COLLISIONS] + gas.tally[tile, AT_END, COLLISIONS]
-                                >= gas.clock[WANTED]
-                            ):
+                            if gas.sums.collisions + gas.tally[tile, AT_END].collisions >= gas.clock.wanted:
                                 moment, told, pauses = t, 0, BY_COUNT
-                                gas.scale[MOMENT_IN], gas.scale[MOMENT_IN + 1] = t, t
+                                gas.scale.moment[0].begin, gas.scale.moment[0].until = t, t
                 else:
                     if ti.static(gas.uses.walled):
-                        since = gas.work[i][TAU]
+                        since = gas.motion[i].tau
                         if ti.static(gas.uses.pistons):
                             if meets_piston(i, gas) == 1:
                                 looking, all_look = n, 1
@@ -613,7 +618,7 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                         for m in range(places, places + n):
                             if not (largest_speed(m, gas) * window <= TOO_FAR * (region.nx * region.side_x)):
                                 stalled = 2  # also of a speed that is no number
-                        ti.atomic_max(gas.counter[STALLED], stalled)
+                        ti.atomic_max(gas.counter.stalled, stalled)
                         going = 0
                     checked, checked_at = events, t
         for q in range(looking):
@@ -631,4 +636,4 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                         x_low, x_high, keeps = -1, 1, 0
             t = predict(i, x_low, x_high, y_low, y_high, half, keeps, region, gas)
             put_in(i, t, present, bins, n_bins, rate, gas)
-    ti.atomic_add(gas.counter[N_EVENTS], events)
+    ti.atomic_add(gas.counter.n_events, events)

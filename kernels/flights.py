@@ -6,7 +6,7 @@ from either disk, finds the same bits.
 """
 
 from .language import Rows, Table, ti
-from .layout import FAR, ROUNDER
+from .layout import FAR
 
 
 def rounding() -> float:
@@ -17,7 +17,7 @@ def rounding() -> float:
 @ti.func
 def on_grid(way, gas: ti.template()):
     """A displacement rounded to the grid of places: (z + C) - C, where C is 1.5 q times the largest mantissa."""
-    return (way + gas.scale[ROUNDER]) - gas.scale[ROUNDER]
+    return (way + gas.scale.rounding_constant) - gas.scale.rounding_constant
 
 
 @ti.func

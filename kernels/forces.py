@@ -3,20 +3,13 @@
 from typing import Any
 
 from .language import Rows, Table, spread_of_loops, ti
-from .layout import (
-    COUNT, ID, INVERSE_MASS, KIND_RADIUS, PART, ROOM, SPIN, START, TILES_X, TILES_Y, VX, VY, K, Y, gas_of,
-    plain,
-)  # fmt: skip
+from .layout import plain
 from .places import listed_kind, round_products
 from .random import DRAWS
+from .records import gas_of
 from .readout import placed
 from .shear import flow_at
 from .windows import is_owned
-
-# Columns of the small arrays that the host hands over. `when`: time and length of the step. `counter_words`: number of
-# the step (low, high word), index of the force, seed (low, high word).
-TIME, DT = range(2)
-STEP_LOW, STEP_HIGH, INDEX, SEED_LOW, SEED_HIGH = range(5)
 
 LEVELS = 3
 """Parts that a term of a sum is divided into (`sum_totals`)."""
@@ -25,29 +18,30 @@ LEVELS = 3
 @ti.func
 def told(s, tile, time, gas: ti.template()):
     """All that a force may know of a listed disk at `time`. Velocities are those in the mean flow, if there is one."""
+    disk = gas.disk[s]
     x, y, _boxes_x, _boxes_y, _frame, flow = placed(s, tile, time, gas)
     kind = listed_kind(s, gas)
-    mass = 1.0 / gas.kinds[kind][INVERSE_MASS]
-    radius = gas.kinds[kind][KIND_RADIUS]
+    mass = 1.0 / gas.kinds[kind].inverse_mass
+    radius = gas.kinds[kind].radius
     return ti.Struct(
         x=ti.cast(x, float),
         y=ti.cast(y, float),
-        vx=gas.disk[s][VX] - ti.cast(flow, float),
-        vy=gas.disk[s][VY],
-        spin=gas.disk[s][SPIN],
+        vx=disk.vx - ti.cast(flow, float),
+        vy=disk.vy,
+        spin=disk.spin,
         mass=mass,
         radius=radius,
-        k=gas.kinds[kind][K],
-        inertia=mass * radius * radius / gas.kinds[kind][K],
+        k=gas.kinds[kind].k,
+        inertia=mass * radius * radius / gas.kinds[kind].k,
     )
 
 
 @ti.func
-def stream_of(s, counter_words: ti.template(), gas: ti.template()):
+def stream_of(s, gas: ti.template()):
     """The stream of random numbers of a listed disk in this step (`random.py`)."""
     return ti.Vector([
-        ti.cast(gas.meta[s][ID], ti.u32), counter_words[STEP_LOW], counter_words[STEP_HIGH],
-        counter_words[INDEX] * ti.u32(DRAWS), counter_words[SEED_LOW], counter_words[SEED_HIGH],
+        ti.cast(gas.meta[s].id, ti.u32), gas.counter_words.step_low, gas.counter_words.step_high,
+        gas.counter_words.index * ti.u32(DRAWS), gas.counter_words.seed_low, gas.counter_words.seed_high,
     ], ti.u32)  # fmt: skip
 
 
@@ -82,16 +76,16 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any]:
 
     @ti.kernel
     def sum_totals(
-        uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, disk: Rows, kind: Rows, kinds: Rows, meta: Rows,
-        tile: Table, edge_x: Rows, edge_y: Rows, when: Rows, counter_words: Rows, parameters: Rows,
+        uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, disk: Rows, kind: Rows, kinds: Rows,
+        meta: Rows, tile: Table, edge_x: Rows, edge_y: Rows, when: Rows, counter_words: Rows, parameters: Rows,
         tile_sums: Table, rounders: Table,
     ):  # fmt: skip
         gas = ti.static(gas_of(
             grid=grid, scale=scale, clock=clock, disk=disk, kind=kind, kinds=kinds, meta=meta, tile=tile,
-            edge_x=edge_x, edge_y=edge_y, uses=uses,
+            edge_x=edge_x, edge_y=edge_y, when=when, counter_words=counter_words, uses=uses,
         ))  # fmt: skip
         spread = ti.static(spread_of_loops())
-        for item in range(spread * gas.grid[TILES_X] * gas.grid[TILES_Y]):
+        for item in range(spread * gas.grid.tiles_x * gas.grid.tiles_y):
             round_products(gas)
             if item % spread == 0 and is_owned(item // spread, gas) == 1:
                 b = item // spread
@@ -99,13 +93,13 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any]:
                 rounder = ti.Matrix([
                     [rounders[level, j] for j in ti.static(range(n_totals))] for level in ti.static(range(LEVELS))
                 ])  # fmt: skip
-                first = gas.grid[PART] * gas.grid[ROOM] + gas.tile[b, START + gas.grid[PART]]
-                for s in range(first, first + gas.tile[b, COUNT + gas.grid[PART]]):
+                first = gas.grid.part * gas.grid.room + gas.tile[b].start[gas.grid.part]
+                for s in range(first, first + gas.tile[b].count[gas.grid.part]):
                     step = ti.Struct(
-                        time=ti.cast(when[TIME], float), dt=ti.cast(when[DT], float),
-                        random=stream_of(s, counter_words, gas), totals=ti.Vector([0.0]),
+                        time=ti.cast(gas.when.time, float), dt=ti.cast(gas.when.dt, float),
+                        random=stream_of(s, gas), totals=ti.Vector([0.0]),
                     )  # fmt: skip
-                    terms = measure(told(s, b, when[TIME], gas), step, vector(parameters, n_parameters))
+                    terms = measure(told(s, b, gas.when.time, gas), step, vector(parameters, n_parameters))
                     for j in ti.static(range(n_totals)):
                         rest = ti.cast(terms[j], ti.f64)
                         found[j] = ti.max(found[j], ti.abs(rest))
@@ -118,38 +112,37 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any]:
 
     @ti.kernel
     def apply_force(
-        uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, disk: Rows, kind: Rows, kinds: Rows, meta: Rows,
-        tile: Table, edge_x: Rows, edge_y: Rows, when: Rows, counter_words: Rows, parameters: Rows,
+        uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, disk: Rows, kind: Rows, kinds: Rows,
+        meta: Rows, tile: Table, edge_x: Rows, edge_y: Rows, when: Rows, counter_words: Rows, parameters: Rows,
         tile_sums: Table, totals: Rows,
     ):  # fmt: skip
         gas = ti.static(gas_of(
             grid=grid, scale=scale, clock=clock, disk=disk, kind=kind, kinds=kinds, meta=meta, tile=tile,
-            edge_x=edge_x, edge_y=edge_y, uses=uses,
+            edge_x=edge_x, edge_y=edge_y, when=when, counter_words=counter_words, uses=uses,
         ))  # fmt: skip
         spread = ti.static(spread_of_loops())
-        for item in range(spread * gas.grid[TILES_X] * gas.grid[TILES_Y]):
+        for item in range(spread * gas.grid.tiles_x * gas.grid.tiles_y):
             round_products(gas)
             if item % spread == 0 and is_owned(item // spread, gas) == 1:
                 b = item // spread
                 gain, excess = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
-                first = gas.grid[PART] * gas.grid[ROOM] + gas.tile[b, START + gas.grid[PART]]
-                for s in range(first, first + gas.tile[b, COUNT + gas.grid[PART]]):
+                first = gas.grid.part * gas.grid.room + gas.tile[b].start[gas.grid.part]
+                for s in range(first, first + gas.tile[b].count[gas.grid.part]):
+                    listed_disk = gas.disk[s]
                     step = ti.Struct(
-                        time=ti.cast(when[TIME], float), dt=ti.cast(when[DT], float),
-                        random=stream_of(s, counter_words, gas), totals=vector(totals, n_totals),
+                        time=ti.cast(gas.when.time, float), dt=ti.cast(gas.when.dt, float),
+                        random=stream_of(s, gas), totals=vector(totals, n_totals),
                     )  # fmt: skip
-                    body = told(s, b, when[TIME], gas)
+                    body = told(s, b, gas.when.time, gas)
                     before = energy(body.mass, body.inertia, body.vx, body.vy, body.spin)
                     vx, vy, spin = act(body, step, vector(parameters, n_parameters))
                     flow = 0.0 * vx
                     if ti.static(gas.uses.sheared):
-                        flow = ti.cast(flow_at(gas.disk[s][Y], gas), float)
-                    gas.disk[s][VX], gas.disk[s][VY], gas.disk[s][SPIN] = vx + flow, vy, spin
+                        flow = ti.cast(flow_at(listed_disk.y, gas), float)
+                    listed_disk.vx, listed_disk.vy, listed_disk.spin = vx + flow, vy, spin
                     # What was stored may be rounded to single precision.
-                    stored = gas.disk[s][VX] - flow
-                    gain += (
-                        energy(body.mass, body.inertia, stored, gas.disk[s][VY], gas.disk[s][SPIN]) - before
-                    )
+                    stored = listed_disk.vx - flow
+                    gain += energy(body.mass, body.inertia, stored, listed_disk.vy, listed_disk.spin) - before
                     if ti.static(gas.uses.sheared):
                         # What the frame of the row sees of it beyond that is not the flow's doing (`shear.py`).
                         excess += ti.cast(body.mass * flow * (stored - body.vx), ti.f64)

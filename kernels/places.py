@@ -2,19 +2,14 @@
 
 from .flights import on_grid
 from .language import on_gpu, round_products_by, ti
-from .layout import (
-    AT, AT_END, CONTACT_TIME, EVENT_BOX, EVENT_ID, EVENT_NUMBER, EVENT_TILE, FULL, FULL_WATCHED, GX, GY,
-    HASH_1, HASH_2, ID, IMAGE_X, IMAGE_Y, KIND, KIND_RADIUS, LAP_X, LAP_Y, MOST_EVENTS, NOTHING, NUMBER,
-    N_WATCHED, OWN, PART, PLACE, ROOM, SLOT, S_AFTER, S_BEFORE, TAU, TOP, TRACKED, U_AFTER, U_BEFORE,
-    VX, VY, V_AFTER, V_BEFORE, WATCHING, WHO, W_AFTER, W_BEFORE, W_SPIN, X, Y,
-)  # fmt: skip
+from .layout import AT_END, FULL_WATCHED, TRACKED
 
 
 @ti.func
 def round_products(gas: ti.template()):
     """Round products by themselves in the loop that begins with this, on a GPU (`language.py`)."""
     if ti.static(on_gpu()):
-        zero = ti.cast(gas.grid[NOTHING], ti.u64)
+        zero = ti.cast(gas.grid.opaque_zero, ti.u64)
         ti.static(round_products_by(zero))
 
 
@@ -25,7 +20,7 @@ def listed_kind(s, gas: ti.template()):
     if ti.static(gas.uses.mixed and gas.uses.shared):
         kind = gas.kind[s]
     elif ti.static(gas.uses.mixed):
-        kind = gas.kind[gas.meta[s][ID]]
+        kind = gas.kind[gas.meta[s].id]
     return kind
 
 
@@ -34,14 +29,14 @@ def kind_of(i, gas: ti.template()):
     """Row of `kinds` of the disk at place i; without a look at it where there is but one."""
     kind = 0
     if ti.static(gas.uses.mixed):
-        kind = gas.link[i][KIND]
+        kind = gas.event_info[i].kind
     return kind
 
 
 @ti.func
 def radius_of(i, gas: ti.template()):
     """Radius of the disk at place i."""
-    return gas.kinds[kind_of(i, gas)][KIND_RADIUS]
+    return gas.kinds[kind_of(i, gas)].radius
 
 
 @ti.func
@@ -50,6 +45,7 @@ def remember(i, t, whom, gas: ti.template()):
 
     Two hashes of 32 bits, by multiplication with odd constants.
     """
+    info = gas.event_info[i]
     low, high = ti.u32(0), ti.u32(0)
     if ti.static(ti.lang.impl.get_runtime().default_fp == ti.f32):
         low = ti.bit_cast(t, ti.u32)
@@ -57,52 +53,57 @@ def remember(i, t, whom, gas: ti.template()):
         word = ti.bit_cast(t, ti.u64)
         low, high = ti.cast(word, ti.u32), ti.cast(word >> ti.u64(32), ti.u32)
     partner = ti.cast(whom, ti.u32)
-    one, two = ti.cast(gas.link[i][HASH_1], ti.u32), ti.cast(gas.link[i][HASH_2], ti.u32)
+    one, two = ti.cast(info.hash_1, ti.u32), ti.cast(info.hash_2, ti.u32)
     one = (one ^ low) * ti.u32(0x9E3779B1) + high
     one = (one ^ (one >> ti.u32(15)) ^ partner) * ti.u32(0x85EBCA77)
     two = (two ^ high) * ti.u32(0xC2B2AE3D) + partner
     two = (two ^ (two >> ti.u32(13))) * ti.u32(0x27D4EB2F)
     two = (two ^ low) * ti.u32(0x165667B1)
-    gas.link[i][HASH_1] = ti.cast(one ^ (one >> ti.u32(16)), ti.i32)
-    gas.link[i][HASH_2] = ti.cast(two ^ (two >> ti.u32(16)), ti.i32)
+    info.hash_1 = ti.cast(one ^ (one >> ti.u32(16)), ti.i32)
+    info.hash_2 = ti.cast(two ^ (two >> ti.u32(16)), ti.i32)
 
 
 @ti.func
 def largest_speed(i, gas: ti.template()):
     """Bound on the speed of the disk at place i in the window so far."""
-    return ti.cast(ti.sqrt(ti.bit_cast(ti.cast(gas.link[i][TOP], ti.i64) << ti.i64(32), ti.f64)), float)
+    return ti.cast(
+        ti.sqrt(ti.bit_cast(ti.cast(gas.event_info[i].max_speed_sq, ti.i64) << ti.i64(32), ti.f64)), float
+    )
 
 
 @ti.func
 def note_speed(i, gas: ti.template()):
     """Keep the largest square of the speed of the disk at place i: the upper half of a double, rounded up."""
-    vx, vy = ti.cast(gas.work[i][VX], ti.f64), ti.cast(gas.work[i][VY], ti.f64)
+    vx, vy = ti.cast(gas.motion[i].vx, ti.f64), ti.cast(gas.motion[i].vy, ti.f64)
     square = ti.bit_cast(1.000001 * (vx * vx + vy * vy), ti.i64)
-    gas.link[i][TOP] = ti.max(gas.link[i][TOP], ti.cast(square >> ti.i64(32), ti.i32) + 1)
+    gas.event_info[i].max_speed_sq = ti.max(
+        gas.event_info[i].max_speed_sq, ti.cast(square >> ti.i64(32), ti.i32) + 1
+    )
 
 
 @ti.func
 def just_collided(i, t, gas: ti.template()):
     """1 if the latest collision of the disk at place i was less than the contact time before t, else 0."""
-    return ti.cast(t - gas.since[i] < gas.scale[CONTACT_TIME], ti.i32)
+    return ti.cast(t - gas.since[i] < gas.scale.contact_time, ti.i32)
 
 
 @ti.func
 def came_to(i, t, gas: ti.template()):
     """Fly the disk at place i to its collision at time t."""
-    dt = t - gas.work[i][TAU]
-    gas.work[i][X] = gas.work[i][X] + on_grid(gas.work[i][VX] * dt, gas)
-    gas.work[i][Y] = gas.work[i][Y] + on_grid(gas.work[i][VY] * dt, gas)
+    motion = gas.motion[i]
+    dt = t - motion.tau
+    motion.x = motion.x + on_grid(motion.vx * dt, gas)
+    motion.y = motion.y + on_grid(motion.vy * dt, gas)
     if ti.static(gas.uses.turned):
-        gas.turn[i] = gas.turn[i] + ti.cast(gas.work[i][W_SPIN], ti.f64) * ti.cast(dt, ti.f64)
-    gas.work[i][TAU] = t
-    gas.link[i][NUMBER] = gas.link[i][NUMBER] + 1
+        gas.turn[i] = gas.turn[i] + ti.cast(motion.spin, ti.f64) * ti.cast(dt, ti.f64)
+    motion.tau = t
+    gas.event_info[i].number = gas.event_info[i].number + 1
 
 
 @ti.func
 def add(tile, column, value, gas: ti.template()):
     """Add to the tally of a tile."""
-    gas.tally[tile, AT_END, column] = gas.tally[tile, AT_END, column] + value
+    gas.tally[tile, AT_END][column] = gas.tally[tile, AT_END][column] + value
 
 
 @ti.func
@@ -114,36 +115,47 @@ def charge(i, column, energy, gas: ti.template()):
 @ti.func
 def watched_row(i, t, tile, region: ti.template(), gas: ti.template()):
     """Begin a row of `event` for a collision of the disk at place i at time t; -1 if nobody watches it, or no room."""
+    info, image = gas.event_info[i], gas.image_info[i]
     row = -1
-    if gas.grid[WATCHING] == TRACKED and gas.link[i][OWN] > 0:
-        if gas.watched[gas.link[i][WHO]] > 0:
-            row = ti.atomic_add(gas.counter[N_WATCHED], 1)
-            if row >= gas.grid[MOST_EVENTS]:
-                ti.atomic_or(gas.counter[FULL], FULL_WATCHED)
+    if gas.grid.watching == TRACKED and info.own_rank > 0:
+        if gas.watched[info.id] > 0:
+            row = ti.atomic_add(gas.counter.n_watched, 1)
+            if row >= gas.grid.most_events:
+                ti.atomic_or(gas.counter.full, FULL_WATCHED)
                 row = -1
             else:
-                gas.event[row][AT] = t
-                gas.event[row][PLACE] = region.corner_x + gas.work[i][X] + 0.5 * gas.scale[GX] * t * t
-                gas.event[row][PLACE + 1] = region.corner_y + gas.work[i][Y] + 0.5 * gas.scale[GY] * t * t
-                gas.event_int[row][EVENT_TILE] = tile
-                gas.event_int[row][EVENT_ID] = gas.link[i][WHO]
-                s = gas.grid[PART] * gas.grid[ROOM] + gas.mark[i][SLOT]
-                gas.event_int[row][EVENT_BOX] = gas.meta[s][IMAGE_X] + gas.mark[i][LAP_X]
-                gas.event_int[row][EVENT_BOX + 1] = gas.meta[s][IMAGE_Y] + gas.mark[i][LAP_Y]
-                gas.event_int[row][EVENT_NUMBER] = gas.link[i][NUMBER]
+                gas.event[row].time = t
+                gas.event[row].position[0] = region.corner_x + gas.motion[i].x + 0.5 * gas.scale.gx * t * t
+                gas.event[row].position[1] = region.corner_y + gas.motion[i].y + 0.5 * gas.scale.gy * t * t
+                gas.event_int[row].tile = tile
+                gas.event_int[row].id = info.id
+                s = gas.grid.part * gas.grid.room + image.slot
+                gas.event_int[row].image[0] = gas.meta[s].image_x + image.lap_x
+                gas.event_int[row].image[1] = gas.meta[s].image_y + image.lap_y
+                gas.event_int[row].number = info.number
     return row
 
 
 @ti.func
 def write_motion(row, t, first: ti.template(), before, after, gas: ti.template()):
     """Write velocities and spins (vx, vy, spin of both partners) before and after, the disk's from `first` on."""
-    fall_x, fall_y = gas.scale[GX] * t, gas.scale[GY] * t
+    event = gas.event[row]
+    fall_x, fall_y = gas.scale.gx * t, gas.scale.gy * t
     other = ti.static(3 - first)
-    gas.event[row][V_BEFORE] = before[first] + fall_x
-    gas.event[row][V_BEFORE + 1] = before[first + 1] + fall_y
-    gas.event[row][V_AFTER], gas.event[row][V_AFTER + 1] = after[first] + fall_x, after[first + 1] + fall_y
-    gas.event[row][W_BEFORE], gas.event[row][W_AFTER] = before[first + 2], after[first + 2]
-    gas.event[row][U_BEFORE] = before[other] + fall_x
-    gas.event[row][U_BEFORE + 1] = before[other + 1] + fall_y
-    gas.event[row][U_AFTER], gas.event[row][U_AFTER + 1] = after[other] + fall_x, after[other + 1] + fall_y
-    gas.event[row][S_BEFORE], gas.event[row][S_AFTER] = before[other + 2], after[other + 2]
+    event.velocity_before[0] = before[first] + fall_x
+    event.velocity_before[1] = before[first + 1] + fall_y
+    event.velocity_after[0], event.velocity_after[1] = (
+        after[first] + fall_x,
+        after[first + 1] + fall_y,
+    )
+    event.spin_before, event.spin_after = before[first + 2], after[first + 2]
+    event.partner_velocity_before[0] = before[other] + fall_x
+    event.partner_velocity_before[1] = before[other + 1] + fall_y
+    event.partner_velocity_after[0], event.partner_velocity_after[1] = (
+        after[other] + fall_x,
+        after[other + 1] + fall_y,
+    )
+    event.partner_spin_before, event.partner_spin_after = (
+        before[other + 2],
+        after[other + 2],
+    )

@@ -47,32 +47,21 @@ move, have a moving surface or a temperature support nobody: disks that they can
 of a heap are below 4 v_s^2 / g, and it is as much too high. For v_s to 0 all of this vanishes.
 """
 
+from .columns import FORCES, HELD, MECHANISM, TALLY
 from .flights import on_grid
 from .language import ti
-from .layout import (
-    ASLEEP, ASLEEP_NOW, AWAKE, BEGIN, BY_REST, CELL, CELLS, CUTOFF, FAR, FIRST_WALL, GX, GY, HELD, HITS_NOW,
-    INVERSE_MASS, ITEMS, JAMMED, KIND_RADIUS, LENGTH_X, LENGTH_Y, LOSSES, MATERIAL, MAY_REST,
-    NEXT_IN_CELL, NOBODY, OF_HELD, PLACES, SAID_ASLEEP, SLEEPERS, TOUCHES_OF_DISK, TURNED, UNJUDGED, VX, VY, WHO, WOKEN,
-    W_SPIN, K, X, Y,
-)  # fmt: skip
+from .limits import TOUCHES_OF_DISK
+from .layout import ASLEEP, AWAKE, FAR, FIRST_WALL, NOBODY, SAID_ASLEEP, WOKEN
 from .places import add, charge, kind_of, radius_of
 from .walls import (
-    ARC_INSIDE, ARC_OUTSIDE, HALF, MOTION, QX, QY, STILL, SURFACE, TEMPERATURE, TURN, TYPE, WALL_MATERIAL, turned_back,
-    wall_motion, wall_reach, wall_turn, wall_vector,
+    ARC_INSIDE, ARC_OUTSIDE, STILL, turned_back, wall_motion, wall_reach, wall_turn, wall_vector,
 )  # fmt: skip
 
 SLOW = 2.0  # resting speeds: slower disks may rest
 GAP = 4.0  # v_s^2 / g: disks that are nearer touch
 QUICK, QUICK_HITS, JAMMED_HITS = 1e-3, 8, 64  # v_s / g: times between hits that are none; how many of them
 AT_REST, MOVED = 1e-3, 3e-3  # g: accelerations below which a disk may fall asleep, and above which it wakes
-MU, RHO = 2, 4  # columns of the law's table (`IFRLaw.table_row`)
 NEAR_ENOUGH = 1e-4  # g: what steps still change of accelerations when forces are found
-# contact that may bear: places of both disks, the second -1 for a wall; the normal; what a unit of its four forces
-# (normal, along the contact, torques on both disks) does to either, scaled so that each changes sqrt(m) a by 1 in all;
-# bounds of the last three over the first; the forces, and those that are tried, or the last change (`note_touch`)
-FIRST, SECOND, NORMAL_FIRST, NORMAL_SECOND, PUSH, DRAG, SPIN_UP = 0, 1, 2, 3, 4, 6, 8
-BOUND, FORCE, TRIED = 10, 13, 17
-FORCES = 4
 
 
 @ti.func
@@ -80,54 +69,56 @@ def sleeps(i, gas: ti.template()):
     """1 if the disk at place i sleeps, else 0."""
     found = 0
     if ti.static(gas.uses.rests):
-        found = ti.cast(gas.rest[i][ASLEEP_NOW] == ASLEEP, ti.i32)
+        found = ti.cast(gas.rest[i].asleep == ASLEEP, ti.i32)
     return found
 
 
 @ti.func
 def set_in_motion(i, t, gas: ti.template()):
     """Say where a disk that sleeps at place i is, and how it moves, in the frame that falls."""
-    gas.work[i][X] = gas.work[i][X] - on_grid(0.5 * gas.scale[GX] * t * t, gas)
-    gas.work[i][Y] = gas.work[i][Y] - on_grid(0.5 * gas.scale[GY] * t * t, gas)
-    gas.work[i][VX], gas.work[i][VY] = -gas.scale[GX] * t, -gas.scale[GY] * t
+    motion = gas.motion[i]
+    motion.x = motion.x - on_grid(0.5 * gas.scale.gx * t * t, gas)
+    motion.y = motion.y - on_grid(0.5 * gas.scale.gy * t * t, gas)
+    motion.vx, motion.vy = -gas.scale.gx * t, -gas.scale.gy * t
 
 
 @ti.func
 def set_at_rest(i, t, gas: ti.template()):
     """Fix the disk at place i where it is in the lab."""
-    gas.work[i][X] = gas.work[i][X] + on_grid(0.5 * gas.scale[GX] * t * t, gas)
-    gas.work[i][Y] = gas.work[i][Y] + on_grid(0.5 * gas.scale[GY] * t * t, gas)
-    gas.work[i][VX], gas.work[i][VY], gas.work[i][W_SPIN] = 0.0, 0.0, 0.0
+    motion = gas.motion[i]
+    motion.x = motion.x + on_grid(0.5 * gas.scale.gx * t * t, gas)
+    motion.y = motion.y + on_grid(0.5 * gas.scale.gy * t * t, gas)
+    motion.vx, motion.vy, motion.spin = 0.0, 0.0, 0.0
 
 
 @ti.func
 def wake(i, tile, gas: ti.template()):
     """Wake the disk at place i, which moves by itself from here on."""
-    gas.rest[i][ASLEEP_NOW] = WOKEN
-    add(tile, SLEEPERS, -1.0, gas)
+    gas.rest[i].asleep = WOKEN
+    add(tile, TALLY.sleepers, -1.0, gas)
 
 
 @ti.func
 def is_slow(i, vx, vy, gas: ti.template()):
     """1 if the disk at place i, with this velocity in the lab, is slow enough to rest, else 0."""
-    limit = SLOW * gas.scale[CUTOFF]
-    surface = radius_of(i, gas) * gas.work[i][W_SPIN]
+    limit = SLOW * gas.scale.cutoff
+    surface = radius_of(i, gas) * gas.motion[i].spin
     return ti.cast(vx * vx + vy * vy < limit * limit and surface * surface < limit * limit, ti.i32)
 
 
 @ti.func
 def count_hit(i, t, since, gas: ti.template()):
     """Count a slow hit of something at rest by the disk at place i, whose latest collision was at `since`, if quick."""
-    pull = ti.abs(gas.scale[GX]) + ti.abs(gas.scale[GY])
-    quick = (t - since) * pull < QUICK * gas.scale[CUTOFF]
-    gas.rest[i][HITS_NOW] = ti.select(quick, gas.rest[i][HITS_NOW] + 1, 0)
+    pull = ti.abs(gas.scale.gx) + ti.abs(gas.scale.gy)
+    quick = (t - since) * pull < QUICK * gas.scale.cutoff
+    gas.rest[i].hits = ti.select(quick, gas.rest[i].hits + 1, 0)
 
 
 @ti.func
 def is_wedged(i, t, gas: ti.template()):
     """1 if the disk at place i has hit what sleeps so often without time between, and is too fast to sleep."""
-    vx, vy = gas.work[i][VX] + gas.scale[GX] * t, gas.work[i][VY] + gas.scale[GY] * t
-    hits = gas.rest[i][HITS_NOW]
+    vx, vy = gas.motion[i].vx + gas.scale.gx * t, gas.motion[i].vy + gas.scale.gy * t
+    hits = gas.rest[i].hits
     return hits >= QUICK_HITS and hits < JAMMED_HITS and not is_slow(i, vx, vy, gas)
 
 
@@ -137,21 +128,22 @@ def fall_asleep(i, t, tile, gas: ti.template()):
 
     It may, too, if it is caught between others. If it cannot get free it falls asleep at any speed.
     """
-    vx, vy = gas.work[i][VX] + gas.scale[GX] * t, gas.work[i][VY] + gas.scale[GY] * t
-    hits, slow = gas.rest[i][HITS_NOW], is_slow(i, vx, vy, gas)
-    if hits >= JAMMED_HITS or (slow and (gas.rest[i][MAY_REST] == 1 or hits >= QUICK_HITS)):
+    rest, motion = gas.rest[i], gas.motion[i]
+    vx, vy = motion.vx + gas.scale.gx * t, motion.vy + gas.scale.gy * t
+    hits, slow = rest.hits, is_slow(i, vx, vy, gas)
+    if hits >= JAMMED_HITS or (slow and (rest.may_rest == 1 or hits >= QUICK_HITS)):
         if not slow:
-            gas.counter[JAMMED] = gas.counter[JAMMED] + 1
-        gas.rest[i][HITS_NOW] = 0
+            gas.counter.jammed = gas.counter.jammed + 1
+        rest.hits = 0
         kind = kind_of(i, gas)
-        radius, spin = gas.kinds[kind][KIND_RADIUS], gas.work[i][W_SPIN]
-        lost = vx * vx + vy * vy + radius * radius * spin * spin / gas.kinds[kind][K]
-        energy = ti.cast(0.5 * lost / gas.kinds[kind][INVERSE_MASS], ti.f64)
-        add(tile, LOSSES + BY_REST, energy, gas)
+        radius, spin = gas.kinds[kind].radius, motion.spin
+        lost = vx * vx + vy * vy + radius * radius * spin * spin / gas.kinds[kind].k
+        energy = ti.cast(0.5 * lost / gas.kinds[kind].inverse_mass, ti.f64)
+        add(tile, TALLY.losses.rest, energy, gas)
         if ti.static(gas.uses.itemised):
-            charge(i, BY_REST, energy, gas)
-        add(tile, SLEEPERS, 1.0, gas)
-        gas.rest[i][ASLEEP_NOW] = ASLEEP
+            charge(i, MECHANISM.rest, energy, gas)
+        add(tile, TALLY.sleepers, 1.0, gas)
+        rest.asleep = ASLEEP
         set_at_rest(i, t, gas)
 
 
@@ -162,10 +154,10 @@ def meeting_with_sleeper(rx, ry, vx, vy, noise, sigma, within, gas: ti.template(
     The gap f = |r| - sigma has f'' >= -g. Steps to the root of f + f' s - g s^2 / 2 cannot pass the first root of f,
     and converge like Newton's (`walls.py`). Disks that touch without speed meet at once if gravity pulls them together.
     """
-    gx, gy = gas.scale[GX], gas.scale[GY]
+    gx, gy = gas.scale.gx, gas.scale.gy
     pull = ti.sqrt(gx * gx + gy * gy)
     found = FAR + 0.0 * rx
-    tolerance = 1.0e-15 * (gas.scale[LENGTH_X] + gas.scale[LENGTH_Y])
+    tolerance = 1.0e-15 * (gas.scale.length_x + gas.scale.length_y)
     reach = sigma + (ti.abs(vx) + ti.abs(vy) + 0.5 * pull * within) * within
     s = 0.0 * rx
     going = ti.cast(rx * rx + ry * ry < reach * reach and within >= 0.0, ti.i32)
@@ -206,7 +198,8 @@ def note_touch(i, j, nx, ny, mu, rho, count, gas: ti.template()):
     A force F_n n + F_t t acts on i at -R n from its centre, the opposite on j; t = (-n_y, n_x). The friction torque T
     on each disk acts by itself. sqrt(m) a and sqrt(I) alpha = sqrt(k / m) (T / R - F_t) are what is made small.
     """
-    if count < TOUCHES_OF_DISK * gas.grid[PLACES]:
+    contact = gas.contact[count]
+    if count < TOUCHES_OF_DISK * gas.grid.places:
         one = mobility(i, gas)
         other = ti.Vector([0.0, 0.0, 0.0], ti.f64)
         if j >= 0:
@@ -214,14 +207,14 @@ def note_touch(i, j, nx, ny, mu, rho, count, gas: ti.template()):
         along = one.xy.norm_sqr() + other.xy.norm_sqr()
         size_n = ti.sqrt(one.x * one.x + other.x * other.x)
         size_t = ti.sqrt(along)
-        gas.touch[count][FIRST], gas.touch[count][SECOND] = ti.cast(i, ti.f64), ti.cast(j, ti.f64)
-        gas.touch[count][NORMAL_FIRST], gas.touch[count][NORMAL_SECOND] = nx, ny
-        gas.touch[count][PUSH], gas.touch[count][PUSH + 1] = one.x / size_n, other.x / size_n
-        gas.touch[count][DRAG], gas.touch[count][DRAG + 1] = one.x / size_t, other.x / size_t
-        gas.touch[count][SPIN_UP], gas.touch[count][SPIN_UP + 1] = -one.y / size_t, -other.y / size_t
-        gas.touch[count][BOUND] = mu * size_t / size_n
-        gas.touch[count][BOUND + 1] = rho * one.z / size_n
-        gas.touch[count][BOUND + 2] = rho * other.z / size_n
+        contact.i, contact.j = ti.cast(i, ti.f64), ti.cast(j, ti.f64)
+        contact.normal_x, contact.normal_y = nx, ny
+        contact.push[0], contact.push[1] = one.x / size_n, other.x / size_n
+        contact.drag[0], contact.drag[1] = one.x / size_t, other.x / size_t
+        contact.spin_up[0], contact.spin_up[1] = -one.y / size_t, -other.y / size_t
+        contact.bound[0] = mu * size_t / size_n
+        contact.bound[1] = rho * one.z / size_n
+        contact.bound[2] = rho * other.z / size_n
     return count + 1
 
 
@@ -229,9 +222,9 @@ def note_touch(i, j, nx, ny, mu, rho, count, gas: ti.template()):
 def mobility(i, gas: ti.template()):
     """1 / sqrt(m), sqrt(k / m) and sqrt(k / m) / R of the disk at place i."""
     kind = kind_of(i, gas)
-    root = ti.sqrt(ti.cast(gas.kinds[kind][INVERSE_MASS], ti.f64))
-    turn = root * ti.sqrt(ti.cast(gas.kinds[kind][K], ti.f64))
-    return ti.Vector([root, turn, turn / gas.kinds[kind][KIND_RADIUS]], ti.f64)
+    root = ti.sqrt(ti.cast(gas.kinds[kind].inverse_mass, ti.f64))
+    turn = root * ti.sqrt(ti.cast(gas.kinds[kind].k, ti.f64))
+    return ti.Vector([root, turn, turn / gas.kinds[kind].radius], ti.f64)
 
 
 @ti.func
@@ -239,12 +232,12 @@ def meets_moving_wall(i, region: ti.template(), gas: ti.template()):
     """1 if a wall that moves, or is no support for another reason, may touch the disk at place i in this window."""
     found = 0
     cell = (
-        region.lane * (gas.grid[CELLS] + 1)
-        + (gas.link[i][CELL] >> 16) * region.ny
-        + (gas.link[i][CELL] & 0xFFFF)
+        region.lane * (gas.grid.cells + 1)
+        + (gas.event_info[i].cell >> 16) * region.ny
+        + (gas.event_info[i].cell & 0xFFFF)
     )
     for item in range(gas.wall_start[cell], gas.wall_start[cell + 1]):
-        code = gas.wall_item[region.lane * gas.grid[ITEMS] + item]
+        code = gas.wall_item[region.lane * gas.grid.items + item]
         w = code // 9
         if not is_support(w, gas):
             _nx, _ny, distance = from_wall(i, code, region, gas)
@@ -256,8 +249,9 @@ def meets_moving_wall(i, region: ti.template(), gas: ti.template()):
 @ti.func
 def is_support(w, gas: ti.template()):
     """1 if wall w is at rest, its surface too, and has no temperature, else 0."""
-    moves = gas.walls[w][MOTION] != STILL or gas.walls[w][TURN] != STILL or gas.walls[w][SURFACE] != 0.0
-    return not (moves or gas.walls[w][TEMPERATURE] > 0.0)
+    wall = gas.walls[w]
+    moves = wall.motion != STILL or wall.turn != STILL or wall.surface != 0.0
+    return not (moves or wall.temperature > 0.0)
 
 
 @ti.func
@@ -267,19 +261,19 @@ def from_wall(i, code, region: ti.template(), gas: ti.template()):
     A wall that turns is seen as it was before. Beside an arc only its ends are near, which are walls of their own.
     """
     w = code // 9
-    s, _speed, _bound, _until = wall_motion(w, 0.0 * gas.scale[CUTOFF], gas)
-    x = region.corner_x + gas.work[i][X] - ((code // 3) % 3 - 1) * gas.scale[LENGTH_X]
-    y = region.corner_y + gas.work[i][Y] - (code % 3 - 1) * gas.scale[LENGTH_Y]
+    s, _speed, _bound, _until = wall_motion(w, 0.0 * gas.scale.cutoff, gas)
+    x = region.corner_x + gas.motion[i].x - ((code // 3) % 3 - 1) * gas.scale.length_x
+    y = region.corner_y + gas.motion[i].y - (code % 3 - 1) * gas.scale.length_y
     if ti.static(gas.uses.turning):
         angle, _spin, _most, _turn_bound = wall_turn(w, 0.0 * s, gas)
         x, y = turned_back(w, x, y, s, angle, gas)
     nx, ny, distance = wall_vector(w, x, y, s, gas)
     if ti.static(gas.uses.arched):
-        kind = ti.cast(gas.walls[w][TYPE], ti.i32)
+        kind = ti.cast(gas.walls[w].type, ti.i32)
         if kind == ARC_INSIDE or kind == ARC_OUTSIDE:
-            along = nx * gas.walls[w][QX] + ny * gas.walls[w][QY]
+            along = nx * gas.walls[w].qx + ny * gas.walls[w].qy
             behind = distance < 0.0  # on the other side of the circle, which is a wall of its own
-            if behind or ti.select(kind == ARC_INSIDE, -along, along) < ti.cos(gas.walls[w][HALF]):
+            if behind or ti.select(kind == ARC_INSIDE, -along, along) < ti.cos(gas.walls[w].half):
                 distance = FAR + 0.0 * distance
     return nx, ny, distance
 
@@ -290,64 +284,65 @@ def find_touches(n, region: ti.template(), gas: ti.template()):
 
     Awake disks without any may not.
     """
-    pull = ti.sqrt(gas.scale[GX] ** 2 + gas.scale[GY] ** 2)
-    near = GAP * gas.scale[CUTOFF] * gas.scale[CUTOFF] / pull
-    places = region.lane * gas.grid[PLACES]
+    pull = ti.sqrt(gas.scale.gx**2 + gas.scale.gy**2)
+    near = GAP * gas.scale.cutoff * gas.scale.cutoff / pull
+    places = region.lane * gas.grid.places
     count = 0
     for i in range(places, places + n):
-        if gas.rest[i][MAY_REST] == 1:
-            own_x, own_y = gas.link[i][CELL] >> 16, gas.link[i][CELL] & 0xFFFF
+        info = gas.event_info[i]
+        if gas.rest[i].may_rest == 1:
+            own_x, own_y = info.cell >> 16, info.cell & 0xFFFF
             radius = radius_of(i, gas)
-            p = ti.cast(gas.kinds[kind_of(i, gas)][MATERIAL], ti.i32)
+            p = ti.cast(gas.kinds[kind_of(i, gas)].material, ti.i32)
             for step in range(5):  # each pair once: the own cell, and half of those around
                 ax, ay = own_x + ti.select(step < 2, 0, 1), own_y + ti.select(step < 2, step, step - 3)
                 shift_x, shift_y = 0.0 * near, 0.0 * near
                 if region.wrap_x == 1 and ax >= region.nx:
                     ax -= region.nx
-                    shift_x = gas.scale[LENGTH_X]
+                    shift_x = gas.scale.length_x
                 if region.wrap_y == 1:
                     if ay >= region.ny:
                         ay -= region.ny
-                        shift_y = gas.scale[LENGTH_Y]
+                        shift_y = gas.scale.length_y
                     elif ay < 0:
                         ay += region.ny
-                        shift_y = -gas.scale[LENGTH_Y]
+                        shift_y = -gas.scale.length_y
                 j = -1
                 if ax < region.nx and ay >= 0 and ay < region.ny:
                     j = gas.head[region.cells + ax * region.ny + ay]
                     if step == 0:
-                        j = gas.link[i][NEXT_IN_CELL]
+                        j = info.next_in_cell
                 while j >= 0:
-                    if gas.rest[j][MAY_REST] == 1:
-                        dx = gas.work[i][X] - gas.work[j][X] - shift_x
-                        dy = gas.work[i][Y] - gas.work[j][Y] - shift_y
+                    if gas.rest[j].may_rest == 1:
+                        dx = gas.motion[i].x - gas.motion[j].x - shift_x
+                        dy = gas.motion[i].y - gas.motion[j].y - shift_y
                         r = ti.sqrt(dx * dx + dy * dy)
                         if r < radius + radius_of(j, gas) + near:
-                            q = ti.cast(gas.kinds[kind_of(j, gas)][MATERIAL], ti.i32)
+                            q = ti.cast(gas.kinds[kind_of(j, gas)].material, ti.i32)
                             count = note_touch(
-                                i, j, dx / r, dy / r, gas.law[p, q, MU], gas.law[p, q, RHO], count, gas
+                                i, j, dx / r, dy / r, gas.law[p, q].mu, gas.law[p, q].rho, count, gas
                             )
-                    j = gas.link[j][NEXT_IN_CELL]
-            cell = region.lane * (gas.grid[CELLS] + 1) + own_x * region.ny + own_y
+                    j = gas.event_info[j].next_in_cell
+            cell = region.lane * (gas.grid.cells + 1) + own_x * region.ny + own_y
             if ti.static(gas.uses.walled):
                 for item in range(gas.wall_start[cell], gas.wall_start[cell + 1]):
-                    code = gas.wall_item[region.lane * gas.grid[ITEMS] + item]
+                    code = gas.wall_item[region.lane * gas.grid.items + item]
                     nx, ny, distance = from_wall(i, code, region, gas)
                     if distance < radius + near and is_support(code // 9, gas):
-                        q = ti.cast(gas.walls[code // 9][WALL_MATERIAL], ti.i32)
+                        q = ti.cast(gas.walls[code // 9].material, ti.i32)
                         count = note_touch(
                             i,
                             FIRST_WALL - code // 9,
                             nx,
                             ny,
-                            gas.law[p, q, MU],
-                            gas.law[p, q, RHO],
+                            gas.law[p, q].mu,
+                            gas.law[p, q].rho,
                             count,
                             gas,
                         )
-    if count > TOUCHES_OF_DISK * gas.grid[PLACES]:
-        count = TOUCHES_OF_DISK * gas.grid[PLACES]
-        gas.counter[UNJUDGED] = gas.counter[UNJUDGED] + 1
+    if count > TOUCHES_OF_DISK * gas.grid.places:
+        count = TOUCHES_OF_DISK * gas.grid.places
+        gas.counter.unjudged = gas.counter.unjudged + 1
     return count
 
 
@@ -358,45 +353,59 @@ def accelerate(count, n, further, weight, rolls, places, gas: ti.template()):
     These are the forces and `further` of their last change. Friction torques count only if some contact `rolls`.
     """
     for i in range(places, places + n):
-        root = weight / ti.sqrt(ti.cast(gas.kinds[kind_of(i, gas)][INVERSE_MASS], ti.f64))
-        gas.balance[i][0], gas.balance[i][1] = root * gas.scale[GX], root * gas.scale[GY]
-        gas.balance[i][2] = 0.0
+        residual = gas.residual_acceleration[i]
+        root = weight / ti.sqrt(ti.cast(gas.kinds[kind_of(i, gas)].inverse_mass, ti.f64))
+        residual.x, residual.y = (
+            root * gas.scale.gx,
+            root * gas.scale.gy,
+        )
+        residual.turn = 0.0
     for c in range(count):
-        i, j = ti.cast(gas.touch[c][FIRST], ti.i32), ti.cast(gas.touch[c][SECOND], ti.i32)
-        nx, ny = gas.touch[c][NORMAL_FIRST], gas.touch[c][NORMAL_SECOND]
-        push = gas.touch[c][FORCE] + further * gas.touch[c][TRIED]
-        drag = gas.touch[c][FORCE + 1] + further * gas.touch[c][TRIED + 1]
-        gas.touch[c][TRIED], gas.touch[c][TRIED + 1] = push, drag
-        p, q = push * gas.touch[c][PUSH], drag * gas.touch[c][DRAG]
-        gas.balance[i][0] = gas.balance[i][0] + (p * nx - q * ny)
-        gas.balance[i][1] = gas.balance[i][1] + (p * ny + q * nx)
-        gas.balance[i][2] = gas.balance[i][2] + drag * gas.touch[c][SPIN_UP]
+        contact = gas.contact[c]
+        i, j = ti.cast(contact.i, ti.i32), ti.cast(contact.j, ti.i32)
+        nx, ny = contact.normal_x, contact.normal_y
+        push = contact.force[0] + further * contact.tried[0]
+        drag = contact.force[1] + further * contact.tried[1]
+        contact.tried[0], contact.tried[1] = push, drag
+        p, q = push * contact.push[0], drag * contact.drag[0]
+        gas.residual_acceleration[i].x = gas.residual_acceleration[i].x + (p * nx - q * ny)
+        gas.residual_acceleration[i].y = gas.residual_acceleration[i].y + (p * ny + q * nx)
+        gas.residual_acceleration[i].turn = gas.residual_acceleration[i].turn + drag * contact.spin_up[0]
         if j >= 0:
-            p, q = push * gas.touch[c][PUSH + 1], drag * gas.touch[c][DRAG + 1]
-            gas.balance[j][0] = gas.balance[j][0] - (p * nx - q * ny)
-            gas.balance[j][1] = gas.balance[j][1] - (p * ny + q * nx)
-            gas.balance[j][2] = gas.balance[j][2] + drag * gas.touch[c][SPIN_UP + 1]
+            p, q = push * contact.push[1], drag * contact.drag[1]
+            gas.residual_acceleration[j].x = gas.residual_acceleration[j].x - (p * nx - q * ny)
+            gas.residual_acceleration[j].y = gas.residual_acceleration[j].y - (p * ny + q * nx)
+            gas.residual_acceleration[j].turn = gas.residual_acceleration[j].turn + drag * contact.spin_up[1]
         if rolls == 1:
             for q in ti.static(range(2, FORCES)):
-                gas.touch[c][TRIED + q] = gas.touch[c][FORCE + q] + further * gas.touch[c][TRIED + q]
-            gas.balance[i][2] = gas.balance[i][2] + gas.touch[c][TRIED + 2]
+                contact.tried[q] = contact.force[q] + further * contact.tried[q]
+            gas.residual_acceleration[i].turn = gas.residual_acceleration[i].turn + contact.tried[2]
             if j >= 0:
-                gas.balance[j][2] = gas.balance[j][2] + gas.touch[c][TRIED + 3]
+                gas.residual_acceleration[j].turn = gas.residual_acceleration[j].turn + contact.tried[3]
 
 
 @ti.func
 def gained(c, gas: ti.template()):
     """Change of the sum of (m a^2 + I alpha^2) / 2 by a unit more of each of the four forces of a contact."""
-    i, j = ti.cast(gas.touch[c][FIRST], ti.i32), ti.cast(gas.touch[c][SECOND], ti.i32)
-    nx, ny = gas.touch[c][NORMAL_FIRST], gas.touch[c][NORMAL_SECOND]
-    ax, ay, turn = gas.balance[i][0], gas.balance[i][1], gas.balance[i][2]
-    push = gas.touch[c][PUSH] * (nx * ax + ny * ay)
-    drag = gas.touch[c][DRAG] * (nx * ay - ny * ax) + gas.touch[c][SPIN_UP] * turn
+    contact = gas.contact[c]
+    i, j = ti.cast(contact.i, ti.i32), ti.cast(contact.j, ti.i32)
+    nx, ny = contact.normal_x, contact.normal_y
+    ax, ay, turn = (
+        gas.residual_acceleration[i].x,
+        gas.residual_acceleration[i].y,
+        gas.residual_acceleration[i].turn,
+    )
+    push = contact.push[0] * (nx * ax + ny * ay)
+    drag = contact.drag[0] * (nx * ay - ny * ax) + contact.spin_up[0] * turn
     other = ti.cast(0.0, ti.f64)
     if j >= 0:
-        ax, ay, other = gas.balance[j][0], gas.balance[j][1], gas.balance[j][2]
-        push -= gas.touch[c][PUSH + 1] * (nx * ax + ny * ay)
-        drag -= gas.touch[c][DRAG + 1] * (nx * ay - ny * ax) - gas.touch[c][SPIN_UP + 1] * other
+        ax, ay, other = (
+            gas.residual_acceleration[j].x,
+            gas.residual_acceleration[j].y,
+            gas.residual_acceleration[j].turn,
+        )
+        push -= contact.push[1] * (nx * ax + ny * ay)
+        drag -= contact.drag[1] * (nx * ay - ny * ax) - contact.spin_up[1] * other
     return ti.Vector([push, drag, turn, other], ti.f64)
 
 
@@ -418,17 +427,18 @@ def into_cone(force, c, gas: ti.template()):
     F is the root of F - F_0 - sum b_q max(|F_q| - b_q F, 0), which grows and bends down: Newton's steps from its left
     side stay there, and each loses a term at least or is the last one.
     """
+    contact = gas.contact[c]
     push = ti.max(force[0], 0.0)
     least = force[0]
     for q in ti.static(range(FORCES - 1)):
-        least += gas.touch[c][BOUND + q] * ti.abs(force[q + 1])
+        least += contact.bound[q] * ti.abs(force[q + 1])
     found = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)
     if least > 0.0:
         going, steps = 1, 0
         while going == 1:
             value, slope = push - force[0], ti.cast(1.0, ti.f64)
             for q in ti.static(range(FORCES - 1)):
-                bound = gas.touch[c][BOUND + q]
+                bound = contact.bound[q]
                 over = ti.abs(force[q + 1]) - bound * push
                 if over > 0.0:
                     value -= bound * over
@@ -438,7 +448,7 @@ def into_cone(force, c, gas: ti.template()):
             going = ti.cast(value < 0.0 and steps < FORCES, ti.i32)
         found[0] = push
         for q in ti.static(range(FORCES - 1)):
-            most = gas.touch[c][BOUND + q] * push
+            most = contact.bound[q] * push
             found[q + 1] = ti.max(-most, ti.min(force[q + 1], most))
     return found
 
@@ -448,16 +458,17 @@ def balanced(count, n, most, places, gas: ti.template()):
     """Find the forces in all cones that leave the least accelerations; 1 if that was done in `most` steps, else 0."""
     lightest, rolls = ti.cast(0.0, ti.f64), 0
     for c in range(count):
-        i = ti.cast(gas.touch[c][FIRST], ti.i32)
-        lightest = ti.max(lightest, ti.cast(gas.kinds[kind_of(i, gas)][INVERSE_MASS], ti.f64))
-        if gas.touch[c][BOUND + 1] > 0.0:
+        contact = gas.contact[c]
+        i = ti.cast(contact.i, ti.i32)
+        lightest = ti.max(lightest, ti.cast(gas.kinds[kind_of(i, gas)].inverse_mass, ti.f64))
+        if contact.bound[1] > 0.0:
             rolls = 1
         # Torques against the force along the contact: what turns a disk most.
-        gas.touch[c][FORCE], gas.touch[c][FORCE + 1] = 1.0, -1.0 - 0.1 * ti.cast(c % 3, ti.f64)
-        gas.touch[c][FORCE + 2], gas.touch[c][FORCE + 3] = 1.0, 1.0
+        contact.force[0], contact.force[1] = 1.0, -1.0 - 0.1 * ti.cast(c % 3, ti.f64)
+        contact.force[2], contact.force[3] = 1.0, 1.0
         for q in ti.static(range(FORCES)):
-            gas.touch[c][TRIED + q] = 0.0
-    pull = ti.cast(ti.sqrt(gas.scale[GX] ** 2 + gas.scale[GY] ** 2), ti.f64)
+            contact.tried[q] = 0.0
+    pull = ti.cast(ti.sqrt(gas.scale.gx**2 + gas.scale.gy**2), ti.f64)
     enough = (NEAR_ENOUGH * pull) ** 2 / ti.max(lightest, 1.0e-300)
     # The largest curvature, by the power method; a tenth more is above it.
     largest = ti.cast(1.0, ti.f64)
@@ -469,11 +480,11 @@ def balanced(count, n, most, places, gas: ti.template()):
             for q in ti.static(range(FORCES)):
                 if q < 2 or rolls == 1:
                     square += change[q] * change[q]
-                    gas.touch[c][FORCE + q] = change[q]
+                    gas.contact[c].force[q] = change[q]
         largest = ti.sqrt(ti.max(square, 1.0e-300))
         for c in range(count):
             for q in ti.static(range(FORCES)):
-                gas.touch[c][FORCE + q] = gas.touch[c][FORCE + q] / largest
+                gas.contact[c].force[q] = gas.contact[c].force[q] / largest
     step = 1.0 / (1.1 * largest)
     for c in range(count):
         recall(c, gas)
@@ -482,23 +493,24 @@ def balanced(count, n, most, places, gas: ti.template()):
         accelerate(count, n, further, 1.0, rolls, places, gas)
         changed, upwards = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
         for c in range(count):
+            touching = gas.contact[c]
             slope = gained(c, gas)
             force = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)
-            force[0] = gas.touch[c][TRIED] - step * slope[0]
-            force[1] = gas.touch[c][TRIED + 1] - step * slope[1]
+            force[0] = touching.tried[0] - step * slope[0]
+            force[1] = touching.tried[1] - step * slope[1]
             if rolls == 1:
-                force[2] = gas.touch[c][TRIED + 2] - step * slope[2]
-                force[3] = gas.touch[c][TRIED + 3] - step * slope[3]
+                force[2] = touching.tried[2] - step * slope[2]
+                force[3] = touching.tried[3] - step * slope[3]
                 force = into_cone(force, c, gas)
             else:
-                force[0], force[1] = into_wedge(force[0], force[1], gas.touch[c][BOUND])
+                force[0], force[1] = into_wedge(force[0], force[1], touching.bound[0])
             for q in ti.static(range(FORCES)):
                 if q < 2 or rolls == 1:
-                    change = force[q] - gas.touch[c][FORCE + q]
-                    changed += (force[q] - gas.touch[c][TRIED + q]) ** 2
+                    change = force[q] - touching.force[q]
+                    changed += (force[q] - touching.tried[q]) ** 2
                     upwards += slope[q] * change
-                    gas.touch[c][TRIED + q] = change
-                    gas.touch[c][FORCE + q] = force[q]
+                    touching.tried[q] = change
+                    touching.force[q] = force[q]
         turn += 1
         if changed < enough * step * step:
             going, done = 0, 1
@@ -519,9 +531,9 @@ def balanced(count, n, most, places, gas: ti.template()):
 @ti.func
 def who_touches(c, gas: ti.template()):
     """The other one of a contact: the id of the disk, or the wall as a partner."""
-    other = ti.cast(gas.touch[c][SECOND], ti.i32)
+    other = ti.cast(gas.contact[c].j, ti.i32)
     if other >= 0:
-        other = gas.link[other][WHO]
+        other = gas.event_info[other].id
     return other
 
 
@@ -531,47 +543,60 @@ def recall(c, gas: ti.template()):
 
     Seen from the other disk n, t and the force are the opposite: F_n and F_t are the same, and torques change places.
     """
-    i, j = ti.cast(gas.touch[c][FIRST], ti.i32), ti.cast(gas.touch[c][SECOND], ti.i32)
+    contact = gas.contact[c]
+    i, j = ti.cast(contact.i, ti.i32), ti.cast(contact.j, ti.i32)
     other = who_touches(c, gas)
     found = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)
-    for h in ti.static(range(0, HELD * OF_HELD, OF_HELD)):
-        if gas.grip[i][h] == other:
+    for h in ti.static(range(HELD.contact.count)):
+        if gas.cached_force[i].contact[h].other == other:
             for q in ti.static(range(FORCES)):
-                found[q] = gas.grip[i][h + 1 + q]
+                found[q] = gas.cached_force[i].contact[h].force[q]
         if j >= 0:
-            if gas.grip[j][h] == gas.link[i][WHO]:
+            if gas.cached_force[j].contact[h].other == gas.event_info[i].id:
                 found = ti.Vector(
-                    [gas.grip[j][h + 1], gas.grip[j][h + 2], gas.grip[j][h + 4], gas.grip[j][h + 3]], ti.f64
+                    [
+                        gas.cached_force[j].contact[h].force[0],
+                        gas.cached_force[j].contact[h].force[1],
+                        gas.cached_force[j].contact[h].force[3],
+                        gas.cached_force[j].contact[h].force[2],
+                    ],
+                    ti.f64,
                 )
     for q in ti.static(range(FORCES)):
-        gas.touch[c][FORCE + q], gas.touch[c][TRIED + q] = found[q], 0.0  # no change yet
+        contact.force[q], contact.tried[q] = found[q], 0.0  # no change yet
 
 
 @ti.func
 def keep(count, n, places, gas: ti.template()):
-    """Keep the forces that were found, for the next judgement: at the first HELD contacts that a disk lists."""
+    """Keep the forces that were found, for the next judgement: at the first contacts that a disk lists."""
     for i in range(places, places + n):
-        for h in ti.static(range(0, HELD * OF_HELD, OF_HELD)):
-            gas.grip[i][h] = NOBODY
+        for h in ti.static(range(HELD.contact.count)):
+            gas.cached_force[i].contact[h].other = NOBODY
     for c in range(count):
-        i = ti.cast(gas.touch[c][FIRST], ti.i32)
-        going = ti.cast(gas.touch[c][FORCE] > 0.0, ti.i32)
-        for h in ti.static(range(0, HELD * OF_HELD, OF_HELD)):
-            if going == 1 and gas.grip[i][h] == NOBODY:
-                gas.grip[i][h] = who_touches(c, gas)
+        contact = gas.contact[c]
+        i = ti.cast(contact.i, ti.i32)
+        going = ti.cast(contact.force[0] > 0.0, ti.i32)
+        for h in ti.static(range(HELD.contact.count)):
+            if going == 1 and gas.cached_force[i].contact[h].other == NOBODY:
+                gas.cached_force[i].contact[h].other = who_touches(c, gas)
                 for q in ti.static(range(FORCES)):
-                    gas.grip[i][h + 1 + q] = gas.touch[c][FORCE + q]
+                    gas.cached_force[i].contact[h].force[q] = contact.force[q]
                 going = 0
 
 
 @ti.func
 def left_over(i, gas: ti.template()):
     """The larger of the acceleration and R alpha that is left of the disk at place i."""
+    residual = gas.residual_acceleration[i]
     kind = kind_of(i, gas)
-    ax, ay, turn = gas.balance[i][0], gas.balance[i][1], gas.balance[i][2]
-    root = ti.sqrt(ti.cast(gas.kinds[kind][INVERSE_MASS], ti.f64))
+    ax, ay, turn = (
+        residual.x,
+        residual.y,
+        residual.turn,
+    )
+    root = ti.sqrt(ti.cast(gas.kinds[kind].inverse_mass, ti.f64))
     return root * ti.max(
-        ti.sqrt(ax * ax + ay * ay), ti.abs(turn) * ti.sqrt(ti.cast(gas.kinds[kind][K], ti.f64))
+        ti.sqrt(ax * ax + ay * ay), ti.abs(turn) * ti.sqrt(ti.cast(gas.kinds[kind].k, ti.f64))
     )
 
 
@@ -582,27 +607,28 @@ def judge(n, tile, region: ti.template(), gas: ti.template()):
     There is nothing to judge where nobody has been woken since the last time, no slow disk touches anything and gravity
     has not turned.
     """
-    places = region.lane * gas.grid[PLACES]
-    pull = ti.cast(ti.sqrt(gas.scale[GX] ** 2 + gas.scale[GY] ** 2), ti.f64)
-    changed = ti.cast(gas.clock[BEGIN] == gas.clock[TURNED], ti.i32)
+    places = region.lane * gas.grid.places
+    pull = ti.cast(ti.sqrt(gas.scale.gx**2 + gas.scale.gy**2), ti.f64)
+    changed = ti.cast(gas.clock.begin == gas.clock.turned, ti.i32)
     for i in range(places, places + n):
-        if gas.rest[i][ASLEEP_NOW] == WOKEN:
-            gas.rest[i][ASLEEP_NOW] = AWAKE
+        rest = gas.rest[i]
+        if rest.asleep == WOKEN:
+            rest.asleep = AWAKE
             changed = 1
-        if gas.rest[i][ASLEEP_NOW] == SAID_ASLEEP:
-            gas.rest[i][ASLEEP_NOW] = ASLEEP
+        if rest.asleep == SAID_ASLEEP:
+            rest.asleep = ASLEEP
             changed = 1
-        gas.rest[i][MAY_REST] = ti.max(sleeps(i, gas), is_slow(i, gas.work[i][VX], gas.work[i][VY], gas))
+        rest.may_rest = ti.max(sleeps(i, gas), is_slow(i, gas.motion[i].vx, gas.motion[i].vy, gas))
         if ti.static(gas.uses.walled):
-            if gas.rest[i][MAY_REST] == 1:
+            if rest.may_rest == 1:
                 if meets_moving_wall(i, region, gas):
-                    gas.rest[i][MAY_REST] = 0
+                    rest.may_rest = 0
                     if sleeps(i, gas):
                         wake(i, tile, gas)
                         changed = 1
     count = find_touches(n, region, gas)
     for c in range(count):
-        i, j = ti.cast(gas.touch[c][FIRST], ti.i32), ti.cast(gas.touch[c][SECOND], ti.i32)
+        i, j = ti.cast(gas.contact[c].i, ti.i32), ti.cast(gas.contact[c].j, ti.i32)
         if not sleeps(i, gas):
             changed = 1
         if j >= 0:
@@ -611,15 +637,15 @@ def judge(n, tile, region: ti.template(), gas: ti.template()):
     if changed == 1:
         resting = 0
         for i in range(places, places + n):
-            resting += gas.rest[i][MAY_REST]
+            resting += gas.rest[i].may_rest
         if not balanced(count, n, 4000 + 10 * resting, places, gas):
-            gas.counter[UNJUDGED] = gas.counter[UNJUDGED] + 1
+            gas.counter.unjudged = gas.counter.unjudged + 1
         for i in range(places, places + n):
             over = left_over(i, gas)
             if sleeps(i, gas):
                 if over > MOVED * pull:
                     wake(i, tile, gas)
-            gas.rest[i][MAY_REST] = ti.cast(gas.rest[i][MAY_REST] == 1 and over < AT_REST * pull, ti.i32)
+            gas.rest[i].may_rest = ti.cast(gas.rest[i].may_rest == 1 and over < AT_REST * pull, ti.i32)
     else:
         for i in range(places, places + n):
-            gas.rest[i][MAY_REST] = 0
+            gas.rest[i].may_rest = 0

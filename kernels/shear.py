@@ -13,7 +13,6 @@ the tally. What is peculiar to the mean flow differs from that by a function of 
 """
 
 from .language import ti
-from .layout import DRIFT, SHEAR, TILES_Y
 
 
 @ti.pyfunc
@@ -28,10 +27,10 @@ def displacement(speed, time, tile_side, tiles):
 @ti.func
 def frame_speed(row, gas: ti.template()):
     """Velocity in the lab of a row of tiles' frame: that of the flow in the row's middle, in double precision."""
-    return ti.cast(gas.scale[DRIFT], ti.f64) * (ti.cast(2 * row + 1 - gas.grid[TILES_Y], ti.f64) * 0.5)
+    return ti.cast(gas.scale.drift, ti.f64) * (ti.cast(2 * row + 1 - gas.grid.tiles_y, ti.f64) * 0.5)
 
 
 @ti.func
 def flow_at(y, gas: ti.template()):
     """Velocity of the flow at a height in a tile, in the frame of that row of tiles."""
-    return ti.cast(gas.scale[SHEAR], ti.f64) * (ti.cast(y, ti.f64) - 0.5 * gas.edge_y[1])
+    return ti.cast(gas.scale.shear, ti.f64) * (ti.cast(y, ti.f64) - 0.5 * gas.edge_y[1])

@@ -14,40 +14,40 @@ A row of `walls` holds
 ==============  ==========================================================================================
 column          meaning
 ==============  ==========================================================================================
-TYPE            LINE, SEGMENT, CONTAINER (disks inside of a circle), POST (disks outside of one), ARC_INSIDE and
+type            LINE, SEGMENT, CONTAINER (disks inside of a circle), POST (disks outside of one), ARC_INSIDE and
                 ARC_OUTSIDE (the two sides of an arc), or GONE (a gate that is open)
-PX, PY          a point of a line, the beginning of a segment, the centre of a circle
-QX, QY          a line's unit normal, towards the disks; the end of a segment minus its beginning; the unit vector to
+px, py          a point of a line, the beginning of a segment, the centre of a circle
+qx, qy          a line's unit normal, towards the disks; the end of a segment minus its beginning; the unit vector to
                 the middle of an arc
-CIRCLE          radius of a circle
-MOTION          STILL, STEADY, SINE, SAWTOOTH or FREE displacement along (UX, UY), a unit vector
-UX, UY
-AMPLITUDE       of the displacement; for STEADY the speed
-RATE            angular frequency of SINE, frequency of SAWTOOTH
-PHASE           at t = 0 of the run, or at BEGINS, in radians (SINE) or periods (SAWTOOTH)
-RISE            part of its period in which SAWTOOTH rises, from -AMPLITUDE to AMPLITUDE
-SURFACE         speed of the wall's surface along its tangent, (-n_y, n_x) of the normal towards the disk
-WALL_MATERIAL   row of the law's table
-NOW_0           what MOTION needs to know of the beginning of the window: displacement (STEADY), phase
-TEMPERATURE     of a thermal wall [energy], which does not follow the law (below); else 0
-HEAT            which of the sums of walls is the heat of a thermal wall, else -1
-OWNER           number of the wall that this is a piece of
-HALF            half the angle of an arc
-TURN            STILL, STEADY or SINE rotation about (CX, CY), which the displacement carries along
-CX, CY
-TURN_BY         amplitude of the angle; for STEADY the angular velocity
-TURN_RATE       angular frequency of SINE
-TURN_PHASE      at t = 0 of the run, or at BEGINS
-TURN_0          what TURN needs to know of the beginning of the window: angle (STEADY), phase
-LEVER           distance of the farthest point of the piece from (CX, CY)
-BEGINS, ENDS    time of the run from which on it moves, and until when
-MOVES           1 if it moves in the window, which neither of the two lies in, else 0
-SUMS            first of the sums of its wall: momentum (2), torque, work, heat, hits
-INVERSE         inverse mass of a piston, whose motion is FREE
-LOW, HIGH       of a piston's displacement, which its stops bound
-PISTON          first of the changes of its displacement and velocity, among the sums of walls
-NEXT_PISTON     row of the next piston, or -1
-STOP_AT         time of the window at which it meets a stop
+circle          radius of a circle
+motion          STILL, STEADY, SINE, SAWTOOTH or FREE displacement along (ux, uy), a unit vector
+ux, uy
+amplitude       of the displacement; for STEADY the speed
+rate            angular frequency of SINE, frequency of SAWTOOTH
+phase           at t = 0 of the run, or at `begins`, in radians (SINE) or periods (SAWTOOTH)
+rise            part of its period in which SAWTOOTH rises, from -`amplitude` to `amplitude`
+surface         speed of the wall's surface along its tangent, (-n_y, n_x) of the normal towards the disk
+material        row of the law's table
+now             what `motion` needs to know of the beginning of the window: displacement (STEADY), phase
+temperature     of a thermal wall [energy], which does not follow the law (below); else 0
+heat            which of the sums of walls is the heat of a thermal wall, else -1
+owner           number of the wall that this is a piece of
+half            half the angle of an arc
+turn            STILL, STEADY or SINE rotation about (cx, cy), which the displacement carries along
+cx, cy
+turn_by         amplitude of the angle; for STEADY the angular velocity
+turn_rate       angular frequency of SINE
+turn_phase      at t = 0 of the run, or at `begins`
+turn_now        what `turn` needs to know of the beginning of the window: angle (STEADY), phase
+lever           distance of the farthest point of the piece from (cx, cy)
+begins, ends    time of the run from which on it moves, and until when
+moves           1 if it moves in the window, which neither of the two lies in, else 0
+sums            first of the sums of its wall: momentum (2), torque, work, heat, hits
+inverse_mass    inverse mass of a piston, whose motion is FREE
+low, high       of a piston's displacement, which its stops bound
+piston          first of the changes of its displacement and velocity, among the sums of walls
+next_piston     row of the next piston, or -1
+stop_at         time of the window at which it meets a stop
 ==============  ==========================================================================================
 
 Rotating walls. In the frame that turns with a wall about its centre, by the angle theta(t), the wall is at rest, and a
@@ -67,8 +67,8 @@ there, at the first angle of the arc, it would be nearer than R to its end. The 
 at the seam circle and end touch each other, and a circle that is taken so far is R (6e-8)^2 / 2 = 2e-15 R off.
 
 Pistons. A piston has a mass M and one degree of freedom, its displacement s along its normal u. Between hits
-M s'' = F + M g.u - K s: a parabola, or an oscillation of angular frequency sqrt(K/M) (RATE) about F/K + g.u/RATE^2. Its
-columns NOW_0, SPEED_0, SINCE and PUSH hold s and s' at the latest event of its own, the time of that, and F/M. A disk
+M s'' = F + M g.u - K s: a parabola, or an oscillation of angular frequency sqrt(K/M) (`rate`) about F/K + g.u/rate^2.
+Its columns now, speed, since and push hold s and s' at the latest event of its own, the time of that, and F/M. A disk
 looks for it from the later of its own latest event and that one. Rails hold it along its tangent, and it does not turn:
 an impulse P along n changes the approach by -P (1/m + 1/M), one along t the slip by -P (1 + k)/m, as at a fixed wall.
 The law has both effective masses of a second disk with 1/M and k = -1, whose 1/m_t = (1 + k)/M is nothing. The impulse
@@ -88,17 +88,11 @@ wall just what it gets back, and stays what it is. R. Tehver et al., Phys. Rev. 
 doi:10.1103/PhysRevE.57.R17, tell what goes wrong with other densities.
 """
 
+from .columns import MECHANISM, TALLY, WALL_SUM
 from .contact import ELASTIC, collided
 from .flights import rounding
 from .language import ti
-from .layout import (
-    AT_WALLS, BEFORE, BEGIN, BY_HEAT, BY_LAW, BY_REMEDY, BY_WALLS, CELL, CELLS, ELASTICS, EVENT_HOW,
-    EVENT_PARTNER, FAR, FIRST_PISTON, FIRST_WALL, FULL, FULL_WALLS, GX, GY, INVERSE_MASS, ITEMS, KIND_RADIUS, LAST,
-    LENGTH_X, LENGTH_Y, LOSSES, MATERIAL, NEEDED, NORMAL_X, NUMBER, OWN, PARTNER, PATH, PERIODIC_X, PERIODIC_Y,
-    RESTING, RESUMING, SEED_HIGH, SEED_LOW, TALLY, TAU, VX, VY, WALLS, WALL_COLLISIONS, WALL_WORK, WHO, WIDEST,
-    WINDOW, W_SPIN, K, X, Y,
-)  # fmt: skip
-from .limits import INVERSE, OWNER, WALL
+from .layout import BY_HEAT, BY_LAW, BY_REMEDY, FAR, FIRST_WALL, FULL_WALLS
 from .places import (
     add, came_to, charge, just_collided, kind_of, note_speed, radius_of, remember, watched_row, write_motion,
 )  # fmt: skip
@@ -116,28 +110,21 @@ def thermal_velocity(i, temperature, nx, ny, ux, uy, gas: ti.template()):
     The random numbers depend on the seed, the disk, and how many collisions it has had before, with disks and walls.
     """
     stream = ti.Vector([
-        ti.cast(gas.link[i][WHO], ti.u32), ti.cast(gas.mark[i][BEFORE] + gas.link[i][NUMBER] - 1, ti.u32), ti.u32(0),
-        ti.u32(PLACE), ti.cast(gas.grid[SEED_LOW], ti.u32), ti.cast(gas.grid[SEED_HIGH], ti.u32),
+        ti.cast(gas.event_info[i].id, ti.u32),
+        ti.cast(gas.image_info[i].events_before + gas.event_info[i].number - 1, ti.u32), ti.u32(0), ti.u32(PLACE),
+        ti.cast(gas.grid.seed_low, ti.u32), ti.cast(gas.grid.seed_high, ti.u32),
     ], ti.u32)  # fmt: skip
     kind = kind_of(i, gas)
-    spread = ti.sqrt(temperature * gas.kinds[kind][INVERSE_MASS])
+    spread = ti.sqrt(temperature * gas.kinds[kind].inverse_mass)
     v_n = spread * rayleigh(stream, 0)
     along = normals(stream, 1)
     v_t = spread * along[0]
     # sqrt(T/I), I = m R^2 / k
-    spin = spread * ti.sqrt(gas.kinds[kind][K]) / gas.kinds[kind][KIND_RADIUS] * along[1]
+    spin = spread * ti.sqrt(gas.kinds[kind].k) / gas.kinds[kind].radius * along[1]
     return ux + v_n * nx - v_t * ny, uy + v_n * ny + v_t * nx, spin
 
 
-TYPE, PX, PY, QX, QY, CIRCLE, MOTION, UX, UY = range(9)
-AMPLITUDE, RATE, PHASE, RISE, SURFACE, WALL_MATERIAL, NOW_0, TEMPERATURE, HEAT = range(9, 18)
-HALF, TURN, CX, CY, TURN_BY, TURN_RATE, TURN_PHASE, TURN_0, LEVER, BEGINS, ENDS, MOVES, SUMS = range(
-    OWNER + 1, 32
-)
-LOW, HIGH, PISTON, NEXT_PISTON, STOP_AT = range(INVERSE + 1, WALL)
-SPEED_0, SINCE, PUSH = AMPLITUDE, PHASE, RISE  # of a piston
 LINE, SEGMENT, CONTAINER, POST, ARC_INSIDE, ARC_OUTSIDE, GONE = range(7)
-MOMENTUM_X, MOMENTUM_Y, TORQUE, WORK, WARMTH, HITS = range(6)  # of SUMS
 STILL, STEADY, SINE, SAWTOOTH, FREE = range(5)
 MOST_STEPS = 1000  # towards a root; grazing contacts with oscillating walls take tens
 TWO_PI = 6.283185307179586
@@ -146,18 +133,19 @@ TWO_PI = 6.283185307179586
 @ti.func
 def wall_phases(gas: ti.template()):
     """At the beginning of a window: where every wall is in its motion. In double precision, for long runs."""
-    for w in range(gas.grid[WALLS]):
-        motion = ti.cast(gas.walls[w][MOTION], ti.i32)
-        now = ti.cast(gas.clock[BEGIN], ti.f64)
+    for w in range(gas.grid.walls):
+        wall = gas.walls[w]
+        motion = ti.cast(wall.motion, ti.i32)
+        now = ti.cast(gas.clock.begin, ti.f64)
         if ti.static(gas.uses.timed):
-            begins, ends = ti.cast(gas.walls[w][BEGINS], ti.f64), ti.cast(gas.walls[w][ENDS], ti.f64)
-            gas.walls[w][MOVES] = ti.cast(now >= begins and now < ends, float)
+            begins, ends = ti.cast(wall.begins, ti.f64), ti.cast(wall.ends, ti.f64)
+            wall.moves = ti.cast(now >= begins and now < ends, float)
             now = ti.min(ti.max(now, begins), ends)
             if begins > -FAR:  # its motion counts from where it begins
                 now -= begins
-        rate = ti.cast(gas.walls[w][RATE], ti.f64)
-        phase = ti.cast(gas.walls[w][PHASE], ti.f64)
-        at = ti.cast(gas.walls[w][AMPLITUDE], ti.f64) * now
+        rate = ti.cast(wall.rate, ti.f64)
+        phase = ti.cast(wall.phase, ti.f64)
+        at = ti.cast(wall.amplitude, ti.f64) * now
         if motion == SINE:
             turns = (rate * now + phase) / TWO_PI
             at = TWO_PI * (turns - ti.floor(turns))
@@ -165,28 +153,27 @@ def wall_phases(gas: ti.template()):
             turns = rate * now + phase
             at = turns - ti.floor(turns)
         if motion != FREE:
-            gas.walls[w][NOW_0] = ti.cast(at, float)
+            wall.now = ti.cast(at, float)
         if ti.static(gas.uses.turning):
-            turned = ti.cast(gas.walls[w][TURN_BY], ti.f64) * now + ti.cast(gas.walls[w][TURN_PHASE], ti.f64)
-            if ti.cast(gas.walls[w][TURN], ti.i32) == SINE:
-                turned = ti.cast(gas.walls[w][TURN_RATE], ti.f64) * now + ti.cast(
-                    gas.walls[w][TURN_PHASE], ti.f64
-                )
+            turned = ti.cast(wall.turn_by, ti.f64) * now + ti.cast(wall.turn_phase, ti.f64)
+            if ti.cast(wall.turn, ti.i32) == SINE:
+                turned = ti.cast(wall.turn_rate, ti.f64) * now + ti.cast(wall.turn_phase, ti.f64)
             turned /= TWO_PI
-            gas.walls[w][TURN_0] = ti.cast(TWO_PI * (turned - ti.floor(turned)), float)
+            wall.turn_now = ti.cast(TWO_PI * (turned - ti.floor(turned)), float)
     if ti.static(gas.uses.pistons):
-        w = gas.grid[FIRST_PISTON]
+        w = gas.grid.first_piston
         while w >= 0:
-            if gas.counter[RESUMING] == 0:  # else it has moved on in this window
-                column = TALLY + ti.cast(gas.walls[w][PISTON], ti.i32)
-                set_piston(w, 0.0 * gas.scale[WINDOW], gas.sums[column], gas.sums[column + 1], gas)
-            w = ti.cast(gas.walls[w][NEXT_PISTON], ti.i32)
+            if gas.counter.resuming == 0:  # else it has moved on in this window
+                column = TALLY.width + ti.cast(gas.walls[w].piston, ti.i32)
+                set_piston(w, 0.0 * gas.scale.window, gas.sums[column], gas.sums[column + 1], gas)
+            w = ti.cast(gas.walls[w].next_piston, ti.i32)
 
 
 @ti.func
 def push_of(w, gas: ti.template()):
     """Acceleration of piston w by its force and gravity."""
-    return gas.walls[w][PUSH] + (gas.scale[GX] * gas.walls[w][UX] + gas.scale[GY] * gas.walls[w][UY])
+    wall = gas.walls[w]
+    return wall.push + (gas.scale.gx * wall.ux + gas.scale.gy * wall.uy)
 
 
 @ti.pyfunc
@@ -199,22 +186,23 @@ def piston_speed(s, speed, push, rate, path):
 def fastest_piston(gas: ti.template()):
     """The largest `piston_speed` at the beginning of a window, from the sums."""
     found = ti.cast(0.0, ti.f64)
-    w = gas.grid[FIRST_PISTON]
+    w = gas.grid.first_piston
     while w >= 0:
-        column = TALLY + ti.cast(gas.walls[w][PISTON], ti.i32)
+        column = TALLY.width + ti.cast(gas.walls[w].piston, ti.i32)
         found = ti.max(found, piston_speed(
-            gas.sums[column], gas.sums[column + 1], push_of(w, gas), gas.walls[w][RATE], gas.clock[PATH]
+            gas.sums[column], gas.sums[column + 1], push_of(w, gas), gas.walls[w].rate, gas.clock.path
         ))  # fmt: skip
-        w = ti.cast(gas.walls[w][NEXT_PISTON], ti.i32)
+        w = ti.cast(gas.walls[w].next_piston, ti.i32)
     return found
 
 
 @ti.func
 def set_piston(w, t, s, speed, gas: ti.template()):
     """Let piston w go on from a displacement with a speed at a time of the window; note when it meets a stop."""
-    gas.walls[w][NOW_0], gas.walls[w][SPEED_0], gas.walls[w][SINCE] = s, speed, t
-    push, rate = push_of(w, gas), gas.walls[w][RATE]
-    low, high = gas.walls[w][LOW], gas.walls[w][HIGH]
+    wall = gas.walls[w]
+    wall.now, wall.speed, wall.since = s, speed, t
+    push, rate = push_of(w, gas), wall.rate
+    low, high = wall.low, wall.high
     delay = FAR + 0.0 * t
     if is_held(w, gas) == 0:
         if rate == 0.0:
@@ -229,10 +217,10 @@ def set_piston(w, t, s, speed, gas: ti.template()):
                 delay = ti.min(delay, turn_of(phase + ti.acos(ti.min(below, 1.0))) / rate)
             if above < 1.0:
                 delay = ti.min(delay, turn_of(phase - ti.acos(ti.max(above, -1.0))) / rate)
-            if rate * gas.scale[WINDOW] < 1e-4:  # in a window as good as constant acceleration
+            if rate * gas.scale.window < 1e-4:  # in a window as good as constant acceleration
                 delay = ti.min(fall_time(s - low, speed, a), fall_time(high - s, -speed, -a))
             for _ in range(2):  # angles are as exact as 1e-16 of a turn, which may be long
-                if delay < gas.scale[WINDOW]:
+                if delay < gas.scale.window:
                     there, u, _bound, _pull = piston_motion(w, t + delay, gas)
                     stop = low
                     if ti.abs(there - high) < ti.abs(there - low):
@@ -241,7 +229,7 @@ def set_piston(w, t, s, speed, gas: ti.template()):
                         delay = ti.max(delay + (stop - there) / u, 0.0)
             if (s <= low and speed < 0.0) or (s >= high and speed > 0.0):
                 delay = 0.0 * t
-    gas.walls[w][STOP_AT] = t + delay
+    wall.stop_at = t + delay
 
 
 @ti.func
@@ -271,19 +259,21 @@ def fall_time(height, speed, pull):
 @ti.func
 def is_held(w, gas: ti.template()):
     """1 if piston w is pressed against a stop without speed, else 0."""
-    s = gas.walls[w][NOW_0]
-    pull = push_of(w, gas) - gas.walls[w][RATE] ** 2 * s
-    pressed = (s <= gas.walls[w][LOW] and pull < 0.0) or (s >= gas.walls[w][HIGH] and pull > 0.0)
-    return ti.cast(pressed and gas.walls[w][SPEED_0] == 0.0, ti.i32)
+    wall = gas.walls[w]
+    s = wall.now
+    pull = push_of(w, gas) - wall.rate**2 * s
+    pressed = (s <= wall.low and pull < 0.0) or (s >= wall.high and pull > 0.0)
+    return ti.cast(pressed and wall.speed == 0.0, ti.i32)
 
 
 @ti.func
 def piston_motion(w, time, gas: ti.template()):
     """Displacement of piston w at a time of the window, its speed, a bound of the magnitude of its acceleration, and
     that itself where it is constant, else minus the bound."""
-    t = time - gas.walls[w][SINCE]
-    s, speed = gas.walls[w][NOW_0], gas.walls[w][SPEED_0]
-    push, rate = push_of(w, gas), gas.walls[w][RATE]
+    wall = gas.walls[w]
+    t = time - wall.since
+    s, speed = wall.now, wall.speed
+    push, rate = push_of(w, gas), wall.rate
     bound, pull = 0.0 * t, 0.0 * t
     if is_held(w, gas) == 0:
         if rate == 0.0:
@@ -303,12 +293,12 @@ def piston_motion(w, time, gas: ti.template()):
 @ti.func
 def next_stop(gas: ti.template()):
     """The earliest time of the window at which a piston meets a stop, and that piston."""
-    found, which = FAR + 0.0 * gas.scale[WINDOW], -1
-    w = gas.grid[FIRST_PISTON]
+    found, which = FAR + 0.0 * gas.scale.window, -1
+    w = gas.grid.first_piston
     while w >= 0:
-        if gas.walls[w][STOP_AT] < found:
-            found, which = gas.walls[w][STOP_AT], w
-        w = ti.cast(gas.walls[w][NEXT_PISTON], ti.i32)
+        if gas.walls[w].stop_at < found:
+            found, which = gas.walls[w].stop_at, w
+        w = ti.cast(gas.walls[w].next_piston, ti.i32)
     return found, which
 
 
@@ -316,9 +306,9 @@ def next_stop(gas: ti.template()):
 def bounce(w, t, gas: ti.template()):
     """Let piston w bounce off its stop at time t; bounces of a millionth of a window are none, and it stays there."""
     s, speed, bound, _pull = piston_motion(w, t, gas)
-    low, high = gas.walls[w][LOW], gas.walls[w][HIGH]
+    low, high = gas.walls[w].low, gas.walls[w].high
     away = ti.abs(speed)
-    if away < 1.0e-6 * bound * gas.scale[WINDOW]:
+    if away < 1.0e-6 * bound * gas.scale.window:
         away = 0.0 * away
     if ti.abs(s - low) < ti.abs(s - high):
         set_piston(w, t, low, away, gas)
@@ -330,35 +320,36 @@ def bounce(w, t, gas: ti.template()):
 def meets_piston(i, gas: ti.template()):
     """1 if the next collision of the disk at place i is one with a piston, else 0."""
     found = 0
-    if gas.link[i][PARTNER] <= FIRST_WALL:
-        w = (FIRST_WALL - gas.link[i][PARTNER]) // 9
-        found = ti.cast(gas.walls[w][MOTION] == FREE, ti.i32)
+    if gas.event_info[i].partner <= FIRST_WALL:
+        w = (FIRST_WALL - gas.event_info[i].partner) // 9
+        found = ti.cast(gas.walls[w].motion == FREE, ti.i32)
     return found
 
 
 @ti.func
 def write_pistons(tile, when, time, gas: ti.template()):
     """Note how pistons have changed from the beginning of the window until a time of it."""
-    w = gas.grid[FIRST_PISTON]
+    w = gas.grid.first_piston
     while w >= 0:
-        column = TALLY + ti.cast(gas.walls[w][PISTON], ti.i32)
+        column = TALLY.width + ti.cast(gas.walls[w].piston, ti.i32)
         s, speed, _bound, _pull = piston_motion(w, time, gas)
-        gas.tally[tile, when, column] = s - gas.sums[column]
-        gas.tally[tile, when, column + 1] = speed - gas.sums[column + 1]
-        w = ti.cast(gas.walls[w][NEXT_PISTON], ti.i32)
+        gas.tally[tile, when][column] = s - gas.sums[column]
+        gas.tally[tile, when][column + 1] = speed - gas.sums[column + 1]
+        w = ti.cast(gas.walls[w].next_piston, ti.i32)
 
 
 @ti.func
 def wall_motion(w, time, gas: ti.template()):
     """Displacement of wall w along its direction at a time of the window, its speed, a bound of the magnitude of its
     acceleration, and the time until which all three hold."""
+    wall = gas.walls[w]
     t = time
     if ti.static(gas.uses.timed):
-        t = time * gas.walls[w][MOVES]
-    motion = ti.cast(gas.walls[w][MOTION], ti.i32)
-    amplitude = gas.walls[w][AMPLITUDE]
-    rate = gas.walls[w][RATE]
-    at = gas.walls[w][NOW_0]
+        t = time * wall.moves
+    motion = ti.cast(wall.motion, ti.i32)
+    amplitude = wall.amplitude
+    rate = wall.rate
+    at = wall.now
     s = 0.0 * t
     speed = 0.0 * t
     bound = 0.0 * t
@@ -371,7 +362,7 @@ def wall_motion(w, time, gas: ti.template()):
         speed = amplitude * rate * ti.cos(at + rate * t)
         bound = ti.abs(amplitude) * rate * rate
     elif motion == SAWTOOTH:
-        rise = gas.walls[w][RISE]
+        rise = wall.rise
         turns = at + rate * t
         whole = ti.floor(turns)
         part = turns - whole
@@ -393,9 +384,9 @@ def wall_motion(w, time, gas: ti.template()):
         if motion == FREE:
             s, speed, bound, _pull = piston_motion(w, time, gas)
     if ti.static(gas.uses.timed):
-        speed *= gas.walls[w][MOVES]
-        bound *= gas.walls[w][MOVES]
-        if gas.walls[w][MOVES] == 0.0:
+        speed *= wall.moves
+        bound *= wall.moves
+        if wall.moves == 0.0:
             until = FAR + 0.0 * time
     return s, speed, bound, until
 
@@ -404,24 +395,25 @@ def wall_motion(w, time, gas: ti.template()):
 def wall_turn(w, time, gas: ti.template()):
     """Angle of wall w at a time of the window, its angular velocity, and bounds of its magnitude and that of the
     angular acceleration."""
+    wall = gas.walls[w]
     t = time
     if ti.static(gas.uses.timed):
-        t = time * gas.walls[w][MOVES]
-    turn = ti.cast(gas.walls[w][TURN], ti.i32)
-    by, at = gas.walls[w][TURN_BY], gas.walls[w][TURN_0]
+        t = time * wall.moves
+    turn = ti.cast(wall.turn, ti.i32)
+    by, at = wall.turn_by, wall.turn_now
     angle, spin, most, bound = 0.0 * t, 0.0 * t, 0.0 * t, 0.0 * t
     if turn == STEADY:
         angle = at + by * t
         spin = by
         most = ti.abs(by)
     elif turn == SINE:
-        rate = gas.walls[w][TURN_RATE]
+        rate = wall.turn_rate
         angle = by * ti.sin(at + rate * t)
         spin = by * rate * ti.cos(at + rate * t)
         most = ti.abs(by * rate)
         bound = most * rate
     if ti.static(gas.uses.timed):
-        moves = gas.walls[w][MOVES]
+        moves = wall.moves
         spin, most, bound = spin * moves, most * moves, bound * moves
     return angle, spin, most, bound
 
@@ -429,8 +421,9 @@ def wall_turn(w, time, gas: ti.template()):
 @ti.func
 def turned_back(w, x, y, s, angle, gas: ti.template()):
     """A place (x, y) as wall w, displaced by s, saw it before it turned by an angle."""
-    cx = gas.walls[w][CX] + gas.walls[w][UX] * s
-    cy = gas.walls[w][CY] + gas.walls[w][UY] * s
+    wall = gas.walls[w]
+    cx = wall.cx + wall.ux * s
+    cy = wall.cy + wall.uy * s
     c, sine = ti.cos(angle), ti.sin(angle)
     return cx + c * (x - cx) + sine * (y - cy), cy - sine * (x - cx) + c * (y - cy)
 
@@ -451,10 +444,11 @@ def wall_vector(w, x, y, s, gas: ti.template()):
 
     For a container and the inside of an arc, the vector points inwards, and an arc counts as the whole circle.
     """
-    kind = ti.cast(gas.walls[w][TYPE], ti.i32)
-    dx = x - gas.walls[w][PX] - gas.walls[w][UX] * s
-    dy = y - gas.walls[w][PY] - gas.walls[w][UY] * s
-    qx, qy = gas.walls[w][QX], gas.walls[w][QY]
+    wall = gas.walls[w]
+    kind = ti.cast(wall.type, ti.i32)
+    dx = x - wall.px - wall.ux * s
+    dy = y - wall.py - wall.uy * s
+    qx, qy = wall.qx, wall.qy
     nx, ny = qx, qy
     distance = dx * qx + dy * qy
     if kind == SEGMENT:
@@ -464,10 +458,10 @@ def wall_vector(w, x, y, s, gas: ti.template()):
     if kind != LINE:
         r = ti.sqrt(dx * dx + dy * dy)
         nx, ny = dx / r, dy / r
-        distance = r - gas.walls[w][CIRCLE]
+        distance = r - wall.circle
         if kind == CONTAINER or kind == ARC_INSIDE:
             nx, ny = -nx, -ny
-            distance = gas.walls[w][CIRCLE] - r
+            distance = wall.circle - r
             if r == 0.0:  # in the middle of a container, all directions are the same
                 nx, ny = 1.0 + 0.0 * x, 0.0 * x
     return nx, ny, distance
@@ -479,19 +473,20 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
 
     Returns the time, and 1 if the disk rests on the wall, which has no next collision.
     """
-    gx, gy = gas.scale[GX], gas.scale[GY]
-    kind = ti.cast(gas.walls[w][TYPE], ti.i32)
+    wall = gas.walls[w]
+    gx, gy = gas.scale.gx, gas.scale.gy
+    kind = ti.cast(wall.type, ti.i32)
     found = FAR + 0.0 * tau
     resting = 0
     t = tau
     if ti.static(gas.uses.pistons):
-        if gas.walls[w][MOTION] == FREE:
-            t = ti.max(t, gas.walls[w][SINCE])
+        if wall.motion == FREE:
+            t = ti.max(t, wall.since)
     going = 1
     steps = 0
     behind = 0  # 1 on the side of an arc's circle from which its face is not touched
     if ti.static(gas.uses.arched):
-        if kind == ARC_INSIDE and gas.walls[w][CIRCLE] <= radius:
+        if kind == ARC_INSIDE and wall.circle <= radius:
             going = 0
     while going == 1:
         steps += 1
@@ -499,16 +494,16 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
         at_x = x + vx * (t - tau) + 0.5 * gx * t * t
         at_y = y + vy * (t - tau) + 0.5 * gy * t * t
         s, speed, bound, until = wall_motion(w, t, gas)
-        ux, uy = gas.walls[w][UX], gas.walls[w][UY]
+        ux, uy = wall.ux, wall.uy
         rel_x = vx + gx * t - ux * speed
         rel_y = vy + gy * t - uy * speed
         extra, swing = 0.0 * t, 0.0 * t  # of a wall that turns: bound on what that adds to f'', largest speed
         if ti.static(gas.uses.turning):
-            if gas.walls[w][TURN] != STILL:
+            if wall.turn != STILL:
                 angle, spin, most_spin, spin_bound = wall_turn(w, t, gas)
-                lever_x = at_x - gas.walls[w][CX] - ux * s
-                lever_y = at_y - gas.walls[w][CY] - uy * s
-                still = ti.min(gas.scale[WINDOW], until) - t
+                lever_x = at_x - wall.cx - ux * s
+                lever_y = at_y - wall.cy - uy * s
+                still = ti.min(gas.scale.window, until) - t
                 push = ti.sqrt(gx * gx + gy * gy) + bound
                 fastest = ti.sqrt(rel_x * rel_x + rel_y * rel_y) + push * still
                 lever = ti.sqrt(lever_x * lever_x + lever_y * lever_y) + fastest * still
@@ -529,11 +524,11 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
         if kind == LINE:
             curve = gx * nx + gy * ny - ti.abs(ux * nx + uy * ny) * bound
             if ti.static(gas.uses.pistons):
-                if gas.walls[w][MOTION] == FREE and gas.walls[w][RATE] == 0.0:
+                if wall.motion == FREE and wall.rate == 0.0:
                     _s, _speed, _bound, pull_w = piston_motion(w, t, gas)
                     curve = gx * nx + gy * ny - (ux * nx + uy * ny) * pull_w
         # Positions are sums of numbers as large as these.
-        tolerance = 8.0 * ti.static(epsilon()) * (ti.abs(at_x) + ti.abs(at_y) + radius + gas.walls[w][CIRCLE])
+        tolerance = 8.0 * ti.static(epsilon()) * (ti.abs(at_x) + ti.abs(at_y) + radius + wall.circle)
         noise = ti.static(rounding()) * (ti.abs(vx) + ti.abs(vy) + pull * t + ti.abs(speed))
         if ti.static(gas.uses.turning):
             noise += ti.static(rounding()) * swing
@@ -543,22 +538,22 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
                 # rho^2 - r^2 within the circle of centres that touch it, as for a container; r - rho beyond.
                 counts_within = ti.cast(kind == ARC_INSIDE, ti.i32)
                 sign = 1.0 - 2.0 * counts_within
-                rho = gas.walls[w][CIRCLE] + sign * radius
-                r = gas.walls[w][CIRCLE] + sign * distance
+                rho = wall.circle + sign * radius
+                r = wall.circle + sign * distance
                 beyond = r - rho
                 if steps == 1:
                     behind = ti.cast(-sign * beyond > tolerance, ti.i32)
                 within = counts_within ^ behind
                 out_x, out_y = sign * nx, sign * ny
-                middle = out_x * gas.walls[w][QX] + out_y * gas.walls[w][QY]
-                half = gas.walls[w][HALF] + ti.static(seam())
+                middle = out_x * wall.qx + out_y * wall.qy
+                half = wall.half + ti.static(seam())
                 here = ti.cast(half >= 0.5 * TWO_PI or middle >= ti.cos(half), ti.i32) * (1 - behind)
                 slope = out_x * rel_x + out_y * rel_y
                 f = beyond
                 if within == 1:
                     push = pull + bound + extra
                     most = ti.sqrt(rel_x * rel_x + rel_y * rel_y)
-                    most += push * (ti.min(gas.scale[WINDOW], until) - t)
+                    most += push * (ti.min(gas.scale.window, until) - t)
                     f = -beyond * (r + rho)
                     slope *= -2.0 * r
                     curve = -2.0 * (most * most + push * rho)
@@ -566,12 +561,12 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
                     noise *= 2.0 * rho
         if kind == CONTAINER:
             # The same roots for (R_c - R)^2 - r^2, whose second derivative is bounded: -2 v^2 without forces.
-            inner = gas.walls[w][CIRCLE] - radius
-            r = gas.walls[w][CIRCLE] - distance
+            inner = wall.circle - radius
+            r = wall.circle - distance
             push = pull + bound
             if ti.static(gas.uses.turning):
                 push += extra
-            gain = push * (ti.min(gas.scale[WINDOW], until) - t)
+            gain = push * (ti.min(gas.scale.window, until) - t)
             most = ti.sqrt(rel_x * rel_x + rel_y * rel_y) + gain
             f = inner * inner - r * r
             slope *= 2.0 * r
@@ -611,7 +606,7 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
             if crossed == 1:  # in the next moment it is on the other side
                 step = 0.0 * t
             # A step too small for the clock would never end.
-            step = ti.max(step, ti.static(epsilon()) * ti.max(t, 1.0e-3 * gas.scale[WINDOW]))
+            step = ti.max(step, ti.static(epsilon()) * ti.max(t, 1.0e-3 * gas.scale.window))
             if t + step > until:
                 t = until
             else:
@@ -630,18 +625,19 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
 @ti.func
 def wall_reach(w, gas: ti.template()):
     """Distance from a wall, as the window begins, of the farthest centre of a disk that may touch it in the window."""
-    window = gas.scale[WINDOW]
+    wall = gas.walls[w]
+    window = gas.scale.window
     _s, speed, bound, _until = wall_motion(w, 0.0 * window, gas)
     way = ti.abs(speed) * window + 0.5 * bound * window * window
-    if ti.cast(gas.walls[w][MOTION], ti.i32) == SAWTOOTH:
-        way = 2.0 * ti.abs(gas.walls[w][AMPLITUDE])
-    if ti.cast(gas.walls[w][MOTION], ti.i32) == FREE:  # where hits may drive it
+    if ti.cast(wall.motion, ti.i32) == SAWTOOTH:
+        way = 2.0 * ti.abs(wall.amplitude)
+    if ti.cast(wall.motion, ti.i32) == FREE:  # where hits may drive it
         way = FAR + 0.0 * window
     if ti.static(gas.uses.turning):
         _angle, _spin, most_spin, _bound = wall_turn(w, 0.0 * window, gas)
-        way += ti.min(most_spin * window, 2.0) * gas.walls[w][LEVER]
-    fall = 0.5 * ti.sqrt(gas.scale[GX] ** 2 + gas.scale[GY] ** 2) * window * window
-    return way + 2.0 * fall + 0.5 * gas.scale[WIDEST]
+        way += ti.min(most_spin * window, 2.0) * wall.lever
+    fall = 0.5 * ti.sqrt(gas.scale.gx**2 + gas.scale.gy**2) * window * window
+    return way + 2.0 * fall + 0.5 * gas.scale.widest
 
 
 @ti.func
@@ -655,12 +651,13 @@ def span(low, high, corner, side, count):
 @ti.func
 def arc_distance(w, nx, ny, distance, gas: ti.template()):
     """Distance of a place from the arc of wall w; arguments as `wall_vector` gives them of the whole circle."""
+    wall = gas.walls[w]
     sign = 1.0
-    if ti.cast(gas.walls[w][TYPE], ti.i32) == ARC_INSIDE:
+    if ti.cast(wall.type, ti.i32) == ARC_INSIDE:
         sign = -1.0
-    radius, half = gas.walls[w][CIRCLE], gas.walls[w][HALF]
+    radius, half = wall.circle, wall.half
     r = radius + sign * distance
-    qx, qy = gas.walls[w][QX], gas.walls[w][QY]
+    qx, qy = wall.qx, wall.qy
     along, across = sign * (nx * qx + ny * qy), sign * (ny * qx - nx * qy)
     found = ti.abs(distance)
     if along < ti.cos(half):  # the end on its side of the middle is nearest
@@ -678,32 +675,33 @@ def place_walls(region: ti.template(), gas: ti.template()):
     to 2 for the one before, this one and the next.
     """
     lane = region.lane
-    cells, items = region.nx * region.ny, lane * gas.grid[ITEMS]
-    starts = lane * (gas.grid[CELLS] + 1)
+    cells, items = region.nx * region.ny, lane * gas.grid.items
+    starts = lane * (gas.grid.cells + 1)
     for c in range(cells + 1):
         gas.wall_start[starts + c] = 0
     for turn in range(2):
-        for w in range(gas.grid[WALLS]):
-            kind = ti.cast(gas.walls[w][TYPE], ti.i32)
-            s, _speed, _bound, _until = wall_motion(w, 0.0 * gas.scale[WINDOW], gas)
+        for w in range(gas.grid.walls):
+            wall = gas.walls[w]
+            kind = ti.cast(wall.type, ti.i32)
+            s, _speed, _bound, _until = wall_motion(w, 0.0 * gas.scale.window, gas)
             reach = 1.001 * wall_reach(w, gas)
             around = reach + 0.5 * ti.sqrt(region.side_x**2 + region.side_y**2)
             images = ti.cast(kind != LINE and kind != CONTAINER, ti.i32)
-            boxes_x, boxes_y = images * gas.grid[PERIODIC_X], images * gas.grid[PERIODIC_Y]
+            boxes_x, boxes_y = images * gas.grid.periodic_x, images * gas.grid.periodic_y
             if ti.static(gas.uses.timed):
                 if kind == GONE:
                     boxes_x = -1
             angle = 0.0 * reach
             if ti.static(gas.uses.turning):
-                angle, _spin, _most, _turn_bound = wall_turn(w, 0.0 * gas.scale[WINDOW], gas)
+                angle, _spin, _most, _turn_bound = wall_turn(w, 0.0 * gas.scale.window, gas)
             for box_x in range(-boxes_x, boxes_x + 1):
                 for box_y in range(-boxes_y, boxes_y + 1):
                     # The wall's image, from the corner of the region's tile.
-                    off_x = box_x * gas.scale[LENGTH_X] - region.corner_x
-                    off_y = box_y * gas.scale[LENGTH_Y] - region.corner_y
-                    px = gas.walls[w][PX] + gas.walls[w][UX] * s + off_x
-                    py = gas.walls[w][PY] + gas.walls[w][UY] * s + off_y
-                    qx, qy = gas.walls[w][QX], gas.walls[w][QY]
+                    off_x = box_x * gas.scale.length_x - region.corner_x
+                    off_y = box_y * gas.scale.length_y - region.corner_y
+                    px = wall.px + wall.ux * s + off_x
+                    py = wall.py + wall.uy * s + off_y
+                    qx, qy = wall.qx, wall.qy
                     if ti.static(gas.uses.turning):
                         px, py = turned_back(w, px - off_x, py - off_y, s, -angle, gas)
                         px += off_x
@@ -717,11 +715,11 @@ def place_walls(region: ti.template(), gas: ti.template()):
                         low_x, high_x = ti.min(px, px + qx), ti.max(px, px + qx)
                         low_y, high_y = ti.min(py, py + qy), ti.max(py, py + qy)
                     if kind == LINE:
-                        if gas.walls[w][QX] != 0.0:
+                        if wall.qx != 0.0:
                             low_y, high_y = -FAR + 0.0 * px, FAR + 0.0 * px
-                        if gas.walls[w][QY] != 0.0:
+                        if wall.qy != 0.0:
                             low_x, high_x = -FAR + 0.0 * px, FAR + 0.0 * px
-                    extent = reach + gas.walls[w][CIRCLE]
+                    extent = reach + wall.circle
                     first_x, last_x = span(
                         low_x - extent, high_x + extent, region.x, region.side_x, region.nx
                     )
@@ -742,7 +740,7 @@ def place_walls(region: ti.template(), gas: ti.template()):
                                 c = starts + cx * region.ny + cy
                                 if turn == 1:
                                     item = gas.wall_start[c]
-                                    if item < gas.grid[ITEMS]:
+                                    if item < gas.grid.items:
                                         gas.wall_item[items + item] = 9 * w + 3 * (box_x + 1) + box_y + 1
                                 gas.wall_start[c] = gas.wall_start[c] + 1
         before = 0
@@ -751,9 +749,9 @@ def place_walls(region: ti.template(), gas: ti.template()):
                 here = gas.wall_start[starts + c]
                 gas.wall_start[starts + c] = before
                 before += here
-            if before > gas.grid[ITEMS]:
-                ti.atomic_or(gas.counter[FULL], FULL_WALLS)
-                ti.atomic_max(gas.counter[NEEDED], before)
+            if before > gas.grid.items:
+                ti.atomic_or(gas.counter.full, FULL_WALLS)
+                ti.atomic_max(gas.counter.needed, before)
         else:
             # Each start has become the end: the start of the next one.
             for back in range(cells):
@@ -765,19 +763,20 @@ def place_walls(region: ti.template(), gas: ti.template()):
 @ti.func
 def first_wall(i, best, partner, region: ti.template(), gas: ti.template()):
     """The earlier of the meeting at `best` with `partner` and the first one with a wall near the disk at place i."""
+    info, motion = gas.event_info[i], gas.motion[i]
     lane = region.lane
-    cell = lane * (gas.grid[CELLS] + 1) + (gas.link[i][CELL] >> 16) * region.ny + (gas.link[i][CELL] & 0xFFFF)
+    cell = lane * (gas.grid.cells + 1) + (info.cell >> 16) * region.ny + (info.cell & 0xFFFF)
     for item in range(gas.wall_start[cell], gas.wall_start[cell + 1]):
-        code = gas.wall_item[lane * gas.grid[ITEMS] + item]
+        code = gas.wall_item[lane * gas.grid.items + item]
         w = code // 9
         t, resting = wall_time(
             w,
-            region.corner_x + gas.work[i][X] - ((code // 3) % 3 - 1) * gas.scale[LENGTH_X],
-            region.corner_y + gas.work[i][Y] - (code % 3 - 1) * gas.scale[LENGTH_Y],
-            gas.work[i][VX], gas.work[i][VY], gas.work[i][TAU], radius_of(i, gas), best, gas,
+            region.corner_x + motion.x - ((code // 3) % 3 - 1) * gas.scale.length_x,
+            region.corner_y + motion.y - (code % 3 - 1) * gas.scale.length_y,
+            motion.vx, motion.vy, motion.tau, radius_of(i, gas), best, gas,
         )  # fmt: skip
-        if resting == 1 and gas.link[i][OWN] > 0:
-            gas.counter[RESTING] = 1
+        if resting == 1 and info.own_rank > 0:
+            gas.counter.resting = 1
         if t < best:
             best = t
             partner = FIRST_WALL - code
@@ -787,10 +786,11 @@ def first_wall(i, best, partner, region: ti.template(), gas: ti.template()):
 @ti.func
 def other_image(i, boxes, gas: ti.template()):
     """Name the wall that the disk at place i meets by its image there, after the disk went round the box."""
-    if gas.link[i][PARTNER] <= FIRST_WALL:
-        kind = ti.cast(gas.walls[(FIRST_WALL - gas.link[i][PARTNER]) // 9][TYPE], ti.i32)
+    info = gas.event_info[i]
+    if info.partner <= FIRST_WALL:
+        kind = ti.cast(gas.walls[(FIRST_WALL - info.partner) // 9].type, ti.i32)
         if kind != LINE and kind != CONTAINER:
-            gas.link[i][PARTNER] = gas.link[i][PARTNER] + boxes
+            info.partner = info.partner + boxes
 
 
 @ti.func
@@ -799,17 +799,18 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
 
     Returns how (`contact.collided`).
     """
-    code = FIRST_WALL - gas.link[i][PARTNER]
+    info, motion = gas.event_info[i], gas.motion[i]
+    code = FIRST_WALL - info.partner
     w = code // 9
     lasting = 0
     if ti.static(gas.uses.remembers):
         lasting = just_collided(i, t, gas)
         gas.since[i] = t
     came_to(i, t, gas)
-    gx, gy = gas.scale[GX], gas.scale[GY]
+    gx, gy = gas.scale.gx, gas.scale.gy
     s, speed, _bound, _until = wall_motion(w, t, gas)
-    x = region.corner_x + gas.work[i][X] - ((code // 3) % 3 - 1) * gas.scale[LENGTH_X] + 0.5 * gx * t * t
-    y = region.corner_y + gas.work[i][Y] - (code % 3 - 1) * gas.scale[LENGTH_Y] + 0.5 * gy * t * t
+    x = region.corner_x + motion.x - ((code // 3) % 3 - 1) * gas.scale.length_x + 0.5 * gx * t * t
+    y = region.corner_y + motion.y - (code % 3 - 1) * gas.scale.length_y + 0.5 * gy * t * t
     spin_w, at_x, at_y, angle = 0.0 * t, x, y, 0.0 * t
     if ti.static(gas.uses.turning):
         angle, spin_w, _most, _turn_bound = wall_turn(w, t, gas)
@@ -817,13 +818,13 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
     nx, ny, _distance = wall_vector(w, at_x, at_y, s, gas)
     if ti.static(gas.uses.turning):
         nx, ny = ti.cos(angle) * nx - ti.sin(angle) * ny, ti.sin(angle) * nx + ti.cos(angle) * ny
-    ux = gas.walls[w][UX] * speed - ny * gas.walls[w][SURFACE]
-    uy = gas.walls[w][UY] * speed + nx * gas.walls[w][SURFACE]
+    ux = gas.walls[w].ux * speed - ny * gas.walls[w].surface
+    uy = gas.walls[w].uy * speed + nx * gas.walls[w].surface
     lever_x, lever_y = x, y  # from what torques are about: the centre of its rotation, or the origin
     if ti.static(gas.uses.turning):
-        if gas.walls[w][TURN] != STILL:
-            lever_x -= gas.walls[w][CX] + gas.walls[w][UX] * s
-            lever_y -= gas.walls[w][CY] + gas.walls[w][UY] * s
+        if gas.walls[w].turn != STILL:
+            lever_x -= gas.walls[w].cx + gas.walls[w].ux * s
+            lever_y -= gas.walls[w].cy + gas.walls[w].uy * s
         # The velocity that the wall, as a rigid body, would have at the disk's centre. In the frame that moves and
         # turns with it the wall is at rest, and the law sees the disk's spin against it: the slip is that of the
         # contact.
@@ -831,40 +832,40 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
         uy += spin_w * lever_x
     owner = w
     if ti.static(gas.uses.pieced):
-        owner = ti.cast(gas.walls[w][OWNER], ti.i32)
+        owner = ti.cast(gas.walls[w].owner, ti.i32)
     kind = kind_of(i, gas)
-    inverse_mass, radius = gas.kinds[kind][INVERSE_MASS], gas.kinds[kind][KIND_RADIUS]
-    p = ti.cast(gas.kinds[kind][MATERIAL], ti.i32)
-    q = ti.cast(gas.walls[w][WALL_MATERIAL], ti.i32)
-    vx_0, vy_0, spin_0 = gas.work[i][VX] + gx * t, gas.work[i][VY] + gy * t, gas.work[i][W_SPIN]
+    inverse_mass, radius = gas.kinds[kind].inverse_mass, gas.kinds[kind].radius
+    p = ti.cast(gas.kinds[kind].material, ti.i32)
+    q = ti.cast(gas.walls[w].material, ti.i32)
+    vx_0, vy_0, spin_0 = motion.vx + gx * t, motion.vy + gy * t, motion.spin
     seen_spin = spin_0
     if ti.static(gas.uses.turning):
         seen_spin -= spin_w
     inverse_w, k_w = 0.0 * t, 1.0 + 0.0 * t
     if ti.static(gas.uses.pistons):
-        if gas.walls[w][MOTION] == FREE:
-            inverse_w, k_w = gas.walls[w][INVERSE], -1.0 + 0.0 * t
+        if gas.walls[w].motion == FREE:
+            inverse_w, k_w = gas.walls[w].inverse_mass, -1.0 + 0.0 * t
     vx, vy, spin, ux_1, uy_1, _, how, lost = collided(
-        p, q, -nx, -ny, inverse_mass, radius, gas.kinds[kind][K], vx_0, vy_0, seen_spin,
+        p, q, -nx, -ny, inverse_mass, radius, gas.kinds[kind].k, vx_0, vy_0, seen_spin,
         inverse_w, radius, k_w, ux, uy, 0.0, lasting, gas,
     )  # fmt: skip
     gained = 0.0 * t  # by a piston, whose surface runs on
     if ti.static(gas.uses.pistons):
-        if gas.walls[w][MOTION] == FREE:
-            gained = (ux_1 - ux) * gas.walls[w][UX] + (uy_1 - uy) * gas.walls[w][UY]
+        if gas.walls[w].motion == FREE:
+            gained = (ux_1 - ux) * gas.walls[w].ux + (uy_1 - uy) * gas.walls[w].uy
             set_piston(w, t, s, speed + gained, gas)
     if ti.static(gas.uses.thermal):
-        if gas.walls[w][TEMPERATURE] > 0.0:
-            vx, vy, spin = thermal_velocity(i, gas.walls[w][TEMPERATURE], nx, ny, ux, uy, gas)
+        if gas.walls[w].temperature > 0.0:
+            vx, vy, spin = thermal_velocity(i, gas.walls[w].temperature, nx, ny, ux, uy, gas)
             how = 0
             lost = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)  # what it took or gave is heat
     if ti.static(gas.uses.turning):
         spin += spin_w
-    gas.work[i][VX], gas.work[i][VY], gas.work[i][W_SPIN] = vx - gx * t, vy - gy * t, spin
+    motion.vx, motion.vy, motion.spin = vx - gx * t, vy - gy * t, spin
     if ti.static(gas.uses.watched):
         row = watched_row(i, t, tile, region, gas)
         if row >= 0:
-            gas.event[row][NORMAL_X], gas.event[row][NORMAL_X + 1] = -nx, -ny
+            gas.event[row].normal[0], gas.event[row].normal[1] = -nx, -ny
             # The wall's velocity is that in the lab.
             wx, wy = ux - gx * t, uy - gy * t
             if ti.static(gas.uses.turning):  # at the contact
@@ -872,71 +873,71 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
                 wy -= spin_w * radius * nx
             before = ti.Vector([vx_0 - gx * t, vy_0 - gy * t, spin_0, wx, wy, 0.0 * t])
             if ti.static(gas.uses.pistons):
-                wx += gas.walls[w][UX] * gained
-                wy += gas.walls[w][UY] * gained
+                wx += gas.walls[w].ux * gained
+                wy += gas.walls[w].uy * gained
             after = ti.Vector([vx - gx * t, vy - gy * t, spin, wx, wy, 0.0 * t])
             write_motion(row, t, 0, before, after, gas)
-            gas.event_int[row][EVENT_PARTNER] = -2 - owner
-            gas.event_int[row][EVENT_HOW] = ti.select(how >= ELASTIC, BY_REMEDY, BY_LAW)
+            gas.event_int[row].partner = -2 - owner
+            gas.event_int[row].how = ti.select(how >= ELASTIC, BY_REMEDY, BY_LAW)
             if ti.static(gas.uses.thermal):
-                if gas.walls[w][TEMPERATURE] > 0.0:
-                    gas.event_int[row][EVENT_HOW] = BY_HEAT
+                if gas.walls[w].temperature > 0.0:
+                    gas.event_int[row].how = BY_HEAT
     if ti.static(gas.uses.itemised):
-        charge(i, BY_WALLS, lost.sum(), gas)
+        charge(i, MECHANISM.walls, lost.sum(), gas)
     remember(i, t, -1 - w, gas)
     note_speed(i, gas)
-    gas.link[i][LAST] = FIRST_WALL - owner
-    gas.mark[i][AT_WALLS] = gas.mark[i][AT_WALLS] + 1
-    if gas.link[i][OWN] > 0:
-        add(tile, WALL_COLLISIONS, 1.0, gas)
+    info.last = FIRST_WALL - owner
+    gas.image_info[i].wall_hits = gas.image_info[i].wall_hits + 1
+    if info.own_rank > 0:
+        add(tile, TALLY.wall_collisions, 1.0, gas)
         if how >= ELASTIC:
-            add(tile, ELASTICS, 1.0, gas)
+            add(tile, TALLY.elastics, 1.0, gas)
         # A wall works on what it pushes: the impulse times its own velocity, of a piston the mean of before and after.
         if ti.static(gas.uses.pistons):
-            ux += 0.5 * gas.walls[w][UX] * gained
-            uy += 0.5 * gas.walls[w][UY] * gained
+            ux += 0.5 * gas.walls[w].ux * gained
+            uy += 0.5 * gas.walls[w].uy * gained
         work = ti.cast(((vx - vx_0) * ux + (vy - vy_0) * uy) / inverse_mass, ti.f64)
         if ti.static(gas.uses.turning):
             work += turning_impulse(kind, spin - spin_0, gas) * spin_w
-        add(tile, WALL_WORK, work, gas)
+        add(tile, TALLY.wall_work, work, gas)
         if ti.static(gas.uses.tallied):
-            add(tile, LOSSES + BY_WALLS, lost.sum(), gas)
+            add(tile, TALLY.losses.walls, lost.sum(), gas)
         heat = ti.cast(0.0, ti.f64)
         if ti.static(gas.uses.thermal):
-            column = ti.cast(gas.walls[w][HEAT], ti.i32)
+            column = ti.cast(gas.walls[w].heat, ti.i32)
             if column >= 0:
                 heat = heat_given(
                     kind, vx - ux, vy - uy, spin - spin_w, vx_0 - ux, vy_0 - uy, spin_0 - spin_w, gas
                 )
-                add(tile, TALLY + column, heat, gas)
+                add(tile, TALLY.width + column, heat, gas)
         if ti.static(gas.uses.summed):
             gained_x = ti.cast((vx - vx_0) / inverse_mass, ti.f64)
             gained_y = ti.cast((vy - vy_0) / inverse_mass, ti.f64)
             torque = lever_x * gained_y - lever_y * gained_x + turning_impulse(kind, spin - spin_0, gas)
-            first = TALLY + ti.cast(gas.walls[w][SUMS], ti.i32)
-            add(tile, first + MOMENTUM_X, gained_x, gas)
-            add(tile, first + MOMENTUM_Y, gained_y, gas)
-            add(tile, first + TORQUE, torque, gas)
-            add(tile, first + WORK, work, gas)
-            add(tile, first + WARMTH, heat, gas)
-            add(tile, first + HITS, 1.0, gas)
+            first = TALLY.width + ti.cast(gas.walls[w].sums, ti.i32)
+            add(tile, first + WALL_SUM.momentum_x, gained_x, gas)
+            add(tile, first + WALL_SUM.momentum_y, gained_y, gas)
+            add(tile, first + WALL_SUM.torque, torque, gas)
+            add(tile, first + WALL_SUM.work, work, gas)
+            add(tile, first + WALL_SUM.heat, heat, gas)
+            add(tile, first + WALL_SUM.hits, 1.0, gas)
     return how
 
 
 @ti.func
 def turning_impulse(kind, gained, gas: ti.template()):
     """Angular momentum of a spin that a disk of this kind gained. In double precision."""
-    radius = ti.cast(gas.kinds[kind][KIND_RADIUS], ti.f64)
-    k, inverse_mass = ti.cast(gas.kinds[kind][K], ti.f64), ti.cast(gas.kinds[kind][INVERSE_MASS], ti.f64)
+    radius = ti.cast(gas.kinds[kind].radius, ti.f64)
+    k, inverse_mass = ti.cast(gas.kinds[kind].k, ti.f64), ti.cast(gas.kinds[kind].inverse_mass, ti.f64)
     return radius * radius / (k * inverse_mass) * gained
 
 
 @ti.func
 def heat_given(kind, vx, vy, spin, vx_0, vy_0, spin_0, gas: ti.template()):
     """Kinetic energy after less that before, of a disk with velocities in the wall's frame. In double precision."""
-    mass = 1.0 / ti.cast(gas.kinds[kind][INVERSE_MASS], ti.f64)
-    radius = ti.cast(gas.kinds[kind][KIND_RADIUS], ti.f64)
-    inertia = mass * radius * radius / ti.cast(gas.kinds[kind][K], ti.f64)
+    mass = 1.0 / ti.cast(gas.kinds[kind].inverse_mass, ti.f64)
+    radius = ti.cast(gas.kinds[kind].radius, ti.f64)
+    inertia = mass * radius * radius / ti.cast(gas.kinds[kind].k, ti.f64)
     # Each difference of squares as a product.
     along_x = ti.cast(vx - vx_0, ti.f64) * ti.cast(vx + vx_0, ti.f64)
     along_y = ti.cast(vy - vy_0, ti.f64) * ti.cast(vy + vy_0, ti.f64)

@@ -4,18 +4,12 @@ The length of a window depends on the state of the gas at its beginning only, ne
 where places and velocities are rounded.
 """
 
+from .columns import MOST_MOMENTS, REACH, SCALE, TALLY, TOTAL
 from .events import predict, run_events
 from .language import Cube, Rows, Table, on_gpu, spread_of_loops, ti
-from .layout import (
-    AGAIN, ALONE, AT_END, BAD, BEGIN, BEYOND, BINS, BLOCK_OF_TILES, CELLS, CHAIN, COLLISIONS, COUNT,
-    END, FAR, FASTEST, FIRST_SUM, FREE_PATH, FULL, FULL_CELLS, FULL_PLACES, GATHERED, GX, GY, HALO,
-    HALTED, IN_WINDOW, KICK, LANES, LEAST_SIDE, LONGEST, MOMENT_IN, MOST_BEYOND, MOST_FURTHEST, MOST_HALO,
-    MOST_MOMENTS, MOST_PROTRUDES, MOST_SPEED, NEEDED, NEXT_TILE, N_BAD, N_CLAIMED, N_EVENTS, N_SLOTS, N_WINDOWS,
-    OWNED, PART, PATH, PAUSE, PAUSED, PAUSE_AFTER, PLACES, RESTING, RESUMING, ROOM, SPEED, SQUARES, SQUARE_UNIT,
-    STALLED, START, STOP, STRIDE, STUCK, TILES_X, TILES_Y, TILE_SIDE, USUAL_HALO, VX, VY,
-    WALL_SPEED, WANTED, WIDER, WIDEST, WINDOW, N, gas_of,
-)  # fmt: skip
+from .layout import AT_END, BLOCK_OF_TILES, FAR, FULL_CELLS, FULL_PLACES
 from .places import round_products
+from .records import gas_of
 from .rest import judge
 from .tiles import (
     begin, cells_of, chain, chain_layers, choose, count_chunk, is_too_narrow, is_wrong, lay, order, region_of,
@@ -85,7 +79,7 @@ def tile_of(k, gas: ti.template()):
     found = k
     if ti.static(gas.uses.shared):
         found = gas.listed[k]
-    elif gas.counter[AGAIN] == 1:
+    elif gas.counter.again == 1:
         found = gas.listed[k]
     return found
 
@@ -95,28 +89,28 @@ def is_owned(tile, gas: ti.template()):
     """1 if a tile is one of this rank's; all are where there is but one."""
     found = 1
     if ti.static(gas.uses.shared):
-        found = gas.tile[tile, OWNED]
+        found = gas.tile[tile].owned
     return found
 
 
 @ti.func
 def has_room(tile, region: ti.template(), gas: ti.template()):
     """1 if the scratch space suffices for the disks and cells of a tile; else 0, and `counter` tells what does."""
-    n, cells = gas.tile[tile, GATHERED], cells_of(region, gas)
-    if cells > gas.grid[CELLS]:
-        ti.atomic_or(gas.counter[FULL], FULL_CELLS)
-        ti.atomic_max(gas.counter[NEEDED], cells)
-    elif n > gas.grid[PLACES]:
-        ti.atomic_or(gas.counter[FULL], FULL_PLACES)
-        ti.atomic_max(gas.counter[NEEDED], n)
-    return cells <= gas.grid[CELLS] and n <= gas.grid[PLACES]
+    n, cells = gas.tile[tile].gathered, cells_of(region, gas)
+    if cells > gas.grid.cells:
+        ti.atomic_or(gas.counter.full, FULL_CELLS)
+        ti.atomic_max(gas.counter.needed, cells)
+    elif n > gas.grid.places:
+        ti.atomic_or(gas.counter.full, FULL_PLACES)
+        ti.atomic_max(gas.counter.needed, n)
+    return cells <= gas.grid.cells and n <= gas.grid.places
 
 
 @ti.func
 def bins_of(n, gas: ti.template()):
     """Number of bins for n disks: a power of two."""
     n_bins = 1
-    while n_bins < n and 2 * n_bins <= gas.grid[BINS]:
+    while n_bins < n and 2 * n_bins <= gas.grid.bins:
         n_bins *= 2
     return n_bins
 
@@ -124,14 +118,14 @@ def bins_of(n, gas: ti.template()):
 @ti.func
 def run_tile(tile, lane, gas: ti.template()):
     """The window of one tile, or the rest of it; nothing if there is no room for it, which `counter` tells."""
-    resuming = gas.counter[RESUMING]
-    gas.counter[RESUMING] = 0
+    resuming = gas.counter.resuming
+    gas.counter.resuming = 0
     if resuming == 0:
         begin(tile, gas)
         prepare(tile, lane, gas)
-    if gas.counter[FULL] == 0:
+    if gas.counter.full == 0:
         region = region_of(tile, lane, gas)
-        n = gas.tile[tile, GATHERED]
+        n = gas.tile[tile].gathered
         run_events(n, bins_of(n, gas), tile, resuming, region, gas)
 
 
@@ -139,19 +133,19 @@ def run_tile(tile, lane, gas: ti.template()):
 def prepare(tile, lane, gas: ti.template()):
     """Lay out the disks of a tile and its halo for a window."""
     region = region_of(tile, lane, gas)
-    if cells_of(region, gas) <= gas.grid[CELLS]:
+    if cells_of(region, gas) <= gas.grid.cells:
         for c in range(region.nx * region.ny):
             gas.head[region.cells + c] = 0
         choose(tile, 0, region, gas)
     if has_room(tile, region, gas):
         order(tile, 0, region, gas)
-        n = gas.tile[tile, GATHERED]
+        n = gas.tile[tile].gathered
         for m in range(n):
             lay(m, tile, region, gas)
         if ti.static(gas.uses.layered):
             chain_layers(n, region, gas)
         else:
-            for i in range(region.lane * gas.grid[PLACES], region.lane * gas.grid[PLACES] + n):
+            for i in range(region.lane * gas.grid.places, region.lane * gas.grid.places + n):
                 chain(i, n, region, gas)
         if ti.static(gas.uses.walled):
             place_walls(region, gas)
@@ -162,11 +156,11 @@ def prepare(tile, lane, gas: ti.template()):
 @ti.func
 def total_of(column, gas: ti.template()):
     """One of the sums over all tiles to the end of the window; the largest square of a speed."""
-    total = gas.tally[0, AT_END, column]
-    if gas.grid[ALONE] == 0:
-        total = gas.total[FIRST_SUM + column]
-        if column == FASTEST:
-            total = gas.total[MOST_SPEED]
+    total = gas.tally[0, AT_END][column]
+    if gas.grid.single_tile == 0:
+        total = gas.total[TOTAL.width + column]
+        if column == TALLY.fastest:
+            total = gas.total.max_speed_sq
     return total
 
 
@@ -175,36 +169,36 @@ def plan(gas: ti.template()):
     """Set the next window, from the sums of the last one, which are added up. A force ends it."""
     for column in range(gas.tally.shape[2]):
         gas.sums[column] = gas.sums[column] + total_of(column, gas)
-    way = gas.clock[SPEED] * (gas.clock[END] - gas.clock[BEGIN])
-    gas.clock[PATH] = path_from(
-        gas.clock[PATH], gas.clock[FREE_PATH], gas.clock[IN_WINDOW], way, total_of(COLLISIONS, gas)
+    way = gas.clock.speed * (gas.clock.end - gas.clock.begin)
+    gas.clock.path = path_from(
+        gas.clock.path, gas.clock.free_path, gas.clock.in_window, way, total_of(TALLY.collisions, gas)
     )
-    fastest2 = total_of(FASTEST, gas)
-    mean_square = total_of(SQUARES, gas) * gas.clock[SQUARE_UNIT] / ti.max(gas.grid[N], 1)
-    gas.clock[SPEED] = ti.sqrt(mean_square)
-    gx, gy = ti.cast(gas.scale[GX], ti.f64), ti.cast(gas.scale[GY], ti.f64)
+    fastest2 = total_of(TALLY.fastest, gas)
+    mean_square = total_of(TALLY.squares, gas) * gas.clock.square_unit / ti.max(gas.grid.n, 1)
+    gas.clock.speed = ti.sqrt(mean_square)
+    gx, gy = ti.cast(gas.scale.gx, ti.f64), ti.cast(gas.scale.gy, ti.f64)
     pull = ti.sqrt(gx * gx + gy * gy)
-    wall_speed = gas.clock[WALL_SPEED]
+    wall_speed = gas.clock.wall_speed
     if ti.static(gas.uses.pistons):
         wall_speed += fastest_piston(gas)
-    length = window_length(mean_square, fastest2, gas.clock[PATH], gas.clock[TILE_SIDE], pull, wall_speed)
-    length = ti.min(length, gas.clock[LONGEST])
-    gas.clock[BEGIN] = gas.clock[END]
-    gas.clock[END] = ti.min(gas.clock[BEGIN] + length, gas.clock[KICK])
-    window = gas.clock[END] - gas.clock[BEGIN]
-    gas.scale[WINDOW] = ti.cast(window, float)
-    gas.grid[PART] = 1 - gas.grid[PART]
-    gas.counter[N_SLOTS] = 0
-    gas.clock[SQUARE_UNIT] = square_unit(ti.max(fastest2, least_square(pull, length, wall_speed)))
+    length = window_length(mean_square, fastest2, gas.clock.path, gas.clock.tile_side, pull, wall_speed)
+    length = ti.min(length, gas.clock.longest)
+    gas.clock.begin = gas.clock.end
+    gas.clock.end = ti.min(gas.clock.begin + length, gas.clock.kick)
+    window = gas.clock.end - gas.clock.begin
+    gas.scale.window = ti.cast(window, float)
+    gas.grid.part = 1 - gas.grid.part
+    gas.counter.n_slots = 0
+    gas.clock.square_unit = square_unit(ti.max(fastest2, least_square(pull, length, wall_speed)))
     for m in range(2 * MOST_MOMENTS):
-        gas.scale[MOMENT_IN + m] = FAR
-    if gas.clock[STOP] < gas.clock[END]:
-        moment = ti.cast(gas.clock[STOP] - gas.clock[BEGIN], float)
-        gas.scale[MOMENT_IN], gas.scale[MOMENT_IN + 1] = moment, moment
-    if gas.grid[ALONE] == 0:
-        halo = usual_halo(gas.scale[CHAIN], ti.sqrt(fastest2), pull, gas.clock[WALL_SPEED], window)
-        gas.scale[USUAL_HALO] = ti.cast(halo, float)
-        gas.scale[MOST_HALO] = ti.cast(gas.scale[LEAST_SIDE] - gas.total[MOST_PROTRUDES], float)
+        gas.scale[SCALE.moment.first + m] = FAR
+    if gas.clock.stop < gas.clock.end:
+        moment = ti.cast(gas.clock.stop - gas.clock.begin, float)
+        gas.scale.moment[0].begin, gas.scale.moment[0].until = moment, moment
+    if gas.grid.single_tile == 0:
+        halo = usual_halo(gas.scale.chain, ti.sqrt(fastest2), pull, gas.clock.wall_speed, window)
+        gas.scale.usual_halo = ti.cast(halo, float)
+        gas.scale.most_halo = ti.cast(gas.scale.least_side - gas.total.overhang, float)
 
 
 @ti.func
@@ -213,39 +207,37 @@ def may_go_on(gas: ti.template()):
 
     None does where the run stops or pauses, a force acts, something is amiss, or the launch has lasted long enough.
     """
-    end, collisions = gas.clock[END], gas.sums[COLLISIONS] + total_of(COLLISIONS, gas)
-    amiss = gas.counter[FULL] + gas.counter[STALLED] + gas.counter[RESTING] + gas.counter[PAUSED] > 0
-    done = end >= gas.clock[STOP] or end >= gas.clock[KICK] or collisions >= gas.clock[WANTED]
-    paused = end >= gas.clock[PAUSE] or collisions >= gas.clock[PAUSE_AFTER]
-    still = total_of(FASTEST, gas) == 0.0
-    long = gas.grid[ALONE] == 1 and gas.counter[N_EVENTS] > MOST_EVENTS_OF_A_LAUNCH
-    if gas.grid[ALONE] == 0:
-        reach = ti.cast(gas.scale[WIDEST], ti.f64) + gas.total[MOST_BEYOND] + gas.total[MOST_FURTHEST]
-        amiss = amiss or gas.counter[N_BAD] > 0 or reach > gas.scale[MOST_HALO]
-        amiss = (
-            amiss or gas.scale[LEAST_SIDE] - gas.total[MOST_PROTRUDES] < LEAST_HALO * gas.scale[LEAST_SIDE]
-        )
+    end, collisions = gas.clock.end, gas.sums.collisions + total_of(TALLY.collisions, gas)
+    amiss = gas.counter.full + gas.counter.stalled + gas.counter.resting + gas.counter.paused > 0
+    done = end >= gas.clock.stop or end >= gas.clock.kick or collisions >= gas.clock.wanted
+    paused = end >= gas.clock.pause or collisions >= gas.clock.pause_after
+    still = total_of(TALLY.fastest, gas) == 0.0
+    long = gas.grid.single_tile == 1 and gas.counter.n_events > MOST_EVENTS_OF_A_LAUNCH
+    if gas.grid.single_tile == 0:
+        reach = ti.cast(gas.scale.widest, ti.f64) + gas.total.excursion + gas.total.max_displacement
+        amiss = amiss or gas.counter.n_bad > 0 or reach > gas.scale.most_halo
+        amiss = amiss or gas.scale.least_side - gas.total.overhang < LEAST_HALO * gas.scale.least_side
     return not (amiss or done or paused or still or long)
 
 
 @ti.func
 def begin_window(gas: ti.template()):
     """Begin a window of all tiles: the one that the host has set, or the next one, if there may be one."""
-    if gas.counter[AGAIN] == 0:
-        if gas.counter[N_WINDOWS] > 0:
+    if gas.counter.again == 0:
+        if gas.counter.n_windows > 0:
             if may_go_on(gas):
                 plan(gas)
             else:
-                gas.counter[HALTED] = 1
-        if gas.counter[HALTED] == 0:
-            gas.counter[N_WINDOWS] = gas.counter[N_WINDOWS] + 1
-            gas.counter[N_CLAIMED] = 0
+                gas.counter.halted = 1
+        if gas.counter.halted == 0:
+            gas.counter.n_windows = gas.counter.n_windows + 1
+            gas.counter.n_ghosts = 0
 
 
 @ti.func
 def is_going(gas: ti.template()):
     """1 as long as there is room for all and the window may be run, else 0."""
-    return gas.counter[FULL] == 0 and gas.counter[HALTED] == 0
+    return gas.counter.full == 0 and gas.counter.halted == 0
 
 
 @ti.func
@@ -257,7 +249,7 @@ def share_of(item, first, gas: ti.template()):
     round_products(gas)
     lane = item // ti.static(team_of(gas.uses))
     k = tile_of(first + lane, gas)
-    n = ti.select(is_going(gas), gas.tile[k, GATHERED], 0)
+    n = ti.select(is_going(gas), gas.tile[k].gathered, 0)
     return k, region_of(k, lane, gas), item - lane * ti.static(team_of(gas.uses)), n
 
 
@@ -266,7 +258,7 @@ def is_summed_here(gas: ti.template()):
     """1 if a launch adds up what tiles did; ranks tell one another first (`sum_shared`)."""
     found = 1
     if ti.static(gas.uses.shared):
-        found = gas.grid[ALONE]
+        found = gas.grid.single_tile
     return found
 
 
@@ -274,46 +266,46 @@ def is_summed_here(gas: ti.template()):
 def sum_up(b, column, gas: ti.template()):
     """One column of `found` for block b of tiles."""
     first = b * BLOCK_OF_TILES
-    last = ti.min(first + BLOCK_OF_TILES, gas.grid[TILES_X] * gas.grid[TILES_Y])
+    last = ti.min(first + BLOCK_OF_TILES, gas.grid.tiles_x * gas.grid.tiles_y)
     total = ti.cast(0.0, ti.f64)
     columns = gas.tally.shape[2]
-    if column == MOST_SPEED:
+    if column == TOTAL.max_speed_sq:
         for k in range(first, last):
-            total = ti.max(total, gas.tally[k, AT_END, FASTEST])
-    elif column < FIRST_SUM:
+            total = ti.max(total, gas.tally[k, AT_END].fastest)
+    elif column < TOTAL.width:
         for k in range(first, last):
-            total = ti.max(total, ti.cast(gas.reach[k, BEYOND + column - MOST_BEYOND], ti.f64))
+            total = ti.max(total, ti.cast(gas.reach[k][REACH.excursion + column - TOTAL.excursion], ti.f64))
     else:
-        when = (column - FIRST_SUM) // columns
-        of = column - FIRST_SUM - when * columns
+        when = (column - TOTAL.width) // columns
+        of = column - TOTAL.width - when * columns
         for k in range(first, last):
-            total += gas.tally[k, when, of]
-    gas.found[b, column] = total
+            total += gas.tally[k, when][of]
+    gas.found[b][column] = total
 
 
 @ti.func
 def sum_blocks(column, gas: ti.template()):
     """One column of `total`: block after block, in one order whatever computes it."""
-    total = gas.found[0, column]
+    total = gas.found[0][column]
     for b in range(1, gas.found.shape[0]):
-        if column < FIRST_SUM:
-            total = ti.max(total, gas.found[b, column])
+        if column < TOTAL.width:
+            total = ti.max(total, gas.found[b][column])
         else:
-            total += gas.found[b, column]
+            total += gas.found[b][column]
     gas.total[column] = total
 
 
 @ti.kernel
 def run_windows(
-    first: ti.i32, n_listed: ti.i32, most_windows: ti.i32, uses: ti.template(), grid: Rows, scale: Rows, clock: Rows,
-    sums: Rows, counter: Rows,
-    disk: Rows, meta: Rows, past: Rows, hits: Rows, spent: Rows, slept: Rows, held: Rows, told_at: Rows, note: Table,
-    note_at: Rows, note_tally: Table, kind: Rows, kinds: Rows, trail: Rows,
-    way: Rows, back: Rows, tile: Table, listed: Rows, reach: Table, edge_x: Rows, edge_y: Rows, tally: Cube,
-    claim: Rows, claim_at: Rows, work: Rows, link: Rows, mark: Rows,
-    begun: Rows, rest: Rows, balance: Rows, touch: Rows, grip: Rows, chosen: Rows,
-    since: Rows, turn: Rows, loss: Rows, head: Rows, bin: Rows, wall_start: Rows, wall_item: Rows,
-    walls: Rows, law: Cube, watched: Rows, event: Rows, event_int: Rows, found: Table, total: Rows,
+    first: ti.i32, n_listed: ti.i32, most_windows: ti.i32, uses: ti.template(), grid: Rows, scale: Rows,
+    clock: Rows, sums: Rows, counter: Rows, disk: Rows, meta: Rows, past: Rows, hits: Rows, spent: Rows,
+    slept: Rows, held: Rows, snapshot_time: Rows, note: Table, note_at: Rows, note_tally: Table, kind: Rows,
+    kinds: Rows, history_hash: Rows, displacement: Rows, slot_before: Rows, tile: Table, listed: Rows,
+    reach: Table, edge_x: Rows, edge_y: Rows, tally: Cube, ghost: Rows, ghost_position: Rows, motion: Rows,
+    event_info: Rows, image_info: Rows, start_position: Rows, rest: Rows, residual_acceleration: Rows,
+    contact: Rows, cached_force: Rows, candidates: Rows, since: Rows, turn: Rows, loss: Rows, head: Rows,
+    bin: Rows, wall_start: Rows, wall_item: Rows, walls: Rows, law: Cube, watched: Rows, event: Rows,
+    event_int: Rows, found: Table, total: Rows,
 ):  # fmt: skip
     """The window of tiles `first` to `n_listed`, and sums over all; or `most_windows` windows of a gas in one tile.
 
@@ -322,17 +314,19 @@ def run_windows(
     work but the events.
     """
     gas = ti.static(gas_of(
-        grid=grid, scale=scale, clock=clock, sums=sums, counter=counter, disk=disk, meta=meta, past=past, hits=hits,
-        spent=spent, slept=slept, held=held, told_at=told_at, note=note, note_at=note_at, note_tally=note_tally,
-        rest=rest, balance=balance, touch=touch, grip=grip, kind=kind, kinds=kinds, trail=trail, way=way, back=back,
-        tile=tile, listed=listed, reach=reach, edge_x=edge_x, edge_y=edge_y, tally=tally, claim=claim,
-        claim_at=claim_at, work=work, link=link, mark=mark, begun=begun, chosen=chosen, since=since, turn=turn,
+        grid=grid, scale=scale, clock=clock, sums=sums, counter=counter, disk=disk, meta=meta, past=past,
+        hits=hits, spent=spent, slept=slept, held=held, snapshot_time=snapshot_time, note=note, note_at=note_at,
+        note_tally=note_tally, rest=rest, residual_acceleration=residual_acceleration, contact=contact,
+        cached_force=cached_force, kind=kind, kinds=kinds, history_hash=history_hash, displacement=displacement,
+        slot_before=slot_before, tile=tile, listed=listed, reach=reach, edge_x=edge_x, edge_y=edge_y,
+        tally=tally, ghost=ghost, ghost_position=ghost_position, motion=motion, event_info=event_info,
+        image_info=image_info, start_position=start_position, candidates=candidates, since=since, turn=turn,
         loss=loss, head=head, bin=bin, wall_start=wall_start, wall_item=wall_item, walls=walls, law=law,
         watched=watched, event=event, event_int=event_int, found=found, total=total, uses=uses,
     ))  # fmt: skip
     for _ in range(1):
         round_products(gas)
-        if (gas.grid[ALONE] == 0 or ti.static(on_gpu())) and first == 0:
+        if (gas.grid.single_tile == 0 or ti.static(on_gpu())) and first == 0:
             begin_window(gas)
         if ti.static(gas.uses.walled):
             wall_phases(gas)
@@ -342,11 +336,11 @@ def run_windows(
             round_products(gas)
             if is_going(gas):
                 begin(tile_of(first + lane, gas), gas)
-        for c in range((n_listed - first) * gas.grid[CELLS]):
+        for c in range((n_listed - first) * gas.grid.cells):
             gas.head[c] = 0
         for item in range((n_listed - first) * team):
             k, region, thread, _n = share_of(item, first, gas)
-            if is_going(gas) and cells_of(region, gas) <= gas.grid[CELLS]:
+            if is_going(gas) and cells_of(region, gas) <= gas.grid.cells:
                 choose(k, thread, region, gas)
         for item in range((n_listed - first) * team):
             k, region, thread, _n = share_of(item, first, gas)
@@ -371,17 +365,17 @@ def run_windows(
                     chain_layers(n, region, gas)
             else:
                 while m < n:
-                    chain(region.lane * gas.grid[PLACES] + m, n, region, gas)
+                    chain(region.lane * gas.grid.places + m, n, region, gas)
                     m += team
         for item in range((n_listed - first) * team):
             _k, region, m, n = share_of(item, first, gas)
             while m < n:
-                predict(region.lane * gas.grid[PLACES] + m, 0, 1, -1, 1, 1, 0, region, gas)
+                predict(region.lane * gas.grid.places + m, 0, 1, -1, 1, 1, 0, region, gas)
                 m += team
         ti.loop_config(block_dim=32)
-        for item in range((n_listed - first) * gas.grid[STRIDE]):
-            k, region, _m, n = share_of(item // gas.grid[STRIDE] * team, first, gas)
-            if item % gas.grid[STRIDE] == 0 and is_going(gas):
+        for item in range((n_listed - first) * gas.grid.stride):
+            k, region, _m, n = share_of(item // gas.grid.stride * team, first, gas)
+            if item % gas.grid.stride == 0 and is_going(gas):
                 run_events(n, bins_of(n, gas), k, 0, region, gas)
         for item in range((n_listed - first) * team):
             k, region, thread, n = share_of(item, first, gas)
@@ -389,22 +383,22 @@ def run_windows(
                 write(n, k, AT_END, thread, team, region, gas)
     else:
         spread = ti.static(spread_of_loops())
-        for item in range(spread * gas.grid[LANES]):
+        for item in range(spread * gas.grid.lanes):
             if item % spread == 0:
-                k = ti.atomic_add(gas.counter[NEXT_TILE], 1)
-                while k < n_listed and gas.counter[FULL] == 0:
+                k = ti.atomic_add(gas.counter.next_tile, 1)
+                while k < n_listed and gas.counter.full == 0:
                     going = 1
                     while going == 1:
                         run_tile(tile_of(k, gas), item // spread, gas)
                         going = 0
-                        if gas.grid[ALONE] == 1:
-                            gas.counter[N_WINDOWS] = gas.counter[N_WINDOWS] + 1
-                            if may_go_on(gas) and gas.counter[N_WINDOWS] < most_windows:
+                        if gas.grid.single_tile == 1:
+                            gas.counter.n_windows = gas.counter.n_windows + 1
+                            if may_go_on(gas) and gas.counter.n_windows < most_windows:
                                 going = 1
                                 plan(gas)
                                 if ti.static(gas.uses.walled):
                                     wall_phases(gas)
-                    k = ti.atomic_add(gas.counter[NEXT_TILE], 1)
+                    k = ti.atomic_add(gas.counter.next_tile, 1)
     for item in range(gas.found.shape[0] * gas.found.shape[1]):
         round_products(gas)
         if is_summed_here(gas):
@@ -416,34 +410,36 @@ def run_windows(
 
 @ti.kernel
 def verify(
-    uses: ti.template(), grid: Rows, scale: Rows, counter: Rows, disk: Rows, trail: Rows, way: Rows, back: Rows,
-    tile: Table, listed: Rows, reach: Table, edge_x: Rows, edge_y: Rows, claim: Rows, claim_at: Rows,
+    uses: ti.template(), grid: Rows, scale: Rows, counter: Rows, disk: Rows, history_hash: Rows,
+    displacement: Rows, slot_before: Rows, tile: Table, listed: Rows, reach: Table, edge_x: Rows, edge_y: Rows,
+    ghost: Rows, ghost_position: Rows,
 ):  # fmt: skip
-    """Find the tiles whose windows may not be exact: into `listed`, `counter[N_BAD]` of them; widen their halos."""
+    """Find the tiles whose windows may not be exact: into `listed`, `counter.n_bad` of them; widen their halos."""
     gas = ti.static(gas_of(
-        grid=grid, scale=scale, counter=counter, disk=disk, trail=trail, way=way, back=back, tile=tile, listed=listed,
-        reach=reach, edge_x=edge_x, edge_y=edge_y, claim=claim, claim_at=claim_at, uses=uses,
+        grid=grid, scale=scale, counter=counter, disk=disk, history_hash=history_hash,
+        displacement=displacement, slot_before=slot_before, tile=tile, listed=listed, reach=reach,
+        edge_x=edge_x, edge_y=edge_y, ghost=ghost, ghost_position=ghost_position, uses=uses,
     ))  # fmt: skip
     team = ti.static(team_of(gas.uses))
     spread = ti.static(spread_of_loops())
-    for item in range(spread * gas.grid[TILES_X] * gas.grid[TILES_Y]):
+    for item in range(spread * gas.grid.tiles_x * gas.grid.tiles_y):
         round_products(gas)
         if item % spread == 0 and is_going(gas) and is_owned(item // spread, gas) == 1:
-            gas.tile[item // spread, BAD] = is_too_narrow(item // spread, gas)
-    for item in range(spread * team * gas.grid[TILES_X] * gas.grid[TILES_Y]):
+            gas.tile[item // spread].bad = is_too_narrow(item // spread, gas)
+    for item in range(spread * team * gas.grid.tiles_x * gas.grid.tiles_y):
         round_products(gas)
         if item % spread == 0:
             k = item // (spread * team)
-            if is_going(gas) and is_owned(k, gas) == 1 and gas.tile[k, BAD] == 0:
+            if is_going(gas) and is_owned(k, gas) == 1 and gas.tile[k].bad == 0:
                 if is_wrong(k, item // spread - k * team, gas) == 1:
-                    gas.tile[k, BAD] = 1
-    for k in range(gas.grid[TILES_X] * gas.grid[TILES_Y]):
+                    gas.tile[k].bad = 1
+    for k in range(gas.grid.tiles_x * gas.grid.tiles_y):
         round_products(gas)
-        if is_going(gas) and gas.tile[k, BAD] == 1:
-            gas.listed[ti.atomic_add(gas.counter[N_BAD], 1)] = k
-            if gas.reach[k, HALO] >= gas.scale[MOST_HALO]:
-                ti.atomic_add(gas.counter[STUCK], 1)
-            gas.reach[k, WIDER] = WIDEN * gas.reach[k, WIDER]
+        if is_going(gas) and gas.tile[k].bad == 1:
+            gas.listed[ti.atomic_add(gas.counter.n_bad, 1)] = k
+            if gas.reach[k].halo >= gas.scale.most_halo:
+                ti.atomic_add(gas.counter.stuck, 1)
+            gas.reach[k].halo_factor = WIDEN * gas.reach[k].halo_factor
 
 
 @ti.kernel
@@ -457,18 +453,19 @@ def survey(
         total=total, uses=uses,
     ))  # fmt: skip
     spread = ti.static(spread_of_loops())
-    for item in range(spread * gas.grid[TILES_X] * gas.grid[TILES_Y]):
+    for item in range(spread * gas.grid.tiles_x * gas.grid.tiles_y):
         round_products(gas)
         if item % spread == 0 and is_owned(item // spread, gas) == 1:
             k = item // spread
-            first = gas.grid[PART] * gas.grid[ROOM] + gas.tile[k, START + gas.grid[PART]]
-            fastest, squares = 0.0 * gas.scale[WINDOW], ti.cast(0.0, ti.f64)
-            for s in range(first, first + gas.tile[k, COUNT + gas.grid[PART]]):
-                speed2 = gas.disk[s][VX] * gas.disk[s][VX] + gas.disk[s][VY] * gas.disk[s][VY]
+            first = gas.grid.part * gas.grid.room + gas.tile[k].start[gas.grid.part]
+            fastest, squares = 0.0 * gas.scale.window, ti.cast(0.0, ti.f64)
+            for s in range(first, first + gas.tile[k].count[gas.grid.part]):
+                listed_disk = gas.disk[s]
+                speed2 = listed_disk.vx * listed_disk.vx + listed_disk.vy * listed_disk.vy
                 fastest = ti.max(fastest, speed2)
-                squares += ti.floor(ti.cast(speed2, ti.f64) / gas.clock[SQUARE_UNIT])
-            gas.tally[k, AT_END, FASTEST] = ti.cast(fastest, ti.f64)
-            gas.tally[k, AT_END, SQUARES] = squares
+                squares += ti.floor(ti.cast(speed2, ti.f64) / gas.clock.square_unit)
+            gas.tally[k, AT_END].fastest = ti.cast(fastest, ti.f64)
+            gas.tally[k, AT_END].squares = squares
     for item in range(gas.found.shape[0] * gas.found.shape[1]):
         round_products(gas)
         if is_summed_here(gas):
@@ -480,13 +477,11 @@ def survey(
 
 @ti.kernel
 def sum_shared(
-    n_blocks: ti.i32, last: ti.i32, uses: ti.template(), grid: Rows, tally: Cube, reach: Table,
-    found: Table, total: Rows, blocks: Rows,
+    n_blocks: ti.i32, last: ti.i32, uses: ti.template(), grid: Rows, tally: Cube, reach: Table, found: Table,
+    total: Rows, blocks: Rows,
 ):  # fmt: skip
     """The last step of `run_windows` and `survey` on ranks: sums of `n_blocks` blocks of tiles; of all, if `last`."""
-    gas = ti.static(gas_of(
-        grid=grid, tally=tally, reach=reach, found=found, total=total, uses=uses,
-    ))  # fmt: skip
+    gas = ti.static(gas_of(grid=grid, tally=tally, reach=reach, found=found, total=total, uses=uses))
     for item in range(n_blocks * gas.found.shape[1]):
         sum_up(blocks[item // gas.found.shape[1]], item % gas.found.shape[1], gas)
     for column in range(last * gas.total.shape[0]):

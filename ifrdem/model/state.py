@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
-from ..kernels.limits import MECHANISMS
+from ..kernels.columns import MECHANISM
 from ..tools import checked, slices
 from ..tools.checked import Array
 from ..tools.pictured import Pictured
@@ -291,9 +291,9 @@ class State(Brief, Sealed, Pictured):
         self.angle = np.zeros(n) if self.angle is None else checked.array("angle", self.angle, (n,))
         given = ["position", "velocity", "spin", "angle"]
         if self.dissipated is None:
-            self.dissipated = np.broadcast_to(0.0, (n, MECHANISMS))
+            self.dissipated = np.broadcast_to(0.0, (n, MECHANISM.width))
         else:
-            self.dissipated = checked.array("dissipated", self.dissipated, (n, MECHANISMS))
+            self.dissipated = checked.array("dissipated", self.dissipated, (n, MECHANISM.width))
             given.append("dissipated")
         for name in given:
             value = getattr(self, name)

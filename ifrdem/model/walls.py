@@ -17,7 +17,8 @@ from typing import Any, Literal, TypedDict, Unpack
 import numpy as np
 
 from ..errors import InputError, nearest
-from ..kernels.limits import INVERSE, MOST_WALLS, MOVING, OWNER, WALL
+from ..kernels.columns import WALL, named
+from ..kernels.limits import MOST_WALLS
 from ..tools import checked, slices
 from ..tools.checked import Array
 from . import outlines
@@ -508,7 +509,7 @@ class Wall:
         return self._on_circle(np.array(self.angles))
 
     def rows(self) -> Array:
-        """The pieces of the wall as rows of `kernels/walls.py`, shape (pieces, `WALL`)."""
+        """The pieces of the wall as rows of `kernels/walls.py`, shape (pieces, columns of `columns.WALL`)."""
         motion, turn = self.motion, self.turn
         amplitude = motion.speed if motion.kind == "steady" else motion.amplitude
         rate, phase = motion.frequency, motion.phase / FULL_TURN
@@ -539,15 +540,14 @@ class Wall:
             found = [row("segment", a, b - a) for a, b in itertools.pairwise(self.corners)]
         else:
             found = [row(self.shape, self.place, self.towards, self.radius)]
+        rows = np.array(found, dtype=np.float64)
         if (piston := self.piston) is not None:
-            rate = math.sqrt(piston.spring / piston.mass)
-            found[0][MOVING : MOVING + 7] = [
-                FREE, *self.normal_of_piston, piston.velocity, rate, 0.0, piston.force / piston.mass
-            ]  # fmt: skip
-            found[0][MOVING + 9] = piston.displacement
-            low, high = piston.stops
-            found[0][INVERSE : INVERSE + 3] = [1.0 / piston.mass, max(low, -1e30), min(high, 1e30)]
-        return np.array(found, dtype=np.float64)
+            wall, (low, high) = named(rows[0], "walls"), piston.stops
+            wall.motion, (wall.ux, wall.uy) = FREE, self.normal_of_piston
+            wall.now, wall.speed, wall.since = piston.displacement, piston.velocity, 0.0
+            wall.push, wall.rate = piston.force / piston.mass, math.sqrt(piston.spring / piston.mass)
+            wall.inverse_mass, wall.low, wall.high = 1.0 / piston.mass, max(low, -1e30), min(high, 1e30)
+        return rows
 
     # ------------------------------------------------------------------ where it is
 
@@ -794,11 +794,12 @@ class WallSums:
 
 
 def rows_of(walls: Sequence[Wall]) -> Array:
-    """The pieces of walls as rows of `kernels/walls.py`, shape (pieces, `WALL`); each knows its wall's number."""
+    """The pieces of walls as rows of `kernels/walls.py`, shape (pieces, columns of
+    `columns.WALL`); each knows its wall's number."""
     found = [wall.rows() for wall in walls]
     for number, rows in enumerate(found):
-        rows[:, OWNER] = number
-    return np.concatenate(found) if found else np.empty((0, WALL))
+        named(rows, "walls").owner = number
+    return np.concatenate(found) if found else np.empty((0, WALL.width))
 
 
 def at_displacements(walls: Sequence[Wall], displacements: Sequence[float]) -> tuple[Wall, ...]:

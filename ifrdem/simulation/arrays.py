@@ -17,11 +17,25 @@ from numpy.typing import NDArray
 
 from ..errors import EngineError
 from ..kernels import layout as k
+from ..kernels.columns import (
+    MOST_MOMENTS,
+    PISTON_STATE,
+    REAL,
+    TABLES,
+    TALLY,
+    TOTAL,
+    TYPES,
+    WALL,
+    WALL_SUM,
+    Named,
+    blank,
+    named,
+)
 from ..kernels.language import ti, view
-from ..kernels.limits import ADDRESSABLE, ALONE, MOST_DISKS, OWNER, PISTON_STATE, TOLD_DISKS, WALL, WALL_SUMS
+from ..kernels.limits import ADDRESSABLE, ALONE, MOST_DISKS, TOLD_DISKS, TOUCHES_OF_DISK
 from ..kernels.readout import exchange
 from ..kernels.shear import displacement
-from ..kernels.walls import FREE, GONE, HEAT, MOTION, NEXT_PISTON, PISTON, PUSH, SUMS, TEMPERATURE, TYPE
+from ..kernels.walls import FREE, GONE
 from ..kernels.windows import sum_shared
 from ..model.box import Box
 from ..model.state import COLUMNS, Disks, State, codes
@@ -127,12 +141,12 @@ class DeviceArrays:
     """All arrays of one engine, under the names that kernels give their arguments.
 
     Coefficients of the law for each pair of materials, `law_table` (M, M, c); `options` of `Engine`; pieces of `walls`,
-    (rows, WALL), as `kernels/walls.py` describes them.
+    (rows, columns of `columns.WALL`), as `kernels/walls.py` describes them.
     """
 
     tile: Any
     listed: Any
-    way: Any
+    displacement: Any
     event: Any
     event_int: Any
     found: Any
@@ -159,14 +173,16 @@ class DeviceArrays:
         self.room: int = 0
         self.parts: int = 2
         kinds, self._kind = kinds_of(disks)
-        self.kinds: Any = self._vectors(6, self._type, max(len(kinds), 1))
+        self.kinds: Any
+        self._make("kinds", len(kinds))
         if n:
             self.kinds.from_numpy(kinds.astype(self.real))
         self._split = split_of(disks.radius)
         # Walls are noted in one layer of cells.
         layered = self._split is not None and not (uses.walled or uses.rests)
         self.uses = uses = uses._replace(mixed=len(kinds) > 1, layered=layered)
-        self.kind: Any = self._array(ti.i32, n if uses.mixed and not uses.shared else 1)
+        self.kind: Any
+        self._make("kind", n if uses.mixed and not uses.shared else 1)
         if uses.mixed and not uses.shared:
             self.kind.from_numpy(self._kind.astype(np.int32))
         self.law: Any = ti.ndarray(self._type, law_table.shape)
@@ -175,48 +191,50 @@ class DeviceArrays:
         # arrays of its own for them (`launch`).
         self.on_gpu: bool = options.arch != "cpu"
         self._twins: dict[str, Any] = {}
-        self.counter: NDArray[np.int32] = np.zeros(20, dtype=np.int32)
-        self.clock: NDArray[np.float64] = np.zeros(16)
-        self.grid: NDArray[np.int32] = np.zeros(28, dtype=np.int32)
-        self.scale: NDArray[np.floating[Any]] = np.zeros(
-            k.MOMENT_IN + 2 * k.MOST_MOMENTS + 2, dtype=self.real
-        )
-        self.scale[k.MOMENT_IN :] = k.FAR
+        self.counter: Named = blank("counter", np.int32)
+        self.clock: Named = blank("clock")
+        self.grid: Named = blank("grid", np.int32)
+        self.scale: Named = blank("scale", self.real)
+        self.scale.moment = k.FAR
         words = np.array([options.seed & 0xFFFFFFFF, options.seed >> 32], dtype=np.uint32)
-        self.grid[k.SEED_LOW : k.SEED_LOW + 2] = words.view(np.int32)
+        self.grid.seed_low, self.grid.seed_high = words.view(np.int32)
         # Where there are more disks, on several ranks, no kernel asks how many.
-        self.grid[k.N], self.grid[k.LANES] = min(n, ADDRESSABLE), 1
-        self.grid[k.WALLS] = len(walls)
-        self.grid[k.PERIODIC_X], self.grid[k.PERIODIC_Y] = box.periodic
+        self.grid.n, self.grid.lanes = min(n, ADDRESSABLE), 1
+        self.grid.walls = len(walls)
+        self.grid.periodic_x, self.grid.periodic_y = box.periodic
         self.widest: float = 2.0 * float(disks.radius.max()) if n else 1.0
-        self.scale[k.WIDEST] = self.widest
+        self.scale.widest = self.widest
         self.set_gravity(options.gravity, options.resting_speed)
-        self.scale[k.CUTOFF], self.scale[k.CONTACT_TIME] = options.velocity_cutoff, options.contact_time
+        self.scale.cutoff, self.scale.contact_time = options.velocity_cutoff, options.contact_time
         if options.resting_speed:
-            self.scale[k.CUTOFF] = options.resting_speed
-        self.scale[k.SHEAR] = box.shear_rate
-        walls = walls.reshape(-1, WALL)
-        self.walls: Any = self._vectors(WALL, self._type, max(len(walls), 1))
-        owner = walls[:, OWNER].astype(np.int64)
-        self.thermal: NDArray[np.int64] = np.unique(owner[walls[:, TEMPERATURE] > 0.0])
+            self.scale.cutoff = options.resting_speed
+        self.scale.shear = box.shear_rate
+        walls = walls.reshape(-1, WALL.width)
+        self.walls: Any
+        self._make("walls", len(walls))
+        wall = named(walls, "walls")
+        owner = wall.owner.astype(np.int64)
+        self.thermal: NDArray[np.int64] = np.unique(owner[wall.temperature > 0.0])
         number = int(owner.max()) + 1 if uses.summed else 0
-        self.pistons: NDArray[np.int64] = np.flatnonzero(walls[:, MOTION] == FREE)  # rows of walls
-        first_piston = len(self.thermal) + WALL_SUMS * number
-        self.columns: int = k.TALLY + first_piston + PISTON_STATE * len(self.pistons)  # of the tally
-        self.grid[k.FIRST_PISTON] = self.pistons[0] if len(self.pistons) else -1
+        self.pistons: NDArray[np.int64] = np.flatnonzero(wall.motion == FREE)  # rows of walls
+        first_piston = len(self.thermal) + WALL_SUM.width * number
+        # Of the tally.
+        self.columns: int = TALLY.width + first_piston + PISTON_STATE.width * len(self.pistons)
+        self.grid.first_piston = self.pistons[0] if len(self.pistons) else -1
         self.wall_rows: NDArray[np.float64] = walls
         if len(walls):
-            walls[:, HEAT] = np.where(np.isin(owner, self.thermal), np.searchsorted(self.thermal, owner), -1)
-            walls[:, SUMS] = len(self.thermal) + WALL_SUMS * owner
-            walls[self.pistons, PISTON] = first_piston + PISTON_STATE * np.arange(len(self.pistons))
-            walls[self.pistons, NEXT_PISTON] = np.append(self.pistons[1:], -1)[: len(self.pistons)]
+            wall.heat = np.where(np.isin(owner, self.thermal), np.searchsorted(self.thermal, owner), -1)
+            wall.sums = len(self.thermal) + WALL_SUM.width * owner
+            wall.piston[self.pistons] = first_piston + PISTON_STATE.width * np.arange(len(self.pistons))
+            wall.next_piston[self.pistons] = np.append(self.pistons[1:], -1)[: len(self.pistons)]
             self.walls.from_numpy(walls.astype(self.real))
         self.sums: NDArray[np.float64] = np.zeros(self.columns)
         self._lanes = 0
         self.batch: int = 0
         self.make_notes(0)
         self._make_parts(2, self._first_room(n))
-        self.watched: Any = self._array(ti.i32, n if uses.watched else 1)
+        self.watched: Any
+        self._make("watched", n if uses.watched else 1)
         self.scratch(0, 0, 0, 0)
         self.claims(0)
         self.events(0)
@@ -224,12 +242,21 @@ class DeviceArrays:
     # ------------------------------------------------------------------ room
 
     @staticmethod
-    def _vectors(columns: int, of: Any, rows: int) -> Any:
-        return ti.Vector.ndarray(columns, of, max(rows, 1))
-
-    @staticmethod
     def _array(of: Any, *shape: int) -> Any:
         return ti.ndarray(of, tuple(max(each, 1) for each in shape))
+
+    def _type_of(self, name: str) -> Any:
+        return self._type if TYPES[name] == REAL else getattr(ti, TYPES[name])
+
+    def _make(self, name: str, rows: int) -> None:
+        """An array of so many rows, one at least, in place of the one that has this name: numbers, or its columns."""
+        of, rows = self._type_of(name), max(rows, 1)
+        new = ti.Vector.ndarray(TABLES[name].width, of, rows) if name in TABLES else self._array(of, rows)
+        self._replace(name, new)
+
+    def _make_table(self, name: str, rows: int) -> None:
+        """The same with columns that are an axis of their own."""
+        self._replace(name, self._array(self._type_of(name), rows, TABLES[name].width))
 
     def _replace(self, name: str, new: Any) -> None:
         old = getattr(self, name, None)
@@ -242,41 +269,36 @@ class DeviceArrays:
 
         Times are the beginning and end of a window, and moments in it.
         """
-        notes, kept = int(self.grid[k.NOTES]), self.state_arrays()
+        notes, kept = int(self.grid.notes), self.state_arrays()
         rows = parts * room + notes
         self._check_addresses(rows)
         before = {name: self._values(name).copy() for name in self._names()} if self.room else {}
         for name in before:
             self._replace(name, None)
-        for name, columns, of in (
-            ("disk", 5, self._type), ("meta", 4, ti.i32), ("past", 2, ti.f64), ("hits", 2, ti.i32),
-            ("spent", k.MECHANISMS, ti.f64), ("held", k.HELD * k.OF_HELD, ti.f64),
-        ):  # fmt: skip
-            self._replace(name, self._vectors(columns, of, rows if kept[name] else 1))
-        self._replace("slept", self._array(ti.i32, rows if kept["slept"] else 1))
+        for name in ("disk", "meta", "past", "hits", "spent", "held", "slept"):
+            self._make(name, rows if kept[name] else 1)
         if self.uses.shared:
-            self._replace("kind", self._array(ti.i32, rows if kept["kind"] else 1))
+            self._make("kind", rows if kept["kind"] else 1)
         same = min(self.room, room)
         for name, old in before.items():
             with self.written(name) as (new,):
                 for part in range(min(self.parts, parts)):
                     new[part * room : part * room + same] = old[part * self.room : part * self.room + same]
-        self._replace("trail", self._vectors(2, ti.i32, room))
-        self._replace("way", self._array(ti.f32, room))
-        self._replace("back", self._array(ti.i32, room))
-        self._replace("told_at", self._array(self._type, (parts - 2) * room if notes else 1))
+        for name in ("history_hash", "displacement", "slot_before"):
+            self._make(name, room)
+        self._make("snapshot_time", (parts - 2) * room if notes else 1)
         self.parts, self.room = parts, room
-        self.grid[k.MOMENTS], self.grid[k.ROOM] = parts - 2, room
+        self.grid.moments, self.grid.room = parts - 2, room
 
     def make_moments(self, needed: int = 1, notes: int = 0) -> int:
         """Make room for so many moments within a window, or for the most that there may be: for how many.
 
         And for so many `notes` of each, if there is need of them (`kernels/layout.py`).
         """
-        most = max(1, min(k.MOST_MOMENTS, TOLD_DISKS // max(self.n, 1)))
+        most = max(1, min(MOST_MOMENTS, TOLD_DISKS // max(self.n, 1)))
         moments = max(self.parts - 2, 1 if needed == 1 else most)
-        if moments > self.parts - 2 or notes * moments > self.grid[k.NOTES]:
-            if notes * moments > self.grid[k.NOTES]:
+        if moments > self.parts - 2 or notes * moments > self.grid.notes:
+            if notes * moments > self.grid.notes:
                 self.make_notes(1 << (notes * moments).bit_length())
             self._make_parts(2 + moments, self.room)
             self._make_sums()
@@ -284,8 +306,8 @@ class DeviceArrays:
 
     def make_notes(self, notes: int) -> None:
         """Arrays of the host for so many notes."""
-        self.grid[k.NOTES], rows = notes, max(notes, 1)
-        self.note: NDArray[np.int32] = np.zeros((rows, 3), dtype=np.int32)
+        self.grid.notes, rows = notes, max(notes, 1)
+        self.note: NDArray[np.int32] = np.zeros((rows, TABLES["note"].width), dtype=np.int32)
         self.note_at: NDArray[np.float64] = np.zeros(rows)
         self.note_tally: NDArray[np.float64] = np.zeros((rows, self.columns))
 
@@ -298,40 +320,39 @@ class DeviceArrays:
 
     def scratch(self, places: int, cells: int, bins: int, items: int) -> None:
         """Scratch space of the lanes: disks, cells, bins (a power of two) and walls near cells of a region."""
-        lanes, uses = int(self.grid[k.LANES]), self.uses
+        lanes, uses = int(self.grid.lanes), self.uses
         rows = lanes * places
         self._check_addresses(2 * rows)
-        self.grid[[k.PLACES, k.CELLS, k.BINS, k.ITEMS]] = places, cells, bins, items
-        self._replace("work", self._vectors(8, self._type, rows))
-        self._replace("link", self._vectors(16, ti.i32, rows))
-        self._replace("mark", self._vectors(6, ti.i32, rows))
-        self._replace("begun", self._vectors(2, self._type, rows))
-        self._replace("rest", self._vectors(3, ti.i32, rows if uses.rests else 1))
-        self._replace("balance", self._vectors(3, ti.f64, rows if uses.rests else 1))
-        self._replace("touch", self._vectors(21, ti.f64, k.TOUCHES_OF_DISK * rows if uses.rests else 1))
-        self._replace("grip", self._vectors(k.HELD * k.OF_HELD, ti.f64, rows if uses.rests else 1))
-        self._replace("chosen", self._vectors(4, ti.i32, rows))
-        self._replace("since", self._array(self._type, rows if uses.remembers else 1))
-        self._replace("turn", self._array(ti.f64, rows if uses.turned else 1))
-        self._replace("loss", self._vectors(k.MECHANISMS, ti.f64, rows if uses.itemised else 1))
-        self._replace("head", self._array(ti.i32, lanes * cells))
-        self._replace("bin", self._array(ti.i32, lanes * bins))
-        self._replace("wall_start", self._array(ti.i32, lanes * (cells + 1) if uses.walled else 1))
-        self._replace("wall_item", self._array(ti.i32, lanes * items if uses.walled else 1))
+        grid = self.grid
+        grid.places, grid.cells, grid.bins, grid.items = places, cells, bins, items
+        for name in ("motion", "event_info", "image_info", "start_position"):
+            self._make(name, rows)
+        self._make("rest", rows if uses.rests else 1)
+        self._make("residual_acceleration", rows if uses.rests else 1)
+        self._make("contact", TOUCHES_OF_DISK * rows if uses.rests else 1)
+        self._make("cached_force", rows if uses.rests else 1)
+        self._make("candidates", rows)
+        self._make("since", rows if uses.remembers else 1)
+        self._make("turn", rows if uses.turned else 1)
+        self._make("loss", rows if uses.itemised else 1)
+        self._make("head", lanes * cells)
+        self._make("bin", lanes * bins)
+        self._make("wall_start", lanes * (cells + 1) if uses.walled else 1)
+        self._make("wall_item", lanes * items if uses.walled else 1)
 
     def claims(self, most: int) -> None:
         """Room for so many claims."""
         self._check_addresses(most)
-        self.grid[k.MOST_CLAIMS] = most
-        self._replace("claim", self._vectors(3, ti.i32, most))
-        self._replace("claim_at", self._vectors(3, self._type, most))
+        self.grid.most_ghosts = most
+        self._make("ghost", most)
+        self._make("ghost_position", most)
 
     def events(self, most: int) -> None:
         """Room for so many collisions that are written down."""
         self._check_addresses(3 * most)
-        self.grid[k.MOST_EVENTS] = most
-        self._replace("event", self._vectors(k.REALS, self._type, most))
-        self._replace("event_int", self._vectors(k.INTEGERS, ti.i32, most))
+        self.grid.most_events = most
+        self._make("event", most)
+        self._make("event_int", most)
 
     # ------------------------------------------------------------------ tiles
 
@@ -343,7 +364,7 @@ class DeviceArrays:
         if mantissa == 24 and max(tiles) > 1:  # places are from the corner of a tile
             extent = 2.0 * float(np.max((high - low) / count))
         self.spacing: float = 2.0 ** (math.ceil(math.log2(2.0 * extent)) - mantissa)
-        self.scale[k.ROUNDER] = 1.5 * 2.0 ** (mantissa - 1) * self.spacing
+        self.scale.rounding_constant = 1.5 * 2.0 ** (mantissa - 1) * self.spacing
         edges = []
         for axis in range(2):
             q = self.spacing
@@ -353,34 +374,34 @@ class DeviceArrays:
             else:
                 edges.append(np.round(np.linspace(low[axis], high[axis], tiles[axis] + 1) / q) * q)
         self.edges: list[NDArray[np.float64]] = edges
-        self.grid[k.TILES_X], self.grid[k.TILES_Y] = tiles
+        self.grid.tiles_x, self.grid.tiles_y = tiles
         if self.uses.sheared:
-            self.scale[k.DRIFT] = self.box.shear_rate * edges[1][1]
+            self.scale.drift = self.box.shear_rate * edges[1][1]
         total: int = tiles[0] * tiles[1]
         self.tiles: int = total
         self.own: NDArray[np.intp] = np.arange(total)
-        if (1 + k.MOST_MOMENTS) * total * self.columns > ADDRESSABLE:
+        if (1 + MOST_MOMENTS) * total * self.columns > ADDRESSABLE:
             raise EngineError(
                 f"sums of walls: {self.columns} columns in each of {total} tiles are more than the {ADDRESSABLE} "
                 "numbers that 32-bit indices of Taichi reach; make polylines of walls, or do without wall_sums"
             )
         for axis, name in enumerate(("edge_x", "edge_y")):
-            self._replace(name, self._array(ti.f64, len(edges[axis])))
+            self._make(name, len(edges[axis]))
             getattr(self, name).from_numpy(edges[axis])
-        self._replace("tile", self._array(ti.i32, total, 10))
-        self._replace("listed", self._array(ti.i32, total))
-        self._replace("reach", self._array(self._type, total, 5))
+        self._make_table("tile", total)
+        self._make("listed", total)
+        self._make_table("reach", total)
         blocks = -(-total // k.BLOCK_OF_TILES)
-        self._replace("blocks", self._array(ti.i32, blocks))  # that this process adds up
+        self._make("blocks", blocks)  # that this process adds up
         self.blocks.from_numpy(np.arange(blocks, dtype=np.int32))
         self.total: NDArray[np.float64] = np.zeros(0)
         self._make_sums()
-        self.scale[[k.LENGTH_X, k.LENGTH_Y]] = [edge[-1] - edge[0] for edge in edges]
+        self.scale.length_x, self.scale.length_y = (edge[-1] - edge[0] for edge in edges)
 
     def _make_sums(self) -> None:
         """Room for what tiles add up in a window, to its end and to each moment; sums that are known stay."""
         total, times = self.tiles, 1 + max(self.parts - 2, 1)
-        columns, known = k.FIRST_SUM + times * self.columns, self.total
+        columns, known = TOTAL.width + times * self.columns, self.total
         if len(known) == columns:
             return
         self._replace("tally", self._array(ti.f64, total, times, self.columns))
@@ -418,23 +439,23 @@ class DeviceArrays:
         if options.window_collisions is not None:  # whatever the device: windows decide the bits
             collisions = options.window_collisions
         mean = 2.0 * disks.mean_radius if n else 1.0
-        self.clock[k.PATH] = collisions * free / (math.sqrt(2.0 * math.pi) * mean * chi(phi))
+        self.clock.path = collisions * free / (math.sqrt(2.0 * math.pi) * mean * chi(phi))
         # A gas in one tile: nobody goes round the box in a window, for the grid of places.
         own = float((high - low).min())
         if options.window_collisions is not None:
             own = min(own, math.sqrt(GPU_TILE * free))
         elif sheared or not few or self.on_gpu:
             own = min(own, math.sqrt(tile_disks * free))
-        self.clock[k.TILE_SIDE] = own
+        self.clock.tile_side = own
         # Columns and rows of cells are counted in 16 bits; of more disks no region is the whole box.
         least = float((high - low).max()) / 3e4 if n <= MOST_DISKS else 0.0
         widest = (RESTING_CELL if self.uses.rests else CELL) * self.widest
-        self.grid[k.COARSE] = 1
+        self.grid.coarse = 1
         if self.uses.layered and self._split is not None:
-            widest, self.scale[k.SPLIT] = CELL * 2.0 * self._split, self._split
-        side = self.scale[k.CELL_SIDE] = max(widest, math.sqrt(disks_per_cell(phi) * free), least)
+            widest, self.scale.split = CELL * 2.0 * self._split, self._split
+        side = self.scale.cell_side = max(widest, math.sqrt(disks_per_cell(phi) * free), least)
         if self.uses.layered:
-            self.grid[k.COARSE] = math.ceil(CELL * self.widest / side)
+            self.grid.coarse = math.ceil(CELL * self.widest / side)
         tiles = (1, 1)
         self.alone = options.order == "alone" or (options.order is None and few and options.arch == "cpu")
         self.alone = self.alone and not sheared
@@ -446,27 +467,27 @@ class DeviceArrays:
         self.divide(tiles, low, high)
         if sheared:  # no last resort: windows are short enough for the tiles
             side = min(float(np.diff(edge).min()) for edge in self.edges)
-            self.clock[k.TILE_SIDE] = min(own, side / 3.0)
+            self.clock.tile_side = min(own, side / 3.0)
             shorter = min(1.0, side / (30.0 * self.widest))
-            self.clock[k.PATH] *= shorter
+            self.clock.path *= shorter
             collisions *= shorter
-        self.clock[k.FREE_PATH], self.clock[k.IN_WINDOW] = self.clock[k.PATH], 0.5 * n * collisions
+        self.clock.free_path, self.clock.in_window = self.clock.path, 0.5 * n * collisions
         lanes = 1 if self.alone else min(device.lanes(), self.tiles)
-        self.grid[k.LANES], self.grid[k.ALONE] = lanes, int(self.alone)
+        self.grid.lanes, self.grid.single_tile = lanes, int(self.alone)
         spread = min(max(GPU_THREADS // self.tiles, 1), k.TEAM)
-        self.grid[k.STRIDE] = 1 << (spread.bit_length() - 1)
+        self.grid.stride = 1 << (spread.bit_length() - 1)
         self.batch = lanes if self.on_gpu else self.tiles  # tiles that one launch runs at most
         # Windows that follow one another without a look by the host, which would cost a GPU as long as a small gas.
         self.burst = BURST if self.alone else 1
         if self.on_gpu:
             followed = sheared or self.alone or self.uses.shared  # by something that the host does
             self.burst = 1 if followed else min(BURST, 1 + GPU_BURST // max(n, 1))
-        self.scale[k.CHAIN] = self.widest * ((GPU_CHAINS if self.on_gpu else CHAINS) + 3.0 * phi)
+        self.scale.chain = self.widest * ((GPU_CHAINS if self.on_gpu else CHAINS) + 3.0 * phi)
         if self.alone:
             places, cells = n, int(1.3 * np.prod(np.maximum((high - low) / side, 1.0))) + 64
         else:
             places, cells = min(2 * n // self.tiles + 64, 9 * n), 64
-        if places > self.grid[k.PLACES] or cells > self.grid[k.CELLS] or lanes != self._lanes:
+        if places > self.grid.places or cells > self.grid.cells or lanes != self._lanes:
             self._lanes = lanes
             self.scratch(places, cells, 1 << max(places - 1, 1).bit_length(), 256 if self.uses.walled else 0)
         self.put(state)
@@ -474,12 +495,14 @@ class DeviceArrays:
     def open_walls(self, gone: NDArray[np.bool_]) -> None:
         """Take those walls, by their number, out of the gas: gates that are open."""
         rows = self.wall_rows.copy()
-        rows[gone[rows[:, OWNER].astype(np.int64)], TYPE] = GONE
+        wall = named(rows, "walls")
+        wall.type[gone[wall.owner.astype(np.int64)]] = GONE
         self.walls.from_numpy(rows.astype(self.real))
 
     def change_wall(self, number: int, wall: Wall) -> None:
         """Have the piston that is this wall be driven by another force; `open_walls` then sends it."""
-        self.wall_rows[self.wall_rows[:, OWNER] == number, PUSH] = wall.rows()[:, PUSH]
+        rows = named(self.wall_rows, "walls")
+        rows.push[rows.owner == number] = named(wall.rows(), "walls").push
 
     def take_lists(self, found: dict[str, NDArray[Any]]) -> None:
         """Go on from lists that `lists` gave, as the beginning of a window."""
@@ -494,7 +517,7 @@ class DeviceArrays:
         held.pop("kind", None)
         place = np.arange(len(tile)) - np.searchsorted(tile, tile)
         held["listed"] = np.stack([tile, place], axis=1).astype(np.int32)
-        ids = held["meta"][:, k.ID].astype(np.int64) - self.first_id
+        ids = named(held["meta"], "meta").id.astype(np.int64) - self.first_id
         return dict(zip(held, slices.by_id(self.comm, self.n, ids, list(held.values())), strict=True))
 
     def _kept(self) -> list[str]:
@@ -536,9 +559,9 @@ class DeviceArrays:
     def displace_rows(self, time: float) -> None:
         """Note how far rows of tiles in a sheared gas have moved against those below until `time` [time]."""
         side = float(self.edges[0][1])
-        boxes, tiles, rest = displacement(float(self.scale[k.DRIFT]), time, side, float(self.grid[k.TILES_X]))
-        self.grid[k.BOXES_ASIDE], self.grid[k.TILES_ASIDE] = boxes, tiles
-        self.scale[k.ASIDE] = round(rest / self.spacing) * self.spacing
+        boxes, tiles, rest = displacement(float(self.scale.drift), time, side, float(self.grid.tiles_x))
+        self.grid.boxes_aside, self.grid.tiles_aside = boxes, tiles
+        self.scale.aside = round(rest / self.spacing) * self.spacing
 
     def _in_frames(
         self, state: State
@@ -547,8 +570,8 @@ class DeviceArrays:
 
         All positions lie in the box, along x as the frame lay upon it at time 0.
         """
-        box, rows = self.box, int(self.grid[k.TILES_Y])
-        speed = float(self.scale[k.DRIFT])
+        box, rows = self.box, int(self.grid.tiles_y)
+        speed = float(self.scale.drift)
         lengths = np.array([edge[-1] for edge in self.edges])
         crossed = np.floor(state.position / lengths)
         position, velocity = state.position.copy(), state.velocity.copy()
@@ -565,7 +588,7 @@ class DeviceArrays:
 
     def put(self, state: State) -> None:
         """Write a state into the lists of the tiles, as the beginning of a window."""
-        self.grid[k.PART] = 0
+        self.grid.part = 0
         if self.uses.sheared:
             self.displace_rows(state.time)
         self._take(*self._rows_from(state))
@@ -577,13 +600,13 @@ class DeviceArrays:
         place: NDArray[np.integer] | None = None,
     ) -> None:
         """List rows of the state, which are in order of ids, in their tiles: by `place`, or by ids without it."""
-        self._list(rows, tile, rows["meta"][:, k.ID] if place is None else place)
+        self._list(rows, tile, named(rows["meta"], "meta").id if place is None else place)
 
     def _list(
         self, rows: dict[str, NDArray[Any]], tile: NDArray[np.integer], place: NDArray[np.integer]
     ) -> None:
         """List rows of the state in their tiles, by `place`, at the beginning of a window."""
-        order, part = np.lexsort((place, tile)), int(self.grid[k.PART])
+        order, part = np.lexsort((place, tile)), int(self.grid.part)
         with self.written(*rows) as arrays:
             for array, values in zip(arrays, rows.values(), strict=True):
                 array[part * self.room : part * self.room + self.n] = values[order]
@@ -601,7 +624,7 @@ class DeviceArrays:
                     crossed[:, axis] = np.floor(state.position[:, axis] / self.box.lengths[axis])
         # First onto the grid: differences are exact then, whatever the tiles.
         position = np.round(position / self.spacing) * self.spacing
-        counts = np.array([self.grid[k.TILES_X], self.grid[k.TILES_Y]])
+        counts = np.array([self.grid.tiles_x, self.grid.tiles_y])
         columns = [np.searchsorted(self.edges[a], position[:, a], side="right") - 1 for a in (0, 1)]
         index = np.clip(np.stack(columns, axis=1), 0, counts - 1)
         tile = index[:, 0] * counts[1] + index[:, 1]
@@ -621,11 +644,11 @@ class DeviceArrays:
             "spent": lambda: state.dissipated,
             # Either is to be judged.
             "slept": lambda: np.where(state.asleep, k.SAID_ASLEEP, k.WOKEN),
-            "held": lambda: np.full((state.n, k.HELD * k.OF_HELD), k.NOBODY),
+            "held": lambda: np.full((state.n, TABLES["held"].width), k.NOBODY),
         }
-        types = {"disk": self.real, "past": np.float64, "spent": np.float64, "held": np.float64}
+        types = {"real": self.real, "f64": np.float64, "i32": np.int32}
         found: dict[str, NDArray[Any]] = {
-            name: kept[name]().astype(types.get(name, np.int32), copy=False) for name in self._kept()
+            name: kept[name]().astype(types[TYPES[name]], copy=False) for name in self._kept()
         }
         return found, tile
 
@@ -636,8 +659,9 @@ class DeviceArrays:
     def set_lists(self, part: int, count: NDArray[np.int64]) -> None:
         """Say how many disks each tile lists; lists begin one after another."""
         with self.written("tile") as (tile,):
-            tile[:, k.COUNT + part] = count
-            tile[:, k.START + part] = np.cumsum(count) - count
+            lists = named(tile, "tile")
+            lists.count[:, part] = count
+            lists.start[:, part] = np.cumsum(count) - count
 
     def list_anew(self) -> None:
         """List the disks by the tiles they are in; places stay what they are, to the last bit."""
@@ -649,10 +673,10 @@ class DeviceArrays:
 
         With the tile that lists each, and the one that it is in.
         """
-        held, listed = self.rows_held(int(self.grid[k.PART]))
-        counts = np.array([self.grid[k.TILES_X], self.grid[k.TILES_Y]])
+        held, listed = self.rows_held(int(self.grid.part))
+        counts = np.array([self.grid.tiles_x, self.grid.tiles_y])
         index = np.empty((len(listed), 2), dtype=np.int64)
-        disk, meta = held["disk"], held["meta"]
+        disk, image = held["disk"], named(held["meta"], "meta")
         for axis, old in enumerate((listed // counts[1], listed % counts[1])):
             edge = self.edges[axis]
             place = edge[old] + disk[:, axis].astype(np.float64)
@@ -660,7 +684,7 @@ class DeviceArrays:
                 boxes = np.floor(place / edge[-1])
                 boxes = np.where(place - boxes * edge[-1] >= edge[-1], boxes + 1, boxes)
                 place -= boxes * edge[-1]
-                meta[:, k.IMAGE_X + axis] += boxes.astype(np.int32)
+                (image.image_x, image.image_y)[axis][:] += boxes.astype(np.int32)
             index[:, axis] = np.clip(np.searchsorted(edge, place, side="right") - 1, 0, counts[axis] - 1)
             disk[:, axis] = place - edge[index[:, axis]]
         return held, listed, index[:, 0] * counts[1] + index[:, 1]
@@ -672,7 +696,8 @@ class DeviceArrays:
 
     def rows_of(self, part: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Rows of a part in the arrays of the state, list after list, and the tile that lists each; own ones only."""
-        first, count = (self._values("tile")[self.own, column + part] for column in (k.START, k.COUNT))
+        tile = named(self._values("tile"), "tile")
+        first, count = tile.start[self.own, part], tile.count[self.own, part]
         return part * self.room + stretches(first, count), np.repeat(self.own, count)
 
     def _told_rows(self, name: str, at: slice | NDArray[np.integer]) -> NDArray[Any]:
@@ -710,10 +735,10 @@ class DeviceArrays:
         if not self._twins:
             for name in _SMALL:
                 kind = {np.dtype(np.int32): ti.i32, np.dtype(np.float32): ti.f32}.get(
-                    getattr(self, name).dtype, ti.f64
+                    self._raw(name).dtype, ti.f64
                 )
-                self._twins[name] = self._array(kind, len(getattr(self, name)))
-        own = [getattr(self, name) for name in _SMALL]
+                self._twins[name] = self._array(kind, len(self._raw(name)))
+        own = [self._raw(name) for name in _SMALL]
         board = np.concatenate(own).astype(np.float64)
         exchange(board, 1, *self._twins.values())
         yield lambda kernel, *numbers, **given: self._call(kernel, numbers, given | self._twins)
@@ -727,7 +752,12 @@ class DeviceArrays:
         if kernel not in self._arguments:
             self._arguments[kernel] = list(inspect.signature(kernel).parameters)
         names = self._arguments[kernel][len(numbers) :]
-        return kernel(*numbers, *(given[name] if name in given else getattr(self, name) for name in names))
+        return kernel(*numbers, *(given[name] if name in given else self._raw(name) for name in names))
+
+    def _raw(self, name: str) -> Any:
+        """An array as kernels take it."""
+        found = getattr(self, name)
+        return found.array if isinstance(found, Named) else found
 
     def set_law(self, law_table: NDArray[np.float64], collision_law: Any) -> None:
         """Collide by another law from here on."""
@@ -743,13 +773,13 @@ class DeviceArrays:
 
         Who sleeps is judged anew where gravity `turned_at` [time] that the window begins.
         """
-        self.scale[k.GX : k.GX + 2] = gravity
-        self.clock[k.TURNED] = turned_at
-        self.clock[k.LONGEST] = np.inf
+        self.scale.gx, self.scale.gy = gravity
+        self.clock.turned = turned_at
+        self.clock.longest = np.inf
         if resting_speed:
             pull = math.hypot(*gravity)
             fall = math.sqrt(2.0 * RESTING_FALL * self.widest / pull)
-            self.clock[k.LONGEST] = min(RESTING_WINDOW * resting_speed / pull, fall)
+            self.clock.longest = min(RESTING_WINDOW * resting_speed / pull, fall)
 
     def _on_device(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if isinstance(value, ti.Ndarray)}

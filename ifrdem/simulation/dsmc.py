@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import EngineError, InputError, NoMoreCollisions
+from ..kernels.columns import BODY, DSMC_TABLES, SCALE, Named
 from ..kernels.layout import Uses
 from ..model.ifr import IFRLaw
 from ..model.law import (
@@ -285,7 +286,7 @@ class DSMC(Sealed):
         real = ti.f32 if self._real is np.float32 else ti.f64
         # More candidates than the mean number come with a probability below 1e-20.
         self._room = int(self._batch + 10.0 * math.sqrt(self._batch) + 50.0)
-        self._disk: Any = ti.Vector.ndarray(kernels.RECORD, real, n)
+        self._disk: Any = ti.Vector.ndarray(BODY.width, real, n)
         self._before: Any = ti.Vector.ndarray(3, real, n)
         self._pair: Any = ti.Vector.ndarray(2, ti.i32, self._room)
         self._todo: Any = ti.ndarray(ti.i32, (2, self._room))
@@ -299,8 +300,8 @@ class DSMC(Sealed):
             (start.velocity, start.spin, 1.0 / disks.mass, disks.radius, disks.k, disks.material)
         )
         self._disk.from_numpy(np.ascontiguousarray(record, dtype=self._real))
-        self._scale = np.zeros(32, dtype=self._real)  # no velocity cut-off
-        self._counter = np.zeros(4, dtype=np.int32)
+        self._scale = np.zeros(SCALE.width, dtype=self._real)  # no velocity cut-off
+        self._counter = np.zeros(DSMC_TABLES["counter"].width, dtype=np.int32)
         self._fastest = np.zeros(1, dtype=self._real)
         self._gains = np.zeros(n // kernels.BLOCK + 1)
         device.register(self)
@@ -461,8 +462,8 @@ class DSMC(Sealed):
             raise NoMoreCollisions(f"t = {self.time:.9g}: nothing moves; there will be no more collisions")
         if not math.isfinite(cap):
             raise EngineError(f"t = {self.time:.9g}: a velocity is not finite")
-        self._crowding[self._kernels.MAJORANT] = self._section * 2.0 * cap
-        self._crowding[self._kernels.CAP] = cap**2
+        crowding = Named(self._crowding, DSMC_TABLES["crowding"])
+        crowding.majorant, crowding.cap = self._section * 2.0 * cap, cap**2
         n = self.disks.n
         # n (n - 1) / 2 pairs at 2 g_ij sigma_ij |g| / area
         return n * (n - 1) * self._section * 2.0 * cap / self.area
@@ -499,7 +500,7 @@ class DSMC(Sealed):
             self._set(cut_for_speed=self.cut_for_speed + 1)
             count = cut + 1
         self._set(
-            collisions=self.collisions + int(self._counter[self._kernels.COLLISIONS]),
+            collisions=self.collisions + int(Named(self._counter, DSMC_TABLES["counter"]).collisions),
             candidates=self.candidates + count,
             time=self.time + duration,
         )
@@ -516,7 +517,7 @@ class DSMC(Sealed):
                 self._uses, count, self._disk, self._hits, self._pair, counter, self._law, self._scale,
                 self._crowding, key,
             )  # fmt: skip
-            return int(counter[kernels.CUT])
+            return int(Named(counter, DSMC_TABLES["counter"]).cut)
         now = 0
         while counter[now]:
             for _ in range(_ROUNDS):
@@ -525,7 +526,7 @@ class DSMC(Sealed):
                     self._law, self._scale, self._crowding, key,
                 )  # fmt: skip
                 now = 1 - now
-        return int(counter[kernels.CUT])
+        return int(Named(counter, DSMC_TABLES["counter"]).cut)
 
     def _key(self, number: int) -> NDArray[np.uint32]:
         low = 2**32 - 1

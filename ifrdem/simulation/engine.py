@@ -35,8 +35,7 @@ from numpy.typing import NDArray
 
 from ..errors import EngineError, InelasticCollapse, InputError, NoMoreCollisions
 from ..kernels import layout as k
-from ..kernels.limits import MECHANISMS, PISTON_STATE, WALL_SUMS
-from ..kernels.limits import REGIMES as N_REGIMES
+from ..kernels.columns import PISTON_STATE, READOUT, TALLY, WALL_SUM, Named, named
 from ..model.box import Box
 from ..model.ifr import IFRLaw
 from ..model.law import CollisionLaw, compiled
@@ -299,7 +298,7 @@ class Engine:
         device.register(self)
         if tracking is not None:
             self.arrays.watched.from_numpy((tracking.rows > 0).astype(np.int32))
-        self.arrays.clock[k.WALL_SPEED] = max((wall.most_speed for wall in self.walls), default=0.0)
+        self.arrays.clock.wall_speed = max((wall.most_speed for wall in self.walls), default=0.0)
         self.past: dict[str, Any] = {
             "wall_hits": begin.wall_hits, "latest_collision": begin.latest_collision,
             "last_partner": begin.last_partner, "angle": begin.angle, "dissipated": begin.dissipated,
@@ -337,12 +336,12 @@ class Engine:
     @property
     def collisions(self) -> int:
         """Collisions of two disks, those before the start included."""
-        return self._before[0] + int(self._sum(k.COLLISIONS))
+        return self._before[0] + int(self._sum(TALLY.collisions))
 
     @property
     def wall_hits(self) -> int:
         """Collisions with walls, those before the start included."""
-        return self._before[1] + int(self._sum(k.WALL_COLLISIONS))
+        return self._before[1] + int(self._sum(TALLY.wall_collisions))
 
     @property
     def asleep(self) -> int:
@@ -352,30 +351,30 @@ class Engine:
     @property
     def wall_work(self) -> float:
         """Energy that moving walls gave to the disks so far [energy]."""
-        return self._sum(k.WALL_WORK)
+        return self._sum(TALLY.wall_work)
 
     @property
     def wall_heats(self) -> NDArray[np.float64]:
         """Heat that each wall, those at sides of the box last, gave so far [energy]."""
         heat = np.zeros(len(self.walls))
         thermal = self.arrays.thermal
-        heat[thermal] = self.windows.sums[k.TALLY : k.TALLY + len(thermal)]
+        heat[thermal] = self.windows.sums[TALLY.width : TALLY.width + len(thermal)]
         return heat
 
     @property
     def wall_sums(self) -> NDArray[np.float64]:
         """Sums of what each wall gave so far, sides of the box last, shape (walls, 6); columns `model.walls.SUMS`."""
-        first = k.TALLY + len(self.arrays.thermal)
-        return self.windows.sums[first : first + WALL_SUMS * len(self.walls)].reshape(-1, WALL_SUMS)
+        first = TALLY.width + len(self.arrays.thermal)
+        return self.windows.sums[first : first + WALL_SUM.width * len(self.walls)].reshape(-1, WALL_SUM.width)
 
     @property
     def pistons(self) -> NDArray[np.float64]:
         """Displacement, velocity, energy and force of each piston, shape (pistons, 4): `model.walls.PISTONS`."""
-        state = self.windows.sums[len(self.windows.sums) - PISTON_STATE * len(self.arrays.pistons) :]
+        state = self.windows.sums[len(self.windows.sums) - PISTON_STATE.width * len(self.arrays.pistons) :]
         pistons = [(wall.piston, wall.normal_of_piston) for wall in self.walls if wall.piston is not None]
         found = np.empty((len(pistons), 4))
         for row, (piston, normal), (s, speed) in zip(
-            found, pistons, state.reshape(-1, PISTON_STATE).tolist(), strict=True
+            found, pistons, state.reshape(-1, PISTON_STATE.width).tolist(), strict=True
         ):
             pull = piston.mass * (self.gravity[0] * normal[0] + self.gravity[1] * normal[1])
             row[:] = s, speed, piston.energy(s, speed, pull), piston.force
@@ -421,14 +420,14 @@ class Engine:
 
         EngineError if a collision took no number (NaN), or an infinite one: the law does not hold on to energy.
         """
-        sums = self.windows.sums
-        losses = sums[k.LOSSES : k.LOSSES + MECHANISMS]
+        sums = Named(self.windows.sums, TALLY)
+        losses = sums.losses.array
         if not np.isfinite(losses).all():
             raise EngineError(
                 "a collision took an energy beyond all bounds, or no number: the law does not hold on to energy; with "
                 "output.ledger = false (ledger=False) nobody counts"
             )
-        return losses.copy(), sums[k.REGIMES : k.REGIMES + N_REGIMES].astype(np.int64)
+        return losses.copy(), sums.regimes.astype(np.int64)
 
     def switch_ledger(self, on: bool) -> None:
         """Go on without adding up what takes energy, or with it again: to time what the ledger costs."""
@@ -558,10 +557,10 @@ class Engine:
         if self.time < self.turning.next_time:
             return
         self._end_window()
-        before = self._totals()[k.FALL]
+        before = self._totals()[READOUT.fall]
         self.turning.next_step += 1
         self.put_gravity()
-        self.turning.work += float(before - self._totals()[k.FALL])
+        self.turning.work += float(before - self._totals()[READOUT.fall])
 
     def set_velocities(self, state: State) -> None:
         """Go on with the velocities and spins of another state (of ranks, of the slice), from the present places.
@@ -651,7 +650,7 @@ class Engine:
         ):
             return True
         self.windows.go_on(self.next_kick)
-        walls_move = self.arrays.clock[k.WALL_SPEED] > 0.0 or self.arrays.uses.pistons
+        walls_move = self.arrays.clock.wall_speed > 0.0 or self.arrays.uses.pistons
         all_sleep = self.options.resting_speed and not self.windows.inside and self.asleep == self.n
         judged = self.statistics.windows > 0 and self.time != self.turning.turned_at
         if all_sleep and judged:  # else it is judged first whether they may
@@ -664,7 +663,7 @@ class Engine:
         watching = k.PAIRS if self.keep_collisions else k.TRACKED if self.tracking is not None else 0
         if self.keep_collisions and self.tracking is not None:
             raise EngineError("collisions of all disks cannot be kept while some are tracked")
-        before, was = windows.sums[k.COLLISIONS], self.time
+        before, was = windows.sums[TALLY.collisions], self.time
         first = self._before[0]
         most = 1 if watching else self._until_looked if self.box.is_open else self.arrays.burst
         begun = self.statistics.windows
@@ -689,7 +688,7 @@ class Engine:
         if watching:
             self._take_watched(watching, was)
         self.statistics.elastic = windows.elastic
-        if windows.sums[k.COLLISIONS] > before:  # of several ranks, all ask here: one may later, alone
+        if windows.sums[TALLY.collisions] > before:  # of several ranks, all ask here: one may later, alone
             self._collided_at = self.time
             self._resting = 0
         elif not math.isfinite(stop.time):
@@ -715,9 +714,10 @@ class Engine:
         windows = self.windows
         real, whole = windows.watched()
         if watching == k.PAIRS:
-            time = windows.begin + real[:, k.AT].astype(np.float64)
+            event = named(whole, "event_int")
+            time = windows.begin + named(real, "event").time.astype(np.float64)
             now = ((time > was) | (windows.begin == was)) & (time <= self.time)
-            pair = np.sort(whole[now, k.EVENT_ID : k.EVENT_PARTNER + 1], axis=1).astype(np.int64)
+            pair = np.sort(np.stack([event.id, event.partner], axis=1)[now], axis=1).astype(np.int64)
             pair -= self.arrays.first_id
             order = np.lexsort((pair[:, 1], pair[:, 0], time[now]))
             self.last_collisions = CollisionTimes(time[now][order], pair[order])
@@ -866,7 +866,7 @@ class Engine:
 
     def _excess(self) -> float:
         """Kinetic energy in the frames of rows of tiles beyond that in the flow [energy]."""
-        return float(self._totals()[k.EXCESS]) if self.box.shear_rate else 0.0
+        return float(self._totals()[READOUT.excess]) if self.box.shear_rate else 0.0
 
     @property
     def flow_work(self) -> float:
@@ -874,4 +874,4 @@ class Engine:
         if not self.box.shear_rate:
             return 0.0
         excess = self._excess()
-        return self._sum(k.FLOW_WORK) - (excess - self._flow_excess)
+        return self._sum(TALLY.flow_work) - (excess - self._flow_excess)

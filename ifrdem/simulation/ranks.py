@@ -53,6 +53,7 @@ from numpy.typing import NDArray
 
 from ..errors import EngineError, InputError
 from ..kernels import layout as k
+from ..kernels.columns import named
 from ..kernels.language import ti, view
 from ..kernels.limits import ADDRESSABLE
 from ..kernels.readout import put_rows, take_rows
@@ -206,12 +207,13 @@ class RankArrays(DeviceArrays):
 
     def assign(self, count: NDArray[np.number]) -> None:
         """Divide the tiles, with so much work each, among the ranks."""
-        tiles = int(self.grid[k.TILES_X]), int(self.grid[k.TILES_Y])
+        tiles = int(self.grid.tiles_x), int(self.grid.tiles_y)
         self.owner: NDArray[np.int32] = owners(count, tiles, self.comm.size)
         self.own = np.flatnonzero(self.owner == self.comm.rank)
         with self.written("tile") as (tile,):
-            tile[:, k.OWNED] = self.owner == self.comm.rank
-            tile[:, k.BAD] = 0  # of a tile that goes elsewhere nobody here would say it again
+            lists = named(tile, "tile")
+            lists.owned = self.owner == self.comm.rank
+            lists.bad = 0  # of a tile that goes elsewhere nobody here would say it again
         self._around_for = -1
         self._plan_sums()
 
@@ -221,17 +223,17 @@ class RankArrays(DeviceArrays):
         What a tile has to do is told by its disks, and by what happened to them in the last window; MOST_EVENTS a disk
         at most, for after a window of the whole box one tile has them all.
         """
-        part = int(self.grid[k.PART])
-        count = self._values("tile")[self.own, k.COUNT + part]
-        events = 2.0 * self._values("tally")[self.own, k.AT_END, k.COLLISIONS]
+        part = int(self.grid.part)
+        count = named(self._values("tile"), "tile").count[self.own, part]
+        events = 2.0 * named(self._values("tally"), "tally").collisions[self.own, k.AT_END]
         work = count + np.minimum(events, MOST_EVENTS * count)
         shares = np.array(self.comm.allgather(float(work.sum())))
         if shares.max() <= UNEVEN * shares.mean():
             return
         told = np.zeros((self.tiles, 3))
-        told[self.own] = np.stack([work, count, self._values("reach")[self.own, k.WIDER]], axis=1)
+        told[self.own] = np.stack([work, count, self._halo_factor[self.own]], axis=1)
         self.comm.Allreduce(told.copy(), told)
-        tiles = int(self.grid[k.TILES_X]), int(self.grid[k.TILES_Y])
+        tiles = int(self.grid.tiles_x), int(self.grid.tiles_y)
         try:
             after = owners(told[:, 0], tiles, self.comm.size)
         except InputError:  # no straight cuts divide these few tiles: the blocks stay
@@ -241,29 +243,29 @@ class RankArrays(DeviceArrays):
         held, listed = self.rows_held(part)
         self.traffic.moved += int(np.count_nonzero(after != self.owner))
         with self.written("reach") as (reach,):
-            reach[:, k.WIDER] = told[:, 2]
+            named(reach, "reach").halo_factor = told[:, 2]
         self.assign(told[:, 0])
         self._list(held, listed, np.zeros_like(listed))
 
     def _beside(self) -> NDArray[np.int64]:
         """The eight tiles around each, shape (8, tiles); -1 beyond an end of the box."""
-        wide, high = int(self.grid[k.TILES_X]), int(self.grid[k.TILES_Y])
+        wide, high = int(self.grid.tiles_x), int(self.grid.tiles_y)
         x, y = np.divmod(np.arange(self.tiles), high)
-        aside = int(self.grid[k.TILES_ASIDE]) if self.uses.sheared else 0
+        aside = int(self.grid.tiles_aside) if self.uses.sheared else 0
         found = []
         for step_x, step_y in STEPS:
             to_x, to_y = x + step_x - step_y * aside, y + step_y
             there = np.ones(self.tiles, dtype=bool)
-            if not self.grid[k.PERIODIC_X]:
+            if not self.grid.periodic_x:
                 there &= (to_x >= 0) & (to_x < wide)
-            if not self.grid[k.PERIODIC_Y]:
+            if not self.grid.periodic_y:
                 there &= (to_y >= 0) & (to_y < high)
             found.append(np.where(there, to_x % wide * high + to_y % high, -1))
         return np.array(found)
 
     def _meet(self) -> None:
         """Find the neighbours, whose tiles are in this rank's ring, and in whose rings its tiles are."""
-        aside = int(self.grid[k.TILES_ASIDE])
+        aside = int(self.grid.tiles_aside)
         if self._around_for == aside:
             return
         self._around_for = aside
@@ -324,11 +326,11 @@ class RankArrays(DeviceArrays):
         self._in_table = 0
         if not own + more <= room <= 2 * wanted:
             self._replace("kinds", None)
-            self._replace("kinds", self._vectors(6, self._type, wanted))
+            self._make("kinds", wanted)
 
     def _make_room_in_table(self, more: int) -> None:
         """See to it that the own table of kinds takes more rows: if not, those of disks that have gone make room."""
-        own = self.rows_here(part := int(self.grid[k.PART]))
+        own = self.rows_here(part := int(self.grid.part))
         if self._in_table + more > min(self.kinds.shape[0], own + more + own // 2 + 64):
             slots = self.rows_of(part)[0]
             rows = self._told_rows("kind", slots)
@@ -345,8 +347,14 @@ class RankArrays(DeviceArrays):
     @property
     def used(self) -> int:
         """Slots that lists of own tiles take at the beginning of the window: the first ones."""
-        tile, part = self._values("tile"), int(self.grid[k.PART])
-        return int((tile[self.own, k.START + part] + tile[self.own, k.COUNT + part]).max(initial=0))
+        tile, part = named(self._values("tile"), "tile"), int(self.grid.part)
+        return int((tile.start[self.own, part] + tile.count[self.own, part]).max(initial=0))
+
+    @property
+    def _halo_factor(self) -> NDArray[np.floating[Any]]:
+        """Halo of each tile against the one that all begin with."""
+        found: NDArray[np.floating[Any]] = named(self._values("reach"), "reach").halo_factor
+        return found
 
     def make_room(self, slots: int) -> None:
         """See to it that there are so many slots, and not many more."""
@@ -357,20 +365,20 @@ class RankArrays(DeviceArrays):
 
     def bands(self) -> NDArray[np.float64]:
         """Halo that each own tile begins with, and what it may grow to when it runs again for the first time."""
-        wider = np.maximum(k.NARROWER * self._values("reach")[self.own, k.WIDER], 1.0)
-        halo = WIDEN * wider * float(self.scale[k.USUAL_HALO])
-        return np.minimum(halo, float(self.scale[k.MOST_HALO]))
+        wider = np.maximum(k.NARROWER * self._halo_factor[self.own], 1.0)
+        halo = WIDEN * wider * float(self.scale.usual_halo)
+        return np.minimum(halo, float(self.scale.most_halo))
 
     def _near(
         self, q: int, tiles: NDArray[np.intp], slots: NDArray[np.intp], count: NDArray[Any]
     ) -> NDArray[Any]:
         """Tell which disks of own tiles are in the halo of a tile of rank q."""
-        part = int(self.grid[k.PART])
+        part = int(self.grid.part)
         x, y = self._rows("disk", part * self.room + slots)[:, :2].T
         listed = np.repeat(np.arange(len(tiles)), count)
         sides = [
             np.diff(edge)[index]
-            for edge, index in zip(self.edges, np.divmod(tiles, self.grid[k.TILES_Y]), strict=True)
+            for edge, index in zip(self.edges, np.divmod(tiles, self.grid.tiles_y), strict=True)
         ]
         width, height = (side[listed] for side in sides)
         near = np.zeros(len(slots), dtype=bool)
@@ -391,8 +399,9 @@ class RankArrays(DeviceArrays):
     def fetch(self, whole: bool = False) -> None:
         """Get the lists of the ring, or what may matter of them."""
         self._meet()
-        part, tile, names = int(self.grid[k.PART]), self._values("tile"), self._names()
-        first, count = k.START + part, k.COUNT + part
+        part, names = int(self.grid.part), self._names()
+        lists = named(self._values("tile"), "tile")
+        first, count = lists.start[:, part], lists.count[:, part]
         whole = whole or self.uses.sheared
         self.band: NDArray[np.float64] = np.full(self.tiles, np.inf)
         if not whole:  # owners say how wide the halos of their tiles are
@@ -403,8 +412,8 @@ class RankArrays(DeviceArrays):
         self._given = []
         messages: list[tuple[NDArray[Any], ...]] = []
         for q, tiles in zip(self._partners, self._given_tiles, strict=True):
-            counts = tile[tiles, count]
-            slots = stretches(tile[tiles, first], counts)
+            counts = count[tiles]
+            slots = stretches(first[tiles], counts)
             if not whole:
                 near = self._near(q, tiles, slots, counts)
                 slots, listed = slots[near], np.repeat(np.arange(len(tiles)), counts)[near]
@@ -419,9 +428,10 @@ class RankArrays(DeviceArrays):
 
     def fetch_all(self) -> None:
         """Get the lists of all other tiles."""
-        part, tile, names = int(self.grid[k.PART]), self._values("tile"), self._names()
+        part, names = int(self.grid.part), self._names()
+        count = named(self._values("tile"), "tile").count[self.own, part]
         rows, _listed = self.rows_of(part)
-        lists = (tile[self.own, k.COUNT + part], *(self._told_rows(name, rows) for name in names))
+        lists = (count, *(self._told_rows(name, rows) for name in names))
         found = self.comm.allgather(lists)
         self._lay_beside([
             (np.flatnonzero(self.owner == q), found[q]) for q in range(self.comm.size) if q != self.comm.rank
@@ -429,7 +439,7 @@ class RankArrays(DeviceArrays):
 
     def _lay_beside(self, lists: Sequence[tuple[NDArray[np.intp], tuple[NDArray[Any], ...]]]) -> None:
         """Lay lists of others behind the own ones: tiles, the lengths of their lists, and rows of the state."""
-        part, at, names = int(self.grid[k.PART]), self.used, self._names()
+        part, at, names = int(self.grid.part), self.used, self._names()
         more = sum(len(rows) for _tiles, (_count, rows, *_more) in lists)
         self.make_room(at + more)
         if self._of_here:
@@ -438,35 +448,36 @@ class RankArrays(DeviceArrays):
         with self.written("tile") as (tile,):
             for tiles, (count, *arrays) in lists:
                 slots = slice(at, at + len(arrays[0]))
-                tile[tiles, k.COUNT + part] = count
-                tile[tiles, k.START + part] = at + np.cumsum(count) - count
+                listed = named(tile, "tile")
+                listed.count[tiles, part] = count
+                listed.start[tiles, part] = at + np.cumsum(count) - count
                 for name, rows in zip(names, arrays, strict=True):
                     self._take_rows(name, slice(part * self.room + at, part * self.room + slots.stop), rows)
                 self._taken.append(slots)
                 at = slots.stop
-        self.way.fill(-1.0)
+        self.displacement.fill(-1.0)
 
     def exchange_trails(self, again: bool) -> None:
         """Get hashes and ways of all disks in the own lists and in those of the ring; in a later round what changed."""
         if not again:
-            self._ran = [np.flatnonzero(self._rows("way", slots) >= 0.0) for slots in self._taken]
+            self._ran = [np.flatnonzero(self._rows("displacement", slots) >= 0.0) for slots in self._taken]
         messages: list[tuple[NDArray[Any], ...]] = [
             (
                 ran.astype(np.int32),
-                self._rows("trail", slots.start + ran),
-                self._rows("way", slots.start + ran),
+                self._rows("history_hash", slots.start + ran),
+                self._rows("displacement", slots.start + ran),
             )
             for slots, ran in zip(self._taken, self._ran, strict=True)
         ]
         size = sum(each.nbytes for message in messages for each in message)
         for given, (ran, hashes, ways) in zip(self._given, self._swap(messages), strict=True):
-            self._put_rows("trail", given[ran], hashes)
-            self._put_rows("way", given[ran], ways)
-        self.lost = int(np.count_nonzero(self._values("way")[: self.used] < 0.0))
+            self._put_rows("history_hash", given[ran], hashes)
+            self._put_rows("displacement", given[ran], ways)
+        self.lost = int(np.count_nonzero(self._values("displacement")[: self.used] < 0.0))
         messages = []
         reach = self._values("reach")
         for q, (given, tiles) in enumerate(zip(self._given, self._given_tiles, strict=True)):
-            hashes, ways = self._rows("trail", given), self._rows("way", given)
+            hashes, ways = self._rows("history_hash", given), self._rows("displacement", given)
             changed = np.arange(len(given), dtype=np.int32)
             if (sent := self._sent[q]) is not None:
                 changed = changed[np.any(hashes != sent[0], axis=1) | (ways != sent[1])]
@@ -478,8 +489,8 @@ class RankArrays(DeviceArrays):
             for slots, tiles, (changed, hashes, ways, reached) in zip(
                 self._taken, self._taken_tiles, told, strict=True
             ):
-                self._put_rows("trail", slots.start + changed, hashes)
-                self._put_rows("way", slots.start + changed, ways)
+                self._put_rows("history_hash", slots.start + changed, hashes)
+                self._put_rows("displacement", slots.start + changed, ways)
                 reach[tiles] = reached
         self.traffic.trails += size
         self.traffic.rounds += 1
@@ -487,8 +498,8 @@ class RankArrays(DeviceArrays):
     def n_short(self, bad: int) -> int:
         """Number of the tiles that have to run again whose halo will be wider than what was fetched."""
         tiles = self._values("listed")[:bad]
-        halo = self._values("reach")[tiles, k.WIDER] * float(self.scale[k.USUAL_HALO])
-        return int(np.count_nonzero(np.minimum(halo, float(self.scale[k.MOST_HALO])) > self.band[tiles]))
+        halo = self._halo_factor[tiles] * float(self.scale.usual_halo)
+        return int(np.count_nonzero(np.minimum(halo, float(self.scale.most_halo)) > self.band[tiles]))
 
     def _plan_sums(self) -> None:
         """Find out whose tiles lie in blocks of tiles that other ranks add up: a block is its first tile's owner's."""
@@ -571,7 +582,7 @@ class RankArrays(DeviceArrays):
         place: NDArray[np.integer] | None = None,
     ) -> None:
         """As on one rank, of the rows of slices; tiles are divided among the ranks."""
-        self.grid[k.PART] = 0
+        self.grid.part = 0
         count = np.bincount(tile, minlength=self.tiles)
         self.comm.Allreduce(count.copy(), count)
         self.assign(count)
@@ -588,7 +599,7 @@ class RankArrays(DeviceArrays):
         """List rows in their tiles, by `place`, on the ranks that own these: at the beginning of a window."""
         tile, place, *values = slices.exchange(self.comm, self.owner[tile], [tile, place, *rows.values()])
         self.traffic.messages += self.comm.size - 1
-        order, part = np.lexsort((place, tile)), int(self.grid[k.PART])
+        order, part = np.lexsort((place, tile)), int(self.grid.part)
         self.make_room(len(order))
         if self._of_here:
             self._empty_table(len(order), 0)
@@ -598,13 +609,13 @@ class RankArrays(DeviceArrays):
 
     def rows_here(self, part: int) -> int:
         """Number of disks that this rank has at the beginning or end of a window, or at a moment in it."""
-        lists = 1 - int(self.grid[k.PART]) if part >= k.TOLD else part
-        return int(self._values("tile")[self.own, k.COUNT + lists].sum())
+        lists = 1 - int(self.grid.part) if part >= k.TOLD else part
+        return int(named(self._values("tile"), "tile").count[self.own, lists].sum())
 
     def by_id(self, part: int, arrays: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
         """Rows of disks here, in the order of slots, as rows of the own slice in order of ids."""
         here = slice(part * self.room, part * self.room + self.rows_here(part))
-        ids = self._rows("meta", here)[:, k.ID].astype(np.int64) - self.first_id
+        ids = named(self._rows("meta", here), "meta").id.astype(np.int64) - self.first_id
         return slices.by_id(self.comm, self.n, ids, arrays)
 
 
@@ -623,7 +634,7 @@ class RankWindows(Windows):
         self, tiles: int, most: int, again: int = 0, *, pausing: bool = False, resuming: bool = False
     ) -> None:
         a, began = self.arrays, time.perf_counter()
-        alone, short = bool(a.grid[k.ALONE]), False
+        alone, short = bool(a.grid.single_tile), False
         if alone:
             a.fetch_all()
             a.list_tiles(np.zeros(1, dtype=np.int32))
@@ -650,7 +661,7 @@ class RankWindows(Windows):
                 except _Again:
                     self._run_own(1)
             else:
-                a.counter[:] = 0
+                a.counter.array[:] = 0
         # Not swallowed: `agree` raises it, on all ranks, which else would wait for this one.
         except Exception as raised:
             error = raised
@@ -659,19 +670,17 @@ class RankWindows(Windows):
         if not alone:
             a.exchange_trails(again=bool(again) and not short)
             a.share()
-            a.counter[[k.N_BAD, k.STUCK]] = 0
+            a.counter.n_bad = a.counter.stuck = 0
             a.launch(verify)
-        self._bad = int(a.counter[k.N_BAD])
+        self._bad = int(a.counter.n_bad)
         n_short = 0 if alone else a.n_short(self._bad)
-        flags = np.array(
-            [self._bad, a.counter[k.STUCK], a.counter[k.RESTING], a.lost, n_short], dtype=np.int64
-        )
+        flags = np.array([self._bad, a.counter.stuck, a.counter.resting, a.lost, n_short], dtype=np.int64)
         a.comm.Allreduce(flags.copy(), flags)
         if flags[3] and not alone:
             raise EngineError(
                 f"t = {self.begin:.9g}: {flags[3]} disks were run by no rank in a window; please report this"
             )
-        a.counter[[k.N_BAD, k.STUCK, k.RESTING]] = flags[:3]
+        a.counter.n_bad, a.counter.stuck, a.counter.resting = flags[:3]
         self._short = bool(flags[4])  # what is needed was not fetched
         a.traffic.seconds += time.perf_counter() - began - ran
         self.rests |= bool(flags[2])

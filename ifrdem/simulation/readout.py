@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import EngineError
-from ..kernels.layout import ANGLE, LAST_PARTNER, LATEST, MECHANISMS, SLEEPING, TOTALS, WALL_HITS
+from ..kernels.columns import HITS_OUT, INT_OUT, MECHANISM, PAST, READOUT, REAL_OUT, named
 from ..kernels.readout import read_out
 from ..model.box import below
 from ..model.state import State, StoredState
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 def totals(engine: Engine) -> NDArray[np.float64]:
     """Sums over all disks (`kernels/readout.py`) at the present time."""
     part = engine.windows.part
-    found = np.zeros((engine.arrays.tiles, TOTALS))
-    one, whole = np.zeros((1, 5), engine.arrays.real), np.zeros((1, 3), np.int32)
+    found = np.zeros((engine.arrays.tiles, READOUT.width))
+    one, whole = np.zeros((1, REAL_OUT.width), engine.arrays.real), np.zeros((1, 3), np.int32)
     engine.arrays.launch(
-        read_out, part, engine.time, 0, real_out=one, int_out=whole, past_out=np.zeros((1, 2)), hits_out=whole,
-        spent_out=np.zeros((1, MECHANISMS)), totals=found,
+        read_out, part, engine.time, 0, real_out=one, int_out=whole, past_out=np.zeros((1, PAST.width)), hits_out=whole,
+        spent_out=np.zeros((1, MECHANISM.width)), totals=found,
     )  # fmt: skip
     return _finite(engine.arrays.sums_of(found), engine.time)
 
@@ -51,13 +51,13 @@ def read(
     arrays, uses, time = engine.arrays, engine.arrays.uses, engine.time
     part = engine.windows.part
     rows = arrays.rows_here(part)
-    real = np.empty((max(rows, 1), 5), np.float64 if stored is None else np.float32)
-    counts = np.empty((max(rows, 1), 3), np.int32)
+    real = np.empty((max(rows, 1), REAL_OUT.width), np.float64 if stored is None else np.float32)
+    counts = np.empty((max(rows, 1), INT_OUT.width), np.int32)
     dated, counted = uses.remembers or uses.turned, uses.walled or uses.partnered or uses.rests
-    past: NDArray[Any] = np.empty((rows if dated else 1, 2))
-    hits: NDArray[Any] = np.empty((rows if counted else 1, 3), np.int32)
-    spent = np.empty((rows if uses.itemised else 1, MECHANISMS))
-    found = np.zeros((arrays.tiles, TOTALS))
+    past: NDArray[Any] = np.empty((rows if dated else 1, PAST.width))
+    hits: NDArray[Any] = np.empty((rows if counted else 1, HITS_OUT.width), np.int32)
+    spent = np.empty((rows if uses.itemised else 1, MECHANISM.width))
+    found = np.zeros((arrays.tiles, READOUT.width))
     arrays.launch(
         read_out, part, time, 1, real_out=real, int_out=counts, past_out=past, hits_out=hits, spent_out=spent,
         totals=found,
@@ -77,6 +77,7 @@ def read(
         columns.pop(0) if kept else none
         for kept, none in ((dated, past), (counted, hits), (uses.itemised, spent))
     )
+    dates, counts_of = named(past, "past"), named(hits, "hits_out")
     place = real[:, 0:2]
     for axis, periodic in enumerate(engine.box.periodic):
         if periodic:  # rounding can put a disk onto the far side, which is the next box already
@@ -85,16 +86,16 @@ def read(
         name: _read_only(value) for name, value in zip(engine.past, past_before, strict=True)
     }
     if uses.walled:
-        told["wall_hits"] = hits[:, WALL_HITS].copy()
+        told["wall_hits"] = counts_of.wall_hits.copy()
     if uses.rests:
-        told["asleep"] = hits[:, SLEEPING].copy()
+        told["asleep"] = counts_of.asleep.copy()
     if uses.partnered:
-        told["last_partner"] = hits[:, LAST_PARTNER].copy()
+        told["last_partner"] = counts_of.last_partner.copy()
     if uses.remembers:
         # Since the window's beginning; at its end, since that.
-        told["latest_collision"] = np.minimum(engine.windows.told_from + past[:, LATEST], time)
+        told["latest_collision"] = np.minimum(engine.windows.told_from + dates.latest, time)
     if uses.turned:
-        told["angle"] = past[:, ANGLE].copy()
+        told["angle"] = dates.angle.copy()
     if uses.itemised:
         told["dissipated"] = spent
     events = counts[:, 0] - (told["wall_hits"] if uses.walled else 0)

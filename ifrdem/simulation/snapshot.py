@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..kernels import layout as k
-from ..kernels.walls import NOW_0, SPEED_0
+from ..kernels.columns import WALL
 from ..model.state import COLUMNS
 from ..tools import slices
 from .tracking import Statistics
@@ -24,7 +24,7 @@ from .tracking import Statistics
 if TYPE_CHECKING:
     from .engine import Engine
 
-_LENGTHS = [k.PATH, k.TILE_SIDE, k.FREE_PATH, k.IN_WINDOW, k.SPEED]
+_LENGTHS = ("path", "tile_side", "free_path", "in_window", "speed")
 Snapshot = dict[str, NDArray[Any]]
 
 
@@ -35,7 +35,7 @@ def fingerprint(engine: Engine) -> str:
     gravity = options.gravity if options.gravity_turns else engine.gravity
     digest = hashlib.sha256()
     walls = a.wall_rows.copy()
-    walls[a.pistons[:, None], [NOW_0, SPEED_0]] = 0.0  # where a piston starts, as where disks do
+    walls[a.pistons[:, None], [WALL.now, WALL.speed]] = 0.0  # where a piston starts, as where disks do
     parts: list[Any] = [
         *(slices.digest(getattr(disks, name), engine.comm) for name in COLUMNS),
         np.array(box.lengths), np.array(box.periodic),
@@ -67,10 +67,12 @@ def take(engine: Engine) -> Snapshot:
         a, windows, steps = engine.arrays, engine.windows, engine.force_steps
         if not engine._nothing_happens():
             windows.go_on(engine.next_kick)
-        found: Snapshot = a.lists(int(a.grid[k.PART]))
+        found: Snapshot = a.lists(int(a.grid.part))
         found["edge_x"], found["edge_y"] = a.edges
         found["protrudes"] = np.array([windows.protrudes])
-        found["scales"] = np.array([*a.clock[_LENGTHS], a.scale[k.CELL_SIDE], a.area], np.float64)
+        found["scales"] = np.array(
+            [*(getattr(a.clock, name) for name in _LENGTHS), a.scale.cell_side, a.area], np.float64
+        )
         found["gates"] = engine.open_gates.copy()
         found["clock"] = np.array([engine.time, engine._collided_at, engine._flow_excess])
         found.update(windows.snapshot())
@@ -125,10 +127,11 @@ def _put_back(engine: Engine, found: Snapshot) -> None:
         a.edges[axis] = found[name]
         getattr(a, name).from_numpy(found[name])
     a.alone = a.alone and a.tiles == 1
-    a.grid[k.PART] = 0
+    a.grid.part = 0
     a.take_lists(found)
-    *lengths, a.scale[k.CELL_SIDE], a.area = found["scales"].tolist()
-    a.clock[_LENGTHS] = lengths
+    *lengths, a.scale.cell_side, a.area = found["scales"].tolist()
+    for name, value in zip(_LENGTHS, lengths, strict=True):
+        setattr(a.clock, name, value)
     _time, engine._collided_at, engine._flow_excess = found["clock"].tolist()
     *before, engine._resting, parted, engine._until_looked = found["counts"].tolist()
     engine._before, engine._slept, engine._parted = before[:2], before[2], bool(parted)

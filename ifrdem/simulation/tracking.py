@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..kernels import layout as k
+from ..kernels.columns import named
 from ..model.box import Box, below
 from ..model.ifr import EnergyWarning, IFRLaw, collide
 from ..model.law import CollisionLaw
@@ -159,15 +160,14 @@ class Tracking:
 
     def gather(self, began: float, real: NDArray[Any], whole: NDArray[Any], box: Box) -> None:
         """Enter the collisions of a window that began at this time [time]: rows of `event` and `event_int`."""
-        order = np.lexsort((whole[:, k.EVENT_NUMBER], whole[:, k.EVENT_ID], real[:, k.AT]))
+        order = np.lexsort(
+            (named(whole, "event_int").number, named(whole, "event_int").id, named(real, "event").time)
+        )
         real, whole = real[order].astype(np.float64), whole[order]
-
-        def vector(column: int) -> NDArray[np.float64]:
-            return np.ascontiguousarray(real[:, column : column + 2])
-
-        normal = vector(k.NORMAL_X)
+        event, info = named(real, "event"), named(whole, "event_int")
+        normal = event.normal.copy()
         normal /= np.hypot(normal[:, 0], normal[:, 1])[:, None]  # single precision rounds it
-        place, image = vector(k.PLACE), whole[:, k.EVENT_BOX : k.EVENT_BOX + 2].copy()
+        place, image = event.position.copy(), info.image.copy()
         for axis, length in enumerate(box.lengths):
             if box.periodic[axis]:
                 boxes = np.floor(place[:, axis] / length)
@@ -177,26 +177,26 @@ class Tracking:
                 image[:, axis] += boxes.astype(np.int32)
         found = replace(
             blank(len(real)),
-            time=began + real[:, k.AT],
-            id=whole[:, k.EVENT_ID].copy(),
-            partner=whole[:, k.EVENT_PARTNER].copy(),
+            time=began + event.time,
+            id=info.id.copy(),
+            partner=info.partner.copy(),
             position=place,
             image=image,
             normal=normal,
-            velocity_before=vector(k.V_BEFORE),
-            velocity_after=vector(k.V_AFTER),
-            spin_before=real[:, k.W_BEFORE].copy(),
-            spin_after=real[:, k.W_AFTER].copy(),
-            partner_velocity_before=vector(k.U_BEFORE),
-            partner_velocity_after=vector(k.U_AFTER),
-            partner_spin_before=real[:, k.S_BEFORE].copy(),
-            partner_spin_after=real[:, k.S_AFTER].copy(),
+            velocity_before=event.velocity_before.copy(),
+            velocity_after=event.velocity_after.copy(),
+            spin_before=event.spin_before.copy(),
+            spin_after=event.spin_after.copy(),
+            partner_velocity_before=event.partner_velocity_before.copy(),
+            partner_velocity_after=event.partner_velocity_after.copy(),
+            partner_spin_before=event.partner_spin_before.copy(),
+            partner_spin_after=event.partner_spin_after.copy(),
         )
         relative, impulse = found.velocity_before - found.partner_velocity_before, self._impulse(found)
         along, across = _dot(relative, normal), _cross(normal, relative)
         regime = self._regime(found)
-        regime[whole[:, k.EVENT_HOW] == k.BY_REMEDY] = ELASTIC
-        regime[whole[:, k.EVENT_HOW] == k.BY_HEAT] = UNKNOWN
+        regime[info.how == k.BY_REMEDY] = ELASTIC
+        regime[info.how == k.BY_HEAT] = UNKNOWN
         impulse = np.stack([_dot(impulse, normal), _cross(normal, impulse)], axis=1)
         psi = np.arctan2(np.abs(across), np.maximum(along, 0.0))
         self._found.append(replace(found, impulse=impulse, psi=psi, regime=regime))

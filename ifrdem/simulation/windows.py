@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from ..errors import EngineError, InelasticCollapse
 from ..kernels import layout as k
+from ..kernels.columns import EVENT, EVENT_INT, TALLY, TOTAL, named
 from ..kernels.events import TOO_FAR
 from ..kernels.readout import settle
-from ..kernels.walls import NOW_0, PISTON, PUSH, RATE, SPEED_0, UX, UY, piston_speed
+from ..kernels.walls import piston_speed
 from ..kernels.windows import (
     LARGEST_WAY,
     LEAST_HALO,
@@ -87,7 +88,8 @@ class Windows:
         size = len(arrays.sums)
         self._done, self._at_end = np.zeros(size), np.zeros(size)
         for row, column in self._piston_columns():
-            self._done[[column, column + 1]] = arrays.wall_rows[row, [NOW_0, SPEED_0]]
+            piston = named(arrays.wall_rows[row], "walls")
+            self._done[[column, column + 1]] = piston.now, piston.speed
         # Times and numbers of collisions at which a run will stop.
         self._asked: list[tuple[float, float]] = []
         self._noted = 0  # notes
@@ -116,12 +118,12 @@ class Windows:
     @property
     def sleepers(self) -> int:
         """Disks that fell asleep less those that woke."""
-        return int(self.sums[k.SLEEPERS])
+        return int(self.sums[TALLY.sleepers])
 
     @property
     def elastic(self) -> int:
         """Collisions that were elastic for a remedy for collapse."""
-        return int(self.sums[k.ELASTICS])
+        return int(self.sums[TALLY.elastics])
 
     def switch(self, uses: k.Uses) -> None:
         """Go on with what else is added up, or less: the motion stays the same."""
@@ -133,7 +135,7 @@ class Windows:
 
     def add_flow_work(self, work: float) -> None:
         """Enter what a force did to energies in the frames of rows of tiles."""
-        self._done[k.FLOW_WORK] += work
+        self._done[TALLY.flow_work] += work
 
     @property
     def sums(self) -> NDArray[np.float64]:
@@ -147,7 +149,7 @@ class Windows:
     @property
     def part(self) -> int:
         """Part of the arrays that holds the present state."""
-        part = int(self.arrays.grid[k.PART])
+        part = int(self.arrays.grid.part)
         if self._ahead and self.now == self.end:
             return 1 - part
         if self.now == self.begin and not self._paused:
@@ -164,8 +166,8 @@ class Windows:
         part = self.part
         self._done = self.sums
         if self._ahead and self.now == self.end:
-            self.protrudes = self._most(k.MOST_PROTRUDES)
-        self.arrays.grid[k.PART] = part
+            self.protrudes = self._most(TOTAL.overhang)
+        self.arrays.grid.part = part
         self.begin = self.end = self.now
         self._forget()
 
@@ -193,14 +195,14 @@ class Windows:
             float(self._ready or self._ahead),
             self.fastest,
         ]
-        return {"window": np.array([*length, a.clock[k.SQUARE_UNIT]]), "sums": self._done.copy()}
+        return {"window": np.array([*length, a.clock.square_unit]), "sums": self._done.copy()}
 
     def put_back(self, found: dict[str, NDArray[np.float64]], watching: int = 0) -> None:
         """Go on from what `snapshot` gave."""
         a = self.arrays
         self._forget()
         (
-            self.begin, self.end, self.now, self._moment_now, ready, self.fastest, a.clock[k.SQUARE_UNIT],
+            self.begin, self.end, self.now, self._moment_now, ready, self.fastest, a.clock.square_unit,
         ) = found["window"].tolist()  # fmt: skip
         self._ready = bool(ready)
         self._done = found["sums"].copy()
@@ -216,23 +218,23 @@ class Windows:
         """Set the end of the window that begins now: at `kick` [time] at the latest, when a force acts."""
         a = self.arrays
         if not self._surveyed:
-            a.clock[k.SQUARE_UNIT] = 1.0
+            a.clock.square_unit = 1.0
             self._survey()
-            a.clock[k.SQUARE_UNIT] = square_unit(self._most(k.MOST_SPEED))
+            a.clock.square_unit = square_unit(self._most(TOTAL.max_speed_sq))
             self._survey()
             self._surveyed = True
-        fastest2 = self._most(k.MOST_SPEED)
-        mean_square = self._tally(k.AT_END)[k.SQUARES] * float(a.clock[k.SQUARE_UNIT]) / max(a.n, 1)
-        gx, gy = float(a.scale[k.GX]), float(a.scale[k.GY])
+        fastest2 = self._most(TOTAL.max_speed_sq)
+        mean_square = self._tally(k.AT_END)[TALLY.squares] * float(a.clock.square_unit) / max(a.n, 1)
+        gx, gy = float(a.scale.gx), float(a.scale.gy)
         pull = math.sqrt(gx * gx + gy * gy)  # as kernels plan it, to the last bit
-        wall_speed = a.clock[k.WALL_SPEED] + self._fastest_piston()
-        length = window_length(mean_square, fastest2, a.clock[k.PATH], a.clock[k.TILE_SIDE], pull, wall_speed)
-        length = min(length, float(a.clock[k.LONGEST]))
-        a.clock[k.SQUARE_UNIT] = square_unit(max(fastest2, least_square(pull, length, wall_speed)))
-        a.clock[k.SPEED] = math.sqrt(mean_square)
+        wall_speed = a.clock.wall_speed + self._fastest_piston()
+        length = window_length(mean_square, fastest2, a.clock.path, a.clock.tile_side, pull, wall_speed)
+        length = min(length, float(a.clock.longest))
+        a.clock.square_unit = square_unit(max(fastest2, least_square(pull, length, wall_speed)))
+        a.clock.speed = math.sqrt(mean_square)
         if a.uses.sheared:  # rows of tiles move against each other
-            most = math.sqrt(fastest2) + 2.0 * abs(float(a.scale[k.DRIFT]))
-            length = min(length, LARGEST_WAY * float(a.clock[k.TILE_SIDE]) / most)
+            most = math.sqrt(fastest2) + 2.0 * abs(float(a.scale.drift))
+            length = min(length, LARGEST_WAY * float(a.clock.tile_side) / most)
         self.begin = self.now
         self.end = min(self.begin + length, kick)
         self.fastest = math.sqrt(fastest2)
@@ -246,17 +248,18 @@ class Windows:
     def _piston_columns(self) -> Iterator[tuple[int, int]]:
         """Row of each piston among the pieces of walls, and the column of `sums` with its displacement."""
         a = self.arrays
-        return zip(a.pistons, k.TALLY + a.wall_rows[a.pistons, PISTON].astype(np.int64), strict=True)
+        columns = named(a.wall_rows, "walls").piston[a.pistons].astype(np.int64)
+        return zip(a.pistons, TALLY.width + columns, strict=True)
 
     def _fastest_piston(self) -> float:
         """The largest `piston_speed` where a window begins, as kernels have it, to the last bit; 0 without pistons."""
         a, found = self.arrays, 0.0
-        gx, gy = float(a.scale[k.GX]), float(a.scale[k.GY])
+        gx, gy = float(a.scale.gx), float(a.scale.gy)
         for row, column in self._piston_columns():
-            wall = a.wall_rows[row]
-            push = wall[PUSH] + (gx * wall[UX] + gy * wall[UY])
+            wall = named(a.wall_rows[row], "walls")
+            push = wall.push + (gx * wall.ux + gy * wall.uy)
             state = self._done[column : column + 2].tolist()
-            found = max(found, piston_speed(*state, push, float(wall[RATE]), float(a.clock[k.PATH])))
+            found = max(found, piston_speed(*state, push, float(wall.rate), float(a.clock.path)))
         return found
 
     def _survey(self) -> None:
@@ -267,15 +270,15 @@ class Windows:
         """At the end of a window, begin the next one."""
         if self._ahead and self.now == self.end:
             self._done += self._at_end
-            self.arrays.grid[k.PART] = 1 - self.arrays.grid[k.PART]
+            self.arrays.grid.part = 1 - self.arrays.grid.part
             self._ahead, self._surveyed, self._moments, self._moment_now = False, True, [], 0.0
             self._times = None
             a = self.arrays
-            self._before = self._at_end[k.COLLISIONS], self.end - self.begin, float(a.clock[k.SPEED])
-            self.protrudes = self._most(k.MOST_PROTRUDES)
-            a.clock[k.PATH] = path_from(
-                a.clock[k.PATH], a.clock[k.FREE_PATH], a.clock[k.IN_WINDOW],
-                a.clock[k.SPEED] * (self.end - self.begin), self._at_end[k.COLLISIONS],
+            self._before = self._at_end[TALLY.collisions], self.end - self.begin, float(a.clock.speed)
+            self.protrudes = self._most(TOTAL.overhang)
+            a.clock.path = path_from(
+                a.clock.path, a.clock.free_path, a.clock.in_window,
+                a.clock.speed * (self.end - self.begin), self._at_end[TALLY.collisions],
             )  # fmt: skip
         if not self._ahead and not self._ready:
             if not self.arrays.box.is_open and not self.protrudes <= TOO_FAR * self._least_side():
@@ -321,24 +324,25 @@ class Windows:
             else:
                 self._asked = [until, *ahead()]
                 moments = self._foresee(self.now)
-            a.clock[[k.STOP, k.WANTED, k.PAUSE, k.PAUSE_AFTER, k.KICK]] = *until, *pause, kick
+            (a.clock.stop, a.clock.wanted), (a.clock.pause, a.clock.pause_after) = until, pause
+            a.clock.kick = kick
             self._compute(
                 moments, min(most, a.burst, self._burst if a.on_gpu else most), watching, pausing=pausing
             )
         if self._paused:
             self._moment_now = self._moments[0].at
-            by_count = a.counter[k.PAUSED] == k.BY_COUNT
+            by_count = a.counter.paused == k.BY_COUNT
             self.now = self.begin + self._moment_now if by_count else stop
             return
-        count = self._done[k.COLLISIONS]
+        count = self._done[TALLY.collisions]
         stopping = self.begin < stop < self.end
         self.now = stop if stopping else self.end
         self._moment_now = stop - self.begin if stopping else self.end - self.begin
-        if count + self._at_end[k.COLLISIONS] >= wanted:
+        if count + self._at_end[TALLY.collisions] >= wanted:
             reached = self._at_end
             if stopping:
                 reached = self._sums_to(self._moment_now)
-            if count + reached[k.COLLISIONS] >= wanted:
+            if count + reached[TALLY.collisions] >= wanted:
                 self._moment_now = self._time_of(int(wanted - count))
                 self.now = self.begin + self._moment_now
                 self._tell(self._moment_now)
@@ -355,18 +359,18 @@ class Windows:
         ]
         notes = 0.0
         wanted = sorted(
-            {count - self._done[k.COLLISIONS] for _, count in self._asked if math.isfinite(count)}
+            {count - self._done[TALLY.collisions] for _, count in self._asked if math.isfinite(count)}
         )
         if self._times is not None and self._times[0] == self.begin:
             times = [self._nth(self._times[1], int(count)) for count in wanted if count >= 1]
             found += [known(time) for time in times if begin - self.begin < time < length]
         elif (
             self._before is not None
-            and min(self._before[0], self._before[2], float(a.clock[k.SPEED])) > 0.0
+            and min(self._before[0], self._before[2], float(a.clock.speed)) > 0.0
             and not (a.on_gpu or a.uses.rests or a.uses.pistons)
         ):
             collisions, lasted, speed = self._before
-            now = float(a.clock[k.SPEED])
+            now = float(a.clock.speed)
             growth = math.log(now / speed) / lasted
             rate = 2.0 * now / (now + speed) * collisions / lasted
 
@@ -414,15 +418,18 @@ class Windows:
         if count <= 0:
             return 0.0
         for each in self._moments:
-            if math.isnan(each.at) and count > each.sums[k.COLLISIONS]:
+            if math.isnan(each.at) and count > each.sums[TALLY.collisions]:
                 times = self._times_of_notes()
-                time = self._nth(times[times > each.begin], count - int(each.sums[k.COLLISIONS]))
+                time = self._nth(times[times > each.begin], count - int(each.sums[TALLY.collisions]))
                 if time <= each.until:
                     return time
         if self._times is None or self._times[0] != self.begin:
             kept = self._watched, self.fresh, self._watching
             self._compute([], 1, k.PAIRS)
-            self._times = self.begin, Windows.watched(self)[0][:, k.AT].copy()  # those of this rank
+            self._times = (
+                self.begin,
+                named(Windows.watched(self)[0], "event").time.copy(),
+            )  # those of this rank
             self._watched, self.fresh, self._watching = kept
             self.arrays.events(0)
         return self._nth(self._times[1], count)
@@ -433,14 +440,15 @@ class Windows:
 
     def _times_of_notes(self) -> NDArray[np.float64]:
         """Times of collisions that were noted."""
-        a, n = self.arrays, min(self._noted, int(self.arrays.grid[k.NOTES]))
-        latest = np.arange(n) >= a.tile.to_numpy()[a.note[:n, 1], k.NOTED]
-        return a.note_at[:n][latest & (a.note[:n, 2] == 1)]
+        a, n = self.arrays, min(self._noted, int(self.arrays.grid.notes))
+        note = named(a.note[:n], "note")
+        latest = np.arange(n) >= named(a.tile.to_numpy(), "tile").noted[note.tile]
+        return a.note_at[:n][latest & (note.counts == 1)]
 
     def watched(self) -> tuple[NDArray[Any], NDArray[Any]]:
         """Collisions that were written down in the present window, in any order: rows of `event` and `event_int`."""
         if not self._watched:
-            return np.zeros((0, k.REALS)), np.zeros((0, k.INTEGERS), dtype=np.int32)
+            return np.zeros((0, EVENT.width)), np.zeros((0, EVENT_INT.width), dtype=np.int32)
         real, whole = zip(*self._watched, strict=True)
         return np.concatenate(real), np.concatenate(whole)
 
@@ -455,16 +463,17 @@ class Windows:
         if watching or self.begin != self._counted:
             self._watching = watching
         begin, end = self.begin, self.end
-        a.clock[k.BEGIN], a.clock[k.END] = begin, end
-        a.scale[k.WINDOW] = end - begin
-        a.scale[k.MOMENT_IN :] = k.FAR
+        a.clock.begin, a.clock.end = begin, end
+        a.scale.window = end - begin
+        times = a.scale.moment
+        times.begin = times.until = k.FAR
         for m, each in enumerate(moments):
-            a.scale[k.MOMENT_IN + 2 * m : k.MOMENT_IN + 2 * m + 2] = each.begin, each.until
-        a.grid[k.WATCHING] = watching
+            times.begin[m], times.until[m] = each.begin, each.until
+        a.grid.watching = watching
         if watching:
             self._watched = []
             self.fresh = True
-        alone = a.grid[k.ALONE] = int(a.alone)
+        alone = a.grid.single_tile = int(a.alone)
         if a.uses.sheared:
             a.displace_rows(begin)
         if not alone:
@@ -473,19 +482,19 @@ class Windows:
         self._launch(1 if alone else a.tiles, most, pausing=pausing, resuming=resuming)
         again = bool(begin == self._counted)
         self.statistics.windows -= again
-        self._paused = bool(a.counter[k.PAUSED])
-        done = int(a.counter[k.N_WINDOWS])
+        self._paused = bool(a.counter.paused)
+        done = int(a.counter.n_windows)
         self._burst = max(2 * most, self._burst) if done >= most else max(done, 1)
         self.statistics.windows += done
         if not again:
-            self.statistics.unjudged += int(a.counter[k.UNJUDGED])
-            self.statistics.jammed += int(a.counter[k.JAMMED])
+            self.statistics.unjudged += int(a.counter.unjudged)
+            self.statistics.jammed += int(a.counter.jammed)
         self._collect(watching)
         self._done = a.sums.copy()
-        self.begin, self.end = float(a.clock[k.BEGIN]), float(a.clock[k.END])
+        self.begin, self.end = float(a.clock.begin), float(a.clock.end)
         if not alone:
             if self.begin != begin:
-                self.protrudes = self._least_side() - float(a.scale[k.MOST_HALO])
+                self.protrudes = self._least_side() - float(a.scale.most_halo)
             kept = replace(self.statistics)
             halvings = 0
             while True:
@@ -504,13 +513,13 @@ class Windows:
                 vars(self.statistics).update(vars(kept))
         self._counted = self.begin
         self._at_end = self._tally(k.AT_END)
-        told = float(a.scale[k.MOMENT_IN])
-        if begin != self.begin or a.counter[k.PAUSED] == k.BY_COUNT:  # the kernel chose
-            if begin != self.begin and a.counter[k.PAUSED] != k.BY_COUNT:
-                told = float(a.clock[k.STOP]) - self.begin if told < k.FAR else k.FAR
+        told = float(a.scale.moment.begin[0])
+        if begin != self.begin or a.counter.paused == k.BY_COUNT:  # the kernel chose
+            if begin != self.begin and a.counter.paused != k.BY_COUNT:
+                told = float(a.clock.stop) - self.begin if told < k.FAR else k.FAR
             moments = [known(told)] if told < k.FAR else []
         noting = any(math.isnan(each.at) for each in moments)
-        if noting and not self._agreed(self._noted <= a.grid[k.NOTES]):  # notes for which there was no room
+        if noting and not self._agreed(self._noted <= a.grid.notes):  # notes for which there was no room
             moments = [replace(each, until=-math.inf) for each in moments]
         for m, each in enumerate(moments):
             each.sums = self._tally(k.AT_MOMENT + m)
@@ -525,8 +534,8 @@ class Windows:
         """Run half of the window: what a sheared gas does whose tiles are too small for all of it."""
         a = self.arrays
         self.end = self.begin + 0.5 * (self.end - self.begin)
-        a.clock[k.END] = self.end
-        a.scale[k.WINDOW] = self.end - self.begin
+        a.clock.end = self.end
+        a.scale.window = self.end - self.begin
         if watching:
             self._watched = []
         self.statistics.in_order += 1
@@ -536,7 +545,7 @@ class Windows:
 
     def _tally(self, when: int) -> NDArray[np.float64]:
         """Sums over the tiles, one after another: the same for any number of threads."""
-        first = k.FIRST_SUM + when * self.arrays.columns
+        first = TOTAL.width + when * self.arrays.columns
         return self.arrays.total[first : first + self.arrays.columns].copy()
 
     def _most(self, column: int) -> float:
@@ -548,63 +557,63 @@ class Windows:
     ) -> None:
         """Run the windows of all tiles, or `again` of the listed ones; with more room where that was not enough."""
         a = self.arrays
-        part, clock, told = int(a.grid[k.PART]), a.clock.copy(), a.scale[k.MOMENT_IN :].copy()
+        part, clock, told = int(a.grid.part), a.clock.copy(), a.scale.moment.copy()
         while True:
-            a.counter[:] = 0
-            a.counter[k.AGAIN], a.counter[k.PAUSING], a.counter[k.RESUMING] = again, pausing, resuming
-            a.counter[k.RESTING] = int(resuming and self.rests)
+            a.counter.array[:] = 0
+            a.counter.again, a.counter.pausing, a.counter.resuming = again, pausing, resuming
+            a.counter.resting = int(resuming and self.rests)
             if again:
-                a.counter[k.N_CLAIMED], a.counter[k.N_NOTED] = self._claimed, self._noted
+                a.counter.n_ghosts, a.counter.n_noted = self._claimed, self._noted
             a.sums[:] = self._done  # one window after another, so that sums do not depend on launches
-            alone = bool(a.grid[k.ALONE])
+            alone = bool(a.grid.single_tile)
             with a.sent() as launch:
                 for _ in range(1 if alone else most):
                     for first in range(0, tiles, a.batch):
                         launch(run_windows, first, min(first + a.batch, tiles), most)
                     if not alone:
                         self._check(launch)
-            self._claimed = int(a.counter[k.N_CLAIMED])
-            noted = int(a.counter[k.N_NOTED])
-            full, needed = int(a.counter[k.FULL]), int(a.counter[k.NEEDED])
-            if a.counter[k.STALLED] == 2:
-                raise _unbounded(float(a.clock[k.BEGIN]))
-            if a.counter[k.STALLED]:
+            self._claimed = int(a.counter.n_ghosts)
+            noted = int(a.counter.n_noted)
+            full, needed = int(a.counter.full), int(a.counter.needed)
+            if a.counter.stalled == 2:
+                raise _unbounded(float(a.clock.begin))
+            if a.counter.stalled:
                 raise InelasticCollapse(
-                    f"t = {float(a.clock[k.BEGIN]):.9g}: collisions pile up without end in a window (inelastic "
+                    f"t = {float(a.clock.begin):.9g}: collisions pile up without end in a window (inelastic "
                     "collapse). "
                     'Use collapse = "tc" with a contact_time, "velocity_cutoff" with a velocity_cutoff, or, under '
                     'gravity, "rest" with a resting_speed; larger e_n, '
                     "or a lower packing fraction, or end the run earlier"
                 )
-            self._bad = int(a.counter[k.N_BAD])
+            self._bad = int(a.counter.n_bad)
             if not full:
                 self._noted = noted
-                self.rests |= bool(a.counter[k.RESTING])
+                self.rests |= bool(a.counter.resting)
                 return
-            if a.counter[k.N_WINDOWS] > 1:
+            if a.counter.n_windows > 1:
                 # Windows before this one are good: go on from here.
                 self._done = a.sums.copy()
-                self.statistics.windows += int(a.counter[k.N_WINDOWS]) - 1
+                self.statistics.windows += int(a.counter.n_windows) - 1
                 clock = a.clock.copy()
-                part = int(a.grid[k.PART])
-                told[:] = k.FAR
-                if clock[k.STOP] < clock[k.END]:
-                    told[:2] = clock[k.STOP] - clock[k.BEGIN]
+                part = int(a.grid.part)
+                told.begin = told.until = k.FAR
+                if clock.stop < clock.end:
+                    told.begin[0] = told.until[0] = clock.stop - clock.begin
             resuming = False  # from the beginning of the window
-            a.clock[:], a.grid[k.PART], a.scale[k.MOMENT_IN :] = clock, part, told
-            places, cells, bins, items = (int(a.grid[each]) for each in (k.PLACES, k.CELLS, k.BINS, k.ITEMS))
+            a.clock.array[:], a.grid.part, a.scale.moment.array[:] = clock.array, part, told.array
+            places, cells, bins, items = self._room()
             if full & k.FULL_CLAIMS:
                 # Threads of a CPU have stopped before the other tiles, which will have as many.
-                ran = tiles if a.on_gpu else max(int(a.counter[k.NEXT_TILE] - a.grid[k.LANES]), 1)
+                ran = tiles if a.on_gpu else max(int(a.counter.next_tile - a.grid.lanes), 1)
                 a.claims(int(SLACK * self._claimed * max(tiles / ran, 1.0)) + 64)
                 if again:
                     raise _Again
             if full & k.FULL_WATCHED:
-                a.events(2 * int(a.counter[k.N_WATCHED]) + 64)
+                a.events(2 * int(a.counter.n_watched) + 64)
             if full & (k.FULL_PLACES | k.FULL_CELLS | k.FULL_WALLS):
                 grown = int(SLACK * needed) + 16
                 if full & k.FULL_PLACES:
-                    places = max(places, min(grown, a.n if a.grid[k.ALONE] else 9 * a.n))
+                    places = max(places, min(grown, a.n if a.grid.single_tile else 9 * a.n))
                     bins = 1 << max(places - 1, 1).bit_length()
                 if full & k.FULL_CELLS:
                     cells = max(cells, grown)
@@ -612,13 +621,18 @@ class Windows:
                     items = max(items, grown)
                 a.scratch(places, cells, bins, items)
 
+    def _room(self) -> tuple[int, int, int, int]:
+        """Places, cells, bins and walls of a lane."""
+        grid = self.arrays.grid
+        return int(grid.places), int(grid.cells), int(grid.bins), int(grid.items)
+
     def _check(self, launch: Callable[..., Any]) -> None:
         """Verify the tiles that have just run."""
         launch(verify)
 
     def _collect(self, watching: int) -> None:
         a = self.arrays
-        if watching and (count := int(a.counter[k.N_WATCHED])):
+        if watching and (count := int(a.counter.n_watched)):
             self._watched.append((a.event.to_numpy()[:count], a.event_int.to_numpy()[:count]))
 
     # ------------------------------------------------------------------ tiles
@@ -627,11 +641,11 @@ class Windows:
         """Halos as wide as the fastest disk may make necessary, and for who hits whom in chains."""
         a = self.arrays
         window = self.end - self.begin
-        pull = float(np.hypot(a.scale[k.GX], a.scale[k.GY]))
-        drift = abs(float(a.scale[k.DRIFT])) * window
-        halo = usual_halo(float(a.scale[k.CHAIN]), self.fastest, pull, float(a.clock[k.WALL_SPEED]), window)
-        a.scale[k.LEAST_SIDE] = self._least_side()
-        a.scale[k.USUAL_HALO], a.scale[k.MOST_HALO] = halo + drift, self._widest_halo()
+        pull = float(np.hypot(a.scale.gx, a.scale.gy))
+        drift = abs(float(a.scale.drift)) * window
+        halo = usual_halo(float(a.scale.chain), self.fastest, pull, float(a.clock.wall_speed), window)
+        a.scale.least_side = self._least_side()
+        a.scale.usual_halo, a.scale.most_halo = halo + drift, self._widest_halo()
 
     def _least_side(self) -> float:
         """Beyond it around a tile, the tiles around it would not have all disks."""
@@ -647,17 +661,17 @@ class Windows:
     def _verify(self, watching: int) -> None:
         """Run tiles again, with wider halos, until all are good; at last the whole box by one thread."""
         a = self.arrays
-        most = float(a.scale[k.MOST_HALO])
+        most = float(a.scale.most_halo)
         bad = 0
         while True:
-            count = int(a.counter[k.N_BAD])
-            reach = a.widest + self._most(k.MOST_BEYOND) + self._most(k.MOST_FURTHEST)
+            count = int(a.counter.n_bad)
+            reach = a.widest + self._most(TOTAL.excursion) + self._most(TOTAL.max_displacement)
             if a.uses.sheared:
-                reach += abs(float(a.scale[k.DRIFT])) * (self.end - self.begin)
+                reach += abs(float(a.scale.drift)) * (self.end - self.begin)
             if count == 0 and reach <= most:
                 break
             bad += count
-            if reach > most or a.counter[k.STUCK]:
+            if reach > most or a.counter.stuck:
                 self._whole_box(watching)
                 break
             if watching:
@@ -680,7 +694,7 @@ class Windows:
         self._watched = [
             (real[keep], whole[keep])
             for real, whole in self._watched
-            for keep in [~np.isin(whole[:, k.EVENT_TILE], tiles)]
+            for keep in [~np.isin(named(whole, "event_int").tile, tiles)]
         ]
 
     def _whole_box(self, watching: int) -> None:
@@ -689,17 +703,17 @@ class Windows:
         if a.uses.sheared:
             raise _TooLong
         self.statistics.in_order += 1
-        a.grid[k.ALONE] = 1
-        room = [int(a.grid[each]) for each in (k.PLACES, k.CELLS, k.BINS, k.ITEMS)]
-        lanes = int(a.grid[k.LANES])
-        a.grid[k.LANES] = 1
+        a.grid.single_tile = 1
+        room = self._room()
+        lanes = int(a.grid.lanes)
+        a.grid.lanes = 1
         if watching:
             self._watched = []
         self._launch(1, 1)
         self._collect(watching)
-        a.grid[k.LANES] = lanes
+        a.grid.lanes = lanes
         a.scratch(*room)
-        a.grid[k.ALONE] = 0
+        a.grid.single_tile = 0
 
 
 class _TooLong(Exception):

@@ -279,7 +279,9 @@ def test_memory_on_one_thread_is_what_the_estimate_says(ledger: bool) -> None:
     engine = Engine(disks, box, state, np.array([[ELASTIC]]), ledger=ledger, threads=1)
     engine.advance(t_end=1e-3)
     arrays = engine.arrays
-    scratch = arrays.bytes_of("work", "link", "mark", "begun", "chosen", "head", "bin")
+    scratch = arrays.bytes_of(
+        "motion", "event_info", "image_info", "start_position", "candidates", "head", "bin"
+    )
     assert arrays.bytes_allocated - scratch == pytest.approx(disks.n * BYTES_PER_DISK, rel=0.04)
     assert scratch < 4e6
 

@@ -3,23 +3,23 @@
 import taichi as ti
 
 from ifrdem.kernels.language import Rows, Table
-from ifrdem.kernels.layout import gas_of
 from ifrdem.kernels.places import remember
+from ifrdem.kernels.records import gas_of
 
 
 @ti.kernel
-def enter(time: Rows, partner: Rows, link: Rows):
+def enter(time: Rows, partner: Rows, info: Rows):
     """Enter collisions with partners at times, in this order, into the history of the disk at place 0."""
-    gas = ti.static(gas_of(link=link))
+    gas = ti.static(gas_of(event_info=info))
     for _ in range(1):
         for m in range(time.shape[0]):
             remember(0, time[m], partner[m], gas)
 
 
 @ti.kernel
-def enter_each(time: Table, partner: Table, link: Rows):
+def enter_each(time: Table, partner: Table, info: Rows):
     """Enter collisions with partners at times, a row of them for each disk, into the histories of the disks."""
-    gas = ti.static(gas_of(link=link))
+    gas = ti.static(gas_of(event_info=info))
     for i in range(time.shape[0]):
         for m in range(time.shape[1]):
             remember(i, time[i, m], partner[i, m], gas)

@@ -22,6 +22,7 @@ from support.gases import COIN, ELASTIC, ROLLING, equal_disks, mixture, start
 from ifrdem.errors import EngineError
 from ifrdem.kernels import layout as k
 from ifrdem.kernels import windows
+from ifrdem.kernels.columns import KIND, named
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, RandomKicks, Rescale, SpinKicks, TableFriction
 from ifrdem.model.state import Disks, State
@@ -173,7 +174,7 @@ def half_a_ring() -> None:
     def half(self: Any, **how: bool) -> None:
         whole(self, **how)
         for tiles in self._taken_tiles:
-            ranks.view(self.tile)[tiles, k.COUNT + int(self.grid[k.PART])] //= 2
+            named(ranks.view(self.tile), "tile").count[tiles, int(self.grid.part)] //= 2
 
     ranks.RankArrays.fetch = half  # type: ignore[method-assign]
 
@@ -233,7 +234,7 @@ def wrong_owner() -> None:
 
 def wrong_row() -> None:
     """Masses stand one row too far down in the tables of kinds of disks that are here."""
-    whole, of_mass = ranks.kind_rows, [k.INVERSE_MASS, k.KIND_MASS, k.KIND_INERTIA]
+    whole, of_mass = ranks.kind_rows, [KIND.inverse_mass, KIND.mass, KIND.inertia]
 
     def shifted(*columns: Any) -> Any:
         rows = whole(*columns)

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from support.gases import COIN, ELASTIC, ROLLING, equal_disks, equilibrated, mixture
 
-from ifrdem.kernels.layout import HASH_1, HASH_2, ID, LAST_PARTNER, USUAL_HALO
+from ifrdem.kernels.columns import TABLES, named
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Langevin, RandomKicks, Rescale
 from ifrdem.model.state import Disks, State
@@ -158,7 +158,7 @@ def narrowed(monkeypatch: pytest.MonkeyPatch, part: float) -> None:
 
     def narrow(self: Windows) -> None:
         set_halos(self)
-        self.arrays.scale[USUAL_HALO] *= part
+        self.arrays.scale.usual_halo *= part
 
     monkeypatch.setattr(Windows, "_set_halos", narrow)
 
@@ -187,7 +187,6 @@ def with_half_halos_unverified(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def without_claims(monkeypatch: pytest.MonkeyPatch) -> None:
-    from ifrdem.kernels.layout import N_CLAIMS
     from ifrdem.kernels.windows import verify
     from ifrdem.simulation.arrays import DeviceArrays
 
@@ -196,7 +195,7 @@ def without_claims(monkeypatch: pytest.MonkeyPatch) -> None:
     def drop(self: DeviceArrays, kernel: Any, numbers: tuple[float, ...], given: dict[str, Any]) -> None:
         if kernel is verify:
             tile = self.tile.to_numpy()
-            tile[:, N_CLAIMS] = 0
+            named(tile, "tile").n_ghosts = 0
             self.tile.from_numpy(tile)
         call(self, kernel, numbers, given)
 
@@ -219,11 +218,11 @@ def hash_of(*collisions: tuple[float, int]) -> tuple[int, int]:
     import taichi as ti
     from support.history_kernels import enter
 
-    link = ti.Vector.ndarray(16, ti.i32, 1)
+    info = ti.Vector.ndarray(TABLES["event_info"].width, ti.i32, 1)
     time, partner = np.array([t for t, _ in collisions]), np.array([j for _, j in collisions], dtype=np.int32)
-    enter(time, partner, link)
-    row = link.to_numpy()[0]
-    return int(row[HASH_1]), int(row[HASH_2])
+    enter(time, partner, info)
+    row = named(info.to_numpy()[0], "event_info")
+    return int(row.hash_1), int(row.hash_2)
 
 
 def test_the_hash_of_a_history_tells_times_partners_and_their_order() -> None:
@@ -259,10 +258,10 @@ def test_hashes_that_agree_are_as_rare_as_chance_makes_them(partners: int) -> No
     from support.history_kernels import enter_each
 
     n, rng = 2**20, np.random.default_rng(3)
-    link = ti.Vector.ndarray(16, ti.i32, n)
-    enter_each(rng.random((n, 2)), rng.integers(0, partners, (n, 2), dtype=np.int32), link)
-    rows = link.to_numpy()
-    one, two = rows[:, HASH_1].astype(np.int64), rows[:, HASH_2].astype(np.int64)
+    info = ti.Vector.ndarray(TABLES["event_info"].width, ti.i32, n)
+    enter_each(rng.random((n, 2)), rng.integers(0, partners, (n, 2), dtype=np.int32), info)
+    rows = named(info.to_numpy(), "event_info")
+    one, two = rows.hash_1.astype(np.int64), rows.hash_2.astype(np.int64)
     for word in (one, two):
         count = np.unique(word, return_counts=True)[1].astype(np.int64)
         assert (count * (count - 1) // 2).sum() == pytest.approx(128, abs=5 * 128**0.5)
@@ -279,7 +278,7 @@ def test_ids_up_to_the_last_of_32_bits_on_one_thread() -> None:
             disks, box, state, np.array([[law]]), order="tiles", tile_disks=250, threads=1, partners=True
         )
         meta = engine.arrays.meta.to_numpy()
-        meta[:N, ID] += first
+        named(meta[:N], "meta").id += first
         engine.arrays.meta.from_numpy(meta)
         engine.keep_collisions = True
         while engine.collisions < 10 * N:
@@ -291,10 +290,11 @@ def test_ids_up_to_the_last_of_32_bits_on_one_thread() -> None:
             for name, kept in arrays.state_arrays().items()
             if kept
         }
-        lists["meta"][:, ID] -= first
-        partner = lists["hits"][:, LAST_PARTNER]
+        named(lists["meta"], "meta").id -= first
+        hits = named(lists["hits"], "hits")
+        partner = hits.last_partner
         assert partner.min() >= first - 1
-        lists["hits"][:, LAST_PARTNER] = np.where(partner >= 0, partner - first, partner)
+        hits.last_partner = np.where(partner >= 0, partner - first, partner)
         assert engine.last_collisions is not None
         found.append(
             lists | {"pair": engine.last_collisions.pair - first, "time": engine.last_collisions.time}

@@ -12,7 +12,6 @@ from support.serial_reference import simulate
 from test_engine_serial_order import run
 
 from ifrdem.initial import packing, placement, radii
-from ifrdem.kernels.layout import CELL_SIDE, COARSE
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.simulation.engine import Engine
@@ -95,7 +94,7 @@ def test_small_disks_that_come_far_without_collisions_meet_a_large_one(along: tu
     state = State(position, velocity, np.zeros(n))
     _, found = simulate(disks, box, COIN, state, max_collisions=3)
     engine = Engine(disks, box, state, np.array([[COIN]]), order="alone")
-    assert int(48.0 / (engine.arrays.grid[COARSE] * engine.arrays.scale[CELL_SIDE])) == 4
+    assert int(48.0 / (engine.arrays.grid.coarse * engine.arrays.scale.cell_side)) == 4
     met = run(engine, 3)
     assert [tuple(sorted(pair)) for pair in met.pair] == [tuple(sorted(one[1:])) for one in found]
     np.testing.assert_allclose(met.time, [one[0] for one in found], rtol=1e-9)

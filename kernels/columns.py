@@ -1,0 +1,382 @@
+"""Columns of the engine's arrays by name: one table for kernels, the host, checkpoints and estimates of memory.
+
+A table gives each name the number of its column. Some names stand for several: *several* columns that are counted, or
+those of another table. `layout.py` says what each array is; here stands what is in its columns. Imports no Taichi:
+kernels reach columns by name through `records.py`, the host through `named`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+REAL, F64, F32, I32 = "real", "f64", "f32", "i32"
+"""Types of numbers: REAL is that of the run, f64 or f32."""
+BYTES = {REAL: 8, F64: 8, F32: 4, I32: 4}  # of a run in double precision
+
+
+class Several:
+    """Some columns one after another, or some times those of a table: `table.name[m]` is the number of the first.
+
+    Numbers may be those of NumPy, or expressions of Taichi.
+    """
+
+    def __init__(self, first: int, count: int, of: Columns | None = None) -> None:
+        self.first, self.count, self.of = first, count, of
+        self.step: int = 1 if of is None else of.width
+
+    @property
+    def width(self) -> int:
+        """Number of columns."""
+        return self.count * self.step
+
+    def __getitem__(self, m: Any) -> Any:
+        return self.first + (m if self.of is None else self.step * m)
+
+
+class Columns:
+    """Names of the columns of an array, in order.
+
+    A name is followed by nothing, by a number of columns (`count=2`), by a table (`losses=MECHANISM`), or by both
+    (`moment=(9, MOMENT)`). `alias` gives columns a second name, for rows of another kind.
+
+    Attributes
+    ----------
+    at : dict
+        Number of each column by its name; `Several` or a table for a name that stands for several.
+    width : int
+        Number of columns.
+    first : int
+        Number of the first one in the table that this one stands in.
+    """
+
+    of: Columns | None = None  # as of `Several`
+
+    def __init__(
+        self,
+        *,
+        alias: Mapping[str, str] | None = None,
+        first: int = 0,
+        **names: int | Columns | tuple[int, Columns] | None,
+    ) -> None:
+        self.first, self._names, self._alias = first, names, dict(alias or {})
+        self.at: dict[str, Any] = {}
+        at = first
+        for name, given in names.items():
+            if given is None:
+                self.at[name] = at
+                at += 1
+                continue
+            count, of = given if isinstance(given, tuple) else (given, None)
+            if isinstance(count, Columns):
+                self.at[name] = count.moved(at)
+            else:
+                self.at[name] = Several(at, count, of)
+            at += self.at[name].width
+        self.width: int = at - first
+        for name, meant in self._alias.items():
+            self.at[name] = self.at[meant]
+
+    def moved(self, first: int) -> Columns:
+        """The same table with its first column at another number."""
+        return Columns(alias=self._alias, first=first, **self._names)
+
+    def __getitem__(self, m: Any) -> Any:
+        return self.first + m
+
+    def __getattr__(self, name: str) -> Any:
+        return self.column(name)
+
+    def column(self, name: str) -> Any:
+        """Number of the column of this name, or `Several` or a table; AttributeError without one."""
+        try:
+            return self.__dict__["at"][name]
+        except KeyError:
+            raise AttributeError(
+                f"no column {name!r}; columns are {', '.join(self.__dict__['at'])}"
+            ) from None
+
+
+class Named:
+    """An array of NumPy whose last axis is columns with names: they are read and written as attributes.
+
+    Several columns are an array too, those of another table `Named`.
+
+    Attributes
+    ----------
+    array : array (..., columns)
+        The array itself, not a copy.
+    """
+
+    __slots__ = ("_columns", "array")
+
+    array: NDArray[Any]
+    _columns: Columns
+
+    def __init__(self, array: NDArray[Any], columns: Columns) -> None:
+        object.__setattr__(self, "array", array)
+        object.__setattr__(self, "_columns", columns)
+
+    def __getattr__(self, name: str) -> Any:
+        column = self._columns.column(name)
+        if isinstance(column, int):
+            return self.array[column] if self.array.ndim == 1 else self.array[..., column]
+        part = self.array[..., column.first : column.first + column.width]
+        if isinstance(column, Several) and column.of is not None:
+            return Named(part.reshape(*part.shape[:-1], column.count, column.step), column.of)
+        return Named(part, column.moved(0)) if isinstance(column, Columns) else part
+
+    def copy(self) -> Named:
+        """The same with a copy of the array."""
+        return Named(self.array.copy(), self._columns)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        column = self._columns.column(name)
+        if not isinstance(column, int):
+            column = slice(column.first, column.first + column.width)
+        self.array[..., column] = value
+
+
+def columns(*names: str) -> dict[str, None]:
+    """Names of one column each, to be given to `Columns`."""
+    return dict.fromkeys(names)
+
+
+# ---------------------------------------------------------------------- state of the disks
+
+# Positions from the lower left corner of the tile that lists the disk.
+DISK = Columns(**columns("x", "y", "vx", "vy", "spin"))
+# `events`: collisions with disks and walls; boxes travelled.
+META = Columns(**columns("id", "events", "image_x", "image_y"))
+# Time of the latest collision, and angle turned.
+PAST = Columns(**columns("latest", "angle"))
+HITS = Columns(**columns("wall_hits", "last_partner"))
+# What collisions take, by mechanism.
+MECHANISM = Columns(**columns("normal", "restitution", "sliding", "sticking", "rolling", "walls", "rest"))
+KIND = Columns(**columns("inverse_mass", "k", "radius", "material", "mass", "inertia"))
+# Forces that the last judgement found at contacts of a disk that may rest: the other's id, FIRST_WALL - wall or NOBODY,
+# and four forces, of each.
+FORCES = 4
+TOUCHED = Columns(other=None, force=FORCES)
+HELD = Columns(contact=(4, TOUCHED))
+HISTORY_HASH = Columns(**columns("hash_1", "hash_2"))
+# Slot of a disk that collided, its tile, 1 for one of each pair.
+NOTE = Columns(**columns("slot", "tile", "counts"))
+
+# ---------------------------------------------------------------------- tiles
+
+# First slot (within its part) and number of disks at the window's beginning and end, by part; ghost records; 1 if it
+# has to be run again; disks gathered; 1 for those of this rank, where a gas is on several
+# (`ifrdem/simulation/ranks.py`); the first note that may be of its latest run.
+TILE = Columns(start=2, count=2, **columns("ghosts", "n_ghosts", "bad", "gathered", "owned", "noted"))
+# Halo; bound on how far its own disks came beyond its sides; their largest displacement; how far they are beyond its
+# sides at the end; halo against the one that all begin with.
+REACH = Columns(**columns("halo", "excursion", "max_displacement", "overhang", "halo_factor"))
+# Sums over a window; whole numbers are exact up to 2^53. `fastest` is the largest square of a speed. Behind them are
+# those of walls: heat of thermal ones, sums of each, how pistons moved.
+TALLY = Columns(
+    collisions=None, wall_collisions=None, elastics=None, regimes=5, losses=MECHANISM,
+    **columns("wall_work", "flow_work", "fastest", "squares", "sleepers"),
+)  # fmt: skip
+WALL_SUM = Columns(**columns("momentum_x", "momentum_y", "torque", "work", "heat", "hits"))
+PISTON_STATE = Columns(**columns("displacement", "speed"))
+# Of all tiles, or of BLOCK_OF_TILES: the largest square of a speed, and of `reach`; behind them sums of the tally to
+# the end of the window, and to each moment.
+TOTAL = Columns(**columns("max_speed_sq", "excursion", "max_displacement", "overhang"))
+# Slot of a copy at the window's beginning; hash of its history here.
+GHOST = Columns(**columns("slot", "hash_1", "hash_2"))
+# Its position then, from the corner of the tile that made it; bound on how far it came.
+GHOST_POSITION = Columns(**columns("x", "y", "displacement"))
+
+# ---------------------------------------------------------------------- scratch space of a lane
+
+# Flight from `tau` on; times of its next collision and of leaving its cell.
+MOTION = Columns(**columns("x", "y", "vx", "vy", "tau", "t_hit", "t_leave", "spin"))
+# Whom it hits next (another place, a wall, nobody); cell; collisions so far; those of the partner when that was
+# predicted; neighbours in the list of its bin; next in the list of its cell; whom it hit last in this window; id; its
+# rank among own disks, from 1 on, or minus that among copies; hash of its history; upper half of the largest square of
+# its speed; kind; row of tiles against the own one; over which side it leaves its cell. A line of the cache.
+EVENT_INFO = Columns(**columns(
+    "partner", "cell", "number", "partner_number", "previous", "next", "next_in_cell", "last", "id", "own_rank",
+    "hash_1", "hash_2", "max_speed_sq", "kind", "shear_row", "direction",
+))  # fmt: skip
+# Slot at the window's beginning; boxes travelled in this window; collisions before it, and with walls in it; tile that
+# lists it.
+IMAGE_INFO = Columns(**columns("slot", "lap_x", "lap_y", "events_before", "wall_hits", "home_tile"))
+START_POSITION = Columns(**columns("x", "y"))
+CANDIDATE = Columns(**columns("slot", "cell", "own_rank", "step"))
+# AWAKE, ASLEEP or WOKEN since the window's beginning; 1 where the disk may fall asleep in it; quick hits of something
+# at rest, one after the other.
+REST = Columns(**columns("asleep", "may_rest", "hits"))
+# Contact that may bear: places of both disks, the second -1 for a wall; the normal; what a unit of its four forces
+# (normal, along the contact, torques on both disks) does to either, scaled so that each changes sqrt(m) a by 1 in all;
+# bounds of the last three over the first; the forces, and those that are tried, or the last change (`note_touch`).
+CONTACT = Columns(
+    **columns("i", "j", "normal_x", "normal_y"), push=2, drag=2, spin_up=2, bound=3, force=FORCES, tried=FORCES
+)  # fmt: skip
+# sqrt(m) a and sqrt(I) alpha.
+RESIDUAL_ACCELERATION = Columns(**columns("x", "y", "turn"))
+
+# ---------------------------------------------------------------------- events that are written down
+
+# Time, position, normal, velocity and spin before and after; the same of the partner.
+EVENT = Columns(
+    time=None, position=2, normal=2, velocity_before=2, velocity_after=2, **columns("spin_before", "spin_after"),
+    partner_velocity_before=2, partner_velocity_after=2, partner_spin_before=None, partner_spin_after=None,
+)  # fmt: skip
+# Tile; the disk's id; the partner's, or -2 - wall; boxes travelled; how it was; the disk's number of collisions.
+EVENT_INT = Columns(
+    **columns("tile", "id", "partner"), image=2, **columns("how", "number", "unused"),
+)  # fmt: skip
+
+# ---------------------------------------------------------------------- of the whole gas
+
+# Next tile to be run; ghost records used; why a launch ended early; slots used; what was needed; 1: a disk came to rest
+# on a wall, events without progress; bad tiles; events; windows; rows of events; 1 where only the listed tiles are run;
+# of a gas in one tile: 1 where it pauses at the moment that is told; 1 where it goes on from there; 1 where it has
+# paused for the time, BY_COUNT for the number of collisions; bad tiles with the widest halo; 1 where no window of a
+# launch may follow; windows in which it was not found out who may rest, and disks that fell asleep at speed; notes.
+COUNTER = Columns(**columns(
+    "next_tile", "n_ghosts", "full", "n_slots", "needed", "resting", "stalled", "n_bad", "n_events", "n_windows",
+    "n_watched", "again", "pausing", "resuming", "paused", "stuck", "halted", "unjudged", "jammed", "n_noted",
+))  # fmt: skip
+# Begin and end of the window; where to stop (time, collisions in all), to pause, when a force acts; what sets the
+# length of windows: a path, the side of a tile, the speed of walls; unit of squares of speeds; path in a gas that fills
+# the box, collisions in a window of that; root mean square of speeds at the beginning; the longest window that may be;
+# when gravity last turned.
+CLOCK = Columns(**columns(
+    "begin", "end", "stop", "wanted", "pause", "pause_after", "kick", "path", "tile_side", "wall_speed",
+    "square_unit", "free_path", "in_window", "speed", "longest", "turned",
+))  # fmt: skip
+# Disks; tiles; lanes; places, cells, bins and walls of a lane; part of the window's beginning; periodic sides; walls;
+# seed; 1 where one tile is the whole box; ghost records; rows of cells of all; slots of a part; verification on; small
+# cells along a large one; a 0 that no compiler knows; threads of a GPU for each tile's events, of which one works; room
+# for moments and for notes; the first piston among the rows of walls, or -1.
+GRID = Columns(**columns(
+    "n", "tiles_x", "tiles_y", "lanes", "places", "cells", "bins", "items", "part", "periodic_x", "periodic_y",
+    "walls", "seed_low", "seed_high", "single_tile", "most_ghosts", "tiles_aside", "boxes_aside", "room", "watching",
+    "most_events", "coarse", "opaque_zero", "stride", "moments", "notes", "first_piston",
+))  # fmt: skip
+MOST_MOMENTS = 8
+# When the part of a moment is written, and until when notes are taken for it, which is later only for that of a
+# collision.
+MOMENT = Columns(**columns("begin", "until"))
+# Box; least side of a cell; window; largest diameter; what rounds positions; gravity; cut-off; contact time; shear
+# rate; speed of a row of tiles against the one below, and how far it is beside whole tiles; the largest radius of disks
+# in small cells; the halo that tiles begin with, and the widest; the part of it for those who hit one another in
+# chains; the least side of a tile; moments in the window, in order, FAR behind the last.
+SCALE = Columns(
+    **columns(
+        "length_x", "length_y", "cell_side", "window", "widest", "rounding_constant", "gx", "gy", "cutoff",
+        "contact_time", "shear", "drift", "aside", "split", "usual_halo", "most_halo", "chain", "least_side",
+    ),
+    moment=(MOST_MOMENTS + 1, MOMENT),
+)  # fmt: skip
+
+# ---------------------------------------------------------------------- walls
+
+# See `walls.py`. Of a piston other columns hold its speed, time and acceleration at the latest event of its own.
+WALL = Columns(
+    alias={"speed": "amplitude", "since": "phase", "push": "rise"},
+    **columns(
+        "type", "px", "py", "qx", "qy", "circle", "motion", "ux", "uy", "amplitude", "rate", "phase", "rise",
+        "surface", "material", "now", "temperature", "heat",
+        "owner", "half", "turn", "cx", "cy", "turn_by", "turn_rate", "turn_phase", "turn_now", "lever", "begins",
+        "ends", "moves", "sums", "inverse_mass", "low", "high", "piston", "next_piston", "stop_at",
+    ),
+)  # fmt: skip
+
+# ---------------------------------------------------------------------- what is read out
+
+# Sums over all disks.
+READOUT = Columns(**columns(
+    "translational", "rotational", "momentum_x", "momentum_y", "shear_pressure", "fall", "all_events", "excess",
+))  # fmt: skip
+REAL_OUT = Columns(**columns("x", "y", "vx", "vy", "spin"))
+INT_OUT = Columns(**columns("events", "image_x", "image_y"))
+HITS_OUT = Columns(**columns("wall_hits", "last_partner", "asleep"))
+
+# Coefficients of the IFR law (`IFRLaw.table_row`).
+LAW = Columns(**columns("e_n", "e_t", "mu", "contact_point", "rho"))
+
+# ---------------------------------------------------------------------- steps of forces
+
+# Time and length of the step.
+WHEN = Columns(**columns("time", "dt"))
+# Number of the step (low, high word), index of the force, seed (low, high word).
+COUNTER_WORDS = Columns(**columns("step_low", "step_high", "index", "seed_low", "seed_high"))
+
+# ---------------------------------------------------------------------- direct simulation Monte Carlo (`dsmc.py`)
+
+BODY = Columns(**columns("vx", "vy", "spin", "inverse_mass", "radius", "k", "material"))
+DSMC_TABLES: dict[str, Columns] = {
+    "disk": BODY,
+    # Candidates to settle, in either list by turns; collisions; the first candidate that made a disk too fast.
+    "counter": Columns(open=2, **columns("collisions", "cut")),
+    # Of random numbers: number of the batch or of the kick (low, high word), seed (low, high word).
+    "key": Columns(**columns("number_low", "number_high", "seed_low", "seed_high")),
+    # The two numbers of contact values (`contact.crowding_of_mixture`); the largest g_ij sigma_ij |v_i - v_j| that may
+    # come; the square of the highest speed for which that holds.
+    "crowding": Columns(**columns("one", "two", "majorant", "cap")),
+    # What is left of a velocity and of a spin; energy that noise gives to the motion and to the spin.
+    "factors": Columns(**columns("velocity", "spin", "energy", "spin_energy")),
+    "scale": SCALE,
+    "law": LAW,
+}
+"""Tables of the arrays of a gas without places."""
+
+TABLES: dict[str, Columns] = {
+    "disk": DISK, "meta": META, "past": PAST, "hits": HITS, "spent": MECHANISM, "held": HELD, "kinds": KIND,
+    "history_hash": HISTORY_HASH, "note": NOTE, "note_tally": TALLY,
+    "tile": TILE, "reach": REACH, "tally": TALLY, "found": TOTAL, "ghost": GHOST, "ghost_position": GHOST_POSITION,
+    "motion": MOTION, "event_info": EVENT_INFO, "image_info": IMAGE_INFO, "start_position": START_POSITION,
+    "candidates": CANDIDATE, "loss": MECHANISM, "rest": REST, "contact": CONTACT, "cached_force": HELD,
+    "residual_acceleration": RESIDUAL_ACCELERATION, "event": EVENT, "event_int": EVENT_INT,
+    "counter": COUNTER, "clock": CLOCK, "grid": GRID, "scale": SCALE, "sums": TALLY, "total": TOTAL,
+    "walls": WALL, "law": LAW,
+    "real_out": REAL_OUT, "int_out": INT_OUT, "past_out": PAST, "hits_out": HITS_OUT, "spent_out": MECHANISM,
+    "totals": READOUT, "when": WHEN, "counter_words": COUNTER_WORDS,
+}  # fmt: skip
+"""Tables of the columns of arrays, by the names that kernels give them; others have numbers."""
+TYPES: dict[str, str] = {
+    "disk": REAL, "meta": I32, "past": F64, "hits": I32, "spent": F64, "held": F64, "slept": I32, "kind": I32,
+    "kinds": REAL, "history_hash": I32, "displacement": F32, "slot_before": I32, "snapshot_time": REAL,
+    "tile": I32, "listed": I32, "blocks": I32, "reach": REAL, "edge_x": F64, "edge_y": F64, "ghost": I32,
+    "ghost_position": REAL, "motion": REAL, "event_info": I32, "image_info": I32, "start_position": REAL,
+    "candidates": I32, "since": REAL, "turn": F64, "loss": F64, "rest": I32, "contact": F64, "cached_force": F64,
+    "residual_acceleration": F64, "head": I32, "bin": I32, "wall_start": I32, "wall_item": I32, "walls": REAL,
+    "watched": I32, "event": REAL, "event_int": I32,
+}  # fmt: skip
+"""Types of the numbers of arrays on the device."""
+SINGLE = (
+    "grid",
+    "scale",
+    "clock",
+    "sums",
+    "counter",
+    "total",
+    "when",
+    "counter_words",
+    "key",
+    "crowding",
+    "factors",
+)
+"""Arrays of one row."""
+
+
+def named(array: NDArray[Any], name: str) -> Named:
+    """The array of this name by the names of its columns."""
+    return Named(array, TABLES[name])
+
+
+def blank(name: str, kind: Any = np.float64) -> Named:
+    """A row of zeros for an array of one row."""
+    return Named(np.zeros(TABLES[name].width, dtype=kind), TABLES[name])
+
+
+def bytes_of(*names: str) -> int:
+    """Bytes of a row of these arrays, in double precision."""
+    return sum(BYTES[TYPES[name]] * (TABLES[name].width if name in TABLES else 1) for name in names)

@@ -1,0 +1,122 @@
+"""Columns of arrays by name while Taichi compiles: `gas.motion[i].vx` is the expression that `motion[i][2]` is.
+
+Taichi evaluates attributes of objects that it does not know in Python, so that nothing of this is in the compiled
+program. This is the one module that asks Taichi itself for subscripts.
+"""
+
+from __future__ import annotations
+
+from collections import namedtuple
+from collections.abc import Mapping
+from typing import Any
+
+from .columns import SINGLE, TABLES, Columns, Several
+from .language import ti
+
+_subscript = ti.lang.impl.subscript
+
+
+def _at(value: Any, *index: Any) -> Any:
+    """The element `value[index]` of a Taichi array or vector, as an expression that can be assigned too."""
+    return _subscript(None, value, *index)
+
+
+class Row:
+    """A row of an array, or a vector: its columns are attributes, by number they are its items.
+
+    A row that is a vector can be assigned as a whole, by `vector`.
+    """
+
+    _data_oriented = True  # Taichi then lets a variable of a kernel stand for it
+    __slots__ = ("_array", "_columns", "_index", "_offset")
+
+    def __init__(self, array: Any, index: tuple[Any, ...], columns: Columns, offset: Any = None) -> None:
+        self._array, self._index, self._columns, self._offset = array, index, columns, offset
+
+    @property
+    def shape(self) -> Any:
+        """Shape of the array that the row is in."""
+        return self._array.shape
+
+    @property
+    def vector(self) -> Any:
+        """All columns of an array of vectors."""
+        return _at(self._array, *self._index)
+
+    def __getattr__(self, name: str) -> Any:
+        column = self._columns.column(name)
+        if isinstance(column, int):
+            return self[column]
+        return _Group(self, column)
+
+    def __getitem__(self, column: Any) -> Any:
+        if self._offset is not None:  # one of several
+            column = self._offset if isinstance(column, int) and column == 0 else self._offset + column
+        if not self._index:
+            return _at(self._array, column)
+        if self._array.element_shape():
+            return _at(_at(self._array, *self._index), column)
+        return _at(self._array, *self._index, column)
+
+
+class Records:
+    """An array whose rows have columns with names: `array[i]` is one of them, or `array[i, j]` with more axes."""
+
+    _data_oriented = True
+    __slots__ = ("_array", "_columns")
+
+    def __init__(self, array: Any, columns: Columns) -> None:
+        self._array, self._columns = array, columns
+
+    @property
+    def shape(self) -> Any:
+        """Shape of the array."""
+        return self._array.shape
+
+    def __getitem__(self, index: Any) -> Row:
+        return Row(self._array, index if isinstance(index, tuple) else (index,), self._columns)
+
+
+class _Group:
+    """Several columns of a row: by number, or those of a table by name."""
+
+    __slots__ = ("_columns", "_row")
+
+    def __init__(self, row: Row, columns: Several | Columns) -> None:
+        self._row, self._columns = row, columns
+
+    def __getattr__(self, name: str) -> Any:
+        return self._row[self._columns.column(name)]
+
+    def __getitem__(self, m: Any) -> Any:
+        row, column = self._row, self._columns[m]
+        of = self._columns.of
+        return row[column] if of is None else Row(row._array, row._index, of, column)
+
+    @property
+    def other(self) -> _Other:
+        """Of two columns the other one: `other[0]` is that with number 1."""
+        return _Other(self._row, self._columns.first)
+
+
+class _Other:
+    """Two columns of a row, in reverse order."""
+
+    __slots__ = ("_first", "_row")
+
+    def __init__(self, row: Row, first: int) -> None:
+        self._row, self._first = row, first
+
+    def __getitem__(self, m: Any) -> Any:
+        return self._row[self._first + 1 - m]
+
+
+def gas_of(tables: Mapping[str, Columns] = TABLES, **arrays: Any) -> Any:
+    """The arrays that a kernel was given, by the names of their columns, and `uses`: a bundle while it is compiled."""
+    found = {}
+    for name, array in arrays.items():
+        if name not in tables:
+            found[name] = array
+        else:
+            found[name] = Row(array, (), tables[name]) if name in SINGLE else Records(array, tables[name])
+    return namedtuple("Gas", found)(**found)

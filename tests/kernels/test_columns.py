@@ -1,0 +1,109 @@
+"""Columns of arrays by name: on the host, in kernels, and in estimates of memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from ifrdem.kernels import columns, limits
+from ifrdem.kernels.columns import Columns, Named, Several, named
+from ifrdem.simulation import device
+
+PAIR = Columns(begin=None, until=None)
+TABLE = Columns(a=None, two=2, part=PAIR, times=(3, PAIR), last=None, alias={"other": "a"})
+ALL_TABLES = {**columns.TABLES, **{f"dsmc {name}": table for name, table in columns.DSMC_TABLES.items()}}
+
+
+def test_numbers_of_columns_are_counted_in_order() -> None:
+    assert (TABLE.a, TABLE.other, TABLE.last, TABLE.width) == (0, 0, 11, 12)
+    assert [TABLE.two[m] for m in range(2)] == [1, 2]
+    assert (TABLE.part.first, TABLE.part.begin, TABLE.part.until) == (3, 3, 4)
+    assert [TABLE.times[m] for m in range(3)] == [5, 7, 9]
+
+
+def test_columns_of_an_array_are_read_and_written_by_name() -> None:
+    array = np.arange(24.0).reshape(2, 12)
+    rows = Named(array, TABLE)
+    assert rows.last.tolist() == [11.0, 23.0]
+    assert rows.two.tolist() == [[1.0, 2.0], [13.0, 14.0]]
+    assert rows.part.until.tolist() == [4.0, 16.0]
+    assert rows.times.begin.tolist() == [[5.0, 7.0, 9.0], [17.0, 19.0, 21.0]]
+    rows.last, rows.two, rows.times.until[0, 1] = -1.0, 5.0, -8.0
+    assert array[:, 11].tolist() == [-1.0, -1.0]
+    assert array[:, 1:3].tolist() == [[5.0, 5.0]] * 2
+    assert array[0, 8] == -8.0
+
+
+def test_a_row_alone_gives_numbers() -> None:
+    clock = columns.blank("clock")
+    clock.end = 2.5
+    assert isinstance(clock.end, np.float64)
+    assert clock.end == 2.5
+    assert np.flatnonzero(clock.array).tolist() == [columns.CLOCK.end]
+
+
+def test_a_name_that_is_none_is_an_error_that_lists_the_columns() -> None:
+    row = columns.blank("clock")
+    for ask in (lambda: row.ends, lambda: setattr(row, "ends", 1.0), lambda: columns.CLOCK.ends):
+        with pytest.raises(AttributeError, match=r"no column 'ends'; columns are begin, end, stop"):
+            ask()
+
+
+def names_of(table: Columns) -> Iterator[str]:
+    """Names in a table, and in those that stand in it."""
+    for name, column in table.at.items():
+        yield name
+        inner = column.of if isinstance(column, Several) else column
+        if isinstance(inner, Columns):
+            yield from names_of(inner)
+
+
+@pytest.mark.parametrize("table", ALL_TABLES.values(), ids=ALL_TABLES)
+def test_no_name_of_a_column_is_that_of_something_else(table: Columns) -> None:
+    """`array.copy` is the copy, whatever columns there are."""
+    device.start()
+    from ifrdem.kernels.records import Row
+
+    taken = {*dir(Columns), "at", "first", "width", *dir(Named), *dir(Row)}
+    assert not taken & set(names_of(table))
+
+
+def test_bytes_of_disks_are_what_their_columns_take() -> None:
+    """Of a plain disk by hand: three parts of 5 reals and 4 integers, 4 + 2 integers of its history, 14 of ghosts.
+
+    Of one that may rest: three parts of a state and 4 contacts of an id and 4 forces, 3 integers, 3 reals, the forces
+    again, and 8 contacts of 21 reals.
+    """
+    assert limits.BYTES_PER_DISK == 3 * (5 * 8 + 4 * 4) + 4 * 4 + 14
+    assert limits.RESTING_BYTES == 3 * (4 + 20 * 8) + 3 * 4 + 3 * 8 + 20 * 8 + 8 * 21 * 8
+
+
+def test_kernels_read_and_write_columns_by_name() -> None:
+    device.start()
+    import taichi as ti
+    from support.record_kernels import move
+
+    disk, scale = ti.Vector.ndarray(5, ti.f64, 2), columns.blank("scale")
+    disk.from_numpy(np.arange(10.0).reshape(2, 5))
+    tile = ti.ndarray(ti.i32, (1, columns.TILE.width))
+    tile.fill(0)
+    scale.moment.until[2] = 0.5
+    move(disk, tile, scale.array)
+    rows = named(disk.to_numpy(), "disk")
+    assert rows.x.tolist() == [0.0 + 0.5 * 2.0, 5.0 + 0.5 * 7.0]
+    assert rows.y.tolist() == [1.0, 6.0]
+    found = named(tile.to_numpy(), "tile")
+    assert found.count.tolist() == [[0, 2]]
+    assert found.start.tolist() == [[3, 0]]
+
+
+def test_a_wrong_name_in_a_kernel_is_told() -> None:
+    device.start()
+    import taichi as ti
+    from support.record_kernels import wrong
+
+    disk = ti.Vector.ndarray(5, ti.f64, 2)
+    with pytest.raises(ti.TaichiCompilationError, match="no column 'mass'; columns are x, y, vx, vy, spin"):
+        wrong(disk)

@@ -1,0 +1,281 @@
+"""Gate for changes that must leave the compiled program as it is: bits of small gases, and kernels compiled for them.
+
+    TI_OFFLINE_CACHE_FILE_PATH=FOLDER python tests/support/same_kernels.py [--arch ARCH] [--ranks] [GAS ...]
+
+Run it once before a change, with an empty folder, and after each step of the change with the same folder. It prints the
+SHA-256 of the state and the sums of each gas, and how many kernels were compiled for it: files that the cache gained.
+A step leaves the program as it is if all hashes are equal and nothing was compiled. Together the gases use every kernel
+and every feature (`kernels/layout.py`, `Uses`). `--ranks` adds gases on two ranks of MPI (`rank_gases.py`).
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import hashlib
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+os.environ["TI_OFFLINE_CACHE_CLEANING_POLICY"] = "never"
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+import numpy as np
+from support import mpi
+from support.gases import COIN, ROLLING, equal_disks, mixture, start
+
+import ifrdem
+from ifrdem.model.box import Box
+from ifrdem.model.forces import Drag, Langevin, RandomKicks, Rescale, TableFriction
+from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.state import Disks, State
+from ifrdem.model.walls import Motion, Piston, Turn, Wall
+from ifrdem.simulation import arrays, device, snapshot
+from ifrdem.simulation.engine import Engine
+from ifrdem.simulation.tracking import Tracking
+from ifrdem.theory.driven_gas import Drive
+
+N = 700
+arrays.ALONE = 100  # windows as short as those of gases in tiles
+ALL_SUMS = {"ledger": True, "itemised": True, "partners": True, "angles": True}
+RANK_GASES = ("2:walls", "2:fast sizes", "2:driven", "2:shear")
+
+
+def lattice(n: int, box: Box, spacing: float, low: tuple[float, float], speed: float = 1.0) -> State:
+    """Disks on a square lattice from a corner on, with Gaussian velocities and spins."""
+    rng, columns = np.random.default_rng(5), int((box.lengths[0] - 2.0 * low[0]) / spacing) + 1
+    place = np.stack([np.arange(n) % columns, np.arange(n) // columns], axis=1) * spacing + low
+    return State(place, speed * rng.normal(size=(n, 2)), speed * rng.normal(size=n))
+
+
+def periodic(disks: Disks, packing_fraction: float, row: Any, **options: Any) -> Engine:
+    box, state = start(disks, packing_fraction)
+    return Engine(disks, box, state, np.array([[row]]), **options)
+
+
+def two_sizes(**options: Any) -> Engine:
+    """Few large disks, above many small ones: cells have two layers."""
+    n, box = 504, Box((30.0, 30.0))
+    large = np.arange(n) >= 500
+    disks = Disks(n, mass=np.where(large, 9.0, 1.0), radius=np.where(large, 1.5, 0.4))
+    state = lattice(n, box, 1.0, (1.0, 1.0))
+    state.position[large] = [[4.0, 23.0], [9.0, 23.0], [14.0, 23.0], [19.0, 23.0]]
+    return Engine(disks, box, state, np.array([[COIN]]), **options)
+
+
+def with_tracking(disks: Disks, box: Box, state: State, walls: list[Wall], **options: Any) -> Engine:
+    law = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
+    tracking = Tracking(np.array([0, 3, 40], np.int32), disks, [[law]], walls)
+    return Engine(disks, box, state, np.array([[law.table_row()]]), walls=walls, tracking=tracking, **options)
+
+
+def walled(**options: Any) -> Engine:
+    """Walls of all shapes and motions but pistons."""
+    box, shaken = Box((40.0, 60.0), (True, False)), Motion("sine", amplitude=0.3, frequency=0.7)
+    gate = Wall.segment((2.0, 52.0), (12.0, 52.0), opens_at=0.3)
+    walls = [
+        Wall.line((0.0, 0.4), (0.0, 1.0), motion=shaken),
+        Wall.line((0.0, 59.0), (0.0, -1.0), temperature=2.0),
+        Wall.post((30.0, 50.0), 1.5, motion=Motion("sawtooth", amplitude=0.3, frequency=0.5, rise=0.3)),
+        Wall.segment((24.0, 44.0), (28.0, 46.0), surface_speed=0.5, motion=Motion("steady", speed=0.1)),
+        Wall.segment((10.0, 46.0), (14.0, 48.0), turn=Turn("steady", center=(12.0, 47.0), rate=0.6)),
+        Wall.arc((20.0, 50.0), 4.0, (0.3, 2.0), turn=Turn("sine", (20.0, 50.0), amplitude=0.3, frequency=0.2)),
+        gate,
+        Wall.polyline([(32.0, 43.0), (34.0, 44.0), (36.0, 43.0)], moves_from=0.1, moves_until=1.0,
+                      motion=Motion("steady", speed=0.2, direction=(0.0, 1.0))),
+    ]  # fmt: skip
+    options = (
+        {"gravity": (0.0, -0.3), "seed": 4, "wall_sums": True, "contact_time": 1e-4} | ALL_SUMS | options
+    )
+    disks = mixture(N)
+    return with_tracking(disks, box, lattice(N, box, 1.2, (0.8, 1.4)), walls, **options)
+
+
+def contained(**options: Any) -> Engine:
+    box = Box((40.0, 40.0), (False, False))
+    walls = [Wall.container((20.0, 20.0), 18.0), Wall.segment((8.0, 20.0), (12.0, 20.0))]
+    disks = equal_disks(130)
+    state = lattice(130, box, 1.2, (10.0, 21.0))
+    return Engine(disks, box, state, np.array([[COIN]]), walls=walls, gravity=(0.0, -0.1), **options)
+
+
+def pistons(**options: Any) -> Engine:
+    box = Box((20.0, 40.0), (True, False))
+    walls = [
+        Wall.line((0.0, 0.2), (0.0, 1.0), piston=Piston(30.0, spring=300.0, low=-0.1, high=0.1)),
+        Wall.line((0.0, 26.0), (0.0, -1.0), piston=Piston(40.0, force=20.0)),
+    ]
+    state = lattice(250, box, 1.2, (0.8, 1.0))
+    options = {"gravity": (0.0, -0.2), "wall_sums": True, "ledger": True} | options
+    return Engine(equal_disks(250), box, state, np.array([[COIN]]), walls=walls, **options)
+
+
+def resting(**options: Any) -> Engine:
+    """A bed that falls asleep on a floor, with an arc and a segment in it."""
+    box = Box((18.0, 30.0), (False, False))
+    walls = [
+        Wall.line((0.0, 0.5), (0.0, 1.0)),
+        Wall.segment((4.0, 2.0), (8.0, 3.0)),
+        Wall.arc((13.0, 4.0), 3.0, (3.3, 6.0)),
+        Wall.segment((6.0, 24.0), (8.0, 24.0), turn=Turn("steady", center=(7.0, 24.0), rate=0.3)),
+    ]
+    state = lattice(60, box, 1.1, (1.2, 6.0), speed=0.3)
+    law = (0.4, -0.5, 0.4, 0.0, 0.02)
+    options = {"gravity": (0.0, -10.0), "resting_speed": 0.1} | ALL_SUMS | options
+    return Engine(mixture(60), box, state, np.array([[law]]), walls=walls, **options)
+
+
+def resting_bed(**options: Any) -> Engine:
+    """A bed of equal disks in a box that is periodic along x, without sums."""
+    box = Box((15.0, 20.0), (True, False))
+    state = lattice(60, box, 1.1, (0.6, 0.7), speed=0.2)
+    options = {"gravity": (0.0, -10.0), "resting_speed": 0.1} | options
+    return Engine(equal_disks(60), box, state, np.array([[(0.4, -0.5, 0.4, 0.0, 0.0)]]), **options)
+
+
+def sheared(**options: Any) -> Engine:
+    disks = mixture(N)
+    box, state = start(disks, 0.3)
+    box = Box(box.lengths, shear_rate=0.4)
+    state = State(state.position, state.velocity + box.flow(state.position), state.spin)
+    options = {"forces": [Rescale(0.1, energy=1.2), Drag(0.1, rate=0.2)], **ALL_SUMS} | options
+    return Engine(disks, box, state, np.array([[ROLLING]]), **options)
+
+
+def driven(**options: Any) -> Engine:
+    forces = [RandomKicks(0.05, power=1.0), Langevin(0.08, temperature=1.0, rate=0.3), Rescale(0.13, energy=1.5),
+              TableFriction(0.05, mu=0.02, gravity=10.0)]  # fmt: skip
+    return periodic(mixture(N), 0.3, ROLLING, forces=forces, seed=2, **options)
+
+
+def of_own_law(**options: Any) -> Engine:
+    from support.law_examples import Viscoelastic
+
+    return periodic(equal_disks(N), 0.4, (0.1, -0.6, 0.2), law=Viscoelastic, ledger=True, **options)
+
+
+GASES: dict[str, Callable[..., Engine]] = {
+    "plain": lambda **o: periodic(equal_disks(N), 0.3, COIN, order="alone", **o),
+    "plain, tiles": lambda **o: periodic(equal_disks(N), 0.5, COIN, order="tiles", tile_disks=60, **o),
+    "mixture": lambda **o: periodic(mixture(N), 0.4, ROLLING, order="tiles", tile_disks=60, **ALL_SUMS, **o),
+    "two sizes": two_sizes,
+    "walls": lambda **o: walled(order="alone", **o),
+    "walls, tiles": lambda **o: walled(order="tiles", tile_disks=100, **o),
+    "container": contained,
+    "pistons": pistons,
+    "resting": resting,
+    "resting bed": resting_bed,
+    "shear": sheared,
+    "driven": driven,
+    "own law": of_own_law,
+    "f32": lambda **o: periodic(mixture(N), 0.4, COIN, precision="f32", order="tiles", tile_disks=60, **o),
+    "walls, f32": lambda **o: walled(order="alone", precision="f32", **o),
+}
+ON_GPU = ("plain, tiles", "mixture", "walls, tiles", "shear", "two sizes")
+
+
+def digest(parts: dict[str, Any]) -> str:
+    """Hash of arrays and numbers, by name."""
+    found = hashlib.sha256()
+    for name in sorted(parts):
+        value = np.ascontiguousarray(parts[name])
+        found.update(
+            name.encode() + (repr(parts[name]).encode() if value.dtype.hasobject else value.tobytes())
+        )
+    return found.hexdigest()
+
+
+def numbers_of(engine: Engine) -> dict[str, Any]:
+    """All that an engine knows of its gas."""
+    state = engine.state()
+    found = {each.name: np.asarray(getattr(state, each.name)) for each in dataclasses.fields(state)}
+    found |= {f"statistics {name}": value for name, value in vars(engine.statistics).items()}
+    found |= {
+        "totals": engine.totals(),
+        "sums": engine.windows.sums,
+        "work": engine.force_steps.energy_inputs,
+    }
+    if engine.tracking is not None:
+        found |= {f"event {name}": value for name, value in engine.tracking.take().columns().items()}
+    return found
+
+
+def after(make: Callable[..., Engine], **options: Any) -> str:
+    """Hash of a gas that was run to times, to numbers of collisions within a window, and from a snapshot."""
+    options = {"threads": 1} | options
+    engine, end = make(**options), 0.0
+    for _ in range(4):
+        end += 0.11
+        while engine.time < end:
+            engine.advance(t_end=end)
+    for _ in range(3):
+        count = engine.collisions + N // 3
+        while engine.collisions < count and engine.time < end + 0.5:
+            engine.advance(collisions=count, t_end=end + 0.5)
+        found = numbers_of(engine)
+    if engine.tracking is None:
+        engine.keep_collisions = True
+        engine.advance(t_end=engine.time + 0.2)
+        assert engine.last_collisions is not None
+        found |= {"times": engine.last_collisions.time, "pairs": engine.last_collisions.pair}
+    _, sums = engine.observed(stored=("image",))
+    found["sums to be written"] = sums
+    found |= {f"kept {name}": value for name, value in snapshot.take(engine).items()}
+    engine.release()
+    return digest(found)
+
+
+def dsmc(arch: str, threads: int) -> str:
+    """Hash of a homogeneous gas without places."""
+    disks = Disks(400, mass=1.0, radius=0.5)
+    velocity = ifrdem.initial.maxwellian(disks.mass, temperature=1.0, seed=1)
+    drive = Drive(0.5, 0.1, 0.2)
+    law = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
+    gas = ifrdem.DSMC(disks, law, 0.2, velocity, drive=drive, seed=1, arch=arch, threads=threads)
+    found = gas.run(collisions_per_disk=5, samples=5)
+    return digest({"T": found.T, "velocity": gas.velocity, "spin": gas.spin})
+
+
+def compiled() -> int:
+    """Kernels in the cache."""
+    return len(list(Path(os.environ["TI_OFFLINE_CACHE_FILE_PATH"]).glob("*.tic")))
+
+
+def main() -> None:
+    """Print a line for each gas."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--arch", default="cpu")
+    parser.add_argument("--ranks", action="store_true")
+    parser.add_argument("gases", nargs="*")
+    given = parser.parse_args()
+    Path(os.environ["TI_OFFLINE_CACHE_FILE_PATH"]).mkdir(parents=True, exist_ok=True)
+    runs: dict[str, Callable[[], str]] = {
+        name: lambda make=make: after(make, arch=given.arch)
+        for name, make in GASES.items()
+        if given.arch == "cpu" or name in ON_GPU
+    }
+    for threads in (1, 2) if given.arch == "cpu" else (1,):
+        runs[f"dsmc, {threads} threads"] = lambda threads=threads: dsmc(given.arch, threads)
+    begun = compiled()
+    before = begun
+    for name, run in runs.items():
+        if not given.gases or name in given.gases:
+            found = run()
+            device.stop()  # kernels are written when Taichi ends
+            print(f"{found}  {compiled() - before:3d} compiled  {name}", flush=True)
+            before = compiled()
+    if given.ranks:
+        script = Path(__file__).parent / "rank_gases.py"
+        told = mpi.on(2, sys.executable, script, *RANK_GASES, timeout=600.0)
+        for line in told.stdout.splitlines() or [told.stderr]:
+            print(f"{hashlib.sha256(line.encode()).hexdigest()}  {line}", flush=True)
+        print(f"{compiled() - before} compiled on ranks", flush=True)
+    print(f"{compiled() - begun} kernels compiled in all", flush=True)
+
+
+if __name__ == "__main__":
+    main()
