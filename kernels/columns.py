@@ -293,7 +293,7 @@ WALL = Columns(
 
 # Sums over all disks.
 READOUT = Columns(**columns(
-    "translational", "rotational", "momentum_x", "momentum_y", "shear_pressure", "fall", "all_events", "excess",
+    "translational", "rotational", "momentum_x", "momentum_y", "shear_pressure", "fall", "all_events", "excess", "mass",
 ))  # fmt: skip
 REAL_OUT = Columns(**columns("x", "y", "vx", "vy", "spin"))
 INT_OUT = Columns(**columns("events", "image_x", "image_y"))
@@ -304,8 +304,8 @@ LAW = Columns(**columns("e_n", "e_t", "mu", "contact_point", "rho"))
 
 # ---------------------------------------------------------------------- steps of forces
 
-# Time and length of the step.
-WHEN = Columns(**columns("time", "dt"))
+# Time and length of the step; 1 for x and y where the whole gas can drift (`model.walls.free_directions`), else 0.
+WHEN = Columns(**columns("time", "dt", "free_x", "free_y"))
 # Number of the step (low, high word), index of the force, seed (low, high word).
 COUNTER_WORDS = Columns(**columns("step_low", "step_high", "index", "seed_low", "seed_high"))
 

@@ -46,6 +46,12 @@ def stream_of(s, gas: ti.template()):
 
 
 @ti.func
+def free_of(gas: ti.template()):
+    """1 for x and y where the whole gas can drift, else 0."""
+    return ti.Vector([ti.cast(gas.when.free_x, float), ti.cast(gas.when.free_y, float)])
+
+
+@ti.func
 def energy(mass, inertia, vx, vy, spin):
     """Kinetic energy of a disk, in double precision whatever the run computes in."""
     vx_, vy_, spin_ = ti.cast(vx, ti.f64), ti.cast(vy, ti.f64), ti.cast(spin, ti.f64)
@@ -96,7 +102,7 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any]:
                 first = gas.grid.part * gas.grid.room + gas.tile[b].start[gas.grid.part]
                 for s in range(first, first + gas.tile[b].count[gas.grid.part]):
                     step = ti.Struct(
-                        time=ti.cast(gas.when.time, float), dt=ti.cast(gas.when.dt, float),
+                        time=ti.cast(gas.when.time, float), dt=ti.cast(gas.when.dt, float), free=free_of(gas),
                         random=stream_of(s, gas), totals=ti.Vector([0.0]),
                     )  # fmt: skip
                     terms = measure(told(s, b, gas.when.time, gas), step, vector(parameters, n_parameters))
@@ -130,7 +136,7 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any]:
                 for s in range(first, first + gas.tile[b].count[gas.grid.part]):
                     listed_disk = gas.disk[s]
                     step = ti.Struct(
-                        time=ti.cast(gas.when.time, float), dt=ti.cast(gas.when.dt, float),
+                        time=ti.cast(gas.when.time, float), dt=ti.cast(gas.when.dt, float), free=free_of(gas),
                         random=stream_of(s, gas), totals=vector(totals, n_totals),
                     )  # fmt: skip
                     body = told(s, b, gas.when.time, gas)

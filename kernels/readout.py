@@ -17,7 +17,7 @@ def count_in(s, x, y, flow, total: ti.template(), gas: ti.template()):
     """Add a disk at a place in the box to the sums; nothing for a disk of infinite mass. In double precision.
 
     Kinetic energies, momentum, m v_x v_y, mass times the way along gravity, collisions with disks and walls. Velocities
-    are those beyond the flow; the last sum is how much more kinetic energy the frames of rows of tiles see.
+    are those beyond the flow; then come how much more kinetic energy the frames of rows of tiles see, and the mass.
     """
     disk = gas.disk[s]
     kind = listed_kind(s, gas)
@@ -34,6 +34,7 @@ def count_in(s, x, y, flow, total: ti.template(), gas: ti.template()):
     total[READOUT.rotational] += 0.5 * ti.cast(gas.kinds[kind].inertia, ti.f64) * spin * spin
     total[READOUT.shear_pressure] += mass * vx * vy
     total[READOUT.fall] += (x * gas.scale.gx + y * gas.scale.gy) * mass
+    total[READOUT.mass] += mass
 
 
 @ti.func

@@ -290,6 +290,17 @@ def _temperatures(trajectory: Trajectory, used: list[int]) -> Array | None:
     return np.array([0.5 * np.sum(mass * each) for each in speeds2]) / max(np.count_nonzero(movable), 1)
 
 
+def _of_drift(trajectory: Trajectory, used: Sequence[int]) -> tuple[list[str], list[str]]:
+    """Notes and doubts on temperatures of a gas that drifts: files of earlier versions have the drift's energy in T."""
+    moving = stored.drift(trajectory, used)
+    if moving and "temperature" in trajectory.observables:
+        T, energy = (trajectory.observables[name][used[0]] for name in ("temperature", "translational_energy"))
+        inside = float(T) * np.count_nonzero(trajectory.disks.movable) - float(energy) + moving.energy
+        if inside > 1e-6 * moving.energy:
+            return [], moving.said(trajectory, "this file has that in its temperatures")
+    return moving.said(trajectory, "temperatures are about its mean velocity"), []
+
+
 def _keeps(T: Array) -> bool:
     """True if temperatures of the later half differ by less than a tenth from those of the earlier, in the mean."""
     if len(T) < 2:
@@ -323,10 +334,15 @@ def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
             'no "image" in the file: between frames disks are taken to move by the shortest way (minimum image)'
         )
 
+    moving = stored.drift(trajectory, used)
+    notes += moving.said(trajectory, "displacements are about its mean path")
+
     def paths() -> Iterator[Array]:
         images = _parts(trajectory, used, "image") if has_image else itertools.repeat(None)
         for position, image in zip(_parts(trajectory, used, "position"), images, strict=False):
             path = displacement.unwrap(position, box, image=image, times=when)
+            if moving:
+                path = path - (when - when[0])[:, None, None] * moving.velocity
             yield path[:, :, 1:] if box.shear_rate else path
 
     if box.shear_rate:
@@ -353,7 +369,9 @@ def of_vacf(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
         "over which T changes by "
     )
     used, origins, notes, doubts = _motion(trajectory, chosen, words)
-    parts = _parts(trajectory, used, "velocity")
+    moving = stored.drift(trajectory, used)
+    notes += moving.said(trajectory, "velocities are about its mean velocity")
+    parts = (part - moving.velocity if moving else part for part in _parts(trajectory, used, "velocity"))
     found = displacement.velocity_autocorrelation(trajectory.times[used], parts, origins=origins)  # type: ignore[arg-type]
     scale = found.value[0] if found.value[0] > 0.0 else np.nan
     below = np.flatnonzero(found.value < scale / math.e)
@@ -383,8 +401,7 @@ def of_pressure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluat
     inside = (when >= span[0]) & (when <= span[1])
     when, T, count = when[inside], T[inside], count[inside]
     rows: list[Reading] = []
-    notes: list[str] = []
-    doubts: list[str] = []
+    notes, doubts = _of_drift(trajectory, used)
     result = None
     if not _keeps(T):
         doubts.append(
@@ -470,8 +487,9 @@ def of_cooling(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluati
         Reading("t_H", haff.t_H, haff.t_H_error, time),
         Reading("rms of what is left of ln T", haff.rms),
     ]
-    notes = ["Haff: T = T0 / (1 + (t - t_first) / t_H)^2; errors with the autocorrelation of what is left"]
-    doubts = [] if haff.describes else [_misfit("Haff's law", haff.misfit, n, "ln T", n**-0.5)]
+    notes, doubts = _of_drift(trajectory, every(trajectory, None))
+    notes += ["Haff: T = T0 / (1 + (t - t_first) / t_H)^2; errors with the autocorrelation of what is left"]
+    doubts += [] if haff.describes else [_misfit("Haff's law", haff.misfit, n, "ln T", n**-0.5)]
     tau = 2.0 * count / n
     theta = np.divide(T_rot, T, out=np.full_like(T, np.nan), where=T > 0.0)
     ratio = None

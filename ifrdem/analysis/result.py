@@ -96,6 +96,52 @@ def collisions(trajectory: Trajectory) -> TrackedCollisions:
     return TrackedCollisions(**own, tracked=tracked, span=(span[0], span[1]))
 
 
+class Drift(NamedTuple):
+    """Motion of a whole gas: its mean velocity, along which directions it keeps it, and its share of the energy."""
+
+    velocity: Array  # weighted by mass [length/time], shape (2,); 0 along directions in which it changes
+    energy: float  # kinetic energy of it [energy]
+    share: float  # of the kinetic energy of the disks' motion, in the mean over frames
+
+    def __bool__(self) -> bool:
+        """True if it is more than rounding."""
+        return self.share > LEAST_DRIFT
+
+    def said(self, trajectory: Trajectory, what: str) -> list[str]:
+        """A note on it that says `what` it means; none without a drift."""
+        if not self:
+            return []
+        x, y = self.velocity
+        where = f"({x:.4g}, {y:.4g}) {unit(trajectory, 'length/time')}".rstrip()
+        return [f"the whole gas drifts at {where}, {100.0 * self.share:.4g} % of its kinetic energy; {what}"]
+
+
+LEAST_DRIFT = 1e-9
+"""Part of the kinetic energy below which a drift changes no digit of an analysis that is told."""
+KEPT = 1e-6
+"""Part of sum m |v| by which the momentum changes at most where it counts as kept: what single precision rounds."""
+
+
+def drift(trajectory: Trajectory, used: Sequence[int]) -> Drift:
+    """Drift of a gas over some frames: along x and y, if the total momentum is the same in all of them.
+
+    It is where nothing holds the gas. By the observable `momentum`; without it none is known.
+    """
+    none = Drift(np.zeros(2), 0.0, 0.0)
+    names = ("momentum", "translational_energy")
+    if any(name not in trajectory.observables for name in names):
+        return none
+    momentum, energy = (np.asarray(trajectory.observables[name])[list(used)] for name in names)
+    mass = float(np.sum(trajectory.disks.mass, where=trajectory.disks.movable))
+    if trajectory.part is not None or mass == 0.0 or not energy.max() > 0.0:
+        return none
+    scale = np.sqrt(2.0 * float(energy.max()) * mass)
+    kept = np.ptp(momentum, axis=0) <= KEPT * scale
+    velocity = np.where(kept, momentum.mean(axis=0) / mass, 0.0)
+    own = 0.5 * mass * float(velocity @ velocity)
+    return Drift(velocity, own, min(own / float(energy.mean()), 1.0))
+
+
 MOST_FRAMES = 20
 """Frames that are taken unless asked for more, evenly from the second half of a file."""
 MOST_DISKS = 2_000_000

@@ -349,6 +349,11 @@ class ForceSection(Section):
         "table_friction": Keys(("mu",), also=("gravity",)),
     }
 
+    @property
+    def has_medium(self) -> bool:
+        """True if it slows velocities down to those of a medium at rest."""
+        return self.kind == "table_friction" or any((self.rate, self.quadratic))
+
     @classmethod
     def mistakes(cls, data: dict[str, Any]) -> list[str]:
         """Also what a thermostat cannot hold."""

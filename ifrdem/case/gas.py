@@ -22,7 +22,7 @@ from ..model.box import Box
 from ..model.free_area import Room
 from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.state import DiskKinds, Disks, State, dealt, united
-from ..model.walls import Wall, at_displacements
+from ..model.walls import Wall, at_displacements, free_directions, smooth_materials
 from ..simulation import checks
 from ..simulation.simulation import Simulation
 from ..simulation.turning import FASTEST_DRUM
@@ -35,6 +35,10 @@ from .species import Species, species_of
 
 if TYPE_CHECKING:
     from ..model.forces import Force
+
+
+LEAST_DRIFT = 1e-3
+"""Part of the kinetic energy of the disks' motion from which on a drift of the whole gas is told."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,12 @@ class CaseGas:
     patch: Box | None = None  # where disks are placed at the start: the box, or what an open one says of it
     # The start, if the case names a file or a trajectory with it; on ranks that read it in slices, that of the slice.
     given: Given | None = None
+    # Mean velocity, weighted by mass, with which the whole gas starts and keeps moving [length/time], and its part of
+    # the kinetic energy of velocities; 0 along directions in which walls hold it.
+    drift: tuple[float, float] = (0.0, 0.0)
+    drift_share: float = 0.0
+    # The species with the speeds that are drawn, where `species` has others: those that are left without the drift.
+    drawn: tuple[Species, ...] = ()
 
     @classmethod
     def from_case(
@@ -91,8 +101,11 @@ class CaseGas:
         elif case.start.positions == IMPACT_SCAN:
             speed = case.start.speed or 0.0
             given = impact_scan.start(self.disks, case.start.psi_range, speed, seed=case.run.seed)
-        species = self.species if given is None else self._as_moving(given, comm)
-        gas = replace(self, species=species, given=given)
+        gas = replace(self, given=given)
+        if given is not None and given.velocity is not None and given.spin is not None:
+            gas = gas._as_moving(given.velocity - self.box.flow(given.position), given.spin, comm)
+        elif self._has_lone and self.n <= slices.GATHERED:
+            gas = replace(gas._as_moving(*self._drawn_motion(comm), comm), drawn=self.species)
         gas._check_magnitudes(comm)
         return gas
 
@@ -196,8 +209,8 @@ class CaseGas:
 
     @property
     def cautions(self) -> list[str]:
-        """Texts about what gravity that turns leaves out, and about walls upon which nobody rests."""
-        texts, froude = [], self.drum
+        """Texts about a drift, what gravity that turns leaves out, and walls upon which nobody rests."""
+        texts, froude = self._drifting(), self.drum
         if froude > FASTEST_DRUM:
             texts.append(
                 f"box.gravity_turns = {self.case.box.gravity_turns:g}: the Froude number of such a drum, {froude:.3g}, "
@@ -224,6 +237,25 @@ class CaseGas:
             )
             texts.append(f'wall[{i}] {why}, and supports nobody with run.collapse = "rest"{instead}')
         return texts
+
+    def _drifting(self) -> list[str]:
+        """Text about a drift that has more than `LEAST_DRIFT` of the energy of the disks' motion."""
+        if not self.drift_share > LEAST_DRIFT:
+            return []
+        case, (x, y) = self.case, self.drift
+        per = f"{case.unit('length')}/{case.unit('time').strip()}" if case.unit("length") else ""
+        media = [each.kind for each in case.force if each.has_medium]
+        said = "Speeds, collision rates and temperatures are about its mean velocity"
+        if media:
+            said = (
+                "Speeds and collision rates here are about its mean velocity; temperatures of the run are not, for "
+                f"the medium of {' and '.join(dict.fromkeys(media))} is at rest"
+            )
+        return [
+            f"the whole gas drifts at ({x:.4g}, {y:.4g}){per}, {100.0 * self.drift_share:.4g} % of the kinetic energy "
+            f"of its motion. {said}. The run takes longer than that of the same gas without the drift: windows end "
+            "where the fastest disk has come too far"
+        ]
 
     def start(self, progress: Callable[[float], None] = lambda _: None, comm: Any = None) -> State:
         """The state at time 0, without overlaps; `progress` gets the part of growing that is done.
@@ -271,27 +303,73 @@ class CaseGas:
     def _drawn_motion(self, comm: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Velocities relative to the flow, shape (n, 2), and spins, (n,), that are drawn; of ranks, of the slice."""
         seed = self.case.run.seed
-        velocity, spin = [], []
+        velocity, spin, masses = [], [], []
         for i, own in enumerate(self._of_species(slices.slice_of(self.n, comm))):
-            each, options = self.species[i], {"seed": seeds.of_species(seed, i), "comm": comm}
+            each, options = (self.drawn or self.species)[i], {"seed": seeds.of_species(seed, i), "comm": comm}
             mass = each.columns(own)[0]
             velocity.append(placement.maxwellian(mass, speed_rms=each.speed_rms, **options))
             spin.append(placement.gaussian_spins(len(own), spin_rms=each.spin_rms, **options))
-        return np.concatenate(velocity), np.concatenate(spin)
+            masses.append(mass if each.speed_rms > 0.0 else np.zeros_like(mass))
+        drawn = np.concatenate(velocity)
+        if self._has_lone:
+            drawn = self._without_drift(np.concatenate(masses), drawn, comm)
+        return drawn, np.concatenate(spin)
 
-    def _as_moving(self, given: Given, comm: Any) -> tuple[Species, ...]:
-        """The species with the speeds, relative to the flow, and spins of a start file, if it has them."""
-        if given.velocity is None or given.spin is None:
-            return self.species
-        squares = np.column_stack(
-            (np.sum((given.velocity - self.box.flow(given.position)) ** 2, axis=1), given.spin**2)
+    @functools.cached_property
+    def free(self) -> tuple[bool, bool]:
+        """True along x and y where the whole gas can drift (`model.walls.free_directions`)."""
+        of_disks = {self.materials.index(each.material) for each in self.species}
+        e_t, mu = (
+            [[math.nan if law is None else getattr(law, name) for law in row] for row in self.laws]
+            for name in ("e_t", "mu")
         )
+        return free_directions(self.room.all_walls, smooth=smooth_materials(e_t, mu, of_disks))
+
+    @property
+    def _has_lone(self) -> bool:
+        """True if a species is a single disk that moves: alone, it cannot have both its speed and no momentum."""
+        lone = (each.number == 1 and each.speed_rms > 0.0 for each in self.drawn or self.species)
+        return any(lone) and any(self.free)
+
+    def _without_drift(
+        self, mass: NDArray[np.float64], velocity: NDArray[np.float64], comm: Any
+    ) -> NDArray[np.float64]:
+        """Drawn velocities (n, 2) less their mean, where the gas can drift, with the energy that they had.
+
+        The mean is weighted by `mass` (n,), which is 0 for species at rest: they stay there. If only one disk moves, it
+        keeps its velocity.
+        """
+        if slices.total((mass > 0.0).astype(np.int64), comm) < 2:
+            return velocity
+        mean = slices.total(mass[:, None] * velocity, comm) / slices.total(mass, comm)
+        moved = velocity - np.where(mass[:, None] > 0.0, mean * self.free, 0.0)
+        before, after = (slices.total(mass * np.sum(each**2, axis=1), comm) for each in (velocity, moved))
+        return moved * math.sqrt(before / after) if after > 0.0 else velocity
+
+    def _as_moving(self, velocity: NDArray[np.float64], spin: NDArray[np.float64], comm: Any) -> CaseGas:
+        """The gas with its drift, and its species with their speeds relative to it and their spins.
+
+        Velocities (n, 2) are relative to the flow; of ranks, each gives those of its slice. In an open box, where
+        speeds decide nothing, and in a scan of impacts nobody looks for a drift.
+        """
+        ids = slices.slice_of(self.n, comm)
+        drift = np.zeros(2)
+        share = 0.0
+        if not self.box.is_open:
+            mass = self.rows(ids).mass
+            whole = float(slices.total(mass, comm))
+            drift = slices.total(mass[:, None] * velocity, comm) / whole * self.free
+            energy = float(slices.total(mass * np.sum(velocity**2, axis=1), comm))
+            share = whole * float(drift @ drift) / energy if energy > 0.0 else 0.0
+        squares = np.column_stack((np.sum((velocity - drift) ** 2, axis=1), spin**2))
         moving, first = [], 0
-        for each, own in zip(self.species, self._of_species(slices.slice_of(self.n, comm)), strict=True):
+        for each, own in zip(self.species, self._of_species(ids), strict=True):
             mean = slices.total(squares[first : first + len(own)], comm) / each.number
             first += len(own)
             moving.append(replace(each, speed_rms=float(np.sqrt(mean[0])), spin_rms=float(np.sqrt(mean[1]))))
-        return tuple(moving)
+        return replace(
+            self, species=tuple(moving), drift=(float(drift[0]), float(drift[1])), drift_share=min(share, 1.0)
+        )
 
     def _fastest_drawn(self) -> tuple[float, float]:
         """More than the largest speed [length/time] and spin [rad/time] that are drawn: 12 deviations."""

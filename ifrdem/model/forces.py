@@ -47,12 +47,18 @@ class Force:
     keeps_rest : bool
         True if a disk that neither moves nor spins stays so, whatever the others do. Once all are at rest, a run then
         goes to its end without further steps.
+    keeps_momentum : bool
+        True if the force changes the total momentum by no more than rounding. Where all forces do, temperatures are
+        about the mean velocity of a gas that can drift (`observables.Measure`); a force that does not, such as a drag,
+        has a frame of its own, in which temperatures are measured.
 
     Notes
     -----
     `act` and `measure` are static methods in the language of Taichi's functions (decorated by `ti.func` or not), in a
     file. A force changes velocities and spins only. It should do exactly, or to second
-    order in dt at least, what it would do to a disk during dt if nothing else happened. Random numbers must come from
+    order in dt at least, what it would do to a disk during dt if nothing else happened. A thermostat must scale
+    velocities about the mean velocity where the gas can drift (`step.free`), as `Rescale` does. Random numbers must
+    come from
     `normals(step.random, number)` or `uniforms(step.random, number)`, pairs of them, one pair for each number 0 to
     65535: they depend on the seed, the disk, the step and the place of the force in the list, and on nothing else.
 
@@ -72,6 +78,11 @@ class Force:
 
     totals: ClassVar[int] = 0
     keeps_rest: ClassVar[bool] = False
+
+    @property
+    def keeps_momentum(self) -> bool:
+        """False unless a class says otherwise."""
+        return False
 
     def __init__(self, step: float, parameters: Sequence[float] = ()) -> None:
         self._step = number("step", step, positive=True)
@@ -108,7 +119,8 @@ class Force:
             x, y [length] in the box; vx, vy [length/time]; spin [rad/time]; mass, radius, k,
             inertia = mass radius^2 / k.
         step : struct
-            time of the step's middle, dt its length [time]; random, for `normals` and `uniforms`; totals, a vector.
+            time of the step's middle, dt its length [time]; random, for `normals` and `uniforms`; totals, a vector;
+            free, a vector: 1 for x and y where the whole gas can drift, because no walls hold it, else 0.
         parameters : vector
             The force's parameters.
         """
@@ -146,6 +158,7 @@ class RandomKicks(Force):
 
     __slots__ = ()
     totals = 4
+    keeps_momentum = True
 
     def __init__(self, step: float, *, power: float | None = None, diffusion: float | None = None) -> None:
         super().__init__(step, _strength(power, diffusion))
@@ -189,6 +202,7 @@ class SpinKicks(Force):
     """
 
     __slots__ = ()
+    keeps_momentum = True
 
     def __init__(self, step: float, *, power: float | None = None, diffusion: float | None = None) -> None:
         super().__init__(step, _strength(power, diffusion))
@@ -232,6 +246,11 @@ class Langevin(Force):
         of_spins = temperature if spin_temperature is None else spin_temperature
         values = zip(names, (temperature, rate, of_spins, spin_rate), strict=True)
         super().__init__(step, [number(name, value) for name, value in values])
+
+    @property
+    def keeps_momentum(self) -> bool:
+        """True if it acts on spins only."""
+        return self.parameters[1] == 0.0
 
     @staticmethod
     def act(disk: Any, step: Any, parameters: Any) -> tuple[Any, Any, Any]:
@@ -277,6 +296,11 @@ class Drag(Force):
         given = {"rate": rate, "quadratic": quadratic, "spin_rate": spin_rate}
         _some(**given)
         super().__init__(step, [number(name, value) for name, value in given.items()])
+
+    @property
+    def keeps_momentum(self) -> bool:
+        """True if it acts on spins only."""
+        return self.parameters[:2] == (0.0, 0.0)
 
     @staticmethod
     def act(disk: Any, step: Any, parameters: Any) -> tuple[Any, Any, Any]:
@@ -343,16 +367,22 @@ class Rescale(Force):
     """A thermostat that multiplies all velocities by one factor, so that the gas has the same energy after each step.
 
     A gas that loses its energy in collisions reaches the scaled state of free cooling this way: rescaling is free
-    cooling in another unit of time (Brey, Ruiz-Montero and Moreno 2004, doi:10.1103/PhysRevE.69.051303). A total
-    momentum is scaled too, and a gas at rest stays at rest.
+    cooling in another unit of time (Brey, Ruiz-Montero and Moreno 2004, doi:10.1103/PhysRevE.69.051303).
+
+    Where the whole gas can drift (`step.free`: along directions without walls, whatever other forces act), velocities
+    are those about the mean velocity u = sum m v / sum m, v -> u + f (v - u), and the total momentum stays the same to
+    rounding. A factor on u too would let rounding errors of the total momentum grow exponentially, until all energy is
+    in a drift and the gas in it is frozen (the "flying ice cube": Harvey, Tan and Cheatham, J. Comput. Chem. 19, 726
+    (1998)). Between walls, which take up momentum, velocities are those in the lab. Disks that all have one velocity
+    keep it.
 
     Parameters
     ----------
     temperature : float
-        Translational temperature after each, the mean of m v^2 / 2 [energy]; spins are left alone.
+        Translational temperature after each, the mean over disks of m (v - u)^2 / 2 [energy]; spins are left alone.
     energy : float
-        Instead of it, kinetic energy of a disk after each, spins included, mean over all [energy]; spins are
-        multiplied too.
+        Instead of it, the mean over disks of m (v - u)^2 / 2 + I omega^2 / 2 after each [energy]; spins are multiplied
+        too.
 
     Examples
     --------
@@ -362,8 +392,9 @@ class Rescale(Force):
     """
 
     __slots__ = ()
-    totals = 3
+    totals = 6
     keeps_rest = True
+    keeps_momentum = True  # where the gas can drift
 
     def __init__(self, step: float, *, temperature: float | None = None, energy: float | None = None) -> None:
         if (temperature is None) == (energy is None):
@@ -375,19 +406,25 @@ class Rescale(Force):
     @staticmethod
     def measure(disk: Any, step: Any, parameters: Any) -> Any:
         v2 = disk.vx * disk.vx + disk.vy * disk.vy
-        return 0.5 * ti.Vector([disk.mass * v2, disk.inertia * disk.spin * disk.spin, 2.0])
+        return ti.Vector([
+            0.5 * disk.mass * v2, 0.5 * disk.inertia * disk.spin * disk.spin, 1.0,
+            disk.mass * disk.vx, disk.mass * disk.vy, disk.mass,
+        ])  # fmt: skip
 
     @staticmethod
     def act(disk: Any, step: Any, parameters: Any) -> tuple[Any, Any, Any]:
         wanted, with_spins = parameters[0], parameters[1]
-        present = (step.totals[0] + with_spins * step.totals[1]) / step.totals[2]
+        mean_x = step.free[0] * step.totals[3] / step.totals[5]
+        mean_y = step.free[1] * step.totals[4] / step.totals[5]
+        drift = 0.5 * (step.totals[3] * mean_x + step.totals[4] * mean_y) / step.totals[2]
+        present = (step.totals[0] + with_spins * step.totals[1]) / step.totals[2] - drift
         factor = wanted / wanted
-        if present > 0.0:
+        if drift + present / 64.0 > drift:  # more than rounding of the drift's energy
             factor = ti.sqrt(wanted / present)
         spin = disk.spin
         if with_spins > 0.0:
             spin *= factor
-        return factor * disk.vx, factor * disk.vy, spin
+        return mean_x + factor * (disk.vx - mean_x), mean_y + factor * (disk.vy - mean_y), spin
 
 
 @ti.func

@@ -33,9 +33,12 @@ class Measure:
         Sums of m v^2 / 2 and of I w^2 / 2 [energy].
     temperature, rotational_temperature : float
         T = <m v^2> / 2, the energy of two degrees of freedom at T / 2 each, and T_rot = <I w^2>, of one [energy].
-        Averages are over the disks that can move; 0 without disks.
+        Averages are over the disks that can move; 0 without disks. v is about the mean velocity where the whole gas can
+        drift (see below).
     momentum : array (2,)
         Sum of m v [mass length/time].
+    drift_energy : float
+        Part of `translational_energy` that is that of the mean velocity, and not in the temperature [energy].
     energy_input, wall_work, wall_heat : float
         Energy since the start that forces and a mean flow have put in, less what they took out, that moving walls have
         given as work, and thermal walls as heat [energy].
@@ -52,12 +55,19 @@ class Measure:
     pistons : array (P, 4) or None
         Displacement, velocity, energy and force of each piston (`Simulation.pistons`); None without pistons.
     shear_pressure : float
-        Kinetic part of the pressure tensor times the area, sum of m v_x v_y [energy].
+        Kinetic part of the pressure tensor times the area, sum of m v_x v_y, v as in the temperature [energy].
 
     Notes
     -----
-    Velocities are those in the box's frame: a gas that drifts as a whole has the drift in its temperature. In a sheared
-    box they are peculiar ones, relative to the mean flow (`State.flow`).
+    Temperatures are about the mean velocity u = sum m v / sum m in each direction in which nothing changes the total
+    momentum, so that they are the same for a gas that moves as a whole: N T = sum m v^2 / 2 - |P|^2 / (2 M), the last
+    term being `drift_energy`. These are directions without walls (smooth walls along them do not count) in gases
+    without immovable disks, whose forces all keep the momentum (`Force.keeps_momentum`). Everywhere else walls, or the
+    medium of a drag or heat bath, are at rest, and so velocities are those in the lab. N is the number of disks, as in
+    starts (`initial.maxwellian`); of velocities about their mean N - 1 are independent, and so T of a gas of N disks in
+    equilibrium with a heat bath at T_b would be T_b (N - 1) / N.
+
+    In a sheared box velocities are peculiar ones, relative to the mean flow (`State.flow`).
     """
 
     time: float
@@ -74,6 +84,7 @@ class Measure:
     potential_energy: float = 0.0
     wall_hits: int = 0
     asleep: int = 0
+    drift_energy: float = 0.0
     dissipated: Array | None = None
     regimes: NDArray[np.int64] | None = None
     walls: Array | None = None
@@ -100,10 +111,12 @@ def measure(
     gravity: tuple[float, float] = (0.0, 0.0),
     dissipated: Array | None = None,
     regimes: NDArray[np.int64] | None = None,
+    about_mean: tuple[bool, bool] = (True, True),
 ) -> Measure:
     """Measure a gas; a state does not tell what was put in in its past [energy], nor the gravity [length/time^2].
 
-    InputError if the disks and the state differ in their number.
+    `about_mean` tells along which directions, x and y, temperatures are about the mean velocity: not where walls hold
+    the gas (`Measure`). InputError if the disks and the state differ in their number.
 
     Examples
     --------
@@ -119,7 +132,7 @@ def measure(
     put_in = {"energy_input": energy_input, "wall_work": wall_work, "wall_heat": wall_heat}
     counted: Any = {"dissipated": dissipated, "regimes": regimes}
     wall_hits = int(np.sum(state.wall_hits, dtype=np.int64))
-    return from_totals(disks, totals, float(state.time), wall_hits, **put_in, **counted)
+    return from_totals(disks, totals, float(state.time), wall_hits, about_mean=about_mean, **put_in, **counted)
 
 
 def sums(disks: Disks, state: State, gravity: tuple[float, float] = (0.0, 0.0), comm: Any = None) -> Array:
@@ -140,37 +153,43 @@ def sums(disks: Disks, state: State, gravity: tuple[float, float] = (0.0, 0.0), 
     v_x, v_y = np.ascontiguousarray(state.peculiar_velocity.T)
     columns: list[NDArray[Any]] = [
         mass * (v_x**2 + v_y**2), inertia * state.spin**2, mass * v_x, mass * v_y, mass * v_x * v_y,
-        mass * (state.position @ np.array(gravity)), state.collisions.astype(np.int64) + state.wall_hits,
+        mass * (state.position @ np.array(gravity)), state.collisions.astype(np.int64) + state.wall_hits, mass,
     ]  # fmt: skip
     found = [float(slices.total(each, comm)) for each in columns]
-    return np.array([0.5 * found[0], 0.5 * found[1], *found[2:], 0.0])
+    return np.array([0.5 * found[0], 0.5 * found[1], *found[2:-1], 0.0, found[-1]])
 
 
-def from_totals(disks: Disks, totals: Array, time: float, wall_hits: int, **put_in: Any) -> Measure:
-    """The same of sums over all disks, which `Engine.totals` gives.
+def from_totals(
+    disks: Disks, totals: Array, time: float, wall_hits: int, *, about_mean: tuple[bool, bool] = (True, True),
+    **put_in: Any,
+) -> Measure:  # fmt: skip
+    """The measure of a gas from sums over all disks, which `Engine.totals` gives; `about_mean` as for `measure`.
 
     Examples
     --------
     >>> import ifrdem
     >>> import numpy as np
     >>> disks = ifrdem.Disks(2, mass=1.0, radius=0.5)
-    >>> totals = np.array([1.0, 0.5, 0.0, 0.0, 0.0, 0.0, 4.0, 0.0])
+    >>> totals = np.array([1.0, 0.5, 0.0, 0.0, 0.0, 0.0, 4.0, 0.0, 2.0])
     >>> found = ifrdem.observables.from_totals(disks, totals, time=1.0, wall_hits=0)
     >>> found.temperature, found.collisions
     (0.5, 2)
     """
-    translational, rotational, momentum_x, momentum_y, shear_pressure, fall, events, _ = totals.tolist()
+    translational, rotational, *momentum, shear_pressure, fall, events, _, mass = totals.tolist()
     n = max(disks.n_movable, 1)
+    mean = [P / mass if about and mass > 0.0 else 0.0 for P, about in zip(momentum, about_mean, strict=True)]
+    drift_energy = min(0.5 * (momentum[0] * mean[0] + momentum[1] * mean[1]), translational)  # or more, by rounding
     return Measure(
         time=time,
         # Each collision is counted at both of its disks, those with walls once.
         collisions=(round(events) - wall_hits) // 2,
         translational_energy=translational,
         rotational_energy=rotational,
-        temperature=translational / n,
+        temperature=(translational - drift_energy) / n,
         rotational_temperature=2.0 * rotational / n,
-        momentum=np.array([momentum_x, momentum_y]),
-        shear_pressure=shear_pressure,
+        momentum=np.array(momentum),
+        drift_energy=drift_energy,
+        shear_pressure=shear_pressure - momentum[0] * mean[1] if all(about_mean) else shear_pressure,
         potential_energy=-fall or 0.0,
         wall_hits=wall_hits,
         **put_in,

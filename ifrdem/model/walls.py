@@ -10,11 +10,12 @@ import itertools
 import json
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal, TypedDict, Unpack
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import InputError, nearest
 from ..kernels.columns import WALL, named
@@ -819,6 +820,45 @@ def sides(box: Box) -> list[Wall]:
     if not box.periodic[1]:
         found += [((0.0, 0.0), (0.0, 1.0)), ((0.0, height), (0.0, -1.0))]
     return [Wall.line(point, normal) for point, normal in found]
+
+
+def free_directions(
+    walls: Sequence[Wall], *, immovable: bool = False, smooth: Collection[int] = ()
+) -> tuple[bool, bool]:
+    """True along x and y where the whole gas can drift: nothing but disks of finite mass pushes it there.
+
+    Collisions conserve its momentum along these directions. Every wall pushes along its normal, and along itself too
+    unless it is a line without friction. `walls` are all of them, those at the sides of the box included; `immovable`
+    tells if there are disks of infinite mass; `smooth` are the materials of walls without friction
+    (`smooth_materials`).
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> floor = ifrdem.Wall.line((0.0, 0.0), (0.0, 1.0))
+    >>> free_directions([]), free_directions([floor]), free_directions([floor], smooth={0})
+    ((True, True), (False, False), (True, False))
+    """
+    along_x, along_y = (
+        not immovable and all(axis == _slid_along(wall, smooth) for wall in walls) for axis in (0, 1)
+    )
+    return along_x, along_y
+
+
+def _slid_along(wall: Wall, smooth: Collection[int]) -> int | None:
+    """Axis along which a wall gives no momentum to disks; None if there is none."""
+    if wall.shape != "line" or wall.temperature is not None or wall.material not in smooth:
+        return None
+    return wall.towards.index(0.0) if 0.0 in wall.towards else None
+
+
+def smooth_materials(e_t: ArrayLike, mu: ArrayLike, of_disks: Iterable[int]) -> frozenset[int]:
+    """Materials of walls whose collisions with disks of all these materials have no tangential impulse.
+
+    `e_t` and `mu` are those of each pair of materials, shape (M, M), nan where a pair has no `IFRLaw`.
+    """
+    smooth = (np.asarray(e_t) == -1.0) & (np.asarray(mu) == 0.0)
+    return frozenset(np.flatnonzero(smooth[sorted(set(of_disks))].all(axis=0)).tolist())
 
 
 def pieces(walls: Sequence[Wall]) -> int:

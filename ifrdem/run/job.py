@@ -21,7 +21,7 @@ from ..case import summary as check
 from ..case.case import IMPACT_SCAN, UNITS, Case
 from ..case.estimate import RunEstimate, strip_bytes
 from ..case.file import CaseFile
-from ..case.gas import CaseGas
+from ..case.gas import LEAST_DRIFT, CaseGas
 from ..case.pair_rules import COEFFICIENTS
 from ..errors import EngineError, InputError, Stopped, TrajectoryError, counted
 from ..model.observables import MECHANISMS, Measure
@@ -471,6 +471,14 @@ def _balance(job: Job, last: Measure) -> Iterator[str]:
         temperatures.append(f"theta = T_rot/T = {last.rotational_temperature / last.temperature:.4g}")
     if temperatures:
         yield ", ".join(temperatures)
+    mass = sum(each.number * each.look.mass.mean for each in gas.species)
+    if last.drift_energy > LEAST_DRIFT * last.translational_energy:
+        x, y = (last.momentum / mass * gas.free).tolist()
+        share = 100.0 * last.drift_energy / last.translational_energy
+        yield (
+            f"the whole gas drifts at ({x:.4g}, {y:.4g}), {share:.4g} % of the kinetic energy of its motion; "
+            "temperatures are about its mean velocity"
+        )
     lost = ledger.dissipated(last)
     if case.walled:
         heat = f" and {last.wall_heat:.6g}{energy} as heat" if last.wall_heat != 0.0 else ""
@@ -488,7 +496,6 @@ def _balance(job: Job, last: Measure) -> Iterator[str]:
             yield f"by mechanism: {', '.join(parts)}{energy}"
         yield f"the energy ledger closes to {abs(residual):.1e} of the energy that was there or put in"
     # Against the momentum that the disks' typical speed would add up to, all one way.
-    mass = sum(each.number * each.look.mass.mean for each in gas.species)
     scale = float(np.sqrt(2.0 * first.translational_energy * mass))
     if first.energy > 0.0 and scale > 0.0:
         drift = float(np.linalg.norm(last.momentum - first.momentum))

@@ -41,7 +41,7 @@ from ..model.ifr import IFRLaw
 from ..model.law import CollisionLaw, compiled
 from ..model.overlaps import TOLERANCE
 from ..model.state import DiskKinds, Disks, State, dealt, thin
-from ..model.walls import Wall, rows_of, sides
+from ..model.walls import Wall, free_directions, rows_of, sides, smooth_materials
 from ..model.walls import check as check_walls
 from ..tools import checked, seeds, slices, world
 from . import checks, device
@@ -230,6 +230,7 @@ class Engine:
         self.disks_here, begin = dealt(self.comm, disks, state) if whole else (disks, state)
         self.kinds: Disks = disks if self.comm is None else DiskKinds.of(self.disks_here, self.comm)
         self.disks: Disks = disks if whole and world.is_first(self.comm) else self.kinds
+        self._materials = np.unique(self.kinds.material)
         time = float(begin.time)
         self._check_resting(given.gravity, forces, law)
         checks.check_pistons(walls, n, given.arch, given.precision, given.resting_speed, given.order, ranks)
@@ -409,6 +410,15 @@ class Engine:
             self._wake()  # what held them may be gone
             self.set_gates(gone)
             self._begin_anew()
+
+    @property
+    def free(self) -> tuple[bool, bool]:
+        """True along x and y where the whole gas can drift (`model.walls.free_directions`)."""
+        smooth: Collection[int] = ()
+        if self.walls and self._law is IFRLaw:
+            e_t, mu = (self._law_table[:, :, IFRLaw.coefficients.index(name)] for name in ("e_t", "mu"))
+            smooth = smooth_materials(e_t, mu, self._materials)
+        return free_directions(self.walls, immovable=self.n > self.kinds.n_movable, smooth=smooth)
 
     @property
     def bytes_allocated(self) -> int:
@@ -765,7 +775,7 @@ class Engine:
         followed = self.tracking
         before = self._snapshot(self._state()) if followed is not None else None
         for index in due:
-            self.windows.add_flow_work(self.force_steps.apply(index, self.time))
+            self.windows.add_flow_work(self.force_steps.apply(index, self.time, self.free))
         self.windows.settle()
         if followed is not None and before is not None:
             followed.kick(self.time, before, self._snapshot(self._state()))

@@ -79,6 +79,11 @@ class ForceSteps:
         """True if none of the forces, if there are any, sets in motion what is at rest."""
         return bool(self.forces) and all(force.keeps_rest for force in self.forces)
 
+    @property
+    def keep_momentum(self) -> bool:
+        """True if none of the forces changes the total momentum."""
+        return all(force.keeps_momentum for force in self.forces)
+
     def skip_to(self, time: float) -> None:
         """Leave out what the forces would do until `time` [time]: nothing."""
         if math.isfinite(time):
@@ -93,8 +98,10 @@ class ForceSteps:
         found = [i for i, step in enumerate(self._steps) if reached(time_of(self.next_steps[i], step), now)]
         return found[::-1] if found and self.next_steps[found[0]] % 2 else found
 
-    def apply(self, index: int, now: float) -> float:
+    def apply(self, index: int, now: float, free: tuple[bool, bool]) -> float:
         """Apply a force due at `now` [time], where a window begins; what frames of rows see of it beyond its energy.
+
+        `free` tells along which directions the whole gas can drift (`model.walls.free_directions`).
 
         EngineError if it makes a velocity or spin that is not finite.
         """
@@ -103,7 +110,7 @@ class ForceSteps:
         kind: Any = type(force)  # mypy does not take a class for hashable
         sum_totals, apply_force = _kernels(kind, len(force.parameters))
         given: dict[str, Any] = {
-            "when": np.array([time_of(k, step), step]),
+            "when": np.array([time_of(k, step), step, *free]),
             "counter_words": _words(k, index, self._seed),
             "parameters": parameters,
         }

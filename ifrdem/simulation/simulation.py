@@ -563,7 +563,7 @@ class Simulation(Sealed, PicturedDisks):
         Gravity acts along directions that are not periodic only.
         """
         disks, comm = (self.disks, None) if whole else (self.disks_here, self.comm)
-        translational, rotational, *_, fall, _, _ = sums(disks, state, self._engine.gravity, comm).tolist()
+        translational, rotational, *_, fall, _, _, _ = sums(disks, state, self._engine.gravity, comm).tolist()
         return float(translational + rotational - fall)
 
     def save_checkpoint(
@@ -933,8 +933,10 @@ class Simulation(Sealed, PicturedDisks):
         return from_totals(self.disks, totals, self.time, self.wall_hits, **self._put_in(), **ledger)
 
     def _put_in(self) -> dict[str, Any]:
-        """The past that a state does not tell, up to the latest settling."""
+        """What a state does not tell: the past, up to the latest settling, and if the whole gas can drift."""
+        free = self._engine.free if self._engine.force_steps.keep_momentum else (False, False)
         return {
             "energy_input": self.energy_input, "wall_work": self.wall_work, "wall_heat": self.wall_heat,
             "asleep": self.asleep, "pistons": self.pistons if self._engine.arrays.uses.pistons else None,
+            "about_mean": free,
         }  # fmt: skip

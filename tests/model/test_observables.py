@@ -27,11 +27,17 @@ def test_two_disks_measured_by_hand() -> None:
     # I = 2 * 1 / 2 = 1 and 3 * 4 / 1 = 12: 1 * 25 / 2 + 12 * 0.25 / 2
     assert result.rotational_energy == 14.0
     assert result.energy == 46.5
-    # m v^2 / 2 per disk, I w^2 per disk
-    assert result.temperature == 16.25
-    assert result.rotational_temperature == 14.0
-    # (6 - 3, 8 + 6)
+    # (6 - 3, 8 + 6), (9 + 196) / (2 5)
     np.testing.assert_array_equal(result.momentum, [3.0, 14.0])
+    assert result.drift_energy == pytest.approx(20.5, rel=1e-15)
+    # About the mean velocity: the reduced mass 6/5 with the relative velocity (4, 2), 6/5 * 20 / 2 = 12. I w^2 per disk
+    assert result.temperature == pytest.approx(6.0, rel=1e-15)
+    assert result.rotational_temperature == 14.0
+    # m V_x V_y about it, too: 6/5 * 4 * 2
+    assert result.shear_pressure == pytest.approx(9.6, rel=1e-15)
+    # Between walls: m v^2 / 2 per disk. Between floors without friction: 32.5 - 9 / 10 = 31.6.
+    assert measure(disks, state, about_mean=(False, False)).temperature == 16.25
+    assert measure(disks, state, about_mean=(True, False)).temperature == pytest.approx(15.8, rel=1e-15)
 
 
 def test_equipartition_makes_both_temperatures_equal() -> None:
@@ -40,7 +46,7 @@ def test_equipartition_makes_both_temperatures_equal() -> None:
     disks = Disks(n, mass=np.linspace(1.0, 2.0, n), radius=np.linspace(0.5, 0.9, n), k=1.5)
     speed = np.sqrt(0.7 / disks.mass)
     state = State(np.zeros((n, 2)), np.column_stack((speed, -speed)), np.sqrt(0.7 / disks.inertia))
-    result = measure(disks, state)
+    result = measure(disks, state, about_mean=(False, False))
     assert result.temperature == pytest.approx(0.7, rel=1e-14)  # f64 round-off of ten terms
     assert result.rotational_temperature == pytest.approx(0.7, rel=1e-14)
 
