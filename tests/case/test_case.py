@@ -543,8 +543,8 @@ def test_start_file_gives_positions_and_motion(tmp_path: Path) -> None:
     assert state.position.tolist() == [[1.0, 1.0], [5.0, 7.9]]
     assert state.velocity.tolist() == [[3.0, 4.0], [0.0, 0.0]]
     assert state.spin.tolist() == [0.5, -0.5]
-    # speeds 5 and 0: the estimate of collisions goes by what the file says
-    assert gas.species[0].speed_rms == pytest.approx(5.0 / math.sqrt(2.0), rel=1e-14)
+    # Velocities (3, 4) and 0: relative to their mean, both are half of it. Collisions go by that.
+    assert gas.species[0].speed_rms == pytest.approx(2.5, rel=1e-14)
 
 
 def test_start_file_with_positions_only_leaves_the_speeds_to_the_species(tmp_path: Path) -> None:

@@ -1,0 +1,165 @@
+"""Cases whose gas drifts as a whole: what is drawn has no momentum, and what a file brings is told."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ifrdem import Trajectory, initial
+from ifrdem.analysis import catalogue
+from ifrdem.case import file as case_file
+from ifrdem.case.case import Case
+from ifrdem.case.estimate import RunEstimate
+from ifrdem.case.gas import CaseGas
+from ifrdem.cli.main import main
+
+PLAIN = """
+[run]
+name = "gas"
+t_end = 4.0
+seed = 4
+units = "reduced"
+[box]
+packing_fraction = 0.2
+[[material]]
+name = "smooth"
+e_n = 0.9
+e_t = -1.0
+mu = 0.0
+[[species]]
+name = "disks"
+number = 200
+material = "smooth"
+mass = 1.0
+radius = 0.5
+speed_rms = 1.4142135623730951
+[output]
+frames = 20
+fields = ["position", "velocity", "image"]
+"""
+HEAVY = """
+[[species]]
+name = "heavy"
+number = 1
+material = "smooth"
+mass = 100.0
+radius = 0.5
+speed_rms = 1.0
+"""
+
+
+def gas_of(text: str, *overrides: str, folder: Path = Path()) -> CaseGas:
+    raw = tomllib.loads(text)
+    for assignment in overrides:
+        case_file.override(raw, assignment)
+    return CaseGas.from_case(Case.model_validate(raw), folder)
+
+
+def moving(folder: Path, drift: tuple[float, float]) -> str:
+    """The plain case, from a file in which the same gas moves."""
+    gas = gas_of(PLAIN)
+    state = gas.start()
+    table = np.column_stack((state.position, state.velocity + drift, state.spin))
+    np.savetxt(folder / "start.csv", table, fmt="%.17g", delimiter=",", header="x,y,vx,vy,spin", comments="")
+    (side, _) = gas.box.lengths
+    text = PLAIN.replace("packing_fraction = 0.2", f"lengths = [{side!r}, {side!r}]")
+    return text.replace("speed_rms = 1.4142135623730951\n", '[start]\nfile = "start.csv"\n')
+
+
+def test_estimates_of_a_gas_in_motion_are_those_of_the_gas_at_rest(tmp_path: Path) -> None:
+    """Disks collide by their relative velocities. A drift of 20 has 400 of <v^2> = 402, or 99.50 %."""
+    rest, drifting = gas_of(PLAIN), gas_of(moving(tmp_path, (20.0, 0.0)), folder=tmp_path)
+    expected, found = RunEstimate.of(rest), RunEstimate.of(drifting)
+    # Differences of velocities of 20 are rounded by 4e-15.
+    assert found.collision_rate == pytest.approx(expected.collision_rate, rel=1e-12)
+    assert found.collisions == pytest.approx(expected.collisions, rel=1e-9)
+    assert drifting.drift == pytest.approx((20.0, 0.0), rel=1e-13)
+    assert drifting.drift_share == pytest.approx(400.0 / 402.0, rel=1e-12)
+    (said,) = drifting.cautions
+    assert said.startswith("the whole gas drifts at (20, ") and "99.5 % of the kinetic energy" in said
+    assert rest.cautions == []
+
+
+def test_between_walls_and_beside_a_medium_speeds_and_temperatures_say_what_they_are(tmp_path: Path) -> None:
+    """Smooth walls leave the drift along them; rough ones stop it, and its energy becomes heat."""
+    text = moving(tmp_path, (20.0, 0.0))
+    box = text.replace("[[material]]", 'periodic = [true, false]\nmaterial = "smooth"\n[[material]]', 1)
+    shifted = box.replace("start.csv", "inside.csv")
+    table = np.loadtxt(tmp_path / "start.csv", delimiter=",", skiprows=1)
+    side = gas_of(text, folder=tmp_path).box.lengths[1]
+    inside = (table[:, 1] > 0.5) & (table[:, 1] < side - 0.5)
+    np.savetxt(
+        tmp_path / "inside.csv", table[inside], fmt="%.17g", delimiter=",", header="x,y,vx,vy,spin", comments=""
+    )
+    shifted = shifted.replace("number = 200", f"number = {np.count_nonzero(inside)}")
+    assert gas_of(shifted, folder=tmp_path).drift[0] == pytest.approx(20.0, abs=0.2)
+    assert gas_of(shifted.replace("mu = 0.0", "mu = 0.1"), folder=tmp_path).drift == (0.0, 0.0)
+    drag = '[[force]]\nkind = "drag"\nstep = 0.1\nrate = 0.1\n'
+    (said,) = gas_of(text + drag, folder=tmp_path).cautions
+    assert "temperatures of the run are not, for the medium of drag is at rest" in said
+
+
+@pytest.mark.parametrize("shear", ["", "shear_rate = 0.3\n"])
+def test_a_start_with_a_single_disk_of_a_species_has_no_momentum(shear: str) -> None:
+    """Alone it can have its speed, or no momentum: of 20 disks of mass 1 and one of mass 100 it had 100 of 120.
+
+    The energy, relative to the flow, is the one asked for: 20 + 50.
+    """
+    text = PLAIN.replace("number = 200", "number = 20").replace("[[material]]", f"{shear}[[material]]", 1) + HEAVY
+    gas = gas_of(text)
+    state = gas.start()
+    velocity, mass = state.velocity - gas.box.flow(state.position), gas.disks.mass
+    assert np.abs(mass @ velocity).max() < 1e-13  # sums of 21 terms of up to 100
+    assert float(np.sum(mass * np.sum(velocity**2, axis=1))) == pytest.approx(140.0, rel=1e-13)
+    rms = [np.sqrt(np.mean(np.sum(part**2, axis=1))) for part in (velocity[:20], velocity[20:])]
+    assert [each.speed_rms for each in gas.species] == pytest.approx(rms, rel=1e-13)
+    np.testing.assert_array_equal(gas.start().velocity, state.velocity)  # as often as one asks
+
+
+def test_a_single_disk_among_others_at_rest_keeps_its_speed_and_its_drift_is_told() -> None:
+    text = PLAIN.replace("number = 200", "number = 20").replace("1.4142135623730951", "0.0") + HEAVY
+    gas = gas_of(text)
+    velocity = gas.start().velocity
+    assert not np.any(velocity[:20])
+    assert float(np.hypot(*velocity[20])) == pytest.approx(1.0, rel=1e-15)
+    # |P| = 100 of M = 120: P^2 / 2 M over 50.
+    assert gas.drift_share == pytest.approx(100.0 / 120.0, rel=1e-13)
+    assert len(gas.cautions) == 1
+
+
+def test_a_run_of_a_gas_in_motion_is_analysed_as_the_gas_at_rest(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Temperatures, Haff's time, displacements and velocities about the drift, which `run` and `analyse` tell."""
+    monkeypatch.chdir(tmp_path)
+    Path("rest.toml").write_text(PLAIN.replace('"gas"', '"rest"'))
+    Path("moving.toml").write_text(moving(tmp_path, (20.0, 0.0)).replace('"gas"', '"moving"'))
+    assert main(["run", "rest.toml", "--no-picture"]) == main(["check", "moving.toml"]) == 0
+    capsys.readouterr()
+    assert main(["run", "moving.toml", "--no-picture"]) == 0
+    told = "".join(capsys.readouterr())
+    assert told.count("the whole gas drifts at (20, ") == 2  # before it, and at its end
+    with Trajectory("rest.h5") as rest, Trajectory("moving.h5") as other:
+        T, T_other = (each.observables["temperature"] for each in (rest, other))
+        # Shifts by rounding, 1e-15, grow tenfold with each of 3 collisions of a disk and more.
+        np.testing.assert_allclose(T_other, T, rtol=1e-9)
+        assert T[-1] < 0.8 * T[0]
+        # Rows of the series stand at the ends of windows, which are shorter: Haff's law is fitted to other points of T.
+        # Positions and velocities are stored in single precision, and the drift makes them 20 times as large.
+        for name, rows, rtol in (("cooling", 2, 0.02), ("msd", 2, 1e-4), ("vacf", 2, 1e-4)):
+            expected, found = (catalogue.ANALYSES[name].of(each, None) for each in (rest, other))
+            for one, another in zip(expected.rows[:rows], found.rows[:rows], strict=True):
+                assert another.value == pytest.approx(one.value, rel=rtol, nan_ok=True), (name, one.name)
+            assert any(note.startswith("the whole gas drifts at (20, ") for note in found.notes)
+            assert not any("drift" in note for note in expected.notes)
+            assert len(found.doubts) == len(expected.doubts)
+
+
+def test_the_species_of_a_python_start_can_be_freed_of_momentum_together() -> None:
+    """`maxwellian` of all masses at once: each disk has the temperature, and all together no momentum."""
+    mass = np.append(np.ones(20), 100.0)
+    velocity = initial.maxwellian(mass, temperature=1.0, seed=3)
+    assert np.abs(mass @ velocity).max() < 1e-13
