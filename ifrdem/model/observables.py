@@ -116,7 +116,7 @@ def measure(
     """Measure a gas; a state does not tell what was put in in its past [energy], nor the gravity [length/time^2].
 
     `about_mean` tells along which directions, x and y, temperatures are about the mean velocity: not where walls hold
-    the gas (`Measure`). InputError if the disks and the state differ in their number.
+    the gas (`Measure`), nor ever where disks are immovable. InputError if the disks and the state differ in their number.
 
     Examples
     --------
@@ -177,6 +177,8 @@ def from_totals(
     """
     translational, rotational, *momentum, shear_pressure, fall, events, _, mass = totals.tolist()
     n = max(disks.n_movable, 1)
+    if disks.n_movable < disks.n:  # which hold the gas
+        about_mean = (False, False)
     mean = [P / mass if about and mass > 0.0 else 0.0 for P, about in zip(momentum, about_mean, strict=True)]
     drift_energy = min(0.5 * (momentum[0] * mean[0] + momentum[1] * mean[1]), translational)  # or more, by rounding
     return Measure(

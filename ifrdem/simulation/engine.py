@@ -39,6 +39,7 @@ from ..kernels.columns import PISTON_STATE, READOUT, TALLY, WALL_SUM, Named, nam
 from ..model.box import Box
 from ..model.ifr import IFRLaw
 from ..model.law import CollisionLaw, compiled
+from ..model.observables import from_totals
 from ..model.overlaps import TOLERANCE
 from ..model.state import DiskKinds, Disks, State, dealt, thin
 from ..model.walls import Wall, free_directions, rows_of, sides, smooth_materials
@@ -704,7 +705,8 @@ class Engine:
         elif not math.isfinite(stop.time):
             # Disks of a lattice that all begin to move at once may take a disk's own free time to meet.
             patience = max(PATIENCE, self.n * PATIENCE // 10)
-            if self.time - self._collided_at > patience * self._free_time(windows.fastest):
+            waited, longest = self.time - self._collided_at, patience * self._free_time(windows.fastest)
+            if waited > longest and waited > longest / self._thermal_part():
                 raise NoMoreCollisions(
                     f"t = {self.time:.6g}: no collision since t = {self._collided_at:.6g}, {patience} times what is "
                     "usual at this density: these disks seem never to meet"
@@ -812,6 +814,12 @@ class Engine:
         self.windows.settle_at(stop)
         self.arrays.lay(self.disks, self.options, state)
         self._parted = parted
+
+    def _thermal_part(self) -> float:
+        """Part of the disks' speeds that is not a drift of the whole gas; 1 where all fly side by side, to rounding."""
+        found = from_totals(self.kinds, self._totals(), self.time, 0, about_mean=self.free)
+        thermal, whole = found.translational_energy - found.drift_energy, found.translational_energy
+        return math.sqrt(thermal / whole) if thermal > 1e-12 * whole else 1.0
 
     def _free_time(self, speed: float) -> float:
         """Usual time between two collisions anywhere, if all disks moved at this speed: area / (n^2 sigma v)."""

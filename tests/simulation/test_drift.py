@@ -170,6 +170,22 @@ def test_a_gas_in_motion_is_the_gas_at_rest(shear_rate: float) -> None:
     assert rest.drift_energy < 1e-20
 
 
+def test_a_cold_gas_in_fast_motion_is_waited_for() -> None:
+    """The drift is 3000 times the thermal speed: what is usual between collisions is told by the latter.
+
+    Two disks that fly side by side never meet, which is said soon.
+    """
+    disks = Disks(20, mass=1.0, radius=0.5)
+    box, state = start(disks, 0.05)
+    cold = State(state.position, 1e-3 * state.velocity + (3.0, 0.0), np.zeros(20))
+    gas = Simulation(disks, box, SMOOTH, cold)
+    gas.run(collisions_per_disk=1.0)
+    assert gas.collisions == 10
+    still = State(state.position, np.tile([3.0, 0.0], (20, 1)), np.zeros(20))
+    with pytest.raises(ifrdem.NoMoreCollisions):
+        Simulation(disks, box, SMOOTH, still).run(collisions_per_disk=1.0)
+
+
 def test_where_a_medium_is_at_rest_temperatures_are_in_its_frame() -> None:
     """As between walls. Disks that do not collide slow down as exp(-rate t), and their temperature as its square."""
     disks = Disks(4, mass=2.0, radius=0.01)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
 from typing import Any
 
@@ -102,7 +103,9 @@ def test_a_run_repeats_to_the_last_bit(order: str) -> None:
 def test_single_precision_keeps_energy_and_contacts_to_its_rounding() -> None:
     """A hundred elastic collisions a disk: each changes v^2 by some 1e-7 of itself, at random; 1e-7 * 10 for each disk.
 
-    Positions are rounded to 1e-7 of a tile's side, some 100 diameters, at every window: overlaps of 1e-4.
+    Positions are multiples of q = 2^-16: 24 bits hold twice the side of the box, 102 diameters, or four times that of
+    one of 2 x 2 tiles. Either disk is placed up to q/2 off along x and y at a contact, and at the end of a window once
+    more: overlaps of up to 2 sqrt(2) q; and delays of a few diameters are rounded by 1e-7 of themselves.
     """
     disks = equal_disks(4000)
     box, state = equilibrated(disks, 0.3)
@@ -124,4 +127,6 @@ def test_single_precision_keeps_energy_and_contacts_to_its_rounding() -> None:
         before, after = (float(np.sum(s.velocity.astype(np.float64) ** 2)) for s in (state, end))
         assert after == pytest.approx(before, rel=2e-5)
         assert after != before  # it was single precision
-        placement.check_no_overlap(box, disks.radius, end.position, tolerance=1e-4)
+        tolerance = 2.0 * math.sqrt(2.0) * 2.0**-16 + 1e-6
+        assert engine.arrays.spacing == 2.0**-16
+        placement.check_no_overlap(box, disks.radius, end.position, tolerance=tolerance)
