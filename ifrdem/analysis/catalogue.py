@@ -61,6 +61,9 @@ def of_velocity(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluat
         table |= {f"{name}{mark}": getattr(found, columns[name]) for name in order}
     notes = [f"of {name}" for name in results if "together" in name]
     notes += ["c = v_x or v_y over sqrt(2 T / m), w = omega over sqrt(2 T_rot / I); 0 for Gaussians"]
+    notes += stored.drift(trajectory, every(trajectory, None)).said(
+        trajectory, "c and T are about its mean velocity"
+    )
     doubts = steadiness.doubts(changes)
     return Evaluation(results, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
 
@@ -181,6 +184,7 @@ def of_fields(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluatio
     }  # fmt: skip
     table = {name: column.ravel() for name, column in columns.items()}
     notes = [f"frame {used}; temperatures relative to the mean velocity of the cell"]
+    notes += stored.drift(trajectory, every(trajectory, None)).said(trajectory, "the flow contains it")
     if box.shear_rate:
         notes.append("velocities relative to the flow that the box imposes")
     doubts = stored.of_a_part(trajectory)
@@ -290,11 +294,11 @@ def _temperatures(trajectory: Trajectory, used: list[int]) -> Array | None:
     return np.array([0.5 * np.sum(mass * each) for each in speeds2]) / max(np.count_nonzero(movable), 1)
 
 
-def _of_drift(trajectory: Trajectory, used: Sequence[int]) -> tuple[list[str], list[str]]:
+def _of_drift(trajectory: Trajectory) -> tuple[list[str], list[str]]:
     """Notes and doubts on temperatures of a gas that drifts: files of earlier versions have the drift's energy in T."""
-    moving = stored.drift(trajectory, used)
+    moving = stored.drift(trajectory, every(trajectory, None))
     if moving and "temperature" in trajectory.observables:
-        T, energy = (trajectory.observables[name][used[0]] for name in ("temperature", "translational_energy"))
+        T, energy = (trajectory.observables[name][0] for name in ("temperature", "translational_energy"))
         inside = float(T) * np.count_nonzero(trajectory.disks.movable) - float(energy) + moving.energy
         if inside > 1e-6 * moving.energy:
             return [], moving.said(trajectory, "this file has that in its temperatures")
@@ -401,7 +405,7 @@ def of_pressure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluat
     inside = (when >= span[0]) & (when <= span[1])
     when, T, count = when[inside], T[inside], count[inside]
     rows: list[Reading] = []
-    notes, doubts = _of_drift(trajectory, used)
+    notes, doubts = _of_drift(trajectory)
     result = None
     if not _keeps(T):
         doubts.append(
@@ -487,7 +491,7 @@ def of_cooling(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluati
         Reading("t_H", haff.t_H, haff.t_H_error, time),
         Reading("rms of what is left of ln T", haff.rms),
     ]
-    notes, doubts = _of_drift(trajectory, every(trajectory, None))
+    notes, doubts = _of_drift(trajectory)
     notes += ["Haff: T = T0 / (1 + (t - t_first) / t_H)^2; errors with the autocorrelation of what is left"]
     doubts += [] if haff.describes else [_misfit("Haff's law", haff.misfit, n, "ln T", n**-0.5)]
     tau = 2.0 * count / n

@@ -125,11 +125,11 @@ KEPT = 1e-6
 def drift(trajectory: Trajectory, used: Sequence[int]) -> Drift:
     """Drift of a gas over some frames: along x and y, if the total momentum is the same in all of them.
 
-    It is where nothing holds the gas. By the observable `momentum`; without it none is known.
+    It is where nothing holds the gas. By the observable `momentum`; without it, or two frames, none is known.
     """
     none = Drift(np.zeros(2), 0.0, 0.0)
     names = ("momentum", "translational_energy")
-    if any(name not in trajectory.observables for name in names):
+    if len(used) < 2 or any(name not in trajectory.observables for name in names):
         return none
     momentum, energy = (np.asarray(trajectory.observables[name])[list(used)] for name in names)
     mass = float(np.sum(trajectory.disks.mass, where=trajectory.disks.movable))

@@ -104,7 +104,7 @@ class CaseGas:
         gas = replace(self, given=given)
         if given is not None and given.velocity is not None and given.spin is not None:
             gas = gas._as_moving(given.velocity - self.box.flow(given.position), given.spin, comm)
-        elif self._has_lone and self.n <= slices.GATHERED:
+        elif self._has_lone and 1 < self.n <= slices.GATHERED:
             gas = replace(gas._as_moving(*self._drawn_motion(comm), comm), drawn=self.species)
         gas._check_magnitudes(comm)
         return gas
@@ -303,15 +303,16 @@ class CaseGas:
     def _drawn_motion(self, comm: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Velocities relative to the flow, shape (n, 2), and spins, (n,), that are drawn; of ranks, of the slice."""
         seed = self.case.run.seed
-        velocity, spin, masses = [], [], []
+        velocity, spin, masses, lone = [], [], [], self._has_lone
         for i, own in enumerate(self._of_species(slices.slice_of(self.n, comm))):
             each, options = (self.drawn or self.species)[i], {"seed": seeds.of_species(seed, i), "comm": comm}
             mass = each.columns(own)[0]
             velocity.append(placement.maxwellian(mass, speed_rms=each.speed_rms, **options))
             spin.append(placement.gaussian_spins(len(own), spin_rms=each.spin_rms, **options))
-            masses.append(mass if each.speed_rms > 0.0 else np.zeros_like(mass))
+            if lone:
+                masses.append(mass if each.speed_rms > 0.0 else np.zeros_like(mass))
         drawn = np.concatenate(velocity)
-        if self._has_lone:
+        if lone:
             drawn = self._without_drift(np.concatenate(masses), drawn, comm)
         return drawn, np.concatenate(spin)
 
@@ -349,13 +350,13 @@ class CaseGas:
     def _as_moving(self, velocity: NDArray[np.float64], spin: NDArray[np.float64], comm: Any) -> CaseGas:
         """The gas with its drift, and its species with their speeds relative to it and their spins.
 
-        Velocities (n, 2) are relative to the flow; of ranks, each gives those of its slice. In an open box, where
-        speeds decide nothing, and in a scan of impacts nobody looks for a drift.
+        Velocities (n, 2) are relative to the flow; of ranks, each gives those of its slice. One disk alone is no gas
+        that drifts, and in an open box, where nothing is estimated from speeds, they are those in the lab.
         """
         ids = slices.slice_of(self.n, comm)
         drift = np.zeros(2)
         share = 0.0
-        if not self.box.is_open:
+        if self.n > 1 and not self.box.is_open:
             mass = self.rows(ids).mass
             whole = float(slices.total(mass, comm))
             drift = slices.total(mass[:, None] * velocity, comm) / whole * self.free

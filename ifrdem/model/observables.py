@@ -116,7 +116,8 @@ def measure(
     """Measure a gas; a state does not tell what was put in in its past [energy], nor the gravity [length/time^2].
 
     `about_mean` tells along which directions, x and y, temperatures are about the mean velocity: not where walls hold
-    the gas (`Measure`), nor ever where disks are immovable. InputError if the disks and the state differ in their number.
+    the gas (`Measure`), nor ever where disks are immovable. InputError if the disks and the state differ in their
+    number.
 
     Examples
     --------
@@ -132,7 +133,9 @@ def measure(
     put_in = {"energy_input": energy_input, "wall_work": wall_work, "wall_heat": wall_heat}
     counted: Any = {"dissipated": dissipated, "regimes": regimes}
     wall_hits = int(np.sum(state.wall_hits, dtype=np.int64))
-    return from_totals(disks, totals, float(state.time), wall_hits, about_mean=about_mean, **put_in, **counted)
+    return from_totals(
+        disks, totals, float(state.time), wall_hits, about_mean=about_mean, **put_in, **counted
+    )
 
 
 def sums(disks: Disks, state: State, gravity: tuple[float, float] = (0.0, 0.0), comm: Any = None) -> Array:
@@ -180,7 +183,9 @@ def from_totals(
     if disks.n_movable < disks.n:  # which hold the gas
         about_mean = (False, False)
     mean = [P / mass if about and mass > 0.0 else 0.0 for P, about in zip(momentum, about_mean, strict=True)]
-    drift_energy = min(0.5 * (momentum[0] * mean[0] + momentum[1] * mean[1]), translational)  # or more, by rounding
+    drift_energy = min(
+        0.5 * (momentum[0] * mean[0] + momentum[1] * mean[1]), translational
+    )  # or more, by rounding
     return Measure(
         time=time,
         # Each collision is counted at both of its disks, those with walls once.

@@ -472,7 +472,7 @@ def _balance(job: Job, last: Measure) -> Iterator[str]:
     if temperatures:
         yield ", ".join(temperatures)
     mass = sum(each.number * each.look.mass.mean for each in gas.species)
-    if last.drift_energy > LEAST_DRIFT * last.translational_energy:
+    if gas.n > 1 and not gas.box.is_open and last.drift_energy > LEAST_DRIFT * last.translational_energy:
         x, y = (last.momentum / mass * gas.free).tolist()
         share = 100.0 * last.drift_energy / last.translational_energy
         yield (

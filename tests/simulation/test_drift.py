@@ -52,7 +52,7 @@ def test_a_thermostat_does_not_freeze_its_gas(
     n, step = 50, 2.0
     disks = Disks(n, mass=1.0, radius=0.5)
     box, state = start(disks, 0.2)
-    state.velocity = state.velocity + (drift, 0.0)
+    state.velocity = state.velocity + np.array([drift, 0.0])
     gas = Simulation(disks, box, SMOOTH, state, forces=[Rescale(step, temperature=1.0)], precision=precision)
     before = gas.measure().momentum
     end = rescaled(gas, step, collisions)
@@ -67,13 +67,15 @@ def test_energies_of_rough_disks_are_rescaled_about_the_drift() -> None:
     """Of two masses, in motion: the kinetic energy about the mean velocity is what is wanted, the momentum stays."""
     disks = mixture(200)
     box, state = start(disks, 0.3)
-    state.velocity = state.velocity + (5.0, -3.0)
+    state.velocity = state.velocity + np.array([5.0, -3.0])
     gas = Simulation(disks, box, ROUGH, state, forces=[Rescale(0.5, energy=1.7)])
     end = rescaled(gas, 0.5, 20.0)
     spins = 0.5 * float(disks.inertia @ end.spin**2)
     # The drift has 20 times the energy, in whose rounding the rest is found.
     assert thermal(disks.mass, end.velocity) + spins / 200 == pytest.approx(1.7, rel=1e-13)
-    np.testing.assert_allclose(disks.mass @ end.velocity, disks.mass.sum() * np.array([5.0, -3.0]), rtol=1e-13)
+    np.testing.assert_allclose(
+        disks.mass @ end.velocity, disks.mass.sum() * np.array([5.0, -3.0]), rtol=1e-13
+    )
 
 
 def test_disks_that_fly_side_by_side_are_at_rest_to_a_thermostat() -> None:
@@ -89,11 +91,11 @@ def test_disks_that_fly_side_by_side_are_at_rest_to_a_thermostat() -> None:
 
 @pytest.mark.parametrize(("law", "free"), [(SMOOTH, True), (ROUGH, False)])
 def test_between_walls_the_gas_drifts_along_smooth_ones_only(law: IFRLaw, free: bool) -> None:
-    """Floor and ceiling without friction keep P_x; v_y, and both velocities between rough ones, are those in the lab."""
+    """Floor and ceiling without friction keep P_x; other velocities, and those between rough ones, are in the lab."""
     disks = Disks(50, mass=1.0, radius=0.5)
     box = Box((20.0, 10.0), (True, False))
     position = ifrdem.initial.hexagonal_positions(box, disks.radius)
-    velocity = ifrdem.initial.maxwellian(disks.mass, temperature=1.0, seed=1) + (2.0, 0.0)
+    velocity = ifrdem.initial.maxwellian(disks.mass, temperature=1.0, seed=1) + np.array([2.0, 0.0])
     gas = Simulation(
         disks, box, law, State(position, velocity, np.zeros(50)), forces=[Rescale(1.0, temperature=1.0)]
     )
@@ -145,8 +147,8 @@ def test_forces_say_if_they_keep_the_momentum() -> None:
 def test_a_gas_in_motion_is_the_gas_at_rest(shear_rate: float) -> None:
     """Galilei: the same collisions, temperatures and stresses, to what rounding has become in 3 collisions per disk.
 
-    In a flow (rate y, 0), too: the drift along y carries the gas into faster layers, relative to which its mean velocity
-    along x falls behind as -rate w_y t, and velocities relative to both are those of the gas without a drift.
+    In a flow (rate y, 0), too: the drift along y carries the gas into faster layers, behind which its mean velocity
+    along x falls as -rate w_y t, and velocities relative to both are those of the gas without a drift.
     """
     n, w = 500, np.array([3.0, -2.0])
     disks = mixture(n)
@@ -189,7 +191,9 @@ def test_a_cold_gas_in_fast_motion_is_waited_for() -> None:
 def test_where_a_medium_is_at_rest_temperatures_are_in_its_frame() -> None:
     """As between walls. Disks that do not collide slow down as exp(-rate t), and their temperature as its square."""
     disks = Disks(4, mass=2.0, radius=0.01)
-    state = State(np.array([[1.0, 1.0], [1.0, 5.0], [5.0, 1.0], [5.0, 5.0]]), np.tile([3.0, 0.0], (4, 1)), np.zeros(4))
+    state = State(
+        np.array([[1.0, 1.0], [1.0, 5.0], [5.0, 1.0], [5.0, 5.0]]), np.tile([3.0, 0.0], (4, 1)), np.zeros(4)
+    )
     gas = Simulation(disks, Box((8.0, 8.0)), ROUGH, state, forces=[Drag(0.1, rate=0.5)])
     assert gas.measure().temperature == 9.0
     gas.run(t_end=1.0)

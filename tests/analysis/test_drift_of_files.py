@@ -1,0 +1,71 @@
+"""Files of gases that drift: what analyses take off, and what they say of files that have the drift in T."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ifrdem import Box, Disks, State, Trajectory, TrajectoryWriter
+from ifrdem.analysis import catalogue, result
+
+N, DRIFT = 100, np.array([20.0, 0.0])
+
+
+def write(path: Path, *, inside: bool = False, held: bool = False) -> Path:
+    """Free flight with T = 1 about a drift, in a box of 1000; T as old files have it, or with momentum that changes."""
+    rng = np.random.default_rng(3)
+    disks, box = Disks(N, mass=2.0, radius=0.1), Box((1000.0, 1000.0))
+    begin, velocity = 1000.0 * rng.random((N, 2)), rng.normal(size=(N, 2))
+    velocity -= velocity.mean(axis=0)
+    velocity *= np.sqrt(1.0 / np.mean(np.sum(velocity**2, axis=1)))
+    with TrajectoryWriter(
+        path, disks, box, fields=("position", "velocity", "image"), precision="f8"
+    ) as writer:
+        for k, time in enumerate(np.linspace(0.0, 10.0, 11)):
+            place = begin + (velocity + DRIFT) * time
+            image = np.floor(place / box.lengths)
+            totals: dict[str, Any] = {
+                "temperature": 401.0 if inside else 1.0,
+                "rotational_temperature": 0.0,
+                "translational_energy": 401.0 * N,
+                "collisions": 100 * k,
+                "momentum": 2.0 * N * DRIFT * (1.0 + 1e-3 * k * held),
+            }
+            state = State(
+                place - image * box.lengths, velocity + DRIFT, np.zeros(N), time, image=image.astype(np.int32)
+            )
+            writer.write(state, totals)
+    return path
+
+
+def test_displacements_and_correlations_are_about_the_drift(tmp_path: Path) -> None:
+    """<v^2> = 1 and <x^2> = t^2 about it: m v^2 / 2 = 1 with m = 2. In the lab they are 401 times that."""
+    with Trajectory(write(tmp_path / "run.h5")) as run:
+        drift = result.drift(run, range(11))
+        np.testing.assert_allclose(drift.velocity, DRIFT, rtol=1e-15)
+        assert drift.share == pytest.approx(400.0 / 401.0, rel=1e-14)
+        msd, vacf = (catalogue.ANALYSES[name].of(run, None) for name in ("msd", "vacf"))
+        lag = msd.tables[""]["lag"]
+        np.testing.assert_allclose(msd.tables[""]["msd"][1:], lag[1:] ** 2, rtol=1e-9)
+        np.testing.assert_allclose(vacf.tables[""]["vacf"], 1.0, rtol=1e-11)
+        assert all("99.75 % of its kinetic energy" in " ".join(found.notes) for found in (msd, vacf))
+
+
+def test_a_momentum_that_changes_is_no_drift(tmp_path: Path) -> None:
+    """Walls or a medium hold the gas then; nothing is taken off."""
+    with Trajectory(write(tmp_path / "run.h5", held=True)) as run:
+        assert not result.drift(run, range(11))
+        (msd,) = (catalogue.ANALYSES["msd"].of(run, None),)
+        assert msd.tables[""]["msd"][1] == pytest.approx(401.0, rel=0.1)
+        assert not any("drift" in note for note in msd.notes)
+
+
+@pytest.mark.parametrize("inside", [False, True])
+def test_a_file_with_the_drift_in_its_temperatures_is_doubted(tmp_path: Path, inside: bool) -> None:
+    with Trajectory(write(tmp_path / "run.h5", inside=inside)) as run:
+        found = catalogue.ANALYSES["pressure"].of(run, None)
+        assert [("has that in its temperatures" in doubt) for doubt in found.doubts] == [True] * inside
+        assert any("temperatures are about its mean velocity" in note for note in found.notes) != inside
