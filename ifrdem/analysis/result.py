@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..model.observables import Measure
+from ..model.observables import Measure, drift_text
 from ..tools.checked import Array
 from ..tools.reprs import Brief
 from ..trajectory.reader import Trajectory
@@ -111,8 +111,7 @@ class Drift(NamedTuple):
         """A note on it that says `what` it means; none without a drift."""
         if not self:
             return []
-        x, y = self.velocity
-        where = f"({x:.4g}, {y:.4g}) {unit(trajectory, 'length/time')}".rstrip()
+        where = f"{drift_text(self.velocity)} {unit(trajectory, 'length/time')}".rstrip()
         return [f"the whole gas drifts at {where}, {100.0 * self.share:.4g} % of its kinetic energy; {what}"]
 
 

@@ -21,6 +21,7 @@ from ..model import crush
 from ..model.box import Box
 from ..model.free_area import Room
 from ..model.ifr import EnergyWarning, IFRLaw
+from ..model.observables import drift_text
 from ..model.state import DiskKinds, Disks, State, dealt, united
 from ..model.walls import Wall, at_displacements, free_directions, smooth_materials
 from ..simulation import checks
@@ -242,7 +243,7 @@ class CaseGas:
         """Text about a drift that has more than `LEAST_DRIFT` of the energy of the disks' motion."""
         if not self.drift_share > LEAST_DRIFT:
             return []
-        case, (x, y) = self.case, self.drift
+        case = self.case
         per = f"{case.unit('length')}/{case.unit('time').strip()}" if case.unit("length") else ""
         media = [each.kind for each in case.force if each.has_medium]
         said = "Speeds, collision rates and temperatures are about its mean velocity"
@@ -252,8 +253,8 @@ class CaseGas:
                 f"the medium of {' and '.join(dict.fromkeys(media))} is at rest"
             )
         return [
-            f"the whole gas drifts at ({x:.4g}, {y:.4g}){per}, {100.0 * self.drift_share:.4g} % of the kinetic energy "
-            f"of its motion. {said}. The run takes longer than that of the same gas without the drift: windows end "
+            f"the whole gas drifts at {drift_text(self.drift)}{per}, {100.0 * self.drift_share:.4g} % of the kinetic "
+            f"energy of its motion. {said}. The run takes longer than that of the same gas without the drift: windows end "
             "where the fastest disk has come too far"
         ]
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..tools import slices
@@ -61,11 +61,11 @@ class Measure:
     -----
     Temperatures are about the mean velocity u = sum m v / sum m in each direction in which nothing changes the total
     momentum, so that they are the same for a gas that moves as a whole: N T = sum m v^2 / 2 - |P|^2 / (2 M), the last
-    term being `drift_energy`. These are directions without walls (smooth walls along them do not count) in gases
-    without immovable disks, whose forces all keep the momentum (`Force.keeps_momentum`). Everywhere else walls, or the
-    medium of a drag or heat bath, are at rest, and so velocities are those in the lab. N is the number of disks, as in
-    starts (`initial.maxwellian`); of velocities about their mean N - 1 are independent, and so T of a gas of N disks in
-    equilibrium with a heat bath at T_b would be T_b (N - 1) / N.
+    term being `drift_energy`; T of a single disk is 0. These are directions without walls (smooth walls along them do
+    not count) in gases without immovable disks, whose forces all keep the momentum (`Force.keeps_momentum`). Everywhere
+    else walls, or the medium of a drag or heat bath, are at rest, and so velocities are those in the lab. N is the
+    number of disks, as in starts (`initial.maxwellian`). Velocities about their mean have 2 (N - 1) degrees of freedom,
+    of which each has T N / (N - 1) / 2 in equilibrium.
 
     In a sheared box velocities are peculiar ones, relative to the mean flow (`State.flow`).
     """
@@ -99,6 +99,18 @@ class Measure:
     def energy(self) -> float:
         """Kinetic energy, translational and rotational [energy]."""
         return self.translational_energy + self.rotational_energy
+
+
+def drift_text(velocity: ArrayLike) -> str:
+    """Text of a mean velocity, without the rounding of a component that is none.
+
+    Examples
+    --------
+    >>> drift_text([20.0, 1e-17])
+    '(20, 0)'
+    """
+    x, y = np.where(np.abs(velocity) > 1e-6 * np.max(np.abs(velocity)), velocity, 0.0).tolist()
+    return f"({x:.4g}, {y:.4g})"
 
 
 def measure(

@@ -24,7 +24,7 @@ from ..case.file import CaseFile
 from ..case.gas import LEAST_DRIFT, CaseGas
 from ..case.pair_rules import COEFFICIENTS
 from ..errors import EngineError, InputError, Stopped, TrajectoryError, counted
-from ..model.observables import MECHANISMS, Measure
+from ..model.observables import MECHANISMS, Measure, drift_text
 from ..model.state import State
 from ..model.walls import wall_names
 from ..simulation import checkpoint, checks
@@ -473,10 +473,10 @@ def _balance(job: Job, last: Measure) -> Iterator[str]:
         yield ", ".join(temperatures)
     mass = sum(each.number * each.look.mass.mean for each in gas.species)
     if gas.n > 1 and not gas.box.is_open and last.drift_energy > LEAST_DRIFT * last.translational_energy:
-        x, y = (last.momentum / mass * gas.free).tolist()
+        where = drift_text(last.momentum / mass * gas.free)
         share = 100.0 * last.drift_energy / last.translational_energy
         yield (
-            f"the whole gas drifts at ({x:.4g}, {y:.4g}), {share:.4g} % of the kinetic energy of its motion; "
+            f"the whole gas drifts at {where}, {share:.4g} % of the kinetic energy of its motion; "
             "temperatures are about its mean velocity"
         )
     lost = ledger.dissipated(last)
