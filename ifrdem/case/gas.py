@@ -254,8 +254,8 @@ class CaseGas:
             )
         return [
             f"the whole gas drifts at {drift_text(self.drift)}{per}, {100.0 * self.drift_share:.4g} % of the kinetic "
-            f"energy of its motion. {said}. The run takes longer than that of the same gas without the drift: windows end "
-            "where the fastest disk has come too far"
+            f"energy of its motion. {said}. The run takes longer than that of the same gas without the drift: windows "
+            "end where the fastest disk has come too far"
         ]
 
     def start(self, progress: Callable[[float], None] = lambda _: None, comm: Any = None) -> State:

@@ -106,7 +106,8 @@ def drift_text(velocity: ArrayLike) -> str:
 
     Examples
     --------
-    >>> drift_text([20.0, 1e-17])
+    >>> import ifrdem
+    >>> ifrdem.observables.drift_text([20.0, 1e-17])
     '(20, 0)'
     """
     x, y = np.where(np.abs(velocity) > 1e-6 * np.max(np.abs(velocity)), velocity, 0.0).tolist()
