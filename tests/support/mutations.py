@@ -1,8 +1,8 @@
 """Seeded mutations of the sources, one at a time in a copy of the tree, against the tests of the same room.
 
-Run from the root of the repository by `PYTHONPATH=tests python -m support.mutations FILES`. A mutant is killed if a test
-fails, or takes a minute and three times the CPU time that the tests take without a mutation. Of Python, tests that
-execute the line are run; of kernels all of the room.
+Run from the root of the repository by `PYTHONPATH=tests python -m support.mutations FILES`. A mutant is killed if a
+test fails, or if tests take a minute and three times the CPU time that they take without a mutation. Of Python, tests
+that execute the line are run; of kernels all of the room.
 """
 
 from __future__ import annotations
@@ -23,21 +23,30 @@ from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
-SIMULATION = "tests/simulation/"
 LAW = "tests/kernels/test_law_kernel.py tests/model/test_ifr.py tests/model/test_law.py tests/simulation/test_ledger.py"
 ENGINE = "tests/simulation/test_engine.py tests/simulation/exactness/test_engine_serial_order.py"
-TILES = f"{ENGINE} tests/simulation/exactness/test_same_bits.py tests/simulation/exactness/test_moments_bits.py"
+TILES = (
+    f"{ENGINE} tests/simulation/exactness/test_same_bits.py tests/simulation/exactness/test_moments_bits.py"
+)
 TESTS = {
-    "ifrdem/theory/*": "tests/theory", "ifrdem/analysis/*": "tests/analysis tests/cli/test_analysis_command.py",
-    "kernels/law.py": LAW, "kernels/contact.py": f"{LAW} {ENGINE}", "kernels/random.py": "tests/kernels/test_random.py",
+    "ifrdem/theory/*": "tests/theory",
+    "ifrdem/analysis/*": "tests/analysis tests/cli/test_analysis_command.py",
+    "kernels/law.py": LAW,
+    "kernels/contact.py": f"{LAW} {ENGINE}",
+    "kernels/random.py": "tests/kernels/test_random.py",
     "kernels/table_friction.py": "tests/kernels/test_table_friction.py tests/simulation/test_table_force.py",
-    "kernels/dsmc.py": "tests/simulation/test_dsmc.py", "kernels/flights.py": f"{ENGINE} tests/initial/test_placement.py",
-    "kernels/forces.py": "tests/simulation/test_forces_in_gases.py", "kernels/shear.py": "tests/simulation/test_shear.py",
+    "kernels/dsmc.py": "tests/simulation/test_dsmc.py",
+    "kernels/flights.py": f"{ENGINE} tests/initial/test_placement.py",
+    "kernels/forces.py": "tests/simulation/test_forces_in_gases.py",
+    "kernels/shear.py": "tests/simulation/test_shear.py",
     "kernels/rest.py": "tests/simulation/walls/test_rest.py tests/simulation/walls/test_turning_gravity.py",
-    "kernels/readout.py": f"tests/simulation/test_readout.py {ENGINE}", "kernels/walls.py": "tests/simulation/walls",
+    "kernels/readout.py": f"tests/simulation/test_readout.py {ENGINE}",
+    "kernels/walls.py": "tests/simulation/walls",
     "kernels/events.py": f"{ENGINE} tests/simulation/walls/test_walls.py tests/simulation/test_tracking.py",
-    "kernels/places.py": TILES, "kernels/tiles.py": f"{TILES} tests/simulation/test_shear.py", "kernels/windows.py": TILES,
-}  # fmt: skip
+    "kernels/places.py": TILES,
+    "kernels/tiles.py": f"{TILES} tests/simulation/test_shear.py",
+    "kernels/windows.py": TILES,
+}
 OTHER = {
     "Add": "-", "Sub": "+", "Mult": "/", "Div": "*", "Pow": "*", "FloorDiv": "*", "Mod": "//", "Lt": "<=", "LtE": "<",
     "Gt": ">=", "GtE": ">", "Eq": "!=", "NotEq": "==", "And": "or", "Or": "and", "min": "max", "max": "min",
@@ -63,7 +72,10 @@ def mutations(file: str) -> Iterator[Mutation]:
         if names_only or kind in ("Raise", "JoinedStr", "Import", "ImportFrom"):
             return
         if "end_lineno" in node._attributes:
-            begin, end = start[node.lineno - 1] + node.col_offset, start[node.end_lineno - 1] + node.end_col_offset
+            begin, end = (
+                start[node.lineno - 1] + node.col_offset,
+                start[node.end_lineno - 1] + node.end_col_offset,
+            )
         if kind in ("BinOp", "BoolOp", "Compare", "AugAssign"):
             left = getattr(node, "left", None) or getattr(node, "target", None) or node.values[0]
             op = type(node.ops[0] if kind == "Compare" else node.op).__name__
@@ -74,7 +86,9 @@ def mutations(file: str) -> Iterator[Mutation]:
         elif kind == "UnaryOp" and isinstance(node.op, (ast.USub, ast.Not)):
             yield mutation(begin, begin + (1 if isinstance(node.op, ast.USub) else 3), "")
         elif kind == "Constant" and type(node.value) in (int, float) and node.value != 0.0:
-            yield mutation(begin, end, repr(node.value + (1 if isinstance(node.value, int) else 0.02 * node.value)))
+            yield mutation(
+                begin, end, repr(node.value + (1 if isinstance(node.value, int) else 0.02 * node.value))
+            )
         elif kind in ("Name", "Attribute") and (name := node.id if kind == "Name" else node.attr) in OTHER:
             yield mutation(end - len(name), end, OTHER[name])
         place = kind == "Assign" and isinstance(node.targets[0], (ast.Subscript, ast.Attribute))
@@ -107,7 +121,7 @@ class Lines:
 
 
 def run(tests: list[str], seconds: float, lines: Path | None = None) -> tuple[bool, float]:
-    """Tests of the present folder all pass, stopping at the first that does not; CPU seconds, of which it has so many."""
+    """True if tests of the present folder all pass, within CPU seconds, and how many it took; to the first failure."""
     if (child := os.fork()) == 0:
         resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds)))
         import pytest
@@ -128,11 +142,17 @@ def main() -> None:
     parser.add_argument("files", help='"ifrdem/theory/*", "kernels/[a-l]*.py", ...')
     parser.add_argument("--count", type=int, default=50)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--out", type=Path, required=True, help="lines of JSON; mutations that are there are left out")
+    parser.add_argument(
+        "--out", type=Path, required=True, help="lines of JSON; mutations that are there are left out"
+    )
     given = parser.parse_args()
     out = given.out.resolve()
-    listed = subprocess.run(["git", "ls-files"], capture_output=True, check=True, text=True).stdout.split("\n")[:-1]
-    files = [name for name in listed if fnmatch(name, given.files) and any(fnmatch(name, each) for each in TESTS)]
+    listed = subprocess.run(["git", "ls-files"], capture_output=True, check=True, text=True).stdout.split(
+        "\n"
+    )[:-1]
+    files = [
+        name for name in listed if fnmatch(name, given.files) and any(fnmatch(name, each) for each in TESTS)
+    ]
     every = [one for name in files for one in mutations(name)]
     chosen = random.Random(given.seed).sample(every, min(given.count, len(every)))
     known = [json.loads(line) for line in out.read_text().splitlines()] if out.exists() else []
@@ -146,7 +166,15 @@ def main() -> None:
         sys.dont_write_bytecode = True
         sys.path[:0] = [folder, f"{folder}/tests"]
         del sys.modules["support"]
-        for library in ("taichi", "scipy.integrate", "matplotlib.pyplot", "h5py", "pydantic", "freud", "pytest"):
+        for library in (
+            "taichi",
+            "scipy.integrate",
+            "matplotlib.pyplot",
+            "h5py",
+            "pydantic",
+            "freud",
+            "pytest",
+        ):
             __import__(library)  # once for all mutants
         usual: dict[str, tuple[float, dict[str, list[str]]]] = {}
         for one in chosen:
