@@ -126,9 +126,9 @@ def of_structure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evalua
         Reading("its k", float(found.k[high]), unit=wave),
     ]
     table = {"k": found.k, "S": found.S, "error": found.S_error, "modes": found.modes}
-    notes = [
-        "errors as if frames were independent: at small k they are not if they follow each other closely"
-    ]
+    notes = ["errors by the scatter over modes, each averaged over the frames"]
+    if trajectory.box.shear_rate:
+        notes = ["errors as if frames were independent"]
     doubts = stored.of_a_part(trajectory) + _modes_change(trajectory, used)
     return Evaluation(found, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
 

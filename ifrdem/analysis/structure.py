@@ -20,6 +20,8 @@ CONTACT_RANGE = 0.25  # of the diameter, in which the contact value is fitted
 CONTACT_BINS = 25
 MOST_MODES = 1024
 """Modes along an axis that one transform computes; beyond, only every p-th k that the box allows is taken."""
+LEAST_MODES = 32
+"""Modes by whose scatter the error of S(k) is found: rings that hold fewer take those of the next rings too."""
 NEIGHBOURS = ("nearest", "voronoi")
 
 
@@ -167,8 +169,8 @@ class StructureFactor(Brief, PicturedResult):
     k: Array
     S: Array
     S_error: Array
-    """k, S, S_error: mean |k| of the modes in each ring [1/length]; mean of S, and standard error S / sqrt(modes
-    frames): modes and frames count as independent, each mode as exponentially distributed; shape (rings,)."""
+    """k, S, S_error: mean |k| of the modes in each ring [1/length]; mean of S; its standard error by the scatter over
+    modes, each averaged over the frames, which may follow each other closely; shape (rings,)."""
     modes: NDArray[np.int64]
     frames: int
     """modes, frames: modes counted in a frame, of k and -k one; how many frames there were; shape (rings,)."""
@@ -219,6 +221,11 @@ def structure_factor(
     All of them while there are not more than `MOST_MODES` along an axis; above that, every p-th. InputError if the
     box is not periodic, k_max is below 2 pi / L, or finufft is missing.
 
+    Modes are independent of each other, frames need not be: a long wave lives long. The standard error of a ring of M
+    modes is S sqrt(q / M), with q the variance of modes that are averaged over the frames, relative to S^2. In a
+    homogeneous fluid q is 1 if all frames show the same gas, and 1 / frames if they are independent; it is not taken
+    to be less. In a sheared box, where waves turn, it is 1 / frames.
+
     Parameters
     ----------
     position : array (n, 2) or frames of them
@@ -249,9 +256,11 @@ def structure_factor(
     edges[0] = 1e-9 * least  # k = 0 is no fluctuation
     number, sum_S, sum_k = np.zeros((3, count))
     frames = 0
+    by_mode: list[Array] = []  # sums over frames, and rings
+    rings_of: list[NDArray[np.intp]] = []
     for points, when in zip(each(position), times_of(time), strict=False):
         begin = 0.0
-        for stride, end in _passes(lengths, k_max):
+        for i, (stride, end) in enumerate(_passes(lengths, k_max)):
             modes = np.minimum(np.ceil(end * lengths / (2.0 * np.pi * stride)), MOST_MODES // 2).astype(int)
             if box.shear_rate:  # the skew moves k_y by up to k_x / 2 Lx / Ly
                 modes[1] += int(np.ceil(0.5 * modes[0])) + 1
@@ -266,12 +275,36 @@ def structure_factor(
             sum_S += np.bincount(ring, S[chosen], minlength=count)
             sum_k += np.bincount(ring, size[chosen], minlength=count)
             begin = end
+            if box.shear_rate:
+                continue
+            if frames == 0:
+                by_mode.append(np.zeros(len(ring)))
+                rings_of.append(ring)
+            by_mode[i] += S[chosen]
         frames += 1
     if frames == 0:
         raise InputError("no frames: there is no S(k)")
     full = number > 0.0
-    number, S, k = number[full], sum_S[full] / number[full], sum_k[full] / number[full]
-    return StructureFactor(k, S, S / np.sqrt(number), np.rint(number / frames).astype(np.int64), frames)
+    S, k, modes = sum_S[full] / number[full], sum_k[full] / number[full], number[full] / frames
+    q = np.full(len(S), 1.0 / frames)
+    if by_mode:
+        ring = np.cumsum(full)[np.concatenate(rings_of)] - 1
+        q = np.maximum(q, _relative_variance(np.concatenate(by_mode) / frames, ring, S))
+    return StructureFactor(k, S, S * np.sqrt(q / modes), np.rint(modes).astype(np.int64), frames)
+
+
+def _relative_variance(by_mode: Array, ring: NDArray[np.intp], S: Array) -> Array:
+    """Variance of modes of each ring over the square of its mean S; of `LEAST_MODES` at least, with the next rings."""
+    modes = np.bincount(ring)
+    part = np.divide(by_mode, S[ring], out=np.ones(len(ring)), where=S[ring] > 0.0)
+    square = np.bincount(ring, (part - 1.0) ** 2)
+    held, found = np.cumsum(modes), np.ones(len(S))
+    for r in range(len(S)):
+        end = int(np.searchsorted(held, held[r] - modes[r] + LEAST_MODES)) + 1
+        degrees = int(modes[r:end].sum()) - len(modes[r:end])
+        if degrees > 0:
+            found[r] = square[r:end].sum() / degrees
+    return found
 
 
 def _passes(lengths: Array, k_max: float) -> list[tuple[int, float]]:

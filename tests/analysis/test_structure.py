@@ -93,12 +93,23 @@ def test_contact_value_refuses_what_has_none() -> None:
         analysis.pair_correlation(x, UNIT, r_max=11.0)
 
 
-def test_structure_factor_of_an_ideal_gas_is_one_within_its_error() -> None:
-    found = analysis.structure_factor(ideal_gas(1, 1000, count=5), UNIT, k_max=8.0, rings=20)
-    deviation = (found.S - 1.0) / found.S_error
+@pytest.mark.parametrize("repeated", [False, True])
+def test_structure_factor_of_an_ideal_gas_is_one_within_its_error(repeated: bool) -> None:
+    """Also where 12 frames all show the same gas, and are worth one."""
+    frames = ideal_gas(1, 1000, count=12)
+    if repeated:
+        frames[:] = frames[0]
+    found = analysis.structure_factor(frames, UNIT, k_max=24.0, rings=100)
+    used = found.modes > 40  # means of so many are nearly normal, and so is their scatter
+    deviation = (found.S[used] - 1.0) / found.S_error[used]
+    # 80 rings and more: 1 within 4 standard errors. With errors that are 30 % too small it would be 2.
+    assert np.count_nonzero(used) >= 80
+    assert np.mean(deviation**2) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / 80.0))
     assert np.max(np.abs(deviation)) < 4.0
-    # S of one mode has the variance 1; a ring's mean of hundreds of them is nearly normal.
-    assert np.mean(deviation**2) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / len(found.S)))
+    # A mode's S is distributed exponentially: errors themselves are S / sqrt(modes), over sqrt(frames) if independent.
+    # Scatter of M modes tells them to within sqrt(2 / M) or sqrt(8 / M) over 2, a sixth at most for M > 40; of 80, 2 %.
+    expected = 1.0 / np.sqrt(found.modes * (1 if repeated else 12))
+    assert np.mean(found.S_error[used] / expected[used]) == pytest.approx(1.0, abs=0.06)
 
 
 @pytest.mark.parametrize("stride", [1, 3])
@@ -136,17 +147,57 @@ def test_structure_factor_of_a_lattice_has_its_bragg_peak() -> None:
     np.testing.assert_allclose(S[low], 0.0, atol=1e-7)
 
 
-def test_structure_factor_at_small_k_is_the_compressibility(fluid: tuple[np.ndarray, Box]) -> None:
-    """S(0) = T (d rho / d p) = 1 / (d(phi Z) / d phi), with Z = 1 + 2 phi chi by the virial series."""
-    position, box = fluid
+def small_k(position: np.ndarray, box: Box) -> tuple[float, float]:
+    """S in the mean over the two rings of the longest waves, and its standard error."""
     found = analysis.structure_factor(position, box, k_max=1.0, rings=3)
+    weight = found.modes[:2] / found.modes[:2].sum()
+    return float(weight @ found.S[:2]), float(np.hypot(*(weight * found.S_error[:2])))
+
+
+@pytest.mark.parametrize("contact", ["virial", "henderson"])
+def test_structure_factor_at_small_k_is_the_compressibility(
+    contact: str, fluid: tuple[np.ndarray, Box]
+) -> None:
+    """S(0) = T (d rho / d p) = 1 / (d(phi Z) / d phi), with Z = 1 + 2 phi chi.
+
+    By the virial series, and by D. Henderson, Mol. Phys. 30, 971 (1975): chi = (1 - 7 phi / 16) / (1 - phi)^2.
+    """
+
+    def pressure(phi: float) -> float:
+        chi = (
+            theory.contact_value(phi) if contact == "virial" else (1.0 - 7.0 * phi / 16.0) / (1.0 - phi) ** 2
+        )
+        return float(phi * (1.0 + 2.0 * phi * chi))
+
     h = 1e-4
-    pressure = [phi * (1.0 + 2.0 * phi * theory.contact_value(phi)) for phi in (0.5 - h, 0.5 + h)]
-    expected = 2.0 * h / (pressure[1] - pressure[0])
-    # Up to |k| = 0.6 sigma^-1, S has risen by some k^2: 10 %. Slow modes make frames less than independent.
-    low = np.average(found.S[:2], weights=found.modes[:2])
-    error = 2.0 * low / np.sqrt(found.frames * found.modes[:2].sum())
-    assert low == pytest.approx(expected, abs=3.0 * error + 0.1 * expected)
+    expected = 2.0 * h / (pressure(0.5 + h) - pressure(0.5 - h))
+    found, error = small_k(*fluid)
+    # Up to |k| = 0.6 sigma^-1, S has risen by some k^2: 10 %.
+    assert found == pytest.approx(expected, abs=3.0 * error + 0.1 * expected)
+    assert error < 0.15 * expected
+
+
+def test_errors_of_long_waves_do_not_fall_with_frames_that_show_the_same_gas(
+    fluid: tuple[np.ndarray, Box],
+) -> None:
+    """Twice as many frames at the same times are worth no more. The longest waves live for some frames."""
+    position, box = fluid
+    found, error = small_k(position, box)
+    again, error_again = small_k(np.repeat(position, 2, axis=0), box)
+    assert again == pytest.approx(found, rel=1e-12)
+    assert error_again == pytest.approx(error, rel=1e-12)
+
+
+def test_pair_correlation_of_two_disks_is_that_of_a_single_pair() -> None:
+    """An ideal pair is in a ring with the probability ring / area, so that one pair there has g = area / ring.
+
+    N (N - 1) / 2 pairs, not N^2 / 2: with N in place of N - 1 it would be half as much.
+    """
+    found = analysis.pair_correlation(np.array([[5.0, 5.0], [7.5, 5.0]]), UNIT, r_min=2.0, r_max=3.0, bins=1)
+    assert found.pairs[0] == 1.0
+    assert found.g[0] == pytest.approx(600.0 / (np.pi * (9.0 - 4.0)), rel=1e-12)
+    # Counted from both ends, a pair is one: the error of one is as large as g.
+    assert found.g_error[0] == pytest.approx(found.g[0], rel=1e-12)
 
 
 def test_lattice_is_one_crystal_and_an_ideal_gas_is_none() -> None:

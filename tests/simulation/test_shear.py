@@ -12,6 +12,7 @@ from support.shear_reference import Sheared
 
 from ifrdem.errors import InputError
 from ifrdem.initial import placement
+from ifrdem.kernels.layout import USUAL_HALO
 from ifrdem.model.box import Box
 from ifrdem.model.forces import RandomKicks, Rescale
 from ifrdem.model.ifr import IFRLaw
@@ -21,6 +22,7 @@ from ifrdem.model.walls import Wall
 from ifrdem.simulation import device
 from ifrdem.simulation.engine import CollisionTimes, Engine
 from ifrdem.simulation.simulation import Simulation
+from ifrdem.simulation.windows import Windows
 from ifrdem.theory import contact_value
 from ifrdem.theory.sheared_gas import steady_state
 
@@ -100,6 +102,42 @@ def test_collisions_of_a_mixture_are_those_of_a_serial_code(order: str) -> None:
     disks, box, state, reference = expected("mixture", 0.25, 0.7, 3.7, COIN, 600)
     engine = made(disks, box, state, COIN, order)
     assert_same_collisions(run(engine, 600), reference.collisions)
+
+
+def test_a_halo_is_too_narrow_if_the_flow_brings_disks_past_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two disks at rest in their rows of tiles, 1.15 to both sides of a column's side, 0.45 above and below a row's.
+
+    Halos of 1.05 hold neither for the other, and their own ways are 0, so that a halo of one diameter, 1, would do; but
+    in a window the rows move by 0.4 / 2 of a third of the tile's side 36 against each other, 2.4 (no disk is faster).
+    The disks are 0.9 apart along y, and touch when of 2.3 along x sqrt(1 - 0.9^2) are left.
+    """
+    drift = 36.0 * 0.01
+    position = np.array([[36.0 - 1.15, 36.45], [36.0 + 1.15, 35.55], [18.0, 18.0], [54.0, 54.0]])
+    velocity = np.array([[0.5, 0.0], [-0.5, 0.0], [-0.5, 0.0], [0.5, 0.0]]) * drift
+    set_halos = Windows._set_halos
+
+    def narrow(self: Windows) -> None:
+        set_halos(self)
+        self.arrays.scale[USUAL_HALO] = 1.05
+
+    monkeypatch.setattr(Windows, "_set_halos", narrow)
+    monkeypatch.setattr("ifrdem.simulation.windows.window_length", lambda *_: 1e9)
+    box = Box((72.0, 72.0), shear_rate=0.01)
+    engine = Engine(
+        equal_disks(4),
+        box,
+        State(position, velocity, np.zeros(4)),
+        np.array([[COIN]]),
+        order="tiles",
+        tile_disks=1,
+    )
+    assert engine.arrays.tiles == 4
+    engine.keep_collisions = True
+    engine.advance(t_end=2.4 / drift)
+    assert engine.last_collisions is not None
+    assert engine.last_collisions.pair.tolist() == [[0, 1]]
+    expected_time = (2.3 - math.sqrt(1.0 - 0.9**2)) / drift
+    assert engine.last_collisions.time[0] == pytest.approx(expected_time, rel=1e-12)
 
 
 @pytest.mark.parametrize("order", ORDERS)

@@ -53,12 +53,13 @@ def test_coins_driven_by_kicks_have_a_ratio_of_temperatures_that_power_and_densi
     np.testing.assert_allclose(rates, (-1.0, 0.0), atol=1e-9)
 
 
-def test_a_driven_gas_stays_steady_for_any_time() -> None:
+@pytest.mark.parametrize("drive", [Drive(power=0.5), Drive(power=0.2, spin_power=0.5)])
+def test_a_driven_gas_stays_steady_for_any_time(drive: Drive) -> None:
     """Without beginning to drift: from then on its collisions are the rate of the steady state times time."""
-    steady = steady_state(COIN, *GAS, Drive(power=0.5))
+    steady = steady_state(COIN, *GAS, drive)
     assert steady is not None
     times = [1e6, 1e12, 1e30, 1e50]
-    T, T_rot, collisions = driven(COIN, *GAS, Drive(power=0.5), 0.0, 0.0, times)
+    T, T_rot, collisions = driven(COIN, *GAS, drive, 0.0, 0.0, times)
     np.testing.assert_allclose(T, steady[0], rtol=1e-8)
     np.testing.assert_allclose(T_rot, steady[1], rtol=1e-8)
     mass, radius, _, phi = GAS

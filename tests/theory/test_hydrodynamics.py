@@ -28,7 +28,34 @@ SMOOTH = IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
 
 
 @pytest.mark.parametrize("phi", [1e-9, 0.1, 0.4, 0.6])
-def test_elastic_transport_coefficients_are_enskog_s(phi: float) -> None:
+def test_elastic_transport_coefficients_are_enskog_s_to_rounding(phi: float) -> None:
+    """Enskog's theory of disks, D. M. Gass, J. Chem. Phys. 54, 1898 (1971), in the first Sonine approximation.
+
+    With bn = pi n sigma^2 / 2 = 2 phi, eta_0 = sqrt(m T / pi) / (2 sigma) and kappa_0 = 4 eta_0 / m,
+
+        eta = eta_0 [1/g + bn + (1/4 + 2/pi) g bn^2],  kappa = kappa_0 [1/g + (3/2) bn + (9/16 + 1/pi) g bn^2].
+
+    *Kinetic part.* What is passed on at contact raises the drive by a factor 1 + phi g for momentum, 1 + (3/2) phi g
+    for energy, and the flux of a distorted gas by the same factor: (1 + phi g)^2 / g = 1/g + bn + g bn^2 / 4, and
+    (1 + (3/2) phi g)^2 / g = 1/g + (3/2) bn + (9/16) g bn^2.
+
+    *Contact part*, without distortion. Collisions per area, time and angle: n^2 g sigma / 2 times the mean of the
+    approach G, <G> = sqrt(T / (pi m)). Each passes on m G n over sigma n. In a shear u_x = a y, G is larger by
+    -a sigma n_x n_y, so that p_xy = -(n^2 g sigma / 2) sigma m 2 <G> a sigma (pi/4), pi/4 being the integral of
+    (n_x n_y)^2: eta has (pi/4) n^2 g sigma^3 sqrt(m T / pi) = eta_0 (2/pi) g bn^2. Of energy m G (v_i + v_j) n / 2 is
+    passed on; given G, its mean is m G^2 (T_i - T_j) / (4 T), with T_j - T_i = sigma n_x dT/dx. By <G^3> = 4 (T/m) <G>
+    and pi, the integral of n_x^2, kappa has (pi/2) n^2 g sigma^3 <G> = kappa_0 (1/pi) g bn^2.
+    """
+    g, m, T, R = contact_value(phi), 1.7, 2.3, 0.4
+    eta_0, bn = math.sqrt(m * T / math.pi) / (4.0 * R), 2.0 * phi
+    eta = eta_0 * (1 / g + bn + (1 / 4 + 2 / math.pi) * g * bn**2)
+    assert shear_viscosity(phi, T, m, R) == pytest.approx(eta, rel=1e-12)
+    kappa = 4.0 * eta_0 / m * (1 / g + 1.5 * bn + (9 / 16 + 1 / math.pi) * g * bn**2)
+    assert thermal_conductivity(phi, T, m, R) == pytest.approx(kappa, rel=1e-12)
+
+
+@pytest.mark.parametrize("phi", [1e-9, 0.1, 0.4, 0.6])
+def test_elastic_transport_coefficients_are_near_those_of_higher_approximations(phi: float) -> None:
     """Gass (1971): eta = 1.022 eta_0 [1/g + b n + 0.8729 g (b n)^2], kappa = 1.029 kappa_0 [1/g + ... 0.8718 ...].
 
     b n = 2 phi; 1.022 and 1.029 are what higher Sonine approximations add to the first, which is here.

@@ -13,6 +13,7 @@ from ifrdem import theory
 from ifrdem.errors import InputError
 from ifrdem.model.coin_table import coins
 from ifrdem.model.ifr import IFRLaw, collide
+from ifrdem.theory.collisions import Collider, energy_changes
 from ifrdem.theory.sheared_gas import TheoryWarning, collisional_changes, relaxation, sheared, steady_state
 
 COIN = coins["1 pta"].law
@@ -47,6 +48,29 @@ def test_relaxation_is_that_of_colliding_pairs(law: IFRLaw) -> None:
     found = -0.5 * np.average((after_xy - before_xy) * before_xy, weights=approach)
     # The product scatters by some 3: 0.003 for a million pairs.
     assert relaxation(theta, law, 2.0) == pytest.approx(found, abs=0.012)
+
+
+def test_for_hoops_both_kinds_of_sticking_are_one_law() -> None:
+    """What stops the slip is m_t |g_t| = m_n |g_t| / (1 + k) at the contact point, m_n |g_t| / 2 at the percussion
+    centre: the same for k = 1. So are all averages, each of which holds the two factors by itself."""
+    point, centre = (
+        IFRLaw(e_n=0.8, e_t=-0.7, mu=0.3, sticking=name) for name in ("contact_point", "percussion_center")
+    )
+
+    def found(law: IFRLaw) -> list[float]:
+        disk, other = Collider(1.0, 1.0, 1.0, 0.4), Collider(3.0, 1.0, 0.7, 0.2)
+        rates = theory.cooling_rates(1.0, 0.4, law=law, mass=1.0, radius=0.5, k=1.0, number_density=0.1)
+        values = [
+            relaxation(0.4, law, 1.0),
+            collisional_changes(1.3, 0.7, -0.5, -0.4, 0.6, 0.9, law, 1.0),
+            energy_changes(law, disk, other),
+            theory.changes_per_collision(0.4, law, 1.0),
+            rates,
+            theory.cooling_ratio(law, 1.0, 0.4),
+        ]
+        return [float(one) for value in values for one in np.ravel(value)]
+
+    np.testing.assert_allclose(found(point), found(centre), rtol=1e-12)
 
 
 def test_a_dilute_gas_of_nearly_elastic_disks_stays_where_santos_garzo_and_dufty_say() -> None:

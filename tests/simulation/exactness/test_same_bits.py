@@ -177,6 +177,72 @@ def test_narrow_halos_that_are_verified_give_the_same_bits(
     assert same(state, in_order(**FAULTY))
 
 
+@pytest.mark.parametrize(
+    ("first", "second", "halo", "bad"),
+    [
+        ((20.6, 18.0), (27.4, 18.0), 3.3, 12),
+        ((23.9, 19.9), (28.1, 24.1), 4.05, 2),
+    ],
+    ids=["head on", "in a third tile"],
+)
+def test_a_pair_that_no_tile_sees_is_found_by_the_width_of_halos_alone(
+    first: tuple[float, float],
+    second: tuple[float, float],
+    halo: float,
+    bad: int,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Two disks of speed 1 fly at each other for a window of 3, from tiles whose halos do not hold the other one.
+
+    Both tiles find free flights, and agree on them: no claim that counts is wrong. Tiles have sides of 12.
+
+    *Head on*, 3.4 on either side of x = 24: contact after (6.8 - 1) / 2 = 2.9. Around the tiles of the pair, where
+    disks come by 3, a halo has to be 1 + 3 wide: in 12 tiles, which have one of these two as a neighbour.
+
+    *In a third tile*, which has nobody near: from tiles (1, 1) and (2, 2) into (2, 1), along the diagonal of a square
+    of 4.2, with contact after (4.2 sqrt 2 - 1) / 2 = 2.47. In (2, 1) both are copies, and no own disk is near. Halos
+    of 4.05 hold 1 + 3, but the disks leave their own two tiles.
+
+    Smooth elastic disks of one mass exchange velocities along their line.
+    """
+    start = np.array([first, second])
+    apart = float(np.linalg.norm(start[1] - start[0]))
+    velocity = (start[1] - start[0]) / apart * np.array([[1.0], [-1.0]])
+    at_rest = np.stack(np.meshgrid(np.arange(6.0, 48.0, 12.0), np.arange(6.0, 48.0, 12.0)), axis=-1).reshape(
+        -1, 2
+    )
+    disks = equal_disks(18)
+    state = State(
+        np.concatenate((start, at_rest)), np.concatenate((velocity, np.zeros((16, 2)))), np.zeros(18)
+    )
+    set_halos = Windows._set_halos
+
+    def narrow(self: Windows) -> None:
+        set_halos(self)
+        self.arrays.scale[USUAL_HALO] = halo
+
+    run_again, found_bad = Windows._run_again, []
+
+    def count(self: Windows, tiles: int) -> None:
+        found_bad.append(tiles)
+        run_again(self, tiles)
+
+    monkeypatch.setattr(Windows, "_set_halos", narrow)
+    monkeypatch.setattr(Windows, "_run_again", count)
+    monkeypatch.setattr("ifrdem.simulation.windows.window_length", lambda *_: 3.0)
+    engine = Engine(disks, Box((48.0, 48.0)), state, np.array([[ELASTIC]]), order="tiles", tile_disks=1)
+    assert engine.arrays.tiles == 16
+    engine.advance(t_end=3.0)
+    found = engine.state()
+    assert found.time == 3.0
+    assert engine.collisions == 1
+    np.testing.assert_allclose(found.velocity[:2], -velocity, atol=1e-14)
+    flown = (apart - 1.0) - 3.0  # there and back
+    np.testing.assert_allclose(found.position[:2], start + flown * velocity, atol=1e-13)
+    assert found_bad[0] == bad
+    assert engine.statistics.in_order == 0
+
+
 def unverified(monkeypatch: pytest.MonkeyPatch, part: float = NARROW) -> None:
     narrowed(monkeypatch, part)
     monkeypatch.setattr(Windows, "_verify", lambda self, watching: None)
