@@ -80,6 +80,7 @@ class CompiledLaw(NamedTuple):
     impulses: Any
     n_coefficients: int
     parts: Any = None  # what `impulses` gives, and P_et, sticking, rolling: of laws that tell them apart
+    names: tuple[str, ...] = ()  # of the coefficients, of a custom law, which gets them by name
 
 
 class Uses(NamedTuple):

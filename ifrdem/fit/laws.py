@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, nearest, refuse, there_are
 from ..model.ifr import STICKING, EnergyWarning, IFRLaw
-from ..model.law import CollisionLaw
+from ..model.law import OF_PAIR, CollisionLaw
 
 Array = NDArray[np.float64]
 Range = tuple[float, float]
@@ -41,11 +41,6 @@ _STEEP = 1e12  # a friction coefficient with which every impact sticks
 SMALLEST, LARGEST = 1e-7, 0.5 * math.pi - 1e-7
 """Angles of incidence [rad] as good as 0 and 90 degrees, where ratios of slips have only a limit."""
 
-_PAIR = (
-    "g_n", "g_t", "m_n", "m_t", "inverse_mass_i", "radius_i", "k_i", "spin_i",
-    "inverse_mass_j", "radius_j", "k_j", "spin_j",
-)  # fmt: skip
-
 
 class Walton(CollisionLaw):
     """Constant restitution beta of the slip, up to Coulomb's limit.
@@ -63,14 +58,14 @@ class Walton(CollisionLaw):
     coefficients: ClassVar[tuple[str, ...]] = ("e_n", "beta", "mu")
 
     @staticmethod
-    def collide(pair: Any, coefficients: Any) -> tuple[Any, Any, Any]:
+    def collide(pair: Any, law: Any) -> tuple[Any, Any, Any]:
         """Impulses P_n, P_t and no rolling friction."""
         from ..kernels.language import ti
 
-        P_n = (1.0 + coefficients[0]) * pair.m_n * pair.g_n
-        P_stick = (1.0 + coefficients[1]) * pair.m_t * ti.abs(pair.g_t)
+        P_n = (1.0 + law.e_n) * pair.m_n * pair.g_n
+        P_stick = (1.0 + law.beta) * pair.m_t * ti.abs(pair.g_t)
         direction = 1.0 * (pair.g_t > 0.0) - 1.0 * (pair.g_t < 0.0)
-        return P_n, direction * ti.min(coefficients[2] * P_n, P_stick), 0.0
+        return P_n, direction * ti.min(law.mu * P_n, P_stick), 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,17 +137,21 @@ class Law:
         none = np.zeros(np.shape(P_n))
         return (*law.after_impulses(P_n, P_t, T, *motion), P_n, P_t, none, none)
 
+    def _named(self, row: Sequence[Any]) -> SimpleNamespace:
+        """Coefficients as `collide` takes them."""
+        return SimpleNamespace(**dict(zip(self.kind.coefficients, row, strict=True)))
+
     def _impulses(self, pair: Sequence[Array], row: Sequence[Array]) -> tuple[Array, ...]:
         if self.kind is Walton:
             impulses: tuple[Array, ...] = Walton.collide(
-                SimpleNamespace(**dict(zip(_PAIR, pair, strict=True))), row
+                SimpleNamespace(**dict(zip(OF_PAIR, pair, strict=True))), self._named(row)
             )
             return impulses
         function = inspect.unwrap(self.kind.impulses())  # that of Python, also of a function of Taichi
 
         def one(*numbers: float) -> tuple[float, ...]:
-            named = SimpleNamespace(**dict(zip(_PAIR, numbers, strict=False)))
-            P_n, P_t, T = function(named, numbers[len(_PAIR) :])
+            named = SimpleNamespace(**dict(zip(OF_PAIR, numbers, strict=False)))
+            P_n, P_t, T = function(named, self._named(numbers[len(OF_PAIR) :]))
             return float(P_n), float(P_t), float(T)
 
         try:

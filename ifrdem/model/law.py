@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import math
+import re
 import warnings
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, ClassVar
@@ -19,6 +20,11 @@ from ..tools.checked import Array
 from .state import Disks
 
 PAIRS = 4096
+OF_PAIR = (
+    "g_n", "g_t", "m_n", "m_t", "inverse_mass_i", "radius_i", "k_i", "spin_i",
+    "inverse_mass_j", "radius_j", "k_j", "spin_j",
+)  # fmt: skip
+"""Names of what a law knows of a pair."""
 _ROUND_OFF = 1e-9  # of an impulse or energy, in single precision too where its sums do not go into the state
 
 
@@ -41,7 +47,7 @@ class CollisionLaw:
     Attributes
     ----------
     coefficients : tuple of str
-        Names of the law's coefficients, in the order in which `collide` gets them.
+        Names of the law's coefficients, by which `collide` gets them.
 
     Notes
     -----
@@ -57,8 +63,8 @@ class CollisionLaw:
     >>> class Smooth(ifrdem.CollisionLaw):
     ...     coefficients = ("e_n",)
     ...     @staticmethod
-    ...     def collide(pair, coefficients):
-    ...         return (1.0 + coefficients[0]) * pair.m_n * pair.g_n, 0.0, 0.0
+    ...     def collide(pair, law):
+    ...         return (1.0 + law.e_n) * pair.m_n * pair.g_n, 0.0, 0.0
     ...
     >>> law = Smooth(e_n=0.9)
     >>> law.coefficients
@@ -85,7 +91,7 @@ class CollisionLaw:
         self._row = tuple(row)
 
     @staticmethod
-    def collide(pair: Any, coefficients: Any) -> tuple[Any, Any, Any]:
+    def collide(pair: Any, law: Any) -> tuple[Any, Any, Any]:
         """The impulses of one collision, in the language of Taichi's functions (decorated by `ti.func` or not).
 
         Parameters
@@ -95,8 +101,8 @@ class CollisionLaw:
             approaches) and along t = (-n_y, n_x), spins included; m_n, m_t: effective masses [mass], so that an impulse
             P along n changes g_n by -P/m_n, and one along t changes g_t by -P/m_t; and of either disk (i and j)
             inverse_mass_i (0 for a wall), radius_i, k_i and spin_i.
-        coefficients : vector
-            The numbers of the pair's materials.
+        law : struct
+            The coefficients of the pair's materials, by name.
 
         Returns
         -------
@@ -140,7 +146,9 @@ def compiled(kind: type[CollisionLaw]) -> Any:
     function = kind.impulses()
     if not hasattr(function, "_is_taichi_function"):
         function = ti.func(plain(function))
-    return CompiledLaw(function, max(len(kind.coefficients), 1), kind.parts())
+    custom = kind.impulses.__func__ is CollisionLaw.impulses.__func__  # type: ignore[attr-defined]
+    names = (tuple(kind.coefficients) or ("none",)) if custom else ()
+    return CompiledLaw(function, max(len(kind.coefficients), 1), kind.parts(), names)
 
 
 def checked_class(laws: list[list[CollisionLaw]]) -> type[CollisionLaw]:
@@ -212,10 +220,9 @@ def try_on(kind: type[CollisionLaw], table: Array, disks: Disks, walls: Sequence
     try:
         try_law(compiled(law), np.ascontiguousarray(table), pairs, found)
     except TaichiCompilationError as error:
-        reason = str(error).strip().splitlines()[-1].strip()
         raise InputError(
-            f"law {kind.__name__}: Taichi cannot compile its collide(pair, coefficients), a static method that returns "
-            f"P_n, P_t and T: {reason}"
+            f"law {kind.__name__}: Taichi cannot compile its collide(pair, law), a static method that returns P_n, P_t "
+            f"and T: {_reason(kind, error)}"
         ) from error
     _refuse_too_weak(kind, pairs, found)
     gain = _energy(pairs, found[:, 2:]) / _energy(pairs, _before(pairs)) - 1.0
@@ -224,6 +231,17 @@ def try_on(kind: type[CollisionLaw], table: Array, disks: Disks, walls: Sequence
         text = f"of {PAIRS} random collisions {gaining} added energy, {most}"
         more = "Simulation.dissipated_energy tells what becomes of it"
         warnings.warn(f"law {kind.__name__}: {text}. {more}", EnergyWarning, stacklevel=4)
+
+
+def _reason(kind: type[CollisionLaw], error: Exception) -> str:
+    """The reason that Taichi tells; what there is, for a name or a number that is none."""
+    reason = str(error).strip().splitlines()[-1].strip()
+    known = f"law has {', '.join(kind.coefficients) or 'no coefficients'}; pair has {', '.join(OF_PAIR)}"
+    if missing := re.search(r"'Struct\d*' object has no attribute '(\w+)'", reason):
+        return f"there is no '{missing[1]}'{nearest(missing[1], (*kind.coefficients, *OF_PAIR))}; {known}"
+    if missing := re.fullmatch(r"KeyError: (.*)", reason):
+        return f"[{missing[1]}]: write a name after a dot instead; {known}"
+    return reason
 
 
 def _refuse_too_weak(kind: type[CollisionLaw], pairs: Array, found: Array) -> None:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..errors import EngineError
 from ..kernels import layout as k
 from ..kernels.columns import (
+    KIND,
     MOST_MOMENTS,
     PISTON_STATE,
     REAL,
@@ -91,15 +92,16 @@ def split_of(radius: NDArray[np.float64]) -> float | None:
 def kind_rows(
     mass: NDArray[np.float64], radius: NDArray[np.float64], k: NDArray[np.float64], material: NDArray[np.integer]
 ) -> NDArray[np.float64]:  # fmt: skip
-    """Rows of `kinds` of some disks, shape (disks, 6), columns as in `kernels/layout.py`."""
-    heavy = np.where(np.isfinite(mass), mass, 0.0)
-    return np.stack(
-        [1.0 / mass, k, radius, material.astype(np.float64), heavy, heavy * radius**2 / k], axis=1
-    )
+    """Rows of `kinds` of some disks, shape (disks, columns of `columns.KIND`)."""
+    kind = Named(np.empty((len(mass), KIND.width)), KIND)
+    kind.inverse_mass, kind.k, kind.radius, kind.material = 1.0 / mass, k, radius, material
+    kind.mass = np.where(np.isfinite(mass), mass, 0.0)
+    kind.inertia = kind.mass * radius**2 / k
+    return kind.array
 
 
 def kinds_of(disks: Disks) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Kinds of disks, shape (kinds, 6), columns as in `kernels/layout.py`; and the kind of each row of `disks`."""
+    """Kinds of disks, shape (kinds, columns of `columns.KIND`); and the kind of each row of `disks`."""
     code = codes((1.0 / disks.mass, disks.k, disks.radius, disks.material))
     first = np.unique(code, return_index=True)[1] if code.any() else np.arange(min(len(code), 1))
     return kind_rows(*(getattr(disks, name)[first] for name in COLUMNS)), code

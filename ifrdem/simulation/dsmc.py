@@ -296,10 +296,12 @@ class DSMC(Sealed):
         self._law: Any = ti.ndarray(real, table.shape)
         self._law.from_numpy(table.astype(self._real))
         self._hits.fill(0)
-        record = np.column_stack(
-            (start.velocity, start.spin, 1.0 / disks.mass, disks.radius, disks.k, disks.material)
-        )
-        self._disk.from_numpy(np.ascontiguousarray(record, dtype=self._real))
+        body = Named(np.empty((n, BODY.width), dtype=self._real), BODY)
+        body.vx, body.vy, body.spin = *start.velocity.T, start.spin
+        body.inverse_mass, body.radius, body.k, body.material = (
+            1.0 / disks.mass, disks.radius, disks.k, disks.material
+        )  # fmt: skip
+        self._disk.from_numpy(body.array)
         self._scale = np.zeros(SCALE.width, dtype=self._real)  # no velocity cut-off
         self._counter = np.zeros(DSMC_TABLES["counter"].width, dtype=np.int32)
         self._fastest = np.zeros(1, dtype=self._real)

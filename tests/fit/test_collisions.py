@@ -202,7 +202,7 @@ def test_law_of_ones_own_is_fitted_as_the_law_it_repeats() -> None:
 def test_law_that_gives_no_numbers_is_refused() -> None:
     class Broken(Mine):
         @staticmethod
-        def collide(pair: Any, coefficients: Any) -> tuple[Any, Any, Any]:
+        def collide(pair: Any, law: Any) -> tuple[Any, Any, Any]:
             return pair.g_n * float("nan"), 0.0, 0.0
 
     with pytest.raises(InputError, match=r"Broken\.collide gives impulses that are not finite"):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from support.gases import mixture, start
-from support.law_examples import Half, Short, Silent, Viscoelastic, Weak
+from support.law_examples import Half, Misnamed, Numbered, Short, Silent, Viscoelastic, Weak
 
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
@@ -139,3 +139,22 @@ def test_a_law_that_returns_too_little_is_refused_by_name() -> None:
     box, state = start(disks, 0.4)
     with pytest.raises(InputError, match=r"law Short: Taichi cannot compile .* returns P_n, P_t and T"):
         quiet(disks, box, Short(), state)
+
+
+@pytest.mark.parametrize(
+    ("law", "told"),
+    [
+        (
+            Misnamed(e_n=0.9),
+            r"there is no 'e_N' \(did you mean 'e_n'\?\); law has e_n; pair has g_n, g_t, m_n",
+        ),
+        (Numbered(e_n=0.9), r"\[1\]: write a name after a dot instead; law has e_n; pair has g_n"),
+    ],
+    ids=["name", "number"],
+)
+def test_a_coefficient_that_is_none_is_told(law: CollisionLaw, told: str) -> None:
+    """Of a vector, Taichi would end the process where a number lies beyond the coefficients."""
+    disks = mixture(100)
+    box, state = start(disks, 0.4)
+    with pytest.raises(InputError, match=told):
+        quiet(disks, box, law, state)

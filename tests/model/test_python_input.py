@@ -185,8 +185,8 @@ class Own(CollisionLaw):
     coefficients = ("e",)
 
     @staticmethod
-    def collide(pair, coefficients):
-        return pair.m_n * pair.g_n * (1.0 + coefficients[0]), 0.0 * pair.g_t, 0.0
+    def collide(pair, law):
+        return pair.m_n * pair.g_n * (1.0 + law.e), 0.0 * pair.g_t, 0.0
 
 
 @pytest.fixture(scope="module")

@@ -194,8 +194,8 @@ class Wood(CollisionLaw):
     coefficients = ("e",)
 
     @staticmethod
-    def collide(pair, coefficients):
-        return (1.0 + coefficients[0]) * pair.m_n * pair.g_n, 0.0, 0.0
+    def collide(pair, law):
+        return (1.0 + law.e) * pair.m_n * pair.g_n, 0.0, 0.0
 
 
 def test_a_law_of_one_s_own_runs_and_is_tried_for_energy() -> None:

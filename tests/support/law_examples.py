@@ -14,10 +14,10 @@ class Viscoelastic(CollisionLaw):
     coefficients = ("c", "e_t", "mu")
 
     @staticmethod
-    def collide(pair, coefficients):  # type: ignore[no-untyped-def]
-        e_n = ti.max(1.0 - coefficients[0] * pair.g_n**0.2, 0.0)
+    def collide(pair, law):  # type: ignore[no-untyped-def]
+        e_n = ti.max(1.0 - law.c * pair.g_n**0.2, 0.0)
         P_n, P_t, T, _, _, _ = ifr_impulses(
-            e_n, coefficients[1], coefficients[2], 1.0, 0.0,
+            e_n, law.e_t, law.mu, 1.0, 0.0,
             pair.g_n, pair.g_t, pair.m_n, pair.m_t, pair.radius_i, pair.radius_j,
         )  # fmt: skip
         return P_n, P_t, T
@@ -29,15 +29,15 @@ class Weak(CollisionLaw):
     coefficients = ("part",)
 
     @staticmethod
-    def collide(pair, coefficients):  # type: ignore[no-untyped-def]
-        return coefficients[0] * pair.m_n * pair.g_n, 0.0, 0.0
+    def collide(pair, law):  # type: ignore[no-untyped-def]
+        return law.part * pair.m_n * pair.g_n, 0.0, 0.0
 
 
 class Driving(CollisionLaw):
     """Smooth disks with e_n = 1/2 and a torque that drives spins instead of braking them."""
 
     @staticmethod
-    def collide(pair, coefficients):  # type: ignore[no-untyped-def]
+    def collide(pair, law):  # type: ignore[no-untyped-def]
         return 1.5 * pair.m_n * pair.g_n, 0.0, -0.01 * pair.m_n * pair.g_n
 
 
@@ -45,7 +45,7 @@ class Half(CollisionLaw):
     """Smooth disks with e_n = 1/2; no coefficients."""
 
     @staticmethod
-    def collide(pair, coefficients):  # type: ignore[no-untyped-def]
+    def collide(pair, law):  # type: ignore[no-untyped-def]
         return 1.5 * pair.m_n * pair.g_n, 0.0, 0.0
 
 
@@ -53,8 +53,28 @@ class Short(CollisionLaw):
     """Returns too little."""
 
     @staticmethod
-    def collide(pair, coefficients):  # type: ignore[no-untyped-def]
+    def collide(pair, law):  # type: ignore[no-untyped-def]
         return 1.5 * pair.m_n * pair.g_n, 0.0
+
+
+class Misnamed(CollisionLaw):
+    """Asks for a coefficient that it does not have."""
+
+    coefficients = ("e_n",)
+
+    @staticmethod
+    def collide(pair, law):  # type: ignore[no-untyped-def]
+        return (1.0 + law.e_N) * pair.m_n * pair.g_n, 0.0, 0.0
+
+
+class Numbered(CollisionLaw):
+    """Asks for a coefficient by a number."""
+
+    coefficients = ("e_n",)
+
+    @staticmethod
+    def collide(pair, law):  # type: ignore[no-untyped-def]
+        return (1.0 + law[1]) * pair.m_n * pair.g_n, 0.0, 0.0
 
 
 class Silent(CollisionLaw):

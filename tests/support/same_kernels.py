@@ -5,7 +5,8 @@
 Run it once before a change, with an empty folder, and after each step of the change with the same folder. It prints the
 SHA-256 of the state and the sums of each gas, and how many kernels were compiled for it: files that the cache gained.
 A step leaves the program as it is if all hashes are equal and nothing was compiled. Together the gases use every kernel
-and every feature (`kernels/layout.py`, `Uses`). `--ranks` adds gases on two ranks of MPI (`rank_gases.py`).
+and every feature (`kernels/layout.py`, `Uses`). `--ranks` adds gases on two ranks of MPI (`rank_gases.py`): fill the
+folder by two runs, for of ranks that end at the same time only one writes its kernels.
 """
 
 from __future__ import annotations

@@ -17,8 +17,8 @@ class Viscoelastic(ifrdem.CollisionLaw):
     coefficients = ("c",)
 
     @staticmethod
-    def collide(pair, coefficients):
-        e_n = ti.max(1.0 - coefficients[0] * pair.g_n**0.2, 0.0)
+    def collide(pair, law):
+        e_n = ti.max(1.0 - law.c * pair.g_n**0.2, 0.0)
         return (1.0 + e_n) * pair.m_n * pair.g_n, 0.0, 0.0
 
 
