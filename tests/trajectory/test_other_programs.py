@@ -13,6 +13,7 @@ import pytest
 from support.layout_files import FIELDS, some_disks, some_state, write
 
 from ifrdem.errors import InputError
+from ifrdem.initial import from_csv
 from ifrdem.model.box import Box
 from ifrdem.trajectory.export import export
 from ifrdem.trajectory.reader import Trajectory
@@ -410,3 +411,45 @@ def test_files_of_layout_1_3_open_and_are_written_anew_by_export(tmp_path, name)
             assert np.array_equal(file[f"{edges}/value"], new[f"{edges}/value"])
     with Trajectory(tmp_path / "exported.h5") as trajectory:
         assert trajectory.box == box
+
+
+# --- the CSV of `ifrdem export` is a start file
+
+
+@pytest.mark.parametrize("name", ["periodic", "walls in y", "closed", "open"])
+@pytest.mark.parametrize("precision", ["f4", "f8"])
+def test_an_exported_frame_is_a_start_file(tmp_path, name, precision):
+    box, dtype = BOXES[name], {"f4": np.float32, "f8": np.float64}[precision]
+    fields = (*FIELDS, "angle", "dissipated", "last_partner")
+    write(tmp_path / "run.h5", n=N, frames=2, box=box, fields=fields, precision=precision)
+    with Trajectory(tmp_path / "run.h5") as trajectory:
+        export(trajectory, tmp_path / "start.csv", "csv", [1])
+    found, state = from_csv.read(tmp_path / "start.csv", N, box), some_state(N, 1, box)
+    assert found.velocity is not None
+    assert found.spin is not None
+    for given, wanted in (
+        (found.position, state.position),
+        (found.velocity, state.velocity),
+        (found.spin, state.spin),
+    ):
+        assert np.array_equal(given.astype(dtype), wanted.astype(dtype))
+
+
+def test_exports_that_are_no_start_are_refused(tmp_path):
+    path = tmp_path / "start.csv"
+    write(tmp_path / "run.h5", n=4, frames=2)
+    with Trajectory(tmp_path / "run.h5") as trajectory:
+        export(trajectory, path, "csv", [0, 1])
+    with pytest.raises(InputError, match=r"has 8 disks: must be 4, .* --frames=-1"):
+        from_csv.read(path, 4)
+    with pytest.raises(InputError, match=r"line 6: id = 0: must be 4: rows are in the order of the species"):
+        from_csv.read(path, 8)
+    lines = path.read_text().splitlines()[:5]
+    path.write_text("\n".join([lines[0], *lines[:0:-1]]) + "\n")  # sorted otherwise
+    with pytest.raises(InputError, match=r"line 2: id = 3: must be 0"):
+        from_csv.read(path, 4)
+    with pytest.raises(InputError, match="cannot start a sheared box"):
+        from_csv.read(path, 4, BOXES["sheared"])
+    path.write_text("x,y,frame\n1,1,0\n")  # a column that an export has, in another file
+    with pytest.raises(InputError, match="unknown column 'frame'"):
+        from_csv.read(path, 1)
