@@ -177,10 +177,13 @@ def test_examples_for_notebooks_and_other_packages_run(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of other packages
         exec(compile(block("others"), "exports.md", "exec"), found)
+    exec(compile(block("masses"), "exports.md", "exec"), found)
     assert len(found["universe"].trajectory) == 21
     assert len(found["atoms"]) == 400
     with Trajectory("cooling.h5") as run:
         np.testing.assert_allclose(found["atoms"].positions[:, :2], run[-1].position, rtol=1e-6)
+        np.testing.assert_array_equal(found["atoms"].get_masses(), run.disks.mass)
+        np.testing.assert_allclose(found["atoms"].get_velocities()[:, :2], run[-1].velocity, rtol=1e-15)
 
 
 def test_small_case_runs_as_the_tutorial_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

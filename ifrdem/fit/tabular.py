@@ -236,8 +236,9 @@ def _header(
 ) -> tuple[list[str], list[float], list[str]]:
     """Standard names ("" for an unused one) and factors of the columns, and those that are not used."""
     if all(csv_rows.is_number(text) for text in header):
+        standard = ", ".join(name for name in kinds if ":" not in name)
         raise InputError(
-            f"line {line}: there is no header: the first line must name the columns, and here "
+            f"line {line}: there is no header: the first line must name the columns ({standard}), and here "
             "it holds numbers"
         )
     for sign, kind in _DELIMITERS.items():

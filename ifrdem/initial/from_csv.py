@@ -15,12 +15,22 @@ from ..errors import InputError, listed, nearest
 from ..fit import tabular
 from ..fit.tabular import Form
 from ..model.box import Box
-from ..tools import world
+from ..tools import slices, world
 from ..tools.checked import Array
+from ..trajectory.export import CSV_KEYS, csv_names
+from ..trajectory.layout import FIELDS
+from ..trajectory.reader import SPIN
 
 POSITION = ("x", "y")
 MOTION = ("vx", "vy", "spin")
-KINDS = {**dict.fromkeys(POSITION, "length"), **dict.fromkeys(MOTION[:2], "velocity"), "spin": "spin"}
+KINDS = {
+    **dict.fromkeys(POSITION, "length"),
+    **dict.fromkeys(MOTION[:2], "velocity"),
+    "spin": "spin",
+    "id": "number",
+}
+EXPORTED = {"x": "position_x", "y": "position_y", "vx": "velocity_x", "vy": "velocity_y", "spin": SPIN}
+"""Names of the columns in the CSV of `ifrdem export`."""
 MOST_BYTES = 1_000_000_000  # the start of some 10 million disks
 MOST_REPORTED = 5  # wrong lines that are listed one by one
 
@@ -41,7 +51,10 @@ def read(path: Path, n: int, box: Box | None = None, form: Form | None = None, *
 
     The first line names the columns: x and y [length], and either all or none of vx, vy [length/time] and spin
     [rad/time], in any order, each with a column NAME_error if wished; units in brackets, such as x (mm), are
-    converted to SI units. `form` tells names, units and signs of the file where they are others. Empty lines, and
+    converted to SI units. Rows are in the order of the species; a column id must be 0, 1, 2, ... The CSV of
+    `ifrdem export` of one frame is such a file, but for a sheared box: its names (`EXPORTED`) are understood, and its
+    other columns skipped.
+    `form` tells names, units and signs of the file where they are others. Empty lines, and
     lines that begin with #, are skipped. InputError with a line for each thing that is wrong: a column, a value (by
     line and column), the number of disks.
 
@@ -50,15 +63,23 @@ def read(path: Path, n: int, box: Box | None = None, form: Form | None = None, *
     """
     try:
         table = tabular.read(
-            path, KINDS, {name: name for name in KINDS}, form or Form(), most=MOST_BYTES, most_wrong=MOST_REPORTED,
-            gaps=False, n=n, comm=comm,
+            path, KINDS, {tabular.plain(key): name for name in KINDS for key in (name, EXPORTED.get(name, name))},
+            form or Form(), most=MOST_BYTES, most_wrong=MOST_REPORTED, gaps=False, n=n, comm=comm,
         )  # fmt: skip
     except InputError as error:
         lines = [_as_keys(line.removeprefix(f"{path}: ")) for line in str(error).splitlines()]
         raise InputError("\n".join(lines)) from None
     columns = table.columns
     names = [name for name in columns if not name.endswith("_error")]
-    wrong = _wrong_columns(names, () if form is not None and form.columns else table.unused)
+    unused = table.unused
+    if set(CSV_KEYS) <= {*unused, *names}:
+        if box is not None and box.shear_rate:
+            raise InputError(
+                f"columns {', '.join(CSV_KEYS)}: a frame of `ifrdem export` cannot start a sheared box, in which the "
+                "images above and below have moved on since t = 0"
+            )
+        unused = tuple(name for name in unused if name not in (*CSV_KEYS, *csv_names(FIELDS)))
+    wrong = _wrong_columns(names, () if form is not None and form.columns else unused)
     if wrong:
         raise InputError("\n".join(wrong))
     position = np.column_stack([columns[axis] for axis in POSITION])
@@ -68,17 +89,29 @@ def read(path: Path, n: int, box: Box | None = None, form: Form | None = None, *
         for axis, side in zip(POSITION, box.lengths, strict=True):
             inside[axis] = f"must lie inside the box, from 0 to below {side:.6g}"
             bad[axis] |= (columns[axis] < 0.0) | (columns[axis] >= side)
+    expected = slices.slice_of(n, comm).start + np.arange(len(table))
+    if "id" in columns and table.rows == n:
+        bad["id"] |= columns["id"] != expected
     rows = np.flatnonzero(np.any(list(bad.values()), axis=0))
     texts = [
         f"line {table.line[i]}: {name} = {value:g}: "
-        + (inside[name] if math.isfinite(value) else "a finite number is needed")
+        + (
+            "a finite number is needed"
+            if not math.isfinite(value)
+            else f"must be {expected[i]}: rows are in the order of the species"
+            if name == "id"
+            else inside[name]
+        )
         for i in rows[:MOST_REPORTED]
         for name, value in ((name, columns[name][i]) for name in columns if bad[name][i])
     ]
     texts, count = world.first_of_all(comm, texts, sum(map(np.count_nonzero, bad.values())), MOST_REPORTED)
     wrong = listed(texts, MOST_REPORTED, count).splitlines()
     if table.rows != n:
-        wrong.append(f"has {table.rows} disks: {n} are needed, the sum of the species' numbers")
+        more = "; `ifrdem export` writes one frame with --frames=-1" if "id" in columns else ""
+        wrong.append(
+            f"has {table.rows} disks: must be {n}, the sum of the species' numbers, in the order of the species{more}"
+        )
     if wrong:
         raise InputError("\n".join(wrong))
     moving = set(MOTION) <= set(names)
@@ -100,7 +133,7 @@ def _as_keys(text: str) -> str:
 
 
 def _wrong_columns(names: list[str], unused: tuple[str, ...]) -> list[str]:
-    allowed = POSITION + MOTION
+    allowed = tuple(KINDS)
     wrong = [
         f"unknown column '{name}'{nearest(name, allowed)}; allowed are {', '.join(allowed)}"
         for name in unused

@@ -160,6 +160,20 @@ class Box:
         """Shift along x of the image above at times [time]: shear_rate Ly t, in [0, Lx) [length]."""
         return self.shear_rate * self.lengths[1] * time % self.lengths[0]
 
+    def cell(self, time: float = 0.0) -> Array:
+        """Edge vectors of a cell for programs that take each of its sides as periodic [length], row by row, (3, 3).
+
+        Periodic sides are those of the box; in a sheared box the second one leans by the shift of the image above,
+        within half of Lx. A side between walls is twice as long, and z as long as the longest: two disks in the box are
+        less than half of such a side apart, so a minimum image never crosses it.
+        """
+        x, y = (
+            side if periodic else 2.0 * side
+            for side, periodic in zip(self.lengths, self.periodic, strict=True)
+        )
+        shift = self.image_above(time) if self.shear_rate else 0.0
+        return np.array([[x, 0.0, 0.0], [shift - x * round(shift / x), y, 0.0], [0.0, 0.0, max(x, y)]])
+
     def wrap(self, position: Array, time: float | Array = 0.0) -> Array:
         """Positions [length], shape (..., 2), moved by whole boxes into [0, Lx) x [0, Ly) where periodic.
 

@@ -15,14 +15,16 @@ from numpy.typing import NDArray
 from ..errors import printable
 from ..tools import checked
 from ..tools.files import check_apart, write_aside
-from . import tables
+from . import layout, tables
 from .damage import FAULTS
 from .history import History
 from .reader import SPIN, Trajectory
 from .repair import write_whole
+from .views import CONSTANT
 
 FORMATS = ("gsd", "extxyz", "csv", "h5")
-EXTXYZ_NAMES = {"position": "pos", "velocity": "velo"}  # what ASE and OVITO call them
+EXTXYZ_NAMES = {"position": "pos", "velocity": "velo"}  # what OVITO calls them
+CSV_KEYS = ("frame", "time", "id")  # first columns of a CSV
 
 
 def export(
@@ -38,12 +40,13 @@ def export(
     The file at `place` appears whole or not at all, and replaces one that is there; `frames` are written in this order,
     and `progress` wraps them, to show how far it is.
 
-    gsd: HOOMD's schema in two dimensions, single precision, with the origin in the middle of the box; `angle` as
-    orientations, spins as angular momenta, both also as logged quantities `particles/angle` and
-    `particles/angular_velocity`, times as `time`; types are species. extxyz: extended XYZ with z = 0, every stored
-    field, and names of species without blanks in the column `kind`. csv: a line a disk and frame, with a header. The
-    last two keep every digit that is stored. h5: a trajectory of these frames, ascending, with series and histories, in
-    one file; so parts are put together.
+    gsd: HOOMD's schema in two dimensions, single precision, with the origin in the middle of the box, whose sides
+    between walls are twice as long because HOOMD takes all as periodic (`Box.cell`); `angle` as orientations, spins as
+    angular momenta, both also as logged quantities `particles/angle` and `particles/angular_velocity`, times as `time`;
+    types are species. extxyz: extended XYZ with z = 0, every stored field, names of species without blanks in the
+    column `kind`, and what ASE takes: `masses`, and `momenta` where velocities are stored. csv: a line a disk and
+    frame, with a header; of one frame, a start file. The last two keep every digit that is stored. h5: a trajectory of
+    these frames, ascending, with series and histories, in one file; so parts are put together.
 
     Raises InputError if the format is none of these, a field it needs is not stored, a package is missing, or it cannot
     be written.
@@ -84,20 +87,24 @@ def _stored(trajectory: Trajectory, index: int) -> dict[str, NDArray[Any]]:
 
 
 def _csv(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
-    n = trajectory.n
-    empty = {name: np.zeros((0, *trajectory.dataset(name).shape[2:])) for name in trajectory.fields}
-    names = [end for name, value in empty.items() for end, _ in tables.columns(name, value)]
+    n, disks = trajectory.n, trajectory.disks
 
     def rows() -> Iterable[list[str]]:
         ids = np.arange(n).astype(str)
         for index in frames:
-            stored = _stored(trajectory, index).items()
-            parts = (part for name, value in stored for part in tables.columns(name, value))
+            columns = {**_stored(trajectory, index), **{name: getattr(disks, name) for name in CONSTANT}}
+            parts = (part for name, value in columns.items() for part in tables.columns(name, value))
             flat = [column.astype(str) for _, column in parts]
             head = [np.full(n, str(index)), np.full(n, repr(float(trajectory.times[index]))), ids]
             yield from np.column_stack([*head, *flat]).tolist()
 
-    write_csv(place, ["frame", "time", "id", *names], rows())
+    write_csv(place, [*CSV_KEYS, *csv_names(trajectory.fields)], rows())
+
+
+def csv_names(fields: Iterable[str]) -> list[str]:
+    """Names of the columns of a CSV behind the keys: those of fields, then constant properties."""
+    empty = {name: np.zeros((0, *layout.FIELDS[name].tail)) for name in fields}
+    return [*(end for name, value in empty.items() for end, _ in tables.columns(name, value)), *CONSTANT]
 
 
 def kinds(trajectory: Trajectory) -> tuple[list[str], NDArray[np.intp]] | None:
@@ -128,9 +135,8 @@ def material_names(trajectory: Trajectory) -> list[str] | None:
 
 def _extxyz(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
     disks, box = trajectory.disks, trajectory.box
-    constant: dict[str, NDArray[Any]] = {
-        name: getattr(disks, name) for name in ("radius", "mass", "material")
-    }
+    constant = {name: getattr(disks, name) for name in CONSTANT}
+    constant["masses"] = disks.mass  # OVITO knows `mass` and `velo`, ASE `masses` and `momenta`
     species = np.full(disks.n, "X")  # no chemical element; ASE takes no other name
     first, first_properties = [species], ["species:S:1"]
     if named := kinds(trajectory):
@@ -139,7 +145,11 @@ def _extxyz(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
     with place.open("w", encoding="utf-8") as file:
         for index in frames:
             columns, properties = list(first), list(first_properties)
-            for name, value in {**_stored(trajectory, index), **constant}.items():
+            stored = _stored(trajectory, index)
+            if "velocity" in stored:  # immovable disks are at rest
+                weight = np.where(disks.movable, disks.mass, 0.0)
+                stored["momenta"] = weight[:, None] * stored["velocity"].astype(np.float64)
+            for name, value in {**stored, **constant}.items():
                 vector = value.shape[1:] == (2,)
                 kind = "I" if value.dtype.kind == "i" else "R"
                 count = 3 if vector else int(np.prod(value.shape[1:]))
@@ -152,7 +162,8 @@ def _extxyz(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
             if not box.is_open:
                 above = box.image_above(time)
                 width, height = box.lengths
-                cell = f'Lattice="{width!r} 0 0 {above!r} {height!r} 0 0 0 1" '
+                # OVITO's Voronoi cells of disks on a side of a leaning cell have no area: z is from -1/2 to 1/2.
+                cell = f'Lattice="{width!r} 0 0 {above!r} {height!r} 0 0 0 1" Origin="0 0 -0.5" '
             periodic = " ".join("T" if one else "F" for one in (*box.periodic, False))
             head = f'{cell}Properties={":".join(properties)} pbc="{periodic}" time={time!r} frame={index}'
             file.write(f"{disks.n}\n{head}\n")
@@ -179,10 +190,11 @@ def _snapshot(hoomd: Any, trajectory: Trajectory, index: int) -> Any:
     position = frame.position
     if box.is_open:  # HOOMD knows no open plane: a square about all of them
         middle = (position.min(axis=0) + position.max(axis=0)) / 2.0 if n else np.zeros(2)
-        side = float(np.ptp(position, axis=0).max() + 2.0 * disks.radius.max()) if n else 1.0
+        # Twice as large as they are spread out, so that no minimum image crosses it.
+        side = 2.0 * float(np.ptp(position, axis=0).max() + 2.0 * disks.radius.max()) if n else 1.0
         lengths, tilt = np.array([side, side]), 0.0
     else:
-        middle, lengths, tilt = 0.5 * np.asarray(box.lengths), np.asarray(box.lengths), frame.box[3]
+        middle, lengths, tilt = 0.5 * np.asarray(box.lengths), np.asarray(frame.box[:2]), frame.box[3]
     place = position - middle
     if tilt:  # into HOOMD's parallelogram
         place[:, 0] -= lengths[0] * np.round((place[:, 0] - tilt * place[:, 1]) / lengths[0])

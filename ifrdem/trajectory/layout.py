@@ -2,7 +2,8 @@
 
 H5MD: P. de Buyl, P. H. Colberg and F. Hoefling, Comput. Phys. Commun. 185, 1546 (2014),
 doi:10.1016/j.cpc.2014.01.018. The manual has all groups and datasets (`ifrdem docs format`). Layout 1.0 had no
-last_partner, timeseries and histories, 1.1 no angle, 1.2 no asleep and dissipated.
+last_partner, timeseries and histories, 1.1 no angle, 1.2 no asleep and dissipated, and up to 1.3 `edges` were three
+lengths, z a placeholder of 1, also in boxes without a periodic side.
 """
 
 from __future__ import annotations
@@ -28,9 +29,11 @@ from .file import staged
 from .parts import Part, Parts
 
 H5MD_VERSION = (1, 1)
-LAYOUT_VERSION = (1, 3)
+LAYOUT_VERSION = (1, 4)
 PARTICLES = "particles/all"
 EDGES = f"{PARTICLES}/box/edges"
+FRAMES = "frames"
+"""Group of the steps and times of frames where there are no edges: H5MD lets them be absent without a periodic side."""
 TIMESERIES = "timeseries"
 REDUCED = "reduced"
 """Unit of every quantity where there are none."""
@@ -178,11 +181,12 @@ def create(
         within.write(file)
     h5md = file.create_group("h5md")
     h5md.attrs["version"] = np.array(H5MD_VERSION, dtype=np.int32)
-    h5md.create_group("author").attrs["name"] = str(parameters.get("author", "not stated"))
+    # H5MD wants texts of fixed length.
+    h5md.create_group("author").attrs["name"] = _fixed(str(parameters.get("author", "not stated")))
     versions = package_versions()
     creator = h5md.create_group("creator")
-    creator.attrs["name"] = "ifrdem"
-    creator.attrs["version"] = str(parameters.get("versions/ifrdem", versions["ifrdem"]))
+    creator.attrs["name"] = _fixed("ifrdem")
+    creator.attrs["version"] = _fixed(str(parameters.get("versions/ifrdem", versions["ifrdem"])))
     h5md.create_group("modules/ifrdem").attrs["version"] = np.array(LAYOUT_VERSION, dtype=np.int32)
     if _are_si(units):
         module = h5md.create_group("modules/units")
@@ -191,9 +195,11 @@ def create(
 
     particles = file.create_group(PARTICLES)
     particles.create_group("box").attrs.update(box_attributes(box))
-    edges = particles.create_group("box/edges")
-    for name, dtype, tail in (("step", np.int64, ()), ("time", np.float64, ()), ("value", np.float64, (3,))):
-        _growing(edges, name, dtype, CHUNK_FRAMES, tail)
+    clock = file.create_group(EDGES if any(box.periodic) else FRAMES)
+    for name, dtype in (("step", np.int64), ("time", np.float64)):
+        _growing(clock, name, dtype, CHUNK_FRAMES)
+    if any(box.periodic):
+        _growing(clock, "value", np.float64, CHUNK_FRAMES, (3, 3))
     for name, kind in STATIC.items():
         if parts is None:
             particles[name] = getattr(disks, name)
@@ -230,10 +236,19 @@ def box_attributes(box: Box) -> dict[str, Any]:
     """Attributes of a box in the file."""
     sides: dict[str, Any] = {
         "dimension": 3,
-        "boundary": [*("periodic" if one else "none" for one in box.periodic), "none"],
+        "boundary": np.array([*("periodic" if one else "none" for one in box.periodic), "none"], dtype="S"),
         "lengths": np.array(box.lengths),
     }
     return {**sides, "shear_rate": box.shear_rate} if box.shear_rate else sides
+
+
+def _fixed(text: str) -> Any:
+    return np.array(text.encode(), dtype=h5py.string_dtype(length=max(1, len(text.encode()))))
+
+
+def clock(file: h5py.File) -> str:
+    """Name of the group with the steps and times of frames."""
+    return EDGES if EDGES in file else FRAMES
 
 
 def _are_si(units: Mapping[str, str]) -> bool:
@@ -327,7 +342,7 @@ def _stepped(file: h5py.File, place: str) -> h5py.Group:
     """Make a group of something that each frame has."""
     group = file.create_group(place)
     for name in ("step", "time"):
-        group[name] = file[f"{EDGES}/{name}"]
+        group[name] = file[f"{clock(file)}/{name}"]
     return group
 
 
@@ -441,10 +456,10 @@ def check_part(file: h5py.File, path: str, parts: Parts, number: int) -> None:
             disks = part[f"{PARTICLES}/radius"].shape
         except InputError as error:
             raise DamageError(f"{what} cannot be read: {error}") from error
-        own, frames = parts.disks(number), len(file[f"{EDGES}/step"])
+        own, frames = parts.disks(number), len(file[f"{clock(file)}/step"])
         if disks != (own.stop - own.start,):
             raise DamageError(f"{what} holds {disks[0]} disks instead{parted.SEE}")
-        held = len(part[f"{EDGES}/step"])
+        held = len(part[f"{clock(part)}/step"])
         if held < frames:
             raise parted.ShortPart(f"{what} is too short: it holds {held} of {frames} frames{parted.SEE}")
         for name in stored_fields(file):
@@ -462,11 +477,11 @@ def _check_frames(file: h5py.File, path: str, parts: Parts | None) -> None:
         raise InputError(
             f"{path} is HDF5 but not H5MD: its group h5md with a version is missing (it holds {found})"
         )
-    expected: Expected = {
-        f"{EDGES}/step": ((None,), "iu"),
-        f"{EDGES}/time": ((None,), "f"),
-        f"{EDGES}/value": ((None, 3), "f"),
-    }
+    frames = clock(file)
+    expected: Expected = {f"{frames}/step": ((None,), "iu"), f"{frames}/time": ((None,), "f")}
+    if frames == EDGES:
+        edges = file.get(f"{EDGES}/value")
+        expected[f"{EDGES}/value"] = ((None, 3, 3) if getattr(edges, "ndim", 0) == 3 else (None, 3)), "f"
     n = len(file[f"{PARTICLES}/radius"]) if parts is None and f"{PARTICLES}/radius" in file else 0
     own: Expected = {f"{PARTICLES}/{name}": ((n,), "iu" if name == "material" else "f") for name in STATIC}
     for name in stored_fields(file):
@@ -474,7 +489,8 @@ def _check_frames(file: h5py.File, path: str, parts: Parts | None) -> None:
         own[f"{PARTICLES}/{name}/{field.dataset}"] = (None, n, *field.tail), "i" if field.count else "f"
     groups = ("h5md/modules/ifrdem", "parameters", "observables")
     if missing := [name for name in (*expected, *own, *groups) if name not in file]:
-        creator = file["h5md/creator"].attrs.get("name", "unknown") if "h5md/creator" in file else "unknown"
+        name = file["h5md/creator"].attrs.get("name", "unknown") if "h5md/creator" in file else "unknown"
+        creator = damage.text_of(name)
         raise InputError(
             f"{path} is H5MD but not a trajectory of ifrdem (its creator: {creator}): missing {', '.join(missing)}"
         )
@@ -483,10 +499,10 @@ def _check_frames(file: h5py.File, path: str, parts: Parts | None) -> None:
         raise InputError(
             f"{path} has layout version {version[0]}.{version[1]}; this ifrdem reads {LAYOUT_VERSION[0]}.x"
         )
-    steps = len(file[f"{EDGES}/step"])
+    steps = len(file[f"{frames}/step"])
     for name in stored_fields(file) if parts is None else ():
-        if (frames := len(field_dataset(file, name))) < steps:
-            raise InputError(f"{path} is damaged: {name} holds {frames} of {steps} frames")
+        if (held := len(field_dataset(file, name))) < steps:
+            raise InputError(f"{path} is damaged: {name} holds {held} of {steps} frames")
     _expect(file, expected | own if parts is None else expected)  # parts have their own shapes
 
 

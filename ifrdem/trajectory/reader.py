@@ -141,19 +141,20 @@ class Frame(Sealed, PicturedDisks):
     def box(self) -> tuple[float, float, float, float, float, float]:
         """The box as freud, HOOMD and gsd have it: (Lx, Ly, Lz, xy, xz, yz) [length, length, 0, 1, 0, 0].
 
-        All its sides count as periodic there. InputError for an open box.
+        All its sides count as periodic there, so a side between walls is given twice as long (`Box.cell`): neighbours
+        are right, and densities that use its area are too low. InputError for an open box.
         """
         box = self.trajectory.box
         if box.is_open:
             raise InputError(f"{self.trajectory.path}: an open box has no sides: give freud a box of its own")
-        x, y = box.lengths
-        shift = box.image_above(self.time)
-        return x, y, 0.0, (shift - x * round(shift / x)) / y, 0.0, 0.0
+        (x, _, _), (lean, y, _), _ = box.cell(self.time).tolist()
+        return x, y, 0.0, lean / y, 0.0, 0.0
 
     @property
     def points(self) -> NDArray[np.float64]:
         """Centres with z = 0 about the middle of the box [length], shape (n, 3), as freud takes them with `box`."""
-        middle = 0.5 * np.array(self.box[:2])
+        self.box  # noqa: B018 (refuses an open one)
+        middle = 0.5 * np.array(self.trajectory.box.lengths)
         return np.column_stack([self.position - middle, np.zeros(self.trajectory.n)])
 
     @property
@@ -471,12 +472,12 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         self._parts = layout.check_layout(file, str(self.path), None if self._written_to else self._missing)
         self._disks: Disks | None = None
         self._fields = layout.stored_fields(file)
-        self._frames = len(file[f"{layout.EDGES}/step"])
+        self._frames = len(file[f"{layout.clock(file)}/step"])
         particles, rows = file[layout.PARTICLES], file.get(layout.TIMESERIES)
         self._set(n=len(particles["mass"]) if self._parts is None else self._parts.n)
         with damage.reading(self.path, f"{layout.PARTICLES}/box"):
             self._set(box=_box(particles["box"].attrs))
-        self._set(times=self._moments(file[layout.EDGES]), parameters={})
+        self._set(times=self._moments(file[layout.clock(file)]), parameters={})
         self._unreadable: dict[str, DamageError] = {}
         names: list[bytes | str] = []
         file["parameters"].visit(names.append)
@@ -782,6 +783,14 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         """A universe of MDAnalysis over this file, in the units of the file (nothing is converted).
 
         It has an atom for each disk, with masses, radii and types (materials); coordinates are single precision.
+        MDAnalysis takes all sides as periodic: a side between walls is twice as long there (`Box.cell`), and a box
+        without periodic sides has no dimensions.
+
+        Warns
+        -----
+        UserWarning
+            If one side is periodic and one between walls: densities that use the volume of its box are too low. If the
+            file has a layout before 1.4, whose box MDAnalysis takes for another one.
 
         Raises
         ------
@@ -850,7 +859,8 @@ def _laws(given: Any, materials: int) -> list[list[dict[str, Any] | None]]:
 
 
 def _box(attributes: Mapping[str, Any]) -> Box:
-    lengths, sides = attributes["lengths"], [str(one) for one in attributes["boundary"]]
+    lengths = attributes["lengths"]
+    sides = [one.decode() if isinstance(one, bytes) else str(one) for one in attributes["boundary"]]
     if len(lengths) != 2 or len(sides) != 3 or not {*sides} <= {"periodic", "none"}:
         raise ValueError(
             f"lengths {lengths} and boundary {sides}: two lengths and three of 'periodic' or 'none' are needed"

@@ -133,16 +133,17 @@ class _Kept:
         damage.check_links(file, str(path), layout.views_of(self._parts))
         self.wrong = False
         self._file, self._path, self._whole, self._say = file, path, whole, say
-        edges = [f"{layout.EDGES}/{name}" for name in ("step", "time", "value")]
+        clock = layout.clock(file)
+        times = [f"{clock}/{name}" for name in ("step", "time")]
         static = [f"{layout.PARTICLES}/{name}" for name in layout.STATIC]
-        missing = [one for one in (*edges, *static, "h5md/modules/ifrdem", "parameters") if one not in file]
+        missing = [one for one in (*times, *static, "h5md/modules/ifrdem", "parameters") if one not in file]
         if missing:
             raise InputError(f"{path} cannot be made a trajectory of ifrdem: {', '.join(missing)} is missing")
-        self.committed = len(file[edges[0]])
+        self.committed = len(file[times[0]])
         self._fields = layout.stored_fields(file)
         self._n = len(file[static[0]]) if self._parts is None else self._parts.n
         good = np.ones(self.committed, dtype=bool)
-        self._look(file, edges, good)
+        self._look(file, times, good)
         if self._parts is not None:
             self._look_at_parts(self._parts)
         columns: dict[str, list[NDArray[Any]]] = {name: [] for name in layout.STATIC}
@@ -152,7 +153,7 @@ class _Kept:
             self._dtypes = [field.dtype for field in fields]
             self._compression = next((damage.compression(field) for field in fields), None) or "none"
             self._look(held, [field.name for field in fields], good, own)
-            good[len(held[edges[0]]) :] = False  # of a part that is too short
+            good[len(held[times[0]]) :] = False  # of a part that is too short
             for name, found in columns.items():
                 found.append(self._all_of(held[f"{layout.PARTICLES}/{name}"]))
         if parted.PART in file:  # whose frames have the places that they have in the others
@@ -215,8 +216,12 @@ class _Kept:
             compression=self._compression, within=within, parameters=parameters,
             units={name.removeprefix("units/"): unit for name, unit in units.items()},
         )  # fmt: skip
-        for name in ("step", "time", "value"):
-            _append(new[f"{layout.EDGES}/{name}"], old[f"{layout.EDGES}/{name}"], self.frames)
+        clock = new[layout.clock(new)]
+        for name in ("step", "time"):
+            _append(clock[name], old[f"{layout.clock(old)}/{name}"], self.frames)
+        if "value" in clock:  # older layouts had other edges
+            clock["value"].resize(len(self.frames), axis=0)
+            clock["value"][:] = np.stack([self._box.cell(time) for time in clock["time"][()].tolist()])
         for own, one in parted.holders(old, self._parts, self._path, self._n):
             for name in self._fields:
                 field = layout.field_dataset(one, name)

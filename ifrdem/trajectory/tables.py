@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import os
+import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,7 @@ from ..errors import InputError
 from ..model.observables import MECHANISMS
 from ..model.walls import OF_PISTONS
 from ..tools import checked
-from .layout import STATIC
+from .layout import STATIC, version_of
 
 if TYPE_CHECKING:
     import MDAnalysis
@@ -269,4 +270,19 @@ def universe(trajectory: Trajectory) -> MDAnalysis.Universe:
     ):
         made.add_TopologyAttr(name, values)
     made.load_new(str(trajectory.path), format="H5MD", convert_units=False)
+    box, version = trajectory.box, version_of(trajectory.file)
+    if version < (1, 4):
+        text = (
+            f"{trajectory.path} has layout {version[0]}.{version[1]}: MDAnalysis takes its walls, open sides and z = 1 "
+            "as periodic; `ifrdem export FILE --to h5 -o NEW.h5` writes it in the present layout"
+        )
+        warnings.warn(text, UserWarning, stacklevel=3)
+    elif box.periodic[0] != box.periodic[1]:
+        axis = box.periodic.index(False)
+        text = (
+            f"{trajectory.path}: walls along {AXES[axis]}: MDAnalysis takes all sides as periodic, so its box has "
+            f"{2.0 * box.lengths[axis]:.6g} there, twice the side, which no minimum image crosses; densities that use "
+            "its volume are too low"
+        )
+        warnings.warn(text, UserWarning, stacklevel=3)
     return made

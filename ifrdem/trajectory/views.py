@@ -3,14 +3,15 @@
 NAME.vtkhdf is a temporal PolyData of VTK's HDF format (version 2.0, "VTKHDF File Format" on docs.vtk.org), for
 ParaView, PyVista and vtkHDFReader: points with z = 0, a vertex cell each, and as point data the stored fields (vectors
 with z = 0), radius, mass, material and id. NAME.nc follows the AMBER convention (ambermd.org/netcdf/nctraj.xhtml) in
-NetCDF-4, for OVITO, xarray and ASE: coordinates, velocities, and the other fields by their names; cell lengths are 0
-where the box is not periodic, as ASE wants it.
+NetCDF-4, for OVITO, xarray and ASE: coordinates, velocities, and the other fields by their names. Its cell has the
+length 0 where the box is not periodic, which is how ASE and OVITO write that; z is as long as the longest side, because
+OVITO finds no neighbours in a cell without a volume, and 0 too where no side is periodic. All disks have the atomic
+number 0, ASE's "X".
 
 The data are virtual datasets of HDF5 that name NAME.h5, or its parts, from the folder that they are in: move the files
 together. A view shows the
 frames that were committed when it was made. Where HDF5 cannot reach NAME.h5 (moved away, or locked by a run that still
-writes it), floats read as nan and counts as -2147483648. Neither format knows a sheared box: the images that tools make
-of one above and below are at the wrong places.
+writes it), floats read as nan and counts as -2147483648. VTK's format has no box.
 """
 
 from __future__ import annotations
@@ -196,12 +197,16 @@ def _fill_netcdf(file: h5py.File, trajectory: Trajectory) -> None:
     if "collisions" in trajectory.observables:
         per_disk = 2.0 * trajectory.observables["collisions"] / n
         attach(file.create_dataset("collisions_per_disk", data=per_disk), "frame")
-    sides = zip(trajectory.box.lengths, trajectory.box.periodic, strict=True)
-    lengths = [side if periodic else 0.0 for side, periodic in sides]
-    cell = file.create_dataset("cell_lengths", data=np.tile([*lengths, 0.0], (frames, 1)))
+    lengths, angles = np.zeros((frames, 3)), np.full((frames, 3), 90.0)
+    box = trajectory.box
+    if any(box.periodic):
+        sides = np.stack([box.cell(time) for time in trajectory.times.tolist()])
+        lengths[:] = np.where((*box.periodic, True), np.linalg.norm(sides, axis=2), 0.0)
+        lengths[:, 2] = max(box.lengths)
+        angles[:, 2] = np.degrees(np.arctan2(sides[:, 1, 1], sides[:, 1, 0]))  # a lies along x
+    cell = file.create_dataset("cell_lengths", data=lengths)
     attach(cell, "frame", "cell_spatial", unit=units.get("length"))
-    angles = file.create_dataset("cell_angles", data=np.full((frames, 3), 90.0))
-    attach(angles, "frame", "cell_angular", unit="degree")
+    attach(file.create_dataset("cell_angles", data=angles), "frame", "cell_angular", unit="degree")
     names = {"position": "coordinates", "velocity": "velocities"}
     for name in trajectory.fields:
         if name == "dissipated":  # six numbers a disk, for which the convention has no axis
@@ -213,6 +218,7 @@ def _fill_netcdf(file: h5py.File, trajectory: Trajectory) -> None:
         attach(view, "frame", "atom", *(("spatial",) if tail else ()), unit=unit)
     for zeros in file[ZEROS].values():
         attach(zeros, "frame", "atom")
+    attach(file.create_dataset("Z", shape=(n,), dtype=np.int32), "atom")
     for name in CONSTANT:
         # ASE takes `atom_types` for numbers of chemical elements, so materials keep their own name.
         view = _view(file, name, trajectory, f"{layout.PARTICLES}/{name}", (n,))

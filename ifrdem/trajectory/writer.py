@@ -191,9 +191,10 @@ class TrajectoryWriter(Sealed):
         self._output = output
         self._set(path=output.path)
         self._n = n
-        self._lengths = box.lengths
+        self._box = box
         file = output.file
-        step, time, edges = (file[f"{layout.EDGES}/{name}"] for name in ("step", "time", "value"))
+        clock = file[layout.clock(file)]
+        step = clock["step"]
         committed = len(step)
         self._histories = HistoryWriter(output, n, events)
         for what, held, seen in (
@@ -213,7 +214,8 @@ class TrajectoryWriter(Sealed):
             {name: group["value"] for name, group in file["observables"].items()} if committed else {}
         )
         self._observables = samples(observables)
-        rows = {"time": time, "edges": edges, **fields, **_prefixed(observables)}
+        edges = {"edges": clock["value"]} if "value" in clock else {}
+        rows = {"time": clock["time"], **edges, **fields, **_prefixed(observables)}
         self._rows = Rows("frame", step, rows, committed, frames, parted.first_of(file))
         # Views of no disks do not grow by themselves.
         views = [name for name in fields if n == 0 and layout.FIELDS[name].components == 2]
@@ -290,10 +292,9 @@ class TrajectoryWriter(Sealed):
                     )
                 values = checked_row("observable", "frame", observables or {}, first)
                 first = values if first is None else first
-                frame: dict[str, Any] = {
-                    "time": np.float64(state.time),
-                    "edges": np.array((*self._lengths, 1.0)),
-                }
+                frame: dict[str, Any] = {"time": np.float64(state.time)}
+                if any(self._box.periodic):
+                    frame["edges"] = self._box.cell(float(state.time))
                 found.append(frame | self._checked_fields(state, before) | _prefixed(values))
                 before = state.time
             if not found:
@@ -403,7 +404,7 @@ class TrajectoryWriter(Sealed):
                 found[name] = stored(name, value, like.shape, like.dtype)
         if "position" in found and found["position"].dtype != state.position.dtype:
             # Rounding to fewer digits may carry a disk out of the box through its upper side.
-            for axis, length in enumerate(self._lengths):
+            for axis, length in enumerate(self._box.lengths):
                 out = (found["position"][:, axis] >= length) & (state.position[:, axis] < length)
                 found["position"][out, axis] = below(length, found["position"].dtype)
         return found

@@ -558,7 +558,7 @@ def test_start_file_with_positions_only_leaves_the_speeds_to_the_species(tmp_pat
     [
         ("x,y\n1.0,0.2\n1.0,7.9\n", r"disks 0 and 1 overlap by 0\.7 "),  # 0.3 apart, across the side
         ("x,y\n1.0,1.0\n1.9,1.0\n", r"disks 0 and 1 overlap by 0\.1 "),
-        ("x,y\n1.0,1.0\n", "has 1 disks: 2 are needed"),
+        ("x,y\n1.0,1.0\n", "has 1 disks: must be 2, the sum of the species' numbers"),
         ("x,y\n1.0,nan\n3.0,3.0\n", "line 2: y = nan: a finite number is needed"),
         ("x,y\n1.0,1.0\n3.0,abc\n", "line 3: y = abc: a number is needed"),
         ("x,y\n1.0,1.0\n3.0\n", r"line 3: 1 value, and 2 are needed \(x, y\)"),
@@ -590,6 +590,7 @@ def test_start_file_without_header_is_refused_in_one_line(tmp_path: Path, rows: 
     (found,) = mistakes(*start_case(tmp_path, rows), folder=tmp_path)
     first = next(i for i, row in enumerate(rows.splitlines(), start=1) if row[:1].isdigit())
     assert found.startswith(f'start.file = "start.csv": line {first}: there is no header')
+    assert "must name the columns (x, y, vx, vy, spin, id)" in found
 
 
 @pytest.mark.parametrize(

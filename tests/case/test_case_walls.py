@@ -495,7 +495,7 @@ def test_a_run_between_walls_stores_them_and_its_ledger(
     assert re.search(r"\d+ collisions with walls, which gave [\d.]+ as work", shown)
     assert Path("shaken.png").stat().st_size > 50_000
     with h5py.File("shaken.h5") as file:
-        assert list(file["particles/all/box"].attrs["boundary"]) == ["none", "none", "none"]
+        assert list(file["particles/all/box"].attrs["boundary"]) == [b"none", b"none", b"none"]
         np.testing.assert_array_equal(file["particles/all/box"].attrs["lengths"], [20.0, 24.0])
     gas = CaseGas.from_case(Case.model_validate(changed()))
     with Trajectory("shaken.h5") as trajectory:

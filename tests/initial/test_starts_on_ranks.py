@@ -123,8 +123,8 @@ def test_three_ranks_and_two_have_the_bits_and_the_errors_of_one_process(folder:
     case = f"{folder}/case.toml: "
     right = ("right.csv", "relaxed", "single", "double", "parts", "drawn")
     says = {
-        "short.csv": 'start.file = "short.csv": has 600 disks: 601 are needed',
-        "long.csv": "has 602 disks: 601 are needed",
+        "short.csv": 'start.file = "short.csv": has 600 disks: must be 601, the sum of',
+        "long.csv": "has 602 disks: must be 601, the sum of",
         "words.csv": "line 3: 6 values, and 5 are needed",
         "gaps.csv": "line 20: x = nan: a finite number is needed",
         "outside.csv": "line 453: x = ",

@@ -164,7 +164,7 @@ def test_a_trajectory_says_that_there_are_no_boundaries(tmp_path: Path) -> None:
         gas.run(t_end=100.0, frames=2, observers=[lambda state, _: file.write(state)])
     with Trajectory(path) as trajectory:
         assert trajectory.box == Box.open()
-        assert list(trajectory._file["particles/all/box"].attrs["boundary"]) == ["none"] * 3
+        assert list(trajectory._file["particles/all/box"].attrs["boundary"]) == [b"none"] * 3
         np.testing.assert_allclose(trajectory[0].position, state.position, atol=1e-14)  # rounding of its box
         np.testing.assert_array_equal(trajectory[-1].position, gas.state.position)
         assert not trajectory[-1].image.any()

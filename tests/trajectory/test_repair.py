@@ -203,7 +203,7 @@ def test_what_cannot_be_repaired_is_said_with_what_can_be_done(tmp_path):
         repair(path, tmp_path / "whole.h5", say=lambda line: None)
     with h5py.File(tmp_path / "other.h5", "w") as file:
         file["weather"] = 1.0
-    with pytest.raises(InputError, match=r"cannot be made a trajectory .*box/edges/step"):
+    with pytest.raises(InputError, match=r"cannot be made a trajectory .*frames/step"):
         repair(tmp_path / "other.h5", tmp_path / "whole.h5")
     write(path, n=N, frames=2, force=True, compression="gzip")
     for frame in range(2):

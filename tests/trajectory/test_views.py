@@ -165,8 +165,8 @@ def test_ase_reads_every_frame(run):
     for i in range(FRAMES):
         atoms = frames[i]
         assert np.array_equal(atoms.positions, stored("position", i, dtype).astype(np.float64))
-        assert atoms.pbc.tolist() == [True, True, False]
-        assert np.allclose(atoms.cell.lengths()[:2], BOX.lengths)
+        assert atoms.pbc.tolist() == [True, True, True]
+        assert np.allclose(atoms.cell.lengths(), [30.0, 20.0, 30.0])
         assert np.array_equal(atoms.get_array("collisions"), stored("collisions", i, dtype))
         with Trajectory(path) as trajectory:
             assert np.array_equal(atoms.get_array("radius"), trajectory.disks.radius)
@@ -190,7 +190,7 @@ def test_ovito_reads_every_frame(run):
         assert np.array_equal(seen["Radius"], disks.radius.astype(np.float32))  # OVITO holds radii in single
         assert np.array_equal(seen["Mass"], disks.mass)
         assert data.attributes["time"] == 0.1 * i
-        assert data.cell.pbc == (True, True, False)
+        assert data.cell.pbc == (True, True, True)
         assert np.allclose(np.diag(data.cell[:2, :2]), BOX.lengths)
 
 
@@ -206,7 +206,7 @@ def test_ovito_s_reader_of_netcdf_finds_its_names(run):
             "frame": FRAMES, "spatial": 3, "atom": N, "cell_spatial": 3, "cell_angular": 3
         }  # fmt: skip
         assert file["cell_lengths"].dimensions == ("frame", "cell_spatial")
-        assert file["cell_lengths"][:].tolist() == [[30.0, 20.0, 0.0]] * FRAMES
+        assert file["cell_lengths"][:].tolist() == [[30.0, 20.0, 30.0]] * FRAMES
         assert (file["cell_angles"][:] == 90.0).all()
 
 
@@ -285,7 +285,7 @@ def test_boxes_without_periods_have_no_cell_length(tmp_path, box):
     write(tmp_path / "run.h5", box=box)
     _, nc = write_views(tmp_path / "run.h5")
     with netCDF4.Dataset(nc) as file:
-        assert file["cell_lengths"][0].tolist() == [30.0 if box.periodic[0] else 0.0, 0.0, 0.0]
+        assert file["cell_lengths"][0].tolist() == ([30.0, 0.0, 30.0] if box.periodic[0] else [0.0] * 3)
 
 
 @pytest.mark.parametrize(
