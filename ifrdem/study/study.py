@@ -8,7 +8,7 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +20,7 @@ from ..errors import InputError, listed
 from ..run.signals import Stopped, Stops
 from ..run.status import Status
 from ..simulation import device
-from ..tools import checked
+from ..tools import checked, files
 from ..tools.files import check_files
 from ..tools.progress import clock_face, quiet
 from . import workers
@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 RATE, ROW_SECONDS, RUN_SECONDS = 2e5, 2e-3, 0.1
 """Collisions a second and core, seconds of a row of series and of a further gas: before any run is done."""
 MOST_OF_DISK = 0.9
+LOCK = "study.lock"
+"""File in the folder of runs that a running study has locked."""
 
 
 class Study:
@@ -218,9 +220,21 @@ class Study:
         for line in self.check(keep_going=keep_going, workers=workers, scheduler=scheduler):
             warn(f"left out: {line}")
         tasks = self.tasks if part is None else self.tasks[part[0] - 1 :: part[1]]
+        self.folder.mkdir(exist_ok=True)
+        with self._locked(shared=part is not None):
+            return self._run(tasks, workers, scheduler, part, say, warn)
+
+    def _run(
+        self,
+        tasks: list[Task],
+        workers: int | None,
+        scheduler: str | None,
+        part: tuple[int, int] | None,
+        say: Callable[[str], None],
+        warn: Callable[[str], None],
+    ) -> dict[str, str]:
         missing = [task for task in tasks if not task.result.exists()]
         failed: dict[str, str] = {}
-        self.folder.mkdir(exist_ok=True)
         said, says = "the run stops after this window, with a checkpoint", "the study stops"
         stops = Stops(warn=lambda text: warn(text.replace(said, says)))
         beside = self.folder.with_suffix("") if part is None else self.folder / f"part{part[0]}"
@@ -242,6 +256,8 @@ class Study:
             raise Stopped(f"{stop}: {text}", stop.status) from None
         except InputError:  # nothing has started
             status.path.unlink()
+            if part is None:  # no other has it
+                (self.folder / LOCK).unlink()
             with contextlib.suppress(OSError):  # of a folder that holds runs already
                 self.folder.rmdir()
             raise
@@ -256,6 +272,26 @@ class Study:
                 collect(self.plan, self._judged[0], self.tasks, failed).write(self.output)
         status.finish("done", f"{len(failed)} runs failed" if failed else "")
         return {self._name(task): failed[task.key] for task in tasks if task.key in failed}
+
+    @contextlib.contextmanager
+    def _locked(self, *, shared: bool) -> Iterator[None]:
+        """Keep others from running this study meanwhile; its parts (`shared`) run at the same time."""
+        place = self.folder / LOCK
+        try:
+            file = place.open("ab")
+        except OSError as error:
+            raise InputError(f"{place}: cannot be written: {error.strerror}") from error
+        with file:
+            try:
+                files.lock(file.fileno(), place, shared=shared)
+            except BlockingIOError as error:
+                raise InputError(f"{self.output}: the study is running already: {error.strerror}") from None
+            except OSError:  # a file system without locks
+                pass
+            try:
+                yield
+            finally:
+                files.unlock(file.fileno())
 
     def results(self) -> Results:
         """The results of all runs that are done by now.

@@ -79,7 +79,8 @@ def _write(place: Path, trajectory: Trajectory, fill: Callable[[h5py.File, Traje
         with files.replacing(place) as new, h5py.File(new, "w", track_order=True) as file:
             fill(file, trajectory)
     except (OSError, RuntimeError) as error:
-        raise InputError(f"view {place} cannot be written: {error}") from error
+        reason = isinstance(error, OSError) and error.strerror
+        raise InputError(f"view {place} cannot be written: {reason or error}") from error
 
 
 def _view(
