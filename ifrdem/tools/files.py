@@ -27,7 +27,9 @@ STATUS = ".status.json"
 """Ending of the file with the live state of a run, beside its trajectory."""
 _MOST_STATUS = 1 << 20  # bytes of a status file that are read
 
-_locked: set[tuple[int, int]] = set()  # device and inode of each file that this process has locked to write it
+_locked: set[tuple[int, int]] = (
+    set()
+)  # device and inode of each file that this process has locked to write it
 
 
 def lock(descriptor: int, path: str | os.PathLike[str], *, shared: bool = False) -> None:

@@ -237,7 +237,7 @@ class OutputFile:
         except (OSError, RuntimeError, ValueError, TypeError) as error:
             _close(file, raw, held)
             present.unlink(missing_ok=True)
-            raise InputError(f"{name} cannot be written: {error}") from error
+            raise InputError(f"{name} cannot be written: {_reason(error)}") from error
         return output
 
     @classmethod
@@ -277,7 +277,9 @@ class OutputFile:
             return
         if self._replaces:
             _close(self._held)
-            if use := files.being_written(self.path):  # readers kept the old file from being locked against it
+            if use := files.being_written(
+                self.path
+            ):  # readers kept the old file from being locked against it
                 raise BlockingIOError(errno.EWOULDBLOCK, f"its place was taken: {use}")
             os.replace(self._present, self.path)
         else:
@@ -375,7 +377,7 @@ def on_pages(size: int) -> int:
     return -(-size // PAGE) * PAGE if size >= ALIGNED else size
 
 
-def _reason(error: OSError | RuntimeError) -> str:
+def _reason(error: Exception) -> str:
     return (isinstance(error, OSError) and error.strerror) or str(error)
 
 

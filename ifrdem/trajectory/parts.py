@@ -187,6 +187,11 @@ class Parts:
             raise MissingPart(f"{what} is not that part of this run: {other}{SEE}")
         return file
 
+    def check(self, path: str | os.PathLike[str]) -> None:
+        """Raise MissingPart as `open` unless all parts of the trajectory at `path` are there."""
+        for number in range(len(self)):
+            self.open(path, number).close()
+
     def read(
         self, path: str | os.PathLike[str], name: str, selection: Any = (), *, axis: int = 1
     ) -> NDArray[Any]:

@@ -57,7 +57,16 @@ mass = 1.0
 diameter = 1.0
 speed_rms = 1.0
 """
-LOCKED = ("other.nc", "other.vtkhdf", "other.csv", "movie.webp", "gas.parts/0000.h5", "notes/other-velocity.csv", "study.nc", "plot.png")
+LOCKED = (
+    "other.nc",
+    "other.vtkhdf",
+    "other.csv",
+    "movie.webp",
+    "gas.parts/0000.h5",
+    "notes/other-velocity.csv",
+    "study.nc",
+    "plot.png",
+)
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +85,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def writing(folder: Path) -> Iterator[int]:
     """The id of a process that writes gas.h5, and has locked some files more."""
     root = str(Path(__file__).resolve().parents[2])
-    words = [sys.executable, "-c", CHILD, root, str(folder / "gas.h5"), *(str(folder / one) for one in LOCKED)]
+    words = [
+        sys.executable,
+        "-c",
+        CHILD,
+        root,
+        str(folder / "gas.h5"),
+        *(str(folder / one) for one in LOCKED),
+    ]
     with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as child:
         assert child.stdin is not None
         assert child.stdout is not None
