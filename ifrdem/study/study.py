@@ -219,6 +219,8 @@ class Study:
         """
         for line in self.check(keep_going=keep_going, workers=workers, scheduler=scheduler):
             warn(f"left out: {line}")
+        if workers != 0 and (trouble := device.kernel_cache_trouble()):  # of which workers say nothing
+            warn(trouble)
         tasks = self.tasks if part is None else self.tasks[part[0] - 1 :: part[1]]
         self.folder.mkdir(exist_ok=True)
         with self._locked(shared=part is not None):

@@ -1,4 +1,4 @@
-"""No verb and no writer takes the place of a file that a process is writing: it says which process, and does nothing."""
+"""No verb and no writer takes the place of a file that a process is writing: they name it, and do nothing."""
 
 from __future__ import annotations
 
