@@ -300,7 +300,7 @@ def kernel_cache_trouble() -> str | None:
 
 
 def _kernel_cache() -> str | None:
-    """Folder of compiled kernels: Taichi's usual folder, or a passing one where that cannot be written; None if neither.
+    """Folder of compiled kernels: Taichi's usual one, or a passing one where that cannot be written; None if neither.
 
     Taichi itself crashes when it cannot write its cache.
     """

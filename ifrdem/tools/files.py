@@ -23,6 +23,8 @@ CHECKPOINT = ".checkpoint.h5"
 """Ending of the file from which a run goes on, beside its trajectory."""
 VIEWS = (".vtkhdf", ".nc")
 """Endings of the files that let other programs read a trajectory (`views.py`)."""
+NO_VALUES = "This is a netCDF dimension but not a netCDF variable."
+"""Name of an axis without values in NetCDF-4 files, in their own notation."""
 STATUS = ".status.json"
 """Ending of the file with the live state of a run, beside its trajectory."""
 _MOST_STATUS = 1 << 20  # bytes of a status file that are read

@@ -26,7 +26,7 @@ from numpy.typing import DTypeLike
 
 from ..errors import InputError
 from ..tools import files, slices
-from ..tools.files import VIEWS, check_apart, check_files
+from ..tools.files import NO_VALUES, VIEWS, check_apart, check_files
 from . import layout as layouts
 from .parts import SEE, as_source, nothing
 from .reader import Trajectory, check_file
@@ -35,7 +35,6 @@ CONSTANT = ("radius", "mass", "material")  # constant properties that tools are 
 TOPOLOGIES = ("Vertices", "Lines", "Strips", "Polygons")
 # Axes of an AMBER file that have no values of their own, and their names in netCDF-4's own notation.
 ZEROS = "zeros"  # the group of what fills z
-NO_VALUES = "This is a netCDF dimension but not a netCDF variable."
 
 
 def paths(trajectory: str | os.PathLike[str]) -> tuple[Path, Path]:
