@@ -26,6 +26,7 @@ from cyclopts import (
 
 from ..errors import EngineError, InputError, nearest, there_are
 from ..tools import world
+from ..tools.arguments import unfailing_messages
 from ..tools.versions import __version__
 from . import analyse, console, fit, program, run, trajectory
 from .console import BAD_INPUT, FAILED, INTERRUPTED, LOG, complain
@@ -114,7 +115,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if sys.stdout is None:  # closed by the caller, as by `>&-`
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (as long as the process)
     began = time.perf_counter()
-    with console.shown():
+    with unfailing_messages(), console.shown():
         try:
             with warnings.catch_warnings():
                 warnings.showwarning = lambda message, *_args, **_options: console.warn(str(message))

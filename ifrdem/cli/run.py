@@ -6,6 +6,7 @@ import os
 import re
 import shlex
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -296,7 +297,7 @@ def new(
     A template with every key there is, or a shipped case (cases/NAME.toml, see `ifrdem cases`).
     """
     from ..case import shipped
-    from ..tools.files import check_files
+    from ..tools.files import check_files, write_aside, write_text
 
     if kind == "study":
         from ..study import plan  # imports h5py
@@ -310,16 +311,10 @@ def new(
     path = Path(output or f"{Path(kind).stem}.toml")
     # Start and measured places of a shipped case.
     data = sorted(shipped.FOLDER.glob(f"{Path(kind).stem}*.csv"))
-    check_files([path.with_name(each.name) for each in data], force=force)
-    try:
-        with path.open("w" if force else "x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError:
-        raise InputError(f"{path}: exists already; --force replaces it, -o writes elsewhere") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+    check_files([path, *(path.with_name(each.name) for each in data)], force=force)
+    write_text(path, text)
     for each in data:
-        path.with_name(each.name).write_bytes(each.read_bytes())
+        write_aside(path.with_name(each.name), partial(Path.write_bytes, data=each.read_bytes()))
     quoted = shlex.quote(str(path))
     look, run = ("study --dry-run", "study") if kind == "study" else ("check", "run")
     note(f"wrote {path}: look at it with `ifrdem {look} {quoted}`, run it with `ifrdem {run} {quoted}`")

@@ -56,7 +56,7 @@ def read(
 
             position = trajectory.box.wrap(field("position"))
             velocity, spin = (field("velocity"), field("spin")) if motion else (None, None)
-            single = trajectory.dataset("position").dtype == np.float32
+            single = trajectory.dtype("position") == np.float32
             given, where = Given(position, velocity, spin), f"frame {at.index} of {len(trajectory)}"
             return given, where, single, max(trajectory.box.lengths)
 

@@ -174,7 +174,7 @@ def draw(axes: Axes, view: View, color: str = "spin") -> None:
     colour = colour_of(color)
     for field in ("position", *([] if colour is None else [colour.field])):
         if field not in view.stored and isinstance(view.moving, Frame):
-            view.moving.trajectory.dataset(field)  # says that it is missing
+            view.moving.trajectory.require(field)
     position = view.moving.position
     place_axes(axes, view, shown_region(view, position))
     draw_walls(axes, view, view.time, collisions_of(view.moving))

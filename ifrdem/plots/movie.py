@@ -57,9 +57,9 @@ class Scene:
     ) -> None:
         self._trajectory, self._colour = trajectory, plot_disks.colour_of(colour, "--colour")
         self._is_map = trajectory.n > plot_disks.MOST_DISKS
-        trajectory.dataset("position")  # says that it is missing
+        trajectory.require("position")
         if self._colour is not None:
-            trajectory.dataset(self._colour.field)
+            trajectory.require(self._colour.field)
         self._angle = next((name for name in ANGLES if name in trajectory.fields), None)
         samples = [frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, SAMPLES).astype(int))]
         regions = [plot_disks.shown_region(trajectory, trajectory[i].position) for i in samples]

@@ -38,6 +38,8 @@ _SPELLINGS = {
 }
 LEAST_MEMBERS = 4
 """Runs with drawn start and law from which a covariance can be told."""
+MOST_NAMED = 500
+"""Measured places that a picture numbers; more would cover each other."""
 
 _COEFFICIENTS = ("e_n", "e_t", "mu", "rho")
 
@@ -164,20 +166,25 @@ class Comparison:
         turned = np.isfinite(m.angle) & np.isfinite(self.angle)
         heads += ["turned", "turned run"] if turned.any() else []
         lines.append("".join(f"{head:>12}" for head in heads))
-        for i in range(len(m.id)):
-            time = "end" if math.isinf(m.time[i]) else f"{m.time[i]:.4g}"
-            places = (*m.position[i], *self.position[i], self.distance[i])
-            cells = [f"{m.id[i]}", time, *(f"{value:.4g}" for value in places)]
-            cells += [f"{value:.3g}" for value in self.spread[i]] if drawn else []
-            cells.append(f"{self.deviation[i]:.2f}" if np.isfinite(self.deviation[i]) else "-")
-            if turned.any():
-                angles = (m.angle[i], self.angle[i])
-                cells += [f"{math.degrees(value):.1f}" if turned[i] else "-" for value in angles]
-            lines.append("".join(f"{cell:>12}" for cell in cells))
-        rms = math.sqrt(float(np.mean(self.distance**2)))
+        distance, probability = self.distance, self.probability
+        numbers = np.column_stack([m.position, self.position, distance])
+        columns = [
+            [str(one) for one in m.id],
+            ["end" if math.isinf(t) else f"{t:.4g}" for t in m.time.tolist()],
+        ]
+        columns += [[f"{value:.4g}" for value in column] for column in numbers.T.tolist()]
+        columns += (
+            [[f"{value:.3g}" for value in column] for column in self.spread.T.tolist()] if drawn else []
+        )
+        columns += [[f"{value:.2f}" if math.isfinite(value) else "-" for value in self.deviation.tolist()]]
+        for angle in (m.angle, self.angle) if turned.any() else ():
+            degrees = zip(np.degrees(angle).tolist(), turned.tolist(), strict=True)
+            columns += [[f"{value:.1f}" if there else "-" for value, there in degrees]]
+        lines += ["".join(f"{cell:>12}" for cell in row) for row in zip(*columns, strict=True)]
+        rms = math.sqrt(float(np.mean(distance**2)))
         radii = rms / float(np.mean(self.radius))
         lines.append(f"root mean square distance {rms:.4g}{unit}, {radii:.3g} radii")
-        known = self.probability[np.isfinite(self.probability)]
+        known = probability[np.isfinite(probability)]
         if len(known):
             inside = (f"the {part} % ellipse {np.mean(known < 0.01 * part):.0%}" for part in (68, 95))
             lines.append(f"within {', within '.join(inside)} of {len(known)} places")
@@ -192,7 +199,7 @@ class Comparison:
             "spread_y": self.spread[:, 1], "deviation": self.deviation, "probability": self.probability,
             "angle": np.degrees(m.angle), "angle_run": np.degrees(self.angle),
         }  # fmt: skip
-        rows = zip(*columns.values(), strict=True)
+        rows = zip(*(column.tolist() for column in columns.values()), strict=True)
         lines = (",".join(f"{value:.9g}" if math.isfinite(value) else "" for value in row) for row in rows)
         return "\n".join((",".join(columns), *lines)) + "\n"
 
@@ -226,7 +233,7 @@ class Comparison:
         m = self.measured
         (x, y), (dx, dy) = m.position.T, m.error.T
         axes.errorbar(x, y, dy, dx, fmt="x", ms=6, mew=1.6, color=orange, zorder=5)
-        for one, (x, y) in zip(m.id, m.position, strict=True):
+        for one, (x, y) in zip(m.id, m.position, strict=True) if len(m.id) <= MOST_NAMED else ():
             axes.annotate(str(one), (x, y), textcoords="offset points", xytext=(4, 4), fontsize="x-small")
         low, high = shown.min(axis=0), shown.max(axis=0)
         margin = 0.06 * float(np.max(high - low)) + float(self.radius.max())
@@ -290,9 +297,8 @@ def compare(
     wrong += [f"t = {t:g}: the run lasts from {times[0]:g} to {times[-1]:g}" for t in late]
     refuse(wrong, run, most=20)
     asked = np.minimum(measured.time, times[-1])
-    seen = list(zip(measured.id, asked, strict=True))
-    position = np.array([[np.interp(t, times, paths[:, one, axis]) for axis in (0, 1)] for one, t in seen])
-    angle = np.array([np.interp(t, times, angles[:, one]) for one, t in seen])
+    position = _between_frames(times, paths, measured.id, asked)
+    angle = _between_frames(times, angles, measured.id, asked)
     found: list[Array] = []
     if members:
         if case is not None:
@@ -312,6 +318,19 @@ def compare(
     spread = all_members.std(axis=0, ddof=1) if len(found) > 1 else np.full_like(position, math.nan)
     unit = f" {units['length']}" if "length" in units and units["length"] != "reduced" else ""
     return Comparison(measured, position, angle, all_members, spread, paths, radius, unit, reduced)
+
+
+def _between_frames(times: Array, values: Array, ids: NDArray[np.int64], asked: Array) -> Array:
+    """Values (F, n, ...) of disks at times that are not before the first, linear between the frames; shape (m, ...)."""
+    before = np.clip(np.searchsorted(times, asked, side="right") - 1, 0, max(len(times) - 2, 0))
+    after = np.minimum(before + 1, len(times) - 1)
+    start, last = values[before, ids], asked >= times[-1]
+    step = np.where(last, 1.0, times[after] - times[before])
+    ratio = (asked - times[before]).reshape(-1, *[1] * (values.ndim - 2))
+    slope = (values[after, ids] - start) / step.reshape(ratio.shape)
+    found = np.asarray(slope * ratio + start)
+    found[last] = values[-1, ids[last]]
+    return found
 
 
 def _drawn(gas: CaseGas, start: State, errors: Mapping[str, float], rng: np.random.Generator) -> State:
@@ -359,11 +378,11 @@ def _simulation(gas: CaseGas, law: Mapping[str, float] | None, state: State) -> 
 
 def _places(simulation: Simulation, ids: NDArray[np.int64], times: Array) -> Array:
     """Places (m, 2) of disks at times."""
-    found = np.empty((len(ids), 2))
-    for time in np.unique(times):
+    found, order = np.empty((len(ids), 2)), np.argsort(times, kind="stable")
+    each, first = np.unique(times[order], return_index=True)
+    for time, rows in zip(each, np.split(order, first[1:]), strict=True):
         if time > simulation.time:
             simulation.run(t_end=float(time))
-        rows = times == time
         found[rows] = np.asarray(simulation.state.position)[ids[rows]]
     return found
 

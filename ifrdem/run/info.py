@@ -78,10 +78,10 @@ def _describe_fields(trajectory: Trajectory) -> list[str]:
     lines = ["fields (per disk and frame)"]
     for name in trajectory.fields:
         with damage.reading(trajectory.path, name):
-            dataset = trajectory.dataset(name)
             if trajectory.missing:
-                lines.append(f"  {name:<18}{dataset.dtype}")
+                lines.append(f"  {name:<18}{trajectory.dtype(name)}")
                 continue
+            dataset = trajectory.dataset(name)
             held = [
                 (file[dataset.name].id.get_storage_size(), damage.compression(file[dataset.name]))
                 for file in trajectory.holders()

@@ -125,6 +125,7 @@ def run(
 
     def begin() -> TrajectoryWriter | None:
         if force:  # the checkpoint of the trajectory that is replaced is of no use
+            outputs.check(force=True)  # again: another run may have begun while the start was made
             checkpoint.remove(outputs.checkpoint)
             parts.remove(outputs.trajectory)
         options["parameters"] = _record(file, cores, comm)

@@ -52,11 +52,12 @@ class Outputs:
         return checkpoint_of(self.trajectory)
 
     def check(self, *, force: bool) -> None:
-        """Refuse what would overwrite files (unless `force`), or cannot be written.
+        """Refuse what would overwrite files (unless `force`) or those of a run that is going, or cannot be written.
 
         Raises InputError with a line for each thing that is wrong. Nothing is left behind.
         """
         check_files(self._paths, force=force)
+        parts.check_unused(self.trajectory)
         if (there := parts.existing(self.trajectory)) and not force:
             raise InputError(
                 f"output {there[0].parent}: holds parts of a trajectory; --force replaces it, -o writes elsewhere"

@@ -19,11 +19,11 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from ..errors import InputError, printable
+from ..errors import InputError, counted, printable
 from ..tools import files
 from ..tools.progress import clock_face
 
-ENDING = ".status.json"
+ENDING = files.STATUS
 RUNNING, DONE, INTERRUPTED = "running", "done", "interrupted"
 """States of a run; of others, such as "failed" or "full disk", the message says more."""
 RESERVED = 4096
@@ -213,7 +213,9 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
         raise InputError(f"{place} is not a status file of ifrdem: {error}") from error
     if record.state == RUNNING and not _lives(record):
         record.state = "dead"
-        held = f"{record.trajectory} holds the {record.frames or 'first'} frames it had committed"
+        held = "it had told of no frame"
+        if record.frames:
+            held = f"{record.trajectory} holds the {counted(int(record.frames), 'frame')} it had committed"
         record.message = f"process {record.pid} is gone without a word; {held}"
     return record.model_dump()
 

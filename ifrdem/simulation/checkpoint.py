@@ -35,8 +35,10 @@ def write(
 ) -> None:
     """Write a checkpoint, arrays by name and a `record` of what JSON knows: beside its place, synced, then renamed.
 
-    An existing file is replaced, with its parts. InputError if it cannot be written; the old one is kept then.
+    An existing file is replaced, with its parts. InputError if it cannot be written, or belongs to a run of another
+    process that is going; the old one is kept then.
     """
+    _check_unused(Path(path))
     _write(Path(path), arrays, record)
     _remove_parts(Path(path))
 
@@ -61,6 +63,7 @@ def write_parts(
 
     def begin() -> tuple[Path, str]:
         place = Path(path)
+        _check_unused(place)
         try:
             parts_of(place).mkdir(exist_ok=True)
         except OSError as error:
@@ -85,6 +88,15 @@ def write_parts(
     world.on_first(comm, lambda: _remove_parts(place, but=mark))
 
 
+def _check_unused(place: Path) -> None:
+    """Refuse the checkpoint of a trajectory that another process is writing."""
+    if not place.name.endswith(files.CHECKPOINT):
+        return
+    trajectory = place.with_name(place.name.removesuffix(files.CHECKPOINT) + ".h5")
+    if not files.is_locked_here(trajectory) and (use := files.being_written(trajectory)):
+        raise InputError(f"checkpoint {place} cannot be written: it is that of {trajectory.name}, and {use}")
+
+
 def _write(place: Path, arrays: Mapping[str, NDArray[Any]], record: Mapping[str, Any]) -> None:
     for left in place.parent.glob(
         f".{glob.escape(place.name)}.*.part"
@@ -105,8 +117,8 @@ def _write(place: Path, arrays: Mapping[str, NDArray[Any]], record: Mapping[str,
             with open(new, "rb") as written:
                 os.fsync(written.fileno())
     except (OSError, RuntimeError) as error:
-        reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
-        raise InputError(f"checkpoint {place} cannot be written: {reason}") from error
+        reason = isinstance(error, OSError) and error.strerror
+        raise InputError(f"checkpoint {place} cannot be written: {reason or error}") from error
 
 
 def parts_of(path: str | os.PathLike[str]) -> Path:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import contextlib
 import ctypes
+import functools
 import gc
 import io
 import logging
@@ -14,6 +15,7 @@ import signal
 import tempfile
 import threading
 import time
+import warnings
 import weakref
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -280,22 +282,48 @@ def check(arch: str, threads: int | None = None, precision: str = "f64") -> None
         )
 
 
-def _kernel_cache() -> str:
-    """Folder of compiled kernels: Taichi's usual folder, or a passing one where that cannot be written.
+def kernel_cache_trouble() -> str | None:
+    """Reason why compiled kernels cannot be kept for other processes, with a way out; None if they can."""
+    folder = Path(
+        os.environ.get("TI_OFFLINE_CACHE_FILE_PATH") or os.path.expanduser("~/.cache/taichi/ticache")
+    )
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        _remove_stale_lock(folder)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        return (
+            f"kernel cache {folder}: cannot be written to ({error.strerror or error}): every process compiles its "
+            "kernels again; set TI_OFFLINE_CACHE_FILE_PATH to a folder that can be written to"
+        )
+    return None
+
+
+def _kernel_cache() -> str | None:
+    """Folder of compiled kernels: Taichi's usual one, or a passing one where that cannot be written; None if neither.
 
     Taichi itself crashes when it cannot write its cache.
     """
-    folder = os.environ.get("TI_OFFLINE_CACHE_FILE_PATH") or os.path.expanduser("~/.cache/taichi/ticache")
-    try:
-        os.makedirs(folder, exist_ok=True)
-        _remove_stale_lock(Path(folder))
-        with tempfile.TemporaryFile(dir=folder):
-            return folder
-    except OSError:
-        passing = tempfile.mkdtemp(prefix="ifrdem-kernels-")
-        atexit.register(shutil.rmtree, passing, ignore_errors=True)
-        return passing
+    if (trouble := kernel_cache_trouble()) is None:
+        return os.environ.get("TI_OFFLINE_CACHE_FILE_PATH") or os.path.expanduser("~/.cache/taichi/ticache")
+    if trouble not in _told:  # once
+        _told.add(trouble)
+        warnings.warn(trouble, stacklevel=3)
+    return _passing_cache()
 
+
+@functools.cache
+def _passing_cache() -> str | None:
+    """A folder that lasts as long as this process; None where there is no room for one."""
+    try:
+        passing = tempfile.mkdtemp(prefix="ifrdem-kernels-")
+    except OSError:
+        return None
+    atexit.register(shutil.rmtree, passing, ignore_errors=True)
+    return passing
+
+
+_told: set[str] = set()  # warnings of kernel caches
 
 STALE = 60.0
 """Seconds after which a lock of the kernel cache is that of a killed process; Taichi holds one for milliseconds."""
@@ -403,8 +431,8 @@ def start(
             default_ip=ti.i32,
             fast_math=False,  # with it, contact times lose bits and collisions are missed
             cpu_max_num_threads=wanted.threads,
-            offline_cache=True,
-            offline_cache_file_path=cache,
+            offline_cache=cache is not None,
+            offline_cache_file_path=cache or "",
             log_level=ti.WARN,
             enable_fallback=False,
             unrolling_limit=0,  # no warning of Taichi's own copies of walls, which have 38 columns, to a GPU
@@ -413,7 +441,7 @@ def start(
         )
     _running, _process = wanted, os.getpid()
     LOG.debug("device %s, %d threads, %s", arch, wanted.threads, precision)
-    LOG.debug("kernel cache %s", cache)
+    LOG.debug("kernel cache %s", cache or "none")
     return wanted
 
 

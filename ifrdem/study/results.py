@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..case.case import Case
 from ..case.gas import CaseGas
-from ..errors import InputError, TheoryError
+from ..errors import DamageError, InputError, NameMissing, TheoryError, there_are
 from ..model.ifr import EnergyWarning
 from ..model.observables import MECHANISMS, REGIMES
 from ..plots.temperatures import MOST_KINDS
@@ -26,9 +26,10 @@ from ..theory.choose import prediction
 from ..theory.mixtures import Mixture
 from ..theory.sheared_gas import TheoryWarning
 from ..tools import files
+from ..tools.files import NO_VALUES
 from ..tools.versions import __version__
 from ..trajectory.tables import needed
-from ..trajectory.views import NO_VALUES
+from . import reading
 from .plan import Plan
 from .task import AT, Task, Variable, along, grown, load
 
@@ -63,7 +64,12 @@ class Results:
         return found
 
     def values(self, name: str) -> NDArray[Any]:
-        """The values of a variable."""
+        """The values of a variable.
+
+        Raises InputError if there is none of this name (also a KeyError).
+        """
+        if name not in self.variables:
+            raise NameMissing(f"the results hold no {name!r}{there_are(name, self.variables)}")
         return self.variables[name].values
 
     def write(self, path: str | os.PathLike[str]) -> None:
@@ -99,26 +105,12 @@ class Results:
     def read(cls, path: str | os.PathLike[str]) -> Results:
         """The results in a file that `write` made.
 
-        Raises InputError if it is no such file.
+        Another process opens it: HDF5 ends the one that opens some damaged files.
+
+        Raises InputError if it is no such file, or damaged (`DamageError`).
         """
-        try:
-            with h5py.File(path, "r") as file:
-                if "axes" not in file.attrs:
-                    raise InputError(f"{path}: holds no results of a study (`ifrdem study` writes them)")
-                found = cls({}, {name: str(text) for name, text in file.attrs.items()})
-                for name, stored in file.items():
-                    if not stored.attrs.get("NAME", b"").startswith(NO_VALUES.encode()):
-                        dims: tuple[str, ...] = (name,)
-                        if not stored.is_scale:
-                            dims = tuple(axis[0].name.lstrip("/") for axis in stored.dims)
-                        values = stored.asstr()[()] if h5py.check_string_dtype(stored.dtype) else stored[()]
-                        found.variables[name] = Variable(dims, values, str(stored.attrs.get("units", "")))
-            return found
-        except (OSError, RuntimeError, KeyError, ValueError, AttributeError) as error:
-            if isinstance(error, InputError):
-                raise
-            reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
-            raise InputError(f"{path}: cannot be read as results of a study: {reason}") from None
+        attributes, variables = reading.read(path)
+        return cls({name: Variable(*each) for name, each in variables.items()}, attributes)
 
     def to_xarray(self) -> xarray.Dataset:
         """The same as a data set of xarray (extra `analysis`), units in `attrs["units"]`."""
@@ -167,7 +159,12 @@ def collect(
         texts["failure"][task.index] = failed.get(task.key, "")
         if not task.result.exists():
             continue
-        for name, one in load(task.result)[0].items():
+        try:
+            result = load(task.result)[0]
+        except DamageError as error:
+            texts["failure"][task.index] = str(error)
+            continue
+        for name, one in result.items():
             shape = (*plan.shape, *one.values.shape)
             whole = found.get(name) or Variable((*swept, SEED, *one.dims), np.full(shape, np.nan), one.unit)
             room = grown(whole.values, shape)

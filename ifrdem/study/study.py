@@ -8,7 +8,8 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Callable, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,11 +17,11 @@ from typing import TYPE_CHECKING, Any
 from ..case import summary
 from ..case.estimate import RunEstimate
 from ..case.gas import CaseGas
-from ..errors import InputError, listed
+from ..errors import DamageError, DamageWarning, InputError, listed
 from ..run.signals import Stopped, Stops
 from ..run.status import Status
 from ..simulation import device
-from ..tools import checked
+from ..tools import checked, files
 from ..tools.files import check_files
 from ..tools.progress import clock_face, quiet
 from . import workers
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
 RATE, ROW_SECONDS, RUN_SECONDS = 2e5, 2e-3, 0.1
 """Collisions a second and core, seconds of a row of series and of a further gas: before any run is done."""
 MOST_OF_DISK = 0.9
+LOCK = "study.lock"
+"""File in the folder of runs that a running study has locked."""
 
 
 class Study:
@@ -124,7 +127,11 @@ class Study:
             raise InputError(listed([f"{self.plan.path}: {line}" for line in wrong]) + more)
         check_files([self.output], force=True)
         if self.output.exists():
-            Results.read(self.output)  # which refuses files that are none of ours
+            try:
+                Results.read(self.output)  # which refuses files that are none of ours
+            except DamageError as error:
+                more = f"it is made again of the runs in {self.folder} if you delete it"
+                raise InputError(f"{error}; {more}") from error
         if self.folder.exists() and not self.folder.is_dir():
             raise InputError(f"{self.folder}: is no folder; runs are kept there: another -o")
         place = self._place(workers, scheduler)
@@ -158,17 +165,34 @@ class Study:
     @property
     def seconds(self) -> float:
         """Time that the missing runs take on one core, about: by those that are done, else by a usual speed."""
-        done = [task for task in self.tasks if task.result.exists()][:20]
-        missing = [task for task in self.tasks if not task.result.exists()]
+        done, missing, _ = self._state(self.tasks)
         if done:
-            spent, work = sum(load(task.result)[1] for task in done), sum(task.weight for task in done)
+            spent, work = sum(seconds for _, seconds in done), sum(task.weight for task, _ in done)
             return spent / work * sum(task.weight for task in missing)
         rows = self._judged[0][missing[0].index[:-1]].output.series_cadence.number or 0 if missing else 0
         return sum(0.5 * task.weight / RATE + rows * ROW_SECONDS + RUN_SECONDS for task in missing)
 
+    def _state(self, tasks: Sequence[Task]) -> tuple[list[tuple[Task, float]], list[Task], list[str]]:
+        """Runs that are done with the seconds that they took, those that are missing, and messages on damaged results.
+
+        A damaged result counts as missing.
+        """
+        done: list[tuple[Task, float]] = []
+        missing: list[Task] = []
+        damaged: list[str] = []
+        for task in tasks:
+            try:
+                done.append((task, load(task.result)[1]))
+            except DamageError as error:
+                missing.append(task)
+                if os.path.lexists(task.result):
+                    damaged.append(f"{self._name(task)}: {error}")
+        return done, missing, damaged
+
     def summary(self, workers: int | None = None, scheduler: str | None = None) -> list[str]:
         """Lines on what there is to do."""
-        plan, done = self.plan, sum(task.result.exists() for task in self.tasks)
+        plan, (finished, _, damaged) = self.plan, self._state(self.tasks)
+        done = len(finished)
         processes, _ = self._processes(self._place(workers, scheduler))
         points = f"{math.prod(plan.shape[:-1])} points x {len(plan.seeds)} seeds"
         lines = [f"{plan.name}: {points} = {self.runs} runs of {plan.path}"]
@@ -181,6 +205,7 @@ class Study:
         return [
             *lines,
             f"  done already           {done} of {len(self.tasks)}, in {self.folder}",
+            *(f"  to be run again        {text}" for text in damaged),
             f"  disk space             some {summary.size(self.bytes)}",
             f"  expected time          some {expected} on {max(processes, 1)} process{'es' if processes > 1 else ''}",
         ]
@@ -217,10 +242,26 @@ class Study:
         """
         for line in self.check(keep_going=keep_going, workers=workers, scheduler=scheduler):
             warn(f"left out: {line}")
+        if workers != 0 and (trouble := device.kernel_cache_trouble()):  # of which workers say nothing
+            warn(trouble)
         tasks = self.tasks if part is None else self.tasks[part[0] - 1 :: part[1]]
-        missing = [task for task in tasks if not task.result.exists()]
-        failed: dict[str, str] = {}
         self.folder.mkdir(exist_ok=True)
+        with self._locked(shared=part is not None):
+            return self._run(tasks, workers, scheduler, part, say, warn)
+
+    def _run(
+        self,
+        tasks: list[Task],
+        workers: int | None,
+        scheduler: str | None,
+        part: tuple[int, int] | None,
+        say: Callable[[str], None],
+        warn: Callable[[str], None],
+    ) -> dict[str, str]:
+        _, missing, damaged = self._state(tasks)
+        for text in damaged:
+            warn(f"run again: {text}")
+        failed: dict[str, str] = {}
         said, says = "the run stops after this window, with a checkpoint", "the study stops"
         stops = Stops(warn=lambda text: warn(text.replace(said, says)))
         beside = self.folder.with_suffix("") if part is None else self.folder / f"part{part[0]}"
@@ -242,6 +283,8 @@ class Study:
             raise Stopped(f"{stop}: {text}", stop.status) from None
         except InputError:  # nothing has started
             status.path.unlink()
+            if part is None:  # no other has it
+                (self.folder / LOCK).unlink()
             with contextlib.suppress(OSError):  # of a folder that holds runs already
                 self.folder.rmdir()
             raise
@@ -257,13 +300,47 @@ class Study:
         status.finish("done", f"{len(failed)} runs failed" if failed else "")
         return {self._name(task): failed[task.key] for task in tasks if task.key in failed}
 
+    @contextlib.contextmanager
+    def _locked(self, *, shared: bool) -> Iterator[None]:
+        """Keep others from running this study meanwhile; its parts (`shared`) run at the same time."""
+        place = self.folder / LOCK
+        try:
+            file = place.open("ab")
+        except OSError as error:
+            raise InputError(f"{place}: cannot be written: {error.strerror}") from error
+        with file:
+            try:
+                files.lock(file.fileno(), place, shared=shared)
+            except BlockingIOError as error:
+                raise InputError(f"{self.output}: the study is running already: {error.strerror}") from None
+            except OSError:  # a file system without locks
+                pass
+            try:
+                yield
+            finally:
+                files.unlock(file.fileno())
+
     def results(self) -> Results:
         """The results of all runs that are done by now.
 
         Raises InputError if none is.
+
+        Warns
+        -----
+        DamageWarning
+            If a result is damaged: nan stands for it, and `run` makes it again.
         """
-        if not any(task.result.exists() for task in self.tasks):
-            raise InputError(f"{self.folder}: no run is done yet: Study.run() or `ifrdem study` does them")
+        done, _, damaged = self._state(self.tasks)
+        if not done:
+            raise InputError(
+                "\n".join(
+                    (f"{self.folder}: no run is done yet: Study.run() or `ifrdem study` does them", *damaged)
+                )
+            )
+        for text in damaged:
+            warnings.warn(
+                f"{text}; Study.run() or `ifrdem study` makes it again", DamageWarning, stacklevel=2
+            )
         return collect(self.plan, self._judged[0], self.tasks, {})
 
     def dataset(self) -> xarray.Dataset:

@@ -3,26 +3,33 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import logging
 import re
+import struct
 import time
+import tokenize
 import warnings
+import zipfile
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
+from numpy.lib.format import read_array
 from numpy.typing import NDArray
 
 from ..case import file as case_file
 from ..case.case import Case
 from ..case.file import CaseFile
 from ..case.gas import CaseGas
-from ..errors import EngineError, InputError
+from ..errors import DamageError, EngineError, InputError
 from ..run.recorder import COLUMNS, Ledger
 from ..simulation.schedule import Schedule, Span
 from ..tools.files import write_aside
+from ..trajectory.damage import FAULTS
 from ..trajectory.file import TrajectoryError
 
 PerFrame = Literal["velocity", "g", "S", "fields", "clusters", "psi6"]
@@ -63,19 +70,28 @@ class Task:
         """The file of its result."""
         return Path(self.folder) / f"{self.key}.npz"
 
+    @property
+    def done(self) -> bool:
+        """True if its result is there, and whole."""
+        try:
+            load(self.result)
+        except InputError:
+            return False
+        return True
+
     def file(self, threads: int = 1) -> CaseFile:
         """Its case, run on so many threads."""
         changes = (*self.overrides, f"run.name={json.dumps(self.key)}", f"run.threads={threads}")
         return case_file.of_text(self.text, Path(self.path), changes)
 
     def perform(self, threads: int = 1) -> str | None:
-        """Run it, unless its result is there; the message of a run that failed, None of one that is done."""
+        """Run it, unless its whole result is there; the message of a run that failed, None of one that is done."""
         level = LOG.level
         LOG.setLevel(logging.WARNING)  # no lines of progress
         try:
             # The study has told what there is to be told, once.
             with warnings.catch_warnings(action="ignore"):
-                if not self.result.exists():
+                if not self.done:
                     began, long = time.perf_counter(), self.analyses or self.trajectory
                     found = self._long(threads) if long else _series_alone(self.file(threads))
                     save(self.result, found, seconds=time.perf_counter() - began)
@@ -246,14 +262,24 @@ def save(path: Path, found: dict[str, Variable], *, seconds: float) -> None:
 def load(path: Path) -> tuple[dict[str, Variable], float]:
     """A result, and the seconds that the run took.
 
-    Raises InputError if it cannot be read.
+    Raises DamageError if it is not there, or not whole to the last bit.
     """
     try:
-        with np.load(path, allow_pickle=False) as stored:
-            head = json.loads(str(stored["head"]))
-            variables = head["variables"].items()
-            found = {name: Variable(tuple(dims), stored[name], unit) for name, (dims, unit) in variables}
+        if not path.is_file():  # a pipe would be waited for
+            raise ValueError("it is no file")
+        with zipfile.ZipFile(path) as stored:
+
+            def read(name: str) -> NDArray[Any]:
+                # All bytes at once: the checksum of a part that is not read to its end is not looked at.
+                found: NDArray[Any] = read_array(io.BytesIO(stored.read(f"{name}.npy")), allow_pickle=False)
+                return found
+
+            head = json.loads(str(read("head")))
+            found = {}
+            for name, (dims, unit) in head["variables"].items():
+                found[str(name)] = Variable(tuple(map(str, dims)), read(name), str(unit))
+                if len(found[name].dims) != found[name].values.ndim:
+                    raise ValueError(f"{name} has {found[name].values.ndim} axes, and {len(dims)} have names")
         return found, float(head["seconds"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        text = f"is no result of a study: {error}; delete it, and it is computed again"
-        raise InputError(f"{path}: {text}") from None
+    except (*FAULTS, EOFError, zipfile.BadZipFile, zlib.error, struct.error, tokenize.TokenError) as error:
+        raise DamageError(f"{path} is no whole result of a study ({error or type(error).__name__})") from None

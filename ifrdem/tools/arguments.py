@@ -2,14 +2,47 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, TextIO
 
 from ..errors import EngineError, InputError
 
 
+class Unfailing:
+    """A stream for messages: what cannot be written, as to a full disk, is dropped, and changes no exit status."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        """Write a text, or drop it."""
+        with contextlib.suppress(OSError):
+            self._stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        """Write what waits, or leave it."""
+        with contextlib.suppress(OSError):
+            self._stream.flush()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+@contextlib.contextmanager
+def unfailing_messages() -> Iterator[None]:
+    """Have messages on the standard error stream end nothing; where that is closed, as by `2>&-`, they are dropped."""
+    with contextlib.ExitStack() as stack:
+        stream = sys.stderr or stack.enter_context(open(os.devnull, "w", encoding="utf-8"))
+        stack.enter_context(contextlib.redirect_stderr(Unfailing(stream)))
+        yield
+
+
+@unfailing_messages()
 def script(function: Callable[..., int | None], arguments: Sequence[str] | None = None) -> int:
     """Exit status of a function that is called with a command line: its keyword arguments are the options.
 

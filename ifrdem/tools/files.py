@@ -1,20 +1,157 @@
-"""Output files: whether they may be written, and how one appears whole or not at all."""
+"""Output files: checks before they are written, locks, and writing whole or not at all."""
 
 from __future__ import annotations
 
 import contextlib
+import errno
+import json
 import os
+import platform
 import secrets
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from ..errors import InputError, refuse
+from ..errors import InputError, printable, refuse
+
+try:
+    import fcntl
+except ImportError:  # not on Windows
+    fcntl = None  # type: ignore[assignment]
 
 CHECKPOINT = ".checkpoint.h5"
 """Ending of the file from which a run goes on, beside its trajectory."""
 VIEWS = (".vtkhdf", ".nc")
 """Endings of the files that let other programs read a trajectory (`views.py`)."""
+NO_VALUES = "This is a netCDF dimension but not a netCDF variable."
+"""Name of an axis without values in NetCDF-4 files, in their own notation."""
+STATUS = ".status.json"
+"""Ending of the file with the live state of a run, beside its trajectory."""
+_MOST_STATUS = 1 << 20  # bytes of a status file that are read
+
+_locked: set[tuple[int, int]] = (
+    set()
+)  # device and inode of each file that this process has locked to write it
+
+
+def lock(descriptor: int, path: str | os.PathLike[str], *, shared: bool = False) -> None:
+    """Lock an open file until its descriptor is closed; `shared` locks exclude only those that are not.
+
+    Raises BlockingIOError that names the process that has locked it. On Windows nothing is locked.
+    """
+    if fcntl is None:
+        return
+    try:
+        fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise _in_use(_use(descriptor, path)) from None
+    if not shared:
+        _locked.add(_key(descriptor))
+
+
+def unlock(descriptor: int) -> None:
+    """Forget the lock of a descriptor that is about to be closed."""
+    _locked.discard(_key(descriptor))
+
+
+class Hold:
+    """A lock on a file that is about to be replaced, until `close`; nothing where it cannot be read or locked.
+
+    While somebody reads the file it is locked only against those who write it.
+
+    Raises BlockingIOError that names the process that writes it.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self._descriptor: int | None = None
+        if fcntl is None:
+            return
+        with contextlib.suppress(OSError):  # who must not read it can replace it still
+            self._descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+        if self._descriptor is None:
+            return
+        try:
+            try:
+                lock(self._descriptor, path)
+            except BlockingIOError:
+                lock(self._descriptor, path, shared=True)
+        except BlockingIOError:
+            self.close()
+            raise
+        except OSError:  # a file system without locks
+            self.close()
+
+    def close(self) -> None:
+        """Let go of the file."""
+        descriptor, self._descriptor = self._descriptor, None
+        if descriptor is not None:
+            unlock(descriptor)
+            os.close(descriptor)
+
+
+def being_written(path: str | os.PathLike[str]) -> str | None:
+    """Text on the process that is writing a file, such as "process 41 on node7 is writing it"; None if none is.
+
+    Readers lock files as well, which does not count: a file that is replaced stays whole for those who have it open.
+    """
+    if fcntl is None or not os.path.isfile(path):
+        return None
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)  # a pipe in its place is not waited for
+    except OSError:
+        return None
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return _use(descriptor, path)
+    except OSError:  # a file system without locks
+        return None
+    finally:
+        os.close(descriptor)
+    return None
+
+
+def is_locked_here(path: str | os.PathLike[str]) -> bool:
+    """True if this process writes a file."""
+    try:
+        found = os.stat(path)
+    except OSError:
+        return False
+    return (found.st_dev, found.st_ino) in _locked
+
+
+def _key(descriptor: int) -> tuple[int, int]:
+    found = os.fstat(descriptor)
+    return found.st_dev, found.st_ino
+
+
+def _in_use(use: str) -> BlockingIOError:
+    return BlockingIOError(errno.EWOULDBLOCK, use)
+
+
+def _use(descriptor: int, path: str | os.PathLike[str]) -> str:
+    """What process has locked an open file, by the kernel's list, or by the status file of its run."""
+    if (key := _key(descriptor)) in _locked:
+        return "this process is writing it"
+    host, found = platform.node(), {}
+    with contextlib.suppress(OSError, ValueError), open("/proc/locks", encoding="ascii") as locks:
+        for line in locks:  # 1: FLOCK  ADVISORY  WRITE 9646 fe:00:2146383 0 EOF
+            _, kind, *_, mode, process, place, _, _ = line.split()
+            major, minor, inode = place.split(":")
+            if kind == "FLOCK" and int(inode) == key[1] and int(process) > 0:
+                what = "is writing it" if mode == "WRITE" else "has it open"
+                found[int(major, 16), int(minor, 16)] = f"process {process} on {host} {what}"
+    if found:  # some file systems tell other numbers of their devices than `stat` does
+        return found.get((os.major(key[0]), os.minor(key[0])), next(iter(found.values())))
+    whole = Path(path)
+    status = whole.with_name(whole.name.removesuffix(".h5") + STATUS)
+    with contextlib.suppress(OSError, ValueError, TypeError, LookupError, RecursionError):
+        if status.is_file():  # a pipe would be waited for
+            with status.open("rb") as file:
+                told = json.loads(file.read(_MOST_STATUS))
+            if told["state"] == "running":
+                return f"process {int(told['pid'])} on {printable(str(told['host']))} is writing it"
+    return "another process is writing it"
 
 
 def create(place: Path) -> Path:
@@ -30,10 +167,17 @@ def create(place: Path) -> Path:
 
 @contextlib.contextmanager
 def replacing(place: Path) -> Iterator[Path]:
-    """A new file to be filled, which takes its place at the end; after an exception nothing is left of it."""
+    """A new file to be filled, which takes its place at the end; after an exception nothing is left of it.
+
+    Raises BlockingIOError if a process writes the file that is there.
+    """
+    if use := being_written(place):
+        raise _in_use(use)
     new = create(place)
     try:
         yield new
+        if use := being_written(place):  # a run may have begun meanwhile
+            raise _in_use(use)
         os.replace(new, place)
     finally:
         new.unlink(missing_ok=True)
@@ -49,7 +193,7 @@ def check_apart(path: Path, trajectory: Path, option: str = "-o") -> None:
 
 
 def check_files(paths: Sequence[Path], *, force: bool, elsewhere: str = "-o writes elsewhere") -> None:
-    """Refuse files that exist (unless `force`) or cannot be written.
+    """Refuse files that exist (unless `force`), that a process is writing, or that cannot be written.
 
     Raises InputError with a line for each thing that is wrong; `elsewhere` says how to choose another place. Nothing is
     left behind.
@@ -58,6 +202,8 @@ def check_files(paths: Sequence[Path], *, force: bool, elsewhere: str = "-o writ
     for path in paths:
         if special := not_a_file(path):
             wrong.append(special)
+        elif use := being_written(path):
+            wrong.append(f"output {path}: {use}: wait for it or stop it first; {elsewhere}")
         elif path.exists() and not force:
             wrong.append(f"output {path}: exists already; --force replaces it, {elsewhere}")
     for folder in dict.fromkeys(path.parent for path in paths):

@@ -54,7 +54,7 @@ def export(
     checked.one_of("to", to, FORMATS)
     writers = {"gsd": _gsd, "extxyz": _extxyz, "csv": _csv, "h5": write_whole}
     if to in ("gsd", "extxyz"):
-        trajectory.dataset("position")  # says that it is missing
+        trajectory.require("position")
     check_apart(Path(place), trajectory.path)
     write_aside(Path(place), lambda aside: writers[to](trajectory, aside, progress(frames)))
 
@@ -83,7 +83,7 @@ def write_csv(place: Path, names: Iterable[str], rows: Iterable[Iterable[object]
 def _stored(trajectory: Trajectory, index: int) -> dict[str, NDArray[Any]]:
     """The fields of a frame in the precision in which they are stored."""
     frame = trajectory[index]
-    return {name: frame[name].astype(trajectory.dataset(name).dtype) for name in trajectory.fields}
+    return {name: frame[name].astype(trajectory.dtype(name)) for name in trajectory.fields}
 
 
 def _csv(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:

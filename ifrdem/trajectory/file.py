@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import weakref
 from collections.abc import Callable, Iterator
@@ -12,11 +13,6 @@ import h5py
 
 from ..errors import InputError, TrajectoryError
 from ..tools import files
-
-try:
-    import fcntl
-except ImportError:  # not on Windows
-    fcntl = None  # type: ignore[assignment]
 
 _SUPERBLOCK = b"\x89HDF\r\n\x1a\n"
 PAGE = 4096
@@ -44,15 +40,14 @@ class OrderedFile:
     The file exists, and is locked until `close`. The first failure (`error`) is not raised, because HDF5 cannot be told
     of it in the middle of its work: nothing is written any more, and whoever writes looks there after each flush.
 
-    Raises BlockingIOError if another process has locked the file.
+    Raises BlockingIOError that names the process if one has locked the file.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.error: OSError | None = None
         self._raw = open(path, "r+b", buffering=0)  # noqa: SIM115 closed by `close`
         try:
-            if fcntl is not None:
-                fcntl.flock(self._raw, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            files.lock(self.fileno(), path)
         except OSError:
             self._raw.close()
             raise
@@ -127,6 +122,7 @@ class OrderedFile:
             return
         self.flush()
         self._cut()
+        files.unlock(self.fileno())
         self._raw.close()
 
     def _wait(self, start: int, data: bytes) -> None:
@@ -182,7 +178,15 @@ class OutputFile:
     """
 
     def __init__(
-        self, file: h5py.File, raw: OrderedFile, path: Path, present: Path, *, replaces: bool, new: bool
+        self,
+        file: h5py.File,
+        raw: OrderedFile,
+        path: Path,
+        present: Path,
+        *,
+        replaces: bool,
+        new: bool,
+        held: files.Hold | None = None,
     ) -> None:
         self.file = file
         self._raw = raw
@@ -190,9 +194,10 @@ class OutputFile:
         self.failed: bool = False
         self._present = present
         self._replaces = replaces
+        self._held = held  # the old file, locked until this one takes its place
         self._removable = new
         # HDF5 must not call a file of Python's once Python is gone: one that was not closed is closed before.
-        self._at_exit = weakref.finalize(self, _close, file, raw)
+        self._at_exit = weakref.finalize(self, _close, file, raw, held)
 
     @classmethod
     def create(
@@ -200,8 +205,8 @@ class OutputFile:
     ) -> OutputFile:
         """A new file; `fill` writes what stands in it before its first commit.
 
-        Raises InputError if the path exists and `force` is not given, or the file cannot be made. Nothing is left
-        behind.
+        Raises InputError if the path exists and `force` is not given, a process writes it, or the file cannot be made.
+        Nothing is left behind.
         """
         path, name = Path(os.path.realpath(given)), f"output {os.fspath(given)}"
         if os.path.isdir(path):  # unlike Path.is_dir, os.path takes an impossible name for an absent file
@@ -212,9 +217,12 @@ class OutputFile:
             raise InputError(f"{name} is not a regular file")
         if replaces and not force:
             raise InputError(f"{name} exists: choose another name, or replace it (--force)")
+        held = None
         try:
+            held = files.Hold(path) if replaces else None
             present = files.create(path)
         except OSError as error:
+            _close(held)
             raise InputError(f"{name} cannot be created: {error.strerror}") from error
         file, raw = None, None
         try:
@@ -222,14 +230,14 @@ class OutputFile:
             # The default libver: files written with "latest" do not open after a kill.
             file = h5py.File(raw, "w", **ON_PAGES)
             fill(file)
-            output = cls(file, raw, path, present, replaces=replaces, new=True)
+            output = cls(file, raw, path, present, replaces=replaces, new=True, held=held)
             output.flush()
             if not replaces:  # else the old file keeps the place until the first commit
                 output.publish()
         except (OSError, RuntimeError, ValueError, TypeError) as error:
-            _close(file, raw)
+            _close(file, raw, held)
             present.unlink(missing_ok=True)
-            raise InputError(f"{name} cannot be written: {error}") from error
+            raise InputError(f"{name} cannot be written: {_reason(error)}") from error
         return output
 
     @classmethod
@@ -245,11 +253,9 @@ class OutputFile:
             raw = OrderedFile(path)
             file = h5py.File(raw, "r+", **ON_PAGES)
         except BlockingIOError as error:
-            raise InputError(
-                f"{name} is open elsewhere: a run is writing it, or a program holds it"
-            ) from error
+            raise InputError(f"{name} is open elsewhere: {error.strerror}") from error
         except (OSError, RuntimeError) as error:
-            _close(None, raw)
+            _close(raw)
             raise InputError(f"{name} cannot be written further: {_reason(error)}") from error
         return cls(file, raw, path, path, replaces=False, new=False)
 
@@ -270,6 +276,11 @@ class OutputFile:
         if self._present == self.path:
             return
         if self._replaces:
+            _close(self._held)
+            if use := files.being_written(
+                self.path
+            ):  # readers kept the old file from being locked against it
+                raise BlockingIOError(errno.EWOULDBLOCK, f"its place was taken: {use}")
             os.replace(self._present, self.path)
         else:
             try:
@@ -299,7 +310,12 @@ class OutputFile:
             raise TrajectoryError(f"{self.path}: {error}") from error
         except (OSError, RuntimeError) as error:
             self.failed = True
-            left = "its frames are not at their place any more" if self.gone else kept()
+            if self.gone:
+                left = "its frames are not at their place any more"
+            elif self._present != self.path:
+                left = "nothing of it is kept; what was at its place stays"
+            else:
+                left = kept()
             raise TrajectoryError(
                 f"{self.path}: {what} could not be written ({_reason(error)}); {left}"
             ) from error
@@ -329,7 +345,7 @@ class OutputFile:
             self._raw.close()
             if self._raw.error is not None and not self.failed:
                 raise self._raw.error
-            if keep:
+            if keep and not self.failed:
                 self.publish()
         except (OSError, RuntimeError) as error:
             if not self.failed:  # otherwise the write that failed has said it
@@ -337,7 +353,7 @@ class OutputFile:
                 raise TrajectoryError(f"{self.path} could not be closed: {error}") from error
         finally:
             self._at_exit()
-            if not keep:
+            if not keep or self._present != self.path:
                 self._present.unlink(missing_ok=True)
 
 
@@ -361,12 +377,12 @@ def on_pages(size: int) -> int:
     return -(-size // PAGE) * PAGE if size >= ALIGNED else size
 
 
-def _reason(error: OSError | RuntimeError) -> str:
-    return os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
+def _reason(error: Exception) -> str:
+    return (isinstance(error, OSError) and error.strerror) or str(error)
 
 
-def _close(file: h5py.File | None, raw: OrderedFile | None) -> None:
-    for one in (file, raw):
+def _close(*each: h5py.File | OrderedFile | files.Hold | None) -> None:
+    for one in each:
         if one is not None:
             with contextlib.suppress(OSError, RuntimeError):
                 one.close()

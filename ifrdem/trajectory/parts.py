@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from ..errors import DamageError, InputError
+from ..tools import files
 from . import damage
 
 FOLDER = ".parts"
@@ -186,6 +187,11 @@ class Parts:
             raise MissingPart(f"{what} is not that part of this run: {other}{SEE}")
         return file
 
+    def check(self, path: str | os.PathLike[str]) -> None:
+        """Raise MissingPart as `open` unless all parts of the trajectory at `path` are there."""
+        for number in range(len(self)):
+            self.open(path, number).close()
+
     def read(
         self, path: str | os.PathLike[str], name: str, selection: Any = (), *, axis: int = 1
     ) -> NDArray[Any]:
@@ -288,11 +294,22 @@ def existing(path: str | os.PathLike[str]) -> list[Path]:
     return sorted(each for each in folder.glob("*.h5") if re.fullmatch(r"\d{4,}\.h5", each.name))
 
 
+def check_unused(path: str | os.PathLike[str]) -> None:
+    """Refuse a trajectory that a process is writing, or a part of it: an InputError names the process."""
+    for each in (Path(path), *existing(path)):
+        if use := files.being_written(each):
+            raise InputError(f"output {each}: {use}: wait for it or stop it first")
+
+
 def remove(path: str | os.PathLike[str]) -> None:
-    """Remove a trajectory that has parts, with them; one that has none stays."""
+    """Remove a trajectory that has parts, with them; one that has none stays.
+
+    Raises InputError if a process is writing it.
+    """
     found, folder = existing(path), folder_of(path)
     if not found:
         return
+    check_unused(path)
     Path(path).unlink(missing_ok=True)
     for each in found:
         each.unlink(missing_ok=True)

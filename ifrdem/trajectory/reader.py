@@ -98,7 +98,7 @@ class Frame(Sealed, PicturedDisks):
             raise AttributeError(name)
         if name not in self.trajectory.fields:
             try:
-                self.trajectory.dataset(name)
+                self.trajectory.require(name)
             except NameMissing as error:
                 raise AttributeMissing(str(error)) from None
         return self.field(name)
@@ -405,9 +405,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
 
         Raises InputError if it is another one, the file does not hold the field, or it cannot be read (`DamageError`).
         """
-        if (field := SPIN if name == "spin" else name) not in self.fields:
-            self.dataset(name)  # refuses it
-        lengths = (self._frames, self.n, *layout.FIELDS[field].tail)
+        lengths = self.shape(name)
         given = selection if isinstance(selection, tuple) else (selection,)
         if len(given) > len(lengths):
             raise InputError(f"selection {selection!r} of {name}: {len(lengths)} axes are all there are")
@@ -441,10 +439,12 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         return value
 
     def _read_field(self, name: str, selection: Any) -> NDArray[Any]:
-        dataset = self.dataset(name)
         if self._parts is None:
-            return damage.read(dataset, selection)
-        return self._parts.read(self.path, str(dataset.name), selection)
+            return damage.read(self.dataset(name), selection)
+        field = self.require(name)
+        return self._parts.read(
+            self.path, f"{layout.PARTICLES}/{field}/{layout.FIELDS[field].dataset}", selection
+        )
 
     def _read_rows(self, name: str, rows: int, columns: int) -> NDArray[Any]:
         """The first rows of a quantity; with columns, each has so many numbers."""
@@ -661,18 +661,48 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         """Names of the per-disk fields in the file."""
         return self._fields
 
-    def dataset(self, name: str) -> h5py.Dataset:
-        """The data of a field, to read across frames: `dataset("position")[:, 7]` is a disk's path.
-
-        Shape (frames, n) or (frames, n, 2); after a kill it may hold an uncommitted frame behind the last.
+    def require(self, name: str) -> str:
+        """The name of a stored field in the file ("angular_velocity" of "spin").
 
         Raises InputError if the file does not hold it (also a KeyError), or is closed.
         """
-        file = self._opened()
-        name = SPIN if name == "spin" else name
-        if name not in self.fields:
+        self._opened()
+        field = SPIN if name == "spin" else name
+        if field not in self.fields:
             raise NameMissing(f"{self.path} holds no field {name!r}{there_are(str(name), self.fields)}")
-        return layout.field_dataset(file, name)
+        return field
+
+    def shape(self, name: str) -> tuple[int, ...]:
+        """Shape of a stored field over the committed frames, (frames, n) or (frames, n, 2), also if parts are missing.
+
+        Raises InputError as `require`.
+        """
+        return (self._frames, self.n, *layout.FIELDS[self.require(name)].tail)
+
+    def dtype(self, name: str) -> np.dtype[Any]:
+        """Type in which a field or a constant of the disks is stored, also if parts are missing.
+
+        Raises InputError if the file holds neither, it is closed or damaged.
+        """
+        file = self._opened()
+        with damage.reading(self.path, name):
+            if name in layout.STATIC:
+                return np.dtype(file[f"{layout.PARTICLES}/{name}"].dtype)
+            return np.dtype(layout.field_dataset(file, self.require(name)).dtype)
+
+    def dataset(self, name: str) -> h5py.Dataset:
+        """The data of a field, to read across frames: `dataset("position")[:, 7]` is a disk's path.
+
+        Shape (frames, n) or (frames, n, 2); after a kill it may hold an uncommitted frame behind the last. HDF5 opens
+        the parts of a trajectory as soon as it is asked for the shape: they are looked at before.
+
+        Raises InputError if the file does not hold it (also a KeyError), is closed, or a part of it is missing or no
+        file (`DamageError`).
+        """
+        field = self.require(name)
+        if self._parts is not None:
+            self._parts.check(self.path)
+        return layout.field_dataset(self._opened(), field)
 
     def disk(self, disk: int) -> DiskPath:
         """The stored path of a disk over the frames; `history` is exact between them, if the disk is tracked.
@@ -681,7 +711,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         """
         disk = self.checked_disk(disk)
         fields: dict[str, NDArray[Any]] = {}
-        self.dataset("position")  # says that it is missing
+        self.require("position")
         for name in self.fields:
             value = self.read(name, (slice(0, self._frames), disk))
             fields[name] = value.astype(np.float64) if value.dtype.kind == "f" else value

@@ -356,7 +356,8 @@ def _openable(path: Path, say: Callable[[str], object]) -> Iterator[tuple[Path, 
         with h5py.File(path, "r"):
             told = None
     except BlockingIOError:
-        raise InputError(f"{path}: a run is writing it; what it has committed can be read as it is") from None
+        use = files.being_written(path) or "a run is writing it"
+        raise InputError(f"{path}: {use}; what it has committed can be read as it is") from None
     except OSError as error:
         if error.errno:
             raise InputError(f"{path} cannot be read: {os.strerror(error.errno)}") from error

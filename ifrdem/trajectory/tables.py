@@ -82,8 +82,9 @@ def to_xarray(trajectory: Trajectory) -> xarray.Dataset:
     xarray = needed("xarray", "analysis")
     data: dict[str, Any] = {}
     for name in trajectory.fields:
-        stored = trajectory.dataset(name)
-        dims = ("time", "disk", "mechanism" if name == "dissipated" else "axis")[: stored.ndim]
+        dims = ("time", "disk", "mechanism" if name == "dissipated" else "axis")[
+            : len(trajectory.shape(name))
+        ]
         data[name] = (dims, _lazy(xarray, trajectory, name))
     for name in STATIC:
         data[name] = ("disk", getattr(trajectory.disks, name))
@@ -242,25 +243,25 @@ def _lazy(xarray: Any, trajectory: Trajectory, name: str) -> Any:
     from xarray.backends import BackendArray
     from xarray.core import indexing
 
-    stored = trajectory.dataset(name)
-
     class Stored(BackendArray):
         def __init__(self) -> None:
-            self.shape = (len(trajectory), *stored.shape[1:])
-            self.dtype = stored.dtype
+            self.shape = trajectory.shape(name)
+            self.dtype = trajectory.dtype(name)
 
         def __getitem__(self, key: Any) -> Any:
             return indexing.explicit_indexing_adapter(
                 key, self.shape, indexing.IndexingSupport.BASIC, lambda parts: trajectory.read(name, parts)
             )
 
-    return xarray.Variable(("time", "disk", "axis")[: stored.ndim], indexing.LazilyIndexedArray(Stored()))
+    return xarray.Variable(
+        ("time", "disk", "axis")[: len(trajectory.shape(name))], indexing.LazilyIndexedArray(Stored())
+    )
 
 
 def universe(trajectory: Trajectory) -> MDAnalysis.Universe:
     """See `Trajectory.universe`."""
     mda: Any = needed("MDAnalysis", "readers")
-    trajectory.dataset("position")  # says that it is missing
+    trajectory.dataset("position")  # says that it, or a part of it, is missing
     disks = trajectory.disks
     made = mda.Universe.empty(disks.n, trajectory=True, velocities="velocity" in trajectory.fields)
     for name, values in (

@@ -27,16 +27,15 @@ from numpy.typing import DTypeLike
 
 from ..errors import InputError
 from ..tools import files, slices
-from ..tools.files import VIEWS, check_apart, check_files
-from . import layout
-from .parts import as_source
+from ..tools.files import NO_VALUES, VIEWS, check_apart, check_files
+from . import layout as layouts
+from .parts import SEE, as_source, nothing
 from .reader import Trajectory, check_file
 
 CONSTANT = ("radius", "mass", "material")  # constant properties that tools are shown
 TOPOLOGIES = ("Vertices", "Lines", "Strips", "Polygons")
 # Axes of an AMBER file that have no values of their own, and their names in netCDF-4's own notation.
 ZEROS = "zeros"  # the group of what fills z
-NO_VALUES = "This is a netCDF dimension but not a netCDF variable."
 
 
 def paths(trajectory: str | os.PathLike[str]) -> tuple[Path, Path]:
@@ -69,6 +68,10 @@ def write_views(path: str | os.PathLike[str]) -> tuple[Path, Path]:
         needs = {"frames": len(trajectory), "disks": n, "positions": positions}
         if missing := [name for name, there in needs.items() if not there]:
             raise InputError(f"{path}: a view needs {missing[0]}, and there are none")
+        for number in trajectory.missing if trajectory.parts is not None else ():
+            part = trajectory.parts.place(path, number)
+            if part.exists() and not part.is_file():  # programs that open the view would wait for a pipe
+                raise InputError(f"{path}: its {trajectory.parts.described(number)} is no file{SEE}")
         for place, fill in zip(made, (_fill_vtkhdf, _fill_netcdf), strict=True):
             _write(place, trajectory, fill)
     return made
@@ -80,32 +83,34 @@ def _write(place: Path, trajectory: Trajectory, fill: Callable[[h5py.File, Traje
         with files.replacing(place) as new, h5py.File(new, "w", track_order=True) as file:
             fill(file, trajectory)
     except (OSError, RuntimeError) as error:
-        raise InputError(f"view {place} cannot be written: {error}") from error
+        reason = isinstance(error, OSError) and error.strerror
+        raise InputError(f"view {place} cannot be written: {reason or error}") from error
 
 
 def _view(
     group: h5py.Group, name: str, trajectory: Trajectory, source: str, shape: tuple[int, ...]
 ) -> h5py.Dataset:
-    """A virtual dataset of one of the trajectory, in another shape of as many numbers; vectors get z = 0."""
-    stored = trajectory.file[source]
-    layout = h5py.VirtualLayout(shape=shape, dtype=stored.dtype)
-    vector, frames, n = stored.shape[2:] == (2,), len(trajectory), trajectory.n
+    """A virtual dataset of a field or a constant, in another shape of as many numbers; vectors get z = 0."""
+    frames, n, dtype, field = len(trajectory), trajectory.n, trajectory.dtype(source), source not in CONSTANT
+    tail = trajectory.shape(source)[2:] if field else ()
+    place_of = f"/{layouts.PARTICLES}/{source}" + (f"/{layouts.FIELDS[source].dataset}" if field else "")
+    layout = h5py.VirtualLayout(shape=shape, dtype=dtype)
+    vector = tail == (2,)
     for place, disks in _holders(trajectory):
         count = disks.stop - disks.start
-        held = (count,) if stored.ndim == 1 else (frames, count, *stored.shape[2:])
-        origin = h5py.VirtualSource(as_source(place), source, shape=held, dtype=stored.dtype)
-        rows: tuple[Any, ...] = (disks,) if stored.ndim == 1 else (slice(None), disks)
+        held = (frames, count, *tail) if field else (count,)
+        origin = h5py.VirtualSource(as_source(place), place_of, shape=held, dtype=dtype)
+        rows: tuple[Any, ...] = (slice(None), disks) if field else (disks,)
         if count == n:
             rows = (Ellipsis,)
-        elif stored.ndim > 1 and shape[0] == frames * n:  # frame after frame
+        elif field and shape[0] == frames * n:  # frame after frame
             rows = (h5py.MultiBlockSlice(start=disks.start, count=frames, stride=n, block=count),)
-        layout[(*rows, slice(0, 2)) if vector else rows] = origin if stored.ndim == 1 else origin[:frames]
+        layout[(*rows, slice(0, 2)) if vector else rows] = origin[:frames] if field else origin
     if vector:
         # Numbers of z that were never written take no room and read as 0.
-        zeros = group.file.require_dataset(f"{ZEROS}/{stored.dtype.str[1:]}", shape[:-1], stored.dtype)
+        zeros = group.file.require_dataset(f"{ZEROS}/{dtype.str[1:]}", shape[:-1], dtype)
         layout[..., 2] = h5py.VirtualSource(".", zeros.name, shape=zeros.shape, dtype=zeros.dtype)
-    nothing = np.nan if stored.dtype.kind == "f" else np.iinfo(stored.dtype).min
-    return group.create_virtual_dataset(name, layout, fillvalue=nothing)
+    return group.create_virtual_dataset(name, layout, fillvalue=nothing(dtype))
 
 
 def _holders(trajectory: Trajectory) -> Iterator[tuple[str, slice]]:
@@ -129,7 +134,7 @@ def _fill_vtkhdf(file: h5py.File, trajectory: Trajectory) -> None:
     root = file.create_group("VTKHDF")
     root.attrs["Version"] = np.array((2, 0), dtype=np.int64)
     root.attrs.create("Type", np.bytes_("PolyData"))  # a text of fixed length
-    _view(root, "Points", trajectory, layout.field_dataset(trajectory.file, "position").name, (frames * n, 3))
+    _view(root, "Points", trajectory, "position", (frames * n, 3))
     root["NumberOfPoints"] = np.full(frames, n, dtype=np.int64)
     for name in TOPOLOGIES:
         cells = n if name == "Vertices" else 0
@@ -152,12 +157,11 @@ def _fill_vtkhdf(file: h5py.File, trajectory: Trajectory) -> None:
     for name in trajectory.fields:
         if name == "position":
             continue
-        stored = trajectory.dataset(name)
-        tail = (3,) if stored.shape[2:] == (2,) else stored.shape[2:]
-        _view(data, name, trajectory, stored.name, (frames * n, *tail))
+        tail = trajectory.shape(name)[2:]
+        _view(data, name, trajectory, name, (frames * n, *((3,) if tail == (2,) else tail)))
         offsets[name] = np.arange(frames, dtype=np.int64) * n
     for name in CONSTANT:
-        _view(data, name, trajectory, f"{layout.PARTICLES}/{name}", (n,))
+        _view(data, name, trajectory, name, (n,))
         offsets[name] = np.zeros(frames, dtype=np.int64)
     _number(data, "id", n, np.int32 if n <= 2**31 else np.int64)
     offsets["id"] = np.zeros(frames, dtype=np.int64)
@@ -211,9 +215,9 @@ def _fill_netcdf(file: h5py.File, trajectory: Trajectory) -> None:
     for name in trajectory.fields:
         if name == "dissipated":  # six numbers a disk, for which the convention has no axis
             continue
-        tail = (3,) if trajectory.dataset(name).ndim == 3 else ()
+        tail = (3,) if len(trajectory.shape(name)) == 3 else ()
         place = names.get(name, name)
-        view = _view(file, place, trajectory, trajectory.dataset(name).name, (frames, n, *tail))
+        view = _view(file, place, trajectory, name, (frames, n, *tail))
         unit = units.get({"position": "length"}.get(name, ""))
         attach(view, "frame", "atom", *(("spatial",) if tail else ()), unit=unit)
     for zeros in file[ZEROS].values():
@@ -221,5 +225,5 @@ def _fill_netcdf(file: h5py.File, trajectory: Trajectory) -> None:
     attach(file.create_dataset("Z", shape=(n,), dtype=np.int32), "atom")
     for name in CONSTANT:
         # ASE takes `atom_types` for numbers of chemical elements, so materials keep their own name.
-        view = _view(file, name, trajectory, f"{layout.PARTICLES}/{name}", (n,))
+        view = _view(file, name, trajectory, name, (n,))
         attach(view, "atom", unit=units.get({"radius": "length"}.get(name, name)))

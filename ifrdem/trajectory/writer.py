@@ -15,7 +15,7 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError
+from ..errors import InputError, counted
 from ..model.box import Box, below
 from ..model.state import Disks, State, StoredState
 from ..model.walls import Wall, to_json
@@ -375,9 +375,11 @@ class TrajectoryWriter(Sealed):
         self._output.close(self._drop_uncommitted, keep=len(self) > 0)
 
     def _kept(self) -> str:
+        if len(self) == 0:
+            return "there is no frame before it: nothing is kept"
         rows = f" and {self.series_rows} rows of the series" if self.series_rows else ""
         events = f" and {self.events} events" if self.events else ""
-        return f"the {len(self)} frames{rows}{events} before it are kept"
+        return f"the {counted(len(self), 'frame')}{rows}{events} before it are kept"
 
     def _drop_uncommitted(self) -> None:
         """Remove what a `write` that was interrupted left behind the last commit."""

@@ -87,7 +87,7 @@ class Content:
     """
 
     def __init__(self, trajectory: Trajectory) -> None:
-        trajectory.dataset("position")
+        trajectory.require("position")
         self.trajectory = trajectory
         self._stamp = self._now()
         self._forget()

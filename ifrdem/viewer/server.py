@@ -141,6 +141,14 @@ class _Handler(BaseHTTPRequestHandler):
         """Read a request; one for another host, or without the token, is refused before its method is looked at."""
         if not super().parse_request():
             return False
+        # What follows a body that is not read would be taken for the next request.
+        lengths = self.headers.get_all("Content-Length", [])
+        if (
+            any(one.strip() != "0" for one in lengths)
+            or "Transfer-Encoding" in self.headers
+            or self.headers.defects
+        ):
+            self.close_connection = True
         hosts = {f"{name}:{self.server.server_port}" for name in ("127.0.0.1", "localhost")}
         token = self.path.partition("?")[0].strip("/").partition("/")[0]
         known = secrets.compare_digest(token.encode(), self.server.token.encode())
@@ -172,6 +180,8 @@ class _Handler(BaseHTTPRequestHandler):
             "X-Frame-Options": "DENY", "Referrer-Policy": "no-referrer", "Cross-Origin-Resource-Policy": "same-origin",
         }.items():  # fmt: skip
             self.send_header(name, value)
+        if self.close_connection:
+            self.send_header("Connection", "close")
         self.end_headers()
         self.wfile.write(body)
 

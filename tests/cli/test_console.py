@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import errno
+import io
 import logging
+import os
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +15,8 @@ import pytest
 from support.layout_files import write
 
 from ifrdem.cli.main import app, main
+from ifrdem.tools import arguments
+from ifrdem.tools.progress import Progress, Stage
 
 CASE = """
 [run]
@@ -110,3 +116,31 @@ def test_completion_knows_commands_and_options(shell: str) -> None:
     script = app.generate_completion(shell=shell)
     for word in (*commands(), "no-picture", "in-place", "write-material"):
         assert word in script
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no device that is always full here")
+def test_messages_that_cannot_be_written_change_no_exit_status(tmp_path: Path) -> None:
+    words = [sys.executable, "-m", "ifrdem", "info", str(tmp_path / "nosuch.h5")]
+    with open("/dev/full", "w") as full:
+        assert subprocess.run(words, stderr=full, check=False).returncode == 2
+    shell = f"{shlex.join(words)} 2>&-"  # closed: Python has no such stream then
+    done = subprocess.run(["sh", "-c", shell], stdout=subprocess.PIPE, check=False)
+    assert (done.returncode, done.stdout) == (2, b"")
+
+
+def test_progress_that_cannot_be_written_ends_no_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Full(io.StringIO):
+        def write(self, text: str) -> int:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+        def flush(self) -> None:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("sys.stderr", Full())
+    with arguments.unfailing_messages():
+        progress = Progress(10, t_end=1.0, interval=0.0)
+        for time in (0.0, 0.5, 1.0):
+            progress(time, 10)
+        Stage("growth", interval=0.0)(0.5)
+        print("message", file=sys.stderr)
+    assert isinstance(sys.stderr, Full)

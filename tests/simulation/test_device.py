@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import shutil
 import subprocess
@@ -200,6 +201,24 @@ def test_taichi_runs_without_a_home(tmp_path: Path, cache: bool) -> None:
         environment["TI_OFFLINE_CACHE_FILE_PATH"] = str(tmp_path)
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, "runs\n"), done.stderr
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="no folder that root cannot write to")
+def test_kernels_that_cannot_be_kept_are_told_once(tmp_path: Path) -> None:
+    code = (
+        "import os, tempfile\n"
+        "from ifrdem.simulation import device as backend\n"
+        "for threads in (1, 2, 1):\n    backend.start('cpu', threads=threads)\n    backend.stop()\n"
+        "print([name for name in os.listdir(tempfile.gettempdir()) if name.startswith('ifrdem-kernels-')])\n"
+    )
+    environment = {**os.environ, "HOME": "/proc", "TMPDIR": str(tmp_path)}
+    environment.pop("TI_OFFLINE_CACHE_FILE_PATH", None)
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("kernel cache /proc/.cache/taichi/ticache: cannot be written to") == 1
+    assert "set TI_OFFLINE_CACHE_FILE_PATH to a folder" in done.stderr
+    assert len(ast.literal_eval(done.stdout)) == 1  # all in one folder, which is gone at the end
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_lock_of_a_killed_process_leaves_the_kernel_cache_at_a_start(

@@ -726,6 +726,20 @@ def test_a_full_disk_leaves_every_committed_frame(tmp_path):
     assert_whole(path, 3000, len(output))
 
 
+def test_a_full_disk_before_the_first_frame_keeps_nothing_and_says_so(tmp_path):
+    """The file begins with some 110 kB, and a frame of 3000 disks takes 72 kB: there is room for none."""
+    pytest.importorskip("resource")
+    path = tmp_path / "run.h5"
+    with child(path, 3000, limit=140_000) as process:
+        output, error = process.communicate()
+    assert output == b""
+    assert (
+        b"a frame could not be written (File too large); there is no frame before it: nothing is kept"
+        in error
+    )
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_frame_without_its_step_does_not_count(tmp_path):
     """What a kill between the two phases leaves."""
     path = tmp_path / "run.h5"

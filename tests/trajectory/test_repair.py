@@ -218,7 +218,7 @@ def test_a_file_that_a_run_is_writing_is_left_alone(tmp_path):
     with child(path, 40, pause=3) as process:
         assert process.stdout is not None
         assert process.stdout.read(3) == b"..."
-        with pytest.raises(InputError, match="a run is writing it"):
+        with pytest.raises(InputError, match=f"process {process.pid} on .* is writing it"):
             repair(path, path)
         process.kill()
     with Trajectory(path) as trajectory:

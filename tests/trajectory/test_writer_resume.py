@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -285,7 +286,7 @@ def test_one_writer_locks_out_another(tmp_path):
             check=False,
         )
         assert second.returncode == 2
-        assert "is open elsewhere: a run is writing it" in second.stdout
+        assert f"is open elsewhere: process {os.getpid()} on " in second.stdout
         go_on(writer, 2, 3)
     with Trajectory(path) as trajectory:
         assert len(trajectory) == 3

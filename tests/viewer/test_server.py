@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import hashlib
 import http.client
 import json
@@ -223,6 +224,41 @@ def test_a_request_for_no_address_is_refused_without_a_word_on_the_terminal(serv
         line.sendall(b"GET http://[bad/ HTTP/1.1\r\nHost: x\r\n\r\n")
         assert line.recv(100).startswith(b"HTTP/1.1 403 ")
     assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "Content-Length: {length}",
+        "Content-Length: 0\r\nContent-Length: {length}",
+        "Transfer-Encoding: chunked",
+        "Expect: 100-continue\r\nContent-Length: {length}",
+        "no header\r\nContent-Length: {length}",
+    ],
+)
+def test_the_body_of_a_request_is_not_taken_for_the_next_one(server, head):
+    """RFC 9112, 6.3: a server that does not read a body to its end closes the connection."""
+    hidden = f"GET /{server.token}/head HTTP/1.1\r\nHost: localhost:{server.server_port}\r\n\r\n"
+    body = f"{len(hidden):x}\r\n{hidden}\r\n0\r\n\r\n" if "chunked" in head else hidden
+    whole = hidden.removesuffix("\r\n") + head.format(length=len(body)) + "\r\n\r\n" + body
+    with socket.create_connection(("127.0.0.1", server.server_port), timeout=20) as line:
+        line.sendall(whole.encode())
+        answer = b""
+        with contextlib.suppress(ConnectionResetError):  # what it did not read is thrown away
+            while more := line.recv(1 << 16):
+                answer += more
+    assert answer.count(b"HTTP/1.1 200") == 1
+    assert answer.count(b"HTTP/1.1") == (2 if "Expect" in head else 1)  # 100 Continue
+    assert b"\r\nConnection: close\r\n" in answer
+
+
+def test_requests_without_a_body_share_a_connection(server):
+    connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=20)
+    for _ in range(2):
+        connection.request("GET", f"/{server.token}/head")
+        assert connection.getresponse().read()
+        assert connection.sock is not None
+    connection.close()
 
 
 def test_history_of_a_disk_is_told_or_that_it_was_not_tracked(server):
