@@ -254,18 +254,20 @@ def check(case: Case, /, *, set: Set = None) -> None:
 
     comm = ranks()
     gas = case_file.read_on_ranks(lambda: shipped.find(case), set or [], comm).gas
+    share, ranks_here = world.share_here(comm), comm.size if comm else 1
+    sliced = gas.is_told_in_slices(comm) and gas.is_made_in_slices
 
     def report() -> None:
         estimate = RunEstimate.of(gas)
         summary.refuse_cadences(gas, estimate)
         crushes = gas.crushes()
+        if comm is None:
+            gas.try_start()
         say(summary.report(gas, estimate))
         for text in (*crushes, *gas.cautions):
             warn(text)
-        try:
-            summary.refuse_beyond_disk(estimate.file_bytes, Path())
-        except InputError as error:  # it may run elsewhere
-            warn(f"{error}: `ifrdem run` would refuse it here")
+        for text in summary.refused_here(gas, estimate, Path(), share=share, ranks=ranks_here, sliced=sliced):
+            warn(f"{text}: `ifrdem run` would refuse it here")  # it may run elsewhere
 
     world.on_first(comm, report)
 

@@ -43,6 +43,7 @@ from ..model.state import COLUMNS, Disks, State, codes
 from ..model.walls import Wall
 from ..tools import slices
 from . import device
+from .checks import spacing_of_places
 
 CELL = 1.0 + 1e-6  # side of a cell in largest diameters, at least: what rounding leaves of it
 # The same where disks sleep, which may leave their cell in the falling frame by RESTING_FALL. A window lasts a fall by
@@ -365,7 +366,7 @@ class DeviceArrays:
         mantissa = 24 if self.real == np.float32 else 53
         if mantissa == 24 and max(tiles) > 1:  # places are from the corner of a tile
             extent = 2.0 * float(np.max((high - low) / count))
-        self.spacing: float = 2.0 ** (math.ceil(math.log2(2.0 * extent)) - mantissa)
+        self.spacing: float = spacing_of_places(extent, "f32" if mantissa == 24 else "f64")
         self.scale.rounding_constant = 1.5 * 2.0 ** (mantissa - 1) * self.spacing
         edges = []
         for axis in range(2):
