@@ -380,7 +380,7 @@ def _wrong_pistons(case: Case, given: Given) -> Iterator[Complaint]:
     for i, piston in pistons:
         for key in ("displacement", "velocity"):
             if getattr(piston, key) is not None:
-                text = "cannot be combined with a start from a frame, which says where its pistons are"
+                text = "cannot be combined with a start from a frame, which says where its pistons are: leave it out"
                 yield _at(case, f"wall[{i}].piston.{key}", text)
 
 

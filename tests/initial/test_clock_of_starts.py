@@ -206,7 +206,9 @@ def frame_of(
     n, box = len(position), Box((12.0, 12.0), (True, False))
     state = State(position, np.zeros((n, 2)), np.zeros(n), time=time, collisions=np.full(n, 10))
     fields: list[str] = ["position", "velocity", "angular_velocity", *more.pop("fields", ["collisions"])]  # type: ignore[misc]
-    with TrajectoryWriter(path, Disks(n, 1.0, 0.5), box, fields=fields, precision=precision) as file:
+    with TrajectoryWriter(
+        path, Disks(n, 1.0, 0.5), box, fields=fields, precision=precision, force=True
+    ) as file:
         file.write(state, more)  # type: ignore[arg-type]
 
 
