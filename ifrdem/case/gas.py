@@ -230,7 +230,8 @@ class CaseGas:
 
     def _forgotten(self) -> list[str]:
         """Texts about what a frame does not say of the disks that move on from it."""
-        run, texts, name = self.case.run, [], "start.motion = true: the frame does not say"
+        run, name = self.case.run, "start.motion = true: the frame does not say"
+        texts: list[str] = []
         if self.given is None or not self.case.start.motion:
             return texts
         if run.contact_time is not None:

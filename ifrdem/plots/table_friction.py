@@ -102,5 +102,5 @@ def _paths(axes: Axes, trajectory: Trajectory) -> None:
     if np.any(away):
         bar_beside(axes, drawn, label(trajectory, "distance from the start", "length"))
     time = trajectory.with_unit(f"{trajectory.times[-1]:.4g}", "time")
-    paths = ", and their paths" if known else "; their paths need the field image"
-    axes.set_title(f"disks at $t$ = {time}" + (paths if n <= MOST_PATHS or not known else ""))
+    said = ", and their paths" if known else "; their paths need the field image"
+    axes.set_title(f"disks at $t$ = {time}" + (said if n <= MOST_PATHS or not known else ""))

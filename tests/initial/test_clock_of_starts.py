@@ -213,10 +213,11 @@ def frame_of(
 
 
 def test_a_frame_in_single_precision_is_put_right_where_the_floor_stands_then(tmp_path: Path) -> None:
-    """Disks rest on the floor at t = 0.3, at 1 + 0.5 sin(0.24 pi), which single precision rounds by up to 2^-24."""
-    floor = 1.0 + 0.5 * np.sin(2.0 * np.pi * 0.4 * 0.3)
-    places = [[2.0 + 2.0 * i, floor + 0.5 + 1e-9 * i] for i in range(5)]  # some are rounded down
-    frame_of(tmp_path / "old.h5", places, 0.3, "f4")
+    """Disks rest on the floor at t = 0.5, at 1 + 0.5 sin(0.4 pi); single precision rounds their height down by 1.8e-8."""
+    floor = 1.0 + 0.5 * np.sin(2.0 * np.pi * 0.4 * 0.5)
+    assert np.float32(floor + 0.5) < floor + 0.5
+    places = [[2.0 + 2.0 * i, floor + 0.5] for i in range(5)]
+    frame_of(tmp_path / "old.h5", places, 0.5, "f4")
     gas = case(
         tmp_path, "species[0].number=5", "start.positions=old.h5", text=GASES["a shaken floor and gates"]
     ).gas
