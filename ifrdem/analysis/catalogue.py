@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import numbers
 from collections.abc import Callable, Iterator, Sequence
@@ -327,24 +326,33 @@ def _parts(trajectory: Trajectory, used: Sequence[int], name: str) -> Iterator[A
         yield np.stack(found).astype(np.float64)
 
 
+def unwrapped(trajectory: Trajectory, used: Sequence[int]) -> Iterator[Array]:
+    """Paths without jumps of some disks over these frames [length], shape (frames, disks, 2), a part at a time.
+
+    InputError if the file does not say how often disks went around the box (`displacement.unwrap`).
+    """
+    known = [name for name in ("image", "velocity") if name in trajectory.fields][:1]
+    for position, *of_disks in zip(
+        *(_parts(trajectory, used, name) for name in ("position", *known)), strict=True
+    ):
+        told = dict(zip(known, of_disks, strict=True))
+        yield displacement.unwrap(position, trajectory.box, times=trajectory.times[used], **told)
+
+
 def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     stored.need(trajectory, "position")
     words = ", and D with it, as sqrt(T): no single D. Choose --frames over which T changes by "
     used, origins, notes, doubts = _motion(trajectory, chosen, words)
     box, when = trajectory.box, trajectory.times[used]
-    has_image = "image" in trajectory.fields
-    if not has_image and not box.is_open:
+    if "image" not in trajectory.fields and any(box.periodic):
         notes.append(
             'no "image" in the file: between frames disks are taken to move by the shortest way (minimum image)'
         )
-
     moving = stored.drift(trajectory, used)
     notes += moving.said(trajectory, "displacements are about its mean path")
 
     def paths() -> Iterator[Array]:
-        images = _parts(trajectory, used, "image") if has_image else itertools.repeat(None)
-        for position, image in zip(_parts(trajectory, used, "position"), images, strict=False):
-            path = displacement.unwrap(position, box, image=image, times=when)
+        for path in unwrapped(trajectory, used):
             if moving:
                 path = path - (when - when[0])[:, None, None] * moving.velocity
             yield path[:, :, 1:] if box.shear_rate else path

@@ -53,21 +53,25 @@ class Diffusion:
 
 
 def unwrap(
-    position: ArrayLike, box: Box | ArrayLike, *, image: ArrayLike | None = None, times: ArrayLike = 0.0
-) -> Array:
+    position: ArrayLike, box: Box | ArrayLike, *, image: ArrayLike | None = None, velocity: ArrayLike | None = None,
+    times: ArrayLike = 0.0,
+) -> Array:  # fmt: skip
     """Paths without jumps through periodic sides [length], shape (frames, n, 2).
 
-    InputError if steps are too long, or a sheared box has no images.
+    InputError if steps of any disk are too long, or a sheared box has no images.
 
     Parameters
     ----------
     position : array (frames, n, 2)
         Centres in the box [length].
     image : array (frames, n, 2), optional
-        Box lengths travelled. Without them each step between frames is taken for the shortest possible one; that is
-        refused if steps are so long (root of the mean square above an eighth of the box) that some would be wrong.
+        Box lengths travelled. Without them each step between frames is taken for the shortest possible one, and
+        refused if a disk may have gone further than half of the box.
+    velocity : array (frames, n, 2), optional
+        Velocities [length/time]: a disk may go as far as its speed in either frame times the time between them. Without
+        them the root of the mean square of each disk's own steps must be below an eighth of the box.
     times : array (frames,), optional
-        Needed for sheared boxes [time].
+        Needed for velocities and sheared boxes [time].
 
     Examples
     --------
@@ -93,14 +97,24 @@ def unwrap(
     if box.shear_rate:
         raise InputError('paths in a sheared box need images: put "image" into output.fields of the case')
     step = box.minimum_image(np.diff(x, axis=0))
-    for axis in (0, 1):
-        rms = float(np.sqrt(np.mean(step[:, :, axis] ** 2))) if step.size else 0.0
-        # Gaussian steps beyond half a box, four times the rms, are 6e-5 of all; uniform ones, which tell nothing, have
-        # an rms of 0.29 boxes.
-        if box.periodic[axis] and rms > box.lengths[axis] / 8.0:
+    if velocity is None:
+        # Of each disk: fast ones among many slow ones hide in a mean over all. Gaussian steps beyond half a box, four
+        # times the rms, are 6e-5 of all; uniform ones, which tell nothing, have an rms of 0.29 boxes.
+        way, most = np.sqrt(np.mean(step**2, axis=0, keepdims=True)) if len(step) else step, 1.0 / 8.0
+    else:
+        v = np.abs(np.asarray(velocity, dtype=np.float64))
+        if v.shape != x.shape:
             raise InputError(
-                f"between frames disks go {rms / box.lengths[axis]:.2g} of the box along {'xy'[axis]}: too far to tell "
-                'how often they went around it; put "image" into output.fields of the case, or write more frames'
+                f"velocities of shape {v.shape} for positions of shape {x.shape}: they must match"
+            )
+        time = np.broadcast_to(np.asarray(times, dtype=np.float64), len(x))
+        way, most = np.maximum(v[1:], v[:-1]) * np.diff(time)[:, None, None], 0.5
+    for axis in (0, 1):
+        longest = float(way[:, :, axis].max(initial=0.0)) / box.lengths[axis]
+        if box.periodic[axis] and longest > most:
+            raise InputError(
+                f"between frames a disk goes {longest:.2g} of the box along {'xy'[axis]}: too far to tell how often it "
+                'went around it; put "image" into output.fields of the case, or write more frames'
             )
     return np.concatenate((x[:1], x[:1] + np.cumsum(step, axis=0)))
 

@@ -45,9 +45,10 @@ class RunSection(Section):
     seed: int = key(1, 0, ge=0, lt=2**63)
     """Seed of every random number [whole number]; one seed, one result."""
     t_end: float | None = key(2.0, None, gt=0.0)
-    """Simulated time at which the run ends [s]."""
+    """Simulated time at which the run ends [s]: a time of the run's clock, which begins at start.time."""
     collisions_per_disk: float | None = key(50.0, None, gt=0.0)
-    """Collisions per disk, mean over all disks, at which the run ends [1]."""
+    """Collisions per disk, mean over all disks, at which the run ends [1]; where the clock of a frame goes on, those
+    until the frame count too."""
     arch: Literal["cpu", "cuda"] = key("cpu", "cpu")
     """Device: "cpu", or "cuda" (an NVIDIA GPU)."""
     threads: int | None = key(2, None, ge=1)
@@ -379,8 +380,8 @@ class StartSection(Section):
     """Places of the disks at the start."""
 
     choices: ClassVar[tuple[Keys, ...]] = (
-        Keys(("positions",), also=("frame", "motion", "psi", "speed")),
-        Keys(("file",), also=("columns", "units", "delimiter", "decimal", "relax")),
+        Keys(("positions",), also=("frame", "motion", "time", "psi", "speed")),
+        Keys(("file",), also=("time", "columns", "units", "delimiter", "decimal", "relax")),
     )
     choice_optional = True
 
@@ -392,6 +393,10 @@ class StartSection(Section):
     """Frame of the trajectory [whole number]: 0 the first, -1 the last, which it is without this key."""
     motion: bool = key(True, False)
     """Take velocities and spins from the frame as well [true or false], instead of speed_rms and spin_rms."""
+    time: float | None = key(0.0, None, ge=0.0)
+    """Time of the run's clock at the start [s], by which walls move and open, gravity turns and forces act. Of a frame,
+    it begins a new clock; without it that of the frame goes on, with its time and numbers of collisions. 0 for a CSV
+    file without it."""
     psi: list[Annotated[float, Field(gt=-90.0, lt=90.0)]] | None = key(
         [0.0, 89.0], None, min_length=2, max_length=2
     )
@@ -418,9 +423,10 @@ class StartSection(Section):
         positions, file = data.get("positions", "random"), data.get("file")
         if isinstance(file, str) and is_trajectory(file):
             return [f'file = "{file}": a trajectory is named by positions = "{file}"; file is for CSV']
-        given = [key for key in ("frame", "motion") if key in data]
+        given = [key for key in ("frame", "motion", "time") if key in data]
         if given and "file" not in data and isinstance(positions, str) and not is_trajectory(positions):
-            return [f'{", ".join(given)}: only with positions = "NAME.h5", the frame of a trajectory']
+            also = ', or "time" with a CSV file' if given == ["time"] else ""
+            return [f'{", ".join(given)}: only with positions = "NAME.h5", the frame of a trajectory{also}']
         scan = [key for key in ("psi", "speed") if key in data]
         if positions == IMPACT_SCAN and "speed" not in data:
             return [f'positions = "{IMPACT_SCAN}": speed is missing, that of the disks that hit']

@@ -178,21 +178,21 @@ class RunEstimate:
         rates, speeds = _rates_and_speeds(gas)
         paths = [speed / rate if rate > 0.0 else math.nan for speed, rate in zip(speeds, rates, strict=True)]
         mean_rate = sum(each.number * rate for each, rate in zip(gas.species, rates, strict=True)) / n
-        steady, end, per_disk = _by_theory(gas, phi, mean_rate)
+        begin, steady, end, per_disk = gas.begin[0], *_by_theory(gas, phi, mean_rate)
         # A drive, a flow, a fall or a wall that moves or is hot may raise the rate; in an open box there is none.
         driven = bool(case.force) or any(case.box.gravity) or gas.box.shear_rate != 0.0
         stirring = (each.motion or each.turn or each.piston or each.temperature for each in case.wall)
         driven |= any(one is not None for one in stirring)
         at_most = math.isnan(per_disk) and not driven and not gas.box.is_open
         if at_most:
-            per_disk = mean_rate * (case.run.t_end or 0.0)
+            per_disk = mean_rate * ((case.run.t_end or begin) - begin)
         frames, rows = (
-            each.count(duration=end, collisions_per_disk=per_disk) + 1
+            each.count(duration=end - begin, collisions_per_disk=per_disk) + 1
             for each in (output.frame_cadence, output.series_cadence)
         )
         tracked = _tracked(gas)
         # Every collision of a tracked disk, and each time that forces act on it; unknown ones do not count.
-        changes = [per_disk, *(end / step for step in {force.step for force in case.force})]
+        changes = [per_disk, *((end - begin) / step for step in {force.step for force in case.force})]
         events = sum(round(tracked * each) for each in changes if not math.isnan(each))
         return cls(
             packing_fraction=phi,
@@ -269,14 +269,17 @@ def _wall_hits(gas: CaseGas) -> float:
 
 
 def _by_theory(gas: CaseGas, phi: float, rate: float) -> tuple[tuple[float, float] | None, float, float]:
-    """Steady state, time and collisions per disk at the end, by kinetic theory of equal disks without rolling friction.
+    """Steady state, time at the end and collisions per disk of the run, by theory of equal disks.
+
+    Without rolling friction, which is not in it.
 
     None and nan for what neither the case nor theory tells; `rate` is that of collisions of a disk at the start
     [1/time].
     """
-    case = gas.case
+    case, (begin, before) = gas.case, gas.begin
     end = math.nan if case.run.t_end is None else case.run.t_end
-    per_disk = math.nan if case.run.collisions_per_disk is None else case.run.collisions_per_disk
+    wanted = case.run.collisions_per_disk
+    per_disk = math.nan if wanted is None else wanted - 2.0 * before / gas.n
     each, law, shear_rate = gas.species[0], gas.law(), gas.box.shear_rate
     if gas.box.is_open or len(gas.species) > 1 or not each.equal or law.rho > 0.0:
         return None, end, per_disk
@@ -292,10 +295,10 @@ def _by_theory(gas: CaseGas, phi: float, rate: float) -> tuple[tuple[float, floa
             steady = sheared_gas.steady_state(*one, shear_rate)
             if case.run.t_end is None or T == 0.0:
                 return steady, end, per_disk
-            per_disk = float(sheared_gas.sheared(*one, shear_rate, T, T_rot, [end])[2][0])
+            per_disk = float(sheared_gas.sheared(*one, shear_rate, T, T_rot, [end - begin])[2][0])
         if steady is not None and math.isnan(per_disk):  # heats from a start that is too cold to be followed
             hot = theory.collision_rate(phi, steady[0], mass, radius)
-            per_disk = hot * end if hot > rate else math.nan
+            per_disk = hot * (end - begin) if hot > rate else math.nan
         return steady, end, per_disk
     drive = Drive.of([force.model_dump() for force in case.force], mass, inertia) if case.force else None
     if not case.homogeneous or (case.force and drive is None):
@@ -312,14 +315,14 @@ def _by_theory(gas: CaseGas, phi: float, rate: float) -> tuple[tuple[float, floa
         return driven_gas.driven(*one, drive, T, T_rot, times)[2]
 
     if math.isnan(per_disk):
-        return steady, end, float(collisions(np.array([end]))[0])
+        return steady, end, float(collisions(np.array([end - begin]))[0])
     # Cooling slows the collisions: later times until there are enough. Linear between times 0.2 % apart: to 1e-6.
     times = per_disk / rate * np.geomspace(0.01, 8.0, 3000)
     while (found := collisions(times))[-1] < per_disk:
         times = times * 8.0
         if times[-1] > 1e12 * per_disk / rate:
             return steady, end, per_disk
-    return steady, float(np.interp(per_disk, found, times)), per_disk
+    return steady, begin + float(np.interp(per_disk, found, times)), per_disk
 
 
 def disk_bytes(output: OutputSection) -> int:

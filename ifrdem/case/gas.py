@@ -100,10 +100,7 @@ class CaseGas:
         Raises InputError if they do not. Ranks that have read slices of the start call this together.
         """
         case, given = self.case, self.given
-        if given is not None and given.velocity is not None and case.start.trajectory is not None:
-            velocity = given.velocity + self.box.flow(given.position)  # there was no flow
-            given = replace(given, velocity=velocity)
-        elif case.start.positions == IMPACT_SCAN:
+        if case.start.positions == IMPACT_SCAN:
             speed = case.start.speed or 0.0
             given = impact_scan.start(self.disks, case.start.psi_range, speed, seed=case.run.seed)
         gas = replace(self, given=given)
@@ -178,8 +175,13 @@ class CaseGas:
 
     @property
     def room(self) -> Room:
-        """The area that walls leave to the disks."""
-        return Room(self.box, self.walls)
+        """The area that walls leave to the disks at the start."""
+        return Room(self.box, self._walls_at_start, self.begin[0])
+
+    @property
+    def begin(self) -> tuple[float, int]:
+        """Time of the run's clock at the start [time], and number of collisions of all disks until then."""
+        return (0.0, 0) if self.given is None else (self.given.time, self.given.collisions)
 
     def law(self, i: int = 0, j: int = 0) -> IFRLaw:
         """The law of two species, by their numbers."""
@@ -199,7 +201,7 @@ class CaseGas:
         if not self.n:
             return []
         end = math.inf if self.case.run.t_end is None else self.case.run.t_end
-        return crush.foreseen(self.room.all_walls, self.box, self.kinds.radius, 0.0, end)
+        return crush.foreseen(self.room.all_walls, self.box, self.kinds.radius, self.begin[0], end)
 
     @property
     def drum(self) -> float:
@@ -222,6 +224,7 @@ class CaseGas:
                 f"is above {FASTEST_DRUM}: its frame has centrifugal and Coriolis accelerations, too, which are left "
                 "out"
             )
+        texts += self._forgotten()
         if self.case.run.resting_speed is None:
             return texts
         for i, wall in enumerate(self.walls):
@@ -262,21 +265,41 @@ class CaseGas:
             "end where the fastest disk has come too far"
         ]
 
+    def _forgotten(self) -> list[str]:
+        """Texts about what a frame does not say of the disks that move on from it."""
+        run, name = self.case.run, "start.motion = true: the frame does not say"
+        texts: list[str] = []
+        if self.given is None or not self.case.start.motion:
+            return texts
+        if run.contact_time is not None:
+            until = self.given.time + run.contact_time
+            texts.append(
+                f"{name} when disks collided last: until t = {until:.6g}, run.contact_time counts collisions since the "
+                "start only"
+            )
+        if any(wall.temperature for wall in self.walls):
+            texts.append(
+                f"{name} how often disks hit thermal walls: with the seed of its run they draw the same random "
+                f"velocities again, with another run.seed than {run.seed} others"
+            )
+        if run.resting_speed is not None and "asleep" not in self.given.past:
+            texts.append(f"{name} which disks sleep (output.fields, asleep): all are awake at first")
+        return texts
+
     def start(self, progress: Callable[[float], None] = lambda _: None, comm: Any = None) -> State:
-        """The state at time 0, without overlaps; `progress` gets the part of growing that is done.
+        """The state at the start, without overlaps; `progress` gets the part of growing that is done.
 
         Of ranks, each gets its slice of a start that is made so (`is_made_in_slices`).
 
         Raises InputError if the disks do not fit into the box in the way the case wants: a line with the key.
         """
-        if self.given is None:
-            position = self._placed(progress, comm)
-        else:
-            position = self.given.position
-            if self.given.velocity is not None and self.given.spin is not None:
-                return State(position=position, velocity=self.given.velocity, spin=self.given.spin)
+        given = self.given
+        position = self._placed(progress, comm) if given is None else given.position
+        past: dict[str, Any] = {} if given is None else {"time": given.time, **given.past}
+        if given is not None and given.velocity is not None and given.spin is not None:
+            return State(position=position, velocity=given.velocity, spin=given.spin, **past)
         velocity, spin = self._drawn_motion(comm)
-        return State(position=position, velocity=velocity + self.box.flow(position), spin=spin)
+        return State(position=position, velocity=velocity + self.box.flow(position), spin=spin, **past)
 
     def try_start(self) -> None:
         """Make the start as a run does, of so few disks that it takes a second: InputError where that cannot be."""
@@ -487,7 +510,7 @@ class CaseGas:
 
         What `warnings` says is not said again. `tracked` disks, which have histories, else come from the case and the
         start. All ranks of MPI (`comm`) that share it call this; `pistons` are displacements [length], by default those
-        of the case. `sliced` tells states in slices, or not, whatever the number of disks (`is_told_in_slices`). A
+        of the start. `sliced` tells states in slices, or not, whatever the number of disks (`is_told_in_slices`). A
         `state` of ranks is that of all disks, on the first one, or then that of the slice, on each.
         """
         run, box, output = self.case.run, self.case.box, self.case.output
@@ -511,7 +534,7 @@ class CaseGas:
             "disks": disks, "box": self.box, "state": begin,
             "law": [[any_law if one is None else one for one in row] for row in self.laws], "arch": run.arch,
             "threads": run.threads, "precision": run.precision,
-            "walls": self.walls if pistons is None else at_displacements(self.walls, pistons),
+            "walls": self._walls_at_start if pistons is None else at_displacements(self.walls, pistons),
             "gravity": (box.gravity[0], box.gravity[1]), "gravity_turns": box.gravity_turns,
             "gravity_step": box.gravity_step, "collapse": run.collapse, "contact_time": run.contact_time,
             "velocity_cutoff": run.velocity_cutoff, "resting_speed": run.resting_speed,
@@ -523,6 +546,10 @@ class CaseGas:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", EnergyWarning)
             return Simulation(**given)
+
+    @property
+    def _walls_at_start(self) -> tuple[Wall, ...]:
+        return self.walls if self.given is None else self.given.moved(self.walls)
 
     def tracked(self, start: State | None) -> NDArray[np.int32]:
         """Disks that have histories, ascending; none of a start that only ranks know, which have no histories.
@@ -592,7 +619,9 @@ def judge(
             standing = () if wrong_walls else walls
             found += rules.wrong_room(case, species, kinds, None if patch is None else Room(patch, standing))
             found += [*rules.wrong_open(case, patch), *rules.wrong_scan(case)]
-            if not case.start.placed and not gas.is_read_in_slices(comm):
+            if case.start.file is None and case.start.trajectory is None:
+                found += rules.wrong_clock(case)
+            elif not gas.is_read_in_slices(comm):
                 given = rules.given_start(case, gas.disks.radius, Room(box, standing), folder, found)
     found += rules.wrong_output(case, kinds.n, box)
     if comm is not None:

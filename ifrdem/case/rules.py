@@ -25,6 +25,7 @@ from ..model.state import DiskKinds
 from ..model.walls import Wall, check_place, pieces
 from ..model.walls import check as check_walls
 from ..simulation.checks import check_number, check_pistons
+from ..simulation.schedule import first_after, time_of
 from ..tools import slices, world
 from .case import IMPACT_SCAN, Case
 from .pair_rules import PairVerdict
@@ -34,7 +35,7 @@ from .species import Species
 MOST_SUMMED = 1000
 """Walls whose sums a file can hold: their names are an attribute, of 64 KiB at most."""
 LARGEST_DISK = 1.0 / 3.0
-"""Of the shorter side, at most: the engine's limit, which keeps a disk from meeting its own image."""
+"""Of the shorter periodic side, at most: the engine's limit, which keeps a disk from meeting its own image."""
 
 
 def _at(case: Case, key: str, text: str) -> Complaint:
@@ -108,9 +109,29 @@ def _disks(case: Case) -> int:
     return sum(each.number for each in case.species)
 
 
+def wrong_clock(case: Case, time: float = 0.0, collisions: int = 0) -> Iterator[Complaint]:
+    """Ends of the run that are over when it starts at a time [time] after so many collisions, or before a force acts.
+
+    The number of collisions is that of all disks, each of two.
+    """
+    t_end, per_disk = case.run.t_end, case.run.collisions_per_disk
+    goes_on = "" if case.start.trajectory is None else "; start.time = 0 begins a new clock"
+    if t_end is not None and t_end <= time:
+        yield _at(
+            case, "run.t_end", f"must be after {time:.9g}, the time of the run's clock at the start{goes_on}"
+        )
+        return
+    if per_disk is not None and collisions and 0.5 * per_disk * _disks(case) <= collisions:
+        already = f"{2.0 * collisions / _disks(case):.6g}, the collisions per disk until the frame"
+        yield _at(case, "run.collisions_per_disk", f"must be above {already}{goes_on}")
+    for i, force in enumerate(case.force):
+        if t_end is not None and time_of(first_after(time, force.step), force.step) > t_end:
+            text = f"it acts at the middle of each step, which never comes before run.t_end = {t_end:g}"
+            yield _at(case, f"force[{i}].step", text)
+
+
 def wrong_forces(case: Case) -> Iterator[Complaint]:
-    """Forces that the gas, the box or the length of the run do not allow."""
-    t_end = case.run.t_end
+    """Forces that the gas or the box do not allow."""
     for i, force in enumerate(case.force):
         key = f"force[{i}]"
         if force.kind == "kicks" and _disks(case) < 2:
@@ -121,9 +142,6 @@ def wrong_forces(case: Case) -> Iterator[Complaint]:
             yield _at(case, f"{key}.kind", text)
         if force.kind == "table_friction" and force.gravity is None and case.run.units != "SI":
             yield _at(case, f"{key}.gravity", "missing: 9.81 m/s^2 is meant in SI units only")
-        if t_end is not None and 0.5 * force.step > t_end:
-            text = f"it acts at the middle of each step, which never comes before run.t_end = {t_end:g}"
-            yield _at(case, f"{key}.step", text)
 
 
 def made_walls(
@@ -273,13 +291,13 @@ def wrong_room(
     case: Case, species: Sequence[Species], kinds: DiskKinds, room: Room | None
 ) -> Iterator[Complaint]:
     """`room` is where disks start: that of the box, or of a part of an open one, if any."""
-    sides = room.box.lengths if room is not None else (math.inf, math.inf)
+    period = room.box.shortest_period if room is not None else math.inf
     fits = True
     for each in species if not case.box.open else ():
         largest = 2.0 * each.look.radius.high
-        if largest > LARGEST_DISK * min(sides):
-            fits = False
-            text = f"a disk of species '{each.name}' has diameter {largest:.6g}, more than a third of the shorter side"
+        if room is not None and largest > LARGEST_DISK * period:
+            fits, sides = False, room.box.lengths
+            text = f"a disk of species '{each.name}' has diameter {largest:.6g}, more than a third of a periodic side"
             more = "a larger box is needed, or more disks at this packing fraction"
             yield Complaint("box", f"{sides[0]:.6g} x {sides[1]:.6g}", f"{text}: {more}")
     if not fits or room is None:
@@ -357,6 +375,18 @@ def _wrong_speeds(case: Case, beside: str) -> Iterator[Complaint]:
                 yield _at(case, f"species[{i}].{speed}", f"cannot stand beside {beside}")
 
 
+def _wrong_pistons(case: Case, given: Given) -> Iterator[Complaint]:
+    """Places and velocities of pistons beside a frame that says them."""
+    pistons = [(i, each.piston) for i, each in enumerate(case.wall) if each.piston is not None]
+    if given.pistons is None or len(given.pistons) != len(pistons):
+        return
+    for i, piston in pistons:
+        for key in ("displacement", "velocity"):
+            if getattr(piston, key) is not None:
+                text = "cannot be combined with a start from a frame, which says where its pistons are: leave it out"
+                yield _at(case, f"wall[{i}].piston.{key}", text)
+
+
 def given_start(
     case: Case,
     radius: NDArray[np.float64],
@@ -378,19 +408,29 @@ def given_start(
     value = f'"{name}"'
     try:
         if start.trajectory is not None:
-            options: Any = {"motion": start.motion, "walls": room.walls, "comm": comm}
+            options: Any = {"motion": start.motion, "time": start.time, "walls": room.walls, "comm": comm}
             given = from_trajectory.read(folder / name, start.frame, radius, box, **options)
         else:
             given = from_csv.read(
                 folder / name, slices.numbered(len(radius), comm)[1], box, start.form, comm=comm
             )
+            given = replace(given, time=start.time or 0.0)
+            at: Any = {"time": given.time, "comm": comm}
             if start.relax is not None:
-                given = replace(given, position=relax(box, radius, given.position, start.relax, comm=comm))
-            check_no_overlap(box, radius, given.position, comm=comm)
-            check_walls(room.all_walls, box, given.position, radius, comm=comm)
+                given = replace(given, position=relax(box, radius, given.position, start.relax, **at))
+            check_no_overlap(box, radius, given.position, **at)
+            check_walls(room.all_walls, box, given.position, radius, **at)
     except InputError as error:
         found += [Complaint(key, value, line) for line in str(error).splitlines()]
         return None
+    found += [*wrong_clock(case, given.time, given.collisions), *_wrong_pistons(case, given)]
+    if start.trajectory is not None and start.time is None and "collisions" not in given.past:
+        counted = [i for i, wall in enumerate(room.walls) if wall.opens_after is not None]
+        found += [
+            _at(case, f"wall[{i}].opens_after", f"{key} = {value} does not say how many collisions there were: it "
+                "needs the field collisions (output.fields), or start.time = 0 begins a new clock")
+            for i in counted
+        ]  # fmt: skip
     drawn = any(each.speed_rms for each in case.species)
     fastest = 0.0 if given.velocity is None else float(np.abs(given.velocity).max(initial=0.0))
     moving = drawn if given.velocity is None else world.largest(comm, fastest) > 0.0

@@ -92,9 +92,9 @@ def _length(gas: CaseGas, estimate: RunEstimate) -> tuple[float, str]:
     """A time [time] that the run lasts at least, and what it is; nan where the case names none."""
     case = gas.case
     if case.run.t_end is not None:
-        return case.run.t_end, "the length of the run"
+        return case.run.t_end - gas.begin[0], "the length of the run"
     if not math.isnan(estimate.end_time):
-        return estimate.end_time, "the length of the run by kinetic theory"
+        return estimate.end_time - gas.begin[0], "the length of the run by kinetic theory"
     times = [1.0 / rate for rate in estimate.collision_rate if rate > 0.0]
     times += [each.look.radius.low / each.speed_rms for each in gas.species if each.speed_rms > 0.0]
     times += [each.step for each in case.force]
@@ -187,7 +187,7 @@ def summary(gas: CaseGas, estimate: RunEstimate, device: str) -> str:
         ends = " to ".join(f"{path:.4g}" for path in dict.fromkeys((min(paths), max(paths)))) if paths else ""
         path = f"mean free path {ends}{case.unit('length')}" if paths else "nothing moves at the start"
         where = f", packing fraction {estimate.packing_fraction:.4g}, {path}"
-    return f"{case.run.name}: {gas.n} disks{where}\nto {_end(case, estimate)}\non {device}"
+    return f"{case.run.name}: {gas.n} disks{where}\n{_clock(gas, estimate)}\non {device}"
 
 
 def report(gas: CaseGas, estimate: RunEstimate) -> str:
@@ -222,7 +222,7 @@ def report(gas: CaseGas, estimate: RunEstimate) -> str:
             lines.append(_row("", verdict.message))
     lines += [_row(*each) for each in _walls(gas, estimate)]
     lines += _forces(case, estimate)
-    lines.append(_row("run", f"to {_end(case, estimate)}"))
+    lines.append(_row("run", _clock(gas, estimate)))
     stored = f"{size(estimate.file_bytes)}: {_stored(gas, estimate)}"
     lines.append(_row("file", f"{case.run.name}.h5, {stored}"))
     if case.output.in_parts(gas.n, ranks=2):
@@ -433,6 +433,14 @@ def size(count: float) -> str:
 
 def _row(name: str, text: str) -> str:
     return f"  {name:<22} {text}"
+
+
+def _clock(gas: CaseGas, estimate: RunEstimate) -> str:
+    """Begin and end of a run on its clock, and the collisions that are expected between."""
+    case, (begin, before) = gas.case, gas.begin
+    already = f", after {2.0 * before / gas.n:.4g} collisions per disk" if before else ""
+    text = f"from t = {begin:g}{case.unit('time')}{already}, " if begin or before else ""
+    return f"{text}to {_end(case, estimate)}"
 
 
 def _end(case: Case, estimate: RunEstimate) -> str:

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import InputError, listed, nearest
 from ..fit import tabular
 from ..fit.tabular import Form
 from ..model.box import Box
+from ..model.walls import Wall, at_displacements
 from ..tools import slices, world
 from ..tools.checked import Array
 from ..trajectory.export import CSV_KEYS, csv_names
@@ -44,6 +46,19 @@ class Given:
     spin: Array | None  # counter-clockwise [rad/time], (n,), if given
     # Standard errors of columns, if they are given, (n,).
     errors: Mapping[str, Array] = field(default_factory=dict)
+    time: float = 0.0  # of the run's clock [time]
+    collisions: int = 0  # of all disks until then, each of two disks
+    # What else a frame has of the disks, by its name in `State`, (n, ...).
+    past: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    pistons: Array | None = (
+        None  # displacement [length] and velocity [length/time] of each, (pistons, 2), if given
+    )
+
+    def moved(self, walls: Sequence[Wall]) -> tuple[Wall, ...]:
+        """The walls with their pistons where they start; as they are, if the file has not as many."""
+        if self.pistons is None or len(self.pistons) != sum(wall.piston is not None for wall in walls):
+            return tuple(walls)
+        return at_displacements(walls, *self.pistons.T.tolist())
 
 
 def read(path: Path, n: int, box: Box | None = None, form: Form | None = None, *, comm: Any = None) -> Given:

@@ -1,4 +1,4 @@
-"""Starts from a frame of a trajectory: positions, and velocities and spins if wished."""
+"""Starts from a frame of a trajectory: where the disks are, when, and how they move if wished."""
 
 from __future__ import annotations
 
@@ -11,23 +11,25 @@ import numpy as np
 
 from ..errors import InputError, nearest
 from ..model.box import Box
-from ..model.free_area import Room
 from ..model.overlaps import TOLERANCE, check_no_overlap
-from ..model.walls import Wall
+from ..model.walls import OF_PISTONS, Wall, sides
 from ..model.walls import check as check_walls
 from ..tools import slices, world
 from ..tools.checked import Array
-from ..trajectory.reader import Trajectory
+from ..trajectory.reader import Frame, Trajectory
 from . import packing
 from .from_csv import Given
 
 ROUNDING = 2.0**-22
 """Overlap, as a part of the box's longer side, that single precision explains: twice sqrt(2) times 2^-24, and some."""
 
+COUNTS = ("collisions", "image", "angle", "last_partner")
+"""Fields that go on from the frame where its clock does: numbers of events, and ways, since the first start."""
+
 
 def read(
     path: Path, frame: int | None, radius: Array, box: Box | None = None, *, motion: bool = False,
-    walls: Sequence[Wall] = (), comm: Any = None,
+    time: float | None = None, walls: Sequence[Wall] = (), comm: Any = None,
 ) -> Given:  # fmt: skip
     """Read a start from a trajectory.
 
@@ -35,32 +37,35 @@ def read(
     if the disks overlap. The message says what is there.
 
     `frame` counts from 0, or from -1 backwards; None is the last one. The radii (n,) [length] are those of the disks
-    that start there, which must fit; the box must be that of the trajectory, and walls stand where they are at t = 0.
-    With `motion`, velocities and spins are taken too. Disks that touch in a file in single precision overlap by its
-    rounding, some 1e-7 of the box: these are moved apart by as much (`packing.separate`). Of ranks of MPI (`comm`),
-    each gives the radii of its slice (`slice_of`), and reads its rows.
+    that start there, which must fit; the box must be that of the trajectory. With `motion`, velocities and spins are
+    taken too, and who sleeps. Disks that touch in a file in single precision overlap by its rounding, some 1e-7 of the
+    box: these are moved apart by as much (`packing.separate`). Of ranks of MPI (`comm`), each gives the radii of its
+    slice (`slice_of`), and reads its rows.
+
+    The clock goes on: the time is that of the frame, at which walls stand where they stood, and counts of collisions
+    and boxes travelled go on too (`COUNTS`). With a `time` [time] a new clock begins there, and all counts at 0. In a
+    sheared box the images above stand shear_rate Ly t further: the frame's box must have been sheared alike, and the
+    clock goes on; or it was not, and the clock begins at 0.
     """
     ids, n = slices.numbered(len(radius), comm)
 
-    def rows() -> tuple[Given, str, bool, float]:
+    def rows() -> tuple[Given, str, bool, float, Box]:
         if not path.exists():
             names = [each.name for each in path.parent.glob("*.h5")] if path.parent.is_dir() else []
             raise InputError(f"there is no such file{nearest(path.name, names)}")
         with Trajectory(path) as trajectory:
             _check_whole(trajectory, n, box)
             at = trajectory[-1 if frame is None else frame]
+            where = f"frame {at.index} of {len(trajectory)}"
+            begin, goes_on = _clock(trajectory.box, box, at.time, time)
             own = slice(ids.start, ids.stop)
-
-            def field(name: str) -> Array:
-                return trajectory.read(name, (at.index, own)).astype(np.float64)
-
-            position = trajectory.box.wrap(field("position"))
-            velocity, spin = (field("velocity"), field("spin")) if motion else (None, None)
+            given = of_frame(at, own, motion=motion, time=begin, goes_on=goes_on)
             single = trajectory.dtype("position") == np.float32
-            given, where = Given(position, velocity, spin), f"frame {at.index} of {len(trajectory)}"
-            return given, where, single, max(trajectory.box.lengths)
+            return given, where, single, max(trajectory.box.lengths), trajectory.box
 
-    given, where, single, side = world.together(comm, rows)
+    given, where, single, side, there = world.together(comm, rows)
+    if "collisions" in given.past:
+        given = replace(given, collisions=int(slices.total(given.past["collisions"], comm)) // 2)
     if box is None:
         return given
     position = given.position
@@ -71,27 +76,85 @@ def read(
     if single:
         overlap, into = ROUNDING * size / (2.0 * smallest), ROUNDING * side
     try:
-        all_walls = Room(box, tuple(walls)).all_walls
-        check_no_overlap(box, radius, position, tolerance=overlap, comm=comm)
-        check_walls(all_walls, box, position, radius, tolerance=into, comm=comm)
-        if single:
-            given = replace(given, position=packing.separate(box, radius, position, walls=walls, comm=comm))
+        moved = given.moved(walls)
+        check_no_overlap(box, radius, position, tolerance=overlap, time=given.time, comm=comm)
+        check_walls(
+            (*moved, *sides(box)), box, position, radius, time=given.time, tolerance=into,
+            collisions=given.collisions, comm=comm,
+        )  # fmt: skip
+        if single and box.shear_rate and box.image_above(given.time) != 0.0:
+            check_no_overlap(
+                box, radius, position, time=given.time, comm=comm
+            )  # there they cannot be moved apart
+        elif single:
+            standing = [wall for wall in moved if wall.stands(given.time, given.collisions)]
+            position = packing.separate(box, radius, position, walls=standing, time=given.time, comm=comm)
     except InputError as error:
         why = _other_radii(path, radius, ids, comm)
         if single and not why:
             why = '. Positions in single precision are rounded: output.precision = "f8" keeps them'
         raise InputError(f"{where}: {error}{why}") from None
-    return given
+    velocity = given.velocity
+    if velocity is not None and not there.shear_rate:
+        velocity = velocity + box.flow(position)
+    return replace(given, position=position, velocity=velocity)
+
+
+def of_frame(
+    frame: Frame,
+    disks: slice = slice(None),
+    *,
+    motion: bool = True,
+    time: float | None = None,
+    goes_on: bool = True,
+) -> Given:
+    """What a frame says of some disks, as a start.
+
+    InputError if the file does not hold the field. The `time` [time] is that of the frame, or another one; counts go on
+    or begin at 0 (`COUNTS`).
+    """
+    trajectory = frame.trajectory
+
+    def field(name: str) -> Array:
+        value = trajectory.read(name, (frame.index, disks))
+        return value.astype(np.float64) if value.dtype.kind == "f" else value
+
+    position = trajectory.box.wrap(field("position"), frame.time)
+    velocity, spin = (field("velocity"), field("spin")) if motion else (None, None)
+    kept = [*(COUNTS if goes_on else ()), *(("asleep",) if motion else ())]
+    past = {name: field(name) for name in kept if name in trajectory.fields}
+    names = [f"{OF_PISTONS}{name}" for name in ("displacement", "velocity")]
+    pistons = None
+    if names[0] in trajectory.observables:
+        pistons = np.column_stack([trajectory.observables[name][frame.index] for name in names])
+        pistons[:, 1] *= motion
+    begin = frame.time if time is None else time
+    return Given(position, velocity, spin, time=begin, past=past, pistons=pistons)
+
+
+def _clock(there: Box, box: Box | None, frame_time: float, time: float | None) -> tuple[float, bool]:
+    """Time at which a run starts from a frame [time], and whether its clock goes on."""
+    rate = 0.0 if box is None else box.shear_rate
+    if there.shear_rate and box is not None:
+        if rate != there.shear_rate:
+            raise InputError(
+                f"its box is sheared (box.shear_rate = {there.shear_rate!r}), and the images above and below have "
+                f"moved on since its start: the case must have the same rate, not {rate:g}"
+            )
+        boxes = rate * box.lengths[1] / box.lengths[0] * (frame_time - (frame_time if time is None else time))
+        if abs(boxes - round(boxes)) > 1e-9:
+            raise InputError(
+                f"start.time = {time:g}: the images above and below stand where the flow has moved them by t = "
+                f"{frame_time!r}, the time of the frame; leave start.time out"
+            )
+    elif rate and time is None:
+        return 0.0, False  # when the images stand as in a box at rest
+    return (frame_time, True) if time is None else (time, False)
 
 
 def _check_whole(trajectory: Trajectory, n: int, box: Box | None) -> None:
     """Refuse a trajectory of another number of disks, or another box."""
     sides = trajectory.box.lengths
-    if trajectory.box.shear_rate:
-        raise InputError(
-            f"its box is sheared (shear_rate = {trajectory.box.shear_rate:g}), and the images above and below have "
-            "moved on since its start: from Python, Simulation goes on from a State with the frame's time"
-        )
     if trajectory.n != n:
         raise InputError(f"has {trajectory.n} disks: {n} are needed, the sum of the species' numbers")
     if box is not None and not np.allclose(sides, box.lengths, rtol=1e-12, atol=0.0):

@@ -119,9 +119,10 @@ def grow(
 
 
 def separate(
-    box: Box, radius: ArrayLike, position: ArrayLike, *, walls: Sequence[Wall] = (), comm: Any = None
-) -> Array:
-    """Positions [length], shape (n, 2), near the given ones and without overlaps, with walls at t = 0 neither.
+    box: Box, radius: ArrayLike, position: ArrayLike, *, walls: Sequence[Wall] = (), time: float = 0.0,
+    comm: Any = None,
+) -> Array:  # fmt: skip
+    """Positions [length], shape (n, 2), near the given ones and without overlaps, with walls at a `time` neither.
 
     For positions that were rounded, as those of a trajectory in single precision: disks that touched overlap then. Only
     disks that overlap, and those near them, are moved. InputError if overlaps remain: names the worst of them. Of ranks
@@ -137,7 +138,7 @@ def separate(
     """
     radii, centres = checked_radii(radius), np.asarray(position, dtype=np.float64)
     n, largest = slices.numbered(len(radii), comm)[1], world.largest(comm, float(radii.max(initial=0.0)))
-    room = Room(box, tuple(walls))
+    room = Room(box, tuple(walls), time)
     free = room.gap(centres, radii)  # from walls
     near = close_ones(box, radii, centres, 0.0, comm, free < 0.0)
     gap = 4.0 * world.from_first(comm, lambda: _deepest(room, near)) + SEPARATED * largest
@@ -195,7 +196,7 @@ class _SoftDisks:
 
     def __init__(self, room: Room, radius: Array, position: Array, margin: float = MARGIN) -> None:
         self.unit = 2.0 * float(radius.mean())
-        box, self.walls = room.box, room.all_walls
+        box, self.walls, self.time = room.box, room.all_walls, room.time
         self.box = Box((box.lengths[0] / self.unit, box.lengths[1] / self.unit), box.periodic)
         self.margin = margin
         place = self.box.wrap(position / self.unit)
@@ -257,7 +258,7 @@ class _SoftDisks:
         overlaps = [overlap]
         place = self.box.wrap(self.x) * self.unit
         for wall in self.walls:
-            away, distance = wall.normal(place)
+            away, distance = wall.normal(place, self.time)
             overlaps.append(np.maximum(self.radius - distance / self.unit, 0.0))
             force += away * overlaps[-1][:, None]
         return force, np.concatenate(overlaps)

@@ -111,6 +111,11 @@ class Box:
         width, height = self.lengths
         return (width if self.periodic[0] else 0.0, height if self.periodic[1] else 0.0)
 
+    @property
+    def shortest_period(self) -> float:
+        """The shorter periodic side [length]; infinite without one."""
+        return min((each for each in self.periods if each), default=math.inf)
+
     @classmethod
     def from_packing_fraction(
         cls, radius: Array, packing_fraction: float, aspect: float = 1.0, *, shear_rate: float = 0.0,
@@ -190,10 +195,11 @@ class Box:
         wrapped = np.where(wrapped >= lengths, 0.0, wrapped)
         return np.where(self.periodic, wrapped, position)
 
-    def minimum_image(self, difference: Array, time: float = 0.0) -> Array:
+    def minimum_image(self, difference: Array, time: float | Array = 0.0) -> Array:
         """The shortest periodic equivalent of differences of positions [length], shape (..., 2).
 
-        In a sheared box that depends on the `time` [time], and is the shortest one if that is below half of each side.
+        In a sheared box that depends on the `time` [time], a number or an array (...), and is the shortest one if that
+        is below half of each side.
         """
         if self.is_open:
             return difference

@@ -2,7 +2,7 @@
 
 The room is the part of the box on the disks' side of every wall: in front of lines, inside of containers, outside of
 posts, and on the side of a polygon that holds the disks. Segments, arcs and polylines take none of it. Moving walls
-stand where they are at t = 0. A packing fraction between walls is the area of the disks over that of the room.
+stand where they are at one time. A packing fraction between walls is the area of the disks over that of the room.
 
 The area is exact, by Green's theorem: half the integral of x dy - y dx along the boundary, whose pieces are those parts
 of lines and circles that are on the right side of all others. With polygons, which may have thousands of sides, it is
@@ -139,10 +139,11 @@ def _meetings(one: _Boundary, other: _Boundary) -> list[float]:
 
 @dataclass(frozen=True)
 class Room:
-    """Area that disks can be in, in a box between walls, at t = 0."""
+    """Area that disks can be in, in a box between walls, at one time."""
 
     box: Box  # sides that are not periodic are walls too
     walls: tuple[Wall, ...] = ()  # others
+    time: float = 0.0  # at which moving walls stand there [time]
 
     @property
     def all_walls(self) -> tuple[Wall, ...]:
@@ -151,7 +152,7 @@ class Room:
 
     def gap(self, position: Array, radius: Array) -> Array:
         """Distance of each disk to the nearest wall [length], (n,); negative if they overlap, inf without walls."""
-        gaps = [wall.gap(position, radius) for wall in self.all_walls]
+        gaps = [wall.gap(position, radius, self.time) for wall in self.all_walls]
         return np.min(gaps, axis=0) if gaps else np.full(len(position), np.inf)
 
     def area(self, inset: float = 0.0) -> float:
@@ -195,7 +196,7 @@ class Room:
         thin = (wall for wall in self.walls if wall.shape in ("segment", "arc", "polyline", "polygon"))
         for each in thin:
             both = 2.0 if each.holds == "both" else 1.0
-            walls += both * float(np.hypot(*np.diff(each.outline(), axis=0).T).sum())
+            walls += both * float(np.hypot(*np.diff(each.outline(self.time), axis=0).T).sum())
             walls += 2.0 * math.pi * inset if each.shape != "polygon" else 0.0
         return walls
 
@@ -231,7 +232,7 @@ class Room:
         """The boundary of the room is made of parts of these; walls first."""
         found: list[_Boundary] = []
         for wall in self.all_walls:
-            place = wall.carried(np.array([wall.place]), 0.0)[0]
+            place = wall.carried(np.array([wall.place]), self.time)[0]
             if wall.shape == "line":
                 found.append(_line(place + inset * np.array(wall.towards), np.array(wall.towards)))
             elif wall.shape in ("container", "post"):
@@ -251,7 +252,7 @@ class Room:
     def _polygons(self) -> list[tuple[Array, bool]]:
         """Corners of polygons of which one side holds the disks, closed; and if that is the inside."""
         held = (wall for wall in self.walls if wall.shape == "polygon" and wall.holds != "both")
-        return [(wall.outline(), wall.holds == "inside") for wall in held]
+        return [(wall.outline(self.time), wall.holds == "inside") for wall in held]
 
     def _scanned(self, boundaries: Sequence[_Boundary]) -> float:
         """Area by its width along lines: between the places where boundaries cross one, all of it is room or none."""

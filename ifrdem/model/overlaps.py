@@ -36,11 +36,11 @@ def checked_radii(radius: ArrayLike) -> Array:
 
 
 def refuse_wider_than_box(box: Box, radius: Array, first: int = 0) -> None:
-    """A disk wider than the box overlaps its own periodic image; disks are numbered from `first` on."""
-    i = int(np.argmax(radius)) if len(radius) else 0
-    if len(radius) and 2.0 * radius[i] > min(box.lengths) * (1.0 + TOLERANCE):
+    """A disk wider than a periodic side overlaps its own image; disks are numbered from `first` on."""
+    i, side = int(np.argmax(radius)) if len(radius) else 0, box.shortest_period
+    if len(radius) and 2.0 * radius[i] > side * (1.0 + TOLERANCE):
         raise InputError(
-            f"disk {first + i} has diameter {2.0 * radius[i]:.6g}, more than the box side {min(box.lengths):.6g}: "
+            f"disk {first + i} has diameter {2.0 * radius[i]:.6g}, more than the periodic side {side:.6g}: "
             "it overlaps its own periodic image"
         )
 
@@ -85,15 +85,17 @@ def close_pairs(box: Box, radius: Array, position: Array, margin: float = 0.0) -
     return np.concatenate(found)
 
 
-def _close_pairs_at(box: Box, radius: Array, position: Array, time: float) -> NDArray[np.intp]:
+def _close_pairs_at(
+    box: Box, radius: Array, position: Array, time: float, margin: float = 0.0
+) -> NDArray[np.intp]:
     """`close_pairs` at a `time` [time], in a sheared box too, where a tree knows the images to the sides only."""
-    if box.shear_rate == 0.0 or not len(radius):
-        return close_pairs(box, radius, position)
-    low = np.flatnonzero(position[:, 1] < 2.0 * radius.max() * (1.0 + TOLERANCE))
+    if box.shear_rate == 0.0 or not len(radius) or box.image_above(time) == 0.0:
+        return close_pairs(box, radius, position, margin)
+    low = np.flatnonzero(position[:, 1] < 2.0 * radius.max() * (1.0 + TOLERANCE) + margin)
     above = (position[low] + (box.image_above(time), box.lengths[1])) % (box.lengths[0], math.inf)
     owner = np.concatenate([np.arange(len(radius)), low])
     window = Box(box.lengths, (True, False))
-    pairs = close_pairs(window, radius[owner], np.concatenate([position, above]))
+    pairs = close_pairs(window, radius[owner], np.concatenate([position, above]), margin)
     return owner[pairs[(pairs < len(radius)).any(axis=1)]]
 
 
@@ -234,16 +236,19 @@ def _beside_in_box(
 
 def close_ones(
     box: Box, radius: Array, position: Array, gap: float, comm: Any = None,
-    also: NDArray[np.bool_] | None = None,
+    also: NDArray[np.bool_] | None = None, time: float = 0.0,
 ) -> tuple[NDArray[np.int64], Array, Array] | None:  # fmt: skip
     """Disks closer than contact + `gap` [length] to another one, and `also` some others, in order of their ids.
 
     Their ids, radii and centres; of ranks, which give the disks of their slices, on the first one, and None on others.
+    The `time` [time] says where the images above and below are in a sheared box.
     """
-    _, ids, radii, places = _beside_in_box(box, radius, position, comm, gap)
-    centres = box.wrap(places)
-    i, j = close_pairs(box, radii, centres, gap).T
-    near = np.linalg.norm(box.minimum_image(centres[j] - centres[i]), axis=-1) < radii[i] + radii[j] + gap
+    _, ids, radii, places = _beside_in_box(box, radius, position, comm, gap, time)
+    centres = box.wrap(places, time)
+    i, j = _close_pairs_at(box, radii, centres, time, gap).T
+    near = (
+        np.linalg.norm(box.minimum_image(centres[j] - centres[i], time), axis=-1) < radii[i] + radii[j] + gap
+    )
     rows = np.union1d(i[near], j[near])
     found = ids[rows], radii[rows], places[rows]
     if also is not None:
@@ -273,7 +278,7 @@ _MOST_NAMED = 20
 
 
 def relax(
-    box: Box, radius: ArrayLike, position: ArrayLike, tolerance: float, *, comm: Any = None
+    box: Box, radius: ArrayLike, position: ArrayLike, tolerance: float, *, time: float = 0.0, comm: Any = None
 ) -> NDArray[np.float64]:
     """Move disks apart that overlap by a little, as measured places do.
 
@@ -289,6 +294,8 @@ def relax(
         Centres [length].
     tolerance : float
         Largest overlap that is taken as an error of measurement [length], and largest way of a disk.
+    time : float
+        The time [time], which says where the images above and below are in a sheared box.
     comm : mpi4py.MPI.Comm, optional
         Ranks of MPI, of which each gives the disks of its slice. The first one moves those that can be in question.
 
@@ -300,23 +307,25 @@ def relax(
     radii, begun = checked_radii(radius), np.asarray(position, dtype=np.float64)
     largest = world.largest(comm, float(radii.max(initial=0.0)))
     most = tolerance * (1.0 + 1e-6) + _APART * largest
-    near = close_ones(box, radii, begun, 2.0 * most, comm)  # no other disk can be met within these ways
+    near = close_ones(
+        box, radii, begun, 2.0 * most, comm, time=time
+    )  # no other disk can be met within these ways
 
     def moved() -> tuple[NDArray[np.int64], Array]:
         assert near is not None  # on the first rank
-        return near[0], _relaxed(box, *near, tolerance, most)
+        return near[0], _relaxed(box, *near, tolerance, most, time)
 
     return put_back(begun, *world.from_first(comm, moved), comm)
 
 
 def _relaxed(
-    box: Box, ids: NDArray[np.int64], radii: Array, begun: Array, tolerance: float, most: float
+    box: Box, ids: NDArray[np.int64], radii: Array, begun: Array, tolerance: float, most: float, time: float
 ) -> Array:
     """Centres of some disks at which none overlaps; errors as `relax`, or if one moves further than `most`."""
     centres = begun.copy()
     for attempt in range(_MOST_PASSES):
-        i, j = close_pairs(box, radii, box.wrap(centres)).T
-        apart = box.minimum_image(centres[j] - centres[i])
+        i, j = _close_pairs_at(box, radii, box.wrap(centres, time), time).T
+        apart = box.minimum_image(centres[j] - centres[i], time)
         distance = np.linalg.norm(apart, axis=-1)
         contact = radii[i] + radii[j]
         overlap = contact - distance

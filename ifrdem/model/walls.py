@@ -809,10 +809,15 @@ def rows_of(walls: Sequence[Wall]) -> Array:
     return np.concatenate(found) if found else np.empty((0, WALL.width))
 
 
-def at_displacements(walls: Sequence[Wall], displacements: Sequence[float]) -> tuple[Wall, ...]:
-    """Walls with their pistons, one after another, at these displacements [length]."""
-    left = iter(displacements)
-    return tuple(wall if wall.piston is None else wall.at(next(left)) for wall in walls)
+def at_displacements(
+    walls: Sequence[Wall], displacements: Sequence[float], velocities: Sequence[float] | None = None
+) -> tuple[Wall, ...]:
+    """Walls with their pistons, one after another, at these displacements [length], with velocities [length/time].
+
+    The pistons are at rest without them.
+    """
+    left = zip(displacements, velocities or [0.0] * len(displacements), strict=True)
+    return tuple(wall if wall.piston is None else wall.at(*next(left)) for wall in walls)
 
 
 def sides(box: Box) -> list[Wall]:
@@ -973,7 +978,17 @@ def check(
                 told = float(gap[i]), ids.start + i, f"({position[i, 0]:.6g}, {position[i, 1]:.6g})"
             least, disk, place = told if comm is None else min(comm.allgather(told))
             if least < -tolerance:
-                raise InputError(f"disk {disk} at {place} overlaps {name} by {-least:.3g}")
+                raise InputError(
+                    f"disk {disk} at {place} overlaps {name}{_standing(wall, time)} by {-least:.3g}"
+                )
+
+
+def _standing(wall: Wall, time: float) -> str:
+    """When or where a wall stands that moves or opens, for a message; "" of others."""
+    if wall.piston is not None:
+        return f" at its displacement {wall.piston.displacement:g}"
+    moves = wall.motion.kind != "still" or wall.turn.kind != "still"
+    return f" at t = {time:g}" if moves or wall.gated else ""
 
 
 def to_json(walls: Sequence[Wall]) -> str:

@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..model.observables import MECHANISMS
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
-from .disks import draw_walls, shown_region
+from .disks import collisions_of, draw_walls, shown_region
 from .series import DISSIPATED
 from .style import bar_beside, label, place_axes, with_unit
 
@@ -85,7 +85,8 @@ def draw(left: Axes, right: Axes, trajectory: Trajectory, frames: Sequence[int] 
     bar_beside(
         left, drawn, label(trajectory, "energy dissipated, per area and time", "energy/length^2/time"), "max"
     )
-    draw_walls(left, trajectory, found.times[1])
+    last = trajectory[int(np.searchsorted(trajectory.times, found.times[1]))]
+    draw_walls(left, trajectory, last.time, collisions_of(last), last.walls)
     span = with_unit(trajectory, f"$t$ = {found.times[0]:.4g} to {found.times[1]:.4g}", "time")
     left.set_title(f"{span}; energy stands where disks are at the second of two frames", fontsize="small")
     total = float(found.mechanisms.sum())

@@ -2,9 +2,9 @@
 
 Means over frames in strips, which run across x or y: across gravity, if there is any, else from wall to wall. The area
 of each disk is shared out among strips exactly; a strip's packing fraction is that over the area of the room in it,
-where moving walls stand where they are at t = 0. Velocities and spins belong to the strip of the disk's centre.
-Temperatures are about the strip's mean velocity u, which is weighted by mass: T_x = <m (v_x - u_x)^2>, and so for y;
-T_rot = <I omega^2>.
+where moving walls stand where they are in the first frame. Velocities and spins belong to the strip of the disk's
+centre. Temperatures are about the strip's mean velocity u, which is weighted by mass: T_x = <m (v_x - u_x)^2>, and so
+for y; T_rot = <I omega^2>.
 """
 
 from __future__ import annotations

@@ -7,6 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.figure import Figure
 
+from ..analysis import catalogue
+from ..errors import InputError
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .disks import shown_region
@@ -34,7 +36,7 @@ def table(run: Run, path_png: Place = None) -> Figure:
         upper = figure.add_subplot(grid[0, 0])
         _energies(upper, trajectory)
         rest = _moving(figure.add_subplot(grid[1, 0], sharex=upper), trajectory)
-        upper.set_xlim(0.0, rest)
+        upper.set_xlim(trajectory.times[0], rest)
         upper.tick_params(labelbottom=False)
         _paths(figure.add_subplot(grid[:, 1]), trajectory)
     return figure
@@ -70,19 +72,25 @@ def _moving(axes: Axes, trajectory: Trajectory) -> float:
 
 
 def _paths(axes: Axes, trajectory: Trajectory) -> None:
-    """Paths from frame to frame, and the final places, coloured by how far away from the start they are."""
+    """Paths from frame to frame, and the final places, coloured by how far away from the start they are.
+
+    Only the final places where the file does not say how often disks went around the box.
+    """
     radius, n = trajectory.disks.radius, trajectory.n
-    positions = np.stack([frame.position for frame in trajectory])
-    # Across a periodic side, a step is the short way round.
-    steps = trajectory.box.minimum_image(np.diff(positions, axis=0))
-    unwrapped = np.concatenate([positions[:1], positions[:1] + np.cumsum(steps, axis=0)])
+    try:
+        unwrapped, known = (
+            np.concatenate([*catalogue.unwrapped(trajectory, range(len(trajectory)))], axis=1),
+            True,
+        )
+    except InputError:
+        unwrapped, known = trajectory[-1].position[None], False
     everything = unwrapped.reshape(-1, 2)
     region = shown_region(trajectory, everything)
     if not trajectory.box.is_open:
         low = np.minimum(region[:, 0], everything.min(axis=0))
         region = np.stack([low, np.maximum(region[:, 1], everything.max(axis=0))], axis=1)
     place_axes(axes, trajectory, region)
-    if n <= MOST_PATHS:
+    if n <= MOST_PATHS and known:
         paths = list(np.swapaxes(unwrapped, 0, 1))
         axes.add_collection(LineCollection(paths, colors="#999999", linewidths=0.5, alpha=0.7))
     away: Array = np.linalg.norm(unwrapped[-1] - unwrapped[0], axis=1)
@@ -94,4 +102,5 @@ def _paths(axes: Axes, trajectory: Trajectory) -> None:
     if np.any(away):
         bar_beside(axes, drawn, label(trajectory, "distance from the start", "length"))
     time = trajectory.with_unit(f"{trajectory.times[-1]:.4g}", "time")
-    axes.set_title(f"disks at $t$ = {time}" + (", and their paths" if n <= MOST_PATHS else ""))
+    said = ", and their paths" if known else "; their paths need the field image"
+    axes.set_title(f"disks at $t$ = {time}" + (said if n <= MOST_PATHS or not known else ""))

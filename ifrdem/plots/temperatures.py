@@ -39,7 +39,7 @@ Curves = tuple[Array, Array, Array, Array]
 MOST_KINDS = 16
 """Of disks: every pair of kinds is summed at every step, which takes seconds from there on."""
 LONGER = 1e6
-"""Times the run's end: where theory has not had the collisions of the run by then, its curve ends before."""
+"""Times the run's length: where theory has not had the collisions of the run by then, its curve ends before."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,11 @@ class _Gas:
                     shear_rate=shear_rate,
                 )  # fmt: skip
             collisions = before + found.collisions_per_disk
-            if over == "t" or collisions[-1] >= end or elapsed[-1] > LONGER * trajectory.times[-1]:
+            if (
+                over == "t"
+                or collisions[-1] >= end
+                or elapsed[-1] > LONGER * np.ptp(trajectory.times[[0, -1]])
+            ):
                 shown = slice(None) if over == "t" else slice(int(np.searchsorted(collisions, end)) + 1)
                 curves = elapsed + trajectory.times[0], found.T, found.T_rot, collisions
                 return curves[0][shown], curves[1][shown], curves[2][shown], curves[3][shown]

@@ -6,13 +6,14 @@ import math
 import tomllib
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..analysis import catalogue
 from ..case import file as case_file
 from ..case.case import Case
 from ..case.gas import CaseGas
@@ -20,6 +21,8 @@ from ..errors import InputError, refuse
 from ..fit import tabular
 from ..fit.figure import save
 from ..fit.tabular import Form
+from ..initial import from_trajectory
+from ..model.box import Box
 from ..model.ifr import EnergyWarning
 from ..model.overlaps import relax
 from ..model.state import State
@@ -105,6 +108,7 @@ class Comparison:
     radius: Array  # (n,)
     unit: str  # of lengths, with a blank before it; "" if they are reduced or not stated
     reduced: bool = False  # True if the file states that units are
+    box: Box = field(default_factory=Box.open)
 
     @property
     def distance(self) -> Array:
@@ -212,7 +216,9 @@ class Comparison:
         figure = Figure(figsize=(8.0, 7.6), dpi=200, layout="constrained")
         axes = figure.subplots()
         shown = np.concatenate([self.paths[-1], self.position, self.measured.position])
-        for track in np.swapaxes(self.paths, 0, 1):
+        jumps = np.any(np.abs(np.diff(self.paths, axis=0)) > 0.5 * np.array(self.box.lengths), axis=2)
+        for track, jumped in zip(np.swapaxes(self.paths, 0, 1), jumps.T, strict=True):
+            track = np.insert(track, np.flatnonzero(jumped) + 1, math.nan, axis=0)  # no line across the box
             axes.plot(*track.T, color=blue, lw=0.5, alpha=0.35, zorder=1)
         size = 2.0 * self.radius
         axes.add_collection(
@@ -287,8 +293,12 @@ def compare(
             angles = np.stack([np.asarray(frame.angle) for frame in trajectory])
         text, overrides = (str(trajectory.parameters.get(key, "")) for key in ("case", "overrides"))
         first = trajectory[0]
-        x, v, w = (np.asarray(first[name], dtype=np.float64) for name in ("position", "velocity", "spin"))
-        start = State(x, v, w)
+        begun = from_trajectory.of_frame(first)
+        asked = np.minimum(measured.time, times[-1])
+        box, between = trajectory.box, not np.isin(asked, times).all()
+        ways = paths  # without jumps, where a place between two frames is asked for
+        if between and any(box.periodic):
+            ways = np.concatenate([*catalogue.unwrapped(trajectory, range(len(times)))], axis=1)
     if 0 < members < LEAST_MEMBERS:
         raise InputError(f"members = {members}: 0, or {LEAST_MEMBERS} runs and more, are needed for a spread")
     wrong = [f"disk {one}: the run has disks 0 to {n - 1}" for one in np.unique(measured.id) if one >= n]
@@ -296,8 +306,7 @@ def compare(
     late = np.unique(measured.time[np.isfinite(measured.time) & ~(before_end & (measured.time >= times[0]))])
     wrong += [f"t = {t:g}: the run lasts from {times[0]:g} to {times[-1]:g}" for t in late]
     refuse(wrong, run, most=20)
-    asked = np.minimum(measured.time, times[-1])
-    position = _between_frames(times, paths, measured.id, asked)
+    position = _nearest(box, measured.position, _between_frames(times, ways, measured.id, asked), asked)
     angle = _between_frames(times, angles, measured.id, asked)
     found: list[Array] = []
     if members:
@@ -307,17 +316,27 @@ def compare(
             gas = CaseGas.from_case(_case_of(text, overrides), start=False)
         if gas.n != n:
             raise InputError(f"{case}: has {gas.n} disks, and the run {n}: it is another case")
+        errors_given = {} if gas.given is None else gas.given.errors
+        gas = replace(gas, given=replace(begun, errors=errors_given))
+        start = gas.start()
         rng = np.random.default_rng(seed)
         sequence = range(members)
         each: Iterator[int] = iter(sequence if progress is None else progress(sequence))  # type: ignore[call-overload]
         for k in each:
             law = laws[k % len(laws)] if laws else None
             state = _drawn(gas, start, errors, rng)
-            found.append(_places(_simulation(gas, law, state), measured.id, asked))
+            places = _places(_simulation(gas, law, state), measured.id, asked)
+            found.append(_nearest(box, measured.position, places, asked))
     all_members = np.array(found).reshape(-1, len(measured.id), 2)
     spread = all_members.std(axis=0, ddof=1) if len(found) > 1 else np.full_like(position, math.nan)
     unit = f" {units['length']}" if "length" in units and units["length"] != "reduced" else ""
-    return Comparison(measured, position, angle, all_members, spread, paths, radius, unit, reduced)
+    return Comparison(measured, position, angle, all_members, spread, paths, radius, unit, reduced, box)
+
+
+def _nearest(box: Box, measured: Array, position: Array, time: Array) -> Array:
+    """The periodic images of positions that are nearest to measured ones, both (m, 2) [length], at times (m,)."""
+    away = measured - position
+    return position + (away - box.minimum_image(away, time))
 
 
 def _between_frames(times: Array, values: Array, ids: NDArray[np.int64], asked: Array) -> Array:
@@ -348,7 +367,8 @@ def _drawn(gas: CaseGas, start: State, errors: Mapping[str, float], rng: np.rand
     spin = start.spin + error("spin", "spins") * rng.standard_normal(n)
     R = gas.disks.radius
     least = 10.0 * float(np.max(s, initial=0.0)) + 1e-5 * float(np.max(R))
-    return State(gas.box.wrap(relax(gas.box, R, position, least)), velocity, spin)
+    position = gas.box.wrap(relax(gas.box, R, position, least, time=start.time), start.time)
+    return replace(start, position=position, velocity=velocity, spin=spin)
 
 
 def _case_of(text: str, overrides: str) -> Case:

@@ -203,8 +203,9 @@ def drive(
     )  # fmt: skip
     n, unit = gas.n, UNITS[run.units]["time"] if run.units == "SI" else ""
     progress = Progress(
-        n, t_end=run.t_end, collisions_per_disk=run.collisions_per_disk, unit=unit, kernels=backend.kernels
-    )
+        n, t_end=run.t_end, collisions_per_disk=run.collisions_per_disk,
+        begin=(job.course.span.time, job.course.span.collisions), unit=unit, kernels=backend.kernels,
+    )  # fmt: skip
 
     def tell(time: float, collisions: int) -> None:
         progress(time, collisions)

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DamageError, InputError
+from ..kernels.layout import EVENTS, WALL_HITS
 from ..model.state import State
 from ..tools import files, slices, world
 from ..tools.versions import package_versions
@@ -273,12 +274,19 @@ def reading(path: str | os.PathLike[str], part: str = "it") -> AbstractContextMa
 
 
 def state_of(arrays: Mapping[str, NDArray[Any]]) -> State:
-    """Places of the disks, to rounding: for a simulation that `Simulation.load_checkpoint` then puts right."""
+    """Places of the disks, to rounding: for a simulation that `Simulation.load_checkpoint` then puts right.
+
+    Collisions are those until the window began, which tell which gates have opened.
+    """
+    collisions = arrays["meta"][:, EVENTS]
+    if "hits" in arrays:
+        collisions = collisions - arrays["hits"][:, WALL_HITS]
     return State(
         position=arrays["state_position"],
         velocity=arrays["state_velocity"],
         spin=arrays["state_spin"],
         time=float(arrays["clock"][0]),
+        collisions=collisions,
     )
 
 

@@ -216,11 +216,11 @@ def check(
     if n and int(disks.material.max()) >= materials:
         raise InputError(f"material index {disks.material.max()}: the law table has {materials} materials")
     diameter = 2.0 * float(disks.radius.max()) if n else 0.0
-    shortest = min(box.lengths)
+    shortest = box.shortest_period
     if diameter > shortest / 3.0:
         i = int(np.argmax(disks.radius))
         raise InputError(
-            f"disk {i} has diameter {diameter:.6g}, more than a third of the box side {shortest:.6g}: "
+            f"disk {i} has diameter {diameter:.6g}, more than a third of the periodic side {shortest:.6g}: "
             "it could meet its own periodic image; use a larger box"
         )
     for name in ("velocity_cutoff", "contact_time", "resting_speed"):

@@ -171,8 +171,8 @@ class Engine:
     **options
         Those of `EngineOptions`.
 
-    InputError if a disk is larger than a third of a side of the box, one of infinite mass moves, the device is not
-    there, or a force cannot act.
+    InputError if a disk is larger than a third of a periodic side of the box, one of infinite mass moves, the device is
+    not there, or a force cannot act.
     """
 
     def __init__(

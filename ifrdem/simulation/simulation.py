@@ -92,7 +92,7 @@ class Simulation(Sealed, PicturedDisks):
     disks : Disks
         Masses [mass], radii [length], k and materials of n disks. A disk of infinite mass is immovable.
     box : Box
-        Its shorter side must be at least three times the largest diameter. Straight walls of material 0 stand at
+        Periodic sides must be at least three times the largest diameter. Straight walls of material 0 stand at
         sides that are not periodic. `Box.open()` has no sides: disks that fly apart for ever cost nothing.
         In a sheared box there can be no walls and no immovable disks; forces act on peculiar velocities, relative to
         the flow, and see places in the lab.
@@ -735,7 +735,7 @@ class Simulation(Sealed, PicturedDisks):
             if world.is_first(comm):
                 progress = bar = Bar(
                     self.disks.n, t_end=t_end, collisions_per_disk=collisions_per_disk, unit="",
-                    kernels=backend.kernels, brief=True,
+                    begin=(span.time, span.collisions), kernels=backend.kernels, brief=True,
                 )  # fmt: skip
         with bar or contextlib.nullcontext():
             self.follow(

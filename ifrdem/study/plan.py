@@ -231,6 +231,11 @@ class Plan:
         for point in self.points:
             try:
                 file = case_file.of_text(self.text, self.path, self._changes(point, self.seeds[0]))
+                if file.gas.begin != (0.0, 0):
+                    raise InputError(
+                        "start.time: must be 0 in a study, whose runs have one axis of time; the start's clock says "
+                        f"{file.gas.begin[0]:g}"
+                    )
                 good[point] = file.case  # without its arrays, of which there may be many
             except InputError as error:
                 for line in str(error).replace(" [set on the command line]", "").splitlines():

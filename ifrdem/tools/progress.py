@@ -38,11 +38,11 @@ class Progress:
     line leaves out what matters least; time left and rate are always there.
 
     The run of n disks ends at the simulated time `t_end` [time] or at `collisions_per_disk`; exactly one is given
-    (ValueError). The time left (ETA) goes by the pace of the latest half of the real time or more, so that of a gas
-    which comes to rest is not told by how fast it began; what passed before the first call, which compiles the kernels,
-    does not count. `interval` are the seconds between plain lines, `clock` gives those of real time. `kernels` counts
-    the kernels compiled so far: until the first call, the bar says how many more there are, and for how long it
-    compiles.
+    (ValueError). It began at a time [time], after so many collisions (`begin`). The time left (ETA) goes by the pace of
+    the latest half of the real time or more, so that of a gas which comes to rest is not told by how fast it began;
+    what passed before the first call, which compiles the kernels, does not count. `interval` are the seconds between
+    plain lines, `clock` gives those of real time. `kernels` counts the kernels compiled so far: until the first call,
+    the bar says how many more there are, and for how long it compiles.
     With `brief` the bar appears after half a second, and goes at the end unless a notebook shows it.
     """
 
@@ -52,6 +52,7 @@ class Progress:
         *,
         t_end: float | None = None,
         collisions_per_disk: float | None = None,
+        begin: tuple[float, int] = (0.0, 0),
         unit: str = "s",
         stream: TextIO | None = None,
         interval: float = 5.0,
@@ -61,7 +62,7 @@ class Progress:
     ) -> None:
         if (t_end is None) == (collisions_per_disk is None):
             raise ValueError("exactly one of t_end and collisions_per_disk is needed")
-        self._n = n
+        self._n, self._begin = n, begin
         self._t_end = t_end
         # A disk's collision is shared with its partner: n disks with c collisions each make n c / 2 of them.
         self._collisions_end = None if collisions_per_disk is None else 0.5 * n * collisions_per_disk
@@ -180,7 +181,9 @@ class Progress:
     def _done(self, at: Mark) -> float:
         by_time = self._t_end is not None
         end, reached = (self._t_end, at.time) if by_time else (self._collisions_end, at.collisions)
-        return min(1.0, reached / end) if end else 1.0
+        begin = self._begin[0] if by_time else self._begin[1]
+        assert end is not None
+        return min(1.0, max(0.0, reached - begin) / (end - begin)) if end > begin else 1.0
 
 
 class Stage:

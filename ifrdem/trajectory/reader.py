@@ -625,8 +625,9 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
 
     @property
     def room(self) -> Room:
-        """The area that walls leave to the disks, at t = 0; gates count as open."""
-        return Room(self.box, tuple(wall for wall in self.walls if not wall.gated))
+        """The area that walls leave to the disks in the first frame; gates count as open."""
+        walls, time = (self[0].walls, self[0].time) if len(self) else (self.walls, 0.0)
+        return Room(self.box, tuple(wall for wall in walls if not wall.gated), time)
 
     def close(self) -> None:
         """Close the file; its frames cannot be read any more."""

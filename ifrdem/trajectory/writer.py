@@ -28,7 +28,7 @@ from .parts import Part, Parts
 from .rows import HistoryWriter, Rows, SeriesWriter, check_name, samples, stored
 from .rows import checked as checked_row
 
-DEFAULT_FIELDS = ("position", "velocity", "angular_velocity", "collisions")
+DEFAULT_FIELDS = ("position", "velocity", "angular_velocity", "collisions", "image")
 
 
 class TrajectoryWriter(Sealed):

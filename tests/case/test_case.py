@@ -204,7 +204,7 @@ def test_good_case_has_no_mistakes() -> None:
         ("species[0].material=aluminum", 'species[0].material = "aluminum"', "did you mean 'aluminium'"),
         ("species[0].material=", "species[0].material", "missing: the name of a material.*aluminium"),
         ("species[0].speed_rms=0", "run.collisions_per_disk = 5", "nothing moves"),
-        ("species[0].number=2", "box = ", "more than a third of the shorter side"),
+        ("species[0].number=2", "box = ", "more than a third of a periodic side"),
         ("start.positions=hexagon", 'start.positions = "hexagon"', "did you mean 'hexagonal'"),
         ("start.file=no.csv", 'start.file = "no.csv"', "no such file"),
         ("output.frames=0", "output.frames = 0", "greater than or equal to 1"),

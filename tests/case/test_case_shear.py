@@ -93,14 +93,21 @@ def test_a_run_keeps_the_ledger_and_shows_what_the_flow_put_in(
     assert np.polyfit(measured.get_ydata(), measured.get_xdata(), 1)[0] == pytest.approx(0.8, rel=0.15)
 
 
-def test_a_frame_of_a_sheared_box_starts_no_other_run(flow: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_frame_of_a_sheared_box_starts_only_a_run_with_the_same_flow_and_clock(
+    flow: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["run", "flow.toml", "--no-picture", "--set", "run.t_end=0.1"]) == 0
     Path("again.toml").write_text(SHEARED + '[start]\npositions = "flow.h5"\n')
     capsys.readouterr()
-    assert main(["check", "again.toml"]) == 2
-    assert re.search(
-        r'start.positions = "flow.h5": its box is sheared \(shear_rate = 0.8\)', capsys.readouterr().err
-    )
+    assert main(["check", "again.toml"]) == 0
+    assert "from t = 0.1, " in capsys.readouterr().out
+    for change, says in (
+        ("box.shear_rate=0.7", r"its box is sheared \(box\.shear_rate = 0\.8\), .* not 0\.7"),
+        ("box.shear_rate=", r"its box is sheared \(box\.shear_rate = 0\.8\), .* not 0"),
+        ("start.time=0.05", r"start\.time = 0\.05: the images above and below stand .* by t = 0\.1"),
+    ):
+        assert main(["check", "again.toml", "--set", change]) == 2
+        assert re.search(rf'start.positions = "flow.h5": {says}', capsys.readouterr().err), change
 
 
 def test_check_says_what_a_sheared_gas_will_do(flow: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -551,9 +551,18 @@ def test_a_run_goes_on_from_a_frame_between_walls(tmp_path: Path, monkeypatch: p
     """Positions in single precision: disks that touched a wall are moved off it."""
     monkeypatch.chdir(tmp_path)
     Path("elastic.toml").write_text(ELASTIC)
-    short = ["--no-picture", "--set", "run.t_end=1.0", "--set", "output.precision=f4"]
-    assert main(["run", "elastic.toml", *short]) == 0
-    again = ["--set", "run.name=again", "--set", "start.positions=elastic.h5", "--set", "start.motion=true"]
+    short = ["--no-picture", "--set", "output.precision=f4"]
+    assert main(["run", "elastic.toml", *short, "--set", "run.t_end=1.0"]) == 0
+    again = [
+        "--set",
+        "run.t_end=2.0",
+        "--set",
+        "run.name=again",
+        "--set",
+        "start.positions=elastic.h5",
+        "--set",
+        "start.motion=true",
+    ]
     assert main(["run", "elastic.toml", *short, *again, "--set", "species[0].speed_rms="]) == 0
     with Trajectory("elastic.h5") as first, Trajectory("again.h5") as second:
         np.testing.assert_allclose(second[0].position, first[-1].position, atol=1e-5)
@@ -571,7 +580,10 @@ def test_positions_of_a_file_must_keep_off_walls(tmp_path: Path, monkeypatch: py
     assert re.search(r"disk 1 at \(10, 10.2\) overlaps wall 1 \(post\) by 0.3", found)
     (found,) = mistakes("species[0].number=2", "start.file=start.csv", "wall[1].center=[10.0, 20.0]",
                         "wall[0].motion.phase=1.5707963267948966", "wall[0].point=[0.0, 1.1]")  # fmt: skip
-    assert "disk 0 at (1, 2) overlaps wall 0 (line) by 0.1" in found  # the floor is at 1.6 at t = 0
+    assert "disk 0 at (1, 2) overlaps wall 0 (line) at t = 0 by 0.1" in found  # where the floor is at 1.6
+    # After half a period it is at the other end of its way.
+    assert mistakes("species[0].number=2", "start.file=start.csv", "wall[1].center=[10.0, 20.0]", "start.time=0.25",
+                    "wall[0].motion.phase=1.5707963267948966", "wall[0].point=[0.0, 1.1]") == []  # fmt: skip
 
 
 def test_walls_are_where_they_are_at_the_start_time_of_a_state() -> None:

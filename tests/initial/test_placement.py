@@ -122,7 +122,7 @@ def test_no_disk_and_one_disk_are_placed(place) -> None:
     position = place(box, np.array([0.5]))  # just as high as the box
     assert position.shape == (1, 2)
     assert np.all((position >= 0.0) & (position < box.lengths))
-    with pytest.raises(InputError, match=r"disk 0 has diameter 1\.02, more than the box side 1"):
+    with pytest.raises(InputError, match=r"disk 0 has diameter 1\.02, more than the periodic side 1"):
         place(box, np.array([0.51]))
 
 

@@ -123,7 +123,7 @@ def test_a_run_begins_with_a_frame_of_parts(runs, capsys, tmp_path):
         )
         (tmp_path / f"{name}.toml").write_text(text)
         given = ["run", str(tmp_path / f"{name}.toml"), "-o", f"{tmp_path}/", "--quiet", "--no-picture"]
-        assert main([*given, "--set", "run.collisions_per_disk=1.0"]) == 0, capsys.readouterr().err
+        assert main([*given, "--set", "run.collisions_per_disk=5.0"]) == 0, capsys.readouterr().err
     with ifrdem.Trajectory(tmp_path / "one.h5") as one, ifrdem.Trajectory(tmp_path / "parts.h5") as parts:
         assert np.array_equal(one[-1].position, parts[-1].position)
 

@@ -267,7 +267,7 @@ def test_tiles_go_through_a_collapse_like_the_whole_box_in_order(monkeypatch: py
 
 def test_a_disk_wider_than_a_third_of_the_box_is_refused() -> None:
     state = State(np.array([[0.5, 0.5]]), np.zeros((1, 2)), np.zeros(1))
-    with pytest.raises(InputError, match="more than a third of the box side"):
+    with pytest.raises(InputError, match="more than a third of the periodic side"):
         Simulation(equal_disks(1), Box((2.9, 10.0)), SMOOTH, state)
 
 
