@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DamageError, InputError
-from ..kernels.layout import EVENTS, WALL_HITS
+from ..kernels.columns import named
 from ..model.state import State
 from ..tools import files, slices, world
 from ..tools.versions import package_versions
@@ -278,9 +278,9 @@ def state_of(arrays: Mapping[str, NDArray[Any]]) -> State:
 
     Collisions are those until the window began, which tell which gates have opened.
     """
-    collisions = arrays["meta"][:, EVENTS]
+    collisions = named(arrays["meta"], "meta").events
     if "hits" in arrays:
-        collisions = collisions - arrays["hits"][:, WALL_HITS]
+        collisions = collisions - named(arrays["hits"], "hits").wall_hits
     return State(
         position=arrays["state_position"],
         velocity=arrays["state_velocity"],
