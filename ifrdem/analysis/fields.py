@@ -86,8 +86,8 @@ def coarse_grain(
     low, lengths = np.zeros(2), np.array(box.lengths)
     if box.shear_rate and n and not (x[:, 1].min() >= 0.0 and x[:, 1].max() <= lengths[1]):
         raise InputError(
-            f"position: y from {x[:, 1].min():g} to {x[:, 1].max():g} must lie in the sheared box, 0 to {lengths[1]:g}: "
-            "Box.wrap moves centres, and velocities change with them by shear_rate Ly"
+            f"position: y from {x[:, 1].min():g} to {x[:, 1].max():g} must lie in the sheared box, "
+            f"0 to {lengths[1]:g}: Box.wrap moves centres, and velocities change with them by shear_rate Ly"
         )
     x = box.wrap(x)
     if box.is_open:

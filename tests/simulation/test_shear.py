@@ -330,7 +330,7 @@ def test_one_disk_flies_straight_on_and_its_path_has_no_jumps() -> None:
 
 
 def test_a_start_outside_the_box_is_that_of_its_image() -> None:
-    """The image (a, b) boxes away lies a Lx + b (shift of the image above) further along x, and moves b rate Ly faster."""
+    """The image (a, b) boxes away lies a Lx + b (shift of the image above) along x, and moves b rate Ly faster."""
     disks, box, begin = equal_disks(2), Box((7.0, 5.0), shear_rate=0.3), 2.0
     inside, velocity = np.array([[6.8, 1.0], [3.0, 3.0]]), np.array([[1.0, 0.3], [-0.4, 0.9]])
     boxes = np.array([[0, 1], [-3, -2]])
