@@ -12,7 +12,6 @@ from support.shear_reference import Sheared
 
 from ifrdem.errors import InputError
 from ifrdem.initial import placement
-from ifrdem.kernels.layout import USUAL_HALO
 from ifrdem.model.box import Box
 from ifrdem.model.forces import RandomKicks, Rescale
 from ifrdem.model.ifr import IFRLaw
@@ -118,7 +117,7 @@ def test_a_halo_is_too_narrow_if_the_flow_brings_disks_past_it(monkeypatch: pyte
 
     def narrow(self: Windows) -> None:
         set_halos(self)
-        self.arrays.scale[USUAL_HALO] = 1.05
+        self.arrays.scale.usual_halo = 1.05
 
     monkeypatch.setattr(Windows, "_set_halos", narrow)
     monkeypatch.setattr("ifrdem.simulation.windows.window_length", lambda *_: 1e9)

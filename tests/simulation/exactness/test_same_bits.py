@@ -219,7 +219,7 @@ def test_a_pair_that_no_tile_sees_is_found_by_the_width_of_halos_alone(
 
     def narrow(self: Windows) -> None:
         set_halos(self)
-        self.arrays.scale[USUAL_HALO] = halo
+        self.arrays.scale.usual_halo = halo
 
     run_again, found_bad = Windows._run_again, []
 
