@@ -151,8 +151,9 @@ def correlation_time(series: ArrayLike) -> float:
     covariance = np.fft.irfft(np.abs(padded) ** 2)[:n]
     tau = 0.5 + np.cumsum(covariance[1:] / covariance[0])
     lags = np.arange(1, n)
-    stop = np.flatnonzero(lags >= 5.0 * np.maximum(tau, 0.5))
-    return max(0.5, float(tau[stop[0] if len(stop) else -1]))
+    # The last lag is one: over all lags the autocorrelation about the mean adds up to -1/2, and tau to 0.
+    stop = int(np.argmax(lags >= 5.0 * np.maximum(tau, 0.5)))
+    return max(0.5, float(tau[stop]))
 
 
 def mean_with_error(series: ArrayLike) -> tuple[float, float]:

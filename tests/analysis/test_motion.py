@@ -346,7 +346,9 @@ def test_angles_that_are_uniform_instead_are_told_apart() -> None:
     found = analysis.impacts(np.random.default_rng(1).random(2000) * np.pi / 2.0)
     assert found.p_value < 1e-6
     with pytest.raises(InputError, match="from 0 to pi / 2"):
-        analysis.impacts([1.7])
+        analysis.impacts([0.5 * np.pi * (1.0 + 1e-11)])
+    # Of a grazing collision, an angle of 90 degrees as it is rounded.
+    assert analysis.impacts([np.nextafter(0.5 * np.pi, 2.0)]).collisions == 1
 
 
 def noise(seed: int, n: int, memory: float) -> np.ndarray:
