@@ -22,7 +22,7 @@ def _at(value: Any, *index: Any) -> Any:
 
 
 class Row:
-    """A row of an array, or a vector: its columns are attributes, by number they are its items.
+    """A row of an array, or an array of one row: its columns are attributes, by number they are its items.
 
     A row that is a vector can be assigned as a whole, by `vector`. A variable of a kernel that stands for a row follows
     its index: where that is a variable which changes, the row is another one from then on.
