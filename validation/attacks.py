@@ -214,7 +214,7 @@ def harm(path: Path, chance: random.Random) -> str:
 
 
 def heap(path: Path) -> None:
-    """A trajectory of disks on a floor under a piston, beside a post and a wall that shakes, with all that one can hold."""
+    """A trajectory of disks under a piston, beside a post and a wall that shakes, with all that one can hold."""
     n, frames = 12, 4
     wall = ifrdem.Wall
     walls = [
@@ -457,7 +457,8 @@ def read_only_folders(folder: Path, made: Mapping[str, bytes], chance: random.Ra
         f, case = str(place / "heap.h5"), str(place / "gas.toml")
         writing = [
             ["run", case, "-o", f"{place}/"], ["run", case, "-o", f"{place}/heap", "--force"], ["views", f],
-            ["repair", f, "--in-place"], ["study", case, "--seeds", "2", "-o", f"{place}/s.nc"], ["study", case, "-o", f"{place}/some.nc"],
+            ["repair", f, "--in-place"], ["study", case, "--seeds", "2", "-o", f"{place}/s.nc"],
+            ["study", case, "-o", f"{place}/some.nc"],
             *(["export", f, "--to", each] for each in ("csv", "extxyz", "gsd")), ["movie", f, "-o", f"{place}/m.webp"],
             *(["plot", f, each, "-o", f"{place}/{each}.png"] for each in ("disks", "walls")),
             ["view", f, "--html", f"{place}/p.html"],
@@ -548,15 +549,13 @@ def made_once(folder: Path, names: tuple[str, ...]) -> dict[str, bytes]:
     return found
 
 
-def attack(name: str, seeds: range, made: Mapping[str, bytes]) -> list[str]:
+def attack(name: str, seeds: range, made: Mapping[str, bytes]) -> Iterator[str]:
     """What went wrong in the cases of an attack, with the seed of each."""
-    wrong = []
     for seed in seeds:
         with tempfile.TemporaryDirectory() as folder:
             chance = random.Random(f"{name} {seed}")
             if told := alone(lambda: ATTACKS[name](Path(folder), made, chance)):  # noqa: B023 (called at once)
-                wrong.append(f"{name} {seed}: {told}")
-    return wrong
+                yield f"{name} {seed}: {told}"
 
 
 def attacks(
@@ -575,11 +574,11 @@ def attacks(
     for name in chosen:
         began = time.perf_counter()
         number = cases or CASES[name]
-        wrong = attack(name, range(seed, seed + number), made)
-        count += len(wrong)
-        print(f"{name}: {number} cases, {len(wrong)} wrong, {time.perf_counter() - began:.0f} s", flush=True)
-        for each in wrong:
-            print(each)
+        wrong = 0
+        for wrong, each in enumerate(attack(name, range(seed, seed + number), made), start=1):  # noqa: B007
+            print(each, flush=True)
+        count += wrong
+        print(f"{name}: {number} cases, {wrong} wrong, {time.perf_counter() - began:.0f} s", flush=True)
     return 1 if count else 0
 
 
