@@ -1,9 +1,9 @@
-"""Attacks at random on files that are read and places that are written: `python -m ifrdem.validation.attacks`.
+"""Attacks at random on files that are read and places that are written: `python -m support.attacks`, in tests/.
 
 `... attacks [NAME ...] [--cases N] [--seed S]` runs N cases of each attack, or of those that are named, from seed S on,
 and prints what did not end in an answer or a message: a traceback, a hang, a crash of the process, a result that is
 silently another one. A case is reproduced by its seed. Each runs in a forked process, because HDF5 can end it: POSIX
-only. `tests/validation/test_attacks.py` has a sample.
+only. `tests/trajectory/test_attacks.py` has a sample.
 """
 
 from __future__ import annotations
@@ -515,14 +515,16 @@ def made_once(folder: Path, names: tuple[str, ...]) -> dict[str, bytes]:
         "runs": Variable((), np.array(3.0)),
     }
     task.save(folder / "result.npz", result | {"x": Variable(("tau", "axis"), np.ones((30, 2)))}, seconds=1.5)
-    # All verbs read the whole files, and what they import is there for the processes that are forked.
-    for words in (
-        *verbs(str(folder / "heap.h5"), folder),
-        ["plot", str(folder / "some.nc"), "T", "-o", f"{folder}/T.png"],
-    ):
-        says(words, (0,))
-    ifrdem.concat([folder / "heap.h5"] * 2).load()
-    Results.read(folder / "some.nc").to_xarray()
+    if (
+        names
+    ):  # verbs read the whole files, and what they import is there for the many processes that are forked
+        for words in (
+            *verbs(str(folder / "heap.h5"), folder),
+            ["plot", str(folder / "some.nc"), "T", "-o", f"{folder}/T.png"],
+        ):
+            says(words, (0,))
+        ifrdem.concat([folder / "heap.h5"] * 2).load()
+        Results.read(folder / "some.nc").to_xarray()
     made = {"heap": "heap.h5", "results": "some.nc", "result": "result.npz"}
     found = {name: (folder / file).read_bytes() for name, file in made.items()}
     if "studies" in names:  # in a process of its own, so that Taichi does not start here
