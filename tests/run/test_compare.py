@@ -145,7 +145,9 @@ def test_many_rows_lie_between_the_frames(tmp_path: Path) -> None:
     places, angles = chance.uniform(0.0, 20.0, (frames, n, 2)), chance.normal(size=(frames, n))
     fields = ("position", "velocity", "angular_velocity", "angle")
     walled = ifrdem.Box((20.0, 20.0), periodic=(False, False))  # no side to go around
-    with TrajectoryWriter(tmp_path / "run.h5", some_disks(n), walled, fields=fields, precision="f8") as writer:
+    with TrajectoryWriter(
+        tmp_path / "run.h5", some_disks(n), walled, fields=fields, precision="f8"
+    ) as writer:
         for time, place, angle in zip(times, places, angles, strict=True):
             writer.write(State(place, np.zeros((n, 2)), np.zeros(n), time=time, angle=angle))
     disks, at = chance.integers(0, n, rows), chance.uniform(times[0], times[-1], rows)
