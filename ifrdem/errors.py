@@ -29,6 +29,10 @@ class NoMoreCollisions(EngineError):
     """Collisions are asked for, and no disk will ever meet another one: nothing moves, or all fly apart."""
 
 
+class SlowRunWarning(UserWarning):
+    """A run that is far from its end at its present pace, or waits for a collision."""
+
+
 class Stopped(Exception):
     """A run was stopped before its end; `status` is the exit status of the command, the message says why."""
 

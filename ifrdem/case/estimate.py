@@ -10,6 +10,7 @@ dataset, whatever it holds. Part of that fills what is left of pages: the estima
 
 from __future__ import annotations
 
+import contextlib
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -286,12 +287,16 @@ def _by_theory(gas: CaseGas, phi: float, rate: float) -> tuple[tuple[float, floa
     if shear_rate and case.force:
         return None, end, per_disk
     if shear_rate:
-        try:
-            if case.run.t_end is not None and T > 0.0:
-                per_disk = float(sheared_gas.sheared(*one, shear_rate, T, T_rot, [end])[2][0])
-            return sheared_gas.steady_state(*one, shear_rate), end, per_disk
-        except TheoryError:
-            return None, end, per_disk
+        steady = None
+        with contextlib.suppress(TheoryError):
+            steady = sheared_gas.steady_state(*one, shear_rate)
+            if case.run.t_end is None or T == 0.0:
+                return steady, end, per_disk
+            per_disk = float(sheared_gas.sheared(*one, shear_rate, T, T_rot, [end])[2][0])
+        if steady is not None and math.isnan(per_disk):  # heats from a start that is too cold to be followed
+            hot = theory.collision_rate(phi, steady[0], mass, radius)
+            per_disk = hot * end if hot > rate else math.nan
+        return steady, end, per_disk
     drive = Drive.of([force.model_dump() for force in case.force], mass, inertia) if case.force else None
     if not case.homogeneous or (case.force and drive is None):
         return None, end, per_disk

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import json
 import math
 import operator
 import warnings
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, listed
+from ..errors import InputError, listed, refuse
 from ..initial import impact_scan, packing, placement
 from ..initial.from_csv import Given
 from ..model import crush
@@ -22,7 +23,7 @@ from ..model.box import Box
 from ..model.free_area import Room
 from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.state import DiskKinds, Disks, State, dealt, united
-from ..model.walls import Wall, at_displacements
+from ..model.walls import Wall, at_displacements, wall_names
 from ..simulation import checks
 from ..simulation.simulation import Simulation
 from ..simulation.turning import FASTEST_DRUM
@@ -35,6 +36,9 @@ from .species import Species, species_of
 
 if TYPE_CHECKING:
     from ..model.forces import Force
+
+TRIED = {"random": 10_000, "growth": 2_000}
+"""Disks that are placed in about a second, by the way; others take less than random ones."""
 
 
 @dataclass(frozen=True)
@@ -241,6 +245,12 @@ class CaseGas:
         velocity, spin = self._drawn_motion(comm)
         return State(position=position, velocity=velocity + self.box.flow(position), spin=spin)
 
+    def try_start(self) -> None:
+        """Make the start as a run does, of so few disks that it takes a second: InputError where that cannot be."""
+        positions = self.case.start.positions if self.case.start.placed else ""
+        if self.n <= TRIED.get(positions, TRIED["random"]):
+            self.tracked(self.start())
+
     @property
     def strips(self) -> int:
         """Number of strips of the box in which disks are placed at random, each by one rank; 0 of other starts."""
@@ -327,6 +337,62 @@ class CaseGas:
             "a side of the box": 0.0 if self.box.is_open else max(self.box.lengths),
         }
         checks.check_stored(largest, case.output.precision)
+        given = self.given is not None and self.given.velocity is not None
+        self._check_engine(velocity, given or self.n <= slices.GATHERED, comm)
+
+    def _check_engine(self, velocity: NDArray[np.float64], known: bool, comm: Any) -> None:
+        """Refuse what the engine would refuse, with the keys of the case.
+
+        `velocity` (n, 2) is relative to the flow; unless `known`, those of many disks are not.
+        """
+        case, run, smallest = self.case, self.case.run, float(self.kinds.radius.min())
+        walls, size = self.room.all_walls, "lengths" if self.case.box.lengths else "packing_fraction"
+        gravity = (case.box.gravity[0], case.box.gravity[1])
+        e_n = np.array([[math.nan if law is None else law.e_n for law in row] for row in self.laws])
+        materials = [self.materials.index(each.material) for each in self.species]
+        meets_none = known and not walls and not self.box.is_open and self.box.shear_rate == 0.0
+        alone = 0.0
+        if meets_none and (self.n == 1 or checks.fly_alike(velocity, comm)):
+            alone = world.largest(comm, float(np.hypot(*velocity.T).max(initial=0.0)))
+        refused = {
+            ("box", size): lambda: checks.check_resolved(self.n, smallest, self.box, run.precision),
+            ("run", "t_end"): lambda: checks.check_duration(run.t_end or 0.0, smallest, self.box, alone),
+            ("run", "collapse"): lambda: checks.check_rebound(
+                e_n, materials, walls, self.box, gravity, run.collapse, run.precision
+            ),
+        }
+        found = self._lying(velocity, walls, gravity, comm) if known else []
+        for (section, key), check in refused.items():
+            try:
+                check()
+            except InputError as error:
+                value = getattr(getattr(case, section), key)
+                shown = f"{value:g}" if isinstance(value, float) else json.dumps(value)
+                found.append(str(Complaint(f"{section}.{key}", shown, str(error))))
+        refuse(found)
+
+    def _lying(
+        self,
+        velocity: NDArray[np.float64],
+        walls: Sequence[Wall],
+        gravity: tuple[float, float],
+        comm: Any,
+    ) -> list[str]:
+        """A complaint about disks that a start file lays on walls, at rest: only resting contacts hold them there."""
+        if self.given is None or self.case.run.collapse == "rest":
+            return []
+        ids, start = slices.slice_of(self.n, comm), self.case.start
+        rests = checks.at_rest_on_walls(self.given.position, velocity, self.rows(ids).radius, walls, gravity)
+        here = None if rests is None else (ids.start + rests[0], rests[1])
+        of_ranks = [here] if comm is None else comm.allgather(here)
+        if not any(of_ranks):
+            return []
+        rests = min(each for each in of_ranks if each)
+        key, value = ("positions", start.positions) if start.file is None else ("file", start.file)
+        wall = wall_names(walls, self.box)[rests[1]]
+        text = f"disk {rests[0]} lies on {wall} without speed, and has no next collision"
+        text += ': run.collapse = "rest" is needed, or a gap, or a speed'
+        return [str(Complaint(f"start.{key}", json.dumps(value), text))]
 
     def simulation(
         self,

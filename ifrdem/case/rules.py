@@ -154,7 +154,10 @@ def wrong_walls(
         return
     try:
         run = case.run
-        check_pistons(walls, _disks(case), run.arch, run.precision, run.resting_speed or 0.0)
+        check_pistons(
+            walls, _disks(case), run.arch, run.precision, run.resting_speed or 0.0,
+            gravity_turns=case.box.gravity_turns,
+        )  # fmt: skip
     except InputError as error:
         yield Complaint("wall", None, str(error))
     placed = []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,9 @@ from ..errors import InputError, refuse
 from ..kernels.limits import BYTES_PER_DISK
 from ..model.box import describe_sides
 from ..model.walls import Wall
+from ..simulation import checks
 from ..simulation import device as backend
+from ..tools.progress import size_of_time
 from ..tools.slices import GATHERED
 from .case import Case
 from .estimate import (
@@ -24,6 +26,7 @@ from .estimate import (
     RunEstimate,
     disk_bytes,
     run_seconds,
+    strip_bytes,
 )
 from .gas import CaseGas
 from .output_section import MOST_FRAMES
@@ -105,6 +108,59 @@ def refuse_beyond_disk(needed: int, folder: Path) -> None:
         place = f"{size(free)} are free in {folder.resolve()}"
         fewer = "fewer output.frames or output.fields, or another place (-o)"
         raise InputError(f"output: the trajectory needs some {size(needed)}, and {place}: {fewer}")
+
+
+REFUSED_HERE = "`ifrdem run` would refuse it here"
+"""End of warnings of what other machines may have."""
+
+
+def check(
+    gas: CaseGas, folder: Path, *, share: float = 1.0, ranks: int = 1, sliced: bool = False
+) -> tuple[str, list[str]]:
+    """The report on a case, and warnings of what may go wrong; a small start is made, as a run does.
+
+    `folder` is that of the output; other arguments are as for `refused_here`. InputError if no run could begin.
+    """
+    estimate = RunEstimate.of(gas)
+    refuse_cadences(gas, estimate)
+    crushes = gas.crushes()
+    if ranks == 1:
+        gas.try_start()
+    here = refused_here(gas, estimate, folder, share=share, ranks=ranks, sliced=sliced)
+    return report(gas, estimate), [*crushes, *gas.cautions, *(f"{each}: {REFUSED_HERE}" for each in here)]
+
+
+def refused_here(
+    gas: CaseGas,
+    estimate: RunEstimate,
+    folder: Path,
+    *,
+    share: float = 1.0,
+    ranks: int = 1,
+    sliced: bool = False,
+) -> list[str]:
+    """What a run lacks on this machine: the device, its threads, memory, room on the disk of the output's folder.
+
+    Other machines may have it. `share`, `ranks` and `sliced` are as for `refuse_beyond_memory`.
+    """
+    start = strip_bytes(gas, ranks) * min(share * ranks, gas.strips) if ranks > 1 else 0.0
+    run, found = gas.case.run, []
+    needs: list[Callable[[], None]] = [
+        lambda: backend.check(run.arch, run.threads, run.precision),
+        lambda: checks.check_number(gas.n, ranks),
+        lambda: refuse_beyond_memory(
+            gas.n, run.arch, gas.case.start.positions, share, ranks=ranks, sliced=sliced, start=start
+        ),
+        lambda: refuse_beyond_disk(estimate.file_bytes, folder),
+    ]
+    if run.arch != "cpu" and backend.cuda_absence() is not None:
+        del needs[2]
+    for need in needs:
+        try:
+            need()
+        except InputError as error:
+            found.append(str(error))
+    return found
 
 
 def refuse_beyond_memory(
@@ -231,14 +287,6 @@ def _time(gas: CaseGas, estimate: RunEstimate) -> str:
             ". In a gas so thin disks pass from cell to cell most of the time: a collision costs phi^(-1/2)"
         )
     return text
-
-
-def size_of_time(seconds: float) -> str:
-    """Seconds, minutes, hours or days, with two digits."""
-    for unit, length in (("days", 86400.0), ("hours", 3600.0), ("minutes", 60.0)):
-        if seconds >= 2.0 * length:
-            return f"{seconds / length:.2g} {unit}"
-    return f"{max(seconds, 0.1):.2g} s"
 
 
 def _stored(gas: CaseGas, estimate: RunEstimate) -> str:

@@ -249,22 +249,17 @@ def check(case: Case, /, *, set: Set = None) -> None:
     """
     from ..case import file as case_file
     from ..case import shipped, summary
-    from ..case.estimate import RunEstimate
 
     comm = ranks()
     gas = case_file.read_on_ranks(lambda: shipped.find(case), set or [], comm).gas
+    share, count = world.share_here(comm), comm.size if comm else 1
+    sliced = gas.is_told_in_slices(comm) and gas.is_made_in_slices
 
     def report() -> None:
-        estimate = RunEstimate.of(gas)
-        summary.refuse_cadences(gas, estimate)
-        crushes = gas.crushes()
-        say(summary.report(gas, estimate))
-        for text in (*crushes, *gas.cautions):
-            warn(text)
-        try:
-            summary.refuse_beyond_disk(estimate.file_bytes, Path())
-        except InputError as error:  # it may run elsewhere
-            warn(f"{error}: `ifrdem run` would refuse it here")
+        text, warnings = summary.check(gas, Path(), share=share, ranks=count, sliced=sliced)
+        say(text)
+        for each in warnings:
+            warn(each)
 
     world.on_first(comm, report)
 

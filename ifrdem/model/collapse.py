@@ -53,3 +53,39 @@ class Collapse:
                 raise InputError(
                     f'{name} = {value} is used with collapse = "{kind}" only, not with collapse = "{self.kind}"'
                 )
+
+
+def advice(
+    *,
+    contact_time: float,
+    velocity_cutoff: float,
+    resting_speed: float,
+    e_n: float | None,
+    rests: bool,
+    rebounds: bool,
+    at_wall: bool,
+) -> str:
+    """A sentence of what helps against inelastic collapse, without what is set; remedies that are 0 are not.
+
+    `e_n` is the smallest of the collisions that may be at fault, those `at_wall` or all, None of a law without one;
+    disks may have a resting speed if the gas `rests`, and are left with a speed after each hit if it `rebounds`.
+    """
+    if e_n == 1.0:
+        return (
+            "All these collisions are elastic: look for disks that have no room to move, as between walls as far apart "
+            "as their diameter"
+        )
+    given = {"contact_time": contact_time, "velocity_cutoff": velocity_cutoff, "resting_speed": resting_speed}
+    ways = [f"a larger {name}" for name, value in given.items() if value]
+    if not ways:
+        if rebounds:
+            ways += [
+                'collapse = "tc" with a contact_time',
+                'collapse = "velocity_cutoff" with a velocity_cutoff',
+            ]
+        if rests:
+            ways.append('collapse = "rest" with a resting_speed')
+    if e_n is not None:
+        ways.append("a larger e_n")
+    ways += ["a lower packing fraction"] * (not at_wall) + ["an earlier end of the run"]
+    return f"What helps: {', '.join(ways[:-1])} or {ways[-1]}"

@@ -711,6 +711,12 @@ class Wall:
         turning = self.turn.most_rate * self.lever if self.turn.kind != "still" else 0.0
         return self.motion.most_speed + turning + abs(self.surface_speed)
 
+    @property
+    def presses(self) -> bool:
+        """True if disks may be pressed against it without gravity: it is curved about them, or accelerates."""
+        accelerates = self.motion.kind == "sine" or self.turn.kind != "still" or self.piston is not None
+        return accelerates or self.shape in ("container", "arc")
+
 
 _QUARTER = 0.5 * math.pi
 

@@ -19,15 +19,15 @@ from numpy.typing import NDArray
 
 from ..case import summary as check
 from ..case.case import IMPACT_SCAN, UNITS, Case
-from ..case.estimate import RunEstimate, strip_bytes
+from ..case.estimate import RunEstimate
 from ..case.file import CaseFile
 from ..case.gas import CaseGas
 from ..case.pair_rules import COEFFICIENTS
-from ..errors import EngineError, InputError, Stopped, TrajectoryError, counted
+from ..errors import EngineError, InputError, Stopped, TrajectoryError, counted, refuse
 from ..model.observables import MECHANISMS, Measure
 from ..model.state import State
 from ..model.walls import wall_names
-from ..simulation import checkpoint, checks
+from ..simulation import checkpoint
 from ..simulation import device as backend
 from ..simulation.schedule import Course, Span
 from ..simulation.simulation import Simulation
@@ -90,15 +90,10 @@ def run(
 
     def prepared() -> tuple[State | None, NDArray[np.int32]]:
         outputs.check(force=force)
-        backend.check(case.run.arch, case.run.threads, case.run.precision)
-        checks.check_number(gas.n, ranks)
-        check.refuse_beyond_memory(
-            gas.n, case.run.arch, case.start.positions, share, ranks=ranks, sliced=sliced,
-            start=strip_bytes(gas, ranks) * min(share * ranks, gas.strips) if comm else 0,
-        )  # fmt: skip
         estimate = RunEstimate.of(gas)
+        folder = outputs.trajectory.parent
+        refuse(check.refused_here(gas, estimate, folder, share=share, ranks=ranks, sliced=sliced))
         check.refuse_cadences(gas, estimate)
-        check.refuse_beyond_disk(estimate.file_bytes, outputs.trajectory.parent)
         crushes = gas.crushes()
         say(check.summary(gas, estimate, how(case, cores, comm)))
         for text in (*gas.warnings, *crushes, *gas.cautions):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from ..errors import InputError
 from ..kernels.limits import ADDRESSABLE, ALONE, MOST_DISKS, MOST_IDS
 from ..model.box import Box
 from ..model.state import Disks, State
-from ..model.walls import Wall
+from ..model.walls import Wall, wall_names
 
 if TYPE_CHECKING:
     from ..model.forces import Force
@@ -21,6 +21,14 @@ if TYPE_CHECKING:
 
 MOST_JUMP = 0.01
 """Jumps of disks at rest, in smallest radii: what is low against them."""
+MANTISSA = {"f32": 24, "f64": 53}
+"""Binary digits of a number."""
+COARSEST = 0.01
+"""Spacing of places, and errors of ways, in smallest radii: at most, so that contacts keep two digits."""
+MOST_BOXES = 2**31 - 1
+"""Boxes that a disk can travel: they are counted in 32 bits."""
+LEAST_REBOUND = {"f32": 1e-3, "f64": 1e-12}
+"""e_n below which rounding may leave a disk that hits a wall without any speed along the normal."""
 MOST_COEFFICIENT = {"f32": 1e30, "f64": 1e100}
 """Largest coefficient of a law: products of it with impulses and masses are formed."""
 
@@ -59,6 +67,108 @@ def check_magnitudes(disks: Disks, box: Box, speed: float, precision: str, hotte
             f"units: a speed of {v:.3g} takes {max(box.lengths) / v:.3g} to cross the box: more than 1e27, the longest "
             "time of the engine; choose a larger unit of time"
         )
+
+
+def spacing_of_places(extent: float, precision: str) -> float:
+    """Spacing of the grid of places [length] in a region of this extent [length]: a power of two."""
+    return 2.0 ** (math.ceil(math.log2(2.0 * extent)) - MANTISSA[precision])
+
+
+def check_resolved(n: int, radius: float, box: Box, precision: str) -> None:
+    """Refuse a box so large that places in it are too coarse for disks of the smallest `radius` [length].
+
+    In single precision places of more than ALONE disks are those in a tile, which other rules keep small.
+    """
+    if box.is_open or not n or (precision == "f32" and n > ALONE):
+        return
+    spacing = spacing_of_places(max(box.lengths), precision)
+    if spacing > COARSEST * radius:
+        raise InputError(
+            f"a box of {box.lengths[0]:.4g} x {box.lengths[1]:.4g}: {precision} tells places in it apart from "
+            f"{spacing:.3g} on, which must be a hundredth of the smallest radius, {radius:.4g}, at most: choose a "
+            "denser gas, or fewer disks"
+        )
+
+
+def fly_alike(velocity: NDArray[np.float64], comm: Any = None) -> bool:
+    """True if all velocities, shape (n, 2), are one and not 0; of ranks, each gives those of its slice."""
+    ends = np.concatenate([velocity.max(axis=0, initial=-np.inf), -velocity.min(axis=0, initial=np.inf)])
+    if comm is not None:
+        ends = np.max(comm.allgather(ends), axis=0)
+    return bool(np.all(ends[:2] == -ends[2:]) and np.any(ends))
+
+
+def check_duration(duration: float, radius: float, box: Box, alone: float) -> None:
+    """Refuse a run so long that rounding loses the images of a sheared box, or a disk that never meets anything.
+
+    A run of a `duration` [time] with disks of the smallest `radius` [length]; `alone` is the speed of disks that never
+    meet [length/time], 0 if any do.
+    """
+    if box.is_open or not math.isfinite(duration):
+        return
+    across = abs(box.shear_rate) * box.lengths[1]
+    for speed, what in ((across, "images across a sheared box come"), (alone, "disks that never meet fly")):
+        way = speed * duration
+        error, boxes = way * 2.0 ** -MANTISSA["f64"], way / min(box.lengths)
+        if error > COARSEST * radius or (speed == alone and boxes > MOST_BOXES):
+            raise InputError(
+                f"{what} {way:.3g} in a time of {duration:.4g}, {boxes:.3g} boxes, and rounding loses where they are: "
+                f"{duration * min(COARSEST * radius / error, MOST_BOXES / boxes):.2g} is possible at most"
+            )
+
+
+def check_rebound(
+    e_n: NDArray[np.float64],
+    materials: Iterable[int],
+    walls: Sequence[Wall],
+    box: Box,
+    gravity: tuple[float, float],
+    collapse: str,
+    precision: str,
+) -> None:
+    """Refuse disks that would stay on a wall after a hit where a remedy makes slow collisions elastic.
+
+    A hit with e_n = 0 leaves no speed along the normal, and an elastic collision without speed does nothing. What
+    presses a disk against its wall then is gravity, a curved wall, or one that accelerates. `e_n` (M, M) is that of
+    each pair of materials, `materials` are those of the disks; walls include the sides of the box.
+    """
+    if collapse not in ("tc", "velocity_cutoff"):
+        return
+    least = LEAST_REBOUND.get(precision, 0.0)
+    for w, wall in enumerate(walls):
+        if wall.temperature is not None or not (any(gravity) or wall.presses):
+            continue
+        for material in materials:
+            if (rebound := float(e_n[material, wall.material])) < least:
+                raise InputError(
+                    f"disks that hit {wall_names(walls, box)[w]} with e_n = {rebound:g} stay there without speed, and "
+                    f'with collapse = "{collapse}" the collision that follows is elastic, without speed, and does '
+                    f'nothing: e_n must be {least:g} at least there; or, under gravity, take collapse = "rest"'
+                )
+
+
+def at_rest_on_walls(
+    position: NDArray[np.float64], velocity: NDArray[np.float64], radius: NDArray[np.float64], walls: Sequence[Wall],
+    gravity: tuple[float, float],
+) -> tuple[int, int] | None:  # fmt: skip
+    """Numbers of the first disk that lies on a wall at rest, and of the wall; None if none does.
+
+    It touches the wall to rounding, without speed along the normal, and gravity holds it there: it has no next
+    collision (`kernels/walls.py`, `wall_time`). Places and velocities (n, 2), radii (n,).
+    """
+    noise = 1e-14 * np.abs(velocity).sum(axis=1)
+    for w, wall in enumerate(walls):
+        moves = wall.motion.kind != "still" or wall.turn.kind != "still" or wall.piston is not None
+        if not any(gravity) or moves or not wall.stands(0.0):
+            continue
+        normal, distance = wall.normal(position)
+        error = 8.0 * np.finfo(np.float64).eps * (np.abs(position).sum(axis=1) + radius + wall.radius)
+        still = (distance - radius <= error) & (np.abs(np.sum(normal * velocity, axis=1)) <= noise)
+        if wall.shape == "line":
+            still &= normal @ np.array(gravity) < 0.0
+        if still.any():
+            return int(np.argmax(still)), w
+    return None
 
 
 def check_coefficients(law_table: NDArray[np.float64], precision: str) -> None:
@@ -127,6 +237,7 @@ def check(
     if box.shear_rate:
         _check_sheared(disks, box, walls)
     check_magnitudes(disks, box, speed, options.precision, hottest)
+    check_resolved(disks.n, float(disks.radius.min(initial=math.inf)), box, options.precision)
     check_between_collisions(disks, box, options.gravity, forces)
 
 
@@ -191,9 +302,9 @@ def check_resting(
 
 def check_pistons(
     walls: Sequence[Wall], n: int, arch: str, precision: str, resting_speed: float, order: str | None = None,
-    ranks: int = 1,
+    ranks: int = 1, gravity_turns: float = 0.0,
 ) -> None:  # fmt: skip
-    """Refuse pistons where the whole box is not computed in order; arguments as for `Engine`."""
+    """Refuse pistons where the whole box is not computed in order, or gravity turns; arguments as for `Engine`."""
     refused = {
         f'arch = "{arch}"': arch != "cpu",
         f'precision = "{precision}"': precision != "f64",
@@ -205,6 +316,10 @@ def check_pistons(
     for w, wall in enumerate(walls):
         if wall.piston is None:
             continue
+        if gravity_turns:
+            raise InputError(
+                f"wall {w} is a piston: gravity_turns = {gravity_turns:g} not supported; let gravity stay"
+            )
         for what, there in refused.items():
             if there:
                 raise InputError(

@@ -37,6 +37,7 @@ from ..errors import EngineError, InelasticCollapse, InputError, NoMoreCollision
 from ..kernels import layout as k
 from ..kernels.columns import PISTON_STATE, READOUT, TALLY, WALL_SUM, Named, named
 from ..model.box import Box
+from ..model.collapse import advice
 from ..model.ifr import IFRLaw
 from ..model.law import CollisionLaw, compiled
 from ..model.overlaps import TOLERANCE
@@ -232,9 +233,17 @@ class Engine:
         self.disks: Disks = disks if whole and world.is_first(self.comm) else self.kinds
         time = float(begin.time)
         self._check_resting(given.gravity, forces, law)
-        checks.check_pistons(walls, n, given.arch, given.precision, given.resting_speed, given.order, ranks)
-        if given.gravity_turns and any(wall.piston is not None for wall in walls):
-            raise InputError(f"gravity_turns = {given.gravity_turns:g}: not with a piston; let gravity stay")
+        self._check_rebound(self._law_table, law, given.gravity)
+        checks.check_pistons(
+            walls,
+            n,
+            given.arch,
+            given.precision,
+            given.resting_speed,
+            given.order,
+            ranks,
+            given.gravity_turns,
+        )
         self.turning = TurningGravity(given.gravity, given.gravity_turns, given.gravity_step, time)
         self.gravity: tuple[float, float] = self.turning.gravity
         self.statistics: Statistics = Statistics()
@@ -320,8 +329,15 @@ class Engine:
         """Divide the box into tiles and lay a state into them, from which a window begins."""
         self.arrays.lay(self.disks, self.options, state)
         self._until_looked = OPEN_WINDOWS
+        self._parted = self._is_parted(state)
+
+    def _is_parted(self, state: State) -> bool:
+        """Tell if no disk can meet another one: of an open gas, or because all fly at one velocity without walls."""
         if self.box.is_open:
-            self._parted = nobody_meets(state, self.disks)
+            return nobody_meets(state, self.disks)
+        if self.walls or self.box.shear_rate or self.n < 2:
+            return False
+        return checks.fly_alike(state.velocity, self.comm)
 
     # ------------------------------------------------------------------ what it knows
 
@@ -478,6 +494,17 @@ class Engine:
                 self.disks, self.box, gravity, given.resting_speed, forces, law, given.arch, given.precision
             )
 
+    def _check_rebound(
+        self, law_table: NDArray[np.float64], law: type[CollisionLaw], gravity: tuple[float, float]
+    ) -> None:
+        given = self.options
+        kind = "tc" if given.contact_time else "velocity_cutoff" if given.velocity_cutoff else "none"
+        if law is IFRLaw:
+            materials = np.unique(self.kinds.material).tolist()
+            checks.check_rebound(
+                np.asarray(law_table)[..., 0], materials, self.walls, self.box, gravity, kind, given.precision
+            )
+
     def _wake(self) -> None:
         """Wake all disks at the present time, between windows: what holds them is to change."""
         if self.options.resting_speed:
@@ -486,6 +513,7 @@ class Engine:
     def set_law(self, law_table: NDArray[np.float64], law: type[CollisionLaw]) -> None:
         """Collide by another law from now on; arguments as for the engine."""
         self._check_resting(self.gravity, (), law)
+        self._check_rebound(law_table, law, self.gravity)
         with self.changing():
             self._end_window()
             self._wake()
@@ -524,6 +552,7 @@ class Engine:
         gravity = checked.finite_pair("gravity", gravity)
         checks.check_between_collisions(self.disks, self.box, gravity, self.force_steps.forces)
         self._check_resting(gravity, (), self._law)
+        self._check_rebound(self._law_table, self._law, gravity)
         with self.changing():
             self._end_window()
             self._wake()
@@ -595,7 +624,7 @@ class Engine:
         """Take note that a gas has been changed: what is known of its collisions and rest does not hold any more."""
         self._resting = 0
         self._collided_at = self.time
-        self._parted = self.box.is_open and nobody_meets(self._state(), self.disks)
+        self._parted = self._is_parted(self._state())
 
     # ------------------------------------------------------------------ running
 
@@ -632,6 +661,22 @@ class Engine:
             self._turn_gravity()
             self._open_gates()
 
+    def check_duration(self, t_end: float) -> None:
+        """Refuse a run to `t_end` [time] that is too long for this gas (`checks.check_duration`)."""
+        self.check_whole()
+        lone = not self.box.is_open and (self._parted or self._is_alone)
+        speed = float(np.hypot(*self._state().velocity.T).max(initial=0.0)) if lone else 0.0
+        radius = float(self.kinds.radius.min(initial=math.inf))
+        speed = world.largest(self.comm, speed)
+        checks.check_duration(t_end - self.time, radius, self.box, speed)
+
+    @property
+    def _is_alone(self) -> bool:
+        """True for one disk, or none, that never meets anything."""
+        if self.n == 0:
+            return not self.arrays.uses.pistons
+        return self.n == 1 and not self.walls and not self.box.shear_rate
+
     def _next_gate(self) -> int | None:
         """Number of collisions at which the next gate opens; None without one."""
         if not self.arrays.uses.timed:
@@ -643,11 +688,7 @@ class Engine:
 
     def _nothing_happens(self) -> bool:
         """Tell if no disk meets another one or a wall before something else sets it in motion."""
-        if (
-            self._parted
-            or (self.n == 0 and not self.arrays.uses.pistons)
-            or (self.n == 1 and not self.walls and not self.box.shear_rate)
-        ):
+        if self._parted or self._is_alone:
             return True
         self.windows.go_on(self.next_kick)
         walls_move = self.arrays.clock.wall_speed > 0.0 or self.arrays.uses.pistons
@@ -671,19 +712,21 @@ class Engine:
         def counted(due: Due) -> tuple[float, float]:
             return due.time, math.inf if due.collisions is None else due.collisions - first
 
-        windows.run(
-            counted(stop),
-            kick,
-            counted(pause),
-            most=most,
-            watching=watching,
-            ahead=lambda: map(counted, ahead()),
-        )
+        try:
+            windows.run(
+                counted(stop),
+                kick,
+                counted(pause),
+                most=most,
+                watching=watching,
+                ahead=lambda: map(counted, ahead()),
+            )
+        except InelasticCollapse as error:
+            raise InelasticCollapse(f"{error}. {self._advice(at_wall=False)}") from None
         if windows.rests and not windows.inside:
             raise InelasticCollapse(
-                f"t = {windows.begin:.9g}: a disk came to rest on a wall, after ever smaller bounces (inelastic "
-                'collapse); there is no next collision. With collapse = "tc" and a contact_time, or collapse = '
-                '"velocity_cutoff" and a velocity_cutoff, such collisions are elastic, and the run goes on'
+                f"t = {windows.begin:.9g}: a disk came to rest on a wall (inelastic collapse); there is no next "
+                f"collision. {self._advice(at_wall=True)}"
             )
         if watching:
             self._take_watched(watching, was)
@@ -703,6 +746,21 @@ class Engine:
             self._until_looked -= self.statistics.windows - begun
             if self._until_looked <= 0 and not windows.inside:
                 self._look_around()
+
+    def _advice(self, *, at_wall: bool) -> str:
+        """Remedies for an inelastic collapse that this gas has not."""
+        given, e_n = self.options, None
+        if self._law is IFRLaw:
+            rows = np.unique(self.kinds.material)
+            beside = [wall.material for wall in self.walls if wall.temperature is None]
+            columns = np.array(beside if at_wall else [*rows, *beside], dtype=np.int64)
+            e_n = float(self._law_table[np.ix_(rows, columns)][..., 0].min(initial=1.0))
+        rests = any(self.gravity) and not self.force_steps.forces and not self.arrays.uses.pistons
+        return advice(
+            contact_time=given.contact_time, velocity_cutoff=given.velocity_cutoff,
+            resting_speed=given.resting_speed, e_n=e_n, rests=rests and self._law is IFRLaw,
+            rebounds=e_n is None or e_n >= checks.LEAST_REBOUND[self.precision], at_wall=at_wall,
+        )  # fmt: skip
 
     def _look_around(self) -> None:
         """Lay an open gas anew once it has spread, in wider cells, and see whether anybody can still meet anybody."""
@@ -788,7 +846,8 @@ class Engine:
         self._resting += 1
         patience = max(PATIENCE, self.turning.steps_per_turn)  # after a whole turn all is as it was
         if not math.isfinite(ends) and (not math.isfinite(next_motion) or self._resting > patience):
-            apart = "the disks have flown apart, and none" if self._parted and moving else "no disk"
+            how = "have flown apart" if self.box.is_open else "all fly at one velocity"
+            apart = f"the disks {how}, and none" if self._parted and moving else "no disk"
             raise NoMoreCollisions(
                 f"t = {self.time:.6g}: {apart} can meet another one any more, but collisions are asked for"
             )
@@ -802,6 +861,10 @@ class Engine:
         self.windows.settle_at(stop)
         self.arrays.lay(self.disks, self.options, state)
         self._parted = parted
+
+    def free_time(self) -> float:
+        """Usual time between two collisions anywhere at the speed of the fastest disk [time]."""
+        return self._free_time(self.windows.fastest)
 
     def _free_time(self, speed: float) -> float:
         """Usual time between two collisions anywhere, if all disks moved at this speed: area / (n^2 sigma v)."""

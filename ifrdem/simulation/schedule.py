@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import sys
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from fractions import Fraction
@@ -16,6 +17,7 @@ from ..errors import InputError
 from ..model.observables import Measure
 from ..model.state import State
 from ..tools import checked
+from ..tools.progress import size_of_time
 
 Observer = Callable[[State, Measure], None]
 Sampler = Callable[[Measure], None]
@@ -225,6 +227,50 @@ def refuse_endless(cadence: Cadence, span: Span) -> None:
     )
     if many > MOST:
         raise InputError(f"{cadence}: {many:.4g} times in this run; at most {MOST} are possible")
+
+
+WAIT = 30.0
+"""Real time [s] after which a run says what it waits for."""
+LONGEST = 0.2 * 31557600.0
+"""Real time [s] that a run may last beyond that without a warning: a fifth of a year."""
+
+
+class Pace:
+    """The pace of a run to its `end`; `clock` gives seconds of real time."""
+
+    def __init__(self, end: Due, clock: Callable[[], float] = time.perf_counter) -> None:
+        self._end, self._clock = end, clock
+        self._since: tuple[float, float, int] | None = None  # real time, simulated time, collisions
+        self._told = False
+
+    def trouble(self, now: float, collisions: int, free_time: Callable[[], float]) -> str | None:
+        """What a run that is at a time [time] waits for, once, if its end is far away; None else.
+
+        Called after every window; `free_time` gives the mean time between two collisions of any disks [time].
+        """
+        if self._told:
+            return None
+        clock = self._clock()
+        if self._since is None:  # after the first window, which compiled the kernels
+            self._since = clock, now, collisions
+        seconds, begin, before = clock - self._since[0], self._since[1], self._since[2]
+        if seconds < WAIT:
+            return None
+        self._since = clock, now, collisions
+        rate = (now - begin) / seconds  # of simulated in real time
+        came = f"t = {now:.6g}: the run came from {begin:.6g} to there in {seconds:.0f} s"
+        if self._end.collisions is not None and collisions == before:
+            wait = free_time()
+            text = f"{came}, without a collision; at this density and speed one is due each {wait:.3g}"
+            if wait > LONGEST * rate > 0.0:
+                text += f", in {size_of_time(wait / rate)} at this pace"
+        elif self._end.collisions is None and self._end.time - now > LONGEST * rate:
+            left = size_of_time((self._end.time - now) / rate) if rate > 0.0 else "no time that can be told"
+            text = f"{came}, and reaches t_end = {self._end.time:.6g} in {left} at this pace"
+        else:
+            return None
+        self._told = True
+        return f"{text}. A denser gas, slower walls or disks, or an earlier end of the run take less time"
 
 
 class Schedule:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError
+from ..errors import InputError, SlowRunWarning
 from ..model import crush
 from ..model.box import Box
 from ..model.collapse import Collapse
@@ -32,7 +32,18 @@ from ..tools.sealed import Sealed
 from . import checkpoint, checks
 from . import device as backend
 from .engine import CollisionTimes, Engine
-from .schedule import MOST, Cadence, Course, Observer, Progress, Sampler, Span, earlier, refuse_endless
+from .schedule import (
+    MOST,
+    Cadence,
+    Course,
+    Observer,
+    Pace,
+    Progress,
+    Sampler,
+    Span,
+    earlier,
+    refuse_endless,
+)  # fmt: skip
 from .tracking import Events, Tracking, checked_ids
 from .turning import USUAL_STEP
 
@@ -156,6 +167,8 @@ class Simulation(Sealed, PicturedDisks):
     -----
     EnergyWarning
         If a law of one's own adds energy in some of 4096 random collisions. `run` warns again if it has.
+    SlowRunWarning
+        From `run`, after half a minute: the next collision, or the end, is far away at the present pace.
     WallWarning
         From `run`: two walls come within a diameter of each other, and would crush a disk between them.
 
@@ -777,6 +790,7 @@ class Simulation(Sealed, PicturedDisks):
             if value is not None and not callable(value):
                 raise InputError(f"{name} = {value!r}: a function is needed")
         self._stopping = False
+        self._engine.check_duration(course.span.end.time)
         if (comm := self._engine.comm) is not None:
             world.check_alike(comm, repr(course), "the end of a run, its frames or its series")
             if self.sliced:
@@ -825,6 +839,7 @@ class Simulation(Sealed, PicturedDisks):
             self._observe(observers, stored)
             if between is not None:
                 between()
+        pace = Pace(end)
         while not end.reached(self.time, self.collisions) or course.next_frame == 1:
             while not (frame := frames.due(course.next_frame)).reached(self.time, self.collisions):
                 row = rows.due(course.next_row)
@@ -835,6 +850,9 @@ class Simulation(Sealed, PicturedDisks):
                 )  # fmt: skip
                 if progress is not None:
                     progress(self.time, self.collisions)
+                slow = pace.trouble(self.time, self.collisions, self._engine.free_time)
+                if slow is not None and world.is_first(self.comm):
+                    warnings.warn(slow, SlowRunWarning, stacklevel=4)
                 if course.series is not None and row.reached(self.time, self.collisions):
                     course.next_row = rows.after(course.next_row, self.time, self.collisions)
                     if sampling:
@@ -868,6 +886,7 @@ class Simulation(Sealed, PicturedDisks):
             If it is not a finite time, or lies in the past.
         """
         Span.to(self.disks.n, self.time, self.collisions, t_end=t_end)  # refuses it
+        self._engine.check_duration(t_end)
         return self._recorded(lambda: self.time < t_end, t_end=t_end)
 
     def collide(self, count: int) -> CollisionTimes:

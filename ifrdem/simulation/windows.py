@@ -241,8 +241,8 @@ class Windows:
         if not self.end > self.begin:
             raise InelasticCollapse(
                 f"t = {self.now:.9g}: windows have become too short for the clock, as disks are too fast or collide "
-                "too often. Look for walls that crush disks (check foretells them) or give energy without end, for a "
-                "time that is too large for the speeds, and for a remedy against collapse (collapse = ...)"
+                "too often. Look for walls that crush disks (check foretells them) or give energy without end, and for "
+                "a time that is too large for the speeds"
             )
 
     def _piston_columns(self) -> Iterator[tuple[int, int]]:
@@ -580,10 +580,7 @@ class Windows:
             if a.counter.stalled:
                 raise InelasticCollapse(
                     f"t = {float(a.clock.begin):.9g}: collisions pile up without end in a window (inelastic "
-                    "collapse). "
-                    'Use collapse = "tc" with a contact_time, "velocity_cutoff" with a velocity_cutoff, or, under '
-                    'gravity, "rest" with a resting_speed; larger e_n, '
-                    "or a lower packing fraction, or end the run earlier"
+                    "collapse)"
                 )
             self._bad = int(a.counter.n_bad)
             if not full:

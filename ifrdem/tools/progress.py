@@ -226,6 +226,14 @@ def quiet() -> bool:
     return logging.getLogger("ifrdem").level > logging.INFO
 
 
+def size_of_time(seconds: float) -> str:
+    """Seconds, minutes, hours, days or years, with two digits."""
+    for unit, length in (("years", 31557600.0), ("days", 86400.0), ("hours", 3600.0), ("minutes", 60.0)):
+        if seconds >= 2.0 * length:
+            return f"{seconds / length:.2g} {unit}"
+    return f"{max(seconds, 0.1):.2g} s"
+
+
 def clock_face(seconds: float) -> str:
     """1:02:03, 2:03, or a dash if unknown."""
     if math.isinf(seconds):

@@ -1,6 +1,7 @@
 """Any case file, however wrong, is in order or refused: `check` ends with status 0 or 2, without a traceback.
 
-Shipped cases and templates are mutated by a seeded generator. By hand, with more mutants and another seed:
+Shipped cases, templates and random cases (`ifrdem.validation.gas.cases`) are mutated by a seeded generator.
+By hand, with more mutants and another seed:
 
     python tests/case/test_fuzz_cases.py 5000 7
 """
@@ -28,6 +29,7 @@ import pytest
 from ifrdem.case import shipped, template
 from ifrdem.cli.main import main
 from ifrdem.theory.sheared_gas import TheoryWarning
+from ifrdem.validation.gas.cases import cases, text_of, toml
 
 SECONDS, BYTES = 20, 4 * 10**9
 """That one check may take at most; most take some milliseconds."""
@@ -53,20 +55,10 @@ VALUES = (
 
 
 def sources() -> list[str]:
-    """Texts of all shipped cases and templates."""
-    cases = [(shipped.FOLDER / f"{name}.toml").read_text(encoding="utf-8") for name in shipped.names()]
-    return cases + [template.write(kind) for kind in template.TEMPLATES]
-
-
-def toml(value: Any) -> str:
-    """A value as TOML; tables inline."""
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{json.dumps(key)} = {toml(each)}" for key, each in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(toml, value)) + "]"
-    if isinstance(value, bool | int | float):
-        return repr(value).lower()
-    return json.dumps(value).replace("\x7f", "\\u007f") if isinstance(value, str) else str(value)
+    """Texts of all shipped cases and templates, and of random cases."""
+    texts = [(shipped.FOLDER / f"{name}.toml").read_text(encoding="utf-8") for name in shipped.names()]
+    texts += [text_of(case) for _, case, _ in cases(0, 40, 0)]
+    return texts + [template.write(kind) for kind in template.TEMPLATES]
 
 
 def leaves(value: Any) -> Iterator[tuple[Any, Any]]:

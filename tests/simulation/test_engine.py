@@ -216,7 +216,7 @@ def test_disks_that_never_meet_end_a_run_by_collisions_with_a_message(
 ) -> None:
     monkeypatch.setattr(ifrdem.simulation.engine, "PATIENCE", 20)
     disks = equal_disks(2)
-    state = State(np.array([[1.0, 1.0], [1.0, 3.0]]), np.array([[1.0, 0.0], [1.0, 0.0]]), np.zeros(2))
+    state = State(np.array([[1.0, 1.0], [1.0, 3.0]]), np.array([[1.0, 0.0], [2.0, 0.0]]), np.zeros(2))
     simulation = Simulation(disks, Box((4.0, 4.0)), SMOOTH, state)
     with pytest.raises(NoMoreCollisions, match="never to meet"):
         simulation.run(collisions_per_disk=1.0)

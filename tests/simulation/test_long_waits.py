@@ -1,0 +1,184 @@
+"""Runs whose next collision is far away, or never comes: one step, a refusal, or a message with the reason."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ifrdem import (
+    Box,
+    Disks,
+    IFRLaw,
+    InelasticCollapse,
+    InputError,
+    NoMoreCollisions,
+    Simulation,
+    State,
+    Wall,
+)
+from ifrdem.simulation.schedule import Due, Pace
+
+LAW = IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
+
+
+def flock(velocity: list[list[float]], box: Box | None = None, **options: Any) -> Simulation:
+    """Disks of diameter 1 in a row, two diameters apart."""
+    n = len(velocity)
+    start = State([[1.0 + 2.0 * i, 2.0] for i in range(n)], velocity, np.zeros(n))
+    return Simulation(
+        Disks(n, mass=1.0, radius=0.5), box or Box((8.0, 8.0)), LAW, start, threads=1, **options
+    )
+
+
+def test_disks_of_one_velocity_fly_any_time_in_one_step() -> None:
+    gas = flock([[1.0, 0.25]] * 3)
+    gas.run(t_end=8.0e5, frames=1)
+    assert gas.statistics.windows == 0
+    # 8e5 is 1e5 boxes along x, and 2.5e4 along y: all are where they were.
+    np.testing.assert_array_equal(gas.state.position, [[1.0, 2.0], [3.0, 2.0], [5.0, 2.0]])
+    np.testing.assert_array_equal(gas.state.image, [[100_000, 25_000]] * 3)
+
+
+def test_disks_of_one_velocity_never_collide_until_one_has_another() -> None:
+    gas = flock([[1.0, 0.25]] * 3)
+    with pytest.raises(NoMoreCollisions, match="all fly at one velocity"):
+        gas.run(collisions_per_disk=2)
+    gas = flock([[1.0, 0.25]] * 3)
+    gas.run(t_end=8.0, frames=1)
+    gas.set_velocities([[2.0, 0.25], [1.0, 0.25], [1.0, 0.25]])
+    gas.run(t_end=8.5, frames=1)
+    assert gas.collisions == 0
+    gas.run(t_end=9.5, frames=1)  # a gap of 1 closes at the speed 1: at t = 9
+    assert gas.collisions == 1
+
+
+def test_a_flight_of_more_boxes_than_are_counted_is_refused() -> None:
+    """They are counted in 32 bits: at the speed 1, 2^31 boxes of 8 take 1.7e10."""
+    gas = flock([[1.0, 0.0]])
+    gas.run(t_end=8.0 * 2.0e9, frames=1)
+    assert gas.state.image[0, 0] == 2_000_000_000
+    with pytest.raises(InputError, match=r"disks that never meet fly 1e\+30 .* 1\.7e\+10 is possible"):
+        gas.run(t_end=1e30)
+
+
+def test_a_box_in_which_places_are_coarser_than_disks_is_refused() -> None:
+    """A double has 53 binary digits: in 1e16, places are 2 apart, or 1 in single numbers."""
+    with pytest.raises(InputError, match="f64 tells places in it apart from 4 on"):
+        flock([[1.0, 0.0], [-1.0, 0.0]], Box((1e16, 1e16)))
+    flock([[1.0, 0.0], [-1.0, 0.0]], Box((1e13, 1e13)))
+
+
+def test_a_strain_beyond_the_digits_of_the_image_above_is_refused() -> None:
+    """The image above comes rate Ly t = 8e13 for a rate of 1e13: rounded by 2^-53 of it, 0.009, of a radius of 0.5."""
+    flock([[1.0, 0.0], [-1.0, 0.0]], Box((8.0, 8.0), shear_rate=1e11)).run(t_end=1e-11)
+    with pytest.raises(InputError, match="images across a sheared box come"):
+        flock([[1.0, 0.0], [-1.0, 0.0]], Box((8.0, 8.0), shear_rate=1e13)).run(t_end=1.0)
+
+
+class Clock:
+    """Real time that tests set [s]."""
+
+    now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def test_a_run_without_collisions_says_once_what_it_waits_for() -> None:
+    clock = Clock()
+    pace = Pace(Due(collisions=100), clock)
+
+    def at(real: float, time: float, collisions: int) -> str | None:
+        clock.now = real
+        return pace.trouble(time, collisions, lambda: 3.0e12)
+
+    assert at(5.0, 1.0, 0) is None
+    assert at(20.0, 2.0, 0) is None
+    assert at(40.0, 3.0, 1) is None  # there was one
+    # 36 s for a time of 9: 3e12 take 1.2e13 s, which are 3.8e5 years of 365.25 days.
+    text = at(76.0, 12.0, 1)
+    assert text is not None
+    assert "without a collision; at this density and speed one is due each 3e+12, in 3.8e+05 years" in text
+    assert at(120.0, 13.0, 1) is None
+
+
+def test_a_run_whose_end_is_far_says_so() -> None:
+    clock = Clock()
+    pace = Pace(Due(time=1e10), clock)
+    assert pace.trouble(0.0, 0, lambda: 1.0) is None
+    clock.now = 31.557600
+    # At a rate of 1 / 31.5576 s, 1e10 take 1e10 * 31.5576 s = 1e4 years.
+    assert "reaches t_end = 1e+10 in 1e+04 years" in str(pace.trouble(1.0, 5, lambda: 1.0))
+    pace = Pace(Due(time=1e10), clock)
+    assert pace.trouble(0.0, 0, lambda: 1.0) is None
+    clock.now += 31.0
+    assert pace.trouble(1e8, 5, lambda: 1.0) is None
+
+
+# ---------------------------------------------------------------------- rest
+
+
+def ball(e_n: float, walls: tuple[Wall, ...] = (), **options: Any) -> Simulation:
+    start = State([[2.0, 1.5]], [[0.0, 0.1]], np.zeros(1))
+    box = Box((8.0, 8.0), periodic=(True, False))
+    law = IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0)
+    return Simulation(Disks(1, mass=1.0, radius=0.5), box, law, start, walls=walls, threads=1, **options)
+
+
+DOWN = {"gravity": (0.0, -1.0)}
+TC, CUTOFF = (
+    {"collapse": "tc", "contact_time": 0.01},
+    {"collapse": "velocity_cutoff", "velocity_cutoff": 0.01},
+)
+
+
+@pytest.mark.parametrize("remedy", [TC, CUTOFF])
+def test_no_rebound_and_elastic_slow_collisions_exclude_each_other(remedy: dict[str, Any]) -> None:
+    """A hit with e_n = 0 leaves no speed, and an elastic collision without speed is none: the disk would rest."""
+    with pytest.raises(InputError, match="disks that hit bottom with e_n = 0 stay there"):
+        ball(0.0, **DOWN, **remedy)
+    with pytest.raises(InputError, match="disks that hit wall 0 container"):
+        ball(0.0, (Wall.container((4.0, 4.0), 3.9),), **remedy)
+    ball(0.0, **remedy)  # flat walls at rest hold no disk without gravity
+    gas = ball(0.5, **DOWN, **remedy)
+    with pytest.raises(InputError, match="e_n = 0"):
+        gas.set_law(IFRLaw(e_n=0.0, e_t=-1.0, mu=0.0))
+    gas = ball(0.0, **remedy)
+    with pytest.raises(InputError, match="e_n = 0"):
+        gas.set_gravity((0.0, -1.0))
+
+
+def message(gas: Simulation) -> str:
+    with pytest.raises(InelasticCollapse) as stopped:
+        gas.run(t_end=50.0, frames=1)
+    return str(stopped.value)
+
+
+def test_a_collapse_advises_what_is_not_set_and_could_help() -> None:
+    text = message(ball(0.5, **DOWN))
+    assert 'collapse = "tc"' in text
+    assert 'collapse = "rest"' in text
+    assert "a larger e_n" in text
+    text = message(ball(0.0, **DOWN))
+    assert 'collapse = "tc"' not in text  # which would be refused
+    assert 'collapse = "rest"' in text
+    text = message(ball(0.5, **DOWN, collapse="tc", contact_time=1e-300))
+    assert "a larger contact_time" in text
+    assert "collapse =" not in text
+
+
+def test_elastic_collisions_without_end_are_told_as_what_they_are() -> None:
+    """A disk of diameter 1 between walls that are 1 apart."""
+    slot = (Wall.line((0.0, 1.0), (0.0, 1.0)), Wall.line((0.0, 2.0), (0.0, -1.0)))
+    text = message(ball(1.0, slot))
+    assert "All these collisions are elastic" in text
+    assert "e_n" not in text
+
+
+def test_gravity_alone_does_not_press_disks_against_flat_walls_at_rest() -> None:
+    assert not Wall.line((0.0, 0.0), (0.0, 1.0)).presses
+    assert Wall.container((0.0, 0.0), 1.0).presses
+    assert math.isfinite(ball(0.0, **CUTOFF).time)
