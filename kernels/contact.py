@@ -88,6 +88,9 @@ def impulses_between(
     if ti.static(gas.uses.tallied and gas.uses.collision_law.parts):
         P_n, P_t, T, P_et, sticking, rolling = gas.uses.collision_law.parts(pair, row)
         impulses = ti.Vector([P_n, P_t, T, P_et, sticking, rolling])
+    elif ti.static(gas.uses.collision_law.is_bare):
+        P_n, P_t, T = gas.uses.collision_law.impulses(pair, [])
+        impulses = ti.Vector([P_n, P_t, T, P_t, 0.0 * g_n, 0.0 * g_n])
     else:
         P_n, P_t, T = gas.uses.collision_law.impulses(pair, row)
         impulses = ti.Vector([P_n, P_t, T, P_t, 0.0 * g_n, 0.0 * g_n])

@@ -172,6 +172,7 @@ class CompiledLaw(NamedTuple):
 
     impulses: Any
     n_coefficients: int
+    is_bare: bool = False  # it has no coefficients: there is one in its rows, which it does not see
     parts: Any = None  # what `impulses` gives, and P_et, sticking, rolling: of laws that tell them apart
 
 

@@ -140,7 +140,7 @@ def compiled(kind: type[CollisionLaw]) -> Any:
     function = kind.impulses()
     if not hasattr(function, "_is_taichi_function"):
         function = ti.func(plain(function))
-    return CompiledLaw(function, max(len(kind.coefficients), 1), kind.parts())
+    return CompiledLaw(function, max(len(kind.coefficients), 1), not kind.coefficients, kind.parts())
 
 
 def checked_class(laws: list[list[CollisionLaw]]) -> type[CollisionLaw]:
@@ -215,7 +215,7 @@ def try_on(kind: type[CollisionLaw], table: Array, disks: Disks, walls: Sequence
         reason = str(error).strip().splitlines()[-1].strip()
         raise InputError(
             f"law {kind.__name__}: Taichi cannot compile its collide(pair, coefficients), a static method that returns "
-            f"P_n, P_t and T: {reason}"
+            f"P_n, P_t and T: {reason}; its coefficients are: {', '.join(kind.coefficients) or 'none'}"
         ) from error
     _refuse_too_weak(kind, pairs, found)
     gain = _energy(pairs, found[:, 2:]) / _energy(pairs, _before(pairs)) - 1.0
@@ -223,7 +223,7 @@ def try_on(kind: type[CollisionLaw], table: Array, disks: Disks, walls: Sequence
         most = f"one of them {100.0 * gain.max():.3g} % of the pair's"
         text = f"of {PAIRS} random collisions {gaining} added energy, {most}"
         more = "Simulation.dissipated_energy tells what becomes of it"
-        warnings.warn(f"law {kind.__name__}: {text}. {more}", EnergyWarning, stacklevel=4)
+        warnings.warn(f"law {kind.__name__}: {text}. {more}", EnergyWarning, stacklevel=5)
 
 
 def _refuse_too_weak(kind: type[CollisionLaw], pairs: Array, found: Array) -> None:
