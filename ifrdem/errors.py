@@ -29,6 +29,10 @@ class NoMoreCollisions(EngineError):
     """Collisions are asked for, and no disk will ever meet another one: nothing moves, or all fly apart."""
 
 
+class RunWarning(UserWarning):
+    """A run that does nothing: its end, which counts from the start of the gas, was reached before."""
+
+
 class Stopped(Exception):
     """A run was stopped before its end; `status` is the exit status of the command, the message says why."""
 

@@ -19,7 +19,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from ..errors import InputError, printable
+from ..errors import InputError, counted, printable
 from ..tools import files
 from ..tools.progress import clock_face
 
@@ -213,7 +213,7 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
         raise InputError(f"{place} is not a status file of ifrdem: {error}") from error
     if record.state == RUNNING and not _lives(record):
         record.state = "dead"
-        held = f"{record.trajectory} holds the {record.frames or 'first'} frames it had committed"
+        held = f"{record.trajectory} holds the {counted(int(record.frames or 0), 'frame')} it had committed"
         record.message = f"process {record.pid} is gone without a word; {held}"
     return record.model_dump()
 
