@@ -244,7 +244,7 @@ class Sticky(CollisionLaw):
     ("change", "message"),
     [
         ({"law": IFRLaw(e_n=0.9, e_t=-0.8, mu=0.2, rho=0.01)}, r"rho = 0\.01: .* no rolling friction"),
-        ({"law": Sticky()}, "are those of an IFRLaw"),
+        ({"law": Sticky()}, "must be an IFRLaw"),
         ({"law": [[COIN, COIN]]}, "2 rows of 2 laws"),
         (
             {"law": [[COIN, COIN], [IFRLaw(e_n=0.5, e_t=-0.8, mu=0.2), COIN]]},
@@ -253,7 +253,7 @@ class Sticky(CollisionLaw):
         ({"law": IFRLaw(e_n=0.99, e_t=0.0, mu=0.5, k=1.0)}, "would add energy"),
         ({"mass": [1.0, -2.0]}, r"mass\[1\] = -2\.0"),
         ({"mass": [1.0, 2.0, 3.0], "radius": [0.5, 0.4]}, "one number per species"),
-        ({"packing_fraction": 0.95}, "packing fraction = 0.95"),
+        ({"packing_fraction": 0.95}, "packing_fraction = 0.95"),
         ({"contact": "hendersen"}, "'henderson'"),
     ],
 )
