@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..tools import slices
-from ..tools.checked import Array
+from ..tools.checked import Array, Comm, Integer, Numbers, Real, validated
 from .state import Disks, State
 
 MECHANISMS = ("normal", "tangential_restitution", "sliding", "sticking", "rolling", "walls", "rest")
 """Mechanisms by which collisions take energy: normal and tangential restitution, friction while it slides or sticks,
 rolling friction, all of these in collisions with walls, and what disks lose that fall asleep."""
+TANGENTIAL = ("tangential_restitution", "sliding", "sticking")
+"""Those of the tangential impulse. Restitution acts first by convention: what each takes may be below 0, their sum not
+where no tangential impulse adds energy."""
 REGIMES = ("sliding", "sticking", "rolling_sliding", "rolling_sticking", "elastic")
 """Of collisions of two disks: whether friction slides or sticks, with the rolling torque rho P_n or without, or whether
 a remedy for collapse made them elastic."""
@@ -90,16 +94,17 @@ class Measure:
         return self.translational_energy + self.rotational_energy
 
 
+@validated
 def measure(
     disks: Disks,
     state: State,
     *,
-    energy_input: float = 0.0,
-    wall_work: float = 0.0,
-    wall_heat: float = 0.0,
-    gravity: tuple[float, float] = (0.0, 0.0),
-    dissipated: Array | None = None,
-    regimes: NDArray[np.int64] | None = None,
+    energy_input: Real = 0.0,
+    wall_work: Real = 0.0,
+    wall_heat: Real = 0.0,
+    gravity: tuple[Real, Real] = (0.0, 0.0),
+    dissipated: Annotated[ArrayLike, Numbers((len(MECHANISMS),))] | None = None,
+    regimes: Annotated[ArrayLike, Numbers((len(REGIMES),), low=0.0, each="0 or more")] | None = None,
 ) -> Measure:
     """Measure a gas; a state does not tell what was put in in its past [energy], nor the gravity [length/time^2].
 
@@ -113,8 +118,6 @@ def measure(
     >>> ifrdem.observables.measure(disks, state).temperature
     1.0
     """
-    if disks.n != state.n:
-        raise InputError(f"the state has {state.n} disks, the gas has {disks.n}")
     totals = sums(disks, state, gravity)
     put_in = {"energy_input": energy_input, "wall_work": wall_work, "wall_heat": wall_heat}
     counted: Any = {"dissipated": dissipated, "regimes": regimes}
@@ -122,7 +125,8 @@ def measure(
     return from_totals(disks, totals, float(state.time), wall_hits, **put_in, **counted)
 
 
-def sums(disks: Disks, state: State, gravity: tuple[float, float] = (0.0, 0.0), comm: Any = None) -> Array:
+@validated
+def sums(disks: Disks, state: State, gravity: tuple[Real, Real] = (0.0, 0.0), comm: Comm = None) -> Array:
     """Sums over all disks that `from_totals` takes; of ranks, each gives the disks and the state of its slice.
 
     Examples
@@ -133,6 +137,8 @@ def sums(disks: Disks, state: State, gravity: tuple[float, float] = (0.0, 0.0), 
     >>> float(ifrdem.observables.sums(disks, state)[0])  # the energy of their motion
     2.0
     """
+    if disks.n != state.n:
+        raise InputError(f"state has {state.n} disks, disks {disks.n}: must be as many")
     # An immovable disk is at rest: its infinite mass would make a NaN of that. It counts for nothing.
     movable = disks.movable
     mass, inertia = np.where(movable, disks.mass, 0.0), np.where(movable, disks.inertia, 0.0)
@@ -146,7 +152,14 @@ def sums(disks: Disks, state: State, gravity: tuple[float, float] = (0.0, 0.0), 
     return np.array([0.5 * found[0], 0.5 * found[1], *found[2:], 0.0])
 
 
-def from_totals(disks: Disks, totals: Array, time: float, wall_hits: int, **put_in: Any) -> Measure:
+@validated
+def from_totals(
+    disks: Disks,
+    totals: Annotated[Array, Numbers((8,), -math.inf, math.inf)],
+    time: float,
+    wall_hits: Annotated[int, Integer(0, 2**63 - 1)],
+    **put_in: Any,
+) -> Measure:
     """The same of sums over all disks, which `Engine.totals` gives.
 
     Examples
