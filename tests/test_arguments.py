@@ -238,13 +238,21 @@ ROOMS: dict[ModuleType, dict[str, dict[str, Any]]] = {
 }  # fmt: skip
 """Module -> public name, or a class's method, -> arguments of one valid call."""
 
-RESULTS: dict[ModuleType, set[str]] = {
+OTHERS: dict[ModuleType, set[str]] = {
     theory: {"CoolingRatio", "MixtureTemperatures", "Prediction", "ShearModes"},
     analysis: {"Clusters", "ContactValue", "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic", "Impacts",
                "PairCorrelation", "Pressure", "RatioFit", "SonineCoefficients", "StructureFactor",
                "VelocityDistribution"},
+    ifrdem.forces: {"normals", "number", "uniforms"},
+    ifrdem.observables: {"Measure"},
+    # Tables of data are checked line by line, and what takes a fit by its own tests (`tests/fit`).
+    ifrdem.fit: {"Collisions", "Data", "Design", "Estimate", "Fit", "Fitted", "Interval", "Law", "as_json", "design",
+                 "draws", "fit", "material", "read", "table"},
+    # Of files and gases below; the writer of parts has options of the writer.
+    ifrdem: {"DSMC", "History", "PartsWriter", "Regime", "Simulation", "Trajectory", "TrajectoryWriter", "concat",
+             "view"},
 }  # fmt: skip
-"""Classes of what these functions return, which nobody makes."""
+"""Public names without a call here: classes of what functions return, which nobody makes, and some others."""
 
 
 def nonsense() -> Iterator[tuple[str, Any]]:
@@ -327,13 +335,31 @@ def test_nonsense_is_refused_by_the_name_of_its_argument(room: str, name: str) -
     assert wrong_answers(public(module, name), ROOMS[module][name]) == []
 
 
+def public_names(room: ModuleType) -> set[str]:
+    """Names of public functions and classes, but errors and warnings."""
+    given = getattr(room, "__all__", None) if room is not ifrdem else dir(ifrdem)
+    found = set()
+    for name in given or [name for name, each in vars(room).items() if _made_in(each, room)]:
+        each = getattr(room, name)
+        error = isinstance(each, type) and issubclass(each, BaseException)
+        if callable(each) and not name.startswith("_") and not error:
+            found.add(name)
+    return found
+
+
+def _made_in(each: Any, room: ModuleType) -> bool:
+    return getattr(each, "__module__", None) == room.__name__ and hasattr(each, "__qualname__")
+
+
 @pytest.mark.parametrize("room", ROOMS, ids=lambda room: room.__name__)
 def test_every_public_name_has_a_valid_call_with_all_of_its_arguments(room: ModuleType) -> None:
-    public = {name for name in room.__all__ if callable(getattr(room, name))} - RESULTS[room]
-    assert public == set(ROOMS[room])
+    """A new public name needs one: or nonsense in its arguments is not tried."""
+    called_ones = {name for name in ROOMS[room] if "." not in name}
+    assert public_names(room) - OTHERS.get(room, set()) == called_ones
     for name, arguments in ROOMS[room].items():
-        known = set(inspect.signature(getattr(room, name)).parameters)
-        assert set(arguments) == known, name
+        parameters = inspect.signature(public(room, name)).parameters.values()
+        known = {each.name for each in parameters if each.kind is not each.VAR_KEYWORD}
+        assert known <= set(arguments), name
 
 
 def small_file(folder: Path) -> str:
@@ -469,7 +495,7 @@ def test_nonsense_for_gases_is_refused_by_the_name_of_its_argument(name: str) ->
         (lambda: ifrdem.fit.Disk(mass=-1, radius=1.0), "mass = -1.0: must be positive"),
         (lambda: theory.haff(1.0, 2, 1.0, [0.0]), "e_n = 2: must be a number from 0 to 1"),
         (lambda: theory.cooling_rates(**{**THEORY["cooling_rates"], "T": 5e-324}), "T = 5e-324: must be positive"),
-        (lambda: ifrdem.Ledger(object()), "first = <object object.*: must be a Measure, or None"),
+        (lambda: ifrdem.Ledger(object()), "first = <object object.*: must be a Measure"),
         (lambda: theory.haff_time(-1, 1), "e_n = -1: must be a number from 0 to 1"),
         (lambda: analysis.contact_from_rate(**{**ANALYSIS["contact_from_rate"], "packing_fraction": 0}),
          "packing_fraction = 0: must be a number above 0"),
