@@ -269,7 +269,7 @@ def test_temperatures_that_do_not_fit_are_refused() -> None:
         mixture_cooling_rates(mixture, [1.0, 1.0, 1.0], 0.0)
     with pytest.raises(InputError, match="nothing moves"):
         mixture_cooling(mixture, 0.0, 1.0, [1.0])
-    with pytest.raises(InputError, match="drives: 1 for 2 species"):
+    with pytest.raises(InputError, match="drives has 1: must be one for each of 2 species"):
         mixture_driven(mixture, [Drive(power=1.0)], 1.0, 1.0, [1.0])
     with pytest.raises(InputError, match="finite mass"):
         Mixture.of(Disks(2, [1.0, math.inf], 0.5), COIN, 0.2)
