@@ -87,7 +87,7 @@ def test_contact_value_refuses_what_has_none() -> None:
     x = ideal_gas(1, 30)
     with pytest.raises(InputError, match="too few to"):
         analysis.contact_value(x, UNIT, radius=0.05)
-    with pytest.raises(InputError, match="radii differ"):
+    with pytest.raises(InputError, match="radius: must be the same"):
         analysis.contact_value(x, UNIT, radius=[0.5, 0.4])
     with pytest.raises(InputError, match="half the shortest side"):
         analysis.pair_correlation(x, UNIT, r_max=11.0)
@@ -302,7 +302,7 @@ def test_missing_package_is_named_with_the_extra(monkeypatch: pytest.MonkeyPatch
 @pytest.mark.parametrize("measure", ["pair_correlation", "structure_factor"])
 def test_open_and_walled_boxes_are_refused_by_name(measure: str) -> None:
     if measure == "pair_correlation":
-        with pytest.raises(InputError, match="open box"):
+        with pytest.raises(InputError, match=r"g\(r\) needs a density"):
             analysis.pair_correlation(ideal_gas(1, 30), Box.open(), r_max=5.0)
     else:
         with pytest.raises(InputError, match="periodic along x and y"):
