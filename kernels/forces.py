@@ -70,8 +70,8 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any, Any]:
     The first two leave the sums of each tile, of this rank's where there are several, in `tile_sums`. Totals change the
     motion, so their bits may not depend on the order of the disks: the largest size of a term comes first, for each
     total, and then, for each of LEVELS and total, sums of parts of terms: what adding `rounders[level, total]` rounds
-    each to, and its rest on the next level. Parts are multiples of a power of two, and their sums exact. The second kernel leaves
-    the energy gained, and what frames of rows see of that beyond it.
+    each to, and its rest on the next level. Parts are multiples of a power of two, and their sums exact. The second
+    kernel leaves the energy gained, and what frames of rows see of that beyond it.
     """
     act, measure = (
         function if hasattr(function, "_is_taichi_function") else ti.func(plain(function))
