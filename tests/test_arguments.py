@@ -148,7 +148,7 @@ FORCES: dict[str, dict[str, Any]] = {
 }
 MEASURE = ifrdem.observables.measure(DISKS, STATE)
 OBSERVABLES: dict[str, dict[str, Any]] = {
-    "from_totals": {"disks": DISKS, "totals": np.ones(8), "time": 1.0, "wall_hits": 0},
+    "from_totals": {"disks": DISKS, "totals": np.ones(9), "time": 1.0, "wall_hits": 0},
     "measure": {"disks": DISKS, "state": STATE, "energy_input": 0.0, "wall_work": 0.0, "wall_heat": 0.0,
                 "gravity": (0.0, 0.0), "dissipated": np.zeros(7), "regimes": np.zeros(5, dtype=int)},
     "sums": {"disks": DISKS, "state": STATE, "gravity": (0.0, 0.0), "comm": None},
