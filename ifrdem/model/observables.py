@@ -106,7 +106,8 @@ class Measure:
         return self.translational_energy + self.rotational_energy
 
 
-def drift_text(velocity: ArrayLike) -> str:
+@validated
+def drift_text(velocity: Annotated[ArrayLike, Numbers((2,))]) -> str:
     """Text of a mean velocity, without the rounding of a component that is none.
 
     Examples
