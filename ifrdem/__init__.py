@@ -22,6 +22,7 @@
 `InelasticCollapse`                    an EngineError: collisions without end
 `NoMoreCollisions`                     an EngineError: no disk will meet another one
 `TheoryWarning`, `WallWarning`         a theory used outside of its range; walls that would crush a disk
+`RunWarning`                           a run whose end is reached already
 =====================================  =================================================================
 
 >>> import ifrdem

@@ -8,6 +8,7 @@ from .errors import EngineError as EngineError
 from .errors import InelasticCollapse as InelasticCollapse
 from .errors import InputError as InputError
 from .errors import NoMoreCollisions as NoMoreCollisions
+from .errors import RunWarning as RunWarning
 from .model import forces as forces
 from .model import observables as observables
 from .model.box import Box as Box

@@ -33,6 +33,10 @@ class SlowRunWarning(UserWarning):
     """A run that is far from its end at its present pace, or waits for a collision."""
 
 
+class RunWarning(UserWarning):
+    """A run that does nothing: its end, which counts from the start of the gas, was reached before."""
+
+
 class Stopped(Exception):
     """A run was stopped before its end; `status` is the exit status of the command, the message says why."""
 

@@ -5,8 +5,6 @@ those of another table. `layout.py` says what each array is; here stands what is
 kernels reach columns by name through `records.py`, the host through `named`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 
@@ -24,7 +22,7 @@ class Several:
     Numbers may be those of NumPy, or expressions of Taichi.
     """
 
-    def __init__(self, first: int, count: int, of: Columns | None = None) -> None:
+    def __init__(self, first: int, count: int, of: "Columns | None" = None) -> None:
         self.first, self.count, self.of = first, count, of
         self.step: int = 1 if of is None else of.width
 
@@ -53,14 +51,14 @@ class Columns:
         Number of the first one in the table that this one stands in.
     """
 
-    of: Columns | None = None  # as of `Several`
+    of: "Columns | None" = None  # as of `Several`
 
     def __init__(
         self,
         *,
         alias: Mapping[str, str] | None = None,
         first: int = 0,
-        **names: int | Columns | tuple[int, Columns] | None,
+        **names: "int | Columns | tuple[int, Columns] | None",
     ) -> None:
         self.first, self._names, self._alias = first, names, dict(alias or {})
         self.at: dict[str, Any] = {}
@@ -80,7 +78,7 @@ class Columns:
         for name, meant in self._alias.items():
             self.at[name] = self.at[meant]
 
-    def moved(self, first: int) -> Columns:
+    def moved(self, first: int) -> "Columns":
         """The same table with its first column at another number."""
         return Columns(alias=self._alias, first=first, **self._names)
 
@@ -129,7 +127,7 @@ class Named:
             return Named(part.reshape(*part.shape[:-1], column.count, column.step), column.of)
         return Named(part, column.moved(0)) if isinstance(column, Columns) else part
 
-    def copy(self) -> Named:
+    def copy(self) -> "Named":
         """The same with a copy of the array."""
         return Named(self.array.copy(), self._columns)
 

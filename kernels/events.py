@@ -338,13 +338,7 @@ def find(
     """
     info, motion = gas.event_info[i], gas.motion[i]
     own_x, own_y = info.cell >> 16, info.cell & 0xFFFF
-    x, y, vx, vy, tau = (
-        motion.x,
-        motion.y,
-        motion.vx,
-        motion.vy,
-        motion.tau,
-    )
+    x, y, vx, vy, tau = motion.x, motion.y, motion.vx, motion.vy, motion.tau
     last = info.last
     radius = gas.scale.widest * 0.5
     if ti.static(gas.uses.mixed):

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from .language import Rows, Table, spread_of_loops, ti
+from .language import Rows, Table, spread_of_loops, ti, vector_of
 from .layout import plain
 from .places import listed_kind, round_products
 from .random import DRAWS
@@ -58,27 +58,26 @@ def energy(mass, inertia, vx, vy, spin):
     return 0.5 * (mass * (vx_ * vx_ + vy_ * vy_) + inertia * (spin_ * spin_))
 
 
-def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any]:
-    """Kernels of a class of forces with so many parameters: (sum its totals, apply it).
+def step_of(time: Any, dt: Any, free: Any, random: Any, totals: list[Any]) -> tuple[Any]:
+    """What a force knows of its step, for `ti.static`: `totals` only if it has some."""
+    given = {"totals": ti.Vector(totals)} if totals else {}
+    return (ti.Struct(time=time, dt=dt, free=free, random=random, **given),)
 
-    Both leave the sums of each tile, of this rank's where there are several, in `tile_sums`. Totals change the motion,
-    so their bits may not depend on the order of the disks: the largest size of a term comes first, for each total, and
-    then, for each of LEVELS and total, sums of parts of terms: what adding `rounders[level, total]` rounds each to, and
-    its rest on the next level. Parts are multiples of a power of two, and their sums exact. The second kernel leaves
-    the energy gained, and what frames of rows see of that beyond it.
+
+def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any, Any]:
+    """Kernels of a class of forces with so many parameters: (sum its totals, apply it, try it on one disk).
+
+    The first two leave the sums of each tile, of this rank's where there are several, in `tile_sums`. Totals change the
+    motion, so their bits may not depend on the order of the disks: the largest size of a term comes first, for each
+    total, and then, for each of LEVELS and total, sums of parts of terms: what adding `rounders[level, total]` rounds
+    each to, and its rest on the next level. Parts are multiples of a power of two, and their sums exact. The second
+    kernel leaves the energy gained, and what frames of rows see of that beyond it.
     """
     act, measure = (
         function if hasattr(function, "_is_taichi_function") else ti.func(plain(function))
         for function in (force.act, force.measure)
     )
     n_totals = force.totals
-
-    @ti.func
-    def vector(values: ti.template(), count: ti.template()):
-        # A vector has one entry at least.
-        return ti.Vector(
-            [ti.cast(values[j], float) for j in ti.static(range(count))] if ti.static(count > 0) else [0.0]
-        )
 
     @ti.kernel
     def sum_totals(
@@ -101,11 +100,13 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any]:
                 ])  # fmt: skip
                 first = gas.grid.part * gas.grid.room + gas.tile[b].start[gas.grid.part]
                 for s in range(first, first + gas.tile[b].count[gas.grid.part]):
-                    step = ti.Struct(
-                        time=ti.cast(gas.when.time, float), dt=ti.cast(gas.when.dt, float), free=free_of(gas),
-                        random=stream_of(s, gas), totals=ti.Vector([0.0]),
-                    )  # fmt: skip
-                    terms = measure(told(s, b, gas.when.time, gas), step, vector(parameters, n_parameters))
+                    step = ti.static(step_of(
+                        ti.cast(gas.when.time, float), ti.cast(gas.when.dt, float), free_of(gas), stream_of(s, gas), [],
+                    ))[0]  # fmt: skip
+                    given = ti.static(vector_of([
+                        ti.cast(parameters[j], float) for j in ti.static(range(n_parameters))
+                    ]))[0]  # fmt: skip
+                    terms = measure(told(s, b, gas.when.time, gas), step, given)
                     for j in ti.static(range(n_totals)):
                         rest = ti.cast(terms[j], ti.f64)
                         found[j] = ti.max(found[j], ti.abs(rest))
@@ -135,13 +136,16 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any]:
                 first = gas.grid.part * gas.grid.room + gas.tile[b].start[gas.grid.part]
                 for s in range(first, first + gas.tile[b].count[gas.grid.part]):
                     listed_disk = gas.disk[s]
-                    step = ti.Struct(
-                        time=ti.cast(gas.when.time, float), dt=ti.cast(gas.when.dt, float), free=free_of(gas),
-                        random=stream_of(s, gas), totals=vector(totals, n_totals),
-                    )  # fmt: skip
+                    step = ti.static(step_of(
+                        ti.cast(gas.when.time, float), ti.cast(gas.when.dt, float), free_of(gas), stream_of(s, gas),
+                        [ti.cast(totals[j], float) for j in ti.static(range(n_totals))],
+                    ))[0]  # fmt: skip
+                    given = ti.static(vector_of([
+                        ti.cast(parameters[j], float) for j in ti.static(range(n_parameters))
+                    ]))[0]  # fmt: skip
                     body = told(s, b, gas.when.time, gas)
                     before = energy(body.mass, body.inertia, body.vx, body.vy, body.spin)
-                    vx, vy, spin = act(body, step, vector(parameters, n_parameters))
+                    vx, vy, spin = act(body, step, given)
                     flow = 0.0 * vx
                     if ti.static(gas.uses.sheared):
                         flow = ti.cast(flow_at(listed_disk.y, gas), float)
@@ -155,4 +159,26 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any]:
                 tile_sums[b, 1] = excess
                 tile_sums[b, 0] = gain
 
-    return sum_totals if n_totals > 0 else None, apply_force
+    @ti.kernel
+    def try_force(numbers: Rows):
+        """Compile the force for one disk, of numbers that mean nothing."""
+        for s in range(1):
+            body = ti.Struct(
+                x=numbers[s], y=numbers[s], vx=numbers[s], vy=numbers[s], spin=numbers[s], mass=numbers[s],
+                radius=numbers[s], k=numbers[s], inertia=numbers[s],
+            )  # fmt: skip
+            random = ti.Vector([ti.cast(s, ti.u32) for _ in ti.static(range(6))], ti.u32)
+            given = ti.static(vector_of([numbers[s] for _ in ti.static(range(n_parameters))]))[0]
+            free = ti.Vector([numbers[s], numbers[s]])
+            first = ti.static(step_of(numbers[s], numbers[s], free, random, []))[0]
+            if ti.static(n_totals > 0):
+                terms = measure(body, first, given)
+                for j in ti.static(range(n_totals)):
+                    numbers[s] += terms[j]
+            step = ti.static(step_of(
+                numbers[s], numbers[s], free, random, [numbers[s] for _ in ti.static(range(n_totals))],
+            ))[0]  # fmt: skip
+            vx, vy, spin = act(body, step, given)
+            numbers[s] = vx + vy + spin
+
+    return sum_totals if n_totals > 0 else None, apply_force, try_force

@@ -48,8 +48,9 @@ def _frame(frame: FrameType, context: int = 1) -> inspect.Traceback:
 _whole, inspect.getframeinfo = inspect.getframeinfo, _frame  # type: ignore[assignment]
 try:
     import taichi as ti
-    from taichi.lang import _ndarray, kernel_impl, matrix
+    from taichi.lang import _ndarray, impl, kernel_impl, matrix
     from taichi.lang.ast import ast_transformer, ast_transformer_utils
+    from taichi.lang.exception import TaichiIndexError
     from taichi.lang.expr import Expr
 except ImportError as error:
     why = f"Taichi cannot be loaded ({error})"
@@ -62,7 +63,8 @@ finally:
     inspect.getframeinfo = _whole
 
 __all__ = [
-    "Cube", "Rows", "Table", "has_numbers", "on_gpu", "round_products_by", "spread_of_loops", "ti", "view", "width",
+    "Cube", "Rows", "Table", "has_numbers", "on_gpu", "round_products_by", "spread_of_loops", "ti", "vector_of", "view",
+    "width",
 ]  # fmt: skip
 
 Rows: Any = ti.types.ndarray(ndim=1)
@@ -170,6 +172,25 @@ def _tree_and_context(
     )
 
 
+def _check_index(value: Any, index: Any) -> None:
+    """Refuse constant indices beyond a vector or matrix, at which Taichi's compiler would abort the process."""
+    _validate_index(value, index)
+    if not (isinstance(value, Expr) and isinstance(index, tuple) and value.is_tensor()):
+        return
+    for one, length in zip(index, value.get_shape(), strict=False):
+        if isinstance(one, int) and one >= length:
+            raise TaichiIndexError(f"index {one} does not exist: must be {_below(length)}")
+
+
+def _below(length: int) -> str:
+    return "0" if length == 1 else f"from 0 to {length - 1}"
+
+
+def vector_of(entries: list[Any]) -> tuple[Any]:
+    """A vector of these entries, or an empty list, which no vector can be; in a tuple, as `ti.static` lets it pass."""
+    return (ti.Vector(entries) if entries else [],)
+
+
 def view(array: Any) -> NDArray[Any]:
     """The memory of a Taichi array on the CPU as an array of NumPy, without a copy; as long as the array lives."""
     shape, kind = array.arr.total_shape(), np.dtype(ti.lang.util.to_numpy_type(array.dtype))
@@ -210,6 +231,7 @@ for _name in (
 ):
     _wrap = _from_numpy if "from" in _name else _to_numpy
     setattr(ti.Ndarray, _name, _wrap(getattr(ti.Ndarray, _name)))
+_validate_index, impl.validate_subscript_index = impl.validate_subscript_index, _check_index
 _build_operation = ast_transformer.ASTTransformer.build_BinOp
 ast_transformer.ASTTransformer.build_BinOp = staticmethod(_build_product)
 kernel_impl._inside_class = _inside_class

@@ -4,8 +4,6 @@ Taichi evaluates attributes of objects that it does not know in Python, so that 
 program. This is the one module that asks Taichi itself for subscripts.
 """
 
-from __future__ import annotations
-
 from collections import namedtuple
 from collections.abc import Mapping
 from typing import Any
@@ -21,10 +19,11 @@ def _at(value: Any, *index: Any) -> Any:
     return _subscript(None, value, *index)
 
 
-class Row:
-    """A row of an array, or a vector: its columns are attributes, by number they are its items.
+class NamedRow:
+    """A row of an array, or an array of one row: its columns are attributes, by number they are its items.
 
-    A row that is a vector can be assigned as a whole, by `vector`.
+    A row that is a vector can be assigned as a whole, by `vector`. A variable of a kernel that stands for a row follows
+    its index: where that is a variable which changes, the row is another one from then on.
     """
 
     _data_oriented = True  # Taichi then lets a variable of a kernel stand for it
@@ -73,8 +72,8 @@ class Records:
         """Shape of the array."""
         return self._array.shape
 
-    def __getitem__(self, index: Any) -> Row:
-        return Row(self._array, index if isinstance(index, tuple) else (index,), self._columns)
+    def __getitem__(self, index: Any) -> NamedRow:
+        return NamedRow(self._array, index if isinstance(index, tuple) else (index,), self._columns)
 
 
 class _Group:
@@ -82,7 +81,7 @@ class _Group:
 
     __slots__ = ("_columns", "_row")
 
-    def __init__(self, row: Row, columns: Several | Columns) -> None:
+    def __init__(self, row: NamedRow, columns: Several | Columns) -> None:
         self._row, self._columns = row, columns
 
     def __getattr__(self, name: str) -> Any:
@@ -91,10 +90,10 @@ class _Group:
     def __getitem__(self, m: Any) -> Any:
         row, column = self._row, self._columns[m]
         of = self._columns.of
-        return row[column] if of is None else Row(row._array, row._index, of, column)
+        return row[column] if of is None else NamedRow(row._array, row._index, of, column)
 
     @property
-    def other(self) -> _Other:
+    def other(self) -> "_Other":
         """Of two columns the other one: `other[0]` is that with number 1."""
         return _Other(self._row, self._columns.first)
 
@@ -104,7 +103,7 @@ class _Other:
 
     __slots__ = ("_first", "_row")
 
-    def __init__(self, row: Row, first: int) -> None:
+    def __init__(self, row: NamedRow, first: int) -> None:
         self._row, self._first = row, first
 
     def __getitem__(self, m: Any) -> Any:
@@ -118,5 +117,7 @@ def gas_of(tables: Mapping[str, Columns] = TABLES, **arrays: Any) -> Any:
         if name not in tables:
             found[name] = array
         else:
-            found[name] = Row(array, (), tables[name]) if name in SINGLE else Records(array, tables[name])
+            found[name] = (
+                NamedRow(array, (), tables[name]) if name in SINGLE else Records(array, tables[name])
+            )
     return namedtuple("Gas", found)(**found)

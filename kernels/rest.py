@@ -589,11 +589,7 @@ def left_over(i, gas: ti.template()):
     """The larger of the acceleration and R alpha that is left of the disk at place i."""
     residual = gas.residual_acceleration[i]
     kind = kind_of(i, gas)
-    ax, ay, turn = (
-        residual.x,
-        residual.y,
-        residual.turn,
-    )
+    ax, ay, turn = residual.x, residual.y, residual.turn
     root = ti.sqrt(ti.cast(gas.kinds[kind].inverse_mass, ti.f64))
     return root * ti.max(
         ti.sqrt(ax * ax + ay * ay), ti.abs(turn) * ti.sqrt(ti.cast(gas.kinds[kind].k, ti.f64))

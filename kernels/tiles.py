@@ -598,10 +598,7 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
         elif when == AT_END:
             g = gas.tile[tile].ghosts - rank - 1
             gas.ghost[g].slot = gas.image_info[i].slot
-            gas.ghost[g].hash_1, gas.ghost[g].hash_2 = (
-                gas.event_info[i].hash_1,
-                gas.event_info[i].hash_2,
-            )
+            gas.ghost[g].hash_1, gas.ghost[g].hash_2 = gas.event_info[i].hash_1, gas.event_info[i].hash_2
             faster = 0.0 * time
             if ti.static(gas.uses.sheared):
                 faster = ti.abs(gas.event_info[i].shear_row * gas.scale.drift)

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterable, Iterator
+import itertools
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..model.box import Box
-from ..tools.checked import Array
+from ..tools.checked import LEAST, Array, Numbers, Real, check_of, must_be, validated
 
 PACKAGES = {"freud": "freud-analysis", "finufft": "finufft"}
 """Name to import -> name to install."""
@@ -31,42 +32,64 @@ def load(name: str, purpose: str) -> ModuleType:
         ) from None
 
 
-Positions = Array | Iterable[Array]
+def _frames(shape: tuple[int | str, ...]) -> Callable[[str, Any], Iterable[Array]]:
+    """Check of one frame of this shape or several: an array, or anything that yields frames one by one."""
+    one = Numbers(shape)
+
+    def check(name: str, value: Any) -> Iterable[Array]:
+        if not isinstance(value, Iterable) or isinstance(value, str | bytes | Mapping | type):
+            raise must_be(name, value, f"{one.needed}, or frames of them")
+        single = isinstance(value, np.ndarray) and (value.ndim <= len(shape) or np.ma.isMaskedArray(value))
+        if not single and isinstance(value, Sequence) and len(value):
+            first = value[0]
+            if len(shape) == 2 and isinstance(first, Sequence) and len(first):
+                first = first[0]
+            single = isinstance(first, int | float)
+        return (one(name, value),) if single else (one(f"{name}[{i}]", each) for i, each in enumerate(value))
+
+    return check
+
+
+Positions = Annotated[Array | Iterable[Array], _frames(("n", 2))]
 """One frame, shape (n, 2), or several: an array (frames, n, 2) or anything that yields frames one by one."""
+Spins = Annotated[Array | Iterable[Array], _frames(("n",))]
+"""The same of one number a disk, shape (n,)."""
 
 
-def as_box(box: Box | ArrayLike) -> Box:
+def as_box(name: str, box: Any) -> Box:
     """A box as it is, or the periodic one of these two side lengths [length]."""
     if isinstance(box, Box):
         return box
-    lengths = np.asarray(box, dtype=float)
-    if lengths.shape != (2,):
-        raise InputError(f"box: a Box or two side lengths are needed, not an array of shape {lengths.shape}")
-    return Box((float(lengths[0]), float(lengths[1])))
+    try:
+        sides = Numbers((2,), low=LEAST, each="positive and finite")(name, box)
+    except InputError as error:
+        raise InputError(f"{error} (or it must be a Box)") from None
+    return Box((float(sides[0]), float(sides[1])))
 
 
-def each(values: Positions, components: int = 2) -> Iterator[Array]:
-    """The frames of `values`, checked: shape (n, 2), or (n,) where there is one component."""
-    axes = 1 if components == 1 else 2
-    if isinstance(values, np.ndarray) and values.ndim == axes:
-        values = values[None]
-    for value in values:
-        frame = np.asarray(value, dtype=np.float64)
-        if frame.ndim != axes or (axes == 2 and frame.shape[1] != components):
-            wanted = "(n,)" if axes == 1 else f"(n, {components})"
-            raise InputError(f"a frame has shape {frame.shape}: {wanted} is needed")
-        if not np.all(np.isfinite(frame)):
-            raise InputError("a frame holds numbers that are not finite")
-        yield frame
+BoxLike = Annotated[Any, as_box]
+"""A box, or two side lengths [length] of a periodic one."""
 
 
-def times_of(time: float | Iterable[float]) -> Iterator[float]:
+def _times(name: str, time: Any) -> Iterable[float]:
     """The times of frames: those given, or the same one again and again."""
-    if isinstance(time, int | float | np.number):
-        while True:
-            yield float(time)
-    yield from (float(one) for one in time)
-    raise InputError("there are fewer times than frames")
+    of_frame = check_of(Real)
+    assert of_frame is not None
+    if not isinstance(time, Iterable) or (isinstance(time, np.ndarray) and not time.ndim):
+        return itertools.repeat(of_frame(name, time))
+    if isinstance(time, str | bytes | Mapping | type) or np.ma.isMaskedArray(time):
+        raise must_be(name, time, f"{of_frame.needed}, or one for each frame")
+
+    def each() -> Iterator[float]:
+        for i, one in enumerate(time):
+            yield of_frame(f"{name}[{i}]", one)
+        raise InputError(f"{name}: must have a time for each frame")
+
+    return each()
+
+
+Times = Annotated[Any, _times]
+"""A time of all frames, or one for each [time]."""
 
 
 class FreudFrame(NamedTuple):
@@ -128,7 +151,11 @@ def neighbours(
     return i[near], j[near], vector[near]
 
 
-def correlation_time(series: ArrayLike) -> float:
+Series = Annotated[ArrayLike, Numbers(("n",), least=1)]
+
+
+@validated
+def correlation_time(series: Series) -> float:
     """Integrated autocorrelation time of a series in steps, at least 1/2; the error of its mean is sqrt(2 tau / n) std.
 
     The sum of the autocorrelation, stopped at the first lag above five times itself (Madras and Sokal, J. Stat. Phys.
@@ -151,11 +178,13 @@ def correlation_time(series: ArrayLike) -> float:
     covariance = np.fft.irfft(np.abs(padded) ** 2)[:n]
     tau = 0.5 + np.cumsum(covariance[1:] / covariance[0])
     lags = np.arange(1, n)
-    stop = np.flatnonzero(lags >= 5.0 * np.maximum(tau, 0.5))
-    return max(0.5, float(tau[stop[0] if len(stop) else -1]))
+    # The last lag is one: over all lags the autocorrelation about the mean adds up to -1/2, and tau to 0.
+    stop = int(np.argmax(lags >= 5.0 * np.maximum(tau, 0.5)))
+    return max(0.5, float(tau[stop]))
 
 
-def mean_with_error(series: ArrayLike) -> tuple[float, float]:
+@validated
+def mean_with_error(series: Series) -> tuple[float, float]:
     """Mean of a series and its standard error by `correlation_time`; nan for one value.
 
     Examples

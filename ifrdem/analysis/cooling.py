@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..tools.checked import Array
+from ..tools.checked import Array, Column, Count, Real, validated
 from ..tools.pictured import PicturedResult
 from .common import correlation_time
 
@@ -202,13 +202,14 @@ class RatioFit(Goodness, PicturedResult):
     lag_error: float
 
 
+@validated
 def haff_fit(
-    time: ArrayLike,
-    temperature: ArrayLike,
+    time: Column,
+    temperature: Column,
     *,
-    first: float | None = None,
-    last: float | None = None,
-    disks: int | None = None,
+    first: Real | None = None,
+    last: Real | None = None,
+    disks: Count | None = None,
 ) -> HaffFit:
     """Fit Haff's law to ln T by least squares, between two times, and test whether it holds (`fit`).
 
@@ -235,9 +236,9 @@ def haff_fit(
     >>> bool(abs(found.t_H - 2.0) < 0.05), bool(abs(found.T0 - 3.0) < 0.05)
     (True, True)
     """
-    t, T = _window(time, temperature, first, last, 4, "Haff's law")
+    t, T = _window(first, last, 4, time=time, temperature=temperature)
     if np.any(T <= 0.0):
-        raise InputError("Haff's law: temperatures must be above 0")
+        raise InputError("temperature: must be above 0 for Haff's law")
     x = t - t[0]
     # 1 / sqrt(T) is a straight line of it: a start for the fit.
     slope, begin = np.polyfit(x, T**-0.5, 1)
@@ -256,13 +257,14 @@ def haff_fit(
                    times=(float(t[0]), float(t[-1])))  # fmt: skip
 
 
+@validated
 def ratio_fit(
-    x: ArrayLike,
-    theta: ArrayLike,
+    x: Column,
+    theta: Column,
     *,
-    first: float | None = None,
-    last: float | None = None,
-    disks: int | None = None,
+    first: Real | None = None,
+    last: Real | None = None,
+    disks: Count | None = None,
 ) -> RatioFit:
     """Fit an exponential approach to the ratio of temperatures, and test whether it holds (`fit`).
 
@@ -287,7 +289,7 @@ def ratio_fit(
     >>> round(found.theta_end, 2), round(found.lag, 1)
     (0.6, 3.0)
     """
-    at, ratio = _window(x, theta, first, last, 6, "the ratio of temperatures")
+    at, ratio = _window(first, last, 6, x=x, theta=theta)
     if np.ptp(ratio) == 0.0:
         raise InputError("the ratio of temperatures does not change: there is nothing to fit")
     along = at - at[0]
@@ -307,18 +309,18 @@ def ratio_fit(
                     theta_end_error=end_error, lag=lag, lag_error=lag * of_lag)  # fmt: skip
 
 
-def _window(
-    x: ArrayLike, y: ArrayLike, first: float | None, last: float | None, least: int, what: str
-) -> tuple[Array, Array]:
-    at, value = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
-    if at.shape != value.shape or at.ndim != 1:
-        raise InputError(f"{what}: shapes {at.shape} and {value.shape} do not match")
-    used = (at >= (-np.inf if first is None else first)) & (at <= (np.inf if last is None else last))
-    used &= np.isfinite(value)
+def _window(first: float | None, last: float | None, least: int, **columns: ArrayLike) -> tuple[Array, Array]:
+    """Two columns between the ends, named, the first one rising."""
+    (x, y), (at, value) = columns, (np.asarray(column, dtype=float) for column in columns.values())
+    if at.shape != value.shape:
+        raise InputError(f"{x} has shape {at.shape}, {y} {value.shape}: must be the same")
+    begin, end = -np.inf if first is None else first, np.inf if last is None else last
+    used = (at >= begin) & (at <= end)
     if np.count_nonzero(used) < least:
+        ends = f"first = {begin:g}, last = {end:g}"
         raise InputError(
-            f"{what}: {np.count_nonzero(used)} points between the ends are too few, {least} are needed"
+            f"{x} has {np.count_nonzero(used)} points from {ends}: must be {least} or more for a fit"
         )
     if np.any(np.diff(at[used]) <= 0.0):
-        raise InputError(f"{what}: points must be in rising order")
+        raise InputError(f"{x}: must be in rising order")
     return at[used], value[used]

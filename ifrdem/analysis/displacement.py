@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..model.box import Box
-from ..tools.checked import Array, one_of
+from ..tools.checked import Array, Count, Numbers, Real, must_be, validated
 from ..tools.pictured import PicturedResult
 from ..tools.reprs import Brief
-from .common import as_box
+from .common import BoxLike
 
-ORIGINS = ("all", "first")
 EVEN = 1e-3  # of the mean interval: how far intervals may differ where all origins are used
 
 
@@ -52,9 +50,14 @@ class Diffusion:
     """Of the first and the last lag used [time]."""
 
 
+_Frames = Annotated[ArrayLike, Numbers(("frames", "n", 2))]
+_FrameTimes = Annotated[ArrayLike, Numbers(("frames",))]
+
+
+@validated
 def unwrap(
-    position: ArrayLike, box: Box | ArrayLike, *, image: ArrayLike | None = None, velocity: ArrayLike | None = None,
-    times: ArrayLike = 0.0,
+    position: _Frames, box: BoxLike, *, image: _Frames | None = None, velocity: _Frames | None = None,
+    times: Annotated[ArrayLike, Numbers(("frames",), scalar=True)] = 0.0,
 ) -> Array:  # fmt: skip
     """Paths without jumps through periodic sides [length], shape (frames, n, 2).
 
@@ -81,16 +84,16 @@ def unwrap(
     >>> analysis.unwrap(position, (10.0, 10.0))[:, 0, 0]
     array([ 9.5, 10.5])
     """
-    box = as_box(box)
     x = np.array(position, dtype=np.float64)
-    if x.ndim != 3 or x.shape[2] != 2:
-        raise InputError(f"positions of shape {x.shape}: (frames, n, 2) is needed")
     if box.is_open:
         return x
     if image is not None:
         if np.shape(image) != x.shape:
-            shapes = f"images of shape {np.shape(image)} for positions of shape {x.shape}"
-            raise InputError(f"{shapes}: they must match")
+            raise InputError(f"image has shape {np.shape(image)}: must have that of position, {x.shape}")
+        if np.shape(times) not in ((), (len(x),)):
+            raise InputError(
+                f"times has shape {np.shape(times)}: must have a number for each of {len(x)} frames"
+            )
         when = np.broadcast_to(np.asarray(times, dtype=float), len(x))
         every = zip(x, np.asarray(image), when, strict=True)
         return np.stack([box.unwrap(one, turns, float(t)) for one, turns, t in every])
@@ -119,11 +122,27 @@ def unwrap(
     return np.concatenate((x[:1], x[:1] + np.cumsum(step, axis=0)))
 
 
+_OF_PATHS = Numbers(("frames", "n", "d"))
+
+
+def _paths(name: str, value: Any) -> Iterable[Array]:
+    """Paths, or parts of them one after another."""
+    if isinstance(value, np.ndarray):
+        return (_OF_PATHS(name, value),)
+    if not isinstance(value, Iterable) or isinstance(value, str | bytes | Mapping | type):
+        raise must_be(name, value, f"{_OF_PATHS.needed}, or parts of it for some disks each")
+    return (_OF_PATHS(f"{name}[{i}]", part) for i, part in enumerate(value))
+
+
+Paths = Annotated[Array | Iterable[Array], _paths]
+"""Paths of disks, shape (frames, n, d), or parts of them for some disks each."""
+
+
 def _correlation(
     name: str, times: ArrayLike, paths: Any, origins: str, most: int, values: Callable[[Array, int], Array]
 ) -> Correlation:
     """The mean over disks of values (lags, n) of paths (frames, n, d), a few disks at a time."""
-    lag = _lags(times, name, paths, origins, most)
+    lag = _lags(times, origins, most)
     n, components, total, square = 0, 0, np.zeros(len(lag)), np.zeros((len(lag), len(lag)))
     for path in _parts(name, paths, len(np.asarray(times))):
         found = values(path, len(lag))
@@ -136,38 +155,26 @@ def _correlation(
     return Correlation(lag, mean, error, covariance, components, n, origins)
 
 
-def _lags(times: ArrayLike, name: str, values: Any, origins: str, most: int) -> Array:
-    """Lags for these times, at most so many; InputError if they do not suit the origins, or are no times.
-
-    `values` are the other argument, called `name`: who gives both in the wrong order is told.
-    """
-    try:
-        t = np.asarray(times, dtype=float)
-    except (TypeError, ValueError):  # parts of paths, one by one
-        t = None
-    if t is None or t.ndim != 1:
-        of = f"an array of shape {t.shape}" if t is not None else f"a {type(times).__name__}"
-        other = f", {name} are an array of shape {values.shape}" if isinstance(values, np.ndarray) else ""
-        needed = f"first times of shape (frames,), then {name} of shape (frames, n, d) are needed"
-        raise InputError(f"times are {of}{other}: {needed}")
-    one_of("origins", origins, ORIGINS)
+def _lags(times: ArrayLike, origins: str, most: int) -> Array:
+    """Lags for these times, at most so many; InputError if they do not suit the origins."""
+    t = np.asarray(times, dtype=float)
     if len(t) < 2:
-        raise InputError(f"times hold {len(t)}: 2 frames or more are needed")
+        raise InputError(f"times has shape {t.shape}: must have 2 frames or more")
     if not np.all(np.diff(t) > 0.0):
-        span = f"times from {t[0]:g} to {t[-1]:g}"
-        raise InputError(f"{span} do not increase from each frame to the next, and must")
+        raise InputError(f"times from {t[0]:g} to {t[-1]:g}: must increase from each frame to the next")
     if origins == "all" and np.ptp(np.diff(t)) > EVEN * np.mean(np.diff(t)):
         raise InputError('frames are not evenly spaced in time: origins = "first" is possible, "all" is not')
     lag = t - t[0]
     return lag if origins == "first" else lag[: min(len(t), most)]
 
 
+@validated
 def mean_square_displacement(
-    times: ArrayLike,
-    paths: Array | Iterable[Array],
+    times: _FrameTimes,
+    paths: Paths,
     *,
     origins: Literal["all", "first"] = "all",
-    most_lags: int = 500,
+    most_lags: Count = 500,
 ) -> Correlation:
     """<|x(s + t) - x(s)|^2> over disks, and over all frames s or from the first frame only.
 
@@ -209,12 +216,13 @@ def mean_square_displacement(
     return _correlation("paths", times, paths, origins, most_lags, values)
 
 
+@validated
 def velocity_autocorrelation(
-    times: ArrayLike,
-    velocity: Array | Iterable[Array],
+    times: _FrameTimes,
+    velocity: Paths,
     *,
     origins: Literal["all", "first"] = "all",
-    most_lags: int = 500,
+    most_lags: Count = 500,
 ) -> Correlation:
     """<v(s) . v(s + t)> over disks, and over all frames s or the first only [length^2/time^2]; not normalised.
 
@@ -240,14 +248,13 @@ def velocity_autocorrelation(
 
 def _parts(name: str, values: Array | Iterable[Array], frames: int) -> Iterable[Array]:
     found = False
-    for part in [values] if isinstance(values, np.ndarray) else values:
-        if part.ndim != 3 or len(part) != frames:
-            needed = f"(frames, n, d) with {frames} frames, as many as times, is needed"
-            raise InputError(f"{name} hold an array of shape {part.shape}: {needed}")
-        found = True
-        yield np.asarray(part, dtype=np.float64)
+    for part in values:
+        if len(part) != frames:
+            raise InputError(f"{name} has shape {part.shape}: must have {frames} frames, as many as times")
+        found = found or part.size > 0
+        yield part
     if not found:
-        raise InputError("no disks")
+        raise InputError(f"{name}: must have one disk or more")
 
 
 def _autocorrelation(x: Array) -> Array:
@@ -257,8 +264,9 @@ def _autocorrelation(x: Array) -> Array:
     return np.fft.irfft(np.sum(np.abs(transformed) ** 2, axis=2), 2 * frames, axis=0)[:frames]
 
 
+@validated
 def diffusion_coefficient(
-    msd: Correlation, *, first: float | None = None, last: float | None = None
+    msd: Correlation, *, first: Real | None = None, last: Real | None = None
 ) -> Diffusion:
     """Slope of the line of least squares through a mean-square displacement between two lags [time].
 
@@ -286,8 +294,8 @@ def diffusion_coefficient(
     if first is None and last is None and np.count_nonzero(used) < 3:
         used = msd.lag > 0.0  # so few that all are needed
     if np.count_nonzero(used) < 3:
-        lags = f"{np.count_nonzero(used)} lags from {low:.4g} to {high:.4g}"
-        raise InputError(f"{lags}: 3 or more are needed for a fit")
+        lags = f"first = {low:.4g}, last = {high:.4g}: {np.count_nonzero(used)} lags"
+        raise InputError(f"{lags} lie between them, must be 3 or more for a fit")
     t, value = msd.lag[used], msd.value[used]
     weight = (t - t.mean()) / np.sum((t - t.mean()) ** 2)  # slope = weight . value
     variance = float(weight @ msd.covariance[np.ix_(used, used)] @ weight)

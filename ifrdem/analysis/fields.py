@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..model.box import Box
-from ..tools.checked import Array
+from ..tools.checked import (
+    Array,
+    Column,
+    Integer,
+    NonNegative,
+    NonNegativePerDisk,
+    PositivePerDisk,
+    Vectors,
+    column,
+    validated,
+)
 from ..tools.pictured import PicturedResult
 from ..tools.reprs import Brief
-from .common import as_box, each
+from .common import BoxLike
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -37,9 +47,14 @@ class Fields(Brief, PicturedResult):
     """Standard deviation of the Gaussian [length], 0 for plain cells."""
 
 
+Cells = Annotated[int, Integer(1, 10_000)]
+
+
+@validated
 def coarse_grain(
-    position: Array, velocity: Array, spin: Array | None = None, *, box: Box | ArrayLike, cells: tuple[int, int],
-    mass: ArrayLike = 1.0, radius: ArrayLike = 0.0, inertia: ArrayLike = 0.0, width: float = 0.0,
+    position: Vectors, velocity: Vectors, spin: Column | None = None, *, box: BoxLike,
+    cells: tuple[Cells, Cells], mass: PositivePerDisk = 1.0, radius: NonNegativePerDisk = 0.0,
+    inertia: NonNegativePerDisk = 0.0, width: NonNegative = 0.0,
 ) -> Fields:  # fmt: skip
     """Fields of one frame, by cells or by Gaussians around each disk.
 
@@ -74,13 +89,11 @@ def coarse_grain(
     >>> fields.number.shape, float(fields.number.sum())
     ((2, 2), 40.0)
     """
-    box = as_box(box)
-    (x,), (v,) = each(position), each(velocity)
+    x, v = (np.asarray(one, dtype=np.float64) for one in (position, velocity))
     n = len(x)
-    if len(v) != n or (spin is not None and len(spin) != n):
-        raise InputError(f"positions of {n} disks, velocities of {len(v)}: they must match, and spins too")
-    if min(cells) < 1:
-        raise InputError(f"cells = {cells}: 1 or more along each axis are needed")
+    omega = np.zeros(n) if spin is None else np.asarray(spin, dtype=np.float64)
+    if not len(v) == len(omega) == n:
+        raise InputError(f"velocity has {len(v)} disks, spin {len(omega)}: must have {n}, as position")
     if width and box.shear_rate:
         raise InputError("Gaussians in a sheared box are not supported: take plain cells, width = 0")
     low, lengths = np.zeros(2), np.array(box.lengths)
@@ -99,11 +112,10 @@ def coarse_grain(
         )
     place = np.clip(((x - low) / size).astype(np.intp), 0, np.array(cells) - 1)
     index = place[:, 0] * cells[1] + place[:, 1]
-    m, R, inertia_of = (np.broadcast_to(np.asarray(one, dtype=float), n) for one in (mass, radius, inertia))
+    m, R, inertia_of = column("mass", mass, n), column("radius", radius, n), column("inertia", inertia, n)
     # A deviation from the mean of all, so that no digits are lost where all drift.
     drift = np.average(v, axis=0, weights=m) if n else np.zeros(2)
     w = v - drift
-    omega = np.zeros(n) if spin is None else np.asarray(spin, dtype=float)
     inside = _smoothed(np.ones(cells), width, size, box) if width else np.ones(cells)
 
     def total(weights: Array, squared: bool = False) -> Array:

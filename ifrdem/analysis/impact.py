@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..model.ifr import Regime
-from ..tools.checked import Array
+from ..tools.checked import Array, Integer, Numbers, validated
 from ..tools.pictured import PicturedResult
 from ..tools.reprs import Brief
 
@@ -63,7 +64,17 @@ class Impacts(Brief, PicturedResult):
     """collisions, regime_collisions: how many there were, and of how many the regimes are known."""
 
 
-def impacts(psi: ArrayLike, regime: ArrayLike | None = None, *, bins: int | None = None) -> Impacts:
+_QUARTER = 0.5 * np.pi * (1.0 + 1e-12)
+_Angles = Annotated[ArrayLike, Numbers(("c",), 0.0, _QUARTER, "from 0 to pi / 2 [rad]", least=1)]
+
+
+@validated
+def impacts(
+    psi: _Angles,
+    regime: Annotated[ArrayLike, Numbers(("c",))] | None = None,
+    *,
+    bins: Annotated[int, Integer(1, 1_000_000)] | None = None,
+) -> Impacts:
     """Distributions of angles of impact psi [rad], shape (c,), and of regimes, shape (c,) (values of `law.Regime`).
 
     Without `bins`, there are so many that a bin has `PER_BIN` collisions in the mean, within `BINS`. InputError
@@ -81,21 +92,17 @@ def impacts(psi: ArrayLike, regime: ArrayLike | None = None, *, bins: int | None
     from scipy.stats import kstest
 
     angle = np.asarray(psi, dtype=float)
-    n, quarter = len(angle), 0.5 * np.pi * (1.0 + 1e-12)
-    if n == 0:
-        raise InputError("no collisions: there are no angles of impact")
-    if not (np.all(angle >= 0.0) and np.all(angle <= quarter)):
-        raise InputError("angles of impact must be from 0 to pi / 2 [rad]")
+    n = len(angle)
     counts, edges = np.histogram(
-        angle, int(np.clip(n // PER_BIN, *BINS)) if bins is None else bins, (0.0, quarter)
+        angle, int(np.clip(n // PER_BIN, *BINS)) if bins is None else bins, (0.0, _QUARTER)
     )
     width, likely = edges[1] - edges[0], (counts + 0.5) / (n + 1.0)
     b = np.sin(angle)
     shares: dict[str, tuple[float, float]] = {}
     if regime is not None:
-        values = np.asarray(regime)
+        values = np.asarray(regime, dtype=np.int64)
         if len(values) != n:
-            raise InputError(f"{len(values)} regimes of {n} collisions: as many are needed")
+            raise InputError(f"regime has {len(values)} collisions: must have {n}, as psi")
         found = np.array(np.unique(values, return_counts=True)).T.tolist()
         shares = regime_shares({REGIMES.get(value, f"regime {value}"): count for value, count in found})
     return Impacts(

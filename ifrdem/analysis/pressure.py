@@ -11,12 +11,28 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..tools.checked import Array
+from ..tools.checked import (
+    LEAST,
+    MOST,
+    Array,
+    Column,
+    Count,
+    Fraction,
+    NonNegative,
+    Number,
+    Numbers,
+    Positive,
+    PositiveColumn,
+    Real,
+    Vectors,
+    validated,
+)
 from ..tools.pictured import PicturedResult
 from ..tools.reprs import Brief
 from .common import mean_with_error
@@ -46,10 +62,21 @@ class Pressure(Brief, PicturedResult):
     """P_ab of collisions: first where to, then which component of the impulse; shape (2, 2)."""
 
 
+@validated
 def pressure_from_impulses(
-    time: ArrayLike, normal: ArrayLike, impulse: ArrayLike, distance: ArrayLike, *, span: tuple[float, float],
-    area: float, disks: int, tracked: int, temperature: float | Array,
-) -> Pressure:  # fmt: skip
+    time: Column,
+    normal: Vectors,
+    impulse: Vectors,
+    distance: PositiveColumn,
+    *,
+    span: tuple[Real, Real],
+    area: Positive,
+    disks: Count,
+    tracked: Count,
+    temperature: Annotated[
+        ArrayLike, Numbers((BLOCKS,), low=LEAST, each=f"positive, from {LEAST:g} to {MOST:g}", scalar=True)
+    ],
+) -> Pressure:
     """Pressure from the collisions of tracked disks with disks, each listed once for every tracked disk in it.
 
     Of each listed collision, half belongs to the disk that it is listed for; the sum over tracked disks stands for
@@ -83,15 +110,16 @@ def pressure_from_impulses(
     (0.1, 0.05)
     """
     t, n, J, sigma = (np.asarray(one, dtype=float) for one in (time, normal, impulse, distance))
+    for name, one in (("normal", n), ("impulse", J), ("distance", sigma)):
+        if len(one) != len(t):
+            raise InputError(f"{name} has {len(one)} collisions: must have {len(t)}, as time")
     begin, end = span
     if not end > begin:
-        raise InputError(f"span = {span}: the end must be later than the begin")
+        raise InputError(f"span = {span}: must end later than it begins")
     if len(t) and (t.min() < begin or t.max() > end):
-        raise InputError(
-            f"collisions from {t.min():g} to {t.max():g} are outside of the span {begin:g} to {end:g}"
-        )
-    if not 0 < tracked <= disks:
-        raise InputError(f"{tracked} of {disks} disks are tracked: from 1 to all are needed")
+        raise InputError(f"time from {t.min():g} to {t.max():g}: must lie in the span, {begin:g} to {end:g}")
+    if tracked > disks:
+        raise InputError(f"tracked = {tracked}: must be from 1 to disks = {disks}")
     tangent = np.stack((-n[:, 1], n[:, 0]), axis=1)
     passed = J[:, :1] * n + J[:, 1:] * tangent
     virial = 0.5 * disks / tracked * sigma[:, None, None] * n[:, :, None] * passed[:, None, :] / area
@@ -108,7 +136,8 @@ def pressure_from_impulses(
     return Pressure(kinetic, collisional, error, total, Z, tensor)
 
 
-def compressibility(packing_fraction: float, contact: float, e_n: float = 1.0) -> float:
+@validated
+def compressibility(packing_fraction: Fraction, contact: NonNegative, e_n: Fraction = 1.0) -> float:
     """Z = p A / (N T) of a homogeneous gas of equal disks with the contact value chi: 1 + (1 + e_n) phi chi.
 
     Disks meet with <P_n> = (1 + e_n) (m / 2) sqrt(pi T / m) at the rate nu = 8 phi chi sqrt(T / (pi m)) / sigma each
@@ -124,8 +153,12 @@ def compressibility(packing_fraction: float, contact: float, e_n: float = 1.0) -
     return 1.0 + (1.0 + e_n) * packing_fraction * contact
 
 
+_Packed = Annotated[float, Number(1e-12, 0.9, "a number above 0 (from 1e-12) to 0.9")]
+
+
+@validated
 def contact_from_rate(
-    rate: float, *, packing_fraction: float, temperature: float, mass: float, radius: float
+    rate: NonNegative, *, packing_fraction: _Packed, temperature: Positive, mass: Positive, radius: Positive
 ) -> float:
     """The contact value chi that a collision rate [1/time] of equal disks shows: `theory.collision_rate` inverted.
 

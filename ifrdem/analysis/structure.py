@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..model.box import Box
-from ..tools.checked import Array, one_of
+from ..tools.checked import (
+    Array,
+    Integer,
+    NonNegative,
+    Positive,
+    PositivePerDisk,
+    Real,
+    Vectors,
+    column,
+    validated,
+)
 from ..tools.pictured import PicturedResult
 from ..tools.reprs import Brief
-from .common import Positions, as_box, each, freud_frame, load, neighbours, times_of
+from .common import BoxLike, Positions, Times, freud_frame, load, neighbours
 
 CONTACT_RANGE = 0.25  # of the diameter, in which the contact value is fitted
 CONTACT_BINS = 25
@@ -22,7 +31,7 @@ MOST_MODES = 1024
 """Modes along an axis that one transform computes; beyond, only every p-th k that the box allows is taken."""
 LEAST_MODES = 32
 """Modes by whose scatter the error of S(k) is found: rings that hold fewer take those of the next rings too."""
-NEIGHBOURS = ("nearest", "voronoi")
+Bins = Annotated[int, Integer(1, 1_000_000)]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -56,9 +65,10 @@ class ContactValue:
     """chi_square, degrees: of the fit: far more than its degrees of freedom means that the form does not fit."""
 
 
+@validated
 def pair_correlation(
-    position: Positions, box: Box | ArrayLike, *, r_max: float, bins: int = 200, r_min: float = 0.0,
-    time: float | Iterable[float] = 0.0,
+    position: Positions, box: BoxLike, *, r_max: Positive, bins: Bins = 200, r_min: NonNegative = 0.0,
+    time: Times = 0.0,
 ) -> PairCorrelation:  # fmt: skip
     """g(r) of one or several frames, by freud.
 
@@ -85,18 +95,19 @@ def pair_correlation(
     >>> bool(abs(found.g[-1] - 1.0) < 0.05)  # points at random: 1
     True
     """
-    box = as_box(box)
     if box.is_open:
-        raise InputError("g(r) needs a density, and an open box has none: cut out a part and give it a box")
+        raise InputError(
+            "box = Box.open(): must have sides, g(r) needs a density: cut out a part and give it a box"
+        )
     if not 0.0 <= r_min < r_max:
         raise InputError(f"r_min = {r_min:g}, r_max = {r_max:g}: 0 <= r_min < r_max is needed")
     freud = load("freud", "g(r)")
     count, ideal, frames = np.zeros(bins), np.zeros(bins), 0
     edges = np.linspace(r_min, r_max, bins + 1)
     rings = np.pi * np.diff(edges**2)
-    for points, when in zip(each(position), times_of(time), strict=False):
+    for points, when in zip(position, time, strict=False):
         if len(points) < 2:
-            raise InputError("g(r) needs 2 disks or more")
+            raise InputError(f"position has a frame of {len(points)} disks: must have 2 or more")
         frame = freud_frame(points, box, r_max, when, "g(r)")
         inside = np.ones(len(points), dtype=bool)
         for axis in (0, 1):
@@ -113,7 +124,7 @@ def pair_correlation(
         ideal += np.count_nonzero(inside) * (len(points) - 1) / box.area * rings
         frames += 1
     if frames == 0:
-        raise InputError("no frames: there is no g(r)")
+        raise InputError("position has no frames: must have one or more")
     if not np.any(ideal):
         raise InputError(f"no centre is farther than r_max = {r_max:g} from the walls: choose a shorter one")
     # Each pair of a periodic gas is counted from both ends: its count says only half as much as it shows.
@@ -121,8 +132,9 @@ def pair_correlation(
     return PairCorrelation(0.5 * (edges[1:] + edges[:-1]), count / ideal, error, 0.5 * count, frames)
 
 
+@validated
 def contact_value(
-    position: Positions, box: Box | ArrayLike, *, radius: ArrayLike, time: float | Iterable[float] = 0.0
+    position: Positions, box: BoxLike, *, radius: PositivePerDisk, time: Times = 0.0
 ) -> ContactValue:
     """g at contact of equal disks: a parabola fitted to ln g from contact to 1.25 diameters, weighted by pairs counted.
 
@@ -142,8 +154,12 @@ def contact_value(
     True
     """
     radii = np.atleast_1d(np.asarray(radius, dtype=float))
+    if not len(radii):
+        raise InputError("radius has shape (0,): must be that of one disk or more")
     if np.ptp(radii) > 1e-9 * radii[0]:
-        raise InputError("radii differ: a contact value is found here for equal disks only")
+        raise InputError(
+            "radius: must be the same for all: a contact value is found here for equal disks only"
+        )
     sigma = 2.0 * float(radii[0])
     reach = (1.0 + CONTACT_RANGE) * sigma
     found = pair_correlation(position, box, r_min=sigma, r_max=reach, bins=CONTACT_BINS, time=time)
@@ -177,14 +193,13 @@ class StructureFactor(Brief, PicturedResult):
 
 
 def mode_intensities(
-    position: Array, box: Box | ArrayLike, modes: tuple[int, int], *, stride: int = 1, time: float = 0.0
+    position: Array, box: Box, modes: tuple[int, int], *, stride: int = 1, time: float = 0.0
 ) -> tuple[Array, Array]:
     """Vectors k that the box allows [1/length], shape (2 a + 1, 2 b + 1, 2), and |sum_j exp(-i k r_j)|^2 / n at them.
 
     k = 2 pi stride (i / Lx, j / Ly) with i from -a to a and j from -b to b, `modes` = (a, b), by finufft to 1e-9. The
     lattice of a sheared box is skewed: k_y changes by -k_x times the shift of the image above over Ly.
     """
-    box = _periodic(box)
     finufft = load("finufft", "S(k)")
     (width, height), (a, b) = box.lengths, modes
     shift = box.image_above(time) if box.shear_rate else 0.0
@@ -201,20 +216,19 @@ def mode_intensities(
     return np.stack((k_x, k_y), axis=-1), np.abs(amplitude) ** 2 / len(position)
 
 
-def _periodic(box: Box | ArrayLike) -> Box:
-    box = as_box(box)
+def _check_periodic(box: Box) -> None:
     if box.is_open or not all(box.periodic):
-        raise InputError("S(k) needs a box that is periodic along x and y")
-    return box
+        raise InputError(f"box = {box}: must be periodic along x and y for S(k)")
 
 
+@validated
 def structure_factor(
     position: Positions,
-    box: Box | ArrayLike,
+    box: BoxLike,
     *,
-    k_max: float,
-    rings: int = 200,
-    time: float | Iterable[float] = 0.0,
+    k_max: Positive,
+    rings: Bins = 200,
+    time: Times = 0.0,
 ) -> StructureFactor:
     """S(k) of one or several frames at the k that a periodic box allows, from 2 pi / L to `k_max` [1/length].
 
@@ -244,7 +258,7 @@ def structure_factor(
     >>> bool(abs(found.S[-1] - 1.0) < 0.2)  # points at random: 1
     True
     """
-    box = _periodic(box)
+    _check_periodic(box)
     lengths = np.array(box.lengths)
     least = 2.0 * np.pi / lengths.max()
     if not k_max > least:
@@ -258,7 +272,7 @@ def structure_factor(
     frames = 0
     by_mode: list[Array] = []  # sums over frames, and rings
     rings_of: list[NDArray[np.intp]] = []
-    for points, when in zip(each(position), times_of(time), strict=False):
+    for points, when in zip(position, time, strict=False):
         begin = 0.0
         for i, (stride, end) in enumerate(_passes(lengths, k_max)):
             modes = np.minimum(np.ceil(end * lengths / (2.0 * np.pi * stride)), MOST_MODES // 2).astype(int)
@@ -283,7 +297,7 @@ def structure_factor(
             by_mode[i] += S[chosen]
         frames += 1
     if frames == 0:
-        raise InputError("no frames: there is no S(k)")
+        raise InputError("position has no frames: must have one or more")
     full = number > 0.0
     S, k, modes = sum_S[full] / number[full], sum_k[full] / number[full], number[full] / frames
     q = np.full(len(S), 1.0 / frames)
@@ -342,8 +356,9 @@ class Clusters(Brief, PicturedResult):
         return float(np.sum(self.sizes.astype(float) ** 2) / self.sizes.sum()) if len(self.sizes) else 0.0
 
 
+@validated
 def clusters(
-    position: Array, box: Box | ArrayLike, *, radius: ArrayLike, gap: float, time: float = 0.0
+    position: Vectors, box: BoxLike, *, radius: PositivePerDisk, gap: NonNegative, time: Real = 0.0
 ) -> Clusters:
     """Clusters of one frame: neighbours by freud, connected components by SciPy.
 
@@ -371,12 +386,9 @@ def clusters(
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import breadth_first_order, connected_components
 
-    box = as_box(box)
-    (x,) = each(position)
+    x = np.asarray(position, dtype=np.float64)
     n = len(x)
-    radii = np.broadcast_to(np.asarray(radius, dtype=float), n)
-    if not gap >= 0.0:
-        raise InputError(f"gap = {gap:g}: 0 or more is needed")
+    radii = column("radius", radius, n)
     if n == 0:
         none = np.zeros(0, dtype=np.intp)
         return Clusters(none, none, np.zeros(0), np.zeros(0, dtype=bool), gap)
@@ -430,12 +442,13 @@ class Hexatic(Brief, PicturedResult):
     neighbours: str
 
 
+@validated
 def hexatic(
-    position: Array,
-    box: Box | ArrayLike,
+    position: Vectors,
+    box: BoxLike,
     *,
     neighbours: Literal["nearest", "voronoi"] = "nearest",
-    time: float = 0.0,
+    time: Real = 0.0,
 ) -> Hexatic:
     """psi_6 of one frame, by freud.
 
@@ -460,11 +473,9 @@ def hexatic(
     >>> round(analysis.hexatic(position, (10.0, 10.0 * 3**0.5 / 2)).local, 6)
     1.0
     """
-    one_of("neighbours", neighbours, NEIGHBOURS)
-    box = as_box(box)
-    (x,) = each(position)
+    x = np.asarray(position, dtype=np.float64)
     if len(x) < 7:
-        raise InputError(f"{len(x)} disks: psi_6 needs 7 or more")
+        raise InputError(f"position has {len(x)} disks: must have 7 or more for psi_6")
     freud = load("freud", "psi_6")
     # Where sides are walls: wide enough to keep images away from all six neighbours.
     reach = 0.0

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..tools.checked import Array
+from ..tools.checked import Array, FiniteArray, Integer, Positive, PositivePerDisk, Real, column, validated
 from ..tools.pictured import PicturedResult
 from ..tools.reprs import Brief
-from .common import Positions, each
+from .common import Positions, Spins
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,8 @@ class VelocityDistribution(Brief, PicturedResult):
     sonine: SonineCoefficients
 
 
-def gaussian(c: ArrayLike) -> Array:
+@validated
+def gaussian(c: FiniteArray) -> Array:
     """Density of a component c over its thermal speed in a Gaussian gas: exp(-c^2) / sqrt(pi).
 
     Examples
@@ -83,7 +84,8 @@ def gaussian(c: ArrayLike) -> Array:
     return np.exp(-x * x) / np.sqrt(np.pi)
 
 
-def sonine_density(c: ArrayLike, a2: float) -> Array:
+@validated
+def sonine_density(c: FiniteArray, a2: Real) -> Array:
     """The same with a fourth cumulant: times 1 + a2 (c^4 / 2 - 3 c^2 / 2 + 3 / 8).
 
     That is L_2^(-1/2)(c^2), of a spin with a02 and, because L_2^(0)(c_x^2 + c_y^2) leaves it when c_y is integrated
@@ -99,10 +101,16 @@ def sonine_density(c: ArrayLike, a2: float) -> Array:
     return gaussian(c) * (1.0 + a2 * (0.5 * x * x - 1.5 * x + 0.375))
 
 
+@validated
 def velocity_distribution(
-    velocity: Positions, spin: Positions, *, mass: ArrayLike = 1.0, inertia: ArrayLike = 1.0, bins: int = 81,
-    widest: float = 5.0,
-) -> VelocityDistribution:  # fmt: skip
+    velocity: Positions,
+    spin: Spins,
+    *,
+    mass: PositivePerDisk = 1.0,
+    inertia: PositivePerDisk = 1.0,
+    bins: Annotated[int, Integer(1, 1_000_000)] = 81,
+    widest: Positive = 5.0,
+) -> VelocityDistribution:
     """Distributions of velocities and spins, each frame relative to its own mean velocity and its own temperatures.
 
     InputError if shapes do not match, there are no frames, fewer than 2 disks, or nothing moves.
@@ -128,23 +136,21 @@ def velocity_distribution(
     """
     edges = np.linspace(-widest, widest, bins + 1)
     counts, spin_counts = np.zeros(bins), np.zeros(bins)
-    root_mass, root_inertia = np.sqrt(np.asarray(mass, float)), np.sqrt(np.asarray(inertia, float))
     sums: Array | None = None
     frames = 0
-    for v, omega in itertools.zip_longest(each(velocity), each(spin, 1)):
+    for v, omega in itertools.zip_longest(velocity, spin):
         if v is None or omega is None:
-            raise InputError("velocities and spins have different numbers of frames")
+            raise InputError("velocity and spin: must have the same number of frames")
         if len(v) != len(omega) or len(v) < 2:
-            raise InputError(
-                f"velocities of {len(v)} disks, spins of {len(omega)}: as many, 2 or more, are needed"
-            )
-        weight = np.broadcast_to(root_mass**2, len(v))
-        c = root_mass[..., None] * (v - np.average(v, axis=0, weights=weight))
+            raise InputError(f"velocity has {len(v)} disks, spin {len(omega)}: must be as many, 2 or more")
+        weight, inertias = column("mass", mass, len(v)), column("inertia", inertia, len(v))
+        root_inertia = np.sqrt(inertias)
+        c = np.sqrt(weight)[:, None] * (v - np.average(v, axis=0, weights=weight))
         w = root_inertia * omega
         square, spin_square = np.sum(c * c, axis=1), w * w
         T2, T2_rot = square.mean(), 2.0 * spin_square.mean()  # 2 T and 2 T_rot
         if T2 == 0.0:
-            raise InputError("nothing moves: there is no distribution of velocities")
+            raise InputError("velocity: must differ between disks: nothing moves, and has no distribution")
         counts += np.histogram(c / np.sqrt(T2), bins, (-widest, widest))[0]
         x = square / T2
         y = np.full(len(v), np.nan)
@@ -155,7 +161,7 @@ def velocity_distribution(
         sums = terms if sums is None else sums + terms
         frames += 1
     if sums is None:
-        raise InputError("no frames: there is no distribution of velocities")
+        raise InputError("velocity and spin have no frames: must have one or more")
     n = sums.shape[1]
     width = edges[1] - edges[0]
     spins = n * frames if np.all(np.isfinite(sums[1])) else 0

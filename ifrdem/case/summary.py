@@ -110,6 +110,26 @@ def refuse_beyond_disk(needed: int, folder: Path) -> None:
         raise InputError(f"output: the trajectory needs some {size(needed)}, and {place}: {fewer}")
 
 
+REFUSED_HERE = "`ifrdem run` would refuse it here"
+"""End of warnings of what other machines may have."""
+
+
+def check(
+    gas: CaseGas, folder: Path, *, share: float = 1.0, ranks: int = 1, sliced: bool = False
+) -> tuple[str, list[str]]:
+    """The report on a case, and warnings of what may go wrong; a small start is made, as a run does.
+
+    `folder` is that of the output; other arguments are as for `refused_here`. InputError if no run could begin.
+    """
+    estimate = RunEstimate.of(gas)
+    refuse_cadences(gas, estimate)
+    crushes = gas.crushes()
+    if ranks == 1:
+        gas.try_start()
+    here = refused_here(gas, estimate, folder, share=share, ranks=ranks, sliced=sliced)
+    return report(gas, estimate), [*crushes, *gas.cautions, *(f"{each}: {REFUSED_HERE}" for each in here)]
+
+
 def refused_here(
     gas: CaseGas,
     estimate: RunEstimate,

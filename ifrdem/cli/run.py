@@ -250,24 +250,17 @@ def check(case: Case, /, *, set: Set = None) -> None:
     """
     from ..case import file as case_file
     from ..case import shipped, summary
-    from ..case.estimate import RunEstimate
 
     comm = ranks()
     gas = case_file.read_on_ranks(lambda: shipped.find(case), set or [], comm).gas
-    share, ranks_here = world.share_here(comm), comm.size if comm else 1
+    share, count = world.share_here(comm), comm.size if comm else 1
     sliced = gas.is_told_in_slices(comm) and gas.is_made_in_slices
 
     def report() -> None:
-        estimate = RunEstimate.of(gas)
-        summary.refuse_cadences(gas, estimate)
-        crushes = gas.crushes()
-        if comm is None:
-            gas.try_start()
-        say(summary.report(gas, estimate))
-        for text in (*crushes, *gas.cautions):
-            warn(text)
-        for text in summary.refused_here(gas, estimate, Path(), share=share, ranks=ranks_here, sliced=sliced):
-            warn(f"{text}: `ifrdem run` would refuse it here")  # it may run elsewhere
+        text, warnings = summary.check(gas, Path(), share=share, ranks=count, sliced=sliced)
+        say(text)
+        for each in warnings:
+            warn(each)
 
     world.on_first(comm, report)
 

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, listed, nearest, refuse
+from ..tools.checked import LEAST, Numbers, PositivePerDisk, Seed, validated
 from . import tabular
 from .laws import LAWS
 from .model import MEASURED, AngleProblem, CollisionProblem, Pair, Problem, RowError
@@ -132,6 +134,12 @@ class Data:
         return AngleProblem(names, y, s, [_group(name) for name in names], pair)
 
 
+_Mass = Annotated[
+    ArrayLike, Numbers(("n",), LEAST, math.inf, f"positive, from {LEAST:g}, or inf", scalar=True)
+]
+
+
+@validated
 @dataclass(frozen=True, kw_only=True)
 class Disk:
     """A disk of whole collisions, or disks that differ from collision to collision.
@@ -143,12 +151,19 @@ class Disk:
     2.0
     """
 
-    mass: ArrayLike
+    mass: _Mass
     """Mass [mass]; infinite for a wall or a fixed disk; shape (n,)."""
-    radius: ArrayLike
+    radius: PositivePerDisk
     """Radius [length]; shape (n,)."""
-    k: ArrayLike = 2.0
+    k: PositivePerDisk = 2.0
     """Shape number in I = m R^2 / k; shape (n,)."""
+
+
+def _of_columns(columns: Mapping[str, Any]) -> Disk:
+    """Disks of columns that are checked line by line."""
+    found = object.__new__(Disk)
+    vars(found).update({"k": 2.0, **columns})
+    return found
 
 
 WALL = Disk(mass=math.inf, radius=1.0)
@@ -228,7 +243,7 @@ class Collisions:
             for key, v in numbers.items():
                 bad = ~((v > 0.0) & (np.isfinite(v) | ((number == 2) & (key == "mass"))))
                 found += _rows(bad, f"{key}_{number}", v, "a positive finite number is needed")
-            disks.append(Disk(**numbers))
+            disks.append(_of_columns(numbers))
         walls = np.isinf(np.asarray(disks[1].mass))
         if walls.any() and not walls.all():
             text = "mass_2 is infinite: walls and disks cannot stand in one table"
@@ -436,13 +451,14 @@ def _given_errors(
 def _disk(source: str, i: int, columns: Mapping[str, Array], disk: Disk | None) -> Disk | str:
     values = {key: columns[f"{key}_{i}"] for key in ("mass", "radius", "k") if f"{key}_{i}" in columns}
     if disk is not None:
-        return replace(disk, **values)
+        return _of_columns({**vars(disk), **values})
     if not {"mass", "radius"} <= set(values):
         return f"{source}: disk {i} is not known: --disk-{i} MASS,RADIUS,K{' or wall' * (i == 2)}, or columns mass_{i} and radius_{i}, are needed"  # noqa: E501
-    return Disk(**values)
+    return _of_columns(values)
 
 
-def example(seed: int = 1) -> str:
+@validated
+def example(seed: Seed = 1) -> str:
     """A small CSV file of synthetic impacts, which says so and with which coefficients.
 
     Examples

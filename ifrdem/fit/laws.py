@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from ..errors import InputError, nearest, refuse, there_are
 from ..model.ifr import STICKING, EnergyWarning, IFRLaw
 from ..model.law import OF_PAIR, CollisionLaw
+from ..tools.checked import validated
 
 Array = NDArray[np.float64]
 Range = tuple[float, float]
@@ -229,6 +230,7 @@ def ifr_law(coefficients: Mapping[str, float], sticking: str, k: float = 2.0) ->
         return IFRLaw(**coefficients, sticking=sticking, k=k)  # type: ignore[arg-type]
 
 
+@validated
 def own(kind: type[CollisionLaw], ranges: Mapping[str, Range] | None = None) -> Law:
     """A law of one's own to fit.
 
@@ -250,7 +252,7 @@ def own(kind: type[CollisionLaw], ranges: Mapping[str, Range] | None = None) -> 
     """
     if not _is_law(kind) or kind.impulses() is CollisionLaw.collide:
         raise InputError(
-            f"law = {kind!r}: a class derived from ifrdem.CollisionLaw with a method collide is needed"
+            f"kind = {kind!r}: must be a class derived from ifrdem.CollisionLaw with a method collide"
         )
     if not kind.coefficients:
         raise InputError(f"{kind.__name__}: has no coefficients to fit")

@@ -18,8 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, refuse
+from ..errors import InputError
 from ..model.ifr import Regime
+from ..tools.checked import NonNegative, Positive, validated
 from .laws import LARGEST, SMALLEST, Law
 
 Array = NDArray[np.float64]
@@ -49,6 +50,7 @@ MEASURED: Mapping[str, Quantity] = {
 """The quantities that can be fitted, by the names of their columns."""
 
 
+@validated
 @dataclass(frozen=True, kw_only=True)
 class Pair:
     """The two disks of a table of angles: disk 1 hits disk 2, which is at rest; neither spins.
@@ -63,25 +65,18 @@ class Pair:
     (1.0, 2.0)
     """
 
-    M: float
+    M: NonNegative
     """Mass ratio m_1 / m_2 [1]; 0 for a wall or a fixed disk 2."""
-    k_1: float = 2.0
-    k_2: float = 2.0
+    k_1: Positive = 2.0
+    k_2: Positive = 2.0
     """k_1, k_2: shape numbers in I = m R^2 / k: 2 homogeneous disk, 1 hoop."""
-    R_1: float | None = None
-    R_2: float | None = None
+    R_1: Positive | None = None
+    R_2: Positive | None = None
     """R_1, R_2: radii [length], needed for rolling friction only."""
 
     def __post_init__(self) -> None:
-        values = {name: getattr(self, name) for name in ("M", "k_1", "k_2", "R_1", "R_2")}
-        wrong = [
-            f"{name} = {value}: a positive finite number is needed"
-            for name, value in values.items()
-            if value is not None and not (0.0 < value < math.inf or (name == "M" and value == 0.0))
-        ]
         if (self.R_1 is None) != (self.R_2 is None):
-            wrong.append("R_1, R_2: both radii are needed, or none")
-        refuse(wrong)
+            raise InputError(f"R_1 = {self.R_1}, R_2 = {self.R_2}: must be both radii, or none")
 
     @property
     def has_radii(self) -> bool:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..errors import InputError, counted, nearest, printable, refuse
 from ..tools import csv as csv_rows
 from ..tools import slices, world
+from ..tools.checked import validated
 
 Array = NDArray[np.float64]
 
@@ -58,6 +59,7 @@ class ReadTable:
         return len(self.line)
 
 
+@validated
 @dataclass(frozen=True)
 class Form:
     """The writing of a file, where it differs from commas, points and the standard names.

@@ -16,10 +16,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..model.box import Box
@@ -35,7 +34,7 @@ from ..model.overlaps import (
 )
 from ..model.walls import Wall
 from ..tools import seeds, slices, world
-from ..tools.checked import Array
+from ..tools.checked import Array, Comm, PositiveColumn, Seed, Vectors, validated
 
 MARGIN = 1e-4
 """Part by which radii are made larger while overlaps are removed: what is left then is still a gap."""
@@ -58,8 +57,14 @@ NEARLY = 1e-3  # mean overlap of jammed disks, as a part of contact, up to which
 Progress = Callable[[float], None]
 
 
+@validated
 def grow(
-    box: Box, radius: ArrayLike, *, seed: int, walls: Sequence[Wall] = (), progress: Progress = lambda _: None
+    box: Box,
+    radius: PositiveColumn,
+    *,
+    seed: Seed,
+    walls: Sequence[Wall] = (),
+    progress: Progress = lambda _: None,
 ) -> Array:
     """Place disks at random as densely as random packing: to about 0.84 of the area, or a little less between walls.
 
@@ -118,9 +123,10 @@ def grow(
     return position
 
 
+@validated
 def separate(
-    box: Box, radius: ArrayLike, position: ArrayLike, *, walls: Sequence[Wall] = (), time: float = 0.0,
-    comm: Any = None,
+    box: Box, radius: PositiveColumn, position: Vectors, *, walls: Sequence[Wall] = (), time: float = 0.0,
+    comm: Comm = None,
 ) -> Array:  # fmt: skip
     """Positions [length], shape (n, 2), near the given ones and without overlaps, with walls at a `time` neither.
 
@@ -137,6 +143,8 @@ def separate(
     True
     """
     radii, centres = checked_radii(radius), np.asarray(position, dtype=np.float64)
+    if len(centres) != len(radii):
+        raise InputError(f"position has {len(centres)} disks, radius {len(radii)}: must be as many")
     n, largest = slices.numbered(len(radii), comm)[1], world.largest(comm, float(radii.max(initial=0.0)))
     room = Room(box, tuple(walls), time)
     free = room.gap(centres, radii)  # from walls

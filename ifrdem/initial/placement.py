@@ -9,12 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
+from ..kernels.limits import MOST_IDS
 from ..model.box import Box
 from ..model.free_area import Room
 from ..model.overlaps import (
@@ -26,8 +27,8 @@ from ..model.overlaps import (
     size_classes,
 )
 from ..model.walls import Wall
-from ..tools import checked, seeds, slices, world
-from ..tools.checked import Array
+from ..tools import seeds, slices, world
+from ..tools.checked import Array, Comm, Integer, Number, PositiveColumn, Seed, validated
 
 # Of the diameter among sites, of the radius at walls: room for rounding.
 CLOSER, CLEAR = 1.0 - 1e-9, 1.0 + 1e-9
@@ -224,8 +225,9 @@ def strips(room: Room, n: int, radius: float) -> tuple[int, int]:
     return axis, max(min(n // slices.BLOCK, int(narrowest / (WIDTH * 2.0 * radius))) // 2 * 2, 1)
 
 
+@validated
 def random_positions(
-    box: Box, radius: ArrayLike, *, seed: int, walls: Sequence[Wall] = (), comm: Any = None
+    box: Box, radius: PositiveColumn, *, seed: Seed, walls: Sequence[Wall] = (), comm: Comm = None
 ) -> Array:
     """Place disks by random sequential addition: uniformly at random, each where it overlaps nothing before it.
 
@@ -479,8 +481,14 @@ def _spread(number: NDArray[np.int64], sites: int, n: int) -> NDArray[np.int64]:
     return found
 
 
+@validated
 def hexagonal_positions(
-    box: Box, radius: ArrayLike, *, seed: int | None = None, walls: Sequence[Wall] = (), comm: Any = None
+    box: Box,
+    radius: PositiveColumn,
+    *,
+    seed: Seed | None = None,
+    walls: Sequence[Wall] = (),
+    comm: Comm = None,
 ) -> Array:
     """Place disks on a hexagonal lattice, stretched so that it continues across the periodic sides.
 
@@ -522,15 +530,14 @@ def hexagonal_positions(
     return found
 
 
-def _size_of(name: str, value: float, most: float = MOST_SPEED) -> float:
-    return checked.finite(
-        name, value, f"a finite number, 0 or more and at most {most:g}, is needed", 0.0, most
-    )
+_Size = Annotated[float, Number(0.0, MOST_SPEED, f"a finite number, 0 or more and at most {MOST_SPEED:g}")]
+_Number = Annotated[int, Integer(0, MOST_IDS)]
 
 
+@validated
 def maxwellian(
-    mass: ArrayLike, *, speed_rms: float | None = None, temperature: float | None = None, seed: int,
-    comm: Any = None,
+    mass: PositiveColumn, *, speed_rms: _Size | None = None, temperature: _Size | None = None, seed: Seed,
+    comm: Comm = None,
 ) -> Array:  # fmt: skip
     """Draw velocities from a Maxwell distribution, with no total momentum and exactly the wanted energy.
 
@@ -559,20 +566,15 @@ def maxwellian(
     >>> round(float((velocity**2).sum(axis=1).mean() / 2), 12)
     2.0
     """
-
-    def looked_at() -> Array:
-        masses = checked.array("mass", mass)
-        if masses.ndim != 1 or not np.all(np.isfinite(masses) & (masses > 0.0)):
-            raise InputError("mass: one positive finite number per disk, shape (n,), is needed")
-        return masses
-
-    masses = world.together(comm, looked_at)
+    masses = np.asarray(mass, dtype=np.float64)
     if speed_rms is not None and temperature is None:
-        wanted, weight = _size_of("speed_rms", speed_rms) ** 2, np.ones_like(masses)
+        wanted, weight = speed_rms**2, np.ones_like(masses)
     elif temperature is not None and speed_rms is None:
-        wanted, weight = _size_of("temperature", temperature, MOST_SPEED**2), masses / 2.0
+        wanted, weight = temperature, masses / 2.0
     else:
-        raise InputError("exactly one of speed_rms and temperature is needed")
+        raise InputError(
+            f"speed_rms = {speed_rms}, temperature = {temperature}: must be one of them, and the other None"
+        )
     ids, n = slices.numbered(len(masses), comm)
     velocity = seeds.drawn(
         seed, seeds.VELOCITIES, ids, lambda random, count: random.standard_normal((count, 2))
@@ -586,7 +588,8 @@ def maxwellian(
     return velocity
 
 
-def gaussian_spins(n: int, *, spin_rms: float, seed: int, comm: Any = None) -> Array:
+@validated
+def gaussian_spins(n: _Number, *, spin_rms: _Size, seed: Seed, comm: Comm = None) -> Array:
     """Draw spins [rad/time], shape (n,), from a normal distribution with mean 0 and exactly this rms value.
 
     Of ranks of MPI (`comm`), each gives the number of disks in its slice (`slice_of`), and gets their spins.
@@ -599,7 +602,6 @@ def gaussian_spins(n: int, *, spin_rms: float, seed: int, comm: Any = None) -> A
     >>> round(float((spin**2).mean()), 12)
     9.0
     """
-    wanted = _size_of("spin_rms", spin_rms)
     ids, number = slices.numbered(n, comm)
     spin = seeds.drawn(seed, seeds.SPINS, ids, lambda random, count: random.standard_normal(count))
-    return spin * (wanted / math.sqrt(slices.total(spin**2, comm) / number)) if number else spin
+    return spin * (spin_rms / math.sqrt(slices.total(spin**2, comm) / number)) if number else spin

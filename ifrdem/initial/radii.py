@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated
 
 import numpy as np
 
-from ..errors import InputError, nearest
+from ..errors import InputError
+from ..kernels.limits import MOST_IDS
 from ..tools import seeds, slices, world
-from ..tools.checked import Array
+from ..tools.checked import Array, Comm, Integer, OneOf, Positive, Seed, validated
 
 TRUNCATION = 3.0
 """Standard deviations from the mean at which a Gaussian is cut off where the case does not say."""
@@ -33,7 +34,12 @@ PARAMETERS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 """Of each distribution, the parameters that it needs and those that it may have."""
 
 
-def uniform(n: int, *, low: float, high: float, seed: int, comm: Any = None) -> Array:
+Distribution = Annotated[str, OneOf(tuple(PARAMETERS))]
+_Number = Annotated[int, Integer(0, MOST_IDS)]
+
+
+@validated
+def uniform(n: _Number, *, low: Positive, high: Positive, seed: Seed, comm: Comm = None) -> Array:
     """Radii that are equally frequent between `low` and `high` [length].
 
     InputError if not 0 < low < high, or a number is not finite.
@@ -48,10 +54,17 @@ def uniform(n: int, *, low: float, high: float, seed: int, comm: Any = None) -> 
     return sample("uniform", n, seed=seed, comm=comm, low=low, high=high)
 
 
+@validated
 def gaussian(
-    n: int, *, mean: float, deviation: float, low: float | None = None, high: float | None = None, seed: int,
-    comm: Any = None,
-) -> Array:  # fmt: skip
+    n: _Number,
+    *,
+    mean: Positive,
+    deviation: Positive,
+    low: Positive | None = None,
+    high: Positive | None = None,
+    seed: Seed,
+    comm: Comm = None,
+) -> Array:
     """Radii from a normal distribution, cut off at `low` and `high` [length].
 
     Without these it is cut off three standard deviations from the mean, where 0.27 % of it lie outside; the standard
@@ -69,10 +82,17 @@ def gaussian(
     return sample("gaussian", n, seed=seed, comm=comm, mean=mean, deviation=deviation, low=low, high=high)
 
 
+@validated
 def lognormal(
-    n: int, *, mean: float, deviation: float, low: float | None = None, high: float | None = None, seed: int,
-    comm: Any = None,
-) -> Array:  # fmt: skip
+    n: _Number,
+    *,
+    mean: Positive,
+    deviation: Positive,
+    low: Positive | None = None,
+    high: Positive | None = None,
+    seed: Seed,
+    comm: Comm = None,
+) -> Array:
     """Radii whose logarithm is normal; `mean` and `deviation` [length] are those of the radius itself.
 
     The logarithm has the variance s^2 = ln(1 + (deviation/mean)^2) and the mean ln(mean) - s^2/2. It is cut off only
@@ -89,8 +109,9 @@ def lognormal(
     return sample("lognormal", n, seed=seed, comm=comm, mean=mean, deviation=deviation, low=low, high=high)
 
 
+@validated
 def bidisperse(
-    n: int, *, low: float, high: float, large_fraction: float, seed: int, comm: Any = None
+    n: _Number, *, low: Positive, high: Positive, large_fraction: Positive, seed: Seed, comm: Comm = None
 ) -> Array:
     """Radii of two sizes [length], of which the part `large_fraction` of all disks has `high`, in random order.
 
@@ -107,7 +128,10 @@ def bidisperse(
     return sample("bidisperse", n, seed=seed, comm=comm, low=low, high=high, large_fraction=large_fraction)
 
 
-def sample(distribution: str, n: int, *, seed: int, comm: Any = None, **parameters: float | None) -> Array:
+@validated
+def sample(
+    distribution: Distribution, n: _Number, *, seed: Seed, comm: Comm = None, **parameters: Positive | None
+) -> Array:
     """Radii [length], shape (n,), of a distribution by its name (`PARAMETERS`); see the functions of these names.
 
     InputError as `check`.
@@ -123,7 +147,10 @@ def sample(distribution: str, n: int, *, seed: int, comm: Any = None, **paramete
     return of_ids(distribution, number, ids, seed=seed, **parameters)
 
 
-def of_ids(distribution: str, n: int, ids: range, *, seed: int, **parameters: float | None) -> Array:
+@validated
+def of_ids(
+    distribution: Distribution, n: _Number, ids: range, *, seed: Seed, **parameters: Positive | None
+) -> Array:
     """Radii [length], shape (len(ids),), of some of n disks: those that `sample` gives them among all.
 
     Examples
@@ -133,6 +160,7 @@ def of_ids(distribution: str, n: int, ids: range, *, seed: int, **parameters: fl
     >>> bool((some == radii.uniform(100, low=0.4, high=0.6, seed=1)[7:9]).all())
     True
     """
+    check(distribution, **parameters)
     given = {name: float(value) for name, value in parameters.items() if value is not None}
     if distribution == "bidisperse":
         large = seeds.permuted(seed, seeds.RADII, n, ids) < round(given["large_fraction"] * n)
@@ -157,7 +185,8 @@ def _drawn(distribution: str, random: np.random.Generator, n: int, given: Mappin
     return np.clip(radius, low, high)  # against rounding at the ends
 
 
-def check(distribution: str, **parameters: float | None) -> None:
+@validated
+def check(distribution: Distribution, **parameters: Positive | None) -> None:
     """Refuse parameters that describe no radii.
 
     InputError if the name is unknown, a parameter is missing or foreign to it, not positive and finite, or the ends
@@ -171,16 +200,10 @@ def check(distribution: str, **parameters: float | None) -> None:
         ...
     ifrdem.errors.InputError: low = 0.6: must lie below high = 0.4
     """
-    if distribution not in PARAMETERS:
-        known = f"{nearest(distribution, PARAMETERS)}; known are {', '.join(PARAMETERS)}"
-        raise InputError(f"distribution = '{distribution}': unknown{known}")
     given = {name: value for name, value in parameters.items() if value is not None}
     wrong = wrong_parameters(distribution, given)
     if wrong is not None:
         raise InputError(wrong)
-    for name, value in given.items():
-        if not (math.isfinite(value) and value > 0.0):
-            raise InputError(f"{name} = {value}: a positive finite number is needed")
     if given.get("large_fraction", 0.5) >= 1.0:
         raise InputError(f"large_fraction = {given['large_fraction']:g}: must lie between 0 and 1")
     low, high = _ends(distribution, given)
@@ -200,7 +223,8 @@ def check(distribution: str, **parameters: float | None) -> None:
             )
 
 
-def wrong_parameters(distribution: str, given: Mapping[str, object]) -> str | None:
+@validated
+def wrong_parameters(distribution: Distribution, given: Mapping[str, object]) -> str | None:
     """Parameters that a known distribution lacks, or that are foreign to it, in words; None if there are none.
 
     Examples

@@ -3,21 +3,37 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, overload
+from typing import Annotated, Any, overload
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import DTypeLike
 
 from ..errors import InputError
-from ..tools import checked, slices
-from ..tools.checked import Array
+from ..tools import slices
+from ..tools.checked import (
+    Array,
+    Comm,
+    Images,
+    Moments,
+    Number,
+    Places,
+    Positive,
+    PositiveColumn,
+    validated,
+)
 
 FASTEST_FLOW = 1e140
 """Largest difference of the flow's velocity across a sheared box [length/time]."""
 
 
+_Side = Annotated[float, Number(0.0, math.inf, "a positive finite number (Box.open() has no sides)")]
+_Packed = Annotated[
+    float, Number(1e-300, math.pi / (2.0 * math.sqrt(3.0)), "above 0 and at most 0.9069, the densest packing")
+]
+
+
+@validated
 @dataclass(frozen=True)
 class Box:
     """A rectangle with its lower left corner at the origin; or the whole plane, `Box.open()`.
@@ -53,25 +69,19 @@ class Box:
     Box(lengths=(inf, inf), periodic=(False, False), shear_rate=0.0)
     """
 
-    lengths: tuple[float, float]
+    lengths: tuple[_Side, _Side]
     periodic: tuple[bool, bool] = (True, True)
     shear_rate: float = 0.0
 
     def __post_init__(self) -> None:
-        needed = "two positive finite numbers are needed (Box.open() has no sides)"
-        if not isinstance(self.lengths, Sequence | np.ndarray) or len(self.lengths) != 2:
-            raise InputError(f"box lengths = {self.lengths!r}: {needed}")
-        lengths = tuple(checked.real("box lengths", side, needed) for side in self.lengths)
-        if not isinstance(self.periodic, Sequence | np.ndarray) or len(self.periodic) != 2:
-            raise InputError(f"box periodic = {self.periodic!r}: one value for x and one for y are needed")
-        if not all(isinstance(one, bool | np.bool_) for one in self.periodic):
-            raise InputError(f"box periodic = {self.periodic!r}: True or False for x and for y are needed")
-        periodic = tuple(bool(one) for one in self.periodic)
+        lengths, periodic = self.lengths, tuple(bool(one) for one in self.periodic)
         whole_plane = lengths == (math.inf, math.inf) and not any(periodic)
         if not (whole_plane or all(math.isfinite(side) and side > 0 for side in lengths)):
-            raise InputError(f"box lengths = {self.lengths}: {needed}")
-        shear_rate = checked.finite("box shear_rate", self.shear_rate)
-        text, across = f"box shear_rate = {shear_rate:g}", abs(shear_rate) * lengths[1]
+            raise InputError(
+                f"lengths = {lengths}: must be two positive finite numbers (Box.open() has no sides)"
+            )
+        shear_rate = self.shear_rate
+        text, across = f"shear_rate = {shear_rate:g}", abs(shear_rate) * lengths[1]
         if shear_rate != 0.0 and across > FASTEST_FLOW:
             raise InputError(
                 f"{text}: across the box the flow would differ by {across:.3g}, more than {FASTEST_FLOW:g}, whose "
@@ -82,9 +92,7 @@ class Box:
                 f"{text}: the box must be periodic along x and y, and is not along {'xy'[periodic.index(False)]}; "
                 "shear between walls by walls that move instead (Box without shear_rate, Wall.line with a surface)"
             )
-        object.__setattr__(self, "lengths", lengths)
         object.__setattr__(self, "periodic", periodic)
-        object.__setattr__(self, "shear_rate", shear_rate)
 
     @classmethod
     def open(cls) -> Box:
@@ -117,9 +125,10 @@ class Box:
         return min((each for each in self.periods if each), default=math.inf)
 
     @classmethod
+    @validated
     def from_packing_fraction(
-        cls, radius: Array, packing_fraction: float, aspect: float = 1.0, *, shear_rate: float = 0.0,
-        comm: Any = None,
+        cls, radius: PositiveColumn, packing_fraction: _Packed, aspect: Positive = 1.0, *, shear_rate: float = 0.0,
+        comm: Comm = None,
     ) -> Box:  # fmt: skip
         """The box in which disks of these radii [length], shape (n,), fill the given fraction of the area.
 
@@ -127,7 +136,7 @@ class Box:
         slice (`slice_of`). InputError if the packing fraction is not between 0 and pi / (2 sqrt 3) = 0.9069, the
         densest packing of equal disks, or if there are no disks.
         """
-        covered = math.pi * float(slices.total(np.square(checked.array("radius", radius)), comm))
+        covered = math.pi * float(slices.total(np.square(radius), comm))
         return cls.around(covered, packing_fraction, aspect, shear_rate)
 
     @classmethod
@@ -140,16 +149,17 @@ class Box:
                 "the densest packing of equal disks"
             )
         if covered <= 0.0:
-            raise InputError("a packing fraction needs at least one disk")
-        checked.finite("box aspect", aspect, "a positive finite number is needed", 0.0, open_=True)
+            raise InputError("radius: must be those of one disk or more")
         area = covered / packing_fraction
         return cls((math.sqrt(area * aspect), math.sqrt(area / aspect)), shear_rate=shear_rate)
 
-    def packing_fraction(self, radius: Array) -> float:
+    @validated
+    def packing_fraction(self, radius: PositiveColumn) -> float:
         """Fraction of the area that disks of these radii [length], shape (n,), cover."""
         return math.pi * float(slices.total(np.square(radius))) / self.area
 
-    def flow(self, position: Array) -> Array:
+    @validated
+    def flow(self, position: Places) -> Array:
         """Velocity of the mean flow [length/time] at positions [length], both of shape (..., 2); 0 without shear."""
         flow = np.zeros_like(position, dtype=np.float64)
         if self.shear_rate == 0.0:
@@ -161,7 +171,8 @@ class Box:
     def image_above(self, time: float) -> float: ...
     @overload
     def image_above(self, time: Array) -> Array: ...
-    def image_above(self, time: float | Array) -> float | Array:
+    @validated
+    def image_above(self, time: Moments) -> float | Array:
         """Shift along x of the image above at times [time]: shear_rate Ly t, in [0, Lx) [length]."""
         return self.shear_rate * self.lengths[1] * time % self.lengths[0]
 
@@ -179,11 +190,13 @@ class Box:
         shift = self.image_above(time) if self.shear_rate else 0.0
         return np.array([[x, 0.0, 0.0], [shift - x * round(shift / x), y, 0.0], [0.0, 0.0, max(x, y)]])
 
-    def wrap(self, position: Array, time: float | Array = 0.0) -> Array:
+    @validated
+    def wrap(self, position: Places, time: Moments = 0.0) -> Array:
         """Positions [length], shape (..., 2), moved by whole boxes into [0, Lx) x [0, Ly) where periodic.
 
         In a sheared box that depends on the `time` [time], a number or an array (...).
         """
+        _check_times(position, time)
         if self.is_open:
             return np.array(position, dtype=np.float64)
         lengths = np.asarray(self.lengths)
@@ -195,7 +208,8 @@ class Box:
         wrapped = np.where(wrapped >= lengths, 0.0, wrapped)
         return np.where(self.periodic, wrapped, position)
 
-    def minimum_image(self, difference: Array, time: float | Array = 0.0) -> Array:
+    @validated
+    def minimum_image(self, difference: Places, time: Moments = 0.0) -> Array:
         """The shortest periodic equivalent of differences of positions [length], shape (..., 2).
 
         In a sheared box that depends on the `time` [time], a number or an array (...), and is the shortest one if that
@@ -209,17 +223,31 @@ class Box:
             difference[..., 0] -= np.round(difference[..., 1] / lengths[1]) * self.image_above(time)
         return difference - np.where(self.periodic, lengths * np.round(difference / lengths), 0.0)
 
-    def unwrap(self, position: Array, image: NDArray[np.int32], time: float | Array = 0.0) -> Array:
+    @validated
+    def unwrap(self, position: Places, image: Images, time: Moments = 0.0) -> Array:
         """Places on paths without jumps [length], shape (..., 2): of positions in the box and the boxes travelled.
 
         position + image * lengths; in a sheared box, the box above lies shear_rate Ly t further along x, and the path
         is that of a disk that goes on into faster and faster flow. The time is a number or an array (...).
         """
+        _check_times(position, time)
+        if np.shape(image) != position.shape:
+            raise InputError(
+                f"image has shape {np.shape(image)}: must have that of position, {position.shape}"
+            )
         if self.is_open:
             return np.array(position, dtype=np.float64)
         unwrapped = position + image * np.asarray(self.lengths)
         unwrapped[..., 0] += image[..., 1] * (self.shear_rate * self.lengths[1] * time)
         return unwrapped
+
+
+def _check_times(position: Array, time: Any) -> None:
+    try:
+        np.broadcast_shapes(np.shape(time), position.shape[:-1])
+    except ValueError:
+        needed = f"a number, or one for each position, {position.shape[:-1]}"
+        raise InputError(f"time has shape {np.shape(time)}: must be {needed}") from None
 
 
 def below(length: float, dtype: DTypeLike) -> float:

@@ -21,6 +21,7 @@ from ..kernels.language import ti
 from ..kernels.random import normals, uniforms
 from ..kernels.table_friction import advance, step_tolerance
 from ..tools import checked
+from ..tools.checked import NonNegative, Positive, validated
 from .state import Disks
 
 __all__ = [
@@ -84,7 +85,8 @@ class Force:
         """False unless a class says otherwise."""
         return False
 
-    def __init__(self, step: float, parameters: Sequence[float] = ()) -> None:
+    @validated
+    def __init__(self, step: Positive, parameters: Sequence[float] = ()) -> None:
         self._step = number("step", step, positive=True)
         self._parameters: tuple[float, ...] = ()
         self.parameters = tuple(parameters)
@@ -160,7 +162,10 @@ class RandomKicks(Force):
     totals = 4
     keeps_momentum = True
 
-    def __init__(self, step: float, *, power: float | None = None, diffusion: float | None = None) -> None:
+    @validated
+    def __init__(
+        self, step: Positive, *, power: Positive | None = None, diffusion: Positive | None = None
+    ) -> None:
         super().__init__(step, _strength(power, diffusion))
 
     def check(self, disks: Disks) -> None:
@@ -204,7 +209,10 @@ class SpinKicks(Force):
     __slots__ = ()
     keeps_momentum = True
 
-    def __init__(self, step: float, *, power: float | None = None, diffusion: float | None = None) -> None:
+    @validated
+    def __init__(
+        self, step: Positive, *, power: Positive | None = None, diffusion: Positive | None = None
+    ) -> None:
         super().__init__(step, _strength(power, diffusion))
 
     @staticmethod
@@ -237,10 +245,16 @@ class Langevin(Force):
 
     __slots__ = ()
 
+    @validated
     def __init__(
-        self, step: float, *, temperature: float, rate: float = 0.0, spin_temperature: float | None = None,
-        spin_rate: float = 0.0,
-    ) -> None:  # fmt: skip
+        self,
+        step: Positive,
+        *,
+        temperature: NonNegative,
+        rate: NonNegative = 0.0,
+        spin_temperature: Positive | None = None,
+        spin_rate: NonNegative = 0.0,
+    ) -> None:
         _some(rate=rate, spin_rate=spin_rate)
         names = ("temperature", "rate", "spin_temperature", "spin_rate")
         of_spins = temperature if spin_temperature is None else spin_temperature
@@ -290,8 +304,14 @@ class Drag(Force):
     __slots__ = ()
     keeps_rest = True
 
+    @validated
     def __init__(
-        self, step: float, *, rate: float = 0.0, quadratic: float = 0.0, spin_rate: float = 0.0
+        self,
+        step: Positive,
+        *,
+        rate: NonNegative = 0.0,
+        quadratic: NonNegative = 0.0,
+        spin_rate: NonNegative = 0.0,
     ) -> None:
         given = {"rate": rate, "quadratic": quadratic, "spin_rate": spin_rate}
         _some(**given)
@@ -348,7 +368,8 @@ class TableFriction(Force):
     __slots__ = ()
     keeps_rest = True
 
-    def __init__(self, step: float, *, mu: float, gravity: float = 9.81) -> None:
+    @validated
+    def __init__(self, step: Positive, *, mu: Positive, gravity: Positive = 9.81) -> None:
         super().__init__(step, [number("mu", mu, positive=True) * number("gravity", gravity, positive=True)])
 
     @staticmethod
@@ -396,7 +417,10 @@ class Rescale(Force):
     keeps_rest = True
     keeps_momentum = True  # where the gas can drift
 
-    def __init__(self, step: float, *, temperature: float | None = None, energy: float | None = None) -> None:
+    @validated
+    def __init__(
+        self, step: Positive, *, temperature: Positive | None = None, energy: Positive | None = None
+    ) -> None:
         if (temperature is None) == (energy is None):
             raise InputError("rescale: exactly one of temperature and energy is needed")
         name, value = ("temperature", temperature) if energy is None else ("energy", energy)

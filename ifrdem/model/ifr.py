@@ -11,14 +11,14 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, nearest
 from ..tools import checked
-from ..tools.checked import Array
+from ..tools.checked import LEAST, MOST, Array, Number, Numbers, validated
 from .law import CollisionLaw, EnergyWarning
 
 STICKING = ("percussion_center", "contact_point")
@@ -100,6 +100,10 @@ def _number(name: str, value: object, low: float, high: float, why: str) -> floa
     return number
 
 
+_Mass = Annotated[float, Number(LEAST, math.inf, f"a positive number from {LEAST:g}, or inf")]
+
+
+@validated
 @dataclass(frozen=True, kw_only=True)
 class IFRLaw(CollisionLaw):
     """The independent friction-restitution law of one pair of materials.
@@ -177,9 +181,10 @@ class IFRLaw(CollisionLaw):
         verdict = self._admissibility(self.k)  # kbar = k for a like pair, whatever the masses
         if not verdict.admissible:
             raise InputError(f"{verdict.message}; for disks of another shape pass their k")
-        self._act_on(verdict, stacklevel=4)
+        self._act_on(verdict, stacklevel=5)
 
-    def admissibility(self, k_i: float, k_j: float, m_i: float = 1.0, m_j: float = 1.0) -> Admissibility:
+    @validated
+    def admissibility(self, k_i: float, k_j: float, m_i: _Mass = 1.0, m_j: _Mass = 1.0) -> Admissibility:
         """Verdict on collisions of disks with shape numbers k_i, k_j and masses m_i, m_j.
 
         Masses, in any one unit, matter only where the k differ; one of them may be infinite, a wall. InputError if a k
@@ -192,13 +197,14 @@ class IFRLaw(CollisionLaw):
             )
         return self._admissibility(float(_mean_k(k_i, k_j, m_i, m_j)))
 
-    def check(self, k_i: float, k_j: float, m_i: float = 1.0, m_j: float = 1.0) -> None:
+    @validated
+    def check(self, k_i: float, k_j: float, m_i: _Mass = 1.0, m_j: _Mass = 1.0) -> None:
         """Refuse the law, or warn, for collisions of disks with these k and masses; see `admissibility`.
 
         InputError if a collision of such a pair can add energy. EnergyWarning if only the loss along the line of
         centres keeps it from that.
         """
-        self._act_on(self.admissibility(k_i, k_j, m_i, m_j), stacklevel=3)
+        self._act_on(self.admissibility(k_i, k_j, m_i, m_j), stacklevel=4)
 
     def table_row(self) -> tuple[float, float, float, float, float]:
         """The numbers that `collide_pair` takes: e_n, e_t, mu, contact_point (1.0 or 0.0), rho [length]."""
@@ -299,14 +305,21 @@ def _mean_k(k_i: ArrayLike, k_j: ArrayLike, m_i: ArrayLike, m_j: ArrayLike) -> A
     return k_i + (k_j - k_i) / (1.0 + ratio)
 
 
+_Masses = Annotated[ArrayLike, Numbers(("...", 2), LEAST, math.inf, f"positive, from {LEAST:g}, or inf")]
+_Shapes = Annotated[ArrayLike, Numbers(("...", 2), LEAST, MOST, f"positive, from {LEAST:g} to {MOST:g}")]
+_Pairs = Annotated[ArrayLike, Numbers(("...", 2))]
+_Velocities = Annotated[ArrayLike, Numbers(("...", 2, 2))]
+
+
+@validated
 def collide(
     law: IFRLaw,
-    normal: ArrayLike,
-    mass: ArrayLike,
-    radius: ArrayLike,
-    k: ArrayLike,
-    velocity: ArrayLike,
-    spin: ArrayLike,
+    normal: _Pairs,
+    mass: _Masses,
+    radius: _Masses,
+    k: _Shapes,
+    velocity: _Velocities,
+    spin: _Pairs,
 ) -> Collision:
     """Collide pairs of disks, or disks with walls.
 
@@ -354,25 +367,10 @@ def collide(
     """
     from ..kernels.law import collide_pair  # imports Taichi, which is slow
 
-    if not isinstance(law, IFRLaw):
-        own = "a law of one's own runs on the device only, in a Simulation"
-        raise InputError(f"law = {law!r}: collide takes an IFRLaw; {own}")
-    given = {"normal": normal, "mass": mass, "radius": radius, "k": k, "spin": spin}
-    n, m, R, k_, w = (_pairs(name, value) for name, value in given.items())
+    n, m, R, k_, w = (np.asarray(value, dtype=np.float64) for value in (normal, mass, radius, k, spin))
     v = np.asarray(velocity, dtype=np.float64)
-    if v.shape[-2:] != (2, 2):
-        raise InputError(f"velocity has shape {v.shape}: (..., 2, 2) is needed, disk then component")
-
     wall, flat = np.isinf(m), np.isinf(R)
-    for name, array, wrong, needed in (
-        ("mass", m, ~(m > 0.0), "a positive number is needed (infinite for a wall)"),
-        ("mass", m, np.all(wall, axis=-1, keepdims=True) & wall, "only one of the two may be infinite"),
-        ("radius", R, ~(R > 0.0), "a positive number is needed (infinite for a flat wall)"),
-        ("k", k_, ~((k_ > 0.0) & np.isfinite(k_)), "a positive finite number is needed"),
-        ("velocity", v, ~np.isfinite(v), "a finite number is needed"),
-        ("spin", w, ~np.isfinite(w), "a finite number is needed"),
-    ):
-        _refuse(name, array, wrong, needed)
+    _refuse("mass", m, np.all(wall, axis=-1, keepdims=True) & wall, "only one of the two may be infinite")
     try:
         shape = np.broadcast_shapes(m.shape, R.shape, k_.shape, w.shape, n.shape, v.shape[:-1])
     except ValueError:
@@ -387,7 +385,7 @@ def collide(
 
     largest_k = float(np.max(_mean_k(k_[..., 0], k_[..., 1], m[..., 0], m[..., 1]), initial=0.0))
     if largest_k > law.k:  # at or below law.k its construction has already said what is to be said
-        law._act_on(law._admissibility(largest_k), stacklevel=3)
+        law._act_on(law._admissibility(largest_k), stacklevel=4)
 
     inverse = 1.0 / m
     R = np.where(flat, R[..., ::-1], R)
@@ -405,13 +403,6 @@ def collide(
     after = np.stack([np.stack([vx_i, vy_i], axis=-1), np.stack([vx_j, vy_j], axis=-1)], axis=-2)
     regime = np.where(P_n > 0.0, regime, 0).astype(np.int8)
     return Collision(after, np.stack([w_i, w_j], axis=-1), np.array(P_n), np.array(P_t), regime)
-
-
-def _pairs(name: str, value: ArrayLike) -> Array:
-    array = np.asarray(value, dtype=np.float64)
-    if array.ndim == 0 or array.shape[-1] != 2:
-        raise InputError(f"{name} has shape {array.shape}: (..., 2) is needed")
-    return array
 
 
 def _refuse(name: str, value: Array, wrong: NDArray[np.bool_], needed: str) -> None:

@@ -230,7 +230,7 @@ def try_on(kind: type[CollisionLaw], table: Array, disks: Disks, walls: Sequence
         most = f"one of them {100.0 * gain.max():.3g} % of the pair's"
         text = f"of {PAIRS} random collisions {gaining} added energy, {most}"
         more = "Simulation.dissipated_energy tells what becomes of it"
-        warnings.warn(f"law {kind.__name__}: {text}. {more}", EnergyWarning, stacklevel=4)
+        warnings.warn(f"law {kind.__name__}: {text}. {more}", EnergyWarning, stacklevel=5)
 
 
 def _reason(kind: type[CollisionLaw], error: Exception) -> str:

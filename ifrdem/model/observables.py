@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
+from ..kernels.columns import READOUT
 from ..tools import slices
-from ..tools.checked import Array
+from ..tools.checked import Array, Comm, Integer, Numbers, Real, validated
 from .state import Disks, State
 
 MECHANISMS = ("normal", "tangential_restitution", "sliding", "sticking", "rolling", "walls", "rest")
 """Mechanisms by which collisions take energy: normal and tangential restitution, friction while it slides or sticks,
 rolling friction, all of these in collisions with walls, and what disks lose that fall asleep."""
+TANGENTIAL = ("tangential_restitution", "sliding", "sticking")
+"""Those of the tangential impulse. Restitution acts first by convention: what each takes may be below 0, their sum not
+where no tangential impulse adds energy."""
 REGIMES = ("sliding", "sticking", "rolling_sliding", "rolling_sticking", "elastic")
 """Of collisions of two disks: whether friction slides or sticks, with the rolling torque rho P_n or without, or whether
 a remedy for collapse made them elastic."""
@@ -101,7 +106,8 @@ class Measure:
         return self.translational_energy + self.rotational_energy
 
 
-def drift_text(velocity: ArrayLike) -> str:
+@validated
+def drift_text(velocity: Annotated[ArrayLike, Numbers((2,))]) -> str:
     """Text of a mean velocity, without the rounding of a component that is none.
 
     Examples
@@ -114,16 +120,17 @@ def drift_text(velocity: ArrayLike) -> str:
     return f"({x:.4g}, {y:.4g})"
 
 
+@validated
 def measure(
     disks: Disks,
     state: State,
     *,
-    energy_input: float = 0.0,
-    wall_work: float = 0.0,
-    wall_heat: float = 0.0,
-    gravity: tuple[float, float] = (0.0, 0.0),
-    dissipated: Array | None = None,
-    regimes: NDArray[np.int64] | None = None,
+    energy_input: Real = 0.0,
+    wall_work: Real = 0.0,
+    wall_heat: Real = 0.0,
+    gravity: tuple[Real, Real] = (0.0, 0.0),
+    dissipated: Annotated[ArrayLike, Numbers((len(MECHANISMS),))] | None = None,
+    regimes: Annotated[ArrayLike, Numbers((len(REGIMES),), low=0.0, each="0 or more")] | None = None,
     about_mean: tuple[bool, bool] = (True, True),
 ) -> Measure:
     """Measure a gas; a state does not tell what was put in in its past [energy], nor the gravity [length/time^2].
@@ -140,8 +147,6 @@ def measure(
     >>> ifrdem.observables.measure(disks, state).temperature
     1.0
     """
-    if disks.n != state.n:
-        raise InputError(f"the state has {state.n} disks, the gas has {disks.n}")
     totals = sums(disks, state, gravity)
     put_in = {"energy_input": energy_input, "wall_work": wall_work, "wall_heat": wall_heat}
     counted: Any = {"dissipated": dissipated, "regimes": regimes}
@@ -151,7 +156,8 @@ def measure(
     )
 
 
-def sums(disks: Disks, state: State, gravity: tuple[float, float] = (0.0, 0.0), comm: Any = None) -> Array:
+@validated
+def sums(disks: Disks, state: State, gravity: tuple[Real, Real] = (0.0, 0.0), comm: Comm = None) -> Array:
     """Sums over all disks that `from_totals` takes; of ranks, each gives the disks and the state of its slice.
 
     Examples
@@ -162,6 +168,8 @@ def sums(disks: Disks, state: State, gravity: tuple[float, float] = (0.0, 0.0), 
     >>> float(ifrdem.observables.sums(disks, state)[0])  # the energy of their motion
     2.0
     """
+    if disks.n != state.n:
+        raise InputError(f"state has {state.n} disks, disks {disks.n}: must be as many")
     # An immovable disk is at rest: its infinite mass would make a NaN of that. It counts for nothing.
     movable = disks.movable
     mass, inertia = np.where(movable, disks.mass, 0.0), np.where(movable, disks.inertia, 0.0)
@@ -175,10 +183,16 @@ def sums(disks: Disks, state: State, gravity: tuple[float, float] = (0.0, 0.0), 
     return np.array([0.5 * found[0], 0.5 * found[1], *found[2:-1], 0.0, found[-1]])
 
 
+@validated
 def from_totals(
-    disks: Disks, totals: Array, time: float, wall_hits: int, *, about_mean: tuple[bool, bool] = (True, True),
+    disks: Disks,
+    totals: Annotated[Array, Numbers((READOUT.width,), -math.inf, math.inf)],
+    time: float,
+    wall_hits: Annotated[int, Integer(0, 2**63 - 1)],
+    *,
+    about_mean: tuple[bool, bool] = (True, True),
     **put_in: Any,
-) -> Measure:  # fmt: skip
+) -> Measure:
     """The measure of a gas from sums over all disks, which `Engine.totals` gives; `about_mean` as for `measure`.
 
     Examples

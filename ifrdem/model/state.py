@@ -6,33 +6,31 @@ import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..kernels.columns import MECHANISM
+from ..kernels.limits import MOST_IDS
 from ..tools import checked, slices
-from ..tools.checked import Array
+from ..tools.checked import Array, Integer, Numbers, validated
 from ..tools.pictured import Pictured
 from ..tools.reprs import Brief
 from ..tools.sealed import Sealed
 
-
-def _positive(name: str, value: ArrayLike, n: int, *, infinite: bool = False) -> Array:
-    column = checked.column(name, value, n)
-    wrong = ~(column > 0.0) | (np.isinf(column) & (not infinite))
-    if np.any(wrong):
-        i = int(np.argmax(wrong))
-        kind = (
-            "a positive number (infinite for an immovable disk)" if infinite else "a positive finite number"
-        )
-        raise InputError(f"{name}[{i}] = {column[i]}: {kind} is needed")
-    column.flags.writeable = False
-    return column
+_TINY, _HUGE = np.finfo(np.float64).smallest_subnormal, np.finfo(np.float64).max
+_Masses = Annotated[
+    NDArray[np.float64],
+    Numbers(("n",), float(_TINY), math.inf, "a positive number, or inf for an immovable disk", scalar=True),
+]
+_Sizes = Annotated[
+    NDArray[np.float64], Numbers(("n",), float(_TINY), float(_HUGE), "a positive finite number", scalar=True)
+]
 
 
+@validated
 @dataclass(frozen=True, eq=False, repr=False)
 class Disks(Brief):
     """The constant properties of n disks.
@@ -60,17 +58,18 @@ class Disks(Brief):
     array([0.125, 0.125, 2.   ])
     """
 
-    n: int
-    mass: Array
-    radius: Array
-    k: Array = field(default_factory=lambda: np.array(2.0))
+    n: Annotated[int, Integer(0, MOST_IDS)]
+    mass: _Masses
+    radius: _Sizes
+    k: _Sizes = field(default_factory=lambda: np.array(2.0))
     material: NDArray[np.int32] = field(default_factory=lambda: np.array(0, dtype=np.int32))
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
-        set_(self, "n", checked.whole("n", self.n, 0))
         for name in ("mass", "radius", "k"):
-            set_(self, name, _positive(name, getattr(self, name), self.n, infinite=name == "mass"))
+            column = checked.column(name, getattr(self, name), self.n)
+            column.flags.writeable = False
+            set_(self, name, column)
         material = checked.counts("material", self.material, (self.n,), broadcast=True).copy()
         material.flags.writeable = False
         set_(self, "material", material)
@@ -277,6 +276,8 @@ class State(Brief, Sealed, Pictured):
         if self.spin.ndim != 1:
             raise InputError(f"spin has shape {self.spin.shape}: one number for each disk, (n,), is needed")
         n = len(self.spin)
+        if (shape := np.shape(checked.array("position", self.position))) != (n, 2):
+            raise InputError(f"position has shape {shape}: must be {(n, 2)}, as spin has {n}")
         self.position = checked.array("position", self.position, (n, 2))
         self.velocity = checked.array("velocity", self.velocity, (n, 2))
         self.time = checked.finite("time", self.time)

@@ -12,7 +12,7 @@ import math
 import os
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Literal, TypedDict, Unpack
+from typing import Annotated, Any, Literal, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,13 +20,16 @@ from numpy.typing import ArrayLike
 from ..errors import InputError, nearest
 from ..kernels.columns import WALL, named
 from ..kernels.limits import MOST_WALLS
-from ..tools import checked, slices
-from ..tools.checked import Array
+from ..tools import slices
+from ..tools.checked import Array, Integer, Number, Numbers, validated
 from . import outlines
 from .box import Box
 from .outlines import MOST
 
-Point = tuple[float, float]
+Length = Annotated[float, Number(-MOST, MOST, f"a finite number, at most {MOST:g} in size")]
+Size = Annotated[float, Number(0.0, MOST, f"a number from 0 to {MOST:g}")]
+Positive = Annotated[float, Number(1e-300, MOST, f"a positive number, at most {MOST:g}")]
+Point = tuple[Length, Length]
 PIECES = ("line", "segment", "container", "post", "arc inside", "arc outside")
 """Pieces of walls, in the order of `kernels/walls.py`."""
 SHAPES = ("line", "segment", "container", "post", "arc", "polyline", "polygon")
@@ -46,17 +49,7 @@ AT_ONCE = 2_000_000
 """Pairs of a point and a piece of a wall that are looked at together at most."""
 
 
-def _number(
-    name: str, value: float, low: float = -math.inf, high: float = math.inf, *, open_: bool = False
-) -> float:
-    between = "" if low == -math.inf else f" {'above' if open_ else 'not below'} {low:g}"
-    between += "" if high == math.inf else f" and {'below' if open_ else 'not above'} {high:g}"
-    number = checked.finite(name, value, f"a finite number{between} is needed", low, high, open_=open_)
-    if abs(number) > MOST:
-        raise InputError(f"{name} = {value}: numbers up to {MOST:g} are allowed")
-    return number
-
-
+@validated
 @dataclass(frozen=True)
 class Motion:
     """Motion of a wall as a whole: a displacement s(t) along a direction; t is the time of the run.
@@ -83,27 +76,22 @@ class Motion:
     ('sine', (0.0, 1.0))
     """
 
-    kind: str = "still"
+    kind: Literal["still", "steady", "sine", "sawtooth"] = "still"
     direction: Point = (0.0, 1.0)
-    speed: float = 0.0
-    amplitude: float = 0.0
-    frequency: float = 0.0
-    phase: float = 0.0
-    rise: float = 0.5
+    speed: Length = 0.0
+    amplitude: Size = 0.0
+    frequency: Size = 0.0
+    phase: Length = 0.0
+    rise: Annotated[float, Number(1e-15, 1.0 - 1e-15, "a number between 0 and 1")] = 0.5
 
     def __post_init__(self) -> None:
-        checked.one_of("motion kind", self.kind, MOTIONS)
-        x, y = checked.finite_pair("motion direction", self.direction)
+        x, y = self.direction
         length = math.hypot(x, y)
         if length == 0.0:
-            raise InputError("motion direction = (0, 0): it has no direction")
-        set_ = object.__setattr__
-        set_(self, "direction", (x / length, y / length))
-        for name, low in (("speed", -math.inf), ("amplitude", 0.0), ("frequency", 0.0), ("phase", -math.inf)):
-            set_(self, name, _number(f"motion {name}", getattr(self, name), low))
-        set_(self, "rise", _number("motion rise", self.rise, 0.0, 1.0, open_=True))
+            raise InputError("direction = (0, 0): must not be 0")
+        object.__setattr__(self, "direction", (x / length, y / length))
         if self.kind in ("sine", "sawtooth") and self.frequency == 0.0:
-            raise InputError(f"motion kind = '{self.kind}': a frequency above 0 is needed")
+            raise InputError(f"frequency = 0: must be above 0 for a motion of kind '{self.kind}'")
 
     @property
     def most_speed(self) -> float:
@@ -121,7 +109,8 @@ class Motion:
         """Largest displacement from its middle position [length]; infinite for a steady motion."""
         return math.inf if self.kind == "steady" and self.speed != 0.0 else self.amplitude
 
-    def displacement(self, t: float) -> float:
+    @validated
+    def displacement(self, t: Length) -> float:
         """s(t) [length]."""
         if self.kind == "steady":
             return self.speed * t
@@ -135,6 +124,7 @@ class Motion:
         return 0.0
 
 
+@validated
 @dataclass(frozen=True)
 class Turn:
     """Rotation of a wall as a whole about a centre, counter-clockwise; t is the time of the run.
@@ -160,21 +150,16 @@ class Turn:
     0.5
     """
 
-    kind: str = "still"
+    kind: Literal["still", "steady", "sine"] = "still"
     center: Point = (0.0, 0.0)
-    rate: float = 0.0
-    amplitude: float = 0.0
-    frequency: float = 0.0
-    phase: float = 0.0
+    rate: Length = 0.0
+    amplitude: Size = 0.0
+    frequency: Size = 0.0
+    phase: Length = 0.0
 
     def __post_init__(self) -> None:
-        checked.one_of("turn kind", self.kind, TURNS)
-        set_ = object.__setattr__
-        set_(self, "center", checked.finite_pair("turn center", self.center))
-        for name, low in (("rate", -math.inf), ("amplitude", 0.0), ("frequency", 0.0), ("phase", -math.inf)):
-            set_(self, name, _number(f"turn {name}", getattr(self, name), low))
         if self.kind == "sine" and self.frequency == 0.0:
-            raise InputError("turn kind = 'sine': a frequency above 0 is needed")
+            raise InputError("frequency = 0: must be above 0 for a turn of kind 'sine'")
 
     @property
     def most_rate(self) -> float:
@@ -183,13 +168,15 @@ class Turn:
             return FULL_TURN * self.frequency * self.amplitude
         return abs(self.rate) if self.kind == "steady" else 0.0
 
-    def angle(self, t: float) -> float:
+    @validated
+    def angle(self, t: Length) -> float:
         """Angle at a time [rad]."""
         if self.kind == "sine":
             return self.amplitude * math.sin(FULL_TURN * self.frequency * t + self.phase)
         return self.rate * t if self.kind == "steady" else 0.0
 
 
+@validated
 @dataclass(frozen=True)
 class Piston:
     """A mass by which a wall moves freely along its normal, driven by the disks that hit it.
@@ -221,21 +208,15 @@ class Piston:
     4.25
     """
 
-    mass: float
-    force: float = 0.0
-    spring: float = 0.0
-    displacement: float = 0.0
-    velocity: float = 0.0
-    low: float | None = None
-    high: float | None = None
+    mass: Positive
+    force: Length = 0.0
+    spring: Size = 0.0
+    displacement: Length = 0.0
+    velocity: Length = 0.0
+    low: Length | None = None
+    high: Length | None = None
 
     def __post_init__(self) -> None:
-        set_ = object.__setattr__
-        set_(self, "mass", _number("piston mass", self.mass, 0.0, open_=True))
-        set_(self, "spring", _number("piston spring", self.spring, 0.0))
-        for name in ("force", "displacement", "velocity", "low", "high"):
-            if (value := getattr(self, name)) is not None:
-                set_(self, name, _number(f"piston {name}", value))
         low, high = self.stops
         if not low < high:
             raise InputError(f"piston low = {low:g}, high = {high:g}: low must be below high")
@@ -250,7 +231,8 @@ class Piston:
         """The least and the largest displacement [length], infinite where there is no stop."""
         return -math.inf if self.low is None else self.low, math.inf if self.high is None else self.high
 
-    def energy(self, displacement: float, velocity: float, pull: float = 0.0) -> float:
+    @validated
+    def energy(self, displacement: Length, velocity: Length, pull: Length = 0.0) -> float:
         """Kinetic and potential energy, 0 at rest at s = 0; `pull` is M g.n, the component of its weight [energy]."""
         s = displacement
         return 0.5 * self.mass * velocity**2 - (self.force + pull) * s + 0.5 * self.spring * s * s
@@ -272,6 +254,7 @@ class WallOptions(TypedDict, total=False):
     piston: Piston | None
 
 
+@validated
 @dataclass(frozen=True)
 class Wall:
     """A wall. Make one by `line`, `segment`, `container`, `post`, `arc`, `polyline` or `polygon`.
@@ -310,7 +293,7 @@ class Wall:
     towards: Point = (0.0, 0.0)
     """place, towards: a point of a line and its unit normal towards the disks; the beginning of a segment and the
     vector to its end [length]; the centre of a circle [length]."""
-    radius: float = 0.0
+    radius: Size = 0.0
     """Of a circle or arc [length]."""
     angles: Point = (0.0, FULL_TURN)
     """Of an arc: where it begins and, counter-clockwise, where it ends [rad]."""
@@ -318,22 +301,22 @@ class Wall:
     """Of a polyline or polygon [length]."""
     holds: Literal["both", "inside", "outside"] = "both"
     """Of a polygon: the side on which disks start, for placements and packing fractions; disks collide with both."""
-    material: int = 0
+    material: Annotated[int, Integer(0)] = 0
     """Row of the law's table."""
     motion: Motion = Motion()
     turn: Turn = Turn()
-    moves_from: float | None = None
-    moves_until: float | None = None
+    moves_from: Length | None = None
+    moves_until: Length | None = None
     """moves_from, moves_until: times between which motion and turn go on [time]; before and after, the wall stands
     where they begin and end. With `moves_from`, their t counts from it: a steady wall begins where it is given."""
-    opens_at: float | None = None
+    opens_at: Length | None = None
     """A gate: the time from which on the wall is gone [time]."""
-    opens_after: int | None = None
+    opens_after: Annotated[int, Integer(0, 2**63 - 1)] | None = None
     """A gate: the number of collisions between disks, those before the start included, after which the wall is gone."""
-    surface_speed: float = 0.0
+    surface_speed: Length = 0.0
     """Of the surface along its tangent [length/time]: a belt, the rim of a drum. Positive to the left of the normal
     that points to the disk, that is clockwise for a container and counter-clockwise for a post."""
-    temperature: float | None = None
+    temperature: Positive | None = None
     """Of a thermal wall, above 0 [energy]: the mean of m v_x^2 of the disks of a gas behind it, so that T = <m v^2>/2,
     and of I omega^2. None for a wall that follows the law."""
     group: str = ""
@@ -342,21 +325,17 @@ class Wall:
     """A mass with which a line, or a segment across the whole box, moves freely along its normal."""
 
     def __post_init__(self) -> None:
-        checked.one_of("wall shape", self.shape, SHAPES)
         set_, name = object.__setattr__, f"{self.shape} wall"
-        set_(self, "place", checked.finite_pair(f"{name}, place", self.place))
-        set_(self, "towards", checked.finite_pair(f"{name}, direction", self.towards))
         if self.shape in ("line", "segment") and math.hypot(*self.towards) == 0.0:
             line = self.shape == "line"
-            wrong = "normal = (0, 0): it has no direction" if line else "both ends are the same"
-            raise InputError(f"{name}: {wrong}")
+            wrong = "towards = (0, 0): the normal must not be 0" if line else "start and end must differ"
+            raise InputError(f"{name}, {wrong}")
         if self.shape == "line":
             length = math.hypot(*self.towards)
             set_(self, "towards", (self.towards[0] / length, self.towards[1] / length))
-        round_ = self.shape in ("container", "arc")
-        set_(self, "radius", _number(f"{name}, radius", self.radius, 0.0, open_=round_))
-        begin, end = checked.finite_pair(f"{name}, angles", self.angles)
-        set_(self, "angles", (begin, end))
+        if self.shape in ("container", "arc") and self.radius == 0.0:
+            raise InputError(f"{name}, radius = 0: must be above 0")
+        begin, end = self.angles
         if self.shape == "arc" and not 0.0 < end - begin <= FULL_TURN * (1.0 + 1e-15):
             raise InputError(
                 f"{name}, angles = ({begin:.6g}, {end:.6g}): the second must be above the first, by a full turn (2 pi) "
@@ -365,38 +344,18 @@ class Wall:
         if self.shape in ("polyline", "polygon"):
             set_(self, "points", outlines.checked_points(name, self.points, closed=self.shape == "polygon"))
             set_(self, "place", self.points[0])
-        elif not isinstance(self.points, Sequence | np.ndarray) or len(self.points):
+        elif self.points:
             raise InputError(f"{name}, points: only a polyline or polygon has them")
         set_(self, "points", tuple(self.points))
-        for key in ("place", "towards"):
-            if np.any(np.abs(getattr(self, key)) > MOST):
-                raise InputError(f"{name}, {key} = {getattr(self, key)}: numbers up to {MOST:g} are allowed")
-        checked.one_of(f"{name}, holds", self.holds, HOLDS)
-        set_(self, "material", checked.whole(f"{name}, material", self.material, 0))
-        set_(self, "surface_speed", _number(f"{name}, surface speed", self.surface_speed))
-        for key, kind in (("motion", Motion), ("turn", Turn)):
-            if not isinstance(getattr(self, key), kind):
-                raise InputError(f"{name}, {key} = {getattr(self, key)!r}: a {kind.__name__} is needed")
         if self.turn.kind != "still" and self.shape == "line":
             raise InputError(f"{name}, turn: a line has no end, so it cannot turn; use a segment")
-        for key in ("moves_from", "moves_until", "opens_at"):
-            if (value := getattr(self, key)) is not None:
-                set_(self, key, _number(f"{name}, {key}", value))
-        if self.opens_after is not None:
-            set_(self, "opens_after", checked.whole(f"{name}, opens_after", self.opens_after, 0))
         begin, end = self.moving_times
         if not begin < end:
             raise InputError(f"{name}, moves_until = {end:g}: a time after moves_from, {begin:g}, is needed")
-        if not isinstance(self.group, str):
-            raise InputError(f"{name}, group = {self.group!r}: a name is needed")
-        if self.temperature is not None:
-            set_(self, "temperature", _number(f"{name}, temperature", self.temperature, 0.0, open_=True))
         if self.piston is not None:
             self._check_piston(name)
 
     def _check_piston(self, name: str) -> None:
-        if not isinstance(self.piston, Piston):
-            raise InputError(f"{name}, piston = {self.piston!r}: a Piston is needed")
         if self.shape not in ("line", "segment"):
             raise InputError(
                 f"{name}, piston: only a line or a segment can be one, which disks hit along the way that it moves"
@@ -426,30 +385,34 @@ class Wall:
         return (x, y) if self.shape == "line" else (-y / length, x / length)
 
     @classmethod
+    @validated
     def line(cls, point: Point, normal: Point, **options: Unpack[WallOptions]) -> Wall:
         """An endless straight wall through `point`; disks are on the side to which `normal` points."""
         return cls("line", point, normal, **options)
 
     @classmethod
+    @validated
     def segment(cls, start: Point, end: Point, **options: Unpack[WallOptions]) -> Wall:
         """A straight wall from `start` to `end`, without thickness; disks collide with both sides and the ends."""
-        x, y = checked.finite_pair("segment wall, start", start)
-        x_1, y_1 = checked.finite_pair("segment wall, end", end)
+        (x, y), (x_1, y_1) = start, end
         return cls("segment", (x, y), (x_1 - x, y_1 - y), **options)
 
     @classmethod
-    def container(cls, center: Point, radius: float, **options: Unpack[WallOptions]) -> Wall:
+    @validated
+    def container(cls, center: Point, radius: Size, **options: Unpack[WallOptions]) -> Wall:
         """A circular wall around the disks."""
         return cls("container", center, radius=radius, **options)
 
     @classmethod
-    def post(cls, center: Point, radius: float, **options: Unpack[WallOptions]) -> Wall:
+    @validated
+    def post(cls, center: Point, radius: Size, **options: Unpack[WallOptions]) -> Wall:
         """A round wall among the disks; radius 0 is a point."""
         return cls("post", center, radius=radius, **options)
 
     @classmethod
+    @validated
     def arc(
-        cls, center: Point, radius: float, angles: Point = (0.0, FULL_TURN), **options: Unpack[WallOptions]
+        cls, center: Point, radius: Size, angles: Point = (0.0, FULL_TURN), **options: Unpack[WallOptions]
     ) -> Wall:
         """A part of a circle, without thickness, from the first of two angles [rad] counter-clockwise to the second.
 
@@ -458,11 +421,12 @@ class Wall:
         return cls("arc", center, radius=radius, angles=angles, **options)
 
     @classmethod
+    @validated
     def polyline(
         cls,
         points: Sequence[Point] | Array | str | os.PathLike[str],
         *,
-        scale: float = 1.0,
+        scale: Positive = 1.0,
         **options: Unpack[WallOptions],
     ) -> Wall:
         """Straight walls from point to point, without thickness; disks collide with both sides and the ends.
@@ -474,12 +438,13 @@ class Wall:
         return cls("polyline", (0.0, 0.0), points=given, **options)  # type: ignore[arg-type]
 
     @classmethod
+    @validated
     def polygon(
         cls,
         points: Sequence[Point] | Array | str | os.PathLike[str],
         holds: Literal["both", "inside", "outside"] = "both",
         *,
-        scale: float = 1.0,
+        scale: Positive = 1.0,
         **options: Unpack[WallOptions],
     ) -> Wall:
         """The closed outline through some points, without thickness: a container, an obstacle, or both.
@@ -735,6 +700,7 @@ def _unit(vectors: Array, length: Array) -> Array:
         return np.where(length[:, None] > 0.0, vectors / length[:, None], (1.0, 0.0))
 
 
+@validated
 @dataclass(frozen=True, eq=False)
 class WallSums:
     """Sums over all collisions with walls: what the walls gave to the disks.
@@ -758,7 +724,7 @@ class WallSums:
     """
 
     walls: Sequence[Wall]
-    values: Array
+    values: Annotated[Array, Numbers(("walls", len(SUMS)), -math.inf, math.inf)]
 
     @property
     def momentum(self) -> Array:

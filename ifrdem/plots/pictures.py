@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError, there_are
+from ..tools.checked import instance, validated
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,9 +47,10 @@ LAYOUTS: dict[str, dict[str, Any]] = {
 """Arguments of `Figure.subplots`, beside those of analyses, and of pictures of which they depend on the trajectory."""
 
 
+@validated
 def figure(
-    trajectory: Trajectory, what: str, *, frames: Sequence[int] | None = None, over: str = "t",
-    color: str | None = None, make: Any = None,
+    trajectory: Any, what: str, *, frames: Sequence[int] | None = None, over: str = "t",
+    color: str | None = None, make: Callable[..., Any] | None = None,
 ) -> Figure:  # fmt: skip
     """A figure by its name, with a title, and the doubts of the analysis below it.
 
@@ -82,10 +84,12 @@ def figure(
     from matplotlib.figure import Figure
 
     from ..analysis.result import span_text
+    from ..trajectory.reader import Trajectory
     from .disks import figure_size
     from .run import title
     from .style import ROTATION
 
+    instance("trajectory", trajectory, Trajectory)
     layout, frames = _layout(trajectory, what), _numbers(trajectory, frames)
     wide = layout.get("ncols", 1) > 1
     size = (12.0, 8.0) if what == "walls" else (12.0, 5.2) if wide else (7.5, 6.2)

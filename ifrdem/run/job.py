@@ -24,7 +24,7 @@ from ..case.file import CaseFile
 from ..case.gas import LEAST_DRIFT, CaseGas
 from ..case.pair_rules import COEFFICIENTS
 from ..errors import EngineError, InputError, Stopped, TrajectoryError, counted, refuse
-from ..model.observables import MECHANISMS, Measure, drift_text
+from ..model.observables import MECHANISMS, TANGENTIAL, Measure, drift_text
 from ..model.state import State
 from ..model.walls import wall_names
 from ..simulation import checkpoint
@@ -33,6 +33,7 @@ from ..simulation.schedule import Course, Span
 from ..simulation.simulation import Simulation
 from ..simulation.tracking import Events
 from ..tools import slices, world
+from ..tools.checked import Array
 from ..tools.progress import Progress, Stage
 from ..tools.versions import revision
 from ..trajectory import parts
@@ -234,6 +235,10 @@ def drive(
             save(job, recorder)
             stops.stored()
 
+    def count() -> None:
+        """Have the status know all that is written, which its message tells, too."""
+        status.update(frames=len(job.writer), series_rows=job.writer.series_rows)
+
     worked = time.process_time()
     say(f"compiling kernels: {check.COMPILING}")
     try:
@@ -248,6 +253,7 @@ def drive(
     except Stopped as stop:
         save(job, recorder)
         text = _remains(job, str(stop))
+        count()
         status.finish("interrupted", _one_line(text))
         raise Stopped(text, stop.status) from None
     except KeyboardInterrupt:
@@ -256,6 +262,7 @@ def drive(
                 job.writer.flush()
         text = _remains(job, "interrupted")
         if len(job.writer):
+            count()
             status.finish("interrupted", _one_line(text))
         else:
             status.path.unlink(missing_ok=True)
@@ -263,10 +270,11 @@ def drive(
         raise KeyboardInterrupt(text) from None
     except Exception as error:  # whatever it is, nobody must take the run for one that goes on
         known = isinstance(error, EngineError | TrajectoryError | InputError)
+        count()
         status.finish("failed", _one_line(str(error) if known else repr(error)))
         raise
     checkpoint.remove(job.outputs.checkpoint)
-    status.update(frames=len(job.writer), series_rows=job.writer.series_rows)
+    count()
     status.finish("done")
     job.output_share = (recorder.seconds + job.writer.seconds) / (time.process_time() - worked)
     return progress.collisions_per_second
@@ -456,6 +464,18 @@ def _remains(job: Job, reason: str) -> str:
     return text
 
 
+def _mechanisms(dissipated: Array, energy: str) -> Iterator[str]:
+    """Lines on the energy that each mechanism took, with its unit, and why one of them may be below 0."""
+    took = dict(zip(MECHANISMS, dissipated.tolist(), strict=True))
+    if parts := [f"{name.replace('_', ' ')} {part:.4g}" for name, part in took.items() if part != 0.0]:
+        yield f"by mechanism: {', '.join(parts)}{energy}"
+    if below := [name.replace("_", " ") for name in TANGENTIAL if took[name] < 0.0]:
+        yield (
+            f"  {' and '.join(below)} below 0: by convention tangential restitution acts first, and friction may give "
+            f"back a part of what it took; together they took {sum(took[name] for name in TANGENTIAL):.4g}{energy}"
+        )
+
+
 def _balance(job: Job, last: Measure) -> Iterator[str]:
     """Lines on temperatures, energy and momentum at the end of a run, against its beginning."""
     gas, case, ledger, first = job.file.gas, job.file.case, job.ledger, job.ledger.first
@@ -488,9 +508,7 @@ def _balance(job: Job, last: Measure) -> Iterator[str]:
         yield f"dissipated {lost:.6g}{energy}, {100.0 * lost / first.energy:.4g} % of the start"
     residual = ledger.relative_residual(last)
     if residual is not None and last.dissipated is not None:
-        shares = zip(MECHANISMS, last.dissipated, strict=True)
-        if parts := [f"{name.replace('_', ' ')} {part:.4g}" for name, part in shares if part != 0.0]:
-            yield f"by mechanism: {', '.join(parts)}{energy}"
+        yield from _mechanisms(last.dissipated, energy)
         yield f"the energy ledger closes to {abs(residual):.1e} of the energy that was there or put in"
     # Against the momentum that the disks' typical speed would add up to, all one way.
     scale = float(np.sqrt(2.0 * first.translational_energy * mass))

@@ -7,7 +7,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from ..model.observables import MECHANISMS, REGIMES, Measure
 from ..model.state import State
 from ..model.walls import OF_PISTONS, PISTONS, SUMS
 from ..simulation.tracking import Events, joined
+from ..tools.checked import Integer, validated
 from ..trajectory.background import QueuedWriter
 from ..trajectory.parts_writer import PartsWriter, Shares
 
@@ -32,6 +33,7 @@ OF_WALLS = "walls_"
 COLUMNS: dict[str, tuple[str, ...]] = {"dissipated_by_mechanism": MECHANISMS, "collisions_by_regime": REGIMES}
 
 
+@validated
 @dataclass(slots=True)
 class Ledger:
     """Energy ledger of a trajectory: `observables` makes quantities of the whole gas from the measure of each frame.
@@ -49,20 +51,23 @@ class Ledger:
     first: Measure | None = None
     latest: Measure | None = None
     """first, latest: those in the trajectory."""
-    frames: int = 0
+    frames: Annotated[int, Integer(0)] = 0
     """Their number."""
 
+    @validated
     def dissipated(self, measure: Measure) -> float:
         """Energy that collisions have taken since the first frame [energy]."""
         assert self.first is not None
         return self.first.unspent - measure.unspent
 
+    @validated
     def residual(self, measure: Measure) -> float | None:
         """Energy that is missing beyond what the mechanisms took [energy]; None without a ledger."""
         if measure.dissipated is None:
             return None
         return self.dissipated(measure) - float(measure.dissipated.sum())
 
+    @validated
     def relative_residual(self, measure: Measure) -> float | None:
         """The same, over all energy that was there or put in."""
         residual = self.residual(measure)
@@ -71,6 +76,7 @@ class Ledger:
         turned = sum(map(abs, (first.energy, now.energy_input, now.wall_work, now.wall_heat)))
         return None if residual is None or turned == 0.0 else residual / turned
 
+    @validated
     def observables(self, measure: Measure) -> dict[str, Any]:
         """Quantities of the whole gas in a frame (`estimate.OBSERVABLES`)."""
         if self.first is None:
@@ -84,6 +90,7 @@ class Ledger:
             }
         return found
 
+    @validated
     def row(self, measure: Measure) -> dict[str, Any]:
         """Quantities of a row of the time series (with `estimate.LEDGER`)."""
         row = self.observables(measure)

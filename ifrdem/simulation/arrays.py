@@ -43,7 +43,7 @@ from ..model.state import COLUMNS, Disks, State, codes
 from ..model.walls import Wall
 from ..tools import slices
 from . import device
-from .checks import spacing_of_places
+from .checks import MANTISSA, spacing_of_places
 
 CELL = 1.0 + 1e-6  # side of a cell in largest diameters, at least: what rounding leaves of it
 # The same where disks sleep, which may leave their cell in the falling frame by RESTING_FALL. A window lasts a fall by
@@ -363,11 +363,11 @@ class DeviceArrays:
         """Divide the rectangle from `low` to `high` [length] into tiles, whose sides lie on the grid of places."""
         count = np.array(tiles)
         extent = max(float(np.max(np.abs(np.concatenate([low, high])))), float(np.max(high - low)))
-        mantissa = 24 if self.real == np.float32 else 53
-        if mantissa == 24 and max(tiles) > 1:  # places are from the corner of a tile
+        precision = "f32" if self.real == np.float32 else "f64"
+        if precision == "f32" and max(tiles) > 1:  # places are from the corner of a tile
             extent = 2.0 * float(np.max((high - low) / count))
-        self.spacing: float = spacing_of_places(extent, "f32" if mantissa == 24 else "f64")
-        self.scale.rounding_constant = 1.5 * 2.0 ** (mantissa - 1) * self.spacing
+        self.spacing: float = spacing_of_places(extent, precision)
+        self.scale.rounding_constant = 1.5 * 2.0 ** (MANTISSA[precision] - 1) * self.spacing
         edges = []
         for axis in range(2):
             q = self.spacing

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -34,12 +34,24 @@ from ..model.law import (
     try_on,
 )
 from ..model.state import Disks, State
-from ..theory.contact import Contact, checked_packing_fraction, crowding_of_mixture
+from ..theory.contact import Contact, PackingFraction, crowding_of_mixture
 from ..theory.driven_gas import Drive
 from ..theory.sonine import sonine_coefficient
 from ..tools import checked, seeds
+from ..tools.checked import (
+    Column,
+    Count,
+    Integer,
+    NonNegative,
+    NonNegativeColumn,
+    Seed,
+    Vectors,
+    check_of,
+    validated,
+)
 from ..tools.sealed import Sealed
 from . import device
+from .schedule import warn_of_end
 
 
 @dataclass(frozen=True)
@@ -149,6 +161,19 @@ _LEAST = 32  # candidates of a batch, so that the last collisions of a sample do
 _ROUNDS = 4  # between two looks at what is left to settle
 
 
+def _samples(name: str, value: Any) -> Any:
+    of_moments = check_of(NonNegativeColumn)
+    assert of_moments is not None
+    is_list = isinstance(value, Sequence) or (isinstance(value, np.ndarray) and value.ndim > 0)
+    return (
+        of_moments(name, value) if is_list and not isinstance(value, str | bytes) else Integer(1)(name, value)
+    )
+
+
+Samples = Annotated[int | ArrayLike, _samples]
+"""A number of samples, or the moments at which they are taken, shape (q,)."""
+
+
 class DSMC(Sealed):
     """A homogeneous gas of rough disks, without places.
 
@@ -213,34 +238,30 @@ class DSMC(Sealed):
     candidates: int
     cut_for_speed: int
 
+    @validated
     def __init__(
         self,
         disks: Disks,
         law: CollisionLaw | Sequence[Sequence[CollisionLaw]],
-        packing_fraction: float,
-        velocity: ArrayLike,
-        spin: ArrayLike | None = None,
-        seed: int = 0,
+        packing_fraction: PackingFraction,
+        velocity: Vectors,
+        spin: Column | None = None,
+        seed: Seed = 0,
         *,
-        species: ArrayLike | None = None,
+        species: Column | None = None,
         drive: Drive | None = None,
         contact: Contact = "virial",
         arch: str = "cpu",
-        threads: int | None = None,
+        threads: Count | None = None,
         precision: str = "f64",
     ) -> None:
-        checked.instance("disks", disks, Disks)
         n = disks.n
         if n < 2 or not disks.movable.all():
             raise InputError(f"disks: two at least, of finite mass, are needed; {n} given")
-        if checked_packing_fraction(packing_fraction) == 0.0:
-            raise InputError("packing fraction = 0: disks do not meet")
-        spins = np.zeros(n) if spin is None else checked.array("spin", spin)
-        start = State(
-            np.zeros((n, 2)), checked.array("velocity", velocity), spins
-        )  # checks shapes and values
-        if start.n != n:
-            raise InputError(f"spin has {start.n} entries, there are {n} disks: they must agree")
+        if packing_fraction == 0.0:
+            raise InputError("packing_fraction = 0.0: must be above 0, or disks do not meet")
+        spins = np.zeros(n) if spin is None else checked.array("spin", spin, (n,))
+        start = State(np.zeros((n, 2)), checked.array("velocity", velocity), spins)  # checks the shape
         self._set(disks=disks, drive=drive)
         self._whole = True
         self._seed = seeds.of_device(seed)
@@ -370,12 +391,13 @@ class DSMC(Sealed):
         self._whole = True
         self._batches, self._kicks = state.batches, state.kicks
 
+    @validated
     def run(
         self,
         *,
-        collisions_per_disk: float | None = None,
-        t_end: float | None = None,
-        samples: int | ArrayLike = 50,
+        collisions_per_disk: NonNegative | None = None,
+        t_end: NonNegative | None = None,
+        samples: Samples = 50,
     ) -> Relaxation:
         """Run on, and sample on the way: the present state, and then at even steps.
 
@@ -406,9 +428,9 @@ class DSMC(Sealed):
             raise InputError(
                 f"{'t_end' if by_time else 'collisions_per_disk'} = {end}: lies in the past ({now:.6g})"
             )
-        if isinstance(samples, int | np.integer):
-            if samples < 1:
-                raise InputError(f"samples = {samples}: 1 or more are needed")
+        if end == now > 0.0:
+            warn_of_end(t_end=t_end, collisions_per_disk=collisions_per_disk)
+        if isinstance(samples, int):
             marks = np.linspace(now, end, int(samples) + 1)[1:]
         else:
             marks = np.asarray(samples, dtype=np.float64)

@@ -858,8 +858,8 @@ class Engine:
         self._resting += 1
         patience = max(PATIENCE, self.turning.steps_per_turn)  # after a whole turn all is as it was
         if not math.isfinite(ends) and (not math.isfinite(next_motion) or self._resting > patience):
-            parted = "have flown apart" if self.box.is_open else "all fly at one velocity"
-            apart = f"the disks {parted}, and none" if self._parted and moving else "no disk"
+            how = "have flown apart" if self.box.is_open else "all fly at one velocity"
+            apart = f"the disks {how}, and none" if self._parted and moving else "no disk"
             raise NoMoreCollisions(
                 f"t = {self.time:.6g}: {apart} can meet another one any more, but collisions are asked for"
             )

@@ -16,8 +16,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from taichi.lang.exception import TaichiCompilationError
 
-from ..errors import EngineError, InputError
+from ..errors import EngineError, InputError, counted
 from ..kernels.forces import LEVELS, kernels_of
 from ..model.forces import Force
 from ..model.state import Disks
@@ -60,6 +61,7 @@ class ForceSteps:
                     f"forces[{i}] = {force!r}: totals = {force.totals} needs a method measure too"
                 )
             force.check(disks)
+            _try_on(i, force)
         self.arrays = arrays
         self._seed = seed
         self._steps = [force.step for force in self.forces]
@@ -108,7 +110,7 @@ class ForceSteps:
         force, step, k = self.forces[index], self._steps[index], self.next_steps[index]
         parameters = np.array([*force.parameters, 0.0])  # one entry at least
         kind: Any = type(force)  # mypy does not take a class for hashable
-        sum_totals, apply_force = _kernels(kind, len(force.parameters))
+        sum_totals, apply_force, _ = _kernels(kind, len(force.parameters))
         given: dict[str, Any] = {
             "when": np.array([time_of(k, step), step, *free]),
             "counter_words": _words(k, index, self._seed),
@@ -139,6 +141,21 @@ class ForceSteps:
             )
         self.energy_inputs[index] += gained[0]
         return float(gained[1])
+
+
+def _try_on(i: int, force: Force) -> None:
+    """Compile a force of one's own alone: InputError where Taichi cannot, as for a parameter that it has not."""
+    kind: Any = type(force)
+    if kind.__module__ == Force.__module__:
+        return
+    try:
+        _kernels(kind, len(force.parameters))[2](np.ones(2))
+    except TaichiCompilationError as error:
+        reason = str(error).strip().splitlines()[-1].strip()
+        raise InputError(
+            f"forces[{i}] = {kind.__name__}: Taichi cannot compile its act or measure: {reason}; it has "
+            f"{counted(len(force.parameters), 'parameter')} and {counted(force.totals, 'total')}"
+        ) from error
 
 
 def _size(largest: NDArray[np.float64]) -> NDArray[np.int64]:

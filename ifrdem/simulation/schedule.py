@@ -8,12 +8,13 @@ from __future__ import annotations
 import math
 import sys
 import time
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from typing import Any
 
-from ..errors import InputError
+from ..errors import InputError, RunWarning
 from ..model.observables import Measure
 from ..model.state import State
 from ..tools import checked
@@ -217,6 +218,23 @@ class Span:
                 f"{2 * collisions / max(n, 1):.6g}, is needed"
             )
         return cls(n, time, collisions, Due(collisions=end))
+
+    @property
+    def is_over(self) -> bool:
+        """True if its end was reached before, by a gas that has moved."""
+        at_end = self.end.time == self.time or self.end.collisions == self.collisions
+        return at_end and (self.time > 0.0 or self.collisions > 0)
+
+
+def warn_of_end(**end: float | None) -> None:
+    """RunWarning that the end, as it was asked for by its name, is reached already."""
+    ((name, asked),) = ((name, value) for name, value in end.items() if value is not None)
+    warnings.warn(
+        f"{name} = {asked:g} is reached already: this run does nothing. Ends count from the start of the gas, not from "
+        f"this call: for as much again, {name} = {2 * asked:g}",
+        RunWarning,
+        stacklevel=4,
+    )
 
 
 def refuse_endless(cadence: Cadence, span: Span) -> None:

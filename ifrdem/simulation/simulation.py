@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,6 +25,7 @@ from ..model.overlaps import check_no_overlap
 from ..model.state import DiskKinds, Disks, State, dealt
 from ..model.walls import Wall, WallSums, check_types, sides
 from ..tools import checked, slices, world
+from ..tools.checked import LATER, Comm, Count, Seed, validated
 from ..tools.pictured import PicturedDisks
 from ..tools.progress import Progress as Bar
 from ..tools.progress import seen
@@ -43,7 +44,8 @@ from .schedule import (
     Span,
     earlier,
     refuse_endless,
-)  # fmt: skip
+    warn_of_end,
+)
 from .tracking import Events, Tracking, checked_ids
 from .turning import USUAL_STEP
 
@@ -192,16 +194,17 @@ class Simulation(Sealed, PicturedDisks):
     array([0.25, 0.75])
     """
 
+    @validated
     def __init__(
         self,
-        disks: Disks,
-        box: Box,
-        law: CollisionLaw | Sequence[Sequence[CollisionLaw]],
-        state: State,
+        disks: Annotated[Disks, LATER],
+        box: Annotated[Box, LATER],
+        law: Annotated[CollisionLaw | Sequence[Sequence[CollisionLaw]], LATER],
+        state: Annotated[State, LATER],
         *,
         arch: str = "cpu",
-        threads: int | None = None,
-        precision: str = "f64",
+        threads: Count | None = None,
+        precision: Literal["f64", "f32"] = "f64",
         window_collisions: float | None = None,
         walls: Sequence[Wall] = (),
         gravity: tuple[float, float] = (0.0, 0.0),
@@ -212,14 +215,14 @@ class Simulation(Sealed, PicturedDisks):
         velocity_cutoff: float | None = None,
         resting_speed: float | None = None,
         forces: Sequence[Force] = (),
-        seed: int = 0,
+        seed: Seed = 0,
         ledger: bool = False,
         partners: bool = False,
         angles: bool = False,
         dissipated: bool = False,
         wall_sums: bool = False,
-        tracked: Sequence[int] | NDArray[np.integer] = (),
-        comm: Any = None,
+        tracked: Annotated[Sequence[int] | NDArray[np.integer], LATER] = (),
+        comm: Comm = None,
         sliced: bool = False,
     ) -> None:
         comm = comm if comm is not None and comm.size > 1 else None
@@ -229,8 +232,7 @@ class Simulation(Sealed, PicturedDisks):
 
         def typed() -> State:
             for name, value, kind in (("disks", disks, Disks), ("box", box, Box), ("state", state, State)):
-                if not isinstance(value, kind):
-                    raise InputError(f"{name} = {value!r}: a {kind.__name__} is needed")
+                checked.instance(name, value, kind)
             check_types(walls)
             begin = replace(state)  # whoever made it may have changed it since: everything is looked at again
             if begin.n != disks.n:
@@ -315,7 +317,8 @@ class Simulation(Sealed, PicturedDisks):
         """Forces that act between collisions, in their order."""
         return self._engine.force_steps.forces
 
-    def set_law(self, law: CollisionLaw | Sequence[Sequence[CollisionLaw]]) -> None:
+    @validated
+    def set_law(self, law: Annotated[CollisionLaw | Sequence[Sequence[CollisionLaw]], LATER]) -> None:
         """Collide by another law from now on: one for all pairs, or a table, as for a new simulation.
 
         Raises
@@ -338,6 +341,7 @@ class Simulation(Sealed, PicturedDisks):
         if self._tracking is not None:
             self._tracking.laws = laws
 
+    @validated
     def set_forces(self, forces: Sequence[Force]) -> None:
         """Have other forces act from now on, instead of the present ones; an empty list for none.
 
@@ -352,6 +356,7 @@ class Simulation(Sealed, PicturedDisks):
         self._engine.set_forces(forces)
         self._given += put_in
 
+    @validated
     def set_gravity(self, gravity: tuple[float, float]) -> None:
         """Let disks fall by another acceleration [length/time^2] from now on.
 
@@ -624,7 +629,7 @@ class Simulation(Sealed, PicturedDisks):
             comm, lambda: checkpoint.write(path, small | dict(zip(own, rows or (), strict=True)), meta)
         )
 
-    def load_checkpoint(self, path: str | os.PathLike[str]) -> dict[str, Any]:
+    def load_checkpoint(self, path: str | os.PathLike[str] = "") -> dict[str, Any]:
         """Go on from where `save_checkpoint` was called, bitwise as if nothing had been between; returns `extra`.
 
         This simulation must have been made of the same disks, box, laws, walls, forces, seed and precision, from any
@@ -633,10 +638,15 @@ class Simulation(Sealed, PicturedDisks):
         Raises
         ------
         InputError
-            If the file is none, or belongs to another gas.
+            If the file is none, or belongs to another gas; or if it is called on the class.
         """
         from . import snapshot
 
+        if not isinstance(self, Simulation):  # Simulation.load_checkpoint(path)
+            raise InputError(
+                f"Simulation.load_checkpoint({self!r}): must be called on a simulation of the same disks, box and "
+                "laws, which a checkpoint does not hold: gas = ifrdem.Simulation(...), then gas.load_checkpoint(path)"
+            )
         comm, fingerprint = self._engine.comm, snapshot.fingerprint(self._engine)
 
         found, meta, in_parts = checkpoint.read_parts(checked.path("path", path), comm)
@@ -660,16 +670,17 @@ class Simulation(Sealed, PicturedDisks):
         """A copy of the present state, in the order of the disks; where it is told in slices, that of this rank's."""
         return self._engine.state()
 
+    @validated
     def run(
         self,
         *,
-        t_end: float | None = None,
-        collisions_per_disk: float | None = None,
-        frames: int | Cadence = 1,
+        t_end: Annotated[float | None, LATER] = None,
+        collisions_per_disk: Annotated[float | None, LATER] = None,
+        frames: Annotated[int | Cadence, LATER] = 1,
         observers: Iterable[Observer] = (),
-        series: int | Cadence | None = None,
+        series: Annotated[int | Cadence | None, LATER] = None,
         samplers: Iterable[Sampler] = (),
-        progress: Progress | bool | None = None,
+        progress: Annotated[Progress | bool | None, LATER] = None,
     ) -> None:
         """Run to a time, or until each disk has had so many collisions on average since the start.
 
@@ -678,7 +689,8 @@ class Simulation(Sealed, PicturedDisks):
         t_end : float
             End [time], not before the present time.
         collisions_per_disk : float
-            End by 2 * collisions / n. Exactly one of the two must be given.
+            End by 2 * collisions / n. Exactly one of the two must be given. Both count from the start of the gas, not
+            from this call: to run on, give a later end.
         frames : int or Cadence
             Frames after the first one, evenly spaced in the quantity that ends the run, or another cadence
             (`ifrdem.simulation.schedule.Cadence`); a frame at
@@ -707,6 +719,8 @@ class Simulation(Sealed, PicturedDisks):
         ------
         InputError
             If not exactly one end is given, or it lies in the past.
+        RunWarning
+            If the end is reached already, so that nothing moves.
         NoMoreCollisions
             If collisions are asked for and no disk can meet another one any more.
         InelasticCollapse
@@ -727,6 +741,8 @@ class Simulation(Sealed, PicturedDisks):
         for cadence in (frames, series):
             if cadence is not None:
                 refuse_endless(cadence, span)
+        if span.is_over and world.is_first(self._engine.comm):
+            warn_of_end(t_end=t_end, collisions_per_disk=collisions_per_disk)
         self._foresee(span.end.time)
         bar, comm = None, self._engine.comm
         if progress is True or (progress is None and comm is None and seen()):
@@ -750,7 +766,7 @@ class Simulation(Sealed, PicturedDisks):
         if self._foreseen or not self.disks.n or self.box.is_open:
             return
         for text in crush.foreseen(self._engine.walls, self.box, self.disks.radius, self.time, t_end):
-            warnings.warn(text, crush.WallWarning, stacklevel=3)
+            warnings.warn(text, crush.WallWarning, stacklevel=4)
         self._foreseen = True
 
     def switch_ledger(self, on: bool) -> None:

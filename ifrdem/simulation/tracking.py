@@ -114,7 +114,10 @@ def checked_ids(tracked: Sequence[int] | NDArray[np.integer], n: int) -> NDArray
     InputError
         If one is no whole number from 0 to n - 1, or stands there twice.
     """
-    given = np.asarray(tracked)
+    try:
+        given = np.asarray(tracked)
+    except ValueError:  # rows of different lengths
+        given = np.empty((0, 0))
     if given.ndim != 1 or (given.size and given.dtype.kind not in "iu"):
         raise InputError(f"tracked = {tracked!r}: a list of disks' numbers, 0 to {n - 1}, is needed")
     ids = np.sort(given).astype(np.int64)

@@ -21,7 +21,8 @@ from ..errors import DamageError, DamageWarning, InputError, listed
 from ..run.signals import Stopped, Stops
 from ..run.status import Status
 from ..simulation import device
-from ..tools import checked, files
+from ..tools import files
+from ..tools.checked import validated
 from ..tools.files import check_files
 from ..tools.progress import clock_face, quiet
 from . import workers
@@ -83,6 +84,7 @@ class Study:
     >>> study.dataset().temperature_mean  # doctest: +SKIP
     """
 
+    @validated
     def __init__(
         self,
         path: str | os.PathLike[str],
@@ -92,7 +94,7 @@ class Study:
         seeds: int | str | None = None,
         output: str | os.PathLike[str] | None = None,
     ) -> None:
-        self.plan: Plan = read(checked.path("path", path), vary=vary, set=set, seeds=seeds)
+        self.plan: Plan = read(Path(path), vary=vary, set=set, seeds=seeds)
         given = os.fspath(output) if output is not None else self.plan.name + ENDING
         if os.path.isdir(given) or given.endswith(("/", os.sep)):
             given = os.path.join(given, self.plan.name + ENDING)

@@ -282,4 +282,6 @@ def load(path: Path) -> tuple[dict[str, Variable], float]:
                     raise ValueError(f"{name} has {found[name].values.ndim} axes, and {len(dims)} have names")
         return found, float(head["seconds"])
     except (*FAULTS, EOFError, zipfile.BadZipFile, zlib.error, struct.error, tokenize.TokenError) as error:
-        raise DamageError(f"{path} is no whole result of a study ({error or type(error).__name__})") from None
+        raise DamageError(
+            f"{path} is no whole result of a study ({str(error) or type(error).__name__})"
+        ) from None

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..model.ifr import IFRLaw
 from ..model.state import Disks
-from ..tools.checked import Array
+from ..tools.checked import Array, NonNegativeColumn, NonNegativePerDisk, Real, validated
 from ..tools.reprs import Brief
 from . import mixtures, sheared_gas
+from .contact import PackingFraction
 from .driven_gas import Drive
-from .mixtures import Mixture, MixtureTemperatures
+from .mixtures import LawTable, Mixture, MixtureTemperatures
 
 
 @dataclass(frozen=True, repr=False)
@@ -33,16 +32,17 @@ class Prediction(Brief):
     """The same of each species, in the order of `Mixture.of`; None in a sheared gas."""
 
 
+@validated
 def prediction(
     disks: Disks,
-    law: IFRLaw | Sequence[Sequence[IFRLaw]],
-    packing_fraction: float,
-    T0: ArrayLike,
-    T_rot0: ArrayLike,
-    times: ArrayLike,
+    law: LawTable,
+    packing_fraction: PackingFraction,
+    T0: NonNegativePerDisk,
+    T_rot0: NonNegativePerDisk,
+    times: NonNegativeColumn,
     *,
     forces: Iterable[Mapping[str, Any]] = (),
-    shear_rate: float = 0.0,
+    shear_rate: Real = 0.0,
 ) -> Prediction:
     """Temperatures of a gas by the kinetic theory that belongs to it.
 

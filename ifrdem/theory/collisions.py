@@ -35,15 +35,26 @@ given g_t that of v_it is (a_i/S) g_t, and that of R_i w_i is (k_i tau_i / (m_i 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..model.ifr import IFRLaw
-from ..tools.checked import Array
-from .contact import checked_packing_fraction, checked_positive, contact_value
+from ..tools.checked import (
+    Array,
+    NonNegative,
+    NonNegativeArray,
+    NonNegativeColumn,
+    Positive,
+    PositiveColumn,
+    must_be,
+    validated,
+)
+from .contact import PackingFraction, contact_value
 
 
 class Collider(NamedTuple):
@@ -55,20 +66,27 @@ class Collider(NamedTuple):
     T_rot: ArrayLike
 
 
-def checked_law(law: object) -> IFRLaw:
-    """The law, if the averages are known for it.
+_COEFFICIENTS = {each.name for each in fields(IFRLaw)}
+
+
+def checked_law(name: str, law: Any) -> IFRLaw:
+    """The law, if the averages are known for it; of a mapping of coefficients, as in `Trajectory.laws`, made of it.
 
     InputError if it is no IFR law, or has rolling friction.
     """
-    if not isinstance(law, IFRLaw):
+    given = set(law) if isinstance(law, Mapping) else set()
+    found = IFRLaw(**law) if {"e_n", "e_t", "mu"} <= given <= _COEFFICIENTS else law
+    if not isinstance(found, IFRLaw):
+        raise must_be(name, law, "an IFRLaw, whose averages have closed forms (ifrdem.DSMC takes any law)")
+    if found.rho != 0.0:
         raise InputError(
-            f"law = {law!r}: the closed forms of kinetic theory are those of an IFRLaw; ifrdem.dsmc takes any law"
+            f"{name}: rho = {found.rho}: must be 0, kinetic theory knows no rolling friction (ifrdem.DSMC does)"
         )
-    if law.rho != 0.0:
-        raise InputError(
-            f"rho = {law.rho}: the kinetic theory knows no rolling friction, only rho = 0; ifrdem.dsmc does"
-        )
-    return law
+    return found
+
+
+KineticLaw = Annotated[IFRLaw, checked_law]
+"""A law whose averages are known, or a mapping of its coefficients."""
 
 
 def tangential_averages(law: IFRLaw, inverse_a: ArrayLike, S: ArrayLike) -> tuple[Array, Array]:
@@ -103,8 +121,13 @@ def energy_changes(law: IFRLaw, disk: Collider, other: Collider) -> tuple[Array,
     return translation, rotation
 
 
+@validated
 def collision_rate(
-    packing_fraction: float, T: float, mass: float, radius: float, g: float | None = None
+    packing_fraction: PackingFraction,
+    T: Positive,
+    mass: Positive,
+    radius: Positive,
+    g: NonNegative | None = None,
 ) -> float:
     """Collisions per disk and time [1/time] of equal disks in equilibrium at temperature T [energy].
 
@@ -122,13 +145,12 @@ def collision_rate(
     >>> round(theory.collision_rate(0.1, 1.0, 1.0, 0.5, g=1.0), 4)  # 2 sigma n (pi T / m)^(1/2), n = 0.1 / (pi / 4)
     0.4514
     """
-    checked_positive(T=T, mass=mass, radius=radius)
-    phi = checked_packing_fraction(packing_fraction)
-    crowding = contact_value(phi) if g is None else g
-    return 8.0 * phi * crowding * math.sqrt(T / (math.pi * mass)) / (2.0 * radius)
+    crowding = contact_value(packing_fraction) if g is None else g
+    return 8.0 * packing_fraction * crowding * math.sqrt(T / (math.pi * mass)) / (2.0 * radius)
 
 
-def mean_free_path(packing_fraction: float, radius: float) -> float:
+@validated
+def mean_free_path(packing_fraction: PackingFraction, radius: Positive) -> float:
     """Mean speed over collision rate of equal disks in equilibrium [length]: pi sigma / (8 sqrt(2) phi g).
 
     The mean speed is sqrt(pi T / (2 m)). Infinite at packing fraction 0.
@@ -139,15 +161,19 @@ def mean_free_path(packing_fraction: float, radius: float) -> float:
     >>> round(theory.mean_free_path(0.01, 0.5), 2)
     27.33
     """
-    checked_positive(radius=radius)
-    phi = checked_packing_fraction(packing_fraction)
+    phi = packing_fraction
     if phi == 0.0:
         return math.inf
     return math.pi * 2.0 * radius / (8.0 * math.sqrt(2.0) * phi * contact_value(phi))
 
 
+@validated
 def mixture_collision_rates(
-    T: ArrayLike, mass: ArrayLike, radius: ArrayLike, number_density: ArrayLike, g: ArrayLike
+    T: NonNegativeColumn,
+    mass: PositiveColumn,
+    radius: PositiveColumn,
+    number_density: NonNegativeColumn,
+    g: NonNegativeArray,
 ) -> Array:
     """Collisions of a disk of species i with disks of species j per time [1/time], shape (s, s).
 
@@ -169,7 +195,14 @@ def mixture_collision_rates(
     array([[0.354, 0.21 ],
            [0.42 , 0.177]])
     """
-    R, n = np.asarray(radius, dtype=np.float64), np.asarray(number_density, dtype=np.float64)
-    variance = np.asarray(T, dtype=np.float64) / np.asarray(mass, dtype=np.float64)
+    columns = {"T": T, "mass": mass, "radius": radius, "number_density": number_density}
+    t, m, R, n = (np.asarray(column, dtype=np.float64) for column in columns.values())
+    wanted = {**dict.fromkeys(columns, m.shape), "g": 2 * m.shape}
+    for name, value in {**columns, "g": g}.items():
+        if np.shape(value) != wanted[name]:
+            raise InputError(
+                f"{name} has shape {np.shape(value)}: must be {wanted[name]}, as mass has {m.shape}"
+            )
+    variance = t / m
     relative = np.sqrt(2.0 * math.pi * (variance[:, None] + variance))
     return n * np.asarray(g, dtype=np.float64) * (R[:, None] + R) * relative

@@ -6,13 +6,19 @@ Symbols: phi packing fraction, sigma = 2 R diameter, g pair correlation at conta
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..tools.checked import Array, one_of
+from ..tools.checked import (
+    LEAST,
+    Array,
+    NonNegativeColumn,
+    Number,
+    PositiveColumn,
+    validated,
+)
 
 VIRIAL = (
     1.0,
@@ -36,22 +42,18 @@ Contact = Literal["virial", "henderson", "dilute"]
 """Source of the contact value of equal disks; "dilute" is g = 1, Boltzmann's gas."""
 
 
-def checked_packing_fraction(value: float) -> float:
-    """The value, if disks can cover that part of the area; InputError if not."""
-    densest = math.pi / (2.0 * math.sqrt(3.0))
-    if not 0.0 <= value <= densest:
-        raise InputError(f"packing fraction = {value}: must lie between 0 and {densest:.4f}")
-    return float(value)
+_DENSEST = math.pi / (2.0 * math.sqrt(3.0))
+PackingFraction = Annotated[
+    float,
+    Number(
+        LEAST, _DENSEST, f"0, or a number from {LEAST:g} to {_DENSEST:.4f}, the densest packing", zero=True
+    ),
+]
+"""Part of the area that equal disks can cover."""
 
 
-def checked_positive(**values: float) -> None:
-    """InputError that names the first value that is not a positive finite number."""
-    for name, value in values.items():
-        if not (math.isfinite(value) and value > 0.0):
-            raise InputError(f"{name} = {value}: a positive finite number is needed")
-
-
-def contact_value(packing_fraction: float) -> float:
+@validated
+def contact_value(packing_fraction: PackingFraction) -> float:
     """Pair correlation g of equal hard disks at contact: how much crowding raises the collision rate.
 
     From the virial series to the tenth coefficient, Z = 1 + sum B_i rho^(i-1) = 1 + 2 phi g. Known to about 1e-5 at
@@ -64,11 +66,12 @@ def contact_value(packing_fraction: float) -> float:
     >>> round(theory.contact_value(0.3), 3)
     1.772
     """
-    phi = checked_packing_fraction(packing_fraction)
+    phi = packing_fraction
     return float(np.polynomial.polynomial.polyval(2.0 * phi, _RESUMMED)) / (1.0 - phi) ** 2
 
 
-def henderson(packing_fraction: float) -> float:
+@validated
+def henderson(packing_fraction: PackingFraction) -> float:
     """Contact value of equal hard disks by Henderson, (1 - 7 phi / 16) / (1 - phi)^2.
 
     D. Henderson, Mol. Phys. 30, 971 (1975). Within 1e-3 of `contact_value` up to packing fraction 0.3, 1 % up to
@@ -80,24 +83,27 @@ def henderson(packing_fraction: float) -> float:
     >>> round(theory.henderson(0.3), 4)  # (1 - 7 phi / 16) / (1 - phi)^2
     1.773
     """
-    phi = checked_packing_fraction(packing_fraction)
+    phi = packing_fraction
     return (1.0 - 7.0 * phi / 16.0) / (1.0 - phi) ** 2
 
 
-def of_equal_disks(packing_fraction: float, contact: Contact = "virial") -> float:
+@validated
+def of_equal_disks(packing_fraction: PackingFraction, contact: Contact = "virial") -> float:
     """The contact value of equal disks by one of `CONTACT`.
 
     InputError if there is no such, or as `contact_value`.
     """
-    one_of("contact", contact, CONTACT)
     if contact == "dilute":
-        checked_packing_fraction(packing_fraction)
         return 1.0
     return henderson(packing_fraction) if contact == "henderson" else contact_value(packing_fraction)
 
 
+@validated
 def crowding_of_mixture(
-    packing_fraction: float, radius: ArrayLike, fraction: ArrayLike | None = None, contact: Contact = "virial"
+    packing_fraction: PackingFraction,
+    radius: PositiveColumn,
+    fraction: NonNegativeColumn | None = None,
+    contact: Contact = "virial",
 ) -> tuple[float, float]:
     """The two numbers (a, b) [1, 1/length] of which contact values are made: g_ij = a + b R_i R_j / (R_i + R_j).
 
@@ -118,18 +124,28 @@ def crowding_of_mixture(
         g(phi) of equal disks; "dilute" makes all contact values 1.
     """
     g = of_equal_disks(packing_fraction, contact)
+    R = np.asarray(radius, dtype=np.float64)
+    parts = np.ones(len(R)) if fraction is None else np.asarray(fraction, dtype=np.float64)
+    if parts.shape != R.shape or not parts.any():
+        raise InputError(
+            f"fraction has shape {parts.shape} and the sum {parts.sum():g}: must have that of radius, {R.shape}, "
+            "and a sum above 0"
+        )
     if contact == "dilute":
         return 1.0, 0.0
     a = 1.0 / (1.0 - packing_fraction)
-    diameter = 2.0 * np.asarray(radius, dtype=np.float64)
-    parts = None if fraction is None else np.asarray(fraction, dtype=np.float64)
+    diameter = 2.0 * R
     mean, mean_square = (float(np.average(diameter**power, weights=parts)) for power in (1, 2))
     # sigma_i sigma_j / sigma_ij = 4 R_i R_j / (R_i + R_j)
     return a, 4.0 * (g - a) * mean / mean_square
 
 
+@validated
 def mixture_contact_values(
-    packing_fraction: float, radius: ArrayLike, fraction: ArrayLike | None = None, contact: Contact = "virial"
+    packing_fraction: PackingFraction,
+    radius: PositiveColumn,
+    fraction: NonNegativeColumn | None = None,
+    contact: Contact = "virial",
 ) -> Array:
     """Contact values g_ij of hard disks of different sizes, shape (s, s); see `crowding_of_mixture`.
 
@@ -145,10 +161,11 @@ def mixture_contact_values(
     return a + b * R[:, None] * R / (R[:, None] + R)
 
 
+@validated
 def compressibility(
-    packing_fraction: float,
-    radius: ArrayLike = (1.0,),
-    fraction: ArrayLike | None = None,
+    packing_fraction: PackingFraction,
+    radius: PositiveColumn = (1.0,),
+    fraction: NonNegativeColumn | None = None,
     contact: Contact = "virial",
 ) -> float:
     """Z = P / (n T) of elastic hard disks of one or several sizes: 1 + (pi/2) n sum_ij x_i x_j sigma_ij^2 g_ij.
@@ -164,7 +181,7 @@ def compressibility(
     """
     R = np.asarray(radius, dtype=np.float64)
     x = np.full(len(R), 1.0) if fraction is None else np.asarray(fraction, dtype=np.float64)
-    x = x / x.sum()
     g = mixture_contact_values(packing_fraction, R, x, contact)
+    x = x / x.sum()
     density = packing_fraction / (math.pi * float(np.sum(x * R**2)))
     return 1.0 + 0.5 * math.pi * density * float(x @ (g * (R[:, None] + R) ** 2) @ x)

@@ -13,20 +13,29 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import ArrayLike
 
 from ..errors import InputError, TheoryError
-from ..model.ifr import IFRLaw
-from ..tools.checked import Array
-from .collisions import Collider, checked_law, collision_rate, energy_changes
-from .contact import checked_positive
+from ..tools.checked import (
+    Array,
+    Fraction,
+    NonNegative,
+    NonNegativeArray,
+    NonNegativeColumn,
+    Number,
+    Positive,
+    PositiveArray,
+    validated,
+)
+from .collisions import Collider, KineticLaw, collision_rate, energy_changes
+from .contact import PackingFraction
 
 
-def changes_per_collision(theta: ArrayLike, law: IFRLaw, k: float) -> tuple[Array, Array]:
+@validated
+def changes_per_collision(theta: NonNegativeArray, law: KineticLaw, k: Positive) -> tuple[Array, Array]:
     """Relative changes (dT / T, dT_rot / T) per collision of a disk, at theta = T_rot / T.
 
     Derived in `cooling_rates`.
@@ -43,20 +52,16 @@ def changes_per_collision(theta: ArrayLike, law: IFRLaw, k: float) -> tuple[Arra
     return translation, 2.0 * rotation  # energies T and T_rot / 2
 
 
-def _check(law: IFRLaw, mass: float, radius: float, k: float) -> None:
-    checked_positive(mass=mass, radius=radius, k=k)
-    checked_law(law)
-
-
+@validated
 def cooling_rates(
-    T: ArrayLike,
-    T_rot: ArrayLike,
+    T: PositiveArray,
+    T_rot: NonNegativeArray,
     *,
-    law: IFRLaw,
-    mass: float,
-    radius: float,
-    k: float,
-    number_density: float,
+    law: KineticLaw,
+    mass: Positive,
+    radius: Positive,
+    k: Positive,
+    number_density: NonNegative,
 ) -> tuple[Array, Array]:
     r"""Rates (dT/dt, dT_rot/dt) [energy/time] at which a homogeneous gas of equal disks cools.
 
@@ -92,17 +97,21 @@ def cooling_rates(
     >>> float(dT), float(dT_rot)
     (0.0, 0.0)
     """
-    _check(law, mass, radius, k)
     translational = np.asarray(T, dtype=np.float64)
     rotational = np.asarray(T_rot, dtype=np.float64)
-    if not (np.all(translational > 0.0) and np.all(rotational >= 0.0)):
-        raise InputError("temperatures: T > 0 and T_rot >= 0 are needed")
+    try:
+        np.broadcast_shapes(translational.shape, rotational.shape)
+    except ValueError:
+        raise InputError(
+            f"T_rot has shape {rotational.shape}: must be one that broadcasts with that of T, {translational.shape}"
+        ) from None
     rate = collision_rate(number_density * math.pi * radius**2, 1.0, mass, radius) * np.sqrt(translational)
     translation, rotation = changes_per_collision(rotational / translational, law, k)
     return rate * translational * translation, rate * translational * rotation
 
 
-def checked_times(times: ArrayLike) -> Array:
+@validated
+def checked_times(times: NonNegativeColumn) -> Array:
     """Times [time] as an array of shape (steps,); InputError unless they are finite, 0 or more, and do not decrease.
 
     Examples
@@ -113,11 +122,14 @@ def checked_times(times: ArrayLike) -> Array:
     >>> theory.checked_times([0.0, -1.0])
     Traceback (most recent call last):
         ...
-    ifrdem.errors.InputError: times: finite numbers of 0 or more in increasing order are needed, shape (steps,)
+    ifrdem.errors.InputError: times[1] = -1.0: must be 0, or from 1e-100 to 1e+100
     """
     when = np.asarray(times, dtype=np.float64)
-    if when.ndim != 1 or not np.all(np.isfinite(when)) or np.any(np.diff(when, prepend=0.0) < 0.0):
-        raise InputError("times: finite numbers of 0 or more in increasing order are needed, shape (steps,)")
+    if np.any(falling := np.diff(when) < 0.0):
+        i = int(np.argmax(falling)) + 1
+        raise InputError(
+            f"times[{i}] = {when[i]}: must be in increasing order, and {when[i - 1]} stands before it"
+        )
     return when
 
 
@@ -148,10 +160,17 @@ def cooled(slope: Callable[[Array], Array], start: Array, x: Array) -> Array:
     return integrated(lambda s, y: math.exp(s) * slope(y), start, np.log1p(x), "cooling gas", rtol=1e-10)
 
 
+@validated
 def cooling(
-    law: IFRLaw, mass: float, radius: float, k: float, packing_fraction: float, T0: float, T_rot0: float,
-    times: ArrayLike,
-) -> tuple[Array, Array, Array]:  # fmt: skip
+    law: KineticLaw,
+    mass: Positive,
+    radius: Positive,
+    k: Positive,
+    packing_fraction: PackingFraction,
+    T0: Positive,
+    T_rot0: NonNegative,
+    times: NonNegativeColumn,
+) -> tuple[Array, Array, Array]:
     """Temperatures of a homogeneous gas of equal disks as it cools: `cooling_rates` integrated.
 
     InputError as `cooling_rates`, or if the times decrease or are negative.
@@ -178,10 +197,7 @@ def cooling(
     >>> T.round(3), T_rot
     (array([1.   , 0.637]), array([0., 0.]))
     """
-    _check(law, mass, radius, k)
     when = checked_times(times)
-    if not (math.isfinite(T0) and T0 > 0.0 and math.isfinite(T_rot0) and T_rot0 >= 0.0):
-        raise InputError(f"T0 = {T0}, T_rot0 = {T_rot0}: T0 > 0 and T_rot0 >= 0 are needed")
     rate0 = collision_rate(packing_fraction, T0, mass, radius)
     if len(when) == 0 or when[-1] == 0.0 or rate0 == 0.0:
         return np.full(len(when), T0), np.full(len(when), T_rot0), np.zeros(len(when))
@@ -197,7 +213,8 @@ def cooling(
     return T, theta * T, collisions
 
 
-def haff_time(e_n: float, rate0: float) -> float:
+@validated
+def haff_time(e_n: Fraction, rate0: Positive) -> float:
     """Haff's time t_H [time] of smooth equal disks, 4 / ((1 - e_n^2) rate0): infinite for elastic ones.
 
     Each collision of a disk takes (1 - e_n^2) / 2 of its temperature, at a rate nu = rate0 sqrt(T / T0): dT/dt = -(1 -
@@ -217,7 +234,8 @@ def haff_time(e_n: float, rate0: float) -> float:
     return math.inf if e_n == 1.0 else 4.0 / ((1.0 - e_n**2) * rate0)
 
 
-def haff(T0: float, e_n: float, rate0: float, times: ArrayLike) -> Array:
+@validated
+def haff(T0: Positive, e_n: Fraction, rate0: Positive, times: NonNegativeArray) -> Array:
     """Temperature of smooth equal disks [energy]: Haff's law T0 / (1 + t / t_H)^2, shape of `times`.
 
     The special case mu = 0, e_t = -1 of `cooling_rates`; t_H and rate0 as in `haff_time`.
@@ -231,7 +249,11 @@ def haff(T0: float, e_n: float, rate0: float, times: ArrayLike) -> Array:
     return T0 / (1.0 + np.asarray(times, dtype=np.float64) / haff_time(e_n, rate0)) ** 2
 
 
-def rough_rates(theta: ArrayLike, e_n: float, beta: float, k: float) -> tuple[Array, Array]:
+_Roughness = Annotated[float, Number(-1.0, 1.0, "a number from -1 to 1")]
+
+
+@validated
+def rough_rates(theta: NonNegativeArray, e_n: Fraction, beta: _Roughness, k: Positive) -> tuple[Array, Array]:
     """(dT / T, dT_rot / T) per collision of disks of constant roughness beta, at theta = T_rot / T.
 
     Every collision reverses the slip to -beta times itself: the limit mu -> infinity of the law that sticks at the
@@ -260,7 +282,8 @@ class CoolingRatio(NamedTuple):
     stable: bool  # True if nearby ratios tend to it, False if they go away from it
 
 
-def cooling_ratios(law: IFRLaw, k: float) -> tuple[CoolingRatio, ...]:
+@validated
+def cooling_ratios(law: KineticLaw, k: Positive) -> tuple[CoolingRatio, ...]:
     r"""All theta = T_rot / T > 0 that stay in a cooling gas by the theory, increasing; none of smooth disks.
 
     A gas may have two stable ones with an unstable one between: to which it tends depends on its start
@@ -282,8 +305,6 @@ def cooling_ratios(law: IFRLaw, k: float) -> tuple[CoolingRatio, ...]:
     >>> [(round(found.theta, 3), found.stable) for found in theory.cooling_ratios(coin.law, coin.k)]
     [(0.619, True)]
     """
-    checked_positive(k=k)
-    checked_law(law)
     c = {"percussion_center": 0.5, "contact_point": 1.0 / (1.0 + k)}[law.sticking]
     eta, gamma, f = (1.0 + law.e_t) / (2.0 * (1.0 + k)), 0.5 * c, law.mu * (1.0 + law.e_n) / c
     d = Polynomial([0.0, 1.0 / (1.0 + f)])  # of order 1, however large f
@@ -300,7 +321,8 @@ def cooling_ratios(law: IFRLaw, k: float) -> tuple[CoolingRatio, ...]:
     return tuple(CoolingRatio(*one) for one in found if one[0] > 1e-12)
 
 
-def cooling_ratio(law: IFRLaw, k: float, theta0: float) -> float:
+@validated
+def cooling_ratio(law: KineticLaw, k: Positive, theta0: NonNegative) -> float:
     """T_rot / T to which a cooling gas with T_rot / T = theta0 tends by the theory; inf where T_rot outlives T.
 
     InputError as `cooling_ratios`, or if theta0 is not a finite number of 0 or more.
@@ -313,8 +335,6 @@ def cooling_ratio(law: IFRLaw, k: float, theta0: float) -> float:
     >>> round(theory.cooling_ratio(coin.law, coin.k, 0.0), 3)
     0.619
     """
-    if not (math.isfinite(theta0) and theta0 >= 0.0):
-        raise InputError(f"theta0 = {theta0}: a finite number of 0 or more is needed")
     ratios = [one.theta for one in cooling_ratios(law, k)]
     translation, rotation = (float(one) for one in changes_per_collision(theta0, law, k))
     rising = rotation - theta0 * translation

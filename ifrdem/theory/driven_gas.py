@@ -17,24 +17,25 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..model.ifr import IFRLaw
-from ..tools.checked import Array
-from .collisions import collision_rate
+from ..tools.checked import Array, NonNegative, NonNegativeColumn, Positive, validated
+from .collisions import KineticLaw, collision_rate
+from .contact import PackingFraction
 from .cooling_gas import checked_times, cooling_rates, integrated
 
 
+@validated
 @dataclass(frozen=True)
 class Drive:
     """Heating and friction by all forces together."""
 
-    power: float = 0.0
-    spin_power: float = 0.0
+    power: NonNegative = 0.0
+    spin_power: NonNegative = 0.0
     """power, spin_power: energy that a disk's motion and its spin get per time [energy/time]."""
-    rate: float = 0.0
-    spin_rate: float = 0.0
+    rate: NonNegative = 0.0
+    spin_rate: NonNegative = 0.0
     """rate, spin_rate: friction rates of velocities and spins [1/time]."""
 
     @classmethod
@@ -100,8 +101,14 @@ class _Balance:
         return float(brentq(lambda T_rot: self(T, T_rot)[1], 0.0, high, rtol=1e-13))
 
 
+@validated
 def steady_state(
-    law: IFRLaw, mass: float, radius: float, k: float, packing_fraction: float, drive: Drive
+    law: KineticLaw,
+    mass: Positive,
+    radius: Positive,
+    k: Positive,
+    packing_fraction: PackingFraction,
+    drive: Drive,
 ) -> tuple[float, float] | None:
     """Temperatures (T, T_rot) [energy] at which the gas loses what it gets; None if it has no such state with T > 0.
 
@@ -138,18 +145,24 @@ def steady_state(
     return T, balance.steady_spins(T)
 
 
+@validated
 def driven(
-    law: IFRLaw, mass: float, radius: float, k: float, packing_fraction: float, drive: Drive, T0: float,
-    T_rot0: float, times: ArrayLike,
-) -> tuple[Array, Array, Array]:  # fmt: skip
+    law: KineticLaw,
+    mass: Positive,
+    radius: Positive,
+    k: Positive,
+    packing_fraction: PackingFraction,
+    drive: Drive,
+    T0: NonNegative,
+    T_rot0: NonNegative,
+    times: NonNegativeColumn,
+) -> tuple[Array, Array, Array]:
     """Temperatures of a homogeneous gas of equal disks that is driven.
 
     Arguments and what is returned as for `theory.cooling`, but T0 may be 0. InputError as there, or if nothing moves
     (T0 = 0) and only spins, if any, are driven: without motion there are no collisions.
     """
     when = checked_times(times)
-    if not (0.0 <= T0 < math.inf and 0.0 <= T_rot0 < math.inf):
-        raise InputError(f"T0 = {T0}, T_rot0 = {T_rot0}: finite numbers of 0 or more are needed")
     balance = _Balance(law, mass, radius, k, packing_fraction, drive)
     if len(when) == 0:
         return np.empty(0), np.empty(0), np.empty(0)

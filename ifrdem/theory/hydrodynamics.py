@@ -30,16 +30,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
-from ..tools.checked import Array
-from .collisions import checked_law, collision_rate
-from .contact import checked_positive, compressibility, contact_value
+from ..tools.checked import Array, Fraction, NonNegative, Number, Positive, validated
+from .collisions import KineticLaw, collision_rate
+from .contact import compressibility, contact_value
 from .cooling_gas import changes_per_collision
 from .sheared_gas import crowding, relaxation
 
@@ -59,9 +59,11 @@ class ShearModes(NamedTuple):
     time: float  # [time]
 
 
+_Packed = Annotated[float, Number(1e-12, 0.9, "a number above 0 (from 1e-12) to 0.9")]
+
+
 def _theta(law: IFRLaw, theta: float | None, name: str = "theta") -> float:
     """The ratio T_rot / T that was given; 0 without one of smooth disks, to whose spins nothing couples."""
-    checked_law(law)
     if theta is None:
         if law.mu == 0.0 and law.e_t == -1.0:
             return 0.0
@@ -69,20 +71,19 @@ def _theta(law: IFRLaw, theta: float | None, name: str = "theta") -> float:
             f"{name}: T_rot / T is needed; of a gas of such disks that cools it changes (`theory.cooling`), and tends "
             "to one of `theory.cooling_ratios`"
         )
-    if not (math.isfinite(theta) and theta >= 0.0):
-        raise InputError(f"{name} = {theta}: a finite number of 0 or more is needed")
     return theta
 
 
+@validated
 def shear_viscosity(
-    packing_fraction: float,
-    T: float,
-    mass: float,
-    radius: float,
+    packing_fraction: _Packed,
+    T: Positive,
+    mass: Positive,
+    radius: Positive,
     *,
-    law: IFRLaw = ELASTIC,
-    k: float = 2.0,
-    theta: float | None = None,
+    law: KineticLaw = ELASTIC,
+    k: Positive = 2.0,
+    theta: NonNegative | None = None,
 ) -> float:
     """Shear viscosity eta [mass/time] of a gas of equal disks that cools; of elastic smooth disks without a law.
 
@@ -107,7 +108,6 @@ def shear_viscosity(
     >>> round(theory.shear_viscosity(0.001, 1.0, 1.0, 0.5), 4)  # dilute: (m T / pi)^(1/2) / (2 sigma) = 0.2821
     0.2822
     """
-    checked_positive(packing_fraction=packing_fraction, T=T, mass=mass, radius=radius, k=k)
     z, ell = _losses(law, k, _theta(law, theta))
     nu = collision_rate(packing_fraction, T, mass, radius)
     more, contact = crowding(packing_fraction, law.e_n)
@@ -123,7 +123,8 @@ def _losses(law: IFRLaw, k: float, theta: float) -> tuple[float, float]:
     return z, ell
 
 
-def thermal_conductivity(packing_fraction: float, T: float, mass: float, radius: float) -> float:
+@validated
+def thermal_conductivity(packing_fraction: _Packed, T: Positive, mass: Positive, radius: Positive) -> float:
     """Heat conductivity kappa [1/time] (k_B = 1) of elastic smooth disks by Enskog's theory.
 
     In the first Sonine approximation (2/sigma) sqrt(T / (pi m)) [1/g + 3 phi + (9/4 + 4/pi) g phi^2]: dilute, four
@@ -137,14 +138,19 @@ def thermal_conductivity(packing_fraction: float, T: float, mass: float, radius:
     >>> round(theory.thermal_conductivity(0.1, 1.0, 1.0, 0.5), 3)
     1.341
     """
-    checked_positive(packing_fraction=packing_fraction, T=T, mass=mass, radius=radius)
     g, phi = contact_value(packing_fraction), packing_fraction
     crowded = (1.0 + 1.5 * phi * g) ** 2 / g + 4.0 / math.pi * g * phi**2
     return math.sqrt(T / (math.pi * mass)) / radius * crowded
 
 
+@validated
 def shear_length(
-    law: IFRLaw, radius: float, packing_fraction: float, *, k: float = 2.0, theta: float | None = None
+    law: KineticLaw,
+    radius: Positive,
+    packing_fraction: _Packed,
+    *,
+    k: Positive = 2.0,
+    theta: NonNegative | None = None,
 ) -> float:
     """Wavelength L_s = 2 pi xi [length] above which shear modes of a cooling gas grow beside thermal velocities.
 
@@ -167,7 +173,8 @@ def shear_length(
     return 2.0 * math.pi * math.sqrt(2.0 * eta * math.pi * radius**2 / (packing_fraction * z * nu))
 
 
-def clustering_length(e_n: float, radius: float, packing_fraction: float) -> float:
+@validated
+def clustering_length(e_n: Fraction, radius: Positive, packing_fraction: _Packed) -> float:
     """Wavelength [length] above which density waves of cooling smooth disks grow: clusters; infinite for elastic ones.
 
     InputError if e_n is not from 0 to 1, the radius or packing fraction not positive, or so high that denser parts do
@@ -185,7 +192,6 @@ def clustering_length(e_n: float, radius: float, packing_fraction: float) -> flo
     70.72
     """
     z = -float(changes_per_collision(0.0, IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0), 2.0)[0])
-    checked_positive(radius=radius, packing_fraction=packing_fraction)
     if z == 0.0:
         return math.inf
     step = 1e-4
@@ -258,15 +264,16 @@ class _Course(NamedTuple):
         return total
 
 
+@validated
 def shear_mode_energy(
-    collisions_per_disk: float,
-    law: IFRLaw,
-    radius: float,
-    packing_fraction: float,
-    box: tuple[float, float],
+    collisions_per_disk: NonNegative,
+    law: KineticLaw,
+    radius: Positive,
+    packing_fraction: _Packed,
+    box: tuple[Positive, Positive],
     *,
-    k: float = 2.0,
-    theta0: float | None = None,
+    k: Positive = 2.0,
+    theta0: NonNegative | None = None,
 ) -> float:
     """Energy of growing shear modes beyond their thermal share, as part of the thermal energy N T of all N disks.
 
@@ -302,7 +309,6 @@ def _mode_energy(
     theta0: float | None, end: float,
 ) -> tuple[_Course, Array]:  # fmt: skip
     """The course of the gas until tau = end, and `shear_mode_energy` at its times."""
-    checked_positive(box_x=box[0], box_y=box[1], radius=radius, k=k, packing_fraction=packing_fraction)
     course = _Course.of(law, radius, packing_fraction, k, _theta(law, theta0, "theta0"), end)
     n = packing_fraction * box[0] * box[1] / (math.pi * radius**2)
     most = math.sqrt(max(float(np.max(course.lost[1:] / course.spread[1:])), 0.0))
@@ -325,17 +331,18 @@ def excess(z_tau: ArrayLike, growth: Array) -> Array:
     return np.asarray(np.where(critical, x, np.expm1(x * growth) / np.where(critical, 1.0, growth)))
 
 
+@validated
 def shear_mode_time(
-    law: IFRLaw,
-    mass: float,
-    radius: float,
-    packing_fraction: float,
-    box: tuple[float, float],
-    T0: float,
+    law: KineticLaw,
+    mass: Positive,
+    radius: Positive,
+    packing_fraction: _Packed,
+    box: tuple[Positive, Positive],
+    T0: Positive,
     *,
-    share: float = 0.02,
-    k: float = 2.0,
-    theta0: float | None = None,
+    share: Positive = 0.02,
+    k: Positive = 2.0,
+    theta0: NonNegative | None = None,
 ) -> ShearModes:
     """Time at which growing shear modes hold `share` of the thermal energy in a periodic box: theory holds until then.
 
@@ -360,7 +367,6 @@ def shear_mode_time(
     >>> round(modes.collisions_per_disk, 1)
     18.6
     """
-    checked_positive(share=share)
     nu0 = collision_rate(packing_fraction, T0, mass, radius)
     end, last = 8.0, 0.0
     while True:

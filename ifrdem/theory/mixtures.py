@@ -12,9 +12,9 @@ A. Santos, arXiv:1803.04290, has the same for disks of constant roughness.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass
-from typing import NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,24 +22,31 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 from ..model.ifr import IFRLaw
 from ..model.state import Disks
-from ..tools.checked import Array
+from ..tools.checked import Array, NonNegativeColumn, NonNegativePerDisk, PositivePerDisk, must_be, validated
 from .collisions import Collider, checked_law, energy_changes, mixture_collision_rates
-from .contact import Contact, checked_packing_fraction, mixture_contact_values
+from .contact import Contact, PackingFraction, mixture_contact_values
 from .cooling_gas import checked_times, cooled, integrated
 from .driven_gas import Drive
 
 MOST_SPECIES = 64  # every pair of them is summed at every step
 
 
-def _column(name: str, value: ArrayLike) -> Array:
-    column = np.atleast_1d(np.asarray(value, dtype=np.float64))
-    wrong = ~(np.isfinite(column) & (column > 0.0))
-    if column.ndim != 1 or len(column) == 0:
-        raise InputError(f"{name} has shape {column.shape}: one number per species, shape (s,), is needed")
-    if wrong.any():
-        i = int(np.argmax(wrong))
-        raise InputError(f"{name}[{i}] = {column[i]}: a positive finite number is needed")
-    return column
+def _laws(name: str, law: Any) -> IFRLaw | tuple[tuple[IFRLaw | None, ...], ...]:
+    """One law, or a table; None in it stands for materials that never meet, as in `Trajectory.laws`."""
+    if not isinstance(law, Sequence) or isinstance(law, str):
+        return checked_law(name, law)
+    if not law or not all(isinstance(row, Sequence) and not isinstance(row, str) for row in law):
+        raise must_be(name, law, "an IFRLaw, or a table of them, [material][material]")
+    return tuple(
+        tuple(None if one is None else checked_law(f"{name}[{a}][{b}]", one) for b, one in enumerate(row))
+        for a, row in enumerate(law)
+    )
+
+
+LawTable = Annotated[
+    IFRLaw | Sequence[Sequence[IFRLaw]] | Sequence[Sequence[Mapping[str, Any] | None]], _laws
+]
+"""One law for all pairs, or a table of laws or of their coefficients."""
 
 
 @dataclass(frozen=True)
@@ -79,31 +86,34 @@ class Mixture:
     fraction: Array
     contact: Contact
 
+    @validated
     def __init__(
-        self, mass: ArrayLike, radius: ArrayLike, law: IFRLaw | Sequence[Sequence[IFRLaw]], packing_fraction: float, *,
-        k: ArrayLike = 2.0, fraction: ArrayLike | None = None, contact: Contact = "virial",
+        self, mass: PositivePerDisk, radius: PositivePerDisk, law: LawTable, packing_fraction: PackingFraction, *,
+        k: PositivePerDisk = 2.0, fraction: PositivePerDisk | None = None, contact: Contact = "virial",
     ) -> None:  # fmt: skip
         columns = {"mass": mass, "radius": radius, "k": k, "fraction": 1.0 if fraction is None else fraction}
-        found = {name: _column(name, value) for name, value in columns.items()}
+        found = {name: np.atleast_1d(np.asarray(value, dtype=np.float64)) for name, value in columns.items()}
         try:
             s = np.broadcast_shapes(*(column.shape for column in found.values()))[0]
         except ValueError:
             shapes = ", ".join(f"{name} {len(column)}" for name, column in found.items())
             raise InputError(f"mixture: {shapes}: one number per species is needed") from None
+        if s == 0:
+            raise InputError("mass has shape (0,): must be a number for each of one species or more")
         if s > MOST_SPECIES:
-            raise InputError(f"mixture: {s} species; {MOST_SPECIES} at most (ifrdem.dsmc has no such limit)")
+            raise InputError(f"mixture: {s} species; {MOST_SPECIES} at most (ifrdem.DSMC has no such limit)")
         set_ = object.__setattr__
         for name, column in found.items():
             set_(self, name, np.array(np.broadcast_to(column, s)))
         set_(self, "fraction", self.fraction / self.fraction.sum())
-        set_(self, "packing_fraction", checked_packing_fraction(packing_fraction))
+        set_(self, "packing_fraction", packing_fraction)
         set_(self, "contact", contact)
-        self.contact_values()  # refuses an unknown `contact`
         set_(self, "law", self._table(law))
 
     @classmethod
+    @validated
     def of(
-        cls, disks: Disks, law: IFRLaw | Sequence[Sequence[IFRLaw]], packing_fraction: float, *,
+        cls, disks: Disks, law: LawTable, packing_fraction: PackingFraction, *,
         contact: Contact = "virial",
     ) -> tuple[Mixture, NDArray[np.int64]]:  # fmt: skip
         """The mixture of these disks, whose `law` is a table of materials, and each disk's species, shape (n,).
@@ -118,7 +128,7 @@ class Mixture:
         table = law
         if not isinstance(law, IFRLaw):
             material = kinds[:, 3].astype(int)
-            if material.max() >= len(law):
+            if material.max() >= min(len(law), *map(len, law)):
                 most = material.max() + 1
                 raise InputError(f"law table: a square table of at least {most} materials is needed")
             table = [[law[a][b] for b in material] for a in material]
@@ -126,14 +136,15 @@ class Mixture:
         mixture = cls(mass, radius, table, packing_fraction, k=k, fraction=number, contact=contact)
         return mixture, np.asarray(which, dtype=np.int64).ravel()
 
-    def _table(self, law: IFRLaw | Sequence[Sequence[IFRLaw]]) -> tuple[tuple[IFRLaw, ...], ...]:
+    def _table(self, law: Any) -> tuple[tuple[IFRLaw, ...], ...]:
         s = self.species
         rows = [[law] * s for _ in range(s)] if not isinstance(law, Sequence) else [list(row) for row in law]
         if len(rows) != s or any(len(row) != s for row in rows):
             raise InputError(f"law table: {s} rows of {s} laws, one for each pair of species, are needed")
         for i in range(s):
             for j in range(i + 1):
-                checked_law(rows[i][j])
+                if rows[i][j] is None or rows[j][i] is None:
+                    raise InputError(f"law[{i}][{j}] = None: must be the IFRLaw of a pair that meets")
                 if rows[i][j].table_row() != rows[j][i].table_row():
                     raise InputError(f"law table: [{i}][{j}] and [{j}][{i}] differ; a pair has one law")
                 rows[i][j].check(self.k[i], self.k[j], self.mass[i], self.mass[j])
@@ -171,7 +182,10 @@ class MixtureTemperatures(NamedTuple):
         return self.T @ x, self.T_rot @ x, self.collisions_per_disk @ x
 
 
-def mixture_cooling_rates(mixture: Mixture, T: ArrayLike, T_rot: ArrayLike) -> tuple[Array, Array]:
+@validated
+def mixture_cooling_rates(
+    mixture: Mixture, T: NonNegativePerDisk, T_rot: NonNegativePerDisk
+) -> tuple[Array, Array]:
     """Rates (dT_i/dt, dT_rot,i/dt) [energy/time], shape (s,) each, at which species of a mixture change by collisions.
 
     InputError if shapes do not fit or a temperature is negative.
@@ -190,20 +204,18 @@ def mixture_cooling_rates(mixture: Mixture, T: ArrayLike, T_rot: ArrayLike) -> t
     >>> bool(abs(dT).max() < 1e-12)  # elastic
     True
     """
-    T, T_rot = _temperatures(mixture, T, T_rot)
+    T, T_rot = _temperatures(mixture, T=T, T_rot=T_rot)
     return _rates(mixture, T, T_rot, mixture.collision_rates(T))
 
 
-def _temperatures(mixture: Mixture, T: ArrayLike, T_rot: ArrayLike) -> tuple[Array, Array]:
+def _temperatures(mixture: Mixture, **given: ArrayLike) -> tuple[Array, Array]:
     found = []
-    for name, value in (("T", T), ("T_rot", T_rot)):
+    for name, value in given.items():
         try:
             column = np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), mixture.species))
         except ValueError:
-            shape = f"{name} has shape {np.shape(value)}"
-            raise InputError(f"{shape}: a number for each of {mixture.species} species is needed") from None
-        if not np.all(np.isfinite(column) & (column >= 0.0)):
-            raise InputError(f"{name} = {column}: finite numbers of 0 or more are needed")
+            needed = f"a number for each of {mixture.species} species"
+            raise InputError(f"{name} has shape {np.shape(value)}: must be {needed}") from None
         found.append(column)
     return found[0], found[1]
 
@@ -221,8 +233,9 @@ def _rates(mixture: Mixture, T: Array, T_rot: Array, often: Array) -> tuple[Arra
     return translation, rotation
 
 
+@validated
 def mixture_cooling(
-    mixture: Mixture, T0: ArrayLike, T_rot0: ArrayLike, times: ArrayLike
+    mixture: Mixture, T0: NonNegativePerDisk, T_rot0: NonNegativePerDisk, times: NonNegativeColumn
 ) -> MixtureTemperatures:
     """Temperatures of the species of a mixture as it cools: `mixture_cooling_rates` integrated.
 
@@ -246,7 +259,7 @@ def mixture_cooling(
     ((2, 2), True)
     """
     when = checked_times(times)
-    T0, T_rot0 = _temperatures(mixture, T0, T_rot0)
+    T0, T_rot0 = _temperatures(mixture, T0=T0, T_rot0=T_rot0)
     s, x = mixture.species, mixture.fraction
     mean0 = float(x @ T0)
     if mean0 == 0.0:
@@ -274,8 +287,13 @@ def _unpacked(y: Array, mean0: float, s: int) -> MixtureTemperatures:
     return MixtureTemperatures((mean * y[1 : 1 + s]).T, (mean * y[1 + s : 1 + 2 * s]).T, y[1 + 2 * s :].T)
 
 
+@validated
 def mixture_driven(
-    mixture: Mixture, drives: Sequence[Drive], T0: ArrayLike, T_rot0: ArrayLike, times: ArrayLike
+    mixture: Mixture,
+    drives: Sequence[Drive],
+    T0: NonNegativePerDisk,
+    T_rot0: NonNegativePerDisk,
+    times: NonNegativeColumn,
 ) -> MixtureTemperatures:
     """Temperatures of the species of a driven mixture: as `mixture_cooling`, with a `Drive` for each species.
 
@@ -292,10 +310,10 @@ def mixture_driven(
            [2., 2.]])
     """
     when = checked_times(times)
-    T0, T_rot0 = _temperatures(mixture, T0, T_rot0)
+    T0, T_rot0 = _temperatures(mixture, T0=T0, T_rot0=T_rot0)
     s = mixture.species
     if len(drives) != s:
-        raise InputError(f"drives: {len(drives)} for {s} species; one each is needed")
+        raise InputError(f"drives has {len(drives)}: must be one for each of {s} species")
     power, spin_power, rate, spin_rate = np.array([astuple(each) for each in drives]).T
     if not T0.any() and not power.any():
         raise InputError("T0 = 0 and no power: nothing moves")

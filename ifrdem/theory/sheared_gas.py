@@ -42,13 +42,12 @@ import warnings
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
-from ..tools.checked import Array
-from .collisions import collision_rate
-from .contact import checked_positive, contact_value
+from ..tools.checked import Array, NonNegative, NonNegativeColumn, Positive, Real, validated
+from .collisions import KineticLaw, collision_rate
+from .contact import PackingFraction, contact_value
 from .cooling_gas import changes_per_collision, checked_times, integrated
 
 LEAST_E_N = 0.65
@@ -228,10 +227,10 @@ def collisional_changes(
 
 
 def _check(law: IFRLaw, packing_fraction: float, shear_rate: float) -> None:
-    if law.rho != 0.0:
-        raise InputError(f"rho = {law.rho}: the kinetic theory knows no rolling friction, only rho = 0")
-    if not (math.isfinite(shear_rate) and shear_rate != 0.0):
-        raise InputError(f"shear_rate = {shear_rate}: a finite number other than 0 is needed")
+    if shear_rate == 0.0 or packing_fraction == 0.0:
+        raise InputError(
+            f"shear_rate = {shear_rate}, packing_fraction = {packing_fraction}: must not be 0 in a sheared gas"
+        )
     if law.e_n < LEAST_E_N or packing_fraction > MOST_PACKING:
         of = f"e_n = {law.e_n:g}, packing fraction {packing_fraction:.4g}"
         range_ = f"e_n >= {LEAST_E_N} and packing fractions to {MOST_PACKING} only"
@@ -239,8 +238,14 @@ def _check(law: IFRLaw, packing_fraction: float, shear_rate: float) -> None:
         warnings.warn(text, TheoryWarning, stacklevel=1)  # one place, so that it is shown once
 
 
+@validated
 def steady_state(
-    law: IFRLaw, mass: float, radius: float, k: float, packing_fraction: float, shear_rate: float
+    law: KineticLaw,
+    mass: Positive,
+    radius: Positive,
+    k: Positive,
+    packing_fraction: PackingFraction,
+    shear_rate: Real,
 ) -> tuple[float, float] | None:
     """T and T_rot [energy] at which a sheared gas stays; None where it goes on heating, as elastic disks do.
 
@@ -251,7 +256,6 @@ def steady_state(
     from scipy.optimize import root
 
     _check(law, packing_fraction, shear_rate)
-    checked_positive(mass=mass, radius=radius, k=k, packing_fraction=packing_fraction)
     smooth = law.mu == 0.0 and law.e_t == -1.0
     theta = 0.0 if smooth else _steady_theta(law, k)
     if theta is None:
@@ -298,10 +302,18 @@ def _steady_theta(law: IFRLaw, k: float) -> float | None:
     return math.exp(brentq(rotation, low, high, xtol=1e-12))
 
 
+@validated
 def sheared(
-    law: IFRLaw, mass: float, radius: float, k: float, packing_fraction: float, shear_rate: float, T0: float,
-    T_rot0: float, times: ArrayLike,
-) -> tuple[Array, Array, Array]:  # fmt: skip
+    law: KineticLaw,
+    mass: Positive,
+    radius: Positive,
+    k: Positive,
+    packing_fraction: PackingFraction,
+    shear_rate: Real,
+    T0: Positive,
+    T_rot0: NonNegative,
+    times: NonNegativeColumn,
+) -> tuple[Array, Array, Array]:
     """Temperatures of a gas of equal disks, isotropic at time 0, from when its flow begins.
 
     InputError as `steady_state`, or if T0 is not positive, T_rot0 negative, or the times decrease or are negative.
@@ -312,10 +324,7 @@ def sheared(
     """
 
     _check(law, packing_fraction, shear_rate)
-    checked_positive(mass=mass, radius=radius, k=k)
     when = checked_times(times)
-    if not (math.isfinite(T0) and T0 > 0.0 and math.isfinite(T_rot0) and T_rot0 >= 0.0):
-        raise InputError(f"T0 = {T0}, T_rot0 = {T_rot0}: T0 > 0 and T_rot0 >= 0 are needed")
     if len(when) == 0 or when[-1] == 0.0:
         return np.full(len(when), T0), np.full(len(when), T_rot0), np.zeros(len(when))
     unit = math.sqrt(T0 / mass) / (2.0 * radius)  # of rates: m = sigma = T0 = 1 below

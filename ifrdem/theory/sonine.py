@@ -20,15 +20,14 @@ a_2 of the cooling gas is -0.0303 at e = 0.9 and -0.0260 at 0.8, here -0.0269 an
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from ..errors import InputError
-from ..tools.checked import Array
+from ..tools.checked import Array, FiniteArray, Fraction, Vectors, validated
 
 _D = 2  # dimensions
 
 
-def sonine_coefficient(velocity: ArrayLike) -> float:
+@validated
+def sonine_coefficient(velocity: Vectors) -> float:
     """a_2 = <v^4> / (2 <v^2>^2) - 1 of velocities, shape (n, 2): 0 for Gaussian ones; nan where nothing moves.
 
     Of n independent Gaussian velocities it scatters by 1 / sqrt(n), around 1 + a_2 = n / (n + 1). To see it, let
@@ -51,15 +50,14 @@ def sonine_coefficient(velocity: ArrayLike) -> float:
 
 def _solved(e_n: float, a_2_of_the_state: float) -> float:
     """a_2 from T_1 + a_2 T_2 = (d + 2) (1 + (3/16 + `a_2_of_the_state`) a_2)."""
-    if not 0.0 <= e_n <= 1.0:
-        raise InputError(f"e_n = {e_n}: normal restitution must lie from 0 to 1")
     lossy = 1.0 - e_n  # (1 - e) T_2 is finite for elastic disks, whose a_2 is 0
     T_1 = _D + 1.5 + e_n**2
     T_2 = 3.0 / 32.0 * (10 * _D + 39 + 10.0 * e_n**2) * lossy + (_D - 1)
     return lossy * (T_1 - (_D + 2)) / (lossy * (_D + 2) * (3.0 / 16.0 + a_2_of_the_state) - T_2)
 
 
-def cooling_sonine(e_n: float) -> float:
+@validated
+def cooling_sonine(e_n: Fraction) -> float:
     """a_2 of smooth disks that cool: 16 (1 - e) (1 - 2 e^2) / (57 - 25 e + 30 e^2 (1 - e)).
 
     Reached after some 10 collisions of each disk, while the gas is homogeneous. InputError if e_n is not from 0 to 1.
@@ -73,7 +71,8 @@ def cooling_sonine(e_n: float) -> float:
     return _solved(e_n, 1.0)
 
 
-def heated_sonine(e_n: float) -> float:
+@validated
+def heated_sonine(e_n: Fraction) -> float:
     """a_2 of smooth disks in the steady state of white noise: 16 (1 - e) (1 - 2 e^2) / (185 - 153 e + 30 e^2 (1 - e)).
 
     InputError if e_n is not from 0 to 1.
@@ -87,7 +86,8 @@ def heated_sonine(e_n: float) -> float:
     return _solved(e_n, 0.0)
 
 
-def cooling_factor(a_2: ArrayLike) -> Array:
+@validated
+def cooling_factor(a_2: FiniteArray) -> Array:
     """By how much faster smooth disks lose energy than Gaussian ones at the same T: 1 + (3/16) a_2.
 
     The relative velocity of two disks has a_2 / 2 of its own; the mean of its cube, to which the loss per time is
@@ -102,7 +102,8 @@ def cooling_factor(a_2: ArrayLike) -> Array:
     return np.asarray(1.0 + 3.0 / 16.0 * np.asarray(a_2, dtype=np.float64))
 
 
-def collision_factor(a_2: ArrayLike) -> Array:
+@validated
+def collision_factor(a_2: FiniteArray) -> Array:
     """By how much more often smooth disks collide than Gaussian ones at the same T: 1 - a_2 / 16.
 
     As at `cooling_factor`, with the mean relative speed instead of its cube: 1 - (1/8) (a_2 / 2).

@@ -15,13 +15,14 @@ import functools
 import hashlib
 import operator
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import EngineError, InputError
 from . import world
+from .checked import Comm, Integer, validated
 
 Result = TypeVar("Result")
 
@@ -36,7 +37,8 @@ def bounds(n: int, size: int) -> NDArray[np.int64]:
     return np.array([rank * n // size for rank in range(size + 1)], dtype=np.int64)
 
 
-def slice_of(n: int, comm: Any = None) -> range:
+@validated
+def slice_of(n: Annotated[int, Integer(0, 2**63 - 1)], comm: Comm = None) -> range:
     """Ids of this rank's slice of n disks; all of them without ranks.
 
     Examples

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import importlib
-import os
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,7 +151,11 @@ def joined(trajectories: Sequence[Trajectory]) -> dict[str, NDArray[np.float64]]
     return {PER_DISK: axis, **{name: np.stack([at(one, name) for one in each]) for name in names}}
 
 
-def concat(trajectories: Iterable[Trajectory | str | os.PathLike[str]]) -> xarray.Dataset:
+_OfFiles = Annotated[Any, checked.Each(None, "list of trajectories or files")]
+
+
+@checked.validated
+def concat(trajectories: _OfFiles) -> xarray.Dataset:
     """Join the whole-gas quantities of trajectories at equal collisions per disk, along a new dimension `run`.
 
     Rows of series, or frames where there are none, stand at those of the first trajectory, as far as all go; between
@@ -185,12 +188,12 @@ def concat(trajectories: Iterable[Trajectory | str | os.PathLike[str]]) -> xarra
     """
     from .reader import Trajectory
 
-    if isinstance(trajectories, str | os.PathLike | Trajectory) or not isinstance(trajectories, Iterable):
-        raise InputError(f"trajectories = {trajectories!r}: a list of trajectories or files is needed")
     xarray = needed("xarray", "analysis")
     with contextlib.ExitStack() as stack:
         opened = [
-            one if isinstance(one, Trajectory) else stack.enter_context(Trajectory(one))
+            one
+            if isinstance(one, Trajectory)
+            else stack.enter_context(Trajectory(checked.path("trajectories", one)))
             for one in trajectories
         ]
         if not opened:

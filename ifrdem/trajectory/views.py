@@ -68,10 +68,11 @@ def write_views(path: str | os.PathLike[str]) -> tuple[Path, Path]:
         needs = {"frames": len(trajectory), "disks": n, "positions": positions}
         if missing := [name for name, there in needs.items() if not there]:
             raise InputError(f"{path}: a view needs {missing[0]}, and there are none")
-        for number in trajectory.missing if trajectory.parts is not None else ():
-            part = trajectory.parts.place(path, number)
-            if part.exists() and not part.is_file():  # programs that open the view would wait for a pipe
-                raise InputError(f"{path}: its {trajectory.parts.described(number)} is no file{SEE}")
+        if (parts := trajectory.parts) is not None:
+            for number in trajectory.missing:
+                if (part := parts.place(path, number)).exists() and not part.is_file():
+                    # Programs that open the view would wait for a pipe.
+                    raise InputError(f"{path}: its {parts.described(number)} is no file{SEE}")
         for place, fill in zip(made, (_fill_vtkhdf, _fill_netcdf), strict=True):
             _write(place, trajectory, fill)
     return made

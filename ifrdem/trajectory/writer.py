@@ -20,6 +20,7 @@ from ..model.box import Box, below
 from ..model.state import Disks, State, StoredState
 from ..model.walls import Wall, to_json
 from ..tools import checked
+from ..tools.checked import validated
 from ..tools.sealed import Sealed
 from . import damage, layout
 from . import parts as parted
@@ -100,6 +101,7 @@ class TrajectoryWriter(Sealed):
 
     path: Path
 
+    @validated
     def __init__(
         self,
         path: str | os.PathLike[str],

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..tools import checked
+from ..tools.checked import validated
 from ..tools.files import write_text
 from ..trajectory.reader import Trajectory
 from .content import MOST_DISKS, Content, pack
@@ -121,6 +122,7 @@ class view:
     >>> ifrdem.view("cooling.h5")  # doctest: +SKIP
     """
 
+    @validated
     def __init__(
         self, trajectory: Trajectory | str | Path, frames: Sequence[int] | None = None, *, height: int = 640
     ) -> None:
@@ -129,11 +131,11 @@ class view:
             most = int(np.clip(NOTEBOOK_DISKS // max(opened.disks.n, 1), 1, NOTEBOOK_FRAMES))
             every = np.linspace(0, len(opened) - 1, min(most, len(opened)))
             frames = np.unique(every.astype(int)).tolist()
-        if isinstance(frames, str) or not isinstance(frames, Iterable):
-            raise InputError(f"frames = {frames!r}: a list of frame numbers is needed, [{frames!r}] for one")
         numbers = [
             checked.whole(f"frames[{i}]", one, -MOST_FRAMES, MOST_FRAMES) for i, one in enumerate(frames)
         ]
+        if not numbers:
+            raise InputError(f"frames = []: must be one or more of the {len(opened)} frames of {opened.path}")
         self._height = checked.whole("height", height, 1, MOST_HEIGHT)
         self._page = page(opened, [opened[i].index for i in numbers])
 

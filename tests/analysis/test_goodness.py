@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ifrdem import IFRLaw, analysis, theory
+from ifrdem.analysis import cooling
 
 
 def noise(seed: int, n: int, memory: float) -> np.ndarray:
@@ -30,6 +31,21 @@ def test_noise_about_a_law_is_no_misfit(points: int, memory: float) -> None:
     ]
     assert sum(not one.describes for one in found) <= 3
     assert all(np.isfinite(one.t_H_error) for one in found if one.describes)
+
+
+def test_sums_over_correlated_noise_are_those_of_its_matrix() -> None:
+    """R_ij = rho^|i - j|, and M = (1 - B B') R (1 - B B') for noise off which the modes B are taken, written out."""
+    n, rho, rng = 40, 0.6, np.random.default_rng(1)
+    modes = np.linalg.qr(rng.normal(size=(n, 4)))[0]
+    lag = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
+    np.testing.assert_allclose(cooling._correlated(modes, rho), rho**lag @ modes, rtol=1e-12, atol=1e-14)
+    project = np.eye(n) - modes @ modes.T
+    rest = project @ noise(3, n, rho)
+    found, kept = cooling._memory(rest, modes)
+    M = project @ found**lag @ project
+    assert kept == pytest.approx(np.trace(M), rel=1e-12)
+    # rho is found to 1e-6, and the ratio changes by about as much.
+    assert np.trace(M, 1) / np.trace(M) == pytest.approx(rest[:-1] @ rest[1:] / (rest @ rest), abs=2e-6)
 
 
 def test_a_gas_that_leaves_haffs_law_is_told_and_gets_no_errors() -> None:

@@ -104,7 +104,7 @@ def test_contact_value_refuses_what_has_none() -> None:
     x = ideal_gas(1, 30)
     with pytest.raises(InputError, match="too few to"):
         analysis.contact_value(x, UNIT, radius=0.05)
-    with pytest.raises(InputError, match="radii differ"):
+    with pytest.raises(InputError, match="radius: must be the same"):
         analysis.contact_value(x, UNIT, radius=[0.5, 0.4])
     with pytest.raises(InputError, match="half the shortest side"):
         analysis.pair_correlation(x, UNIT, r_max=11.0)
@@ -241,6 +241,19 @@ def test_order_inside_walls_sees_no_images() -> None:
     assert np.min(np.abs(walled.psi6)) < 0.9  # the rim
 
 
+def test_a_row_between_walls_has_its_neighbours_along_it() -> None:
+    """Six nearest of a zigzag row by all distances: images of it across the walls would be nearer than the sixth."""
+    row = np.column_stack((np.arange(20) * 1.2 + 1.0, 0.5 + 0.2 * (np.arange(20) % 2)))
+    found = analysis.hexatic(row, Box((25.0, 1.2), periodic=(False, False)))
+    apart = row - row[:, None]
+    near = np.argsort(np.linalg.norm(apart, axis=2), axis=1)[:, 1:7]
+    x, y = np.take_along_axis(apart, near[..., None], axis=1).transpose(2, 0, 1)
+    inner = slice(3, -3)  # of the outer ones two are as far
+    np.testing.assert_allclose(
+        found.psi6[inner], np.exp(6j * np.arctan2(y, x)).mean(axis=1)[inner], atol=1e-5
+    )
+
+
 def test_touching_lattice_is_one_cluster_that_spans_the_box() -> None:
     position, box = lattice(12, 14)
     found = analysis.clusters(position, box, radius=0.5, gap=1e-6)
@@ -306,7 +319,7 @@ def test_missing_package_is_named_with_the_extra(monkeypatch: pytest.MonkeyPatch
 @pytest.mark.parametrize("measure", ["pair_correlation", "structure_factor"])
 def test_open_and_walled_boxes_are_refused_by_name(measure: str) -> None:
     if measure == "pair_correlation":
-        with pytest.raises(InputError, match="open box"):
+        with pytest.raises(InputError, match=r"g\(r\) needs a density"):
             analysis.pair_correlation(ideal_gas(1, 30), Box.open(), r_max=5.0)
     else:
         with pytest.raises(InputError, match="periodic along x and y"):

@@ -31,9 +31,7 @@ def test_no_drawn_case_ends_check_with_a_traceback(tmp_path: Path) -> None:
         path.write_text(cases.text_of(case), encoding="utf-8")
         if file is not None:
             (tmp_path / "start.csv").write_text(file, encoding="utf-8")
-        status, said = cases._command("check", str(path))
-        assert status in (0, 2), said
-        assert (status == 0) or said.strip()
+        assert main(["check", str(path)]) in (0, 2)
 
 
 BASE: dict[str, Any] = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shlex
@@ -452,6 +453,9 @@ def test_interrupted_run_keeps_the_frames_so_far(
     assert names(folder) == ["tiny.checkpoint.h5", "tiny.h5", "tiny.status.json", "tiny.toml"]
     with Trajectory("tiny.h5") as trajectory:
         assert len(trajectory) == 3
+    status = json.loads(Path("tiny.status.json").read_text())
+    assert (status["state"], status["frames"]) == ("interrupted", 3)  # the number in its message
+    assert "holds the 3 frames so far" in status["message"]
 
 
 def test_the_line_to_go_on_works_from_the_users_folder_whatever_the_path(

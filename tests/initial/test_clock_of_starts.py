@@ -213,7 +213,7 @@ def frame_of(
 
 
 def test_a_frame_in_single_precision_is_put_right_where_the_floor_stands_then(tmp_path: Path) -> None:
-    """Disks rest on the floor at t = 0.5, at 1 + 0.5 sin(0.4 pi); f4 rounds their height down by 1.8e-8."""
+    """Disks rest on the floor at t = 0.5, at 1 + 0.5 sin(0.4 pi): single precision rounds it down by 2e-8."""
     floor = 1.0 + 0.5 * np.sin(2.0 * np.pi * 0.4 * 0.5)
     assert np.float32(floor + 0.5) < floor + 0.5
     places = [[2.0 + 2.0 * i, floor + 0.5] for i in range(5)]

@@ -101,7 +101,11 @@ def test_a_seed_decides_the_radii(name: str) -> None:
 @pytest.mark.parametrize(
     ("name", "parameters", "says"),
     [
-        ("exponential", {}, "unknown; known are uniform, gaussian"),
+        (
+            "exponential",
+            {},
+            "distribution = 'exponential': must be one of 'uniform', 'gaussian', 'lognormal', 'bidisperse'",
+        ),
         ("gausian", {}, "did you mean 'gaussian'"),
         ("uniform", {"low": 1.0}, '"uniform" needs low, high; missing: high'),
         ("uniform", {"low": 1.0, "high": 2.0, "mean": 1.5}, "not for it: mean"),

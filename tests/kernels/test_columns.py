@@ -64,9 +64,9 @@ def names_of(table: Columns) -> Iterator[str]:
 def test_no_name_of_a_column_is_that_of_something_else(table: Columns) -> None:
     """`array.copy` is the copy, whatever columns there are."""
     device.start()
-    from ifrdem.kernels.records import Row
+    from ifrdem.kernels.records import NamedRow
 
-    taken = {*dir(Columns), "at", "first", "width", *dir(Named), *dir(Row)}
+    taken = {*dir(Columns), "at", "first", "width", *dir(Named), *dir(NamedRow)}
     assert not taken & set(names_of(table))
 
 

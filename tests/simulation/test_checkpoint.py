@@ -173,7 +173,7 @@ def test_what_is_no_checkpoint_is_refused(tmp_path):
 def test_a_checkpoint_appears_whole_or_not_at_all(tmp_path, monkeypatch):
     path = tmp_path / "a.h5"
     checkpoint.write(path, {"a": np.arange(3)}, {"n": 1})
-    monkeypatch.setattr(os, "fsync", lambda _: (_ for _ in ()).throw(OSError(28, "no space")))
+    monkeypatch.setattr(os, "fsync", lambda _: (_ for _ in ()).throw(OSError(28, os.strerror(28))))
     with pytest.raises(InputError, match="No space left on device"):
         checkpoint.write(path, {"a": np.arange(4)}, {"n": 2})
     arrays, record = checkpoint.read(path)

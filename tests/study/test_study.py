@@ -19,6 +19,7 @@ from support.worker_calls import quick_tasks
 
 import ifrdem
 from ifrdem.cli import main as cli
+from ifrdem.errors import DamageError, DamageWarning, InputError
 from ifrdem.study.plan import ClusterSection
 from ifrdem.study.results import Results
 from ifrdem.study.task import load
@@ -436,3 +437,69 @@ def test_the_template_is_a_study(tmp_path, capsys, monkeypatch):
     assert cli.main(["new", "study"]) == 0
     assert cli.main(["study", "study.toml", "--dry-run"]) == 0
     assert "9 points x 20 seeds = 180 runs" in capsys.readouterr().out
+
+
+def test_damaged_results_are_named_and_run_again(case, tmp_path, capsys):
+    """An empty, a truncated and a flipped result: before, EOFError, BadZipFile, or another number in silence."""
+    words = [
+        "study",
+        str(case),
+        "--vary",
+        VARY,
+        "--seeds",
+        "2",
+        "--workers",
+        "0",
+        "-o",
+        str(tmp_path / "s.nc"),
+    ]
+    assert cli.main(words) == 0
+    whole = Results.read(tmp_path / "s.nc")
+    empty, cut, flipped, _ = sorted((tmp_path / "s.runs").glob("*.npz"))
+    content = flipped.read_bytes()
+    empty.write_bytes(b"")
+    cut.write_bytes(cut.read_bytes()[:3000])
+    at = content.index(b"'shape': (6,)") + len(
+        b"'shape': ("
+    )  # 6 and 4 differ by one bit: four rows, if unnoticed
+    flipped.write_bytes(content[:at] + b"4" + content[at + 1 :])
+    capsys.readouterr()
+    assert cli.main([*words, "--dry-run"]) == 0
+    shown = capsys.readouterr().out
+    assert "done already           1 of 4" in shown
+    assert shown.count("to be run again") == 3
+    study = ifrdem.Study(case, vary=[VARY], seeds=2, output=tmp_path / "s.nc")
+    with pytest.warns(DamageWarning, match="makes it again") as told:
+        partly = study.results()
+    assert len(told) == 3
+    assert np.isnan(partly.values("temperature")[..., -1]).sum() == 3
+    assert sum("no whole result" in text for text in partly.values("failure").ravel()) == 3
+    assert cli.main(words) == 0
+    told_again = capsys.readouterr().err
+    assert told_again.count("run again: e_n = ") == 3
+    for each in (empty, cut, flipped):
+        assert f"{each} is no whole result of a study" in told_again
+    assert same(Results.read(tmp_path / "s.nc"), whole)
+
+
+def test_results_that_crash_hdf5_end_in_a_message(case, tmp_path, capsys):
+    """H5DSis_scale of HDF5 2.0 frees memory twice where this text is another one, which aborts its process."""
+    study = ifrdem.Study(case, vary=[VARY], seeds=1, output=tmp_path / "s.nc")
+    study.run(workers=0)
+    content = (tmp_path / "s.nc").read_bytes()
+    (tmp_path / "s.nc").write_bytes(content.replace(b"DIMENSION_SCALE", b"DIMENSION_SCALF", 1))
+    with pytest.raises(DamageError, match=r"s\.nc is damaged: "):
+        Results.read(tmp_path / "s.nc")
+    assert cli.main(["plot", str(tmp_path / "s.nc"), "T", "-o", str(tmp_path / "T.png")]) == 2
+    assert "s.nc is damaged" in capsys.readouterr().err
+    with pytest.raises(InputError, match=r"made again of the runs in .*s\.runs if you delete it"):
+        study.run(workers=0)
+
+
+@pytest.mark.parametrize(
+    "make", [os.mkfifo, Path.mkdir, lambda place: place.write_text("x"), lambda place: None]
+)
+def test_what_is_no_file_of_results_is_refused(tmp_path, make):
+    make(tmp_path / "s.nc")
+    with pytest.raises(InputError, match=r"s\.nc: (is no file|is not an HDF5 file|there is no such file)"):
+        Results.read(tmp_path / "s.nc")

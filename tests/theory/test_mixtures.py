@@ -244,7 +244,7 @@ class Sticky(CollisionLaw):
     ("change", "message"),
     [
         ({"law": IFRLaw(e_n=0.9, e_t=-0.8, mu=0.2, rho=0.01)}, r"rho = 0\.01: .* no rolling friction"),
-        ({"law": Sticky()}, "are those of an IFRLaw"),
+        ({"law": Sticky()}, "must be an IFRLaw"),
         ({"law": [[COIN, COIN]]}, "2 rows of 2 laws"),
         (
             {"law": [[COIN, COIN], [IFRLaw(e_n=0.5, e_t=-0.8, mu=0.2), COIN]]},
@@ -253,7 +253,7 @@ class Sticky(CollisionLaw):
         ({"law": IFRLaw(e_n=0.99, e_t=0.0, mu=0.5, k=1.0)}, "would add energy"),
         ({"mass": [1.0, -2.0]}, r"mass\[1\] = -2\.0"),
         ({"mass": [1.0, 2.0, 3.0], "radius": [0.5, 0.4]}, "one number per species"),
-        ({"packing_fraction": 0.95}, "packing fraction = 0.95"),
+        ({"packing_fraction": 0.95}, "packing_fraction = 0.95"),
         ({"contact": "hendersen"}, "'henderson'"),
     ],
 )
@@ -269,7 +269,7 @@ def test_temperatures_that_do_not_fit_are_refused() -> None:
         mixture_cooling_rates(mixture, [1.0, 1.0, 1.0], 0.0)
     with pytest.raises(InputError, match="nothing moves"):
         mixture_cooling(mixture, 0.0, 1.0, [1.0])
-    with pytest.raises(InputError, match="drives: 1 for 2 species"):
+    with pytest.raises(InputError, match="drives has 1: must be one for each of 2 species"):
         mixture_driven(mixture, [Drive(power=1.0)], 1.0, 1.0, [1.0])
     with pytest.raises(InputError, match="finite mass"):
         Mixture.of(Disks(2, [1.0, math.inf], 0.5), COIN, 0.2)

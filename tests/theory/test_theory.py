@@ -122,7 +122,7 @@ def test_mean_free_path_is_mean_speed_over_rate() -> None:
 
 @pytest.mark.parametrize("packing_fraction", [-0.1, 0.91, math.nan])
 def test_an_impossible_packing_fraction_is_refused(packing_fraction: float) -> None:
-    with pytest.raises(InputError, match="packing fraction"):
+    with pytest.raises(InputError, match="packing_fraction = "):
         contact_value(packing_fraction)
 
 
@@ -295,7 +295,7 @@ def test_rolling_friction_and_impossible_temperatures_are_refused() -> None:
     gas = {"mass": 1.0, "radius": 0.5, "k": 2.0, "number_density": 0.1}
     with pytest.raises(InputError, match=r"rho = 0\.01"):
         cooling_rates(1.0, 1.0, law=IFRLaw(e_n=0.9, e_t=-0.8, mu=0.2, rho=0.01), **gas)
-    with pytest.raises(InputError, match="T > 0"):
+    with pytest.raises(InputError, match=r"T = 0\.0: must be positive"):
         cooling_rates(0.0, 1.0, law=SMOOTH, **gas)
     with pytest.raises(InputError, match=r"mass = -1\.0"):
         cooling_rates(1.0, 1.0, law=SMOOTH, **(gas | {"mass": -1.0}))
@@ -368,7 +368,7 @@ def test_cooling_of_no_time_changes_nothing() -> None:
 
 @pytest.mark.parametrize("times", [[1.0, 0.5], [-1.0, 1.0], [0.0, math.nan], [[0.0]]])
 def test_times_that_do_not_increase_are_refused(times: list) -> None:
-    with pytest.raises(InputError, match="times: "):
+    with pytest.raises(InputError, match="times"):
         cooling(SMOOTH, 1.0, 0.5, 2.0, 0.1, 1.0, 1.0, times)
 
 

@@ -40,7 +40,8 @@ def test_every_beginning_of_what_is_written_holds_what_was_committed(tmp_path, m
 
     monkeypatch.setattr(OrderedFile, "_write", record)
     commits = []  # writes, frames, rows, batches
-    with TrajectoryWriter(tmp_path / "run.h5", some_disks(n), BOX) as writer:
+    fields = ["position", "velocity", "angular_velocity", "collisions"]
+    with TrajectoryWriter(tmp_path / "run.h5", some_disks(n), BOX, fields=fields) as writer:
         writer.begin_histories(TRACKED, some_state(n, 0))
         for number in range(FRAMES):
             writer.write_series(0.1 * number, row(number), SERIES_COLUMNS)

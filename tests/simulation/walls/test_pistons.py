@@ -236,15 +236,18 @@ SEGMENT = Wall.segment((0.0, 5.0), (10.0, 5.0))
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (lambda: Piston(mass=0.0), "piston mass = 0.0: a finite number above 0"),
-        (lambda: Piston(mass=-1.0), "piston mass = -1.0: a finite number above 0"),
-        (lambda: Piston(mass=math.inf), "piston mass = inf: a finite number above 0"),
-        (lambda: Piston(mass=1.0, spring=-2.0), "piston spring = -2.0: a finite number not below 0"),
-        (lambda: Piston(mass=1.0, force=math.nan), "piston force = nan: a finite number"),
+        (lambda: Piston(mass=0.0), r"mass = 0\.0: must be a positive number, at most 1e\+50"),
+        (lambda: Piston(mass=-1.0), r"mass = -1\.0: must be a positive number, at most 1e\+50"),
+        (lambda: Piston(mass=math.inf), r"mass = inf: must be a positive number, at most 1e\+50"),
+        (lambda: Piston(mass=1.0, spring=-2.0), r"spring = -2\.0: must be a number from 0 to 1e\+50"),
+        (
+            lambda: Piston(mass=1.0, force=math.nan),
+            r"force = nan: must be a finite number, at most 1e\+50 in size",
+        ),
         (lambda: Piston(mass=1.0, low=1.0, high=0.5), "low must be below high"),
         (lambda: Piston(mass=1.0, low=0.1), "displacement = 0: it must not be below low, 0.1"),
         (lambda: Wall.post((1.0, 1.0), 0.5, piston=Piston(1.0)), "only a line or a segment"),
-        (lambda: Wall.line((0, 1), (0, 1), piston=1.0), "a Piston is needed"),  # type: ignore[arg-type]
+        (lambda: Wall.line((0, 1), (0, 1), piston=1.0), "piston = 1.0: must be a Piston"),  # type: ignore[arg-type]
         (lambda: lid_with(motion=Motion("steady", speed=1.0)), "leave out motion"),
         (lambda: lid_with(temperature=1.0), "leave out temperature"),
         (lambda: lid_with(opens_at=1.0), "leave out opens_at"),

@@ -128,7 +128,7 @@ def test_a_drum_flows_its_ledger_closes_and_looks_and_checkpoints_change_no_bit(
     [
         ({"gravity": (0.0, 0.0)}, r"gravity_turns = 0\.05: gravity = \(0\.0, 0\.0\), and nothing turns"),
         ({"box": Box((12.0, 12.0), periodic=(True, False))}, "for ever along x, which is periodic"),
-        ({"gravity_turns": math.inf}, "gravity_turns = inf: a finite number"),
+        ({"gravity_turns": math.inf}, "gravity_turns = inf: must be a finite number"),
         ({"gravity_step": 0.0}, r"gravity_step = 0\.0: an angle above 0 and up to 0\.1 rad"),
         ({"gravity_step": 0.11}, r"gravity_step = 0\.11: an angle"),
         ({"tracked": [0]}, "disks cannot be tracked"),

@@ -1,0 +1,149 @@
+"""Laws and forces of one's own that read numbers which they have not, runs that do nothing, names in messages."""
+
+from __future__ import annotations
+
+import importlib
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import taichi as ti
+
+import ifrdem
+from ifrdem import InputError, theory
+from ifrdem.run.job import _mechanisms
+
+DISKS = ifrdem.Disks(2, mass=1.0, radius=0.5)
+BOX = ifrdem.Box((10.0, 10.0))
+STATE = ifrdem.State([[1.0, 5.0], [4.0, 5.0]], [[1.0, 0.0], [0.0, 0.0]], [0.0, 0.0])
+SMOOTH = ifrdem.IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
+
+
+def gas(law: ifrdem.CollisionLaw = SMOOTH, **options: Any) -> ifrdem.Simulation:
+    return ifrdem.Simulation(DISKS, BOX, law, STATE, threads=1, **options)
+
+
+class ReadsTwo(ifrdem.CollisionLaw):
+    """A law of one coefficient that reads a second one."""
+
+    coefficients = ("e_n",)
+
+    @staticmethod
+    def collide(pair: Any, law: Any) -> tuple[Any, Any, Any]:
+        return (1.0 + law[1]) * pair.m_n * pair.g_n, 0.0, 0.0
+
+
+class ReadsOne(ifrdem.CollisionLaw):
+    """A law without coefficients that reads one."""
+
+    @staticmethod
+    def collide(pair: Any, law: Any) -> tuple[Any, Any, Any]:
+        return (1.0 + law[0]) * pair.m_n * pair.g_n, 0.0, 0.0
+
+
+@pytest.mark.parametrize(
+    ("law", "message"),
+    [(ReadsTwo(e_n=0.5), r"law has e_n; pair has"),
+     (ReadsOne(), "law has no coefficients; pair has")],
+)  # fmt: skip
+def test_a_coefficient_that_a_law_has_not_is_refused(law: ifrdem.CollisionLaw, message: str) -> None:
+    """Taichi's compiler aborts the process at the first; the second read a 0."""
+    with pytest.raises(InputError, match=message):
+        gas(law)
+
+
+def force(act: Any, measure: Any = None, totals: int = 0) -> type[ifrdem.forces.Force]:
+    """A class of forces."""
+    members: dict[str, Any] = {"act": staticmethod(act), "totals": totals}
+    members |= {} if measure is None else {"measure": staticmethod(measure)}
+    return type("Mine", (ifrdem.forces.Force,), members)
+
+
+def second_parameter(disk, step, parameters):
+    return disk.vx * parameters[1], disk.vy, disk.spin
+
+
+def any_total(disk, step, parameters):
+    return disk.vx * step.totals[0], disk.vy, disk.spin
+
+
+def second_total(disk, step, parameters):
+    return disk.vx * step.totals[1], disk.vy, disk.spin
+
+
+def mass_alone(disk, step, parameters):
+    return ti.Vector([disk.mass])
+
+
+@pytest.mark.parametrize(
+    ("kind", "parameters", "message"),
+    [
+        (
+            force(second_parameter),
+            [1.0],
+            "index 1 does not exist: must be 0; it has 1 parameter and 0 totals",
+        ),
+        (force(second_parameter), [], "out of range; it has 0 parameters"),
+        (force(any_total), [1.0], "no attribute 'totals'; it has 1 parameter and 0 totals"),
+        (force(second_total, mass_alone, 1), [], "index 1 does not exist: must be 0; it has .* 1 total"),
+        (force(second_total, mass_alone, 2), [], "index 1 does not exist: must be 0; it has .* 2 totals"),
+    ],
+)
+def test_a_parameter_or_total_that_a_force_has_not_is_refused(
+    kind: type[ifrdem.forces.Force], parameters: list[float], message: str
+) -> None:
+    with pytest.raises(InputError, match=rf"forces\[0\] = Mine: .*{message}"):
+        gas(forces=[kind(0.1, parameters)])
+
+
+def test_a_run_that_does_nothing_says_so() -> None:
+    simulation = gas()
+    simulation.run(t_end=0.0)  # nothing has moved yet: a start is asked for
+    simulation.run(collisions_per_disk=1)
+    with pytest.warns(ifrdem.RunWarning, match=r"collisions_per_disk = 1 .* for as much again, .* = 2"):
+        simulation.run(collisions_per_disk=1)
+    with pytest.warns(ifrdem.RunWarning, match="t_end = "):
+        simulation.run(t_end=simulation.time)
+    assert simulation.collisions == 1
+
+
+def test_a_checkpoint_is_not_loaded_by_the_class() -> None:
+    with pytest.raises(InputError, match=r"gas = ifrdem.Simulation\(\.\.\.\), then gas.load_checkpoint"):
+        ifrdem.Simulation.load_checkpoint("gas.npz")  # type: ignore[arg-type]
+
+
+def test_coefficients_from_a_trajectory_are_laws_to_the_theory() -> None:
+    """`Trajectory.laws` has mappings, and None for materials that never meet."""
+    one = {"e_n": 0.9, "e_t": -0.8, "mu": 0.2, "rho": 0.0, "sticking": "contact_point"}
+    law = ifrdem.IFRLaw(**one)
+    assert theory.cooling_ratios(one, 2.0) == theory.cooling_ratios(law, 2.0)
+    found = theory.prediction(DISKS, [[one, None], [None, None]], 0.2, 1.0, 0.0, [0.0, 1.0])
+    np.testing.assert_array_equal(found.T, theory.prediction(DISKS, law, 0.2, 1.0, 0.0, [0.0, 1.0]).T)
+    disks = ifrdem.Disks(2, mass=1.0, radius=0.5, material=[0, 1])
+    with pytest.raises(InputError, match=r"law\[.*\] = None"):
+        theory.prediction(disks, [[one, None], [None, one]], 0.2, 1.0, 0.0, [0.0, 1.0])
+    with pytest.raises(InputError, match=r"law = .*must be an IFRLaw"):
+        theory.cooling_ratios({"e_n": 0.9, "mew": 0.1}, 2.0)
+
+
+def test_negative_energy_of_a_mechanism_is_explained() -> None:
+    """Of normal 3, tangential restitution 50, sticking -36.4: friction and restitution together took 13.6."""
+    lines = list(_mechanisms(np.array([3.0, 50.0, 0.0, -36.4, 0.0, 0.0, 0.0]), " J"))
+    assert lines[0] == "by mechanism: normal 3, tangential restitution 50, sticking -36.4 J"
+    assert "sticking below 0" in lines[1]
+    assert lines[1].endswith("together they took 13.6 J")
+    assert len(list(_mechanisms(np.array([3.0, 50.0, 1.0, 0.0, 0.0, 0.0, 0.0]), ""))) == 1
+
+
+def test_names_of_the_package_in_its_sources_exist() -> None:
+    """Messages and docstrings name `ifrdem.something` only if it is there."""
+    for path in sorted(Path(ifrdem.__file__).parent.rglob("*.py")):
+        for name in re.findall(r"\bifrdem((?:\.[A-Za-z_]\w*)+)", path.read_text(encoding="utf-8")):
+            found: Any = ifrdem
+            for part in name[1:].split("."):
+                if not hasattr(found, part):
+                    found = importlib.import_module(f"{found.__name__}.{part}")
+                else:
+                    found = getattr(found, part)
