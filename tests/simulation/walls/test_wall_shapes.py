@@ -267,7 +267,8 @@ def test_walls_at_the_edges_of_cells_are_hit_as_elsewhere(order: str) -> None:
     walls = [Wall.segment((float(x), 0.01), (float(x), side - 0.01)) for x in range(1, side)]
     state = State(np.stack((column + 0.5, row + 0.5), axis=1), np.stack((u, 0.0 * u), axis=1), 0.0 * u)
     box, disks = Box((side, side), (False, True)), Disks(side**2, mass=1.0, radius=radius)
-    engine = Engine(disks, box, state, np.array([[ELASTIC]]), walls=walls, order=order)
+    engine = Engine(disks, box, state, np.array([[ELASTIC]]), walls=walls, order=order, tile_disks=64)
+    assert engine.arrays.tiles == (1 if order == "alone" else 64)
     found = run_to(engine, end)
     w = 1.0 - 2.0 * radius
     turns, rest = np.divmod(0.5 * w + u * end, w)
