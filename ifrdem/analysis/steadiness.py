@@ -76,9 +76,9 @@ def between(what: str, early: tuple[float, float], late: tuple[float, float], de
 
 
 def _change(what: str, early: float, late: float, error: float, degrees: int) -> Change:
-    """A change with its standard error; what may be rounding has no t."""
-    known = error > 0.0 and abs(late - early) > ROUNDING * max(abs(early), abs(late))
-    return Change(what, early, late, (late - early) / error if known else float("nan"), degrees)
+    """A change with its standard error; what may be rounding has t = 0."""
+    change = late - early if abs(late - early) > ROUNDING * max(abs(early), abs(late)) else 0.0
+    return Change(what, early, late, change / error if error > 0.0 else float("nan"), degrees)
 
 
 def between_cells(what: str, values: Sequence[Array], positions: Sequence[Array], box: Box) -> Change:
@@ -118,6 +118,6 @@ def between_modes(what: str, intensities: Sequence[Array]) -> Change:
     )
     share = (late - early) / (late + early)
     error = float(np.std(share, ddof=1) / np.sqrt(len(share)))
-    known = error > 0.0 and abs(share.mean()) > ROUNDING
-    t = float(share.mean()) / error if known else float("nan")
+    change = float(share.mean()) if abs(share.mean()) > ROUNDING else 0.0
+    t = change / error if error > 0.0 else float("nan")
     return Change(what, float(early.mean()), float(late.mean()), t, len(share) - 1)
