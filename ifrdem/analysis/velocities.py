@@ -150,7 +150,7 @@ def velocity_distribution(
         square, spin_square = np.sum(c * c, axis=1), w * w
         T2, T2_rot = square.mean(), 2.0 * spin_square.mean()  # 2 T and 2 T_rot
         if T2 == 0.0:
-            raise InputError("velocity: must differ between disks: nothing moves, and has no distribution")
+            raise InputError("velocity: must differ between disks: without motion there is no distribution")
         counts += np.histogram(c / np.sqrt(T2), bins, (-widest, widest))[0]
         x = square / T2
         y = np.full(len(v), np.nan)
