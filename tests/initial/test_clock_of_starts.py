@@ -236,7 +236,7 @@ def test_gates_and_pistons_of_a_frame_are_where_it_says(tmp_path: Path) -> None:
     ):
         case(tmp_path, *two, "start.time=2.0", text=walls)
     frame_of(tmp_path / "bare.h5", [[2.0, 3.0], [6.0, 3.0]], 2.0, fields=[])
-    with pytest.raises(InputError, match=r"wall\[2\]\.opens_after = 4: .* needs the field collisions"):
+    with pytest.raises(InputError, match=r"wall\[2\]\.opens_after = 4: requires the field collisions"):
         case(tmp_path, *two, "start.positions=bare.h5", text=walls)
     moved: dict[str, object] = {
         f"piston_{name}": np.array([x]) for name, x in (("displacement", 2.0), ("velocity", 0.7))

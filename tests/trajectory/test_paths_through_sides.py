@@ -55,7 +55,7 @@ def test_few_fast_disks_do_not_hide_among_many_slow_ones(tmp_path: Path) -> None
     steps = BOX.minimum_image(np.diff(inside, axis=0))
     assert np.sqrt(np.mean(steps**2, axis=(0, 1))).max() < 10.0 / 8.0
     with pytest.raises(
-        InputError, match=r'a disk goes 0\.\d+ of the box along x.*"image" into output\.fields'
+        InputError, match=r'a disk moves 0\.\d+ of the box along x.*"image" into output\.fields'
     ):
         analysis.unwrap(inside, BOX)
     slow = slice(0, HEAVY)
@@ -79,7 +79,7 @@ def test_speeds_show_jumps_that_steps_hide() -> None:
     path = [1.0, 1.0] + velocity * times[:, None, None]
     inside = path % 10.0
     assert not np.diff(analysis.unwrap(inside[:, :1], BOX), axis=0).any()  # it seems to stand
-    with pytest.raises(InputError, match=r"a disk goes 1 of the box along x"):
+    with pytest.raises(InputError, match=r"a disk moves 1 of the box along x"):
         analysis.unwrap(inside, BOX, velocity=velocity, times=times)
     own = analysis.unwrap(inside[:, 1:], BOX, velocity=velocity[:, 1:], times=times)
     np.testing.assert_allclose(own, path[:, 1:], atol=1e-12)
@@ -119,7 +119,7 @@ def test_a_place_between_two_frames_is_on_the_way_through_the_side(
                                [0.1, 0.15, 0.0], atol=1e-12)  # fmt: skip
     Path("soon.csv").write_text("id,x,y,t\n0,6,5,0.5\n")
     fast = written(Path("fast.h5"), path[::2], 2.0 * velocity[::2], fields)
-    with pytest.raises(InputError, match=r"a disk goes 0\.6 of the box along x"):
+    with pytest.raises(InputError, match=r"a disk moves 0\.6 of the box along x"):
         compare.compare(fast, compare.read("soon.csv", {}, Form()))
 
 
