@@ -108,7 +108,7 @@ ANALYSIS: dict[str, dict[str, Any]] = {
     "sonine_density": {"c": 1.0, "a2": 0.1},
     "structure_factor": {"position": POINTS, "box": SIDES, "k_max": 5.0, "rings": 5, "time": 0.0},
     "unwrap": {"position": np.full((3, 2, 2), 0.5), "box": SIDES, "image": np.zeros((3, 2, 2), dtype=int),
-               "times": 0.0},
+               "velocity": np.zeros((3, 2, 2)), "times": 0.0},
     "velocity_autocorrelation": {"times": TIMES, "velocity": PATHS, "origins": "all", "most_lags": 5},
     "velocity_distribution": {"velocity": VELOCITY, "spin": SPIN, "mass": 1.0, "inertia": 1.0, "bins": 11,
                               "widest": 5.0},
@@ -124,7 +124,7 @@ INITIAL: dict[str, dict[str, Any]] = {
     "hexagonal_positions": {**PLACED, "seed": 1},
     "maxwellian": {"mass": [1.0] * 4, "speed_rms": 1.0, "temperature": None, "seed": 1, "comm": None},
     "random_positions": {**PLACED, "seed": 1},
-    "separate": {**PLACED, "position": STATE.position},
+    "separate": {**PLACED, "position": STATE.position, "time": 0.0},
 }
 SAMPLED = {"n": 4, "seed": 1, "comm": None}
 RADII: dict[str, dict[str, Any]] = {
@@ -148,9 +148,12 @@ FORCES: dict[str, dict[str, Any]] = {
 }
 MEASURE = ifrdem.observables.measure(DISKS, STATE)
 OBSERVABLES: dict[str, dict[str, Any]] = {
-    "from_totals": {"disks": DISKS, "totals": np.ones(9), "time": 1.0, "wall_hits": 0},
+    "drift_text": {"velocity": [1.0, 0.0]},
+    "from_totals": {"disks": DISKS, "totals": np.ones(9), "time": 1.0, "wall_hits": 0,
+                    "about_mean": (True, True)},
     "measure": {"disks": DISKS, "state": STATE, "energy_input": 0.0, "wall_work": 0.0, "wall_heat": 0.0,
-                "gravity": (0.0, 0.0), "dissipated": np.zeros(7), "regimes": np.zeros(5, dtype=int)},
+                "gravity": (0.0, 0.0), "dissipated": np.zeros(7), "regimes": np.zeros(5, dtype=int),
+                "about_mean": (True, True)},
     "sums": {"disks": DISKS, "state": STATE, "gravity": (0.0, 0.0), "comm": None},
 }  # fmt: skip
 WALLS: dict[str, Any] = {

@@ -35,6 +35,7 @@ def of_velocity(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluat
     rows: list[Reading] = []
     table: Columns = {}
     changes: list[steadiness.Change] = []
+    left_out: list[str] = []
 
     def distribution(which: Indices, some: Sequence[int], bins: int) -> velocities.VelocityDistribution:
         names = ("peculiar_velocity", "spin")
@@ -46,8 +47,12 @@ def of_velocity(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluat
         return getattr(found.sonine, label), getattr(found.sonine, f"{label}_error")
 
     for name, which in kinds(trajectory).items():
-        found = results[name] = distribution(which, used, BINS)
         of, mark = ("", "") if len(which) == disks.n else (f" of {name}", f" [{name}]")
+        try:
+            found = results[name] = distribution(which, used, BINS)
+        except InputError as error:  # of a kind with a single disk, say: the others have theirs
+            left_out.append(f"no distribution{of}: {error}" if of else str(error))
+            continue
         rows += [Reading(f"{label}{of}", *coefficient(found, label)) for label in SONINE]
         if len(used) > 1:
             early, late = (distribution(which, half, 1) for half in steadiness.halves(used))
@@ -58,7 +63,9 @@ def of_velocity(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluat
         columns |= {f"{name} error": f"{columns[name]}_error" for name in ("P(c)", "P(w)")}
         order = ("c", "P(c)", "P(c) error", "P(w)", "P(w) error")
         table |= {f"{name}{mark}": getattr(found, columns[name]) for name in order}
-    notes = [f"of {name}" for name in results if "together" in name]
+    if not results:
+        raise InputError("; ".join(left_out))
+    notes = [f"of {name}" for name in results if "together" in name] + left_out
     notes += ["c = v_x or v_y over sqrt(2 T / m), w = omega over sqrt(2 T_rot / I); 0 for Gaussians"]
     notes += stored.drift(trajectory, every(trajectory, None)).said(
         trajectory, "c and T are about its mean velocity"

@@ -62,12 +62,13 @@ def coarse_grain(
     sum m phi, and T = sum m |v - u|^2 phi / (2 (sum phi - sum m phi^2 / sum m phi)): the bracket makes the mean of T
     right if velocities are independent and all have one temperature. Weights as in I. Goldhirsch, Granul. Matter 12,
     239 (2010), doi:10.1007/s10035-010-0181-z. InputError if shapes do not match, cells are not positive, the width is
-    below half a cell, or Gaussians are asked for in a sheared box.
+    below half a cell, Gaussians are asked for in a sheared box, or centres lie above or below a sheared box.
 
     Parameters
     ----------
     position, velocity, spin : arrays (n, 2), (n, 2) and (n,)
-        Centres [length], velocities [length/time] and spins [rad/time], without which T_rot is 0.
+        Centres [length], velocities [length/time] and spins [rad/time], without which T_rot is 0. Centres outside are
+        moved into the box through its periodic sides.
     box : Box, or two lengths of a periodic one
         An open one takes what holds all centres.
     cells : tuple of two ints
@@ -96,6 +97,12 @@ def coarse_grain(
     if width and box.shear_rate:
         raise InputError("Gaussians in a sheared box are not supported: take plain cells, width = 0")
     low, lengths = np.zeros(2), np.array(box.lengths)
+    if box.shear_rate and n and not (x[:, 1].min() >= 0.0 and x[:, 1].max() <= lengths[1]):
+        raise InputError(
+            f"position: y from {x[:, 1].min():g} to {x[:, 1].max():g} must lie in the sheared box, "
+            f"0 to {lengths[1]:g}: Box.wrap moves centres, and velocities change with them by shear_rate Ly"
+        )
+    x = box.wrap(x)
     if box.is_open:
         low, lengths = x.min(axis=0), np.maximum(np.ptp(x, axis=0), 1e-300) * (1.0 + 1e-9)
     size = lengths / cells

@@ -32,6 +32,8 @@ CELLS, DISKS = (5, 32), 40
 """Cells along a side of the box at least (24 degrees of freedom) and at most; disks that a cell has between: its side
 is some 10 diameters at packing fraction 0.3, where pairs know of each other over 2 or 3."""
 MODES = 32
+ROUNDING = 1e-6
+"""Relative change that may be rounding: g(r) and psi_6 are found in single precision, S(k) to 1e-9 of its largest."""
 
 
 class Change(NamedTuple):
@@ -70,9 +72,13 @@ def doubts(changes: Sequence[Change]) -> list[str]:
 
 def between(what: str, early: tuple[float, float], late: tuple[float, float], degrees: int) -> Change:
     """Two values with standard errors; where the halves are correlated, they differ by less than these say."""
-    error = float(np.hypot(early[1], late[1]))
-    t = (late[0] - early[0]) / error if error > 0.0 else float("nan")
-    return Change(what, early[0], late[0], t, degrees)
+    return _change(what, early[0], late[0], float(np.hypot(early[1], late[1])), degrees)
+
+
+def _change(what: str, early: float, late: float, error: float, degrees: int) -> Change:
+    """A change with its standard error; what may be rounding has no t."""
+    known = error > 0.0 and abs(late - early) > ROUNDING * max(abs(early), abs(late))
+    return Change(what, early, late, (late - early) / error if known else float("nan"), degrees)
 
 
 def between_cells(what: str, values: Sequence[Array], positions: Sequence[Array], box: Box) -> Change:
@@ -89,8 +95,7 @@ def between_cells(what: str, values: Sequence[Array], positions: Sequence[Array]
     # What cells add to the ratio of the sums, to first order: more disks in a cell are no change by themselves.
     parts = (sums - mean[:, None] * counts) / total[:, None]
     error = float(np.std(parts[1] - parts[0], ddof=1) * side)
-    t = float(mean[1] - mean[0]) / error if error > 0.0 else float("nan")
-    return Change(what, float(mean[0]), float(mean[1]), t, side**2 - 1)
+    return _change(what, float(mean[0]), float(mean[1]), error, side**2 - 1)
 
 
 def _cells(position: Array, box: Box, side: int) -> NDArray[np.intp]:
@@ -113,5 +118,6 @@ def between_modes(what: str, intensities: Sequence[Array]) -> Change:
     )
     share = (late - early) / (late + early)
     error = float(np.std(share, ddof=1) / np.sqrt(len(share)))
-    t = float(share.mean()) / error if error > 0.0 else float("nan")
+    known = error > 0.0 and abs(share.mean()) > ROUNDING
+    t = float(share.mean()) / error if known else float("nan")
     return Change(what, float(early.mean()), float(late.mean()), t, len(share) - 1)

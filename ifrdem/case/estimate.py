@@ -225,13 +225,17 @@ def _tracked(gas: CaseGas) -> int:
 
 
 def _rates_and_speeds(gas: CaseGas) -> tuple[list[float], list[float]]:
-    """Collision rate [1/time] and mean speed [length/time] of a disk of each species, means over its radii."""
+    """Collision rate [1/time] and mean speed [length/time] of a disk of each species, means over its radii.
+
+    A disk that is alone meets nobody.
+    """
     classes = [each.classes() for each in gas.species]
     found = iter(collision_rates([one for group in classes for one in group], gas.room.area()))
     rates, speeds = [], []
     for group in classes:
         number = [one.number for one in group]
-        rates.append(float(np.average([next(found) for _ in group], weights=number)))
+        rate = float(np.average([next(found) for _ in group], weights=number))
+        rates.append(rate if gas.n > 1 else 0.0)
         rms = np.average([one.speed_rms for one in group], weights=number)
         speeds.append(math.sqrt(math.pi / 4.0) * float(rms))  # of a Maxwellian in two dimensions
     return rates, speeds

@@ -205,7 +205,7 @@ def summary(gas: CaseGas, estimate: RunEstimate, device: str) -> str:
     else:
         paths = [path for path in estimate.free_path if not math.isnan(path)]
         ends = " to ".join(f"{path:.4g}" for path in dict.fromkeys((min(paths), max(paths)))) if paths else ""
-        path = f"mean free path {ends}{case.unit('length')}" if paths else "nothing moves at the start"
+        path = f"mean free path {ends}{case.unit('length')}" if paths else _no_path(gas)
         where = f", packing fraction {estimate.packing_fraction:.4g}, {path}"
     return f"{case.run.name}: {gas.n} disks{where}\n{_clock(gas, estimate)}\non {device}"
 
@@ -231,7 +231,7 @@ def report(gas: CaseGas, estimate: RunEstimate) -> str:
             text = f"{path:.4g}{length} ({diameters:.3g} diameters), mean free time {1.0 / rate:.4g}{time}"
             lines.append(_row("  mean free path", f"{text}, at the start"))
         elif not gas.box.is_open:
-            lines.append(_row("  mean free path", "none: nothing moves at the start"))
+            lines.append(_row("  mean free path", f"none: {_no_path(gas)}"))
     for verdict in gas.verdicts:
         law = verdict.law
         assert law is not None  # a gas has no refused pairs
@@ -453,6 +453,11 @@ def size(count: float) -> str:
 
 def _row(name: str, text: str) -> str:
     return f"  {name:<22} {text}"
+
+
+def _no_path(gas: CaseGas) -> str:
+    """Reason why disks have no mean free path."""
+    return "nothing moves at the start" if gas.n > 1 else "one disk alone never collides"
 
 
 def _clock(gas: CaseGas, estimate: RunEstimate) -> str:

@@ -106,7 +106,8 @@ class Measure:
         return self.translational_energy + self.rotational_energy
 
 
-def drift_text(velocity: ArrayLike) -> str:
+@validated
+def drift_text(velocity: Annotated[ArrayLike, Numbers((2,))]) -> str:
     """Text of a mean velocity; a component that is only rounding is shown as 0.
 
     Examples

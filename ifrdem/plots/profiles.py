@@ -4,7 +4,7 @@ Means over frames in strips, which run across x or y: across gravity, if there i
 of each disk is shared out among strips exactly; a strip's packing fraction is that over the area of the room in it,
 where moving walls stand where they are in the first frame. Velocities and spins belong to the strip of the disk's
 centre. Temperatures are about the strip's mean velocity u, which is weighted by mass: T_x = <m (v_x - u_x)^2>, and so
-for y; T_rot = <I omega^2>.
+for y, without bias by the number of disks that u is the mean of; T_rot = <I omega^2>.
 """
 
 from __future__ import annotations
@@ -83,8 +83,8 @@ def of(trajectory: Trajectory) -> Strips | None:
     with np.errstate(divide="ignore", invalid="ignore"):
         number = np.where(number >= FEWEST, number, np.nan)
         velocity = momentum / np.where(np.isnan(number), np.nan, mass)
-        # The mean of the squares less the square of the mean.
-        temperature = (square - velocity**2 * mass) / number
+        # M <u^2> = T in sum m (v - u)^2 = sum m v^2 - M u^2, whatever the masses: N - 1 degrees of freedom.
+        temperature = (square - velocity**2 * mass) / (number - 1.0)
         fraction = np.where(room > 1e-9 * trajectory.box.area, covered / (len(used) * room), np.nan)
     return Strips(
         axis, edges, fraction, velocity.T, temperature.T, spins / number, (used[0].time, used[-1].time)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..analysis import result
 from ..errors import InputError
 from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.state import Disks
@@ -126,7 +127,8 @@ def _gas(trajectory: Trajectory) -> _Gas | str:
         start = [trajectory.observables[name][:1] for name in ("temperature", "rotational_temperature")]
     else:
         frame, members = trajectory[0], [which == kind for kind in range(kinds)]
-        moving = 0.5 * disks.mass * np.sum(frame.velocity**2, axis=1)
+        velocity = frame.velocity - result.drift(trajectory, range(len(trajectory))).velocity
+        moving = 0.5 * disks.mass * np.sum(velocity**2, axis=1)
         spinning = disks.inertia * frame.spin**2
         start = [np.array([each[those].mean() for those in members]) for each in (moving, spinning)]
     return _Gas(disks, laws, phi, start[0], start[1], forces, kinds)

@@ -11,6 +11,7 @@ from ..case.case import Case
 from ..errors import InputError
 from ..tools.files import CHECKPOINT, VIEWS, check_files, checkpoint_of
 from ..trajectory import parts
+from ..trajectory.file import views_of
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,8 @@ class Outputs:
 
         Raises InputError with a line for each thing that is wrong. Nothing is left behind.
         """
-        check_files(self._paths, force=force)
+        views = [view for view in views_of(self.trajectory) if view not in self.views]  # of one that was here
+        check_files([*self._paths, *views], force=force)
         parts.check_unused(self.trajectory)
         if (there := parts.existing(self.trajectory)) and not force:
             raise InputError(

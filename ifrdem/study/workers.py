@@ -60,7 +60,7 @@ def pool(tasks: Sequence[Task], workers: int, threads: int) -> Done:
                 if isinstance(found, Died):
                     worker.end()
                     worker = Worker()
-                    found = f"its process died {TRIES} times (out of memory?)"
+                    found = f"{found.reason}, {TRIES} times"
                     if task is not None:
                         lost[task.key] += 1
                         if lost[task.key] < TRIES:
@@ -139,12 +139,21 @@ def dask(
             held[future.key] = future
             future.add_done_callback(lambda future: ended.put((task, future)))
 
+        waiting = False
         held: dict[str, Any] = {}  # Dask forgets what nobody holds
         submit(None)  # compiles the kernels, which the others find
         while held:
             try:
                 task, future = ended.get(timeout=1.0)
             except queue.Empty:
+                alone = not client.nthreads()
+                if alone and not waiting:
+                    say("the cluster has no worker: waiting for one")
+                waiting = alone
+                if cluster.kind is not None:
+                    place.scale(
+                        jobs=cluster.jobs
+                    )  # which asks again for those that have ended at their time limit
                 yield None
                 continue
             fault = future.exception()
@@ -154,7 +163,7 @@ def dask(
                 for each in tasks:
                     submit(each)
             else:
-                died = f"its worker died {TRIES} times (out of memory?)"
+                died = f"its worker died {TRIES} times (out of memory, or at the time limit of its job?)"
                 told = died if isinstance(fault, distributed.KilledWorker) else repr(fault)
                 yield task, told if fault is not None else future.result()
             del held[future.key]

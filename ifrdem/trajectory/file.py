@@ -233,6 +233,8 @@ class OutputFile:
             output = cls(file, raw, path, present, replaces=replaces, new=True, held=held)
             output.flush()
             if not replaces:  # else the old file keeps the place until the first commit
+                if force:
+                    remove_views(path)
                 output.publish()
         except (OSError, RuntimeError, ValueError, TypeError) as error:
             _close(file, raw, held)
@@ -280,6 +282,7 @@ class OutputFile:
             # The lock does not exclude new writers while others read the old file.
             if use := files.being_written(self.path):
                 raise BlockingIOError(errno.EWOULDBLOCK, f"another file was written there meanwhile: {use}")
+            remove_views(self.path)
             os.replace(self._present, self.path)
         else:
             try:
@@ -374,6 +377,27 @@ def drop_staged(file: h5py.File, name: str) -> None:
 def on_pages(size: int) -> int:
     """Bytes that a piece of a file takes, with what it leaves of its last page if it begins on one."""
     return -(-size // PAGE) * PAGE if size >= ALIGNED else size
+
+
+def views_of(trajectory: str | os.PathLike[str]) -> list[Path]:
+    """Views of a trajectory that stand beside it: files without data of their own, at the places of views."""
+    place = Path(trajectory)
+    name = place.name.removesuffix(".h5")
+    return [one for each in files.VIEWS if _is_view(one := place.with_name(name + each))]
+
+
+def _is_view(path: Path) -> bool:
+    with contextlib.suppress(OSError, RuntimeError, KeyError, AttributeError):
+        if path.is_file():  # a pipe would be waited for
+            with h5py.File(path) as file:
+                return bool(file["VTKHDF/Points" if "VTKHDF" in file else "coordinates"].is_virtual)
+    return False
+
+
+def remove_views(trajectory: str | os.PathLike[str]) -> None:
+    """Remove the views of a trajectory that another one takes the place of: they would show its data at old times."""
+    for view in views_of(trajectory):
+        view.unlink()
 
 
 def _reason(error: Exception) -> str:

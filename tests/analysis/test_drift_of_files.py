@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 
 from ifrdem import Box, Disks, State, Trajectory, TrajectoryWriter
 from ifrdem.analysis import catalogue, result
+from ifrdem.plots import temperatures
 
 N, DRIFT = 100, np.array([20.0, 0.0])
 
@@ -71,3 +73,27 @@ def test_a_file_with_the_drift_in_its_temperatures_is_doubted(tmp_path: Path, in
             True
         ] * inside
         assert any("temperatures are about its mean velocity" in note for note in found.notes) != inside
+
+
+def test_theory_of_a_mixture_begins_at_temperatures_about_the_drift(tmp_path: Path) -> None:
+    """Velocities (+-1, 0) about a drift of 20: T = m / 2 of each kind, 1/2 and 1; in the lab 200.5 and 401."""
+    mass, radius = np.repeat([1.0, 2.0], 4), np.repeat([0.2, 0.3], 4)
+    velocity = np.stack((20.0 + np.resize([1.0, -1.0], 8), np.zeros(8)), axis=1)
+    position = np.stack((1.0 + np.arange(8), np.ones(8)), axis=1)
+    law = {"e_n": 0.9, "e_t": -1.0, "mu": 0.0, "rho": 0.0, "sticking": "contact_point"}
+    with TrajectoryWriter(
+        tmp_path / "run.h5",
+        Disks(8, mass=mass, radius=radius),
+        Box((10.0, 10.0)),
+        parameters={"laws": json.dumps([[law]])},
+    ) as writer:
+        for k in range(3):
+            totals = {
+                "temperature": 0.75, "rotational_temperature": 0.0, "collisions": k,
+                "momentum": np.array([12.0 * 20.0, 0.0]), "translational_energy": 0.75 * 8 + 0.5 * 12.0 * 400.0,
+            }  # fmt: skip
+            writer.write(State(position, velocity, np.zeros(8), time=1e-3 * k), totals)
+    with Trajectory(tmp_path / "run.h5") as run:
+        curves, _, _ = temperatures.theory(run)
+    assert curves is not None
+    assert curves[1][0] == pytest.approx(0.75, rel=1e-3)  # of all disks; it cools from there

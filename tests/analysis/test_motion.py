@@ -219,6 +219,23 @@ def test_temperature_of_few_disks_in_a_cell_is_without_bias(width: float) -> Non
     assert pytest.approx(1.0, abs=0.02) == T
 
 
+def test_fields_of_paths_outside_the_box_are_those_of_what_is_inside() -> None:
+    """Centres moved by whole boxes, each by others, and half a unit beyond the sides by hand; walls hold the rest."""
+    rng, box = np.random.default_rng(7), Box((10.0, 8.0))
+    x, v = rng.random((400, 2)) * box.lengths, rng.normal(size=(400, 2))
+    outside = x + rng.integers(-3, 4, size=(400, 2)) * box.lengths
+    inner, outer = (analysis.coarse_grain(each, v, box=box, cells=(5, 4)) for each in (x, outside))
+    np.testing.assert_array_equal(inner.number, outer.number)
+    np.testing.assert_allclose(inner.velocity, outer.velocity, rtol=1e-12)
+    beyond = analysis.coarse_grain(
+        np.array([[10.5, 1.0], [-0.5, 7.0]]), np.ones((2, 2)), box=box, cells=(2, 2)
+    )
+    assert (beyond.number * 20.0).tolist() == [[1.0, 0.0], [0.0, 1.0]]
+    sheared = Box((10.0, 8.0), shear_rate=0.3)
+    with pytest.raises(InputError, match=r"y from -0\.5 to 7 must lie in the sheared box"):
+        analysis.coarse_grain(np.array([[1.0, -0.5], [1.0, 7.0]]), np.ones((2, 2)), box=sheared, cells=(2, 2))
+
+
 def test_fields_beside_walls_are_not_thinned() -> None:
     box = Box((50.0, 50.0), periodic=(False, True))
     x = np.random.default_rng(7).random((100_000, 2)) * 50.0

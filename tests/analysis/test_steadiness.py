@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from support.figures import texts
 
-from ifrdem import Box, Disks, State, Trajectory, TrajectoryWriter
+from ifrdem import Box, Disks, InputError, State, Trajectory, TrajectoryWriter
 from ifrdem.analysis import catalogue, steadiness
 from ifrdem.analysis.result import NOT_STEADY
 from ifrdem.cli import main as cli
@@ -187,3 +187,45 @@ def test_counts_and_seeds_are_whole_in_json(
     ):
         assert isinstance(value, int)
     assert record["run"]["seed"] == 11
+
+
+def test_rounding_is_no_change(tmp_path: Path) -> None:
+    """S(k) of one disk is 1 at every k, and psi_6 of a lattice is 1 wherever the lattice is: both but for rounding."""
+    row, column = np.divmod(np.arange(100), 10)
+    box = Box((10.0, 10.0 * np.sqrt(0.75)))
+    lattice = np.stack((column + 0.5 * (row % 2), row * np.sqrt(0.75)), axis=1)
+    for name, position in (("S", np.array([[1.0, 2.0]])), ("psi6", lattice)):
+        path = tmp_path / f"{name}.h5"
+        n = len(position)
+        with TrajectoryWriter(path, Disks(n, mass=1.0, radius=0.4), box) as writer:
+            for i in range(FRAMES):
+                shift = i * np.array([0.37, 0.61])
+                writer.write(State(box.wrap(position + shift), np.ones((n, 2)), np.zeros(n), time=0.1 * i))
+        with Trajectory(path) as file:
+            found = catalogue.ANALYSES[name].of(file, None)
+            assert found.rows[0].value == pytest.approx(1.0, abs=1e-5)  # single precision
+            assert found.doubts == []
+
+
+def test_a_kind_with_one_disk_has_no_distribution_and_the_others_have(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    velocity, spin, position = rng.normal(size=(61, 2)), rng.normal(size=61), 9.0 * rng.random((61, 2))
+    radius = np.append(np.full(60, 0.1), 0.4)
+    for n in (61, 1):
+        path = tmp_path / f"{n}.h5"
+        with TrajectoryWriter(path, Disks(n, mass=1.0, radius=radius[-n:]), BOX) as writer:
+            writer.write(State(position[:n], velocity[:n], spin[:n]))
+    with Trajectory(tmp_path / "61.h5") as file:
+        found = catalogue.ANALYSES["velocity"].of(file, None)
+    assert [row.name for row in found.rows] == [
+        f"{name} of material 0, R = 0.1" for name in ("a20", "a02", "a11")
+    ]
+    # By hand: the fourth moment about the mean of the 60, over the square of the second.
+    square = np.sum((velocity[:60] - velocity[:60].mean(axis=0)) ** 2, axis=1)
+    expected = np.mean(square**2) / (2.0 * np.mean(square) ** 2) - 1.0
+    assert found.rows[0].value == pytest.approx(expected, rel=1e-5)  # the file is in single precision
+    assert any(
+        "no distribution of material 0, R = 0.4: velocities of 1 disks" in note for note in found.notes
+    )
+    with Trajectory(tmp_path / "1.h5") as file, pytest.raises(InputError, match="velocities of 1 disks"):
+        catalogue.ANALYSES["velocity"].of(file, None)

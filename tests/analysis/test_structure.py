@@ -63,6 +63,23 @@ def test_pair_correlation_counts_the_pairs_that_a_double_loop_counts(shear_rate:
     np.testing.assert_array_equal(found.pairs, expected)
 
 
+@pytest.mark.parametrize("shear_rate", [0.0, 0.3])
+def test_paths_outside_the_box_have_the_structure_of_what_is_inside(shear_rate: float) -> None:
+    """Centres moved by whole boxes, each by others: along y also by what the image above lies further along x."""
+    rng, box, time = np.random.default_rng(7), Box((10.0, 8.0), shear_rate=shear_rate), 2.6
+    inside, image = rng.random((400, 2)) * box.lengths, rng.integers(-3, 4, size=(400, 2))
+    outside = inside + image * box.lengths
+    outside[:, 0] += image[:, 1] * shear_rate * 8.0 * time
+    found = []
+    for x in (inside, outside):
+        g = analysis.pair_correlation(x, box, r_max=3.3, r_min=0.35, bins=7, time=time)
+        S = analysis.structure_factor(x, box, k_max=9.0, rings=9, time=time)
+        joined = analysis.clusters(x, box, radius=0.1, gap=0.05, time=time)
+        found.append((g.pairs, S.S, joined.sizes, np.nan_to_num(joined.radius_of_gyration)))
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9)  # of finufft; the others count
+
+
 def test_walls_do_not_thin_out_the_pair_correlation() -> None:
     """A ring that a wall cuts holds fewer centres: without care g would fall with r."""
     box = Box((30.0, 20.0), periodic=(True, False))

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from ifrdem import theory
 from ifrdem.case import file as case_file
-from ifrdem.case import pair_rules, template
+from ifrdem.case import pair_rules, summary, template
 from ifrdem.case.case import Case, MaterialSection, RunSection, SpeciesSection
 from ifrdem.case.estimate import RunEstimate, collision_rates
 from ifrdem.case.gas import CaseGas, Species
@@ -228,6 +228,24 @@ def test_one_disk_alone_cannot_be_run_to_a_number_of_collisions() -> None:
     (found,) = mistakes(*alone)
     assert found.startswith("run.collisions_per_disk = 5: one disk alone never collides")
     assert mistakes(*alone, "run.collisions_per_disk=", "run.t_end=1.0") == []
+
+
+def test_one_disk_alone_is_expected_to_collide_with_nobody() -> None:
+    gas = CaseGas.from_case(
+        case_of(
+            SMALL,
+            "species[0].number=1",
+            "box.packing_fraction=",
+            "box.lengths=[9.0, 9.0]",
+            "run.collisions_per_disk=",
+            "run.t_end=3",
+        )
+    )
+    estimate = RunEstimate.of(gas)
+    assert (estimate.collision_rate, estimate.collisions) == ((0.0,), 0.0)
+    shown = summary.report(gas, estimate)
+    assert "none: one disk alone never collides" in shown
+    assert "nothing moves" not in shown
 
 
 def test_every_mistake_is_reported_at_once(tmp_path: Path) -> None:

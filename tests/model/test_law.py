@@ -121,7 +121,7 @@ def test_what_is_no_law_is_refused_by_name(make: Any, message: str | None) -> No
 
 
 def test_collide_in_numpy_takes_the_ifr_law_only() -> None:
-    with pytest.raises(InputError, match=r"collide takes an IFRLaw"):
+    with pytest.raises(InputError, match=r"law = .*: must be an IFRLaw"):
         collide(viscoelastic(), [1, 0], [1, 1], [1, 1], [2, 2], [[1, 0], [0, 0]], [0, 0])  # type: ignore[arg-type]
 
 

@@ -73,6 +73,23 @@ def test_profiles_are_those_of_the_second_half(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.rotational_temperature[inner].mean(), 2.0, rtol=0.04)
 
 
+def test_temperature_of_few_disks_in_a_strip_is_without_bias(tmp_path: Path) -> None:
+    """Of N disks of one mass about their own mean: the sum of squares over N - 1, as any variance of a sample."""
+    rng, each = np.random.default_rng(2), 20
+    y = np.repeat((np.arange(8) + 0.5) * 8.0 / 8.0, each)
+    velocity, disks = rng.normal(size=(len(y), 2)), Disks(len(y), 2.0, 0.5)
+    position = np.column_stack((np.tile(np.arange(each) + 0.5, 8), y))
+    with TrajectoryWriter(
+        tmp_path / "a.h5", disks, Box((each, 8.0), (True, False)), precision="f8"
+    ) as writer:
+        writer.write(State(position, velocity, np.zeros(len(y))))
+    with Trajectory(tmp_path / "a.h5") as trajectory:
+        found = profiles.of(trajectory)
+    assert found is not None
+    expected = 2.0 * np.var(velocity.reshape(8, each, 2), axis=1, ddof=1)
+    np.testing.assert_allclose(found.temperature, expected, rtol=1e-12)
+
+
 def test_a_disk_is_shared_out_among_strips_by_area(tmp_path: Path) -> None:
     """One disk across three strips, its middle at a quarter of one: areas of circular segments."""
     disks, box = Disks(1, 1.0, 1.0), Box((8.0, 8.0), (True, False))

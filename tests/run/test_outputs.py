@@ -13,6 +13,7 @@ from support.layout_files import write
 from ifrdem.cli.main import main
 from ifrdem.errors import InputError
 from ifrdem.plots import movie, run
+from ifrdem.run.outputs import Outputs
 from ifrdem.tools.files import write_aside
 from ifrdem.trajectory import export, repair, views
 from ifrdem.trajectory.reader import Trajectory
@@ -109,6 +110,33 @@ def test_nothing_that_is_no_file_is_replaced_by_a_picture(path: Path, make: Call
         write_aside(place, lambda aside: aside.write_text("x"))
     assert kind(place) == was
     assert len(os.listdir(path.parent)) == 2
+
+
+def test_views_go_with_the_trajectory_that_they_show(path: Path) -> None:
+    """A run that writes no views takes the place of one that had them: its frames are not shown at the old times."""
+    made = views.write_views(path)
+    theirs = path.with_name("run.png")  # some other file beside it
+    theirs.write_text("mine")
+    outputs = Outputs(path, None)
+    with pytest.raises(
+        InputError, match=r"run\.h5: exists already[^$]*run\.vtkhdf: exists[^$]*run\.nc: exists"
+    ):
+        outputs.check(force=False)
+    write(path, n=20, frames=2, force=True)
+    assert sorted(os.listdir(path.parent)) == ["run.h5", "run.png"]
+
+    # Renamed, the trajectory leaves its views at the old name, where the next run would be shown by them.
+    views.write_views(path)
+    path.rename(path.with_name("kept.h5"))
+    with pytest.raises(InputError, match=r"run\.nc: exists already"):
+        outputs.check(force=False)
+    outputs.check(force=True)
+    write(path, n=20, frames=2, force=True)
+    assert not any(view.exists() for view in made)
+    made[1].write_text("no view")
+    outputs.check(force=True)
+    write(path, n=20, frames=2, force=True)
+    assert made[1].read_text() == "no view"
 
 
 @pytest.mark.parametrize("verb", ["info", "views", "repair", "repair --in-place", "export --to csv"])

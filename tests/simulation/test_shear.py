@@ -329,6 +329,24 @@ def test_one_disk_flies_straight_on_and_its_path_has_no_jumps() -> None:
         assert np.all((end.position >= 0.0) & (end.position < box.lengths))
 
 
+def test_a_start_outside_the_box_is_that_of_its_image() -> None:
+    """The image (a, b) boxes away lies a Lx + b (shift of the image above) along x, and moves b rate Ly faster."""
+    disks, box, begin = equal_disks(2), Box((7.0, 5.0), shear_rate=0.3), 2.0
+    inside, velocity = np.array([[6.8, 1.0], [3.0, 3.0]]), np.array([[1.0, 0.3], [-0.4, 0.9]])
+    boxes = np.array([[0, 1], [-3, -2]])
+    outside = inside + boxes * box.lengths
+    outside[:, 0] += boxes[:, 1] * 0.3 * 5.0 * begin
+    faster = velocity + np.stack((boxes[:, 1] * 0.3 * 5.0, np.zeros(2)), axis=1)
+    ends = []
+    for x, v in ((inside, velocity), (outside, faster)):
+        gas = Simulation(disks, box, IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), State(x, v, np.zeros(2), time=begin))
+        gas.run(t_end=begin + 7.3)
+        ends.append(gas.state)
+    np.testing.assert_allclose(ends[0].position, ends[1].position, atol=1e-13)
+    np.testing.assert_allclose(ends[0].velocity, ends[1].velocity, atol=1e-13)
+    assert (ends[1].image[:, 1] - ends[0].image[:, 1]).tolist() == [1, -2]
+
+
 def test_boxes_travelled_do_not_depend_on_the_tiles() -> None:
     """Of 300 disks, some of which crossed the seam, and sides, up to three times, and rows of tiles more often."""
     disks, box, state, _ = expected("equal", 0.3, 3.0, BEGINNINGS["askew"], COIN, 700)

@@ -9,17 +9,21 @@ import sys
 import time
 from pathlib import Path
 
+import distributed
 import numpy as np
 import pytest
 import xarray
 from matplotlib.collections import PolyCollection
 from matplotlib.container import ErrorbarContainer
+from support.worker_calls import quick_tasks
 
 import ifrdem
 from ifrdem.cli import main as cli
 from ifrdem.errors import DamageError, DamageWarning, InputError
+from ifrdem.study.plan import ClusterSection
 from ifrdem.study.results import Results
 from ifrdem.study.task import load
+from ifrdem.study.workers import dask, pool
 
 CASE = """
 [run]
@@ -399,6 +403,33 @@ def test_killed_workers_and_clients_leave_the_same_bits_and_no_orphans(case, qui
     assert all(path.stat().st_mtime_ns == before for path, before in list(kept.items())[:1])
     assert same(Results.read(tmp_path / "killed.nc"), quiet.results())
     assert all(load(task.result) for task in quiet.tasks)
+
+
+def test_a_run_that_ends_its_process_fails_alone_and_says_how() -> None:
+    found = dict(filter(None, pool(quick_tasks("a", "ends", "b", path="ends"), 1, 1)))
+    told = {task.key: message for task, message in found.items()}
+    assert told == {
+        "a": None,
+        "b": None,
+        "ends": "its process ended with status 7 and without a result, 3 times",
+    }
+
+
+def test_a_cluster_without_workers_is_waited_for_and_said() -> None:
+    """As where all its jobs have ended at their time limit."""
+    said: list[str] = []
+    with distributed.LocalCluster(n_workers=0, processes=False, dashboard_address="127.0.0.1:0") as cluster:
+        place = ClusterSection(scheduler=cluster.scheduler_address)
+        ended, looks = [], 0
+        for one in dask(quick_tasks("a", "b"), place, 1, 1, said.append):
+            looks += one is None
+            assert looks < 30  # seconds
+            if one is None and looks > 2:
+                cluster.scale(1)
+            elif one is not None:
+                ended.append((one[0].key, one[1]))
+    assert sorted(ended) == [("a", None), ("b", None)]
+    assert said[1:] == ["the cluster has no worker: waiting for one"]
 
 
 def test_the_template_is_a_study(tmp_path, capsys, monkeypatch):

@@ -1,4 +1,4 @@
-"""What the workers of tests/validation/test_validation_workers.py do; a module of its own, since they import it."""
+"""Calls of worker processes in tests of validation and of studies; a module of its own, since they import it."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from pathlib import Path
 
 from ifrdem.cli import main as cli
 from ifrdem.simulation import device
+from ifrdem.study.task import Task
 from ifrdem.validation.report import runner
 from ifrdem.validation.report.registry import Result, Row
 
@@ -33,6 +34,24 @@ def case(name: str, *, quick: bool, seed: int) -> runner.Verdict:
     time.sleep(0.5 if name == "energy" else 0.0)
     row = Row("length [m]", 1.0, 1.0, 0.1, "a guess", "a book")
     return runner.Verdict(name, f"{name}?", "a book", Result([row]))
+
+
+class QuickTask(Task):
+    """A run that does nothing; the one with the key "ends" ends its process, as compiling does where `path` says so."""
+
+    def perform(self, threads: int = 1) -> str | None:
+        if self.key == "ends":
+            os._exit(7)
+        return None
+
+    def warm(self, threads: int = 1) -> None:
+        if self.path == "ends":
+            os._exit(7)
+
+
+def quick_tasks(*keys: str, path: str = "") -> list[Task]:
+    """Runs with these keys."""
+    return [QuickTask(key, (0,), "", path, (), "", (), (), False, 1.0) for key in keys]
 
 
 def endless(name: str, *, quick: bool, seed: int) -> runner.Verdict:

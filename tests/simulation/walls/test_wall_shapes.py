@@ -255,6 +255,49 @@ def test_a_wall_moves_from_one_time_to_another() -> None:
     assert run_to(engine, 1.9 + 3.0 + 1e-9).velocity[0, 1] == pytest.approx(0.5, rel=1e-12)  # met at rest
 
 
+@pytest.mark.parametrize("order", ORDERS)
+def test_walls_at_the_edges_of_cells_are_hit_as_elsewhere(order: str) -> None:
+    """Each disk alone between two of the walls x = 0, 1, 2, ..., at the same places as edges of cells and tiles.
+
+    Its centre moves freely on a segment of length w = 1 - 2 R, unfolded: (w / 2 + u t) mod 2 w.
+    """
+    side, radius, end = 64, 0.1, 5.0
+    column, row = np.divmod(np.arange(side**2), side)
+    u = np.random.default_rng(1).uniform(-2.0, 2.0, side**2)
+    walls = [Wall.segment((float(x), 0.01), (float(x), side - 0.01)) for x in range(1, side)]
+    state = State(np.stack((column + 0.5, row + 0.5), axis=1), np.stack((u, 0.0 * u), axis=1), 0.0 * u)
+    box, disks = Box((side, side), (False, True)), Disks(side**2, mass=1.0, radius=radius)
+    engine = Engine(disks, box, state, np.array([[ELASTIC]]), walls=walls, order=order, tile_disks=64)
+    assert engine.arrays.tiles == (1 if order == "alone" else 64)
+    found = run_to(engine, end)
+    w = 1.0 - 2.0 * radius
+    turns, rest = np.divmod(0.5 * w + u * end, w)
+    expected = column + radius + np.where(turns % 2 == 0, rest, w - rest)
+    np.testing.assert_allclose(found.position[:, 0], expected, atol=1e-12)
+    assert engine.wall_hits == np.abs(turns).sum()
+    assert engine.collisions == 0
+
+
+@pytest.mark.parametrize(("above", "hits"), [(0.3, 1), (0.5 - 5e-10, 1), (0.5 + 5e-10, 0), (-1e-12, 1)])
+def test_the_end_of_a_segment_is_a_point_and_nothing_is_beyond_it(above: float, hits: int) -> None:
+    """A disk that flies past at this height above the end touches it at the angle whose sine is height over radius."""
+    wall = Wall.segment((10.0, 8.0), (10.0, 12.0))
+    start = State([[4.0, 12.0 + above]], [[1.0, 0.0]], [0.0])
+    engine = Engine(
+        Disks(1, mass=1.0, radius=0.5), BOX, start, np.array([[ELASTIC]]), walls=[wall], order="alone"
+    )
+    found = run_to(engine, 8.0)
+    height = max(above, 0.0)
+    way = math.sqrt(max(0.25 - height**2, 0.0))
+    normal = np.array([-way, height]) / 0.5
+    velocity = np.array([1.0, 0.0]) - 2.0 * hits * normal[0] * normal
+    touched = np.array([10.0 - way * hits, 12.0 + above])
+    expected = touched + velocity * (8.0 - (touched[0] - 4.0))
+    assert engine.wall_hits == hits
+    # Where it grazes, rounding of the height is that of way^2 = 5e-10: 1e-16 / 2e-5 of the angle.
+    np.testing.assert_allclose(found.position[0], expected, atol=1e-9)
+
+
 def test_sums_are_there_only_where_they_are_asked_for() -> None:
     disks = Disks(1, mass=1.0, radius=0.5)
     start = State([[8.0, 15.0]], [[0.0, 0.0]], [0.0])
