@@ -142,7 +142,9 @@ def velocity_distribution(
         if v is None or omega is None:
             raise InputError("velocity and spin: must have the same number of frames")
         if len(v) != len(omega) or len(v) < 2:
-            raise InputError(f"velocity has {len(v)} disks, spin {len(omega)}: must be as many, 2 or more")
+            raise InputError(
+                f"velocity has {len(v)} disks, spin {len(omega)}: must be the same number, 2 or more"
+            )
         weight, inertias = column("mass", mass, len(v)), column("inertia", inertia, len(v))
         root_inertia = np.sqrt(inertias)
         c = np.sqrt(weight)[:, None] * (v - np.average(v, axis=0, weights=weight))

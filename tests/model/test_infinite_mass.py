@@ -75,6 +75,6 @@ def test_radius_and_k_must_still_be_finite():
         with pytest.raises(InputError, match="must be a positive finite number"):
             Disks(1, mass=1.0, **wrong)
     with pytest.raises(
-        InputError, match=r"mass\[0\] = nan: a positive number \(infinite for an immovable disk\)"
+        InputError, match=r"mass = nan: must be a positive number, or inf for an immovable disk"
     ):
         Disks(1, mass=np.nan, radius=1.0)

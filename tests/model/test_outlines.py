@@ -127,7 +127,10 @@ def test_polygons_without_area_are_refused_with_their_place() -> None:
         ([(0, 0), (1, 1), (3, 3)], r"points\[2\] = .3, 3.: the outline doubles back"),
         ([(0, 0), (4, 0), (4, 4), (4, 1)], r"points\[2\] = .4, 4.: the outline doubles back"),
         ([(0, 0), (1, 1e-16), (2, 0)], "they enclose no area"),
-        ([(0, 0), (1e300, 0), (0, 1e300)], r"points\[1\]\[0\] = 1e\+300: must be a finite number, at most 1e\+50"),
+        (
+            [(0, 0), (1e300, 0), (0, 1e300)],
+            r"points\[1\]\[0\] = 1e\+300: must be a finite number, at most 1e\+50",
+        ),
     ):
         with pytest.raises(InputError, match=says):
             Wall.polygon(points)
