@@ -1,7 +1,7 @@
 """Columns of the engine's arrays by name: one table for kernels, the host, checkpoints and estimates of memory.
 
 A table gives each name the number of its column. Some names stand for several: *several* columns that are counted, or
-those of another table. `layout.py` says what each array is; here stands what is in its columns. Imports no Taichi:
+those of another table. `layout.py` describes the arrays, this module their columns. It does not import Taichi:
 kernels reach columns by name through `records.py`, the host through `named`.
 """
 
@@ -79,7 +79,7 @@ class Columns:
             self.at[name] = self.at[meant]
 
     def moved(self, first: int) -> "Columns":
-        """The same table with its first column at another number."""
+        """This table with its first column at another number."""
         return Columns(alias=self._alias, first=first, **self._names)
 
     def __getitem__(self, m: Any) -> Any:
@@ -128,7 +128,7 @@ class Named:
         return Named(part, column.moved(0)) if isinstance(column, Columns) else part
 
     def copy(self) -> "Named":
-        """The same with a copy of the array."""
+        """This with a copy of the array."""
         return Named(self.array.copy(), self._columns)
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -167,21 +167,21 @@ NOTE = Columns(**columns("slot", "tile", "counts"))
 # ---------------------------------------------------------------------- tiles
 
 # First slot (within its part) and number of disks at the window's beginning and end, by part; ghost records; 1 if it
-# has to be run again; disks gathered; 1 for those of this rank, where a gas is on several
+# has to be run again; disks gathered; 1 for a tile of this rank, if there are several ranks of MPI
 # (`ifrdem/simulation/ranks.py`); the first note that may be of its latest run.
 TILE = Columns(start=2, count=2, **columns("ghosts", "n_ghosts", "bad", "gathered", "owned", "noted"))
 # Halo; bound on how far its own disks came beyond its sides; their largest displacement; how far they are beyond its
-# sides at the end; halo against the one that all begin with.
+# sides at the end; halo over the initial one of all tiles.
 REACH = Columns(**columns("halo", "excursion", "max_displacement", "overhang", "halo_factor"))
-# Sums over a window; whole numbers are exact up to 2^53. `fastest` is the largest square of a speed. Behind them are
-# those of walls: heat of thermal ones, sums of each, how pistons moved.
+# Sums over a window; whole numbers are exact up to 2^53. `fastest` is the largest square of a speed. They are
+# followed by those of walls: heat of thermal walls, sums of each wall, states of pistons.
 TALLY = Columns(
     collisions=None, wall_collisions=None, elastics=None, regimes=5, losses=MECHANISM,
     **columns("wall_work", "flow_work", "fastest", "squares", "sleepers"),
 )  # fmt: skip
 WALL_SUM = Columns(**columns("momentum_x", "momentum_y", "torque", "work", "heat", "hits"))
 PISTON_STATE = Columns(**columns("displacement", "speed"))
-# Of all tiles, or of BLOCK_OF_TILES: the largest square of a speed, and of `reach`; behind them sums of the tally to
+# Of all tiles, or of BLOCK_OF_TILES: the largest square of a speed, and maxima of `reach`; then sums of the tally to
 # the end of the window, and to each moment.
 TOTAL = Columns(**columns("max_speed_sq", "excursion", "max_displacement", "overhang"))
 # Slot of a copy at the window's beginning; hash of its history here.
@@ -193,10 +193,10 @@ GHOST_POSITION = Columns(**columns("x", "y", "displacement"))
 
 # Flight from `tau` on; times of its next collision and of leaving its cell.
 MOTION = Columns(**columns("x", "y", "vx", "vy", "tau", "t_hit", "t_leave", "spin"))
-# Whom it hits next (another place, a wall, nobody); cell; collisions so far; those of the partner when that was
-# predicted; neighbours in the list of its bin; next in the list of its cell; whom it hit last in this window; id; its
+# Next partner (another slot, a wall, or none); cell; collisions so far; those of the partner when that was
+# predicted; neighbours in the list of its bin; next in the list of its cell; latest partner in this window; id; its
 # rank among own disks, from 1 on, or minus that among copies; hash of its history; upper half of the largest square of
-# its speed; kind; row of tiles against the own one; over which side it leaves its cell. A line of the cache.
+# its speed; kind; row of tiles relative to the own one; side by which it leaves its cell. A line of the cache.
 EVENT_INFO = Columns(**columns(
     "partner", "cell", "number", "partner_number", "previous", "next", "next_in_cell", "last", "id", "own_rank",
     "hash_1", "hash_2", "max_speed_sq", "kind", "shear_row", "direction",
@@ -225,7 +225,7 @@ EVENT = Columns(
     time=None, position=2, normal=2, velocity_before=2, velocity_after=2, **columns("spin_before", "spin_after"),
     partner_velocity_before=2, partner_velocity_after=2, partner_spin_before=None, partner_spin_after=None,
 )  # fmt: skip
-# Tile; the disk's id; the partner's, or -2 - wall; boxes travelled; how it was; the disk's number of collisions.
+# Tile; the disk's id; the partner's, or -2 - wall; boxes travelled; kind (BY_LAW ...); the disk's number of collisions.
 EVENT_INT = Columns(
     **columns("tile", "id", "partner"), image=2, **columns("how", "number", "unused"),
 )  # fmt: skip
@@ -234,9 +234,9 @@ EVENT_INT = Columns(
 
 # Next tile to be run; ghost records used; why a launch ended early; slots used; what was needed; 1: a disk came to rest
 # on a wall, events without progress; bad tiles; events; windows; rows of events; 1 where only the listed tiles are run;
-# of a gas in one tile: 1 where it pauses at the moment that is told; 1 where it goes on from there; 1 where it has
-# paused for the time, BY_COUNT for the number of collisions; bad tiles with the widest halo; 1 where no window of a
-# launch may follow; windows in which it was not found out who may rest, and disks that fell asleep at speed; notes.
+# of a gas in one tile: 1 where it pauses at the moment of a snapshot; 1 where it resumes there; 1 where it has
+# paused at a time, BY_COUNT at a number of collisions; bad tiles with the widest halo; 1 where no window of a
+# launch may follow; windows in which resting disks were not determined, and disks that fell asleep at speed; notes.
 COUNTER = Columns(**columns(
     "next_tile", "n_ghosts", "full", "n_slots", "needed", "resting", "stalled", "n_bad", "n_events", "n_windows",
     "n_watched", "again", "pausing", "resuming", "paused", "stuck", "halted", "unjudged", "jammed", "n_noted",
@@ -259,12 +259,12 @@ GRID = Columns(**columns(
     "most_events", "coarse", "opaque_zero", "stride", "moments", "notes", "first_piston",
 ))  # fmt: skip
 MOST_MOMENTS = 8
-# When the part of a moment is written, and until when notes are taken for it, which is later only for that of a
-# collision.
+# Time at which the part of a moment is written; time until which notes are taken for it, which is later only for a
+# moment of a collision.
 MOMENT = Columns(**columns("begin", "until"))
 # Box; least side of a cell; window; largest diameter; what rounds positions; gravity; cut-off; contact time; shear
-# rate; speed of a row of tiles against the one below, and how far it is beside whole tiles; the largest radius of disks
-# in small cells; the halo that tiles begin with, and the widest; the part of it for those who hit one another in
+# rate; speed of a row of tiles relative to the one below, and its shift beyond whole tiles; the largest radius of disks
+# in small cells; the halo that tiles begin with, and the widest; the part of it for disks that hit one another in
 # chains; the least side of a tile; moments in the window, in order, FAR behind the last.
 SCALE = Columns(
     **columns(
@@ -312,14 +312,14 @@ COUNTER_WORDS = Columns(**columns("step_low", "step_high", "index", "seed_low", 
 BODY = Columns(**columns("vx", "vy", "spin", "inverse_mass", "radius", "k", "material"))
 DSMC_TABLES: dict[str, Columns] = {
     "disk": BODY,
-    # Candidates to settle, in either list by turns; collisions; the first candidate that made a disk too fast.
+    # Candidates to resolve, in two lists that alternate; collisions; the first candidate that made a disk too fast.
     "counter": Columns(open=2, **columns("collisions", "cut")),
     # Of random numbers: number of the batch or of the kick (low, high word), seed (low, high word).
     "key": Columns(**columns("number_low", "number_high", "seed_low", "seed_high")),
     # The two numbers of contact values (`contact.crowding_of_mixture`); the largest g_ij sigma_ij |v_i - v_j| that may
-    # come; the square of the highest speed for which that holds.
+    # occur; the square of the highest speed for which that holds.
     "crowding": Columns(**columns("one", "two", "majorant", "cap")),
-    # What is left of a velocity and of a spin; energy that noise gives to the motion and to the spin.
+    # Factors of a velocity and of a spin by friction; energy that noise gives to the motion and to the spin.
     "factors": Columns(**columns("velocity", "spin", "energy", "spin_energy")),
     "scale": SCALE,
     "law": LAW,
@@ -366,7 +366,7 @@ SINGLE = (
 
 
 def named(array: NDArray[Any], name: str) -> Named:
-    """The array of this name by the names of its columns."""
+    """The array of this name, with its columns as attributes."""
     return Named(array, TABLES[name])
 
 

@@ -81,7 +81,7 @@ def impulses_between(
     )  # fmt: skip
     row = ti.Vector([gas.law[p, q][j] for j in ti.static(range(gas.uses.collision_law.n_coefficients))])
     if ti.static(gas.uses.rests):
-        if g_n < gas.scale.cutoff:  # a contact that lasts (`rest.py`): e_n = 1 but for the least rebound
+        if g_n < gas.scale.cutoff:  # a contact that lasts (`rest.py`): e_n = 1 except for the least rebound
             pair.g_n = ti.max(g_n, LEAST_REBOUND * gas.scale.cutoff)
             row[0], row[1], row[3] = g_n / pair.g_n, -1.0, 1.0
     # One of the two, so that a law is compiled once.

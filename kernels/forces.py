@@ -59,7 +59,7 @@ def energy(mass, inertia, vx, vy, spin):
 
 
 def step_of(time: Any, dt: Any, free: Any, random: Any, totals: list[Any]) -> tuple[Any]:
-    """What a force knows of its step, for `ti.static`: `totals` only if it has some."""
+    """Quantities of its step for a force, for `ti.static`; `totals` only if it has some."""
     given = {"totals": ti.Vector(totals)} if totals else {}
     return (ti.Struct(time=time, dt=dt, free=free, random=random, **given),)
 
@@ -161,7 +161,7 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any, Any]:
 
     @ti.kernel
     def try_force(numbers: Rows):
-        """Compile the force for one disk, of numbers that mean nothing."""
+        """Compile the force for one disk with placeholder numbers."""
         for s in range(1):
             body = ti.Struct(
                 x=numbers[s], y=numbers[s], vx=numbers[s], vy=numbers[s], spin=numbers[s], mass=numbers[s],

@@ -1,4 +1,4 @@
-"""The engine's arrays: what each holds; `columns.py` names their columns.
+"""Contents of the engine's arrays; `columns.py` names their columns.
 
 A *slot* is a place in the list of a tile's disks. All that lasts from window to window is kept by slot, by *part*: the
 window's beginning and its end (0 and 1, which change places), and moments in it that were asked for (2 and more, as
@@ -53,11 +53,11 @@ from typing import Any, NamedTuple
 TOLD = 2  # the part that holds the first moment asked for
 BLOCK_OF_TILES = 128
 ELASTICALLY = 4  # of the regimes in the tally
-AT_END, AT_MOMENT = range(2)  # what the tally is up to; the first of the moments
+AT_END, AT_MOMENT = range(2)  # times of the tally: end of the window, first of the moments
 AWAKE, ASLEEP, WOKEN, SAID_ASLEEP = range(4)  # by a state that nobody has judged yet
 BY_COUNT = 2  # a gas in one tile has paused for the number of collisions
 FULL_PLACES, FULL_CELLS, FULL_CLAIMS, FULL_WALLS, FULL_WATCHED = 1, 2, 4, 8, 16
-BY_LAW, BY_REMEDY, BY_HEAT = range(3)  # how a collision was
+BY_LAW, BY_REMEDY, BY_HEAT = range(3)  # kind of a collision
 PAIRS, TRACKED = 1, 2  # what is watched: times of all pairs, or all that happens to some disks
 TEAM = 32  # threads of a GPU that share a tile
 NARROWER = 0.97  # a halo that had to be wider is so in the next windows too, less from window to window
@@ -80,7 +80,7 @@ class CompiledLaw(NamedTuple):
     impulses: Any
     n_coefficients: int
     parts: Any = None  # what `impulses` gives, and P_et, sticking, rolling: of laws that tell them apart
-    names: tuple[str, ...] = ()  # of the coefficients, of a custom law, which gets them by name
+    names: tuple[str, ...] = ()  # of the coefficients of a custom law, which gets them by name
 
 
 class Uses(NamedTuple):

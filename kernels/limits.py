@@ -1,4 +1,4 @@
-"""Sizes and bounds of the engine, for `check`, estimates and files; names of columns stand in `columns.py`."""
+"""Sizes and bounds of the engine, for `check`, estimates and files; names of columns are in `columns.py`."""
 
 from .columns import bytes_of
 

@@ -17,7 +17,7 @@ def count_in(s, x, y, flow, total: ti.template(), gas: ti.template()):
     """Add a disk at a place in the box to the sums; nothing for a disk of infinite mass. In double precision.
 
     Kinetic energies, momentum, m v_x v_y, mass times the way along gravity, collisions with disks and walls. Velocities
-    are those beyond the flow; then come how much more kinetic energy the frames of rows of tiles see, and the mass.
+    are those beyond the flow; then the excess of kinetic energy in the frames of rows of tiles, and the mass.
     """
     disk = gas.disk[s]
     kind = listed_kind(s, gas)

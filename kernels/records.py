@@ -1,7 +1,7 @@
 """Columns of arrays by name while Taichi compiles: `gas.motion[i].vx` is the expression that `motion[i][2]` is.
 
-Taichi evaluates attributes of objects that it does not know in Python, so that nothing of this is in the compiled
-program. This is the one module that asks Taichi itself for subscripts.
+Taichi evaluates attributes of objects that it does not know in Python, so nothing of this is in the compiled
+program. Only this module calls the subscript function of Taichi.
 """
 
 from collections import namedtuple
@@ -20,10 +20,10 @@ def _at(value: Any, *index: Any) -> Any:
 
 
 class NamedRow:
-    """A row of an array, or an array of one row: its columns are attributes, by number they are its items.
+    """A row of an array, or an array of one row: columns are attributes by name and items by number.
 
     A row that is a vector can be assigned as a whole, by `vector`. A variable of a kernel that stands for a row follows
-    its index: where that is a variable which changes, the row is another one from then on.
+    its index: when the index variable changes, it stands for another row.
     """
 
     _data_oriented = True  # Taichi then lets a variable of a kernel stand for it
@@ -94,7 +94,7 @@ class _Group:
 
     @property
     def other(self) -> "_Other":
-        """Of two columns the other one: `other[0]` is that with number 1."""
+        """The other one of two columns: `other[0]` is column 1."""
         return _Other(self._row, self._columns.first)
 
 

@@ -304,7 +304,7 @@ def count_chunk(thread, region: ti.template(), gas: ti.template()):
 
 @ti.func
 def order(tile, thread, region: ti.template(), gas: ti.template()):
-    """Say where the disks of each cell begin, and where the tile's list and its ghost records do."""
+    """Store where the disks of each cell begin, and where the tile's list and its ghost records do."""
     part = 1 - gas.grid.part
     cells = region.nx * region.ny
     chunk = (cells + ti.static(team_of(gas.uses)) - 1) // ti.static(team_of(gas.uses))

@@ -235,7 +235,7 @@ FIT: dict[str, dict[str, Any]] = {
     "example": {"seed": 1},
     "own": {"kind": Elastic, "ranges": {"e_n": (0.0, 1.0)}},
 }  # fmt: skip
-ROOMS: dict[ModuleType, dict[str, dict[str, Any]]] = {
+MODULES: dict[ModuleType, dict[str, dict[str, Any]]] = {
     theory: THEORY, analysis: ANALYSIS, ifrdem.initial: INITIAL, ifrdem.initial.radii: RADII,
     ifrdem.forces: FORCES, ifrdem.observables: OBSERVABLES, ifrdem.fit: FIT, ifrdem: IFRDEM,
 }  # fmt: skip
@@ -321,46 +321,46 @@ def called(call: Callable[..., Any], arguments: Mapping[str, Any]) -> Any:
         return call(**arguments)
 
 
-def public(room: ModuleType, name: str) -> Callable[..., Any]:
+def public(module: ModuleType, name: str) -> Callable[..., Any]:
     """A public function, class, or method, "Class.method"."""
-    found: Any = room
+    found: Any = module
     for part in name.split("."):
         found = getattr(found, part)
     return found
 
 
-CALLS = [(room.__name__, name) for room, calls in ROOMS.items() for name in calls]
+CALLS = [(module.__name__, name) for module, calls in MODULES.items() for name in calls]
 
 
-@pytest.mark.parametrize(("room", "name"), CALLS)
-def test_nonsense_is_refused_by_the_name_of_its_argument(room: str, name: str) -> None:
-    module = next(each for each in ROOMS if each.__name__ == room)
-    assert wrong_answers(public(module, name), ROOMS[module][name]) == []
+@pytest.mark.parametrize(("module", "name"), CALLS)
+def test_nonsense_is_refused_by_the_name_of_its_argument(module: str, name: str) -> None:
+    found = next(each for each in MODULES if each.__name__ == module)
+    assert wrong_answers(public(found, name), MODULES[found][name]) == []
 
 
-def public_names(room: ModuleType) -> set[str]:
+def public_names(module: ModuleType) -> set[str]:
     """Names of public functions and classes, but errors and warnings."""
-    given = getattr(room, "__all__", None) if room is not ifrdem else dir(ifrdem)
+    given = getattr(module, "__all__", None) if module is not ifrdem else dir(ifrdem)
     found = set()
-    for name in given or [name for name, each in vars(room).items() if _made_in(each, room)]:
-        each = getattr(room, name)
+    for name in given or [name for name, each in vars(module).items() if _made_in(each, module)]:
+        each = getattr(module, name)
         error = isinstance(each, type) and issubclass(each, BaseException)
         if callable(each) and not name.startswith("_") and not error:
             found.add(name)
     return found
 
 
-def _made_in(each: Any, room: ModuleType) -> bool:
-    return getattr(each, "__module__", None) == room.__name__ and hasattr(each, "__qualname__")
+def _made_in(each: Any, module: ModuleType) -> bool:
+    return getattr(each, "__module__", None) == module.__name__ and hasattr(each, "__qualname__")
 
 
-@pytest.mark.parametrize("room", ROOMS, ids=lambda room: room.__name__)
-def test_every_public_name_has_a_valid_call_with_all_of_its_arguments(room: ModuleType) -> None:
+@pytest.mark.parametrize("module", MODULES, ids=lambda module: module.__name__)
+def test_every_public_name_has_a_valid_call_with_all_of_its_arguments(module: ModuleType) -> None:
     """A new public name needs one: or nonsense in its arguments is not tried."""
-    called_ones = {name for name in ROOMS[room] if "." not in name}
-    assert public_names(room) - OTHERS.get(room, set()) == called_ones
-    for name, arguments in ROOMS[room].items():
-        parameters = inspect.signature(public(room, name)).parameters.values()
+    called_ones = {name for name in MODULES[module] if "." not in name}
+    assert public_names(module) - OTHERS.get(module, set()) == called_ones
+    for name, arguments in MODULES[module].items():
+        parameters = inspect.signature(public(module, name)).parameters.values()
         known = {each.name for each in parameters if each.kind is not each.VAR_KEYWORD}
         assert known <= set(arguments), name
 

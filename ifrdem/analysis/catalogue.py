@@ -307,7 +307,7 @@ def _of_drift(trajectory: Trajectory) -> tuple[list[str], list[str]]:
         T, energy = (trajectory.observables[name][0] for name in ("temperature", "translational_energy"))
         inside = float(T) * np.count_nonzero(trajectory.disks.movable) - float(energy) + moving.energy
         if inside > 1e-6 * moving.energy:
-            return [], moving.said(trajectory, "this file has that in its temperatures")
+            return [], moving.said(trajectory, "the temperatures of this file include it")
     return moving.said(trajectory, "temperatures are about its mean velocity"), []
 
 
@@ -336,14 +336,14 @@ def _parts(trajectory: Trajectory, used: Sequence[int], name: str) -> Iterator[A
 def unwrapped(trajectory: Trajectory, used: Sequence[int]) -> Iterator[Array]:
     """Paths without jumps of some disks over these frames [length], shape (frames, disks, 2), a part at a time.
 
-    InputError if the file does not say how often disks went around the box (`displacement.unwrap`).
+    InputError if the file does not determine how often disks went around the box (`displacement.unwrap`).
     """
     known = [name for name in ("image", "velocity") if name in trajectory.fields][:1]
     for position, *of_disks in zip(
         *(_parts(trajectory, used, name) for name in ("position", *known)), strict=True
     ):
-        told = dict(zip(known, of_disks, strict=True))
-        yield displacement.unwrap(position, trajectory.box, times=trajectory.times[used], **told)
+        given = dict(zip(known, of_disks, strict=True))
+        yield displacement.unwrap(position, trajectory.box, times=trajectory.times[used], **given)
 
 
 def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:

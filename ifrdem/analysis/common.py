@@ -53,7 +53,7 @@ def _frames(shape: tuple[int | str, ...]) -> Callable[[str, Any], Iterable[Array
 Positions = Annotated[Array | Iterable[Array], _frames(("n", 2))]
 """One frame, shape (n, 2), or several: an array (frames, n, 2) or anything that yields frames one by one."""
 Spins = Annotated[Array | Iterable[Array], _frames(("n",))]
-"""The same of one number a disk, shape (n,)."""
+"""As `Positions`, with one number for each disk, shape (n,)."""
 
 
 def as_box(name: str, box: Any) -> Box:
@@ -72,7 +72,7 @@ BoxLike = Annotated[Any, as_box]
 
 
 def _times(name: str, time: Any) -> Iterable[float]:
-    """The times of frames: those given, or the same one again and again."""
+    """Times of frames: those given, or one time for all."""
     of_frame = check_of(Real)
     assert of_frame is not None
     if not isinstance(time, Iterable) or (isinstance(time, np.ndarray) and not time.ndim):
@@ -178,7 +178,7 @@ def correlation_time(series: Series) -> float:
     covariance = np.fft.irfft(np.abs(padded) ** 2)[:n]
     tau = 0.5 + np.cumsum(covariance[1:] / covariance[0])
     lags = np.arange(1, n)
-    # The last lag is one: over all lags the autocorrelation about the mean adds up to -1/2, and tau to 0.
+    # The last lag always qualifies: over all lags the autocorrelation about the mean adds up to -1/2, and tau to 0.
     stop = int(np.argmax(lags >= 5.0 * np.maximum(tau, 0.5)))
     return max(0.5, float(tau[stop]))
 

@@ -68,11 +68,11 @@ def unwrap(
     position : array (frames, n, 2)
         Centres in the box [length].
     image : array (frames, n, 2), optional
-        Box lengths travelled. Without them each step between frames is taken for the shortest possible one, and
-        refused if a disk may have gone further than half of the box.
+        Box lengths travelled. Without them each step between frames is taken as the shortest possible one, and
+        refused if a disk may have moved further than half of the box.
     velocity : array (frames, n, 2), optional
-        Velocities [length/time]: a disk may go as far as its speed in either frame times the time between them. Without
-        them the root of the mean square of each disk's own steps must be below an eighth of the box.
+        Velocities [length/time]: the largest step of a disk is its speed in either frame times the time between them.
+        Without them the root of the mean square of each disk's own steps must be below an eighth of the box.
     times : array (frames,), optional
         Needed for velocities and sheared boxes [time].
 
@@ -102,22 +102,20 @@ def unwrap(
     step = box.minimum_image(np.diff(x, axis=0))
     if velocity is None:
         # Of each disk: fast ones among many slow ones hide in a mean over all. Gaussian steps beyond half a box, four
-        # times the rms, are 6e-5 of all; uniform ones, which tell nothing, have an rms of 0.29 boxes.
+        # times the rms, are 6e-5 of all; uniform ones, which determine nothing, have an rms of 0.29 boxes.
         way, most = np.sqrt(np.mean(step**2, axis=0, keepdims=True)) if len(step) else step, 1.0 / 8.0
     else:
         v = np.abs(np.asarray(velocity, dtype=np.float64))
         if v.shape != x.shape:
-            raise InputError(
-                f"velocities of shape {v.shape} for positions of shape {x.shape}: they must match"
-            )
+            raise InputError(f"velocity has shape {v.shape}: must have that of position, {x.shape}")
         time = np.broadcast_to(np.asarray(times, dtype=np.float64), len(x))
         way, most = np.maximum(v[1:], v[:-1]) * np.diff(time)[:, None, None], 0.5
     for axis in (0, 1):
         longest = float(way[:, :, axis].max(initial=0.0)) / box.lengths[axis]
         if box.periodic[axis] and longest > most:
             raise InputError(
-                f"between frames a disk goes {longest:.2g} of the box along {'xy'[axis]}: too far to tell how often it "
-                'went around it; put "image" into output.fields of the case, or write more frames'
+                f"between frames a disk moves {longest:.2g} of the box along {'xy'[axis]}: must be at most {most:g} "
+                'without images; put "image" into output.fields of the case, or write more frames'
             )
     return np.concatenate((x[:1], x[:1] + np.cumsum(step, axis=0)))
 

@@ -97,7 +97,7 @@ def collisions(trajectory: Trajectory) -> TrackedCollisions:
 
 
 class Drift(NamedTuple):
-    """Motion of a whole gas: its mean velocity, along which directions it keeps it, and its share of the energy."""
+    """Drift of a whole gas: mean velocity in the directions in which it is conserved, and share of the energy."""
 
     velocity: Array  # weighted by mass [length/time], shape (2,); 0 along directions in which it changes
     energy: float  # kinetic energy of it [energy]
@@ -116,15 +116,16 @@ class Drift(NamedTuple):
 
 
 LEAST_DRIFT = 1e-9
-"""Part of the kinetic energy below which a drift changes no digit of an analysis that is told."""
+"""Part of the kinetic energy below which a drift changes no digit that an analysis prints."""
 KEPT = 1e-6
-"""Part of sum m |v| by which the momentum changes at most where it counts as kept: what single precision rounds."""
+"""Largest change of a conserved momentum, in parts of sum m |v|: the rounding of single precision."""
 
 
 def drift(trajectory: Trajectory, used: Sequence[int]) -> Drift:
     """Drift of a gas over some frames: along x and y, if the total momentum is the same in all of them.
 
-    It is where nothing holds the gas. By the observable `momentum`; without it, or two frames, none is known.
+    It is conserved where nothing stops the gas. From the observable `momentum`; 0 without it, or with fewer than two
+    frames.
     """
     none = Drift(np.zeros(2), 0.0, 0.0)
     names = ("momentum", "translational_energy")

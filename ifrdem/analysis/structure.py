@@ -186,7 +186,7 @@ class StructureFactor(Brief, PicturedResult):
     S: Array
     S_error: Array
     """k, S, S_error: mean |k| of the modes in each ring [1/length]; mean of S; its standard error by the scatter over
-    modes, each averaged over the frames, which may follow each other closely; shape (rings,)."""
+    modes, each averaged over the frames, which may be correlated; shape (rings,)."""
     modes: NDArray[np.int64]
     frames: int
     """modes, frames: modes counted in a frame, of k and -k one; how many frames there were; shape (rings,)."""
@@ -270,7 +270,7 @@ def structure_factor(
     edges[0] = 1e-9 * least  # k = 0 is no fluctuation
     number, sum_S, sum_k = np.zeros((3, count))
     frames = 0
-    by_mode: list[Array] = []  # sums over frames, and rings
+    by_mode: list[Array] = []  # sums over frames
     rings_of: list[NDArray[np.intp]] = []
     for points, when in zip(position, time, strict=False):
         begin = 0.0

@@ -142,7 +142,9 @@ def velocity_distribution(
         if v is None or omega is None:
             raise InputError("velocity and spin: must have the same number of frames")
         if len(v) != len(omega) or len(v) < 2:
-            raise InputError(f"velocity has {len(v)} disks, spin {len(omega)}: must be as many, 2 or more")
+            raise InputError(
+                f"velocity has {len(v)} disks, spin {len(omega)}: must be the same number, 2 or more"
+            )
         weight, inertias = column("mass", mass, len(v)), column("inertia", inertia, len(v))
         root_inertia = np.sqrt(inertias)
         c = np.sqrt(weight)[:, None] * (v - np.average(v, axis=0, weights=weight))
@@ -150,7 +152,7 @@ def velocity_distribution(
         square, spin_square = np.sum(c * c, axis=1), w * w
         T2, T2_rot = square.mean(), 2.0 * spin_square.mean()  # 2 T and 2 T_rot
         if T2 == 0.0:
-            raise InputError("velocity: must differ between disks: nothing moves, and has no distribution")
+            raise InputError("velocity: must differ between disks: without motion there is no distribution")
         counts += np.histogram(c / np.sqrt(T2), bins, (-widest, widest))[0]
         x = square / T2
         y = np.full(len(v), np.nan)

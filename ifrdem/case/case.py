@@ -47,8 +47,8 @@ class RunSection(Section):
     t_end: float | None = key(2.0, None, gt=0.0)
     """Simulated time at which the run ends [s]: a time of the run's clock, which begins at start.time."""
     collisions_per_disk: float | None = key(50.0, None, gt=0.0)
-    """Collisions per disk, mean over all disks, at which the run ends [1]; where the clock of a frame goes on, those
-    until the frame count too."""
+    """Collisions per disk, mean over all disks, at which the run ends [1]; if the clock of a frame continues, those
+    before the frame count too."""
     arch: Literal["cpu", "cuda"] = key("cpu", "cpu")
     """Device: "cpu", or "cuda" (an NVIDIA GPU)."""
     threads: int | None = key(2, None, ge=1)
@@ -394,9 +394,9 @@ class StartSection(Section):
     motion: bool = key(True, False)
     """Take velocities and spins from the frame as well [true or false], instead of speed_rms and spin_rms."""
     time: float | None = key(0.0, None, ge=0.0)
-    """Time of the run's clock at the start [s], by which walls move and open, gravity turns and forces act. Of a frame,
-    it begins a new clock; without it that of the frame goes on, with its time and numbers of collisions. 0 for a CSV
-    file without it."""
+    """Time of the run's clock at the start [s], by which walls move and open, gravity turns and forces act. With a
+    frame it begins a new clock; by default the clock of the frame continues, with its numbers of collisions. The
+    default for a CSV file is 0."""
     psi: list[Annotated[float, Field(gt=-90.0, lt=90.0)]] | None = key(
         [0.0, 89.0], None, min_length=2, max_length=2
     )

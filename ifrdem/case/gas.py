@@ -39,11 +39,11 @@ if TYPE_CHECKING:
     from ..model.forces import Force
 
 TRIED = {"random": 10_000, "growth": 2_000}
-"""Disks that are placed in about a second, by the way; others take less than random ones."""
+"""Numbers of disks that are placed in about a second, by `start.positions`; others are faster than random."""
 
 
 LEAST_DRIFT = 1e-3
-"""Part of the kinetic energy of the disks' motion from which on a drift of the whole gas is told."""
+"""Part of the kinetic energy of the disks' motion above which a drift of the whole gas is reported."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class CaseGas:
     # The start, if the case names a file or a trajectory with it; on ranks that read it in slices, that of the slice.
     given: Given | None = None
     # Mean velocity, weighted by mass, with which the whole gas starts and keeps moving [length/time], and its part of
-    # the kinetic energy of velocities; 0 along directions in which walls hold it.
+    # the kinetic energy of velocities; 0 along directions in which walls stop it.
     drift: tuple[float, float] = (0.0, 0.0)
     drift_share: float = 0.0
     # The species with the speeds that are drawn, where `species` has others: those that are left without the drift.
@@ -216,7 +216,7 @@ class CaseGas:
 
     @property
     def cautions(self) -> list[str]:
-        """Texts about a drift, what gravity that turns leaves out, and walls upon which nobody rests."""
+        """Texts about a drift, what turning gravity leaves out, and walls on which no disk can rest."""
         texts, froude = self._drifting(), self.drum
         if froude > FASTEST_DRUM:
             texts.append(
@@ -266,8 +266,8 @@ class CaseGas:
         ]
 
     def _forgotten(self) -> list[str]:
-        """Texts about what a frame does not say of the disks that move on from it."""
-        run, name = self.case.run, "start.motion = true: the frame does not say"
+        """Texts about what a frame does not store of the disks that continue from it."""
+        run, name = self.case.run, "start.motion = true: the frame does not store"
         texts: list[str] = []
         if self.given is None or not self.case.start.motion:
             return texts
@@ -302,7 +302,7 @@ class CaseGas:
         return State(position=position, velocity=velocity + self.box.flow(position), spin=spin, **past)
 
     def try_start(self) -> None:
-        """Make the start as a run does, of so few disks that it takes a second: InputError where that cannot be."""
+        """Make the start as a run does, if that takes about a second at most; InputError if it is impossible."""
         positions = self.case.start.positions if self.case.start.placed else ""
         if self.n <= TRIED.get(positions, TRIED["random"]):
             self.tracked(self.start())
@@ -481,7 +481,7 @@ class CaseGas:
         gravity: tuple[float, float],
         comm: Any,
     ) -> list[str]:
-        """A complaint about disks that a start file lays on walls, at rest: only resting contacts hold them there."""
+        """Complaint about disks that a start file places at rest on walls, where only resting contacts hold them."""
         if self.given is None or self.case.run.collapse == "rest":
             return []
         ids, start = slices.slice_of(self.n, comm), self.case.start
@@ -494,7 +494,7 @@ class CaseGas:
         key, value = ("positions", start.positions) if start.file is None else ("file", start.file)
         wall = wall_names(walls, self.box)[rests[1]]
         text = f"disk {rests[0]} lies on {wall} without speed, and has no next collision"
-        text += ': run.collapse = "rest" is needed, or a gap, or a speed'
+        text += ': set run.collapse = "rest", or give it a gap or a speed'
         return [str(Complaint(f"start.{key}", json.dumps(value), text))]
 
     def simulation(
@@ -510,7 +510,7 @@ class CaseGas:
 
         What `warnings` says is not said again. `tracked` disks, which have histories, else come from the case and the
         start. All ranks of MPI (`comm`) that share it call this; `pistons` are displacements [length], by default those
-        of the start. `sliced` tells states in slices, or not, whatever the number of disks (`is_told_in_slices`). A
+        of the start. `sliced` says if states are in slices, whatever the number of disks (`is_told_in_slices`). A
         `state` of ranks is that of all disks, on the first one, or then that of the slice, on each.
         """
         run, box, output = self.case.run, self.case.box, self.case.output

@@ -35,7 +35,7 @@ from .species import Species
 MOST_SUMMED = 1000
 """Walls whose sums a file can hold: their names are an attribute, of 64 KiB at most."""
 LARGEST_DISK = 1.0 / 3.0
-"""Of the shorter periodic side, at most: the engine's limit, which keeps a disk from meeting its own image."""
+"""Largest diameter over the shorter periodic side: the engine's limit, so that no disk meets its own image."""
 
 
 def _at(case: Case, key: str, text: str) -> Complaint:
@@ -126,7 +126,7 @@ def wrong_clock(case: Case, time: float = 0.0, collisions: int = 0) -> Iterator[
         yield _at(case, "run.collisions_per_disk", f"must be above {already}{goes_on}")
     for i, force in enumerate(case.force):
         if t_end is not None and time_of(first_after(time, force.step), force.step) > t_end:
-            text = f"it acts at the middle of each step, which never comes before run.t_end = {t_end:g}"
+            text = f"must have its middle, when the force acts, before run.t_end = {t_end:g}"
             yield _at(case, f"force[{i}].step", text)
 
 
@@ -376,14 +376,14 @@ def _wrong_speeds(case: Case, beside: str) -> Iterator[Complaint]:
 
 
 def _wrong_pistons(case: Case, given: Given) -> Iterator[Complaint]:
-    """Places and velocities of pistons beside a frame that says them."""
+    """Displacements and velocities of pistons that are given although a frame has them."""
     pistons = [(i, each.piston) for i, each in enumerate(case.wall) if each.piston is not None]
     if given.pistons is None or len(given.pistons) != len(pistons):
         return
     for i, piston in pistons:
         for key in ("displacement", "velocity"):
             if getattr(piston, key) is not None:
-                text = "cannot be combined with a start from a frame, which says where its pistons are: leave it out"
+                text = "cannot be combined with a start from a frame, which has those of its pistons: leave it out"
                 yield _at(case, f"wall[{i}].piston.{key}", text)
 
 
@@ -427,8 +427,8 @@ def given_start(
     if start.trajectory is not None and start.time is None and "collisions" not in given.past:
         counted = [i for i, wall in enumerate(room.walls) if wall.opens_after is not None]
         found += [
-            _at(case, f"wall[{i}].opens_after", f"{key} = {value} does not say how many collisions there were: it "
-                "needs the field collisions (output.fields), or start.time = 0 begins a new clock")
+            _at(case, f"wall[{i}].opens_after", f"requires the field collisions (output.fields) in {key} = {value}, "
+                "to count from; start.time = 0 begins a new clock")
             for i in counted
         ]  # fmt: skip
     drawn = any(each.speed_rms for each in case.species)

@@ -111,7 +111,7 @@ def refuse_beyond_disk(needed: int, folder: Path) -> None:
 
 
 REFUSED_HERE = "`ifrdem run` would refuse it here"
-"""End of warnings of what other machines may have."""
+"""End of warnings about this machine; another one may be able to run the case."""
 
 
 def check(
@@ -139,7 +139,7 @@ def refused_here(
     ranks: int = 1,
     sliced: bool = False,
 ) -> list[str]:
-    """What a run lacks on this machine: the device, its threads, memory, room on the disk of the output's folder.
+    """Texts on what a run lacks on this machine: the device, threads, memory, space in the output's folder.
 
     Other machines may have it. `share`, `ranks` and `sliced` are as for `refuse_beyond_memory`.
     """

@@ -50,12 +50,11 @@ class Given:
     collisions: int = 0  # of all disks until then, each of two disks
     # What else a frame has of the disks, by its name in `State`, (n, ...).
     past: Mapping[str, NDArray[Any]] = field(default_factory=dict)
-    pistons: Array | None = (
-        None  # displacement [length] and velocity [length/time] of each, (pistons, 2), if given
-    )
+    # Displacement [length] and velocity [length/time] of each piston, (pistons, 2), if given.
+    pistons: Array | None = None
 
     def moved(self, walls: Sequence[Wall]) -> tuple[Wall, ...]:
-        """The walls with their pistons where they start; as they are, if the file has not as many."""
+        """The walls with their pistons at the start; unchanged if the file has another number of pistons."""
         if self.pistons is None or len(self.pistons) != sum(wall.piston is not None for wall in walls):
             return tuple(walls)
         return at_displacements(walls, *self.pistons.T.tolist())
@@ -67,9 +66,8 @@ def read(path: Path, n: int, box: Box | None = None, form: Form | None = None, *
     The first line names the columns: x and y [length], and either all or none of vx, vy [length/time] and spin
     [rad/time], in any order, each with a column NAME_error if wished; units in brackets, such as x (mm), are
     converted to SI units. Rows are in the order of the species; a column id must be 0, 1, 2, ... The CSV of
-    `ifrdem export` of one frame is such a file, but for a sheared box: its names (`EXPORTED`) are understood, and its
-    other columns skipped.
-    `form` tells names, units and signs of the file where they are others. Empty lines, and
+    `ifrdem export` of one frame is such a file, except of a sheared box: its names (`EXPORTED`) are understood, and its
+    other columns skipped. `form` gives names, units and signs of the file if they differ. Empty lines, and
     lines that begin with #, are skipped. InputError with a line for each thing that is wrong: a column, a value (by
     line and column), the number of disks.
 

@@ -1,4 +1,4 @@
-"""Starts from a frame of a trajectory: where the disks are, when, and how they move if wished."""
+"""Starts from a frame of a trajectory: positions, time, and velocities on request."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ROUNDING = 2.0**-22
 """Overlap, as a part of the box's longer side, that single precision explains: twice sqrt(2) times 2^-24, and some."""
 
 COUNTS = ("collisions", "image", "angle", "last_partner")
-"""Fields that go on from the frame where its clock does: numbers of events, and ways, since the first start."""
+"""Fields that continue with the clock of the frame: numbers of events and displacements since the first start."""
 
 
 def read(
@@ -38,14 +38,14 @@ def read(
 
     `frame` counts from 0, or from -1 backwards; None is the last one. The radii (n,) [length] are those of the disks
     that start there, which must fit; the box must be that of the trajectory. With `motion`, velocities and spins are
-    taken too, and who sleeps. Disks that touch in a file in single precision overlap by its rounding, some 1e-7 of the
-    box: these are moved apart by as much (`packing.separate`). Of ranks of MPI (`comm`), each gives the radii of its
-    slice (`slice_of`), and reads its rows.
+    taken too, and which disks sleep. Disks that touch in a file in single precision overlap by its rounding, some 1e-7
+    of the box: these are moved apart by as much (`packing.separate`). Of ranks of MPI (`comm`), each gives the radii of
+    its slice (`slice_of`), and reads its rows.
 
-    The clock goes on: the time is that of the frame, at which walls stand where they stood, and counts of collisions
-    and boxes travelled go on too (`COUNTS`). With a `time` [time] a new clock begins there, and all counts at 0. In a
-    sheared box the images above stand shear_rate Ly t further: the frame's box must have been sheared alike, and the
-    clock goes on; or it was not, and the clock begins at 0.
+    By default the clock continues: time and walls are those of the frame, and counts of collisions and boxes travelled
+    continue too (`COUNTS`). With a `time` [time] a new clock begins there, and all counts begin at 0. In a sheared box
+    the images above are displaced by shear_rate Ly t. So the frame's box must have the same shear rate, and the clock
+    continues; or it has none, and the clock begins at 0.
     """
     ids, n = slices.numbered(len(radius), comm)
 
@@ -85,7 +85,7 @@ def read(
         if single and box.shear_rate and box.image_above(given.time) != 0.0:
             check_no_overlap(
                 box, radius, position, time=given.time, comm=comm
-            )  # there they cannot be moved apart
+            )  # `separate` does not know sheared images
         elif single:
             standing = [wall for wall in moved if wall.stands(given.time, given.collisions)]
             position = packing.separate(box, radius, position, walls=standing, time=given.time, comm=comm)
@@ -108,10 +108,10 @@ def of_frame(
     time: float | None = None,
     goes_on: bool = True,
 ) -> Given:
-    """What a frame says of some disks, as a start.
+    """Start of some disks from a frame.
 
-    InputError if the file does not hold the field. The `time` [time] is that of the frame, or another one; counts go on
-    or begin at 0 (`COUNTS`).
+    InputError if the file does not hold the field. The `time` [time] is that of the frame, or another one; counts
+    continue if the clock `goes_on`, else they begin at 0 (`COUNTS`).
     """
     trajectory = frame.trajectory
 
@@ -133,7 +133,7 @@ def of_frame(
 
 
 def _clock(there: Box, box: Box | None, frame_time: float, time: float | None) -> tuple[float, bool]:
-    """Time at which a run starts from a frame [time], and whether its clock goes on."""
+    """Time at which a run starts from a frame [time], and True if the clock of the frame continues."""
     rate = 0.0 if box is None else box.shear_rate
     if there.shear_rate and box is not None:
         if rate != there.shear_rate:

@@ -128,7 +128,7 @@ def separate(
     box: Box, radius: PositiveColumn, position: Vectors, *, walls: Sequence[Wall] = (), time: float = 0.0,
     comm: Comm = None,
 ) -> Array:  # fmt: skip
-    """Positions [length], shape (n, 2), near the given ones and without overlaps, with walls at a `time` neither.
+    """Positions [length], shape (n, 2), near the given ones, without overlaps of disks or with walls at a `time`.
 
     For positions that were rounded, as those of a trajectory in single precision: disks that touched overlap then. Only
     disks that overlap, and those near them, are moved. InputError if overlaps remain: names the worst of them. Of ranks
@@ -144,7 +144,7 @@ def separate(
     """
     radii, centres = checked_radii(radius), np.asarray(position, dtype=np.float64)
     if len(centres) != len(radii):
-        raise InputError(f"position has {len(centres)} disks, radius {len(radii)}: must be as many")
+        raise InputError(f"position has {len(centres)} disks, radius {len(radii)}: must be the same number")
     n, largest = slices.numbered(len(radii), comm)[1], world.largest(comm, float(radii.max(initial=0.0)))
     room = Room(box, tuple(walls), time)
     free = room.gap(centres, radii)  # from walls

@@ -573,7 +573,7 @@ def maxwellian(
         wanted, weight = temperature, masses / 2.0
     else:
         raise InputError(
-            f"speed_rms = {speed_rms}, temperature = {temperature}: must be one of them, and the other None"
+            f"speed_rms = {speed_rms}, temperature = {temperature}: exactly one of them must be given"
         )
     ids, n = slices.numbered(len(masses), comm)
     velocity = seeds.drawn(

@@ -149,7 +149,7 @@ class Box:
                 "the densest packing of equal disks"
             )
         if covered <= 0.0:
-            raise InputError("radius: must be those of one disk or more")
+            raise InputError("radius has shape (0,): must be that of one disk or more")
         area = covered / packing_fraction
         return cls((math.sqrt(area * aspect), math.sqrt(area / aspect)), shear_rate=shear_rate)
 

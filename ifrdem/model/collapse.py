@@ -65,15 +65,15 @@ def advice(
     rebounds: bool,
     at_wall: bool,
 ) -> str:
-    """A sentence of what helps against inelastic collapse, without what is set; remedies that are 0 are not.
+    """Sentence on remedies against inelastic collapse; those in use are not 0, and only a larger value is advised.
 
-    `e_n` is the smallest of the collisions that may be at fault, those `at_wall` or all, None of a law without one;
-    disks may have a resting speed if the gas `rests`, and are left with a speed after each hit if it `rebounds`.
+    `e_n` is the smallest coefficient of the collisions in question, those `at_wall` or all; None for other laws. With
+    `rests` the gas may have a resting speed; with `rebounds` every hit leaves a disk some speed.
     """
     if e_n == 1.0:
         return (
-            "All these collisions are elastic: look for disks that have no room to move, as between walls as far apart "
-            "as their diameter"
+            "All these collisions are elastic: look for disks without space to move, such as between walls one "
+            "diameter apart"
         )
     given = {"contact_time": contact_time, "velocity_cutoff": velocity_cutoff, "resting_speed": resting_speed}
     ways = [f"a larger {name}" for name, value in given.items() if value]
@@ -88,4 +88,4 @@ def advice(
     if e_n is not None:
         ways.append("a larger e_n")
     ways += ["a lower packing fraction"] * (not at_wall) + ["an earlier end of the run"]
-    return f"What helps: {', '.join(ways[:-1])} or {ways[-1]}"
+    return f"Remedies: {', '.join(ways[:-1])} or {ways[-1]}"

@@ -56,12 +56,11 @@ class Force:
     Notes
     -----
     `act` and `measure` are static methods in the language of Taichi's functions (decorated by `ti.func` or not), in a
-    file. A force changes velocities and spins only. It should do exactly, or to second
-    order in dt at least, what it would do to a disk during dt if nothing else happened. A thermostat must scale
-    velocities about the mean velocity where the gas can drift (`step.free`), as `Rescale` does. Random numbers must
-    come from
-    `normals(step.random, number)` or `uniforms(step.random, number)`, pairs of them, one pair for each number 0 to
-    65535: they depend on the seed, the disk, the step and the place of the force in the list, and on nothing else.
+    file. A force changes velocities and spins only. It should do exactly, or to second order in dt at least, what it
+    would do to a disk during dt if nothing else happened. A thermostat must scale velocities about the mean velocity
+    where the gas can drift (`step.free`), as `Rescale` does. Random numbers must come from `normals(step.random,
+    number)` or `uniforms(step.random, number)`, pairs of them, one pair for each number 0 to 65535: they depend on the
+    seed, the disk, the step and the position of the force in the list, and on nothing else.
 
     Examples
     --------

@@ -24,7 +24,7 @@ OF_PAIR = (
     "g_n", "g_t", "m_n", "m_t", "inverse_mass_i", "radius_i", "k_i", "spin_i",
     "inverse_mass_j", "radius_j", "k_j", "spin_j",
 )  # fmt: skip
-"""Names of what a law knows of a pair."""
+"""Names of the quantities of a pair that a law gets."""
 _ROUND_OFF = 1e-9  # of an impulse or energy, in single precision too where its sums do not go into the state
 
 
@@ -234,13 +234,13 @@ def try_on(kind: type[CollisionLaw], table: Array, disks: Disks, walls: Sequence
 
 
 def _reason(kind: type[CollisionLaw], error: Exception) -> str:
-    """The reason that Taichi tells; what there is, for a name or a number that is none."""
+    """Reason of Taichi's error; for an unknown name or an index, the names that exist."""
     reason = str(error).strip().splitlines()[-1].strip()
     known = f"law has {', '.join(kind.coefficients) or 'no coefficients'}; pair has {', '.join(OF_PAIR)}"
     if missing := re.search(r"'Struct\d*' object has no attribute '(\w+)'", reason):
         return f"there is no '{missing[1]}'{nearest(missing[1], (*kind.coefficients, *OF_PAIR))}; {known}"
     if missing := re.fullmatch(r"KeyError: (.*)", reason):
-        return f"[{missing[1]}]: write a name after a dot instead; {known}"
+        return f"[{missing[1]}]: must be a name after a dot; {known}"
     return reason
 
 

@@ -19,8 +19,8 @@ MECHANISMS = ("normal", "tangential_restitution", "sliding", "sticking", "rollin
 """Mechanisms by which collisions take energy: normal and tangential restitution, friction while it slides or sticks,
 rolling friction, all of these in collisions with walls, and what disks lose that fall asleep."""
 TANGENTIAL = ("tangential_restitution", "sliding", "sticking")
-"""Those of the tangential impulse. Restitution acts first by convention: what each takes may be below 0, their sum not
-where no tangential impulse adds energy."""
+"""Those of the tangential impulse. By convention restitution acts first. So each may be negative; their sum is not, if
+no tangential impulse adds energy."""
 REGIMES = ("sliding", "sticking", "rolling_sliding", "rolling_sticking", "elastic")
 """Of collisions of two disks: whether friction slides or sticks, with the rolling torque rho P_n or without, or whether
 a remedy for collapse made them elastic."""
@@ -108,7 +108,7 @@ class Measure:
 
 @validated
 def drift_text(velocity: Annotated[ArrayLike, Numbers((2,))]) -> str:
-    """Text of a mean velocity, without the rounding of a component that is none.
+    """Text of a mean velocity; a component that is only rounding is shown as 0.
 
     Examples
     --------
@@ -135,9 +135,9 @@ def measure(
 ) -> Measure:
     """Measure a gas; a state does not tell what was put in in its past [energy], nor the gravity [length/time^2].
 
-    `about_mean` tells along which directions, x and y, temperatures are about the mean velocity: not where walls hold
-    the gas (`Measure`), nor ever where disks are immovable. InputError if the disks and the state differ in their
-    number.
+    `about_mean` is True for x and y if temperatures along them are about the mean velocity. It is not used if disks are
+    immovable, and must be False where walls stop the gas (`Measure`). InputError if the disks and the state differ
+    in their number.
 
     Examples
     --------
@@ -169,7 +169,7 @@ def sums(disks: Disks, state: State, gravity: tuple[Real, Real] = (0.0, 0.0), co
     2.0
     """
     if disks.n != state.n:
-        raise InputError(f"state has {state.n} disks, disks {disks.n}: must be as many")
+        raise InputError(f"state has {state.n} disks, disks {disks.n}: must be the same number")
     # An immovable disk is at rest: its infinite mass would make a NaN of that. It counts for nothing.
     movable = disks.movable
     mass, inertia = np.where(movable, disks.mass, 0.0), np.where(movable, disks.inertia, 0.0)
@@ -210,9 +210,8 @@ def from_totals(
     if disks.n_movable < disks.n:  # which hold the gas
         about_mean = (False, False)
     mean = [P / mass if about and mass > 0.0 else 0.0 for P, about in zip(momentum, about_mean, strict=True)]
-    drift_energy = min(
-        0.5 * (momentum[0] * mean[0] + momentum[1] * mean[1]), translational
-    )  # or more, by rounding
+    # Rounding could make it larger than the whole.
+    drift_energy = min(0.5 * (momentum[0] * mean[0] + momentum[1] * mean[1]), translational)
     return Measure(
         time=time,
         # Each collision is counted at both of its disks, those with walls once.

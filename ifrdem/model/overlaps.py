@@ -307,9 +307,8 @@ def relax(
     radii, begun = checked_radii(radius), np.asarray(position, dtype=np.float64)
     largest = world.largest(comm, float(radii.max(initial=0.0)))
     most = tolerance * (1.0 + 1e-6) + _APART * largest
-    near = close_ones(
-        box, radii, begun, 2.0 * most, comm, time=time
-    )  # no other disk can be met within these ways
+    # No other disk can be met within these displacements.
+    near = close_ones(box, radii, begun, 2.0 * most, comm, time=time)
 
     def moved() -> tuple[NDArray[np.int64], Array]:
         assert near is not None  # on the first rank

@@ -768,7 +768,7 @@ class WallSums:
 
 def rows_of(walls: Sequence[Wall]) -> Array:
     """The pieces of walls as rows of `kernels/walls.py`, shape (pieces, columns of
-    `columns.WALL`); each knows its wall's number."""
+    `columns.WALL`); each has its wall's number."""
     found = [wall.rows() for wall in walls]
     for number, rows in enumerate(found):
         named(rows, "walls").owner = number
@@ -806,7 +806,7 @@ def free_directions(
 
     Collisions conserve its momentum along these directions. Every wall pushes along its normal, and along itself too
     unless it is a line without friction. `walls` are all of them, those at the sides of the box included; `immovable`
-    tells if there are disks of infinite mass; `smooth` are the materials of walls without friction
+    is True if there are disks of infinite mass; `smooth` are the materials of walls without friction
     (`smooth_materials`).
 
     Examples
@@ -950,7 +950,7 @@ def check(
 
 
 def _standing(wall: Wall, time: float) -> str:
-    """When or where a wall stands that moves or opens, for a message; "" of others."""
+    """Text on the time or displacement of a wall that moves or opens, for a message; "" for others."""
     if wall.piston is not None:
         return f" at its displacement {wall.piston.displacement:g}"
     moves = wall.motion.kind != "still" or wall.turn.kind != "still"

@@ -74,14 +74,12 @@ def _moving(axes: Axes, trajectory: Trajectory) -> float:
 def _paths(axes: Axes, trajectory: Trajectory) -> None:
     """Paths from frame to frame, and the final places, coloured by how far away from the start they are.
 
-    Only the final places where the file does not say how often disks went around the box.
+    Only the final places if the file does not determine how often disks went around the box.
     """
     radius, n = trajectory.disks.radius, trajectory.n
     try:
-        unwrapped, known = (
-            np.concatenate([*catalogue.unwrapped(trajectory, range(len(trajectory)))], axis=1),
-            True,
-        )
+        unwrapped = np.concatenate([*catalogue.unwrapped(trajectory, range(len(trajectory)))], axis=1)
+        known = True
     except InputError:
         unwrapped, known = trajectory[-1].position[None], False
     everything = unwrapped.reshape(-1, 2)

@@ -40,7 +40,7 @@ Curves = tuple[Array, Array, Array, Array]
 MOST_KINDS = 16
 """Of disks: every pair of kinds is summed at every step, which takes seconds from there on."""
 LONGER = 1e6
-"""Times the run's length: where theory has not had the collisions of the run by then, its curve ends before."""
+"""Longest curve of theory, in lengths of the run, if theory needs longer for the collisions of the run."""
 
 
 @dataclass(frozen=True)

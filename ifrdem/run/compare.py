@@ -42,7 +42,7 @@ _SPELLINGS = {
 LEAST_MEMBERS = 4
 """Runs with drawn start and law from which a covariance can be told."""
 MOST_NAMED = 500
-"""Measured places that a picture numbers; more would cover each other."""
+"""Measured positions that a figure labels at most; more labels would cover each other."""
 
 _COEFFICIENTS = ("e_n", "e_t", "mu", "rho")
 

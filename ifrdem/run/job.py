@@ -236,7 +236,7 @@ def drive(
             stops.stored()
 
     def count() -> None:
-        """Have the status know all that is written, which its message tells, too."""
+        """Write the numbers of stored frames and rows to the status."""
         status.update(frames=len(job.writer), series_rows=job.writer.series_rows)
 
     worked = time.process_time()

@@ -53,7 +53,7 @@ class Outputs:
         return checkpoint_of(self.trajectory)
 
     def check(self, *, force: bool) -> None:
-        """Refuse what would overwrite files (unless `force`) or those of a run that is going, or cannot be written.
+        """Refuse outputs that exist (unless `force`), that a process is writing, or that cannot be written.
 
         Raises InputError with a line for each thing that is wrong. Nothing is left behind.
         """

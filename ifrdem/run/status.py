@@ -213,7 +213,7 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
         raise InputError(f"{place} is not a status file of ifrdem: {error}") from error
     if record.state == RUNNING and not _lives(record):
         record.state = "dead"
-        held = "it had told of no frame"
+        held = "it had reported no frame"
         if record.frames:
             held = f"{record.trajectory} holds the {counted(int(record.frames), 'frame')} it had committed"
         record.message = f"process {record.pid} is gone without a word; {held}"

@@ -43,7 +43,7 @@ from ..model.state import COLUMNS, Disks, State, codes
 from ..model.walls import Wall
 from ..tools import slices
 from . import device
-from .checks import MANTISSA, spacing_of_places
+from .checks import MANTISSA, position_spacing
 
 CELL = 1.0 + 1e-6  # side of a cell in largest diameters, at least: what rounding leaves of it
 # The same where disks sleep, which may leave their cell in the falling frame by RESTING_FALL. A window lasts a fall by
@@ -221,7 +221,7 @@ class DeviceArrays:
         number = int(owner.max()) + 1 if uses.summed else 0
         self.pistons: NDArray[np.int64] = np.flatnonzero(wall.motion == FREE)  # rows of walls
         first_piston = len(self.thermal) + WALL_SUM.width * number
-        # Of the tally.
+        # Number of columns of the tally.
         self.columns: int = TALLY.width + first_piston + PISTON_STATE.width * len(self.pistons)
         self.grid.first_piston = self.pistons[0] if len(self.pistons) else -1
         self.wall_rows: NDArray[np.float64] = walls
@@ -252,13 +252,13 @@ class DeviceArrays:
         return self._type if TYPES[name] == REAL else getattr(ti, TYPES[name])
 
     def _make(self, name: str, rows: int) -> None:
-        """An array of so many rows, one at least, in place of the one that has this name: numbers, or its columns."""
+        """Replace the array of this name by one of so many rows, at least one: of numbers, or of its columns."""
         of, rows = self._type_of(name), max(rows, 1)
         new = ti.Vector.ndarray(TABLES[name].width, of, rows) if name in TABLES else self._array(of, rows)
         self._replace(name, new)
 
     def _make_table(self, name: str, rows: int) -> None:
-        """The same with columns that are an axis of their own."""
+        """As `_make`, with the columns as a second axis."""
         self._replace(name, self._array(self._type_of(name), rows, TABLES[name].width))
 
     def _replace(self, name: str, new: Any) -> None:
@@ -366,7 +366,7 @@ class DeviceArrays:
         precision = "f32" if self.real == np.float32 else "f64"
         if precision == "f32" and max(tiles) > 1:  # places are from the corner of a tile
             extent = 2.0 * float(np.max((high - low) / count))
-        self.spacing: float = spacing_of_places(extent, precision)
+        self.spacing: float = position_spacing(extent, precision)
         self.scale.rounding_constant = 1.5 * 2.0 ** (MANTISSA[precision] - 1) * self.spacing
         edges = []
         for axis in range(2):

@@ -36,8 +36,8 @@ def write(
 ) -> None:
     """Write a checkpoint, arrays by name and a `record` of what JSON knows: beside its place, synced, then renamed.
 
-    An existing file is replaced, with its parts. InputError if it cannot be written, or belongs to a run of another
-    process that is going; the old one is kept then.
+    An existing file is replaced, with its parts. InputError if it cannot be written, or if another process is writing
+    its trajectory; the old file is then kept.
     """
     _check_unused(Path(path))
     _write(Path(path), arrays, record)
@@ -95,7 +95,7 @@ def _check_unused(place: Path) -> None:
         return
     trajectory = place.with_name(place.name.removesuffix(files.CHECKPOINT) + ".h5")
     if not files.is_locked_here(trajectory) and (use := files.being_written(trajectory)):
-        raise InputError(f"checkpoint {place} cannot be written: it is that of {trajectory.name}, and {use}")
+        raise InputError(f"checkpoint {place} cannot be written: it belongs to {trajectory.name}, and {use}")
 
 
 def _write(place: Path, arrays: Mapping[str, NDArray[Any]], record: Mapping[str, Any]) -> None:
@@ -274,9 +274,9 @@ def reading(path: str | os.PathLike[str], part: str = "it") -> AbstractContextMa
 
 
 def state_of(arrays: Mapping[str, NDArray[Any]]) -> State:
-    """Places of the disks, to rounding: for a simulation that `Simulation.load_checkpoint` then puts right.
+    """State with positions to rounding, to create a simulation for `Simulation.load_checkpoint`, which makes it exact.
 
-    Collisions are those until the window began, which tell which gates have opened.
+    Collisions are those until the window began, which determine the gates that are open.
     """
     collisions = named(arrays["meta"], "meta").events
     if "hits" in arrays:

@@ -24,7 +24,7 @@ MOST_JUMP = 0.01
 MANTISSA = {"f32": 24, "f64": 53}
 """Binary digits of a number."""
 COARSEST = 0.01
-"""Spacing of places, and errors of ways, in smallest radii: at most, so that contacts keep two digits."""
+"""Largest spacing of positions, and error of displacements, in smallest radii: contacts keep two digits."""
 MOST_BOXES = 2**31 - 1
 """Boxes that a disk can travel: they are counted in 32 bits."""
 LEAST_REBOUND = {"f32": 1e-3, "f64": 1e-12}
@@ -69,29 +69,29 @@ def check_magnitudes(disks: Disks, box: Box, speed: float, precision: str, hotte
         )
 
 
-def spacing_of_places(extent: float, precision: str) -> float:
-    """Spacing of the grid of places [length] in a region of this extent [length]: a power of two."""
+def position_spacing(extent: float, precision: str) -> float:
+    """Spacing of the grid of positions [length] in a region of this extent [length]: a power of two."""
     return 2.0 ** (math.ceil(math.log2(2.0 * extent)) - MANTISSA[precision])
 
 
 def check_resolved(n: int, radius: float, box: Box, precision: str) -> None:
-    """Refuse a box so large that places in it are too coarse for disks of the smallest `radius` [length].
+    """Refuse a box so large that its grid of positions is too coarse for disks of the smallest `radius` [length].
 
-    In single precision places of more than ALONE disks are those in a tile, which other rules keep small.
+    In single precision positions of more than ALONE disks are relative to a tile, which other rules keep small.
     """
     if box.is_open or not n or (precision == "f32" and n > ALONE):
         return
-    spacing = spacing_of_places(max(box.lengths), precision)
+    spacing = position_spacing(max(box.lengths), precision)
     if spacing > COARSEST * radius:
         raise InputError(
-            f"a box of {box.lengths[0]:.4g} x {box.lengths[1]:.4g}: {precision} tells places in it apart from "
-            f"{spacing:.3g} on, which must be a hundredth of the smallest radius, {radius:.4g}, at most: choose a "
-            "denser gas, or fewer disks"
+            f"a box of {box.lengths[0]:.4g} x {box.lengths[1]:.4g}: {precision} resolves positions to "
+            f"{spacing:.3g}, which must be at most a hundredth of the smallest radius, {radius:.4g}: choose a denser "
+            "gas, or fewer disks"
         )
 
 
 def fly_alike(velocity: NDArray[np.float64], comm: Any = None) -> bool:
-    """True if all velocities, shape (n, 2), are one and not 0; of ranks, each gives those of its slice."""
+    """True if all velocities, shape (n, 2), are equal and not 0; each rank gives those of its slice."""
     ends = np.concatenate([velocity.max(axis=0, initial=-np.inf), -velocity.min(axis=0, initial=np.inf)])
     if comm is not None:
         ends = np.max(comm.allgather(ends), axis=0)
@@ -107,13 +107,16 @@ def check_duration(duration: float, radius: float, box: Box, alone: float) -> No
     if box.is_open or not math.isfinite(duration):
         return
     across = abs(box.shear_rate) * box.lengths[1]
-    for speed, what in ((across, "images across a sheared box come"), (alone, "disks that never meet fly")):
+    for speed, what in (
+        (across, "images across a sheared box move by"),
+        (alone, "disks that never meet fly"),
+    ):
         way = speed * duration
         error, boxes = way * 2.0 ** -MANTISSA["f64"], way / min(box.lengths)
         if error > COARSEST * radius or (speed == alone and boxes > MOST_BOXES):
             raise InputError(
-                f"{what} {way:.3g} in a time of {duration:.4g}, {boxes:.3g} boxes, and rounding loses where they are: "
-                f"{duration * min(COARSEST * radius / error, MOST_BOXES / boxes):.2g} is possible at most"
+                f"{what} {way:.3g} ({boxes:.3g} boxes) in a time of {duration:.4g}, too far for the rounding: "
+                f"must be a time of at most {duration * min(COARSEST * radius / error, MOST_BOXES / boxes):.2g}"
             )
 
 
@@ -126,7 +129,7 @@ def check_rebound(
     collapse: str,
     precision: str,
 ) -> None:
-    """Refuse disks that would stay on a wall after a hit where a remedy makes slow collisions elastic.
+    """Refuse disks that would stay on a wall after a hit because a remedy makes slow collisions elastic.
 
     A hit with e_n = 0 leaves no speed along the normal, and an elastic collision without speed does nothing. What
     presses a disk against its wall then is gravity, a curved wall, or one that accelerates. `e_n` (M, M) is that of
@@ -143,7 +146,7 @@ def check_rebound(
                 raise InputError(
                     f"disks that hit {wall_names(walls, box)[w]} with e_n = {rebound:g} stay there without speed, and "
                     f'with collapse = "{collapse}" the collision that follows is elastic, without speed, and does '
-                    f'nothing: e_n must be {least:g} at least there; or, under gravity, take collapse = "rest"'
+                    f'nothing: e_n must be at least {least:g} there; or, under gravity, use collapse = "rest"'
                 )
 
 
@@ -318,7 +321,7 @@ def check_pistons(
             continue
         if gravity_turns:
             raise InputError(
-                f"wall {w} is a piston: gravity_turns = {gravity_turns:g} not supported; let gravity stay"
+                f"wall {w} is a piston: gravity_turns = {gravity_turns:g} not supported: must be 0"
             )
         for what, there in refused.items():
             if there:

@@ -282,11 +282,14 @@ def check(arch: str, threads: int | None = None, precision: str = "f64") -> None
         )
 
 
+def _usual_cache() -> Path:
+    """Folder in which Taichi keeps compiled kernels."""
+    return Path(os.environ.get("TI_OFFLINE_CACHE_FILE_PATH") or Path("~/.cache/taichi/ticache").expanduser())
+
+
 def kernel_cache_trouble() -> str | None:
-    """Reason why compiled kernels cannot be kept for other processes, with a way out; None if they can."""
-    folder = Path(
-        os.environ.get("TI_OFFLINE_CACHE_FILE_PATH") or os.path.expanduser("~/.cache/taichi/ticache")
-    )
+    """Reason why compiled kernels cannot be kept for other processes, with a remedy; None if they can."""
+    folder = _usual_cache()
     try:
         folder.mkdir(parents=True, exist_ok=True)
         _remove_stale_lock(folder)
@@ -300,30 +303,30 @@ def kernel_cache_trouble() -> str | None:
 
 
 def _kernel_cache() -> str | None:
-    """Folder of compiled kernels: Taichi's usual one, or a passing one where that cannot be written; None if neither.
+    """Folder of compiled kernels: Taichi's usual one, else a temporary one; None if neither can be written.
 
     Taichi itself crashes when it cannot write its cache.
     """
     if (trouble := kernel_cache_trouble()) is None:
-        return os.environ.get("TI_OFFLINE_CACHE_FILE_PATH") or os.path.expanduser("~/.cache/taichi/ticache")
-    if trouble not in _told:  # once
-        _told.add(trouble)
+        return str(_usual_cache())
+    if trouble not in _warned:  # once
+        _warned.add(trouble)
         warnings.warn(trouble, stacklevel=3)
-    return _passing_cache()
+    return _temporary_cache()
 
 
 @functools.cache
-def _passing_cache() -> str | None:
-    """A folder that lasts as long as this process; None where there is no room for one."""
+def _temporary_cache() -> str | None:
+    """A folder that is removed when this process ends; None if none can be made."""
     try:
-        passing = tempfile.mkdtemp(prefix="ifrdem-kernels-")
+        folder = tempfile.mkdtemp(prefix="ifrdem-kernels-")
     except OSError:
         return None
-    atexit.register(shutil.rmtree, passing, ignore_errors=True)
-    return passing
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
 
 
-_told: set[str] = set()  # warnings of kernel caches
+_warned: set[str] = set()  # texts on kernel caches that were shown
 
 STALE = 60.0
 """Seconds after which a lock of the kernel cache is that of a killed process; Taichi holds one for milliseconds."""

@@ -334,7 +334,7 @@ class Engine:
         self._parted = self._is_parted(state)
 
     def _is_parted(self, state: State) -> bool:
-        """Tell if no disk can meet another one: of an open gas, or because all fly at one velocity without walls."""
+        """True if no disk can collide: all fly apart in an open box, or at one velocity in a box without walls."""
         if self.box.is_open:
             return nobody_meets(state, self.disks)
         if self.walls or self.box.shear_rate or self.n < 2:
@@ -683,7 +683,7 @@ class Engine:
 
     @property
     def _is_alone(self) -> bool:
-        """True for one disk, or none, that never meets anything."""
+        """True for a single disk, or none, that can collide with nothing."""
         if self.n == 0:
             return not self.arrays.uses.pistons
         return self.n == 1 and not self.walls and not self.box.shear_rate
@@ -760,12 +760,12 @@ class Engine:
                 self._look_around()
 
     def _advice(self, *, at_wall: bool) -> str:
-        """Remedies for an inelastic collapse that this gas has not."""
+        """Sentence on remedies for an inelastic collapse in this gas."""
         given, e_n = self.options, None
         if self._law is IFRLaw:
             rows = np.unique(self.kinds.material)
-            beside = [wall.material for wall in self.walls if wall.temperature is None]
-            columns = np.array(beside if at_wall else [*rows, *beside], dtype=np.int64)
+            of_walls = [wall.material for wall in self.walls if wall.temperature is None]
+            columns = np.array(of_walls if at_wall else [*rows, *of_walls], dtype=np.int64)
             e_n = float(self._law_table[np.ix_(rows, columns)][..., 0].min(initial=1.0))
         rests = any(self.gravity) and not self.force_steps.forces and not self.arrays.uses.pistons
         return advice(
@@ -875,13 +875,13 @@ class Engine:
         self._parted = parted
 
     def _thermal_part(self) -> float:
-        """Part of the disks' speeds that is not a drift of the whole gas; 1 where all fly side by side, to rounding."""
+        """Thermal speed over the rms speed, which includes a drift; 1 if all velocities are equal, to rounding."""
         found = from_totals(self.kinds, self._totals(), self.time, 0, about_mean=self.free)
         thermal, whole = found.translational_energy - found.drift_energy, found.translational_energy
         return math.sqrt(thermal / whole) if thermal > 1e-12 * whole else 1.0
 
     def free_time(self) -> float:
-        """Usual time between two collisions anywhere at the speed of the fastest disk [time]."""
+        """Estimated time between two collisions of any disks, at the speed of the fastest one [time]."""
         return self._free_time(self.windows.fastest)
 
     def _free_time(self, speed: float) -> float:

@@ -61,7 +61,7 @@ class ForceSteps:
                     f"forces[{i}] = {force!r}: totals = {force.totals} needs a method measure too"
                 )
             force.check(disks)
-            _try_on(i, force)
+            _check_compiles(i, force)
         self.arrays = arrays
         self._seed = seed
         self._steps = [force.step for force in self.forces]
@@ -103,7 +103,7 @@ class ForceSteps:
     def apply(self, index: int, now: float, free: tuple[bool, bool]) -> float:
         """Apply a force due at `now` [time], where a window begins; what frames of rows see of it beyond its energy.
 
-        `free` tells along which directions the whole gas can drift (`model.walls.free_directions`).
+        `free` is True for x and y along which the whole gas can drift (`model.walls.free_directions`).
 
         EngineError if it makes a velocity or spin that is not finite.
         """
@@ -143,8 +143,8 @@ class ForceSteps:
         return float(gained[1])
 
 
-def _try_on(i: int, force: Force) -> None:
-    """Compile a force of one's own alone: InputError where Taichi cannot, as for a parameter that it has not."""
+def _check_compiles(i: int, force: Force) -> None:
+    """Compile a custom force by itself; InputError if Taichi cannot, such as for a parameter that it lacks."""
     kind: Any = type(force)
     if kind.__module__ == Force.__module__:
         return

@@ -213,7 +213,7 @@ class RankArrays(DeviceArrays):
         with self.written("tile") as (tile,):
             lists = named(tile, "tile")
             lists.owned = self.owner == self.comm.rank
-            lists.bad = 0  # of a tile that goes elsewhere nobody here would say it again
+            lists.bad = 0  # nothing else resets it for tiles that another rank now owns
         self._around_for = -1
         self._plan_sums()
 
@@ -352,7 +352,7 @@ class RankArrays(DeviceArrays):
 
     @property
     def _halo_factor(self) -> NDArray[np.floating[Any]]:
-        """Halo of each tile against the one that all begin with."""
+        """Halo of each tile over the initial one, which is the same for all."""
         found: NDArray[np.floating[Any]] = named(self._values("reach"), "reach").halo_factor
         return found
 

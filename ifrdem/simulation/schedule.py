@@ -227,7 +227,7 @@ class Span:
 
 
 def warn_of_end(**end: float | None) -> None:
-    """RunWarning that the end, as it was asked for by its name, is reached already."""
+    """Warn (RunWarning) that the end of a run, given by its name, is reached already."""
     ((name, asked),) = ((name, value) for name, value in end.items() if value is not None)
     warnings.warn(
         f"{name} = {asked:g} is reached already: this run does nothing. Ends count from the start of the gas, not from "
@@ -250,7 +250,7 @@ def refuse_endless(cadence: Cadence, span: Span) -> None:
 WAIT = 30.0
 """Real time [s] after which a run says what it waits for."""
 LONGEST = 0.2 * 31557600.0
-"""Real time [s] that a run may last beyond that without a warning: a fifth of a year."""
+"""Real time [s] that a run may still need without a warning: a fifth of a year."""
 
 
 class Pace:
@@ -259,14 +259,14 @@ class Pace:
     def __init__(self, end: Due, clock: Callable[[], float] = time.perf_counter) -> None:
         self._end, self._clock = end, clock
         self._since: tuple[float, float, int] | None = None  # real time, simulated time, collisions
-        self._told = False
+        self._warned = False
 
     def trouble(self, now: float, collisions: int, free_time: Callable[[], float]) -> str | None:
-        """What a run that is at a time [time] waits for, once, if its end is far away; None else.
+        """Text on a run at a time [time] whose end is far away at its present pace, once; else None.
 
         Called after every window; `free_time` gives the mean time between two collisions of any disks [time].
         """
-        if self._told:
+        if self._warned:
             return None
         clock = self._clock()
         if self._since is None:  # after the first window, which compiled the kernels
@@ -276,18 +276,18 @@ class Pace:
             return None
         self._since = clock, now, collisions
         rate = (now - begin) / seconds  # of simulated in real time
-        came = f"t = {now:.6g}: the run came from {begin:.6g} to there in {seconds:.0f} s"
+        came = f"t = {now:.6g}: the run advanced from {begin:.6g} to there in {seconds:.0f} s"
         if self._end.collisions is not None and collisions == before:
             wait = free_time()
-            text = f"{came}, without a collision; at this density and speed one is due each {wait:.3g}"
+            text = f"{came} without a collision; the mean time between two at this density and speed is {wait:.3g}"
             if wait > LONGEST * rate > 0.0:
-                text += f", in {size_of_time(wait / rate)} at this pace"
+                text += f", {size_of_time(wait / rate)} at this pace"
         elif self._end.collisions is None and self._end.time - now > LONGEST * rate:
-            left = size_of_time((self._end.time - now) / rate) if rate > 0.0 else "no time that can be told"
+            left = size_of_time((self._end.time - now) / rate) if rate > 0.0 else "an unknown time"
             text = f"{came}, and reaches t_end = {self._end.time:.6g} in {left} at this pace"
         else:
             return None
-        self._told = True
+        self._warned = True
         return f"{text}. A denser gas, slower walls or disks, or an earlier end of the run take less time"
 
 

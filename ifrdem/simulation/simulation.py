@@ -968,7 +968,7 @@ class Simulation(Sealed, PicturedDisks):
         return from_totals(self.disks, totals, self.time, self.wall_hits, **self._put_in(), **ledger)
 
     def _put_in(self) -> dict[str, Any]:
-        """What a state does not tell: the past, up to the latest settling, and if the whole gas can drift."""
+        """Arguments of `measure` that a state does not contain: sums since the start, directions of a free drift."""
         free = self._engine.free if self._engine.force_steps.keep_momentum else (False, False)
         return {
             "energy_input": self.energy_input, "wall_work": self.wall_work, "wall_heat": self.wall_heat,

@@ -241,8 +241,8 @@ class Windows:
         if not self.end > self.begin:
             raise InelasticCollapse(
                 f"t = {self.now:.9g}: windows have become too short for the clock, as disks are too fast or collide "
-                "too often. Look for walls that crush disks (check foretells them) or give energy without end, and for "
-                "a time that is too large for the speeds"
+                "too often. Look for walls that crush disks (`ifrdem check` warns of them) or give energy without end, "
+                "and for a time that is too large for the speeds"
             )
 
     def _piston_columns(self) -> Iterator[tuple[int, int]]:
@@ -619,7 +619,7 @@ class Windows:
                 a.scratch(places, cells, bins, items)
 
     def _room(self) -> tuple[int, int, int, int]:
-        """Places, cells, bins and walls of a lane."""
+        """Slots for disks, cells, bins and walls of a lane."""
         grid = self.arrays.grid
         return int(grid.places), int(grid.cells), int(grid.bins), int(grid.items)
 

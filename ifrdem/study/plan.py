@@ -233,8 +233,8 @@ class Plan:
                 file = case_file.of_text(self.text, self.path, self._changes(point, self.seeds[0]))
                 if file.gas.begin != (0.0, 0):
                     raise InputError(
-                        "start.time: must be 0 in a study, whose runs have one axis of time; the start's clock says "
-                        f"{file.gas.begin[0]:g}"
+                        f"start.time = {file.gas.begin[0]:g}: must be 0 in a study, whose runs share one time axis "
+                        "(without the key it is the time of the frame)"
                     )
                 good[point] = file.case  # without its arrays, of which there may be many
             except InputError as error:

@@ -1,4 +1,4 @@
-"""Reading results of a study (NAME.nc) in a process of its own: HDF5 ends the process that opens some damaged files."""
+"""Reading results of a study (NAME.nc) in another process, because HDF5 can crash on damaged files."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ..tools.files import NO_VALUES
 from ..trajectory import damage
 
 PATIENCE = 120.0
-"""Seconds that the process may take: HDF5 can walk through a damaged file for ever."""
+"""Seconds that the process may take: HDF5 may never finish with a damaged file."""
 _REFUSED, _DAMAGED = 2, 3  # exit statuses, with the message on the standard error stream
 _ROOT = Path(__file__).resolve().parents[2]
 _PROGRAM = (
@@ -48,7 +48,7 @@ def read(path: str | os.PathLike[str]) -> Content:
             words, stdin=subprocess.DEVNULL, capture_output=True, timeout=PATIENCE, check=False
         )
     except subprocess.TimeoutExpired:
-        raise DamageError(f"{place} is damaged: HDF5 does not come to its end in {PATIENCE:g} s") from None
+        raise DamageError(f"{place} is damaged: HDF5 does not finish within {PATIENCE:g} s") from None
     if done.returncode < 0:
         raise DamageError(
             f"{place} is damaged: reading it crashes HDF5 ({signal.Signals(-done.returncode).name})"
@@ -57,8 +57,8 @@ def read(path: str | os.PathLike[str]) -> Content:
         text = done.stderr.decode(errors="replace").strip()
         if done.returncode == _DAMAGED:
             raise DamageError(f"{place} is damaged: {text}")
-        told = text if done.returncode == _REFUSED else f"cannot be read: {(text.splitlines() or [''])[-1]}"
-        raise InputError(f"{place}: {told}")
+        reason = text if done.returncode == _REFUSED else f"cannot be read: {(text.splitlines() or [''])[-1]}"
+        raise InputError(f"{place}: {reason}")
     with np.load(io.BytesIO(done.stdout), allow_pickle=False) as stored:
         head = json.loads(str(stored["head"]))
         variables = {}
@@ -69,7 +69,7 @@ def read(path: str | os.PathLike[str]) -> Content:
 
 
 def answer(path: str) -> None:
-    """Write the content of a file to the standard output, or the reason why it has none to the error stream; ends."""
+    """Write the content of a file to standard output, or the reason for a failure to standard error and exit."""
     try:
         if not h5py.is_hdf5(path):
             raise InputError("is not an HDF5 file: the results of a study are needed (NAME.nc)")
@@ -129,8 +129,8 @@ def _check(
 
 def _texts(stored: h5py.Dataset) -> NDArray[np.str_]:
     size = stored.size * stored.dtype.itemsize
-    if size > (room := stored.file.id.get_filesize()):
+    if size > (most := stored.file.id.get_filesize()):
         raise ValueError(
-            f"{stored.name} has {size} bytes of texts, and the file can hold no more than {room}"
+            f"{stored.name} has {size} bytes of texts: must be at most {most}, the size of the file"
         )
     return np.array(stored.asstr()[()], dtype=np.str_)

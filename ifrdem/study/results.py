@@ -105,7 +105,7 @@ class Results:
     def read(cls, path: str | os.PathLike[str]) -> Results:
         """The results in a file that `write` made.
 
-        Another process opens it: HDF5 ends the one that opens some damaged files.
+        Another process opens it, because HDF5 can crash on damaged files.
 
         Raises InputError if it is no such file, or damaged (`DamageError`).
         """

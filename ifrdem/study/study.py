@@ -130,9 +130,9 @@ class Study:
         check_files([self.output], force=True)
         if self.output.exists():
             try:
-                Results.read(self.output)  # which refuses files that are none of ours
+                Results.read(self.output)  # which refuses other files
             except DamageError as error:
-                more = f"it is made again of the runs in {self.folder} if you delete it"
+                more = f"delete it, and it is made again from the runs in {self.folder}"
                 raise InputError(f"{error}; {more}") from error
         if self.folder.exists() and not self.folder.is_dir():
             raise InputError(f"{self.folder}: is no folder; runs are kept there: another -o")
@@ -175,7 +175,7 @@ class Study:
         return sum(0.5 * task.weight / RATE + rows * ROW_SECONDS + RUN_SECONDS for task in missing)
 
     def _state(self, tasks: Sequence[Task]) -> tuple[list[tuple[Task, float]], list[Task], list[str]]:
-        """Runs that are done with the seconds that they took, those that are missing, and messages on damaged results.
+        """Finished runs with the seconds that they took, missing runs, and messages on damaged results.
 
         A damaged result counts as missing.
         """
@@ -244,7 +244,7 @@ class Study:
         """
         for line in self.check(keep_going=keep_going, workers=workers, scheduler=scheduler):
             warn(f"left out: {line}")
-        if workers != 0 and (trouble := device.kernel_cache_trouble()):  # of which workers say nothing
+        if workers != 0 and (trouble := device.kernel_cache_trouble()):  # workers do not report it
             warn(trouble)
         tasks = self.tasks if part is None else self.tasks[part[0] - 1 :: part[1]]
         self.folder.mkdir(exist_ok=True)
@@ -285,7 +285,7 @@ class Study:
             raise Stopped(f"{stop}: {text}", stop.status) from None
         except InputError:  # nothing has started
             status.path.unlink()
-            if part is None:  # no other has it
+            if part is None:  # not in use elsewhere
                 (self.folder / LOCK).unlink()
             with contextlib.suppress(OSError):  # of a folder that holds runs already
                 self.folder.rmdir()
@@ -304,7 +304,7 @@ class Study:
 
     @contextlib.contextmanager
     def _locked(self, *, shared: bool) -> Iterator[None]:
-        """Keep others from running this study meanwhile; its parts (`shared`) run at the same time."""
+        """Lock the study against other processes; parts of it (`shared`) may run at the same time."""
         place = self.folder / LOCK
         try:
             file = place.open("ab")
@@ -336,7 +336,7 @@ class Study:
         if not done:
             raise InputError(
                 "\n".join(
-                    (f"{self.folder}: no run is done yet: Study.run() or `ifrdem study` does them", *damaged)
+                    (f"{self.folder}: no run is done yet: call Study.run() or `ifrdem study`", *damaged)
                 )
             )
         for text in damaged:

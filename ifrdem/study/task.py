@@ -72,7 +72,7 @@ class Task:
 
     @property
     def done(self) -> bool:
-        """True if its result is there, and whole."""
+        """True if its result exists and is complete."""
         try:
             load(self.result)
         except InputError:
@@ -85,7 +85,7 @@ class Task:
         return case_file.of_text(self.text, Path(self.path), changes)
 
     def perform(self, threads: int = 1) -> str | None:
-        """Run it, unless its whole result is there; the message of a run that failed, None of one that is done."""
+        """Run it unless its result is complete; return the message of a failure, or None."""
         level = LOG.level
         LOG.setLevel(logging.WARNING)  # no lines of progress
         try:
@@ -262,7 +262,7 @@ def save(path: Path, found: dict[str, Variable], *, seconds: float) -> None:
 def load(path: Path) -> tuple[dict[str, Variable], float]:
     """A result, and the seconds that the run took.
 
-    Raises DamageError if it is not there, or not whole to the last bit.
+    Raises DamageError if it is missing, or damaged in any bit.
     """
     try:
         if not path.is_file():  # a pipe would be waited for
@@ -270,7 +270,7 @@ def load(path: Path) -> tuple[dict[str, Variable], float]:
         with zipfile.ZipFile(path) as stored:
 
             def read(name: str) -> NDArray[Any]:
-                # All bytes at once: the checksum of a part that is not read to its end is not looked at.
+                # All bytes at once: a checksum is verified only if the part is read to its end.
                 found: NDArray[Any] = read_array(io.BytesIO(stored.read(f"{name}.npy")), allow_pickle=False)
                 return found
 
@@ -283,5 +283,5 @@ def load(path: Path) -> tuple[dict[str, Variable], float]:
         return found, float(head["seconds"])
     except (*FAULTS, EOFError, zipfile.BadZipFile, zlib.error, struct.error, tokenize.TokenError) as error:
         raise DamageError(
-            f"{path} is no whole result of a study ({str(error) or type(error).__name__})"
+            f"{path} is not a complete result of a study ({str(error) or type(error).__name__})"
         ) from None

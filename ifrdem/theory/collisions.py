@@ -70,7 +70,7 @@ _COEFFICIENTS = {each.name for each in fields(IFRLaw)}
 
 
 def checked_law(name: str, law: Any) -> IFRLaw:
-    """The law, if the averages are known for it; of a mapping of coefficients, as in `Trajectory.laws`, made of it.
+    """The law, or that of a mapping of coefficients (as in `Trajectory.laws`), if its averages are known.
 
     InputError if it is no IFR law, or has rolling friction.
     """
@@ -80,7 +80,7 @@ def checked_law(name: str, law: Any) -> IFRLaw:
         raise must_be(name, law, "an IFRLaw, whose averages have closed forms (ifrdem.DSMC takes any law)")
     if found.rho != 0.0:
         raise InputError(
-            f"{name}: rho = {found.rho}: must be 0, kinetic theory knows no rolling friction (ifrdem.DSMC does)"
+            f"{name}: rho = {found.rho}: must be 0, kinetic theory has no rolling friction (ifrdem.DSMC has)"
         )
     return found
 

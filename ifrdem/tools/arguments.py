@@ -13,7 +13,7 @@ from ..errors import EngineError, InputError
 
 
 class Unfailing:
-    """A stream for messages: what cannot be written, as to a full disk, is dropped, and changes no exit status."""
+    """Stream for messages that drops what cannot be written (full disk): the exit status stays the same."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -25,7 +25,7 @@ class Unfailing:
         return len(text)
 
     def flush(self) -> None:
-        """Write what waits, or leave it."""
+        """Write buffered text, or leave it."""
         with contextlib.suppress(OSError):
             self._stream.flush()
 
@@ -35,7 +35,7 @@ class Unfailing:
 
 @contextlib.contextmanager
 def unfailing_messages() -> Iterator[None]:
-    """Have messages on the standard error stream end nothing; where that is closed, as by `2>&-`, they are dropped."""
+    """Ignore errors of writing messages to standard error; if it is closed (`2>&-`), they are dropped."""
     with contextlib.ExitStack() as stack:
         stream = sys.stderr or stack.enter_context(open(os.devnull, "w", encoding="utf-8"))
         stack.enter_context(contextlib.redirect_stderr(Unfailing(stream)))

@@ -1,8 +1,8 @@
-"""Arguments from users: refused by name unless they are of the type and in the range that is needed.
+"""Checks of users' arguments by type and range, with errors that name the argument.
 
 `validated` checks the arguments of a public function or class by its annotations, once for all of them: `Positive`,
-`Fraction`, `Vectors` and others below, classes, `Literal`, `bool`, `X | None`. Values pass as float, int or float64
-arrays; arrays that are such already are not copied. A check costs 0.1 to 0.3 us a number and 1 us an array, so that
+`Fraction`, `Vectors` and others below, classes, `Literal`, `bool`, `X | None`. Functions get float, int or float64
+arrays; float64 arrays are not copied. A check costs 0.1 to 0.3 us a number and 1 us an array, so that
 inner loops may call public functions. (pydantic's `validate_call`, measured instead: 0.4 us a number and 3 us an array;
 it takes "0.5" and True for numbers, wraps generators, and its errors are long.)
 """
@@ -193,7 +193,7 @@ class Check(Protocol):
 
 
 def _number_in(value: Any) -> Any:
-    """The number in an array without axes; anything else as it is."""
+    """The number in an array without axes; anything else unchanged."""
     plain = isinstance(value, np.ndarray) and value.shape == () and not np.ma.isMaskedArray(value)
     return value.item() if plain else value
 
@@ -232,7 +232,7 @@ class Integer:
 
     @property
     def needed(self) -> str:
-        return "an integer" if self.high > 2**62 else f"an integer from {self.low} to {self.high}"
+        return "an integer" if self.low <= -(2**63) else f"an integer from {self.low} to {self.high}"
 
     def __call__(self, name: str, value: Any) -> int:
         number = _number_in(value)
@@ -341,7 +341,7 @@ class OneOf:
 
 @dataclass(frozen=True)
 class Each:
-    """Check of a sequence (of `length` if given), or by another name of anything that yields; passes as a tuple."""
+    """Check of a sequence (of `length` if given), or of any iterable if `what` is another name; gives a tuple."""
 
     one: Check | None
     what: str = "sequence"
@@ -370,7 +370,7 @@ class Each:
 
 @dataclass(frozen=True)
 class Entries:
-    """Check of a mapping from texts to values; passes as a dict."""
+    """Check of a mapping from texts to values; gives a dict."""
 
     one: Check | None
 
@@ -386,7 +386,7 @@ class Entries:
 
 @dataclass(frozen=True)
 class AnyOf:
-    """Check of a value that one check or another allows; that of a sequence says what is wrong with one."""
+    """Check of a value that one of several checks allows; for a list, the error of a sequence's check is raised."""
 
     checks: tuple[Check, ...]
 
@@ -467,11 +467,11 @@ def _later(_name: str, value: Any) -> Any:
 
 
 LATER = _later
-"""Check of an argument that the function itself checks, as what only the first of several ranks gives."""
+"""No check: the function checks the argument itself, such as one that only the first rank gives."""
 
 
 def check_of(annotation: Any) -> Check | None:
-    """The check of an argument that is annotated so; None if it may be anything."""
+    """The check for an annotation; None if any value is allowed."""
     if annotation is Any or isinstance(annotation, TypeVar) or typing.get_origin(annotation) is typing.Unpack:
         return None
     if typing.get_origin(annotation) is Annotated:
@@ -511,8 +511,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 def validated(function: F) -> F:
     """Check the arguments of a function, or of a class when it is made, by their annotations.
 
-    InputError names the argument, its value, and what it must be. Arguments without an annotation, and those of any
-    type, pass as they are. Of ranks of MPI (`comm`), each checks its own, and all raise an error of one.
+    InputError names the argument, its value, and what it must be. Arguments without an annotation, or annotated by
+    `Any`, are not checked. Each rank of MPI (`comm`) checks its own; an error on one is raised on all.
     """
     if isinstance(function, type):
         function.__init__ = validated(function.__init__)  # type: ignore[misc]
@@ -521,12 +521,12 @@ def validated(function: F) -> F:
     in_order: list[tuple[int, str, Check]] = []
 
     others: list[Check] = []  # of **options
-    made: dict[str, tuple[int, Any]] = {}  # defaults that a check makes something else of, and their places
+    made: dict[str, tuple[int, Any]] = {}  # defaults that a check converts, and their positions
     known = set(inspect.signature(function).parameters)
 
     def read() -> None:
-        """Annotations, when first called: names may stand further below in the module."""
-        # Classes that only type checkers import may be anything: the function itself looks at them.
+        """Read the annotations, at the first call: the module may define their names further below."""
+        # Classes that only type checkers import are not checked here, but by the function itself.
         only_types = collections.defaultdict(lambda: Any)  # type: ignore[var-annotated]
         names = collections.ChainMap(function.__globals__, vars(builtins), only_types)
         for i, one in enumerate(inspect.signature(function).parameters.values()):

@@ -1,4 +1,4 @@
-"""Output files: checks before they are written, locks, and writing whole or not at all."""
+"""Output files: checks, locks, and atomic writing."""
 
 from __future__ import annotations
 
@@ -27,11 +27,10 @@ NO_VALUES = "This is a netCDF dimension but not a netCDF variable."
 """Name of an axis without values in NetCDF-4 files, in their own notation."""
 STATUS = ".status.json"
 """Ending of the file with the live state of a run, beside its trajectory."""
-_MOST_STATUS = 1 << 20  # bytes of a status file that are read
+_MOST_STATUS = 1 << 20  # bytes of a status file that are read at most
 
-_locked: set[tuple[int, int]] = (
-    set()
-)  # device and inode of each file that this process has locked to write it
+# Device and inode of each file that this process has locked to write it.
+_locked: set[tuple[int, int]] = set()
 
 
 def lock(descriptor: int, path: str | os.PathLike[str], *, shared: bool = False) -> None:
@@ -55,9 +54,9 @@ def unlock(descriptor: int) -> None:
 
 
 class Hold:
-    """A lock on a file that is about to be replaced, until `close`; nothing where it cannot be read or locked.
+    """A lock on a file that is about to be replaced, until `close`; none if it cannot be read or locked.
 
-    While somebody reads the file it is locked only against those who write it.
+    While another process reads the file, it is locked only against processes that write it.
 
     Raises BlockingIOError that names the process that writes it.
     """
@@ -66,7 +65,7 @@ class Hold:
         self._descriptor: int | None = None
         if fcntl is None:
             return
-        with contextlib.suppress(OSError):  # who must not read it can replace it still
+        with contextlib.suppress(OSError):  # a file that cannot be read can still be replaced
             self._descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
         if self._descriptor is None:
             return
@@ -82,7 +81,7 @@ class Hold:
             self.close()
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Release the lock."""
         descriptor, self._descriptor = self._descriptor, None
         if descriptor is not None:
             unlock(descriptor)
@@ -112,7 +111,7 @@ def being_written(path: str | os.PathLike[str]) -> str | None:
 
 
 def is_locked_here(path: str | os.PathLike[str]) -> bool:
-    """True if this process writes a file."""
+    """True if this process has locked a file to write it."""
     try:
         found = os.stat(path)
     except OSError:
@@ -130,7 +129,7 @@ def _in_use(use: str) -> BlockingIOError:
 
 
 def _use(descriptor: int, path: str | os.PathLike[str]) -> str:
-    """What process has locked an open file, by the kernel's list, or by the status file of its run."""
+    """Text on the process that has locked an open file, from the kernel's list or the status file of its run."""
     if (key := _key(descriptor)) in _locked:
         return "this process is writing it"
     host, found = platform.node(), {}
@@ -141,16 +140,16 @@ def _use(descriptor: int, path: str | os.PathLike[str]) -> str:
             if kind == "FLOCK" and int(inode) == key[1] and int(process) > 0:
                 what = "is writing it" if mode == "WRITE" else "has it open"
                 found[int(major, 16), int(minor, 16)] = f"process {process} on {host} {what}"
-    if found:  # some file systems tell other numbers of their devices than `stat` does
+    if found:  # some file systems have other device numbers here than in `stat`
         return found.get((os.major(key[0]), os.minor(key[0])), next(iter(found.values())))
     whole = Path(path)
     status = whole.with_name(whole.name.removesuffix(".h5") + STATUS)
     with contextlib.suppress(OSError, ValueError, TypeError, LookupError, RecursionError):
         if status.is_file():  # a pipe would be waited for
             with status.open("rb") as file:
-                told = json.loads(file.read(_MOST_STATUS))
-            if told["state"] == "running":
-                return f"process {int(told['pid'])} on {printable(str(told['host']))} is writing it"
+                record = json.loads(file.read(_MOST_STATUS))
+            if record["state"] == "running":
+                return f"process {int(record['pid'])} on {printable(str(record['host']))} is writing it"
     return "another process is writing it"
 
 

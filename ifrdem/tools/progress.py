@@ -38,9 +38,9 @@ class Progress:
     line leaves out what matters least; time left and rate are always there.
 
     The run of n disks ends at the simulated time `t_end` [time] or at `collisions_per_disk`; exactly one is given
-    (ValueError). It began at a time [time], after so many collisions (`begin`). The time left (ETA) goes by the pace of
-    the latest half of the real time or more, so that of a gas which comes to rest is not told by how fast it began;
-    what passed before the first call, which compiles the kernels, does not count. `interval` are the seconds between
+    (ValueError). `begin` is the time [time] and the number of collisions at its start. The time left (ETA) follows from
+    the pace during at least the latest half of the real time, because a gas that comes to rest slows down. The time
+    before the first call, which compiles the kernels, does not count. `interval` are the seconds between
     plain lines, `clock` gives those of real time. `kernels` counts the kernels compiled so far: until the first call,
     the bar says how many more there are, and for how long it compiles.
     With `brief` the bar appears after half a second, and goes at the end unless a notebook shows it.
@@ -230,7 +230,7 @@ def quiet() -> bool:
 
 
 def size_of_time(seconds: float) -> str:
-    """Seconds, minutes, hours, days or years, with two digits."""
+    """Text of a duration in seconds, minutes, hours, days or years, with two digits."""
     for unit, length in (("years", 31557600.0), ("days", 86400.0), ("hours", 3600.0), ("minutes", 60.0)):
         if seconds >= 2.0 * length:
             return f"{seconds / length:.2g} {unit}"

@@ -279,10 +279,9 @@ class OutputFile:
             return
         if self._replaces:
             _close(self._held)
-            if use := files.being_written(
-                self.path
-            ):  # readers kept the old file from being locked against it
-                raise BlockingIOError(errno.EWOULDBLOCK, f"its place was taken: {use}")
+            # The lock does not exclude new writers while others read the old file.
+            if use := files.being_written(self.path):
+                raise BlockingIOError(errno.EWOULDBLOCK, f"another file was written there meanwhile: {use}")
             remove_views(self.path)
             os.replace(self._present, self.path)
         else:
@@ -314,9 +313,9 @@ class OutputFile:
         except (OSError, RuntimeError) as error:
             self.failed = True
             if self.gone:
-                left = "its frames are not at their place any more"
+                left = "its frames are no longer there"
             elif self._present != self.path:
-                left = "nothing of it is kept; what was at its place stays"
+                left = "nothing of it is kept; the file that was there before stays"
             else:
                 left = kept()
             raise TrajectoryError(

@@ -695,7 +695,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         """The data of a field, to read across frames: `dataset("position")[:, 7]` is a disk's path.
 
         Shape (frames, n) or (frames, n, 2); after a kill it may hold an uncommitted frame behind the last. HDF5 opens
-        the parts of a trajectory as soon as it is asked for the shape: they are looked at before.
+        the parts of a trajectory when the shape is read, so they are checked before.
 
         Raises InputError if the file does not hold it (also a KeyError), is closed, or a part of it is missing or no
         file (`DamageError`).

@@ -357,7 +357,7 @@ def _openable(path: Path, say: Callable[[str], object]) -> Iterator[tuple[Path, 
             told = None
     except BlockingIOError:
         use = files.being_written(path) or "a run is writing it"
-        raise InputError(f"{path}: {use}; what it has committed can be read as it is") from None
+        raise InputError(f"{path}: {use}; its committed frames can be read meanwhile") from None
     except OSError as error:
         if error.errno:
             raise InputError(f"{path} cannot be read: {os.strerror(error.errno)}") from error

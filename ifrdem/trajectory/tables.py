@@ -264,7 +264,7 @@ def _lazy(xarray: Any, trajectory: Trajectory, name: str) -> Any:
 def universe(trajectory: Trajectory) -> MDAnalysis.Universe:
     """See `Trajectory.universe`."""
     mda: Any = needed("MDAnalysis", "readers")
-    trajectory.dataset("position")  # says that it, or a part of it, is missing
+    trajectory.dataset("position")  # raises if it, or a part of it, is missing
     disks = trajectory.disks
     made = mda.Universe.empty(disks.n, trajectory=True, velocities="velocity" in trajectory.fields)
     for name, values in (

@@ -1,4 +1,4 @@
-"""Files of gases that drift: what analyses take off, and what they say of files that have the drift in T."""
+"""Analyses of gases that drift: they subtract the drift, and doubt files that have it in T."""
 
 from __future__ import annotations
 
@@ -69,7 +69,9 @@ def test_a_momentum_that_changes_is_no_drift(tmp_path: Path) -> None:
 def test_a_file_with_the_drift_in_its_temperatures_is_doubted(tmp_path: Path, inside: bool) -> None:
     with Trajectory(write(tmp_path / "run.h5", inside=inside)) as run:
         found = catalogue.ANALYSES["pressure"].of(run, None)
-        assert [("has that in its temperatures" in doubt) for doubt in found.doubts] == [True] * inside
+        assert [("temperatures of this file include it" in doubt) for doubt in found.doubts] == [
+            True
+        ] * inside
         assert any("temperatures are about its mean velocity" in note for note in found.notes) != inside
 
 

@@ -48,9 +48,9 @@ BASE: dict[str, Any] = {
     ("change", "text"),
     [
         # 1e-30 of the box, 10 disks of radius 0.5: a side of 2.8e15, in which doubles are 0.5 apart.
-        ("box.packing_fraction=1e-30", "box.packing_fraction = 1e-30: .* tells places in it apart"),
+        ("box.packing_fraction=1e-30", "box.packing_fraction = 1e-30: .* resolves positions to"),
         # A flow by which the image above has come 2e31 times its size.
-        ("box.shear_rate=1e30", "run.t_end = 2: images across a sheared box come"),
+        ("box.shear_rate=1e30", "run.t_end = 2: images across a sheared box move by"),
     ],
 )
 def test_what_no_run_could_compute_is_refused(

@@ -1,4 +1,4 @@
-"""Cases whose gas drifts as a whole: what is drawn has no momentum, and what a file brings is told."""
+"""Cases whose gas drifts as a whole: drawn velocities have no momentum, and that of a file is reported."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def test_a_start_with_a_single_disk_of_a_species_has_no_momentum(shear: str) -> 
     np.testing.assert_array_equal(gas.start().velocity, state.velocity)  # as often as one asks
 
 
-def test_a_single_disk_among_others_at_rest_keeps_its_speed_and_its_drift_is_told() -> None:
+def test_a_single_disk_among_others_at_rest_keeps_its_speed_and_its_drift_is_reported() -> None:
     text = PLAIN.replace("number = 200", "number = 20").replace("1.4142135623730951", "0.0") + HEAVY
     gas = gas_of(text)
     velocity = gas.start().velocity
@@ -142,7 +142,7 @@ def test_a_single_disk_among_others_at_rest_keeps_its_speed_and_its_drift_is_tol
 def test_a_run_of_a_gas_in_motion_is_analysed_as_the_gas_at_rest(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Temperatures, Haff's time, displacements and velocities about the drift, which `run` and `analyse` tell."""
+    """Temperatures, Haff's time, displacements and velocities about the drift, which `run` and `analyse` print."""
     monkeypatch.chdir(tmp_path)
     Path("rest.toml").write_text(PLAIN.replace('"gas"', '"rest"'))
     Path("moving.toml").write_text(moving(tmp_path, (20.0, 0.0)).replace('"gas"', '"moving"'))

@@ -96,7 +96,11 @@ def test_the_case_is_in_order() -> None:
             "force[0]",
             "temperature missing",
         ),
-        (["force[0].step=5.0"], "force[0].step = 5", "never comes before run.t_end = 2"),
+        (
+            ["force[0].step=5.0"],
+            "force[0].step = 5",
+            "must have its middle, when the force acts, before run.t_end = 2",
+        ),
         (
             ["species[0].number=1", "box.lengths=[9.0, 9.0]", "box.packing_fraction="],
             "force[0].kind",

@@ -43,7 +43,7 @@ GASES = {
     "a flow, and kicks": "box = { lengths = [12.0, 12.0], shear_rate = 0.7 }\n"
     'force = [{ kind = "kicks", step = 0.2, power = 0.1 }]',
 }  # fmt: skip
-"""All that depends on the time of the clock or on the number of collisions, or has a state beside the disks."""
+"""All that depends on the time of the clock or on the number of collisions, or has a state besides the disks."""
 
 
 def set_(*changes: str) -> list[str]:
@@ -152,8 +152,8 @@ def test_the_clock_of_the_frame_goes_on_or_a_new_one_begins(
         (["start.positions=random", "start.frame=", "start.motion="], None),
         (["start.positions=random", "start.frame=", "start.motion=", "start.time=1"], "time: only with positions = "),
         (["box.shear_rate=0.5", "start.time=1.0"], None),
-        (['force=[{kind="drag",rate=0.1,step=2.8}]'], r"force\[0\]\.step = 2\.8: it acts at the middle of each step, "
-         r"which never comes before run\.t_end = 3"),
+        (['force=[{kind="drag",rate=0.1,step=2.8}]'], r"force\[0\]\.step = 2\.8: must have its middle, when the "
+         r"force acts, before run\.t_end = 3"),
         (['force=[{kind="drag",rate=0.1,step=2.0}]'], None),
     ],
 )  # fmt: skip
@@ -236,7 +236,7 @@ def test_gates_and_pistons_of_a_frame_are_where_it_says(tmp_path: Path) -> None:
     ):
         case(tmp_path, *two, "start.time=2.0", text=walls)
     frame_of(tmp_path / "bare.h5", [[2.0, 3.0], [6.0, 3.0]], 2.0, fields=[])
-    with pytest.raises(InputError, match=r"wall\[2\]\.opens_after = 4: .* needs the field collisions"):
+    with pytest.raises(InputError, match=r"wall\[2\]\.opens_after = 4: requires the field collisions"):
         case(tmp_path, *two, "start.positions=bare.h5", text=walls)
     moved: dict[str, object] = {
         f"piston_{name}": np.array([x]) for name, x in (("displacement", 2.0), ("velocity", 0.7))
@@ -257,7 +257,7 @@ def test_gates_and_pistons_of_a_frame_are_where_it_says(tmp_path: Path) -> None:
         case(tmp_path, *two, *own, text=piston)
 
 
-def test_what_a_frame_does_not_say_is_said(old: Path) -> None:
+def test_a_start_warns_of_what_a_frame_does_not_store(old: Path) -> None:
     moving, hot = goes_on(), '{shape="line",temperature=1.0,point=[0.0,0.0],normal=[0.0,1.0]}'
     assert case(old, *moving).gas.cautions == []
     (text,) = case(old, *moving, "run.collapse=tc", "run.contact_time=0.01").gas.cautions
@@ -276,9 +276,9 @@ def test_what_a_frame_does_not_say_is_said(old: Path) -> None:
 
 
 def test_a_study_begins_at_0(old: Path) -> None:
-    """Its runs have one axis of time."""
-    for more, wrong in (((), ["start.time: must be 0 in a study, whose runs have one axis of time; the start's clock "
-                              "says 1.5"]), (("start.time=0",), [])):  # fmt: skip
+    """Its runs share one time axis."""
+    for more, wrong in (((), ["start.time = 1.5: must be 0 in a study, whose runs share one time axis "
+                              "(without the key it is the time of the frame)"]), (("start.time=0",), [])):  # fmt: skip
         changes = [each for each in goes_on(*more) if "name" not in each]
         plan = ifrdem.Study(old / "gas.toml", vary=["material[0].e_n=0.8,0.9"], set=changes).plan
         assert plan.judged()[1] == wrong

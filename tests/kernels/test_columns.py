@@ -52,7 +52,7 @@ def test_a_name_that_is_none_is_an_error_that_lists_the_columns() -> None:
 
 
 def names_of(table: Columns) -> Iterator[str]:
-    """Names in a table, and in those that stand in it."""
+    """Names in a table, and in the tables that it contains."""
     for name, column in table.at.items():
         yield name
         inner = column.of if isinstance(column, Several) else column
@@ -99,7 +99,7 @@ def test_kernels_read_and_write_columns_by_name() -> None:
     assert found.start.tolist() == [[3, 0]]
 
 
-def test_a_wrong_name_in_a_kernel_is_told() -> None:
+def test_a_wrong_name_in_a_kernel_is_reported() -> None:
     device.start()
     import taichi as ti
     from support.record_kernels import wrong

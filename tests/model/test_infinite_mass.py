@@ -72,9 +72,9 @@ def test_an_immovable_disk_must_be_at_rest(velocity, spin):
 
 def test_radius_and_k_must_still_be_finite():
     for wrong in ({"radius": np.inf}, {"radius": 1.0, "k": np.inf}):
-        with pytest.raises(InputError, match="a positive finite number is needed"):
+        with pytest.raises(InputError, match="must be a positive finite number"):
             Disks(1, mass=1.0, **wrong)
     with pytest.raises(
-        InputError, match=r"mass\[0\] = nan: a positive number \(infinite for an immovable disk\)"
+        InputError, match=r"mass = nan: must be a positive number, or inf for an immovable disk"
     ):
         Disks(1, mass=np.nan, radius=1.0)

@@ -142,19 +142,19 @@ def test_a_law_that_returns_too_little_is_refused_by_name() -> None:
 
 
 @pytest.mark.parametrize(
-    ("law", "told"),
+    ("law", "message"),
     [
         (
             Misnamed(e_n=0.9),
             r"there is no 'e_N' \(did you mean 'e_n'\?\); law has e_n; pair has g_n, g_t, m_n",
         ),
-        (Numbered(e_n=0.9), r"\[1\]: write a name after a dot instead; law has e_n; pair has g_n"),
+        (Numbered(e_n=0.9), r"\[1\]: must be a name after a dot; law has e_n; pair has g_n"),
     ],
     ids=["name", "number"],
 )
-def test_a_coefficient_that_is_none_is_told(law: CollisionLaw, told: str) -> None:
+def test_an_unknown_coefficient_is_reported(law: CollisionLaw, message: str) -> None:
     """Of a vector, Taichi would end the process where a number lies beyond the coefficients."""
     disks = mixture(100)
     box, state = start(disks, 0.4)
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=message):
         quiet(disks, box, law, state)

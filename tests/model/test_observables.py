@@ -61,5 +61,5 @@ def test_collisions_beyond_32_bits_are_counted() -> None:
 
 def test_a_state_of_another_number_of_disks_is_refused() -> None:
     state = State(np.zeros((2, 2)), np.zeros((2, 2)), np.zeros(2))
-    with pytest.raises(InputError, match="state has 2 disks, disks 3: must be as many"):
+    with pytest.raises(InputError, match="state has 2 disks, disks 3: must be the same number"):
         measure(Disks(3, 1.0, 0.5), state)

@@ -204,7 +204,7 @@ def test_taichi_runs_without_a_home(tmp_path: Path, cache: bool) -> None:
 
 
 @pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="no folder that root cannot write to")
-def test_kernels_that_cannot_be_kept_are_told_once(tmp_path: Path) -> None:
+def test_a_cache_that_cannot_be_written_is_reported_once(tmp_path: Path) -> None:
     code = (
         "import os, tempfile\n"
         "from ifrdem.simulation import device as backend\n"

@@ -173,9 +173,9 @@ def test_a_gas_in_motion_is_the_gas_at_rest(shear_rate: float) -> None:
 
 
 def test_a_cold_gas_in_fast_motion_is_waited_for() -> None:
-    """The drift is 3000 times the thermal speed: what is usual between collisions is told by the latter.
+    """The drift is 3000 times the thermal speed: the free time follows from the latter.
 
-    Two disks that fly side by side never meet, which is said soon.
+    Two disks that fly side by side never meet, which is reported soon.
     """
     disks = Disks(20, mass=1.0, radius=0.5)
     box, state = start(disks, 0.05)

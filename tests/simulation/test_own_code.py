@@ -1,4 +1,4 @@
-"""Laws and forces of one's own that read numbers which they have not, runs that do nothing, names in messages."""
+"""Custom laws and forces that read unknown coefficients, runs that do nothing, names in messages."""
 
 from __future__ import annotations
 

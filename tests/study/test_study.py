@@ -473,12 +473,12 @@ def test_damaged_results_are_named_and_run_again(case, tmp_path, capsys):
         partly = study.results()
     assert len(told) == 3
     assert np.isnan(partly.values("temperature")[..., -1]).sum() == 3
-    assert sum("no whole result" in text for text in partly.values("failure").ravel()) == 3
+    assert sum("not a complete result" in text for text in partly.values("failure").ravel()) == 3
     assert cli.main(words) == 0
     told_again = capsys.readouterr().err
     assert told_again.count("run again: e_n = ") == 3
     for each in (empty, cut, flipped):
-        assert f"{each} is no whole result of a study" in told_again
+        assert f"{each} is not a complete result of a study" in told_again
     assert same(Results.read(tmp_path / "s.nc"), whole)
 
 
@@ -492,7 +492,7 @@ def test_results_that_crash_hdf5_end_in_a_message(case, tmp_path, capsys):
         Results.read(tmp_path / "s.nc")
     assert cli.main(["plot", str(tmp_path / "s.nc"), "T", "-o", str(tmp_path / "T.png")]) == 2
     assert "s.nc is damaged" in capsys.readouterr().err
-    with pytest.raises(InputError, match=r"made again of the runs in .*s\.runs if you delete it"):
+    with pytest.raises(InputError, match=r"delete it, and it is made again from the runs in .*s\.runs"):
         study.run(workers=0)
 
 

@@ -1,4 +1,4 @@
-"""Attacks at random on files that are read and places that are written: `python -m support.attacks`, in tests/.
+"""Random attacks on files that are read and folders that are written: `python -m support.attacks`, in tests/.
 
 `... attacks [NAME ...] [--cases N] [--seed S]` runs N cases of each attack, or of those that are named, from seed S on,
 and prints what did not end in an answer or a message: a traceback, a hang, a crash of the process, a result that is
@@ -392,7 +392,7 @@ def heaps(folder: Path, made: Mapping[str, bytes], chance: random.Random) -> Non
 
 
 def studies(folder: Path, made: Mapping[str, bytes], chance: random.Random) -> None:
-    """A study that is killed, and whose files are damaged, goes on to the results of one that nobody touched."""
+    """A study that is killed, and whose files are damaged, ends with the results of an undisturbed one."""
     (folder / "gas.toml").write_text(STUDY)
     (folder / "s.toml").write_text(
         'case = "gas.toml"\n[sweep]\n"material[0].e_n" = [0.7, 0.9]\n[ensemble]\nseeds = 2\n'
@@ -420,7 +420,7 @@ def studies(folder: Path, made: Mapping[str, bytes], chance: random.Random) -> N
 
 @contextlib.contextmanager
 def read_only(folder: Path, content: Mapping[str, bytes]) -> Iterator[None]:
-    """A folder with files that nobody can write to, not even root."""
+    """A folder whose files cannot be written, not even by root."""
     folder.mkdir()
     mounted = os.geteuid() == 0
     if mounted:
@@ -450,7 +450,7 @@ def can_be_read_only() -> bool:
 
 
 def read_only_folders(folder: Path, made: Mapping[str, bytes], chance: random.Random) -> None:
-    """Verbs that write into a folder that cannot be written to name it; those that only read do not mind."""
+    """Verbs that write into a folder that cannot be written to name it; those that only read work."""
     place = folder / "fixed"
     content = {"heap.h5": made["heap"], "gas.toml": STUDY.encode(), "some.nc": made["results"]}
     with read_only(place, content):

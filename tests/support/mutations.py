@@ -1,4 +1,4 @@
-"""Seeded mutations of the sources, one at a time in a copy of the tree, against the tests of the same room.
+"""Seeded mutations of the sources, one at a time in a copy of the tree, against the tests of the same folder.
 
 Run from the root of the repository by `PYTHONPATH=tests python -m support.mutations FILES`. A mutant is killed if a
 test fails, or if tests take a minute and three times the CPU time that they take without a mutation. Of Python, tests

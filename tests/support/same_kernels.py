@@ -189,7 +189,7 @@ def digest(parts: dict[str, Any]) -> str:
 
 
 def numbers_of(engine: Engine) -> dict[str, Any]:
-    """All that an engine knows of its gas."""
+    """All numbers of an engine."""
     state = engine.state()
     found = {each.name: np.asarray(getattr(state, each.name)) for each in dataclasses.fields(state)}
     found |= {f"statistics {name}": value for name, value in vars(engine.statistics).items()}

@@ -31,7 +31,7 @@ def test_folders_that_cannot_be_written_to_are_named(made):
     assert list(attacks.attack("read_only_folders", range(1, 4), made)) == []
 
 
-def test_an_attack_that_crashes_hangs_or_raises_is_told(tmp_path: Path):
+def test_an_attack_that_crashes_hangs_or_raises_is_reported(tmp_path: Path):
     assert "ended by SIGKILL" in attacks.alone(lambda: os.kill(os.getpid(), 9))
     assert "ZeroDivisionError" in attacks.alone(lambda: 1 / 0)
     assert attacks.alone(lambda: [None for _ in iter(int, 1)], seconds=1) == "no end in 1 s"

@@ -513,7 +513,7 @@ def test_frames_of_a_file_that_is_gone_are_not_said_to_be_kept(tmp_path, harm):
     if harm == "replaced":
         path.write_bytes(b"another")
     with pytest.raises(
-        TrajectoryError, match=f"somebody has {harm}.*its frames are not at their place"
+        TrajectoryError, match=f"somebody has {harm}.*its frames are no longer there"
     ) as caught:
         writer.write(some_state(N, 1))
     assert "kept" not in str(caught.value)

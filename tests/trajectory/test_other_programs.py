@@ -382,7 +382,7 @@ def test_edges_are_absent_without_a_periodic_side_and_pyh5md_reads_both(run):
 
 
 @pytest.mark.parametrize("name", ["walls in y", "closed", "open", "sheared"])
-def test_files_of_layout_1_3_open_and_are_written_anew_by_export(tmp_path, name):
+def test_files_of_layout_1_3_open_and_export_rewrites_them(tmp_path, name):
     """Up to 1.3 edges were three lengths, always there (infinite ones in an open box), and z was 1."""
     path, box, edges = tmp_path / "run.h5", BOXES[name], "particles/all/box/edges"
     write(path, n=5, frames=FRAMES, box=box)
