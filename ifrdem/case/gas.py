@@ -459,7 +459,9 @@ class CaseGas:
             alone = world.largest(comm, float(np.hypot(*velocity.T).max(initial=0.0)))
         refused = {
             ("box", size): lambda: checks.check_resolved(self.n, smallest, self.box, run.precision),
-            ("run", "t_end"): lambda: checks.check_duration(run.t_end or 0.0, smallest, self.box, alone),
+            ("run", "t_end"): lambda: checks.check_duration(
+                self.begin[0], run.t_end or 0.0, smallest, self.box, alone
+            ),
             ("run", "collapse"): lambda: checks.check_rebound(
                 e_n, materials, walls, self.box, gravity, run.collapse, run.precision
             ),

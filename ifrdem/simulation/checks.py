@@ -98,18 +98,18 @@ def fly_alike(velocity: NDArray[np.float64], comm: Any = None) -> bool:
     return bool(np.all(ends[:2] == -ends[2:]) and np.any(ends))
 
 
-def check_duration(duration: float, radius: float, box: Box, alone: float) -> None:
+def check_duration(begin: float, t_end: float, radius: float, box: Box, alone: float) -> None:
     """Refuse a run so long that rounding loses the images of a sheared box, or a disk that never meets anything.
 
-    A run of a `duration` [time] with disks of the smallest `radius` [length]; `alone` is the speed of disks that never
-    meet [length/time], 0 if any do.
+    It lasts from `begin` to `t_end` [time]. `radius` is the smallest [length]; `alone` is the speed of disks that never
+    meet [length/time], 0 if any do. Images have moved since t = 0, disks since `begin`.
     """
-    if box.is_open or not math.isfinite(duration):
+    if box.is_open or not math.isfinite(t_end):
         return
     across = abs(box.shear_rate) * box.lengths[1]
-    for speed, what in (
-        (across, "images across a sheared box move by"),
-        (alone, "disks that never meet fly"),
+    for speed, duration, what in (
+        (across, t_end, "images across a sheared box move by"),
+        (alone, t_end - begin, "disks that never meet fly"),
     ):
         way = speed * duration
         error, boxes = way * 2.0 ** -MANTISSA["f64"], way / min(box.lengths)

@@ -679,7 +679,7 @@ class Engine:
         speed = float(np.hypot(*self._state().velocity.T).max(initial=0.0)) if lone else 0.0
         radius = float(self.kinds.radius.min(initial=math.inf))
         speed = world.largest(self.comm, speed)
-        checks.check_duration(t_end - self.time, radius, self.box, speed)
+        checks.check_duration(self.time, t_end, radius, self.box, speed)
 
     @property
     def _is_alone(self) -> bool:
