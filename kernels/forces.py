@@ -138,14 +138,15 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any, Any]:
                     listed_disk = gas.disk[s]
                     step = ti.static(step_of(
                         ti.cast(gas.when.time, float), ti.cast(gas.when.dt, float), free_of(gas), stream_of(s, gas),
-                        [ti.cast(totals[j], float) for j in ti.static(range(n_totals))],
+                        [totals[j] for j in ti.static(range(n_totals))],
                     ))[0]  # fmt: skip
                     given = ti.static(vector_of([
                         ti.cast(parameters[j], float) for j in ti.static(range(n_parameters))
                     ]))[0]  # fmt: skip
                     body = told(s, b, gas.when.time, gas)
                     before = energy(body.mass, body.inertia, body.vx, body.vy, body.spin)
-                    vx, vy, spin = act(body, step, given)
+                    new_vx, new_vy, new_spin = act(body, step, given)
+                    vx, vy, spin = ti.cast(new_vx, float), ti.cast(new_vy, float), ti.cast(new_spin, float)
                     flow = 0.0 * vx
                     if ti.static(gas.uses.sheared):
                         flow = ti.cast(flow_at(listed_disk.y, gas), float)

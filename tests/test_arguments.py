@@ -510,3 +510,17 @@ def test_nonsense_for_gases_is_refused_by_the_name_of_its_argument(name: str) ->
 def test_nonsense_that_was_taken_before_is_named(call: Callable[[], Any], named: str) -> None:
     with pytest.raises(InputError, match=named):
         call()
+
+
+@pytest.mark.parametrize("value", [np.float32("inf"), np.float16("inf"), np.float32(0.0), np.float32("nan")])
+def test_numbers_of_short_types_of_numpy_are_held_to_the_same_bounds(value: Any) -> None:
+    """NumPy rounds bounds to the type of its own numbers: 1e100 to inf, 1e-100 to 0."""
+    for call in (
+        lambda: ifrdem.theory.mean_free_path(0.2, value),
+        lambda: ifrdem.Piston(mass=value),
+        lambda: ifrdem.Box.from_packing_fraction([0.5], 0.2, value),
+    ):
+        with pytest.raises(InputError):
+            call()
+    law = ifrdem.IFRLaw(e_n=np.float32(0.5), e_t=-1, mu=0)
+    assert (type(law.e_n), law.e_n) == (float, 0.5)

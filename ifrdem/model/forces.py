@@ -426,12 +426,13 @@ class Rescale(Force):
         wanted = number(name, value, positive=True)
         super().__init__(step, (wanted, 0.0 if energy is None else 1.0))
 
+    # In double precision whatever the run computes in: the energy of a drift is subtracted.
     @staticmethod
     def measure(disk: Any, step: Any, parameters: Any) -> Any:
-        v2 = disk.vx * disk.vx + disk.vy * disk.vy
+        vx, vy, spin = ti.cast(disk.vx, ti.f64), ti.cast(disk.vy, ti.f64), ti.cast(disk.spin, ti.f64)
+        mass, inertia = ti.cast(disk.mass, ti.f64), ti.cast(disk.inertia, ti.f64)
         return ti.Vector([
-            0.5 * disk.mass * v2, 0.5 * disk.inertia * disk.spin * disk.spin, 1.0,
-            disk.mass * disk.vx, disk.mass * disk.vy, disk.mass,
+            0.5 * mass * (vx * vx + vy * vy), 0.5 * inertia * spin * spin, ti.cast(1.0, ti.f64), mass * vx, mass * vy, mass,
         ])  # fmt: skip
 
     @staticmethod
@@ -441,13 +442,14 @@ class Rescale(Force):
         mean_y = step.free[1] * step.totals[4] / step.totals[5]
         drift = 0.5 * (step.totals[3] * mean_x + step.totals[4] * mean_y) / step.totals[2]
         present = (step.totals[0] + with_spins * step.totals[1]) / step.totals[2] - drift
-        factor = wanted / wanted
+        factor = ti.cast(1.0, ti.f64)
         if drift + present / 64.0 > drift:  # more than rounding of the drift's energy
             factor = ti.sqrt(wanted / present)
-        spin = disk.spin
+        spin_factor = ti.cast(1.0, ti.f64)
         if with_spins > 0.0:
-            spin *= factor
-        return mean_x + factor * (disk.vx - mean_x), mean_y + factor * (disk.vy - mean_y), spin
+            spin_factor = factor
+        vx, vy = mean_x + factor * (disk.vx - mean_x), mean_y + factor * (disk.vy - mean_y)
+        return vx, vy, spin_factor * disk.spin
 
 
 @ti.func

@@ -222,7 +222,11 @@ def from_totals(
         rotational_temperature=2.0 * rotational / n,
         momentum=np.array(momentum),
         drift_energy=drift_energy,
-        shear_pressure=shear_pressure - momentum[0] * mean[1] if all(about_mean) else shear_pressure,
+        # sum m (v_x - u_x) (v_y - u_y)
+        shear_pressure=shear_pressure
+        - mean[0] * momentum[1]
+        - mean[1] * momentum[0]
+        + mass * mean[0] * mean[1],
         potential_energy=-fall or 0.0,
         wall_hits=wall_hits,
         **put_in,

@@ -2,9 +2,9 @@
 
 `validated` checks the arguments of a public function or class by its annotations, once for all of them: `Positive`,
 `Fraction`, `Vectors` and others below, classes, `Literal`, `bool`, `X | None`. Functions get float, int or float64
-arrays; float64 arrays are not copied. A check costs 0.1 to 0.3 us a number and 1 us an array, so that
-inner loops may call public functions. (pydantic's `validate_call`, measured instead: 0.4 us a number and 3 us an array;
-it takes "0.5" and True for numbers, wraps generators, and its errors are long.)
+arrays; float64 arrays are not copied. Three numbers cost 1.6 us a call, an array of 100 numbers 9 us. (pydantic's
+`validate_call`, measured in the same minutes: 1.2 and 13 us; it takes "0.5" and True for numbers, wraps generators, and
+its errors are long.)
 """
 
 from __future__ import annotations
@@ -193,9 +193,15 @@ class Check(Protocol):
 
 
 def _number_in(value: Any) -> Any:
-    """The number in an array without axes; anything else unchanged."""
-    plain = isinstance(value, np.ndarray) and value.shape == () and not np.ma.isMaskedArray(value)
-    return value.item() if plain else value
+    """The number in an array without axes or of a type of NumPy, as one of Python; anything else unchanged.
+
+    NumPy rounds bounds to the type of its own numbers: 1e100 is infinite as a float32.
+    """
+    if isinstance(value, np.ndarray) and value.shape == () and not np.ma.isMaskedArray(value):
+        value = value[()]
+    if isinstance(value, np.floating):
+        return float(value)
+    return int(value) if isinstance(value, np.integer) else value
 
 
 def _is_number(value: Any) -> bool:

@@ -191,6 +191,13 @@ def check_apart(path: Path, trajectory: Path, option: str = "-o") -> None:
         raise InputError(f"output {path}: is the trajectory itself; {option} writes elsewhere")
 
 
+def _checkpoint_in_use(path: Path) -> str | None:
+    """Text on the process whose run writes this checkpoint from time to time; None if none does."""
+    if not path.name.endswith(CHECKPOINT):
+        return None
+    return being_written(path.with_name(path.name.removesuffix(CHECKPOINT) + ".h5"))
+
+
 def check_files(paths: Sequence[Path], *, force: bool, elsewhere: str = "-o writes elsewhere") -> None:
     """Refuse files that exist (unless `force`), that a process is writing, or that cannot be written.
 
@@ -201,7 +208,7 @@ def check_files(paths: Sequence[Path], *, force: bool, elsewhere: str = "-o writ
     for path in paths:
         if special := not_a_file(path):
             wrong.append(special)
-        elif use := being_written(path):
+        elif use := being_written(path) or _checkpoint_in_use(path):
             wrong.append(f"output {path}: {use}: wait for it or stop it first; {elsewhere}")
         elif path.exists() and not force:
             wrong.append(f"output {path}: exists already; --force replaces it, {elsewhere}")

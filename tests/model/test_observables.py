@@ -63,3 +63,14 @@ def test_a_state_of_another_number_of_disks_is_refused() -> None:
     state = State(np.zeros((2, 2)), np.zeros((2, 2)), np.zeros(2))
     with pytest.raises(InputError, match="state has 2 disks, disks 3: must be the same number"):
         measure(Disks(3, 1.0, 0.5), state)
+
+
+@pytest.mark.parametrize("about_mean", [(True, True), (True, False), (False, True), (False, False)])
+def test_the_kinetic_stress_is_about_the_mean_of_each_free_direction(about_mean: tuple[bool, bool]) -> None:
+    """Sum m v_x v_y with the mean velocity taken off along free directions only, by NumPy."""
+    chance = np.random.default_rng(4)
+    mass, v = chance.uniform(1.0, 3.0, 30), chance.normal(size=(30, 2)) + np.array([5.0, 2.0])
+    relative = v - np.where(about_mean, mass @ v / mass.sum(), 0.0)
+    state = State(np.zeros((30, 2)), v, np.zeros(30))
+    found = measure(Disks(30, mass, 0.5), state, about_mean=about_mean)
+    assert found.shear_pressure == pytest.approx(np.sum(mass * relative[:, 0] * relative[:, 1]), rel=1e-12)
