@@ -432,7 +432,8 @@ class Rescale(Force):
         vx, vy, spin = ti.cast(disk.vx, ti.f64), ti.cast(disk.vy, ti.f64), ti.cast(disk.spin, ti.f64)
         mass, inertia = ti.cast(disk.mass, ti.f64), ti.cast(disk.inertia, ti.f64)
         return ti.Vector([
-            0.5 * mass * (vx * vx + vy * vy), 0.5 * inertia * spin * spin, ti.cast(1.0, ti.f64), mass * vx, mass * vy, mass,
+            0.5 * mass * (vx * vx + vy * vy), 0.5 * inertia * spin * spin, ti.cast(1.0, ti.f64),
+            mass * vx, mass * vy, mass,
         ])  # fmt: skip
 
     @staticmethod

@@ -670,7 +670,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         self._opened()
         field = SPIN if name == "spin" else name
         if field not in self.fields:
-            raise NameMissing(f"{self.path} holds no field {name!r}{there_are(str(name), self.fields)}")
+            raise NameMissing(f"{self.path} holds no field {field!r}{there_are(str(field), self.fields)}")
         return field
 
     def shape(self, name: str) -> tuple[int, ...]:

@@ -110,7 +110,7 @@ def test_a_seed_decides_the_radii(name: str) -> None:
         ("uniform", {"low": 1.0}, '"uniform" needs low, high; missing: high'),
         ("uniform", {"low": 1.0, "high": 2.0, "mean": 1.5}, "not for it: mean"),
         ("uniform", {"low": 2.0, "high": 2.0}, "low = 2: must lie below high = 2"),
-        ("uniform", {"low": -1.0, "high": 2.0}, "low = -1.0: a positive finite number"),
+        ("uniform", {"low": -1.0, "high": 2.0}, "low = -1.0: must be a positive number"),
         ("gaussian", {"mean": 1.0, "deviation": 0.4}, "deviation = 0.4: above a third of mean = 1"),
         ("gaussian", {"mean": 1.0, "deviation": 0.1, "low": 1.5}, "low = 1.5: must lie below high = 1.3"),
         (

@@ -143,7 +143,7 @@ wide = np.where(np.arange(14) == 13, 5.5, 0.5)[fourteen.start : fourteen.stop]
 try:
     check_no_overlap(HIGH, wide, np.ones((len(wide), 2)), comm=COMM)
 except ifrdem.InputError as error:
-    found["wide"] = str(error).startswith("disk 13 has diameter 11, more than the box side 10")
+    found["wide"] = str(error).startswith("disk 13 has diameter 11, more than the periodic side 10")
 lost, twice = anywhere(50), anywhere(50)
 if len(lost):
     lost = lost[:-1]
