@@ -362,20 +362,40 @@ def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
         for path in unwrapped(trajectory, used):
             if moving:
                 path = path - (when - when[0])[:, None, None] * moving.velocity
-            yield path[:, :, 1:] if box.shear_rate else path
+            yield path if axis is None else path[:, :, axis : axis + 1]
 
+    bounded, axis, steady = _bounded(trajectory), None, not doubts
     if box.shear_rate:
+        axis = 1
         notes.append("across the flow only")
+    elif bounded[0] != bounded[1]:
+        axis = bounded.index(False)
+        notes.append(f"along {'xy'[axis]} only: walls bound the other direction")
+    elif all(bounded):
+        doubts = [
+            *doubts,
+            "walls all round bound the displacement: D is that of short lags at best, before disks meet the walls",
+        ]
     found = displacement.mean_square_displacement(when, paths(), origins=origins)  # type: ignore[arg-type]
     fit = displacement.diffusion_coefficient(found)
-    D = (math.nan, math.nan) if doubts else (fit.D, fit.error)
+    D = (fit.D, fit.error) if steady else (math.nan, math.nan)
     rows = [Reading("D", *D, unit(trajectory, "length^2/time")), Reading("exponent", fit.exponent)]
-    if not doubts:
+    if steady:
         notes.append(f"line fitted at lags from {fit.lags[0]:.4g} to {fit.lags[1]:.4g}")
         if abs(fit.exponent - 1.0) > 0.2:
             notes.append("the exponent is not 1: this D is no diffusion coefficient")
     table = {"lag": found.lag, "msd": found.value, "error": found.error}
     return Evaluation((found, fit), rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
+
+
+def _bounded(trajectory: Trajectory) -> list[bool]:
+    """True for x and y if walls keep the disks from diffusing far along it, for ever."""
+    walls = trajectory.room.all_walls
+    if any(wall.shape == "container" for wall in walls):
+        return [True, True]
+    # In an open box a line bounds one side only; in others, periodic or not, it bounds both.
+    lines = [] if trajectory.box.is_open else [wall.towards for wall in walls if wall.shape == "line"]
+    return [any(towards[1 - axis] == 0.0 for towards in lines) for axis in (0, 1)]
 
 
 def of_vacf(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import contextlib
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -157,7 +157,8 @@ class RunEstimate:
     free_path: tuple[float, ...]
     end_time: float  # simulated time at the end [time]
     collisions: float  # of two disks in the whole run, each counted once
-    collisions_at_most: bool  # `collisions` is only an upper bound: by the initial rate, which cooling lowers
+    # "" if asked for or by theory, "about" if by the rate at the start, "at most" if that rate can only fall.
+    collisions_are: Literal["", "about", "at most"]
     steady_state: tuple[float, float] | None  # T and T_rot [energy] at which a driven or sheared gas stays
     wall_hits: float  # per time [1/time] at the start; 0 without walls
     file_bytes: int  # of the trajectory
@@ -183,8 +184,9 @@ class RunEstimate:
         driven = bool(case.force) or any(case.box.gravity) or gas.box.shear_rate != 0.0
         stirring = (each.motion or each.turn or each.piston or each.temperature for each in case.wall)
         driven |= any(one is not None for one in stirring)
-        at_most = math.isnan(per_disk) and not driven and not gas.box.is_open
-        if at_most:
+        collisions_are: Literal["", "about", "at most"] = ""
+        if math.isnan(per_disk) and not driven and not gas.box.is_open:
+            collisions_are = "at most" if _only_cools(gas) else "about"
             per_disk = mean_rate * ((case.run.t_end or begin) - begin)
         frames, rows = (
             each.count(duration=end - begin, collisions_per_disk=per_disk) + 1
@@ -201,7 +203,7 @@ class RunEstimate:
             free_path=tuple(paths),
             end_time=end,
             collisions=0.5 * n * per_disk,
-            collisions_at_most=at_most,
+            collisions_are=collisions_are,
             steady_state=steady,
             wall_hits=_wall_hits(gas),
             file_bytes=_trajectory_bytes(n, case, frames=frames, rows=rows, tracked=tracked, events=events),
@@ -210,6 +212,28 @@ class RunEstimate:
             rows=rows,
             tracked=tracked,
         )
+
+
+def _only_cools(gas: CaseGas) -> bool:
+    """True if the rate of collisions of a gas that nothing drives only falls.
+
+    It does if it is the same everywhere and begins with one temperature of translation, none of rotation above it, and
+    all collisions dissipate: the highest of its temperatures falls then, and the rate is below that of all at it.
+    """
+    dissipative = all(each.law is not None and each.law.e_n < 1.0 for each in gas.verdicts)
+    start = gas.case.start
+    drawn = start.file is None and start.trajectory is None
+    if not (drawn and dissipative and gas.case.homogeneous):
+        return False
+    classes = [one for each in gas.species for one in each.classes()]
+    mass, radius = (
+        np.array([getattr(one.look, name).mean for one in classes]) for name in ("mass", "radius")
+    )
+    speed, spin, k = (
+        np.array([getattr(one, name) for one in classes]) for name in ("speed_rms", "spin_rms", "k")
+    )
+    T, T_rot = 0.5 * mass * speed**2, mass * (radius * spin) ** 2 / k
+    return bool(np.ptp(T) <= 1e-9 * T.max() and T_rot.max() <= T.max())
 
 
 def _tracked(gas: CaseGas) -> int:

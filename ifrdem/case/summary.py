@@ -470,11 +470,12 @@ def _clock(gas: CaseGas, estimate: RunEstimate) -> str:
 
 def _end(case: Case, estimate: RunEstimate) -> str:
     """End of a run, and the collisions that are expected until then."""
-    known = f"{'at most ' if estimate.collisions_at_most else ''}{estimate.collisions:.4g}"
+    known = f"{estimate.collisions_are} {estimate.collisions:.4g}".lstrip()
     known = "an unknown number of" if math.isnan(estimate.collisions) else known
     time = case.unit("time")
     if case.run.t_end is not None:
-        return f"t = {case.run.t_end:g}{time}: {known} collisions"
+        by_rate = ", by the rate at the start" if estimate.collisions_are == "about" else ""
+        return f"t = {case.run.t_end:g}{time}: {known} collisions{by_rate}"
     end = f", t = {estimate.end_time:.4g}{time} if it stayed homogeneous (kinetic theory)"
     per_disk = f"{case.run.collisions_per_disk:g} collisions per disk: {known} collisions"
     return per_disk + ("" if math.isnan(estimate.end_time) else end)

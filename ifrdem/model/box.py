@@ -174,7 +174,8 @@ class Box:
     @validated
     def image_above(self, time: Moments) -> float | Array:
         """Shift along x of the image above at times [time]: shear_rate Ly t, in [0, Lx) [length]."""
-        return self.shear_rate * self.lengths[1] * time % self.lengths[0]
+        shift = self.shear_rate * self.lengths[1] * time % self.lengths[0]
+        return shift if np.ndim(shift) else float(shift)
 
     def cell(self, time: float = 0.0) -> Array:
         """Edge vectors of a cell for programs that take each of its sides as periodic [length], row by row, (3, 3).

@@ -26,3 +26,38 @@ def test_velocities_that_turn_forget_their_direction_where_the_cosine_does(tmp_p
     rows = {row.name: row.value for row in found.rows}
     assert rows["<v^2>"] == pytest.approx(np.mean(speed**2), rel=1e-6)  # stored in f32
     assert rows["first lag below 1/e"] == 4.0
+
+
+FLOOR = ifrdem.Wall.line((0.0, 0.0), (0.0, 1.0))
+WALKS = {  # the box, its walls, directions along which disks can diffuse
+    "periodic": (ifrdem.Box((50.0, 20.0)), (), 2),
+    "sides": (ifrdem.Box((50.0, 20.0), (True, False)), (), 1),
+    "floor": (ifrdem.Box((50.0, 20.0)), (FLOOR,), 1),
+    "closed": (ifrdem.Box((50.0, 20.0), (False, False)), (), 2),
+}
+
+
+@pytest.mark.parametrize("kind", WALKS)
+def test_diffusion_counts_directions_without_walls(tmp_path: Path, kind: str) -> None:
+    """Steps of +-1 along x alone: <x^2> = t, so that D = <x^2> / (2 d t) is 1/2 of one direction, and 1/4 of two."""
+    box, walls, directions = WALKS[kind]
+    draw, n = np.random.default_rng(2), 400
+    disks = ifrdem.Disks(n, mass=1.0, radius=0.1)
+    x, y = 25.0 * np.ones(n), draw.uniform(1.0, 19.0, n)
+    fields = ("position", "velocity", "image")
+    with ifrdem.TrajectoryWriter(
+        tmp_path / "walk.h5", disks, box, walls=walls, fields=fields, precision="f8"
+    ) as file:
+        for time in range(40):
+            image = np.stack((np.floor(x / 50.0) * box.periodic[0], np.zeros(n)), axis=1).astype(np.int32)
+            position = np.stack((x - 50.0 * image[:, 0], y), axis=1)
+            velocity = np.zeros((n, 2))
+            state = ifrdem.State(position, velocity, np.zeros(n), float(time), image=image)
+            file.write(state, {"temperature": 1.0})
+            x = x + draw.choice([-1.0, 1.0], n)
+    found = catalogue.of_msd(ifrdem.Trajectory(tmp_path / "walk.h5"), None)
+    rows = {row.name: row.value for row in found.rows}
+    # 400 walks of 40 steps: <x^2> at the lags of the fit has a standard error of some 3 %.
+    assert rows["D"] == pytest.approx(0.5 / directions, rel=0.12)
+    assert ("along x only: walls bound the other direction" in found.notes) == (directions == 1)
+    assert any("walls all round" in doubt for doubt in found.doubts) == (kind == "closed")

@@ -722,10 +722,27 @@ def test_expected_end_is_where_theory_has_the_wanted_collisions() -> None:
     assert RunEstimate.of(CaseGas.from_case(timed)).collisions == pytest.approx(250.0, rel=1e-5)
 
 
-def test_mixture_run_to_a_time_gets_an_upper_bound_of_collisions() -> None:
-    case = case_of(TWO + PAIR, "run.collisions_per_disk=", "run.t_end=0.1")
-    estimate = RunEstimate.of(CaseGas.from_case(case))
-    assert estimate.collisions_at_most
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        # One temperature: the balls' speed is sqrt(1.19 / 2) of the coins'. Both only cool.
+        ([f"species[1].speed_rms={(1.19 / 2.0) ** 0.5}"], "at most"),
+        ([], "about"),  # the coins heat the balls
+        ([f"species[1].speed_rms={(1.19 / 2.0) ** 0.5}", "pair[0].e_n=1.0", "pair[0].e_t=-1.0"], "about"),
+        (
+            [f"species[1].speed_rms={(1.19 / 2.0) ** 0.5}", "species[0].spin_rms=100.0"],
+            "about",
+        ),  # T_rot = 1.1 T
+    ],
+)
+def test_mixture_run_to_a_time_gets_a_bound_only_if_it_cools(changes: list[str], said: str) -> None:
+    case = case_of(TWO + PAIR, "run.collisions_per_disk=", "run.t_end=0.1", *changes)
+    gas = CaseGas.from_case(case)
+    estimate = RunEstimate.of(gas)
+    assert estimate.collisions_are == said
+    words = summary.report(gas, estimate)
+    assert f": {said} {estimate.collisions:.4g} collisions" in words
+    assert (", by the rate at the start" in words) == (said == "about")
     numbers, rates = np.array([100, 50]), np.array(estimate.collision_rate)
     assert estimate.collisions == pytest.approx(0.5 * 0.1 * numbers @ rates, rel=1e-12)
 

@@ -184,7 +184,7 @@ def test_collisions_are_estimated_where_theory_knows_the_drive(overrides: list[s
     case = Case.model_validate(changed(*overrides))
     estimate = RunEstimate.of(CaseGas.from_case(case))
     assert np.isfinite(estimate.collisions) == known
-    assert not estimate.collisions_at_most
+    assert estimate.collisions_are == ""
 
 
 def test_a_run_keeps_its_ledger(

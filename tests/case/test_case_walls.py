@@ -543,7 +543,7 @@ def test_elastic_walls_are_hit_as_often_as_kinetic_theory_says(
     # Some 400 hits: standard error 5 %.
     assert hits[-1] == pytest.approx(20.0 * estimate.wall_hits, rel=0.15)
     np.testing.assert_allclose(dissipated, 0.0, atol=1e-12 * energy[0])
-    assert estimate.collisions_at_most
+    assert estimate.collisions_are == "about"  # nothing slows it: chance makes them more or fewer
     assert collisions == pytest.approx(estimate.collisions, rel=0.15)
 
 
