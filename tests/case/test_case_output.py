@@ -350,3 +350,4 @@ def test_the_time_of_a_run_names_the_compilation_beside_it(folder, capsys):
     assert cli.main(["check", str(folder / "gas.toml")]) == 0
     (time,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  time ")]
     assert "before that, kernels are compiled: a second or two if" in time
+    assert "else about ten seconds" in time
