@@ -10,7 +10,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ModelWrapValidatorHandler, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ModelWrapValidatorHandler,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError, ValidationError
 
@@ -105,10 +113,13 @@ class Section(BaseModel):
 
     @field_validator("*")
     @classmethod
-    def _of_usual_magnitude(cls, value: Any) -> Any:
+    def _of_usual_magnitude(cls, value: Any, info: ValidationInfo) -> Any:
         for each in value if isinstance(value, list) else (value,):
             if isinstance(each, float) and each != 0.0 and not LEAST <= abs(each) <= MOST:
                 text = f"must be of a magnitude from {LEAST:g} to {MOST:g}: other units are needed"
+                if "[1]" in cls.about(str(info.field_name))[0]:  # a pure number
+                    small = abs(each) < LEAST
+                    text = f"must be at {'least' if small else 'most'} {LEAST if small else MOST:g} in size"
                 raise refusal(text, "magnitude")
         return value
 

@@ -261,7 +261,10 @@ def report(gas: CaseGas, estimate: RunEstimate) -> str:
     return "\n".join(lines)
 
 
-COMPILING = "a second or two if this machine has compiled them before, else some ten"
+COMPILING = (
+    "a second or two if this machine has compiled them before, else about ten seconds, and more with forces or "
+    'collapse = "rest", which have kernels of their own'
+)
 
 
 def planned_ranks(n: int) -> list[int]:

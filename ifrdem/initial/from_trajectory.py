@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,9 @@ from .from_csv import Given
 
 ROUNDING = 2.0**-22
 """Overlap, as a part of the box's longer side, that single precision explains: twice sqrt(2) times 2^-24, and some."""
+
+NEARLY = 16.0
+"""Times the overlap that rounding explains: below it an overlap may be due to it all the same."""
 
 COUNTS = ("collisions", "image", "angle", "last_partner")
 """Fields that continue with the clock of the frame: numbers of events and displacements since the first start."""
@@ -75,13 +78,17 @@ def read(
     overlap, into = TOLERANCE, TOLERANCE * largest  # that is taken as rounding, with others and with walls
     if single:
         overlap, into = ROUNDING * size / (2.0 * smallest), ROUNDING * side
-    try:
-        moved = given.moved(walls)
-        check_no_overlap(box, radius, position, tolerance=overlap, time=given.time, comm=comm)
+    moved = given.moved(walls)
+
+    def check(times: float = 1.0) -> None:
+        check_no_overlap(box, radius, given.position, tolerance=times * overlap, time=given.time, comm=comm)
         check_walls(
-            (*moved, *sides(box)), box, position, radius, time=given.time, tolerance=into,
+            (*moved, *sides(box)), box, given.position, radius, time=given.time, tolerance=times * into,
             collisions=given.collisions, comm=comm,
         )  # fmt: skip
+
+    try:
+        check()
         if single and box.shear_rate and box.image_above(given.time) != 0.0:
             check_no_overlap(
                 box, radius, position, time=given.time, comm=comm
@@ -91,13 +98,24 @@ def read(
             position = packing.separate(box, radius, position, walls=standing, time=given.time, comm=comm)
     except InputError as error:
         why = _other_radii(path, radius, ids, comm)
-        if single and not why:
+        if not why and time is not None and any(wall.changes_with_time for wall in walls):
+            why = ". At another start.time the walls stand elsewhere"
+        elif not why and single and _passes(check):
             why = '. Positions in single precision are rounded: output.precision = "f8" keeps them'
         raise InputError(f"{where}: {error}{why}") from None
     velocity = given.velocity
     if velocity is not None and not there.shear_rate:
         velocity = velocity + box.flow(position)
     return replace(given, position=position, velocity=velocity)
+
+
+def _passes(check: Callable[[float], None]) -> bool:
+    """True if a check passes with `NEARLY` times its tolerance."""
+    try:
+        check(NEARLY)
+    except InputError:
+        return False
+    return True
 
 
 def of_frame(
@@ -120,7 +138,7 @@ def of_frame(
         return value.astype(np.float64) if value.dtype.kind == "f" else value
 
     position = trajectory.box.wrap(field("position"), frame.time)
-    velocity, spin = (field("velocity"), field("spin")) if motion else (None, None)
+    velocity, spin = (field("velocity"), field("angular_velocity")) if motion else (None, None)
     kept = [*(COUNTS if goes_on else ()), *(("asleep",) if motion else ())]
     past = {name: field(name) for name in kept if name in trajectory.fields}
     names = [f"{OF_PISTONS}{name}" for name in ("displacement", "velocity")]

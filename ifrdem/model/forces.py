@@ -28,6 +28,10 @@ __all__ = [
     "Drag", "Force", "Langevin", "RandomKicks", "Rescale", "SpinKicks", "TableFriction", "normals", "uniforms",
 ]  # fmt: skip
 
+OF_DISK = ("x", "y", "vx", "vy", "spin", "mass", "radius", "k", "inertia")
+OF_STEP = ("time", "dt", "free", "random")
+"""Names of what a force gets of a disk and of a step; in `act` a step has totals too, if the force has some."""
+
 
 class Force:
     """A force on every disk; subclasses say in `act` what it does to one of them during a step.

@@ -9,7 +9,7 @@ import functools
 import math
 import re
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -220,9 +220,10 @@ def try_on(kind: type[CollisionLaw], table: Array, disks: Disks, walls: Sequence
     try:
         try_law(compiled(law), np.ascontiguousarray(table), pairs, found)
     except TaichiCompilationError as error:
+        known = {"law": kind.coefficients or ("no coefficients",), "pair": OF_PAIR}
         raise InputError(
             f"law {kind.__name__}: Taichi cannot compile its collide(pair, law), a static method that returns P_n, P_t "
-            f"and T: {_reason(kind, error)}"
+            f"and T: {why_not_compiled(error, known)}"
         ) from error
     _refuse_too_weak(kind, pairs, found)
     gain = _energy(pairs, found[:, 2:]) / _energy(pairs, _before(pairs)) - 1.0
@@ -233,14 +234,15 @@ def try_on(kind: type[CollisionLaw], table: Array, disks: Disks, walls: Sequence
         warnings.warn(f"law {kind.__name__}: {text}. {more}", EnergyWarning, stacklevel=5)
 
 
-def _reason(kind: type[CollisionLaw], error: Exception) -> str:
-    """Reason of Taichi's error; for an unknown name or an index, the names that exist."""
+def why_not_compiled(error: Exception, known: Mapping[str, Sequence[str]]) -> str:
+    """Reason of Taichi's error; for an unknown name or an index, the names that each argument has (`known`)."""
     reason = str(error).strip().splitlines()[-1].strip()
-    known = f"law has {', '.join(kind.coefficients) or 'no coefficients'}; pair has {', '.join(OF_PAIR)}"
+    there = "; ".join(f"{owner} has {', '.join(names)}" for owner, names in known.items())
     if missing := re.search(r"'Struct\d*' object has no attribute '(\w+)'", reason):
-        return f"there is no '{missing[1]}'{nearest(missing[1], (*kind.coefficients, *OF_PAIR))}; {known}"
+        others = [name for names in known.values() for name in names if name != missing[1]]
+        return f"there is no '{missing[1]}'{nearest(missing[1], others)}; {there}"
     if missing := re.fullmatch(r"KeyError: (.*)", reason):
-        return f"[{missing[1]}]: must be a name after a dot; {known}"
+        return f"[{missing[1]}]: must be a name after a dot; {there}"
     return reason
 
 

@@ -530,6 +530,11 @@ class Wall:
         """True if it is a gate."""
         return self.opens_at is not None or self.opens_after is not None
 
+    @property
+    def changes_with_time(self) -> bool:
+        """True if it moves by itself, or is a gate; a piston is moved by disks."""
+        return self.motion.kind != "still" or self.turn.kind != "still" or self.gated
+
     def stands(self, t: float, collisions: int = 0) -> bool:
         """True unless it is a gate that has opened by the time t, or after so many collisions."""
         return (self.opens_at is None or t < self.opens_at) and (
@@ -953,8 +958,7 @@ def _standing(wall: Wall, time: float) -> str:
     """Text on the time or displacement of a wall that moves or opens, for a message; "" for others."""
     if wall.piston is not None:
         return f" at its displacement {wall.piston.displacement:g}"
-    moves = wall.motion.kind != "still" or wall.turn.kind != "still"
-    return f" at t = {time:g}" if moves or wall.gated else ""
+    return f" at t = {time:g}" if wall.changes_with_time else ""
 
 
 def to_json(walls: Sequence[Wall]) -> str:

@@ -513,10 +513,12 @@ def _balance(job: Job, last: Measure) -> Iterator[str]:
     # Against the momentum that the disks' typical speed would add up to, all one way.
     scale = float(np.sqrt(2.0 * first.translational_energy * mass))
     if first.energy > 0.0 and scale > 0.0:
-        drift = float(np.linalg.norm(last.momentum - first.momentum))
-        what = "change" if case.force or case.walled else "drift"  # heat baths, drag and walls change it
+        change = float(np.linalg.norm(last.momentum - first.momentum))
+        # Heat baths, drag, walls, gravity, and a flow at the sides that disks cross change it.
+        changed = case.force or case.walled or any(case.box.gravity) or gas.box.shear_rate
         yield (
-            f"momentum {what} {drift:.2g}{case.unit('momentum')}, {drift / scale:.2g} "
+            f"{'change' if changed else 'rounding'} of the total momentum: "
+            f"{change:.2g}{case.unit('momentum')}, {change / scale:.2g} "
             "of what the disks would carry if all flew one way at the start"
         )
 

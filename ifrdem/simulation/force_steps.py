@@ -20,7 +20,8 @@ from taichi.lang.exception import TaichiCompilationError
 
 from ..errors import EngineError, InputError, counted
 from ..kernels.forces import LEVELS, kernels_of
-from ..model.forces import Force
+from ..model.forces import OF_DISK, OF_STEP, Force
+from ..model.law import why_not_compiled
 from ..model.state import Disks
 from .arrays import DeviceArrays
 from .schedule import first_after, reached, time_of
@@ -151,7 +152,10 @@ def _check_compiles(i: int, force: Force) -> None:
     try:
         _kernels(kind, len(force.parameters))[2](np.ones(2))
     except TaichiCompilationError as error:
-        reason = str(error).strip().splitlines()[-1].strip()
+        known = {"disk": OF_DISK, "step": OF_STEP}
+        if force.totals:
+            known["in act, step also"] = ("totals",)
+        reason = why_not_compiled(error, known)
         raise InputError(
             f"forces[{i}] = {kind.__name__}: Taichi cannot compile its act or measure: {reason}; it has "
             f"{counted(len(force.parameters), 'parameter')} and {counted(force.totals, 'total')}"

@@ -812,23 +812,28 @@ def test_many_mistakes_are_told_by_the_first_twenty_and_their_number(tmp_path):
     assert re.fullmatch(r"and \d{4} more mistakes like these", lines[-1])
 
 
+UNITS = "must be of a magnitude from 1e-50 to 1e+50: other units are needed"
+
+
 @pytest.mark.parametrize(
-    ("key", "value"),
+    ("key", "value", "says"),
     [
-        ("species[0].speed_rms", 1e300),
-        ("species[0].k", 1e300),
-        ("species[0].k", 1e-300),
-        ("material[0].mu", 1e300),
-        ("box.shear_rate", -1e300),
+        ("species[0].speed_rms", 1e300, UNITS),
+        ("species[0].k", 1e300, "must be at most 1e+50 in size"),  # other units do not change pure numbers
+        ("species[0].k", 1e-300, "must be at least 1e-50 in size"),
+        ("material[0].mu", 1e300, "must be at most 1e+50 in size"),
+        ("box.packing_fraction", 1e-300, "must be at least 1e-50 in size"),
+        ("box.shear_rate", -1e300, UNITS),
     ],
 )
-def test_numbers_whose_products_overflow_are_refused_by_key_and_range(tmp_path, key, value):
+def test_numbers_whose_products_overflow_are_refused_by_key_and_range(tmp_path, key, value, says):
     path = tmp_path / "case.toml"
     path.write_text(SMALL)
     with pytest.raises(InputError) as caught:
         case_file.read(path, [f"{key}={value}"])
     (line,) = str(caught.value).splitlines()
-    assert f"{key} = {value}: must be of a magnitude from 1e-50 to 1e+50" in line
+    assert f"{key} = {value}: {says}" in line
+    assert ("units" in line) == (says == UNITS)
 
 
 def test_an_own_error_beside_a_wrong_choice_is_told_too(tmp_path):

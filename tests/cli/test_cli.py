@@ -303,7 +303,7 @@ def test_run_writes_trajectory_and_picture_and_says_what_it_did(
     assert re.search(r"done in [\d.]+ s: 202 collisions \(4 per disk\)", shown.out)
     assert re.search(r"T/T0 = 0\.\d+, theta = T_rot/T = 0\.\d+", shown.out)
     assert re.search(r"dissipated [\d.e-]+ J, [\d.]+ % of the start", shown.out)
-    assert "momentum drift" in shown.out
+    assert re.search(r"^  rounding of the total momentum: [\d.e-]+ kg m s-1, ", shown.out, flags=re.MULTILINE)
     for name in ("tiny.h5", "tiny.png"):
         assert re.search(rf"^  {name} \([\d.]+ kB\)$", shown.out, flags=re.MULTILINE)
     assert re.search(r"100\.0 %  t = .* 4\.00 collisions per disk, .* collisions/s, ETA 0:00", shown.err)

@@ -73,6 +73,18 @@ def second_total(disk, step, parameters):
     return disk.vx * step.totals[1], disk.vy, disk.spin
 
 
+def misspelt_spin(disk, step, parameters):
+    return disk.vx, disk.vy, disk.spn
+
+
+def misspelt_time(disk, step, parameters):
+    return ti.Vector([disk.mass * step.dtt])
+
+
+def time_as_spin(disk, step, parameters):
+    return disk.vx, disk.vy, step.spin
+
+
 def mass_alone(disk, step, parameters):
     return ti.Vector([disk.mass])
 
@@ -86,9 +98,21 @@ def mass_alone(disk, step, parameters):
             "index 1 does not exist: must be 0; it has 1 parameter and 0 totals",
         ),
         (force(second_parameter), [], "out of range; it has 0 parameters"),
-        (force(any_total), [1.0], "no attribute 'totals'; it has 1 parameter and 0 totals"),
+        (force(any_total), [1.0], "there is no 'totals'; disk has .* and 0 totals"),
         (force(second_total, mass_alone, 1), [], "index 1 does not exist: must be 0; it has .* 1 total"),
         (force(second_total, mass_alone, 2), [], "index 1 does not exist: must be 0; it has .* 2 totals"),
+        (
+            force(misspelt_spin),
+            [],
+            r"there is no 'spn' \(did you mean 'spin'\?\); disk has x, y, vx, vy, spin, mass, radius, k, inertia; "
+            "step has time, dt, free, random; it has 0 parameters",
+        ),
+        (
+            force(any_total, misspelt_time, 1),
+            [],
+            r"there is no 'dtt' \(did you mean 'dt'\?\); .* in act, step also has totals",
+        ),
+        (force(time_as_spin), [], "there is no 'spin'; disk has x, y, vx, vy, spin"),
     ],
 )
 def test_a_parameter_or_total_that_a_force_has_not_is_refused(
