@@ -124,12 +124,12 @@ KEPT = 1e-6
 def drift(trajectory: Trajectory, used: Sequence[int]) -> Drift:
     """Drift of a gas over some frames: along x and y, if the total momentum is the same in all of them.
 
-    It is conserved where nothing stops the gas. From the observable `momentum`; 0 without it, or with fewer than two
-    frames.
+    It is conserved where nothing stops the gas. From the observable `momentum`; 0 without it, with fewer than two
+    frames, or where a part of the file is missing, and masses with it.
     """
     none = Drift(np.zeros(2), 0.0, 0.0)
     names = ("momentum", "translational_energy")
-    if len(used) < 2 or any(name not in trajectory.observables for name in names):
+    if len(used) < 2 or trajectory.missing or any(name not in trajectory.observables for name in names):
         return none
     momentum, energy = (np.asarray(trajectory.observables[name])[list(used)] for name in names)
     mass = float(np.sum(trajectory.disks.mass, where=trajectory.disks.movable))

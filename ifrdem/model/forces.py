@@ -166,9 +166,7 @@ class RandomKicks(Force):
     keeps_momentum = True
 
     @validated
-    def __init__(
-        self, step: Positive, *, power: Positive | None = None, diffusion: Positive | None = None
-    ) -> None:
+    def __init__(self, step: Positive, *, power: float | None = None, diffusion: float | None = None) -> None:
         super().__init__(step, _strength(power, diffusion))
 
     def check(self, disks: Disks) -> None:
@@ -213,9 +211,7 @@ class SpinKicks(Force):
     keeps_momentum = True
 
     @validated
-    def __init__(
-        self, step: Positive, *, power: Positive | None = None, diffusion: Positive | None = None
-    ) -> None:
+    def __init__(self, step: Positive, *, power: float | None = None, diffusion: float | None = None) -> None:
         super().__init__(step, _strength(power, diffusion))
 
     @staticmethod
@@ -255,7 +251,7 @@ class Langevin(Force):
         *,
         temperature: NonNegative,
         rate: NonNegative = 0.0,
-        spin_temperature: Positive | None = None,
+        spin_temperature: float | None = None,
         spin_rate: NonNegative = 0.0,
     ) -> None:
         _some(rate=rate, spin_rate=spin_rate)
@@ -422,7 +418,7 @@ class Rescale(Force):
 
     @validated
     def __init__(
-        self, step: Positive, *, temperature: Positive | None = None, energy: Positive | None = None
+        self, step: Positive, *, temperature: float | None = None, energy: float | None = None
     ) -> None:
         if (temperature is None) == (energy is None):
             raise InputError("rescale: exactly one of temperature and energy is needed")

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError, there_are
-from ..tools.checked import instance, validated
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,9 +46,8 @@ LAYOUTS: dict[str, dict[str, Any]] = {
 """Arguments of `Figure.subplots`, beside those of analyses, and of pictures of which they depend on the trajectory."""
 
 
-@validated
 def figure(
-    trajectory: Any, what: str, *, frames: Sequence[int] | None = None, over: str = "t",
+    trajectory: Trajectory, what: str, *, frames: Sequence[int] | None = None, over: str = "t",
     color: str | None = None, make: Callable[..., Any] | None = None,
 ) -> Figure:  # fmt: skip
     """A figure by its name, with a title, and the doubts of the analysis below it.
@@ -84,12 +82,19 @@ def figure(
     from matplotlib.figure import Figure
 
     from ..analysis.result import span_text
+    from ..tools import checked
     from ..trajectory.reader import Trajectory
     from .disks import figure_size
     from .run import title
     from .style import ROTATION
 
-    instance("trajectory", trajectory, Trajectory)
+    checked.instance("trajectory", trajectory, Trajectory)
+    for name, value, kind in (
+        ("what", what, str), ("frames", frames, Sequence[int] | None), ("over", over, str), ("color", color, str | None),
+        ("make", make, Callable | None),
+    ):  # fmt: skip
+        if check := checked.check_of(kind):
+            check(name, value)
     layout, frames = _layout(trajectory, what), _numbers(trajectory, frames)
     wide = layout.get("ncols", 1) > 1
     size = (12.0, 8.0) if what == "walls" else (12.0, 5.2) if wide else (7.5, 6.2)

@@ -253,7 +253,7 @@ LONGEST = 0.2 * 31557600.0
 """Real time [s] that a run may still need without a warning: a fifth of a year."""
 
 
-class Pace:
+class SlowRunCheck:
     """The pace of a run to its `end`; `clock` gives seconds of real time."""
 
     def __init__(self, end: Due, clock: Callable[[], float] = time.perf_counter) -> None:

@@ -38,7 +38,7 @@ from .schedule import (
     Cadence,
     Course,
     Observer,
-    Pace,
+    SlowRunCheck,
     Progress,
     Sampler,
     Span,
@@ -855,7 +855,7 @@ class Simulation(Sealed, PicturedDisks):
             self._observe(observers, stored)
             if between is not None:
                 between()
-        pace = Pace(end)
+        pace = SlowRunCheck(end)
         while not end.reached(self.time, self.collisions) or course.next_frame == 1:
             while not (frame := frames.due(course.next_frame)).reached(self.time, self.collisions):
                 row = rows.due(course.next_row)

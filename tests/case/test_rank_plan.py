@@ -114,14 +114,13 @@ def test_the_plan_of_1e9_disks_is_its_arithmetic() -> None:
     with_halos = (1618.02 + 36.0) ** 2 / 1618.02**2
     assert plan.disks == 1e6
     assert plan.memory == pytest.approx(280e6 + 700 * 1e6 * with_halos + 450 * 1e9 / 5000, rel=1e-5)
-    assert plan.file == pytest.approx(
-        (11 * 24 + 28) * 1e6, rel=0.01
-    )  # frames of 24 bytes a disk, constants of 28
+    # Frames of 32 bytes a disk, constants of 28.
+    assert plan.file == pytest.approx((11 * 32 + 28) * 1e6, rel=0.01)
     # 10/2 collisions of each disk, 11 frames of 0.6; 0.55 us a collision at phi = 0.3, and 1.75 times that in tiles.
     assert plan.seconds == pytest.approx(1e6 * (5.0 + 11 * 0.6) * 0.55e-6 * 1.75 * with_halos, rel=1e-4)
     assert summary.planned_ranks(10**9) == [63, 250, 1000]
     assert summary.planned_ranks(1_100_000) == [2]
-    assert "1000: each 1e+06 disks, 1.1 GB of memory, 292 MB of files" in summary.report(gas, estimate)
+    assert "1000: each 1e+06 disks, 1.1 GB of memory, 380 MB of files" in summary.report(gas, estimate)
 
 
 def test_strips_that_a_rank_places_at_random_count(monkeypatch: pytest.MonkeyPatch) -> None:

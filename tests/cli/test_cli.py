@@ -140,7 +140,7 @@ def test_module_can_be_run_and_a_wrong_case_ends_with_status_2(folder: Path) -> 
         (["run", "tiny.toml", "--sed", "3"], r"unknown option --sed \(did you mean '--seed'\?\)"),
         (["run", "tiny.toml", "more"], "unexpected argument 'more'"),
         (["new", "coolin"], r"no template or shipped case is called 'coolin' \(did you mean 'cooling'\?\)"),
-        (["new", "cooling", "-o", "nowhere/a.toml"], "cannot be written: No such file or directory"),
+        (["new", "cooling", "-o", "nowhere/a.toml"], "output folder nowhere: does not exist"),
         (["new", "cooling", "-o", "tiny.toml"], "exists already"),
         (["info", "no.h5"], "no such file"),
         (["info", "tiny.toml"], "not an HDF5 file"),
@@ -176,9 +176,9 @@ def test_check_prints_what_to_expect(folder: Path, capsys: pytest.CaptureFixture
     assert rows["mean free path"].startswith("0.0204")
     assert "strictly admissible" in rows["pair coins, coins"]
     assert "202 collisions" in rows["run"]  # 101 x 4 / 2
-    # 9 frames x 101 disks x 24 bytes are 21.8 kB; the rest are whole chunks and HDF5's own (test_case_output.py
+    # 9 frames x 101 disks x 32 bytes are 29.1 kB; the rest are whole chunks and HDF5's own (test_case_output.py
     # compares with files).
-    assert rows["file"].startswith("tiny.h5, 342 kB: 9 frames x (101 disks x 24 bytes")
+    assert rows["file"].startswith("tiny.h5, 355 kB: 9 frames x (101 disks x 32 bytes")
     assert "up to 81 rows of series" in rows["file"]
     assert re.search(r"101 disks x \d+ bytes", rows["memory"])
     assert names(folder) == ["tiny.toml"]
@@ -316,7 +316,7 @@ def test_trajectory_of_a_run_adds_up(folder: Path) -> None:
     with Trajectory("tiny.h5") as trajectory:
         totals = {name: values[:] for name, values in trajectory.observables.items()}
         assert len(trajectory) == FRAMES + 1
-        assert trajectory.fields == ("position", "velocity", "angular_velocity", "collisions")
+        assert trajectory.fields == ("position", "velocity", "angular_velocity", "collisions", "image")
         assert trajectory.parameters["case"] == CASE
         assert trajectory.parameters["seed"] == 2
         assert trajectory.units["energy"] == "J"

@@ -143,7 +143,8 @@ def test_ctrl_c_during_a_window_takes_effect_at_its_end_and_the_gas_goes_on(
         one.run(t_end=3.0)
     monkeypatch.undo()
     assert 0.0 < one.time <= 3.0
-    one.run(t_end=3.0)
+    if one.time < 3.0:
+        one.run(t_end=3.0)
     other.run(t_end=3.0)
     assert_same_motion(one.state, other.state)
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

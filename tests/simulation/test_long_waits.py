@@ -19,7 +19,7 @@ from ifrdem import (
     State,
     Wall,
 )
-from ifrdem.simulation.schedule import Due, Pace
+from ifrdem.simulation.schedule import Due, SlowRunCheck
 
 LAW = IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
 
@@ -91,7 +91,7 @@ class Clock:
 
 def test_a_run_without_collisions_says_once_what_it_waits_for() -> None:
     clock = Clock()
-    pace = Pace(Due(collisions=100), clock)
+    pace = SlowRunCheck(Due(collisions=100), clock)
 
     def at(real: float, time: float, collisions: int) -> str | None:
         clock.now = real
@@ -112,12 +112,12 @@ def test_a_run_without_collisions_says_once_what_it_waits_for() -> None:
 
 def test_a_run_whose_end_is_far_says_so() -> None:
     clock = Clock()
-    pace = Pace(Due(time=1e10), clock)
+    pace = SlowRunCheck(Due(time=1e10), clock)
     assert pace.trouble(0.0, 0, lambda: 1.0) is None
     clock.now = 31.557600
     # At a rate of 1 / 31.5576 s, 1e10 take 1e10 * 31.5576 s = 1e4 years.
     assert "reaches t_end = 1e+10 in 1e+04 years" in str(pace.trouble(1.0, 5, lambda: 1.0))
-    pace = Pace(Due(time=1e10), clock)
+    pace = SlowRunCheck(Due(time=1e10), clock)
     assert pace.trouble(0.0, 0, lambda: 1.0) is None
     clock.now += 31.0
     assert pace.trouble(1e8, 5, lambda: 1.0) is None

@@ -319,7 +319,8 @@ def test_one_disk_flies_straight_on_and_its_path_has_no_jumps() -> None:
         disks, box, IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), State([begin], [velocity], [0.0], time=2.0)
     )
     for elapsed in (0.0, 3.0, 4.4, 109.0):
-        gas.run(t_end=2.0 + elapsed)
+        if elapsed:
+            gas.run(t_end=2.0 + elapsed)
         end = gas.state
         path = box.unwrap(end.position, end.image, end.time) - box.unwrap(begin[None], np.zeros((1, 2)), 2.0)
         np.testing.assert_allclose(path[0], velocity * elapsed, atol=1e-11)
@@ -431,7 +432,7 @@ def test_temperature_and_stress_settle_at_those_of_kinetic_theory(start: float) 
             "shear_rate = 0.1: the box must be periodic along x and y, and is not along y",
         ),
         ({"periodic": (False, True)}, "is not along x"),
-        ({"shear_rate": float("nan")}, "shear_rate = nan: a finite number is needed"),
+        ({"shear_rate": float("nan")}, "shear_rate = nan: must be a finite number"),
     ],
 )
 def test_boxes_that_cannot_be_sheared_are_refused(options: dict[str, object], message: str) -> None:

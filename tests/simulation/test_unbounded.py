@@ -181,7 +181,7 @@ def test_a_box_is_open_on_all_sides_or_on_none() -> None:
     np.testing.assert_array_equal(box.wrap(far), far)
     np.testing.assert_array_equal(box.minimum_image(far), far)
     for lengths, periodic in (((math.inf, 1.0), (False, False)), ((math.inf, math.inf), (True, True))):
-        with pytest.raises(InputError, match=r"two positive finite numbers are needed \(Box.open"):
+        with pytest.raises(InputError, match=r"must be two positive finite numbers \(Box.open"):
             Box(lengths, periodic)
 
 

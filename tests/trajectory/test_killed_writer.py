@@ -295,7 +295,7 @@ def test_a_disk_that_fails_in_the_middle_of_a_frame_leaves_what_was_before(tmp_p
         writer.write_series(0.0, row(0), SERIES_COLUMNS)
         left[0] = writes
         with pytest.raises(
-            TrajectoryError, match=r"\(Input/output error\); the 1 frames and 1 rows of the series before"
+            TrajectoryError, match=r"\(Input/output error\); the 1 frame and 1 row of the series before"
         ):
             writer.write(some_state(3, 1), {"energy": 0.5})
         with pytest.raises(TrajectoryError, match="closed: rows of the series cannot be added"):

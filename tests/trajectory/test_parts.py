@@ -316,7 +316,9 @@ def test_what_does_not_need_a_missing_part_can_be_read(made, said, capsys, tmp_p
     assert trajectory.tracked.tolist() == list(TRACKED)
     assert np.array_equal(trajectory.constants("radius", slice(30, 41)), radius[30:])
     assert np.array_equal(trajectory.read("position", (3, slice(3, 20))), positions[3][3:20].astype("f4"))
-    assert np.array_equal(trajectory.disk(33).position, [frame[33] for frame in positions])
+    path = trajectory.disk(33)
+    assert path.unwrapped
+    assert np.array_equal(trajectory.box.wrap(path.position), [frame[33] for frame in positions])
     for wrong in (
         lambda: trajectory.disks,
         lambda: trajectory.constants("mass", slice(19, 21)),
