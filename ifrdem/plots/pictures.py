@@ -90,8 +90,8 @@ def figure(
 
     checked.instance("trajectory", trajectory, Trajectory)
     for name, value, kind in (
-        ("what", what, str), ("frames", frames, Sequence[int] | None), ("over", over, str), ("color", color, str | None),
-        ("make", make, Callable | None),
+        ("what", what, str), ("frames", frames, Sequence[int] | None), ("over", over, str),
+        ("color", color, str | None), ("make", make, Callable | None),
     ):  # fmt: skip
         if check := checked.check_of(kind):
             check(name, value)

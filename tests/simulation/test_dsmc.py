@@ -250,7 +250,7 @@ def test_impossible_gases_are_refused() -> None:
     for end in ({}, {"t_end": 1.0, "collisions_per_disk": 1.0}):
         with pytest.raises(InputError, match="exactly one"):
             at_rest.run(**end)
-    with pytest.raises(InputError, match="t_end = -1.0: must be"):
+    with pytest.raises(InputError, match=r"t_end = -1\.0: must be"):
         at_rest.run(t_end=-1.0)
     with pytest.raises(InputError, match="increasing order"):
         at_rest.run(t_end=1.0, samples=[0.5, 0.2])

@@ -393,11 +393,12 @@ def test_nothing_jumps_at_the_seam() -> None:
 
 @pytest.mark.parametrize("start", [0.1, 4.0], ids=["cold", "hot"])
 def test_temperature_and_stress_settle_at_those_of_kinetic_theory(start: float) -> None:
-    """500 smooth disks at phi = 0.05, e_n = 0.9; means over 140 collisions per disk after 60, from two beginnings.
+    """500 smooth disks at phi = 0.05, e_n = 0.9; means over 280 collisions per disk after 60, from two beginnings.
 
     Theory: Santos, Garzo and Dufty (2004), doi:10.1103/PhysRevE.69.061303, with 5 % for crowding; the kinetic stress is
     -sqrt(z/l (1 - z/l)) n T there, z = 0.095, l = 1.02125. Seen: T at -1 to +1 %, with 1 % of statistics; the kinetic
-    stress 4 % above the dilute one, and the whole one, from the flow's work, another 5 %: 1 + (1 + e_n) phi chi / 2.
+    stress 4 % above the dilute one, and the whole one, from the flow's work, another 5 %: 1 + (1 + e_n) phi chi / 2. Of
+    eight starts the last ratio had 0.7 % of scatter over half as many collisions, and 0.5 % more than that in the mean.
     """
     disks, law = equal_disks(500), IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
     T, _ = steady_state(law, 1.0, 0.5, 2.0, 0.05, 0.5) or (0.0, 0.0)
@@ -409,8 +410,8 @@ def test_temperature_and_stress_settle_at_those_of_kinetic_theory(start: float) 
     begun, work = gas.state.time, gas.shear_work
     found: list[tuple[float, float]] = []
     gas.run(
-        collisions_per_disk=200.0,
-        frames=140,
+        collisions_per_disk=340.0,
+        frames=280,
         observers=[lambda _, m: found.append((m.temperature, m.shear_pressure / disks.n))],
     )
     mean_T, kinetic = np.mean(found, axis=0)
