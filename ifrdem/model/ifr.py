@@ -100,7 +100,7 @@ def _number(name: str, value: object, low: float, high: float, why: str) -> floa
     return number
 
 
-_Mass = Annotated[float, Number(LEAST, math.inf, f"a positive number from {LEAST:g}, or inf")]
+_Mass = Annotated[float, Number(float(np.finfo(float).tiny), math.inf, "a positive number, or inf")]
 
 
 @validated

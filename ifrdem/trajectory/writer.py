@@ -379,8 +379,8 @@ class TrajectoryWriter(Sealed):
     def _kept(self) -> str:
         if len(self) == 0:
             return "there is no frame before it: nothing is kept"
-        rows = f" and {self.series_rows} rows of the series" if self.series_rows else ""
-        events = f" and {self.events} events" if self.events else ""
+        rows = f" and {counted(self.series_rows, 'row')} of the series" if self.series_rows else ""
+        events = f" and {counted(self.events, 'event')}" if self.events else ""
         return f"the {counted(len(self), 'frame')}{rows}{events} before it are kept"
 
     def _drop_uncommitted(self) -> None:

@@ -321,7 +321,7 @@ def test_a_disk_that_refuses_pieces_leaves_a_file_that_can_be_closed(tmp_path, m
                 return raw.write(data)
 
         monkeypatch.setattr(writer._output._raw, "_raw", Refusing())
-        with pytest.raises(TrajectoryError, match=r"\(Input/output error\); the 1 frames before"):
+        with pytest.raises(TrajectoryError, match=r"\(Input/output error\); the 1 frame before"):
             writer.write(some_state(3000, 1), {"energy": 0.5})
         writer.close()
     monkeypatch.undo()

@@ -111,7 +111,7 @@ REFUSED = {
     "a disk beyond": (lambda run: run.read("position", (0, -6)), "selection -6 of position: there are 5"),
     "slice of text": (lambda run: run.read("spin", slice("a", None)), "whole numbers and slices are needed"),
     "number for a field": (lambda run: run.read(5, 0), "no field 5"),
-    "text for a frame": (lambda run: run["a"], r"frames\[0\] = 'a': must be an integer"),
+    "text for a frame": (lambda run: run["a"], "frame = 'a': a whole number"),
     "half a frame": (lambda run: run[1.5], "frame = 1.5: a whole number"),
     "list of disks": (lambda run: run.disk([1, 2]), r"disk = \[1, 2\]: a whole number"),
     "text for a history": (lambda run: run.history("x"), "disk = 'x': a whole number"),
@@ -223,8 +223,8 @@ def test_a_file_holds_its_data_once(tmp_path):
     assert chunk[1] <= 16384  # one disk's history must not read whole frames
     static = n * (3 * 8 + 4)  # mass, radius, k in f8 and the material
     assert (
-        path.stat().st_size < 2 * n * 32 + static + 200_000
-    )  # 0.2 MB for everything that does not grow with n
+        path.stat().st_size < 2 * n * 32 + static + 250_000
+    )  # 0.25 MB for everything that does not grow with n
 
 
 def test_compression_is_shuffle_and_deflate(tmp_path):
