@@ -255,7 +255,7 @@ OTHERS: dict[ModuleType, set[str]] = {
     ifrdem: {"DSMC", "History", "PartsWriter", "Regime", "Simulation", "Trajectory", "TrajectoryWriter", "concat",
              "view"},
 }  # fmt: skip
-"""Public names without a call here: classes of what functions return, which nobody makes, and some others."""
+"""Public names without a call here: classes that functions return and users do not make, and some others."""
 
 
 def nonsense() -> Iterator[tuple[str, Any]]:
@@ -293,9 +293,7 @@ def numbers(result: Any) -> Iterator[float]:
 def wrong_answers(call: Callable[..., Any], arguments: Mapping[str, Any]) -> list[str]:
     """Kinds of nonsense to which a call answers by something else than a result without nan or an InputError."""
     wrong = []
-    known = sum(
-        math.isnan(each) for each in numbers(called(call, arguments))
-    )  # as of cells that nobody is in
+    known = sum(math.isnan(each) for each in numbers(called(call, arguments)))  # as of empty cells
     for name in arguments.keys() - {"self"}:
         for kind, value in nonsense():
             if kind == "class" and callable(arguments[name]):

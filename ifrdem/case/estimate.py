@@ -251,7 +251,7 @@ def _tracked(gas: CaseGas) -> int:
 def _rates_and_speeds(gas: CaseGas) -> tuple[list[float], list[float]]:
     """Collision rate [1/time] and mean speed [length/time] of a disk of each species, means over its radii.
 
-    A disk that is alone meets nobody.
+    A disk that is alone meets no other.
     """
     classes = [each.classes() for each in gas.species]
     found = iter(collision_rates([one for group in classes for one in group], gas.room.area()))

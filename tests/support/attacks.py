@@ -111,7 +111,7 @@ def alone(act: Callable[[], object], seconds: int = PATIENCE) -> str:
 
 
 def says(words: list[str], allowed: tuple[int, ...] = (0, 2)) -> str:
-    """What a command line says; AssertionError unless it ends in one of the exit statuses without a traceback."""
+    """Output of a command line; AssertionError unless it ends in one of the exit statuses without a traceback."""
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         status = cli.main(words)
@@ -552,7 +552,7 @@ def made_once(folder: Path, names: tuple[str, ...]) -> dict[str, bytes]:
 
 
 def attack(name: str, seeds: range, made: Mapping[str, bytes]) -> Iterator[str]:
-    """What went wrong in the cases of an attack, with the seed of each."""
+    """Failures among the cases of an attack, with the seed of each."""
     for seed in seeds:
         with tempfile.TemporaryDirectory() as folder:
             chance = random.Random(f"{name} {seed}")

@@ -51,8 +51,8 @@ def test_relaxation_is_that_of_colliding_pairs(law: IFRLaw) -> None:
 
 
 def test_for_hoops_both_kinds_of_sticking_are_one_law() -> None:
-    """What stops the slip is m_t |g_t| = m_n |g_t| / (1 + k) at the contact point, m_n |g_t| / 2 at the percussion
-    centre: the same for k = 1. So are all averages, each of which holds the two factors by itself."""
+    """The impulse that stops the slip is m_t |g_t| = m_n |g_t| / (1 + k) at the contact point and m_n |g_t| / 2 at the
+    percussion centre: the same for k = 1. So are all averages, each of which holds the two factors by itself."""
     point, centre = (
         IFRLaw(e_n=0.8, e_t=-0.7, mu=0.3, sticking=name) for name in ("contact_point", "percussion_center")
     )

@@ -55,7 +55,7 @@ WRONG: dict[str, Callable[[Path], object]] = {
     "a text": lambda place: place.write_text("[run]"),
 }
 WHOLE_GAS = ("info", "plot temperatures")
-"""What needs no disk, and is done."""
+"""Commands that need no data of disks, and succeed."""
 OF_DISKS = (
     "export --to csv", "export --to extxyz", "export --to gsd", "export --to h5 -o whole.h5", "history --id 5",
     "plot disks", "plot velocity", "plot msd", "plot g", "movie -o movie.webp", "view --html page.html",

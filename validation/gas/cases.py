@@ -348,7 +348,7 @@ def _silence() -> Iterator[None]:
 
 
 def _on_ranks(file: CaseFile) -> str | None:
-    """What rules of cases and those of the engine say otherwise of a case on two ranks; None if they agree."""
+    """Text on a disagreement between the rules of cases and of the engine on two ranks; None if they agree."""
     gas = file.gas
     case, run, box = gas.case, gas.case.run, gas.case.box
     wrong = [*rules.wrong_on_ranks(case, gas.kinds, gas.box, 2, start=True, sound=False)]

@@ -199,7 +199,7 @@ def test_a_pair_that_no_tile_sees_is_found_by_the_width_of_halos_alone(
     *Head on*, 3.4 on either side of x = 24: contact after (6.8 - 1) / 2 = 2.9. Around the tiles of the pair, where
     disks come by 3, a halo has to be 1 + 3 wide: in 12 tiles, which have one of these two as a neighbour.
 
-    *In a third tile*, which has nobody near: from tiles (1, 1) and (2, 2) into (2, 1), along the diagonal of a square
+    *In a third tile*, which has no disk near: from tiles (1, 1) and (2, 2) into (2, 1), along the diagonal of a square
     of 4.2, with contact after (4.2 sqrt 2 - 1) / 2 = 2.47. In (2, 1) both are copies, and no own disk is near. Halos
     of 4.05 hold 1 + 3, but the disks leave their own two tiles.
 
