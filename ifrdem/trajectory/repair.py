@@ -233,7 +233,13 @@ class _Kept:
             with damage.reading(self._path, name):
                 old.copy(name, new)
             for dataset, rows in cut.items():
-                new[name][dataset].resize(rows, axis=0)
+                held = new[name][dataset]
+                if held.chunks is not None:
+                    held.resize(rows, axis=0)
+                elif len(held) != rows:  # of another program: it cannot be resized
+                    values = held[:rows]
+                    del new[name][dataset]
+                    new[name].create_dataset(dataset, data=values)
 
     def _look(
         self, file: h5py.File, names: Sequence[str], good: NDArray[np.bool_], own: slice | None = None

@@ -197,7 +197,7 @@ class Content:
                     when, (value,) = result.series(self.trajectory, name)
                 except InputError:  # not stored
                     continue
-                if not np.any(value) or (x is not None and len(when) != len(x)):
+                if value.ndim != 1 or not np.any(value) or (x is not None and len(when) != len(x)):
                     continue
                 x = when
                 some = np.unique(np.linspace(0, len(when) - 1, MOST_ROWS).astype(int))

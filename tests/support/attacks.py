@@ -470,7 +470,7 @@ def read_only_folders(folder: Path, made: Mapping[str, bytes], chance: random.Ra
         ]  # fmt: skip
         words = chance.choice(writing)
         before = sorted(place.iterdir())
-        shown = says(words, (2,))
+        shown = says(words, (0, 2) if words[0] == "repair" else (2,))  # there may be nothing to repair
         if not any(str(each) in shown for each in (place, "/proc", "/sys")):
             raise AssertionError(f"{words}: {shown}")
         if sorted(place.iterdir()) != before:
