@@ -279,7 +279,9 @@ def test_maxwellian_of_no_disk_and_of_one() -> None:
     [{}, {"speed_rms": 1.0, "temperature": 1.0}, {"speed_rms": -1.0}, {"temperature": math.nan}],
 )
 def test_maxwellian_needs_one_size(options: dict[str, float]) -> None:
-    with pytest.raises(InputError, match=r"exactly one of them must be given|must be a finite number, 0 or more"):
+    with pytest.raises(
+        InputError, match=r"exactly one of them must be given|must be a finite number, 0 or more"
+    ):
         maxwellian(np.ones(4), seed=1, **options)
 
 
