@@ -132,7 +132,7 @@ def whole_gas(trajectory: Trajectory) -> dict[str, NDArray[np.float64]]:
 
 
 def joined(trajectories: Sequence[Trajectory]) -> dict[str, NDArray[np.float64]]:
-    """Quantities that all trajectories have, shape (trajectories, rows, ...), at the same collisions per disk.
+    """Quantities that all have with equal columns, shape (trajectories, rows, ...), at the same collisions per disk.
 
     The rows are those of the first trajectory, as far as all go; the others are interpolated linearly between theirs.
     """
@@ -147,7 +147,10 @@ def joined(trajectories: Sequence[Trajectory]) -> dict[str, NDArray[np.float64]]
         columns = [np.interp(axis, one[PER_DISK], column) for column in values.T]
         return np.stack(columns, axis=1).reshape(len(axis), *one[name].shape[1:])
 
-    names = [name for name in each[0] if all(name in one for one in each) and name != PER_DISK]
+    def is_common(name: str) -> bool:
+        return all(name in one and one[name].shape[1:] == each[0][name].shape[1:] for one in each)
+
+    names = [name for name in each[0] if name != PER_DISK and is_common(name)]
     return {PER_DISK: axis, **{name: np.stack([at(one, name) for one in each]) for name in names}}
 
 

@@ -296,3 +296,16 @@ def test_what_has_nothing_to_show_is_refused(tmp_path, options, missing):
     with pytest.raises(InputError, match=f"a view needs {missing}, and there are none"):
         write_views(tmp_path / "run.h5")
     assert os.listdir(tmp_path) == ["run.h5"]
+
+
+def test_quantities_with_other_columns_in_another_file_are_not_joined(tmp_path):
+    """Sums of two walls and of three have no common array; the temperature has."""
+    disks, box = ifrdem.Disks(4, 1.0, 0.5), Box((30.0, 20.0))
+    for name, walls in (("a", 2), ("b", 3)):
+        with ifrdem.TrajectoryWriter(tmp_path / f"{name}.h5", disks, box) as file:
+            for i in range(2):
+                state = ifrdem.State(np.full((4, 2), 1.0), np.zeros((4, 2)), np.zeros(4), time=float(i))
+                file.write(state, {"collisions": 2 * i, "temperature": 1.0, "wall_sums": np.ones(walls)})
+    joined = ifrdem.concat([tmp_path / "a.h5", tmp_path / "b.h5"])
+    assert joined.temperature.values.tolist() == [[1.0, 1.0], [1.0, 1.0]]
+    assert "wall_sums" not in joined
