@@ -303,7 +303,7 @@ def wrong_answers(call: Callable[..., Any], arguments: Mapping[str, Any]) -> lis
             except InputError as error:
                 if name not in str(error) and not (kind == "text" and "nonsense" in str(error)):
                     wrong.append(f"{name} = {kind}: not named: {error}")
-            except Exception as error:
+            except Exception as error:  # reported: only InputError is an answer to nonsense
                 wrong.append(f"{name} = {kind}: {type(error).__name__}")
             else:
                 if sum(math.isnan(each) for each in numbers(found)) > known:
@@ -478,7 +478,7 @@ def test_nonsense_for_gases_is_refused_by_the_name_of_its_argument(name: str) ->
                     name == "Simulation.load_checkpoint" and "nonsense" in str(error)
                 ):
                     wrong.append(f"{key} = {kind}: not named: {error}")
-            except Exception as error:
+            except Exception as error:  # reported: only InputError is an answer to nonsense
                 wrong.append(f"{key} = {kind}: {type(error).__name__}")
     assert wrong == []
 

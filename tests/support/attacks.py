@@ -387,7 +387,7 @@ def heaps(folder: Path, made: Mapping[str, bytes], chance: random.Random) -> Non
     for words in chance.sample(verbs(str(path), folder), 4):
         try:
             says(words)
-        except Exception as error:
+        except Exception as error:  # raised again, with the damage and the command that led to it
             raise AssertionError(f"{what}: {words}") from error
 
 

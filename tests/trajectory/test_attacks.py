@@ -26,7 +26,7 @@ def test_damaged_files_end_in_answers_or_messages(made, name):
 
 @pytest.mark.filterwarnings("ignore")
 def test_folders_that_cannot_be_written_to_are_named(made):
-    if not attacks.can_be_read_only():
+    if not attacks.can_be_read_only():  # a file system is mounted for it, which takes rights
         pytest.skip("no folder can be made read-only here")
     assert list(attacks.attack("read_only_folders", range(1, 4), made)) == []
 
