@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from .. import theory
 from ..errors import TheoryError
-from ..kernels import limits
+from ..kernels import columns
 from ..model.observables import MECHANISMS, REGIMES
 from ..model.walls import PISTONS, SUMS
 from ..theory import driven_gas, sheared_gas
@@ -83,7 +83,7 @@ def run_seconds(collisions: float, n: int, phi: float, threads: int) -> float:
         return math.nan
     cost = float(np.exp(np.interp(math.log(phi), np.log(COSTS[:, 0]), np.log(COSTS[:, 1]))))
     cost *= math.sqrt(max(COSTS[0, 0] / phi, 1.0))
-    return 1e-6 * collisions * cost * (1.0 if n <= limits.ALONE else IN_TILES / (0.9 * threads + 0.1))
+    return 1e-6 * collisions * cost * (1.0 if n <= columns.SINGLE_TILE else IN_TILES / (0.9 * threads + 0.1))
 
 
 RANK_BYTES = 280_000_000
@@ -169,7 +169,7 @@ class RunEstimate:
 
     def computed(self, n: int) -> float:
         """Collisions that are computed: tiles compute a window once more for each frame in it."""
-        return self.collisions + (self.frames * 0.5 * n * IN_A_WINDOW if n > limits.ALONE else 0.0)
+        return self.collisions + (self.frames * 0.5 * n * IN_A_WINDOW if n > columns.SINGLE_TILE else 0.0)
 
     @classmethod
     def of(cls, gas: CaseGas) -> RunEstimate:
@@ -207,7 +207,8 @@ class RunEstimate:
             steady_state=steady,
             wall_hits=_wall_hits(gas),
             file_bytes=_trajectory_bytes(n, case, frames=frames, rows=rows, tracked=tracked, events=events),
-            array_bytes=n * (limits.BYTES_PER_DISK + (limits.RESTING_BYTES if case.run.resting_speed else 0)),
+            array_bytes=n
+            * (columns.BYTES_PER_DISK + (columns.RESTING_BYTES if case.run.resting_speed else 0)),
             frames=frames,
             rows=rows,
             tracked=tracked,

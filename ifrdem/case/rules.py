@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..errors import InputError, there_are
 from ..initial import from_csv, from_trajectory, placement
 from ..initial.from_csv import Given
-from ..kernels.limits import MOST_IDS, MOST_WALLS
+from ..kernels.columns import MOST_IDS, MOST_WALLS
 from ..model.box import Box
 from ..model.free_area import Room
 from ..model.overlaps import check_no_overlap, relax

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError, refuse
-from ..kernels.limits import BYTES_PER_DISK
+from ..kernels.columns import BYTES_PER_DISK
 from ..model.box import describe_sides
 from ..model.walls import Wall
 from ..simulation import checks

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
-from ..kernels.limits import MOST_IDS
+from ..kernels.columns import MOST_IDS
 from ..model.box import Box
 from ..model.free_area import Room
 from ..model.overlaps import (

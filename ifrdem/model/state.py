@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..kernels.columns import MECHANISM
-from ..kernels.limits import MOST_IDS
+from ..kernels.columns import MECHANISM, MOST_IDS
 from ..tools import checked, slices
 from ..tools.checked import Array, Integer, Numbers, validated
 from ..tools.pictured import Pictured

@@ -268,7 +268,7 @@ class Simulation(Sealed, PicturedDisks):
         ledger = ledger or dissipated
         self._stopping = False
         self._foreseen = False
-        self._given = 0.0  # energy that changes between runs put in
+        self._external_energy = 0.0  # from changes between runs
         with backend.sole_use():
             self._engine = Engine(
                 disks, box, begin, table, arch=arch, threads=threads, precision=precision,
@@ -354,7 +354,7 @@ class Simulation(Sealed, PicturedDisks):
         """
         put_in = math.fsum(self._engine.force_steps.energy_inputs)
         self._engine.set_forces(forces)
-        self._given += put_in
+        self._external_energy += put_in
 
     @validated
     def set_gravity(self, gravity: tuple[float, float]) -> None:
@@ -412,7 +412,9 @@ class Simulation(Sealed, PicturedDisks):
 
     def _count_change(self, before: Measure) -> None:
         after = self.measure()
-        self._given += after.energy + after.potential_energy - before.energy - before.potential_energy
+        self._external_energy += (
+            after.energy + after.potential_energy - before.energy - before.potential_energy
+        )
 
     def _try_on(self, kind: type[CollisionLaw], table: NDArray[np.float64], state: State) -> None:
         """Try a law that nobody has judged."""
@@ -562,7 +564,7 @@ class Simulation(Sealed, PicturedDisks):
         act no more and the change of potential energy where gravity turns count too.
         """
         done = self._engine.force_steps.energy_inputs
-        return math.fsum((*done, self.shear_work, self._engine.turning.work, self._given))
+        return math.fsum((*done, self.shear_work, self._engine.turning.work, self._external_energy))
 
     @property
     def dissipated_energy(self) -> float:
@@ -618,7 +620,7 @@ class Simulation(Sealed, PicturedDisks):
         found |= {f"state_{name}": getattr(state, name) for name in ("position", "velocity", "spin")}
         found["state_pistons"] = self.pistons
         meta: dict[str, Any] = {"fingerprint": snapshot.fingerprint(self._engine)}
-        meta |= {"first": self._first, "given": self._given, "extra": dict(extra or {})}
+        meta |= {"first": self._first, "given": self._external_energy, "extra": dict(extra or {})}
         own, small = snapshot.divided(found)
         small |= arrays or {}
         if self.sliced:
@@ -661,7 +663,7 @@ class Simulation(Sealed, PicturedDisks):
             rows = slices.scatter(comm, self.disks.n, list(own.values()) if comm.rank == 0 else None)
             found = small | dict(zip(names, rows, strict=True))
         snapshot.put_back(self._engine, found)
-        self._first, self._given = float(meta["first"]), float(meta["given"])
+        self._first, self._external_energy = float(meta["first"]), float(meta["given"])
         extra: dict[str, Any] = meta["extra"]
         return extra
 
@@ -938,7 +940,7 @@ class Simulation(Sealed, PicturedDisks):
         if not observers:
             return
         state, totals = self._engine.observed(stored)
-        measured = from_totals(self.disks, totals, self.time, self.wall_hits, **self._put_in())
+        measured = from_totals(self.disks, totals, self.time, self.wall_hits, **self._energy_terms())
 
         def tell() -> None:
             assert state is not None
@@ -965,9 +967,9 @@ class Simulation(Sealed, PicturedDisks):
             ledger["dissipated"], ledger["regimes"] = self._engine.dissipated()
         if self._engine.options.wall_sums:
             ledger["walls"] = self._engine.wall_sums
-        return from_totals(self.disks, totals, self.time, self.wall_hits, **self._put_in(), **ledger)
+        return from_totals(self.disks, totals, self.time, self.wall_hits, **self._energy_terms(), **ledger)
 
-    def _put_in(self) -> dict[str, Any]:
+    def _energy_terms(self) -> dict[str, Any]:
         """Arguments of `measure` that a state does not contain: sums since the start, directions of a free drift."""
         free = self._engine.free if self._engine.force_steps.keep_momentum else (False, False)
         return {
