@@ -267,7 +267,7 @@ class Simulation(Sealed, PicturedDisks):
         self._tracking = self._follow_disks(tracked, kinds, box, walls)
         ledger = ledger or dissipated
         self._stopping = False
-        self._foreseen = False
+        self._pinches_checked = False
         self._external_energy = 0.0  # from changes between runs
         with backend.sole_use():
             self._engine = Engine(
@@ -745,7 +745,7 @@ class Simulation(Sealed, PicturedDisks):
                 refuse_endless(cadence, span)
         if span.is_over and world.is_first(self._engine.comm):
             warn_of_end(t_end=t_end, collisions_per_disk=collisions_per_disk)
-        self._foresee(span.end.time)
+        self._warn_of_pinches(span.end.time)
         bar, comm = None, self._engine.comm
         if progress is True or (progress is None and comm is None and seen()):
             series = Cadence(number=BAR_STEPS) if series is None else series  # pauses, which change no bit
@@ -763,13 +763,15 @@ class Simulation(Sealed, PicturedDisks):
                 progress=progress or None,
             )
 
-    def _foresee(self, t_end: float) -> None:
+    def _warn_of_pinches(self, t_end: float) -> None:
         """Warn, once, of walls that may crush a disk between them until `t_end` [time]; InputError if they must."""
-        if self._foreseen or not self.disks.n or self.box.is_open:
+        if self._pinches_checked or not self.disks.n or self.box.is_open:
             return
-        for text in crush.foreseen(self._engine.walls, self.box, self.disks.radius, self.time, t_end):
+        for text in crush.wall_pinch_warnings(
+            self._engine.walls, self.box, self.disks.radius, self.time, t_end
+        ):
             warnings.warn(text, crush.WallWarning, stacklevel=4)
-        self._foreseen = True
+        self._pinches_checked = True
 
     def switch_ledger(self, on: bool) -> None:
         """Go on without the energy ledger, or with it again; what it holds is then of the time with it only.
