@@ -244,10 +244,11 @@ COUNTER = Columns(**columns(
 # Begin and end of the window; where to stop (time, collisions in all), to pause, when a force acts; what sets the
 # length of windows: a path, the side of a tile, the speed of walls; unit of squares of speeds; path in a gas that fills
 # the box, collisions in a window of that; root mean square of speeds at the beginning; the longest window that may be;
-# when gravity last turned.
+# when gravity last turned; number of disks; at the window's beginning the largest speed, and how far disks are beyond
+# the sides of the tiles that list them.
 CLOCK = Columns(**columns(
     "begin", "end", "stop", "wanted", "pause", "pause_after", "kick", "path", "tile_side", "wall_speed",
-    "square_unit", "free_path", "in_window", "speed", "longest", "turned",
+    "square_unit", "free_path", "in_window", "speed", "longest", "turned", "n", "fastest", "overhang",
 ))  # fmt: skip
 # Disks; tiles; lanes; slots, cells, bins and walls of a lane; part of the window's beginning; periodic sides; walls;
 # seed; 1 where one tile is the whole box; ghost records; rows of cells of all; slots of a part; verification on; small

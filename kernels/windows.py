@@ -25,7 +25,7 @@ LEAST_HALO = 0.7  # of the least side of a tile, that the widest halo may have b
 MAX_TRAVEL = 0.4  # of the side of a tile, that the fastest disk may come in a window
 
 
-@ti.pyfunc
+@ti.func
 def window_length(mean_square, fastest2, path, tile_side, pull, wall_speed):
     """Length of a window [time]: as long as disks take for a `path`, and none comes far into the next tile.
 
@@ -36,17 +36,17 @@ def window_length(mean_square, fastest2, path, tile_side, pull, wall_speed):
     fastest = ti.sqrt(fastest2) + push
     length = FAR + 0.0 * path  # f64, in single precision too
     if speed > 0.0:
-        length = ti.min(path / speed, MAX_TRAVEL * tile_side / fastest)
+        length = ti.min(path / speed, ti.f64(MAX_TRAVEL) * tile_side / fastest)
     return length
 
 
-@ti.pyfunc
+@ti.func
 def usual_halo(chain_halo, fastest, pull, wall_speed, window):
     """Halo [length] for who may come in a window, the fastest disk included, and for who hits whom in chains."""
     return chain_halo + 2.0 * ((fastest + wall_speed) * window + 0.5 * pull * window * window)
 
 
-@ti.pyfunc
+@ti.func
 def path_from(path, free_path, in_window, way, collisions):
     """The path that sets the next window, after one in which disks came a `way` at `path`, with so many collisions.
 
@@ -55,7 +55,7 @@ def path_from(path, free_path, in_window, way, collisions):
     """
     found = free_path
     if collisions > in_window:
-        found = ti.max(way * in_window / collisions, LEAST_PATH * free_path)
+        found = ti.max(way * in_window / collisions, ti.f64(LEAST_PATH) * free_path)
     return ti.min(ti.min(found, free_path), 2.0 * path)
 
 
@@ -66,10 +66,10 @@ def square_unit(fastest2):
     return ti.bit_cast(exponent << ti.i64(52), ti.f64)
 
 
-@ti.pyfunc
+@ti.func
 def least_square(pull, length, wall_speed):
     """Square of a speed that counts, of gases that gravity or walls set in motion from rest in a window."""
-    speed = 1e-3 * (pull * length + wall_speed)
+    speed = ti.f64(1e-3) * (pull * length + wall_speed)
     return speed * speed
 
 
@@ -155,50 +155,79 @@ def prepare(tile, lane, gas: ti.template()):
 
 @ti.func
 def total_of(column, gas: ti.template()):
-    """One of the sums over all tiles to the end of the window; the largest square of a speed."""
+    """One of the sums over all tiles to the end of the window."""
     total = gas.tally[0, AT_END][column]
     if gas.grid.single_tile == 0:
         total = gas.total[TOTAL.width + column]
-        if column == TALLY.fastest:
-            total = gas.total.max_speed_sq
     return total
 
 
 @ti.func
-def plan(gas: ti.template()):
-    """Set the next window, from the sums of the last one, which are added up. A force ends it."""
+def max_speed_sq(gas: ti.template()):
+    """The largest square of a speed at the end of the window."""
+    found = gas.tally[0, AT_END].fastest
+    if gas.grid.single_tile == 0:
+        found = gas.total.max_speed_sq
+    return found
+
+
+@ti.func
+def pull_of(gas: ti.template()):
+    """Acceleration by gravity."""
+    gx, gy = ti.cast(gas.scale.gx, ti.f64), ti.cast(gas.scale.gy, ti.f64)
+    return ti.sqrt(gx * gx + gy * gy)
+
+
+@ti.func
+def commit(gas: ti.template()):
+    """Add up the sums of the last window, and have one begin where it ended, with the path that follows from it."""
     for column in range(gas.tally.shape[2]):
         gas.sums[column] = gas.sums[column] + total_of(column, gas)
     way = gas.clock.speed * (gas.clock.end - gas.clock.begin)
     gas.clock.path = path_from(
         gas.clock.path, gas.clock.free_path, gas.clock.in_window, way, total_of(TALLY.collisions, gas)
     )
-    fastest2 = total_of(TALLY.fastest, gas)
-    mean_square = total_of(TALLY.squares, gas) * gas.clock.square_unit / ti.max(gas.grid.n, 1)
-    gas.clock.speed = ti.sqrt(mean_square)
-    gx, gy = ti.cast(gas.scale.gx, ti.f64), ti.cast(gas.scale.gy, ti.f64)
-    pull = ti.sqrt(gx * gx + gy * gy)
-    wall_speed = gas.clock.wall_speed
+    gas.clock.begin = gas.clock.end
+    gas.clock.overhang = gas.total.overhang
+    gas.grid.part = 1 - gas.grid.part
+    gas.counter.n_slots = 0
+
+
+@ti.func
+def plan(gas: ti.template()):
+    """Set the end of the window that begins now, from the speeds of the disks. A force ends it."""
+    fastest2 = max_speed_sq(gas)
+    mean_square = total_of(TALLY.squares, gas) * gas.clock.square_unit / ti.max(gas.clock.n, 1.0)
+    gas.clock.speed, gas.clock.fastest = ti.sqrt(mean_square), ti.sqrt(fastest2)
+    pull, wall_speed = pull_of(gas), gas.clock.wall_speed
     if ti.static(gas.uses.pistons):
         wall_speed += fastest_piston(gas)
     length = window_length(mean_square, fastest2, gas.clock.path, gas.clock.tile_side, pull, wall_speed)
     length = ti.min(length, gas.clock.longest)
-    gas.clock.begin = gas.clock.end
-    gas.clock.end = ti.min(gas.clock.begin + length, gas.clock.kick)
-    window = gas.clock.end - gas.clock.begin
-    gas.scale.window = ti.cast(window, float)
-    gas.grid.part = 1 - gas.grid.part
-    gas.counter.n_slots = 0
     gas.clock.square_unit = square_unit(ti.max(fastest2, least_square(pull, length, wall_speed)))
+    if ti.static(gas.uses.sheared):  # rows of tiles move against each other
+        most = gas.clock.fastest + 2.0 * ti.abs(ti.cast(gas.scale.drift, ti.f64))
+        length = ti.min(length, ti.f64(MAX_TRAVEL) * gas.clock.tile_side / most)
+    gas.clock.end = ti.min(gas.clock.begin + length, gas.clock.kick)
     for m in range(2 * MOST_MOMENTS):
         gas.scale[SCALE.moment.first + m] = FAR
     if gas.clock.stop < gas.clock.end:
         moment = ti.cast(gas.clock.stop - gas.clock.begin, float)
         gas.scale.moment[0].begin, gas.scale.moment[0].until = moment, moment
+    set_window(gas)
+
+
+@ti.func
+def set_window(gas: ti.template()):
+    """Set the length of a window whose end is known, and the halos for it."""
+    window = gas.clock.end - gas.clock.begin
+    gas.scale.window = ti.cast(window, float)
     if gas.grid.single_tile == 0:
-        halo = usual_halo(gas.scale.chain, ti.sqrt(fastest2), pull, gas.clock.wall_speed, window)
+        halo = usual_halo(gas.scale.chain, gas.clock.fastest, pull_of(gas), gas.clock.wall_speed, window)
+        if ti.static(gas.uses.sheared):
+            halo += ti.abs(ti.cast(gas.scale.drift, ti.f64)) * window
         gas.scale.usual_halo = ti.cast(halo, float)
-        gas.scale.most_halo = ti.cast(gas.scale.least_side - gas.total.overhang, float)
+        gas.scale.most_halo = ti.cast(gas.scale.least_side - gas.clock.overhang, float)
 
 
 @ti.func
@@ -211,7 +240,7 @@ def may_go_on(gas: ti.template()):
     amiss = gas.counter.full + gas.counter.stalled + gas.counter.resting + gas.counter.paused > 0
     done = end >= gas.clock.stop or end >= gas.clock.kick or collisions >= gas.clock.wanted
     paused = end >= gas.clock.pause or collisions >= gas.clock.pause_after
-    still = total_of(TALLY.fastest, gas) == 0.0
+    still = max_speed_sq(gas) == 0.0
     long = gas.grid.single_tile == 1 and gas.counter.n_events > MOST_EVENTS_OF_A_LAUNCH
     if gas.grid.single_tile == 0:
         reach = ti.cast(gas.scale.widest, ti.f64) + gas.total.excursion + gas.total.max_displacement
@@ -226,6 +255,7 @@ def begin_window(gas: ti.template()):
     if gas.counter.again == 0:
         if gas.counter.n_windows > 0:
             if may_go_on(gas):
+                commit(gas)
                 plan(gas)
             else:
                 gas.counter.halted = 1
@@ -395,6 +425,7 @@ def run_windows(
                             gas.counter.n_windows = gas.counter.n_windows + 1
                             if may_go_on(gas) and gas.counter.n_windows < most_windows:
                                 going = 1
+                                commit(gas)
                                 plan(gas)
                                 if ti.static(gas.uses.walled):
                                     wall_phases(gas)
@@ -443,15 +474,40 @@ def verify(
 
 
 @ti.kernel
+def plan_window(
+    commits: ti.i32, plans: ti.i32, uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, sums: Rows,
+    counter: Rows, walls: Rows, tally: Cube, total: Rows,
+):  # fmt: skip
+    """Plan a window without running it; if it `commits`, the last one is over. Without a plan, its end is known."""
+    gas = ti.static(gas_of(
+        grid=grid, scale=scale, clock=clock, sums=sums, counter=counter, walls=walls, tally=tally, total=total,
+        uses=uses,
+    ))  # fmt: skip
+    for _ in range(1):
+        round_products(gas)
+        if commits == 1:
+            commit(gas)
+        if plans == 1:
+            plan(gas)
+        else:
+            set_window(gas)
+
+
+@ti.kernel
 def survey(
-    uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, disk: Rows, tile: Table, tally: Cube,
+    rough: ti.i32, uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, disk: Rows, tile: Table, tally: Cube,
     reach: Table, found: Table, total: Rows,
 ):  # fmt: skip
-    """The largest square of a speed and the sum of all, as a window's end tells, of disks moved by something else."""
+    """The largest square of a speed and the sum of all, as a window's end tells, of disks moved by something else.
+
+    The unit of squares follows from the largest one, which another call, a `rough` one, has to find first.
+    """
     gas = ti.static(gas_of(
         grid=grid, scale=scale, clock=clock, disk=disk, tile=tile, tally=tally, reach=reach, found=found,
         total=total, uses=uses,
     ))  # fmt: skip
+    for _ in range(1):
+        gas.clock.square_unit = ti.select(rough == 1, 1.0, square_unit(gas.total.max_speed_sq))
     spread = ti.static(spread_of_loops())
     for item in range(spread * gas.grid.tiles_x * gas.grid.tiles_y):
         round_products(gas)

@@ -206,7 +206,7 @@ class DeviceArrays:
         words = np.array([options.seed & 0xFFFFFFFF, options.seed >> 32], dtype=np.uint32)
         self.grid.seed_low, self.grid.seed_high = words.view(np.int32)
         # Where there are more disks, on several ranks, no kernel asks how many.
-        self.grid.n, self.grid.lanes = min(n, ADDRESSABLE), 1
+        self.grid.n, self.grid.lanes, self.clock.n = min(n, ADDRESSABLE), 1, n
         self.grid.walls = len(walls)
         self.grid.periodic_x, self.grid.periodic_y = box.periodic
         self.widest: float = 2.0 * float(disks.radius.max()) if n else 1.0
@@ -404,6 +404,15 @@ class DeviceArrays:
         self.total: NDArray[np.float64] = np.zeros(0)
         self._make_sums()
         self.scale.length_x, self.scale.length_y = (edge[-1] - edge[0] for edge in edges)
+        self.scale.least_side = self.least_side
+
+    @property
+    def least_side(self) -> float:
+        """Beyond it around a tile, the tiles around it would not have all disks [length]."""
+        sides = [float(np.diff(edge).min()) for edge in self.edges]
+        if self.uses.sheared:
+            sides[0] /= 2.0  # rows above and below lie askew by up to half a tile
+        return min(sides)
 
     def _make_sums(self) -> None:
         """Room for what tiles add up in a window, to its end and to each moment; sums that are known stay."""

@@ -56,7 +56,7 @@ from ..kernels import layout as k
 from ..kernels.columns import ADDRESSABLE, named
 from ..kernels.language import ti, view
 from ..kernels.readout import put_rows, take_rows
-from ..kernels.windows import HALO_GROWTH, sum_shared, survey, verify
+from ..kernels.windows import HALO_GROWTH, sum_shared, verify
 from ..model.box import Box
 from ..model.state import COLUMNS, DiskKinds, Disks
 from ..tools import slices, world
@@ -625,8 +625,8 @@ class RankWindows(Windows):
     _short: bool = False
     _since_look: int = 0
 
-    def _survey(self) -> None:
-        self.arrays.launch(survey)
+    def _survey(self, *, rough: bool) -> None:
+        super()._survey(rough=rough)
         self.arrays.share()
 
     def _launch(

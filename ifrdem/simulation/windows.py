@@ -6,7 +6,7 @@ Imports Taichi: import this module only after `device.start`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,18 +18,7 @@ from ..kernels import layout as k
 from ..kernels.columns import EVENT, EVENT_INT, TALLY, TOTAL, named
 from ..kernels.events import TOO_FAR
 from ..kernels.readout import interpolate_snapshot
-from ..kernels.walls import piston_speed
-from ..kernels.windows import (
-    LEAST_HALO,
-    MAX_TRAVEL,
-    least_square,
-    path_from,
-    run_windows,
-    survey,
-    usual_halo,
-    verify,
-    window_length,
-)
+from ..kernels.windows import LEAST_HALO, plan_window, run_windows, survey, verify
 from .arrays import SLACK, DeviceArrays
 from .tracking import Statistics
 
@@ -67,18 +56,16 @@ class Windows:
 
     Attributes
     ----------
-    begin, end, now : float
-        Of the present window, and the present time in it [time].
+    now : float
+        The present time, in the present window [time].
     """
 
     def __init__(self, arrays: DeviceArrays, statistics: Statistics, time: float) -> None:
         self.arrays: DeviceArrays = arrays
         self.statistics: Statistics = statistics
-        self.begin: float = time
-        self.end: float = time
         self.now: float = time
+        arrays.clock.begin = arrays.clock.end = time
         self._completed = False  # the window has been run to its end
-        self._surveyed = False
         self._ready = False  # the present window has an end, and has not been run
         # It has been run to the moment that was told; the scratch space holds the rest of it.
         self._paused = False
@@ -87,15 +74,14 @@ class Windows:
         self._moment_now = 0.0
         size = len(arrays.sums)
         self._done, self._at_end = np.zeros(size), np.zeros(size)
-        for row, column in self._piston_columns():
-            piston = named(arrays.wall_rows[row], "walls")
-            self._done[[column, column + 1]] = piston.now, piston.speed
+        pistons = named(arrays.wall_rows, "walls")
+        for row in arrays.pistons:
+            column = TALLY.width + int(pistons.piston[row])
+            self._done[[column, column + 1]] = pistons.now[row], pistons.speed[row]
         # Times and numbers of collisions at which a run will stop.
         self._asked: list[tuple[float, float]] = []
         self._noted = 0  # notes
         self._before: tuple[float, float, float] | None = None  # collisions, length, speed of the last window
-        # How far disks are beyond the sides of the tiles that list them, at the beginning.
-        self.overhang: float = 0.0
         # Of all collisions in the window that begins at a time: several frames at numbers of collisions may lie in it.
         self._times: tuple[float, NDArray[np.float64]] | None = None
         self._burst = 1  # windows of a GPU that went well one after another
@@ -103,12 +89,26 @@ class Windows:
         self._bad = 0  # tiles that did not pass then
         self._counted = math.nan  # beginning of the window that the statistics have counted
         self._watched: list[tuple[NDArray[Any], NDArray[Any]]] = []
-        self.fastest: float = 0.0
         self.rests: bool = False
         # The present window has just been run, and what was written down in it is new.
         self.fresh: bool = False
 
     # ------------------------------------------------------------------ what it knows
+
+    @property
+    def begin(self) -> float:
+        """Beginning of the present window [time]."""
+        return float(self.arrays.clock.begin)
+
+    @property
+    def end(self) -> float:
+        """Its end [time]; its beginning, as long as it has none."""
+        return float(self.arrays.clock.end)
+
+    @property
+    def fastest(self) -> float:
+        """The largest speed of a disk at its beginning."""
+        return float(self.arrays.clock.fastest)
 
     @property
     def inside(self) -> bool:
@@ -166,21 +166,21 @@ class Windows:
         part = self.part
         self._done = self.sums
         if self._completed and self.now == self.end:
-            self.overhang = self._most(TOTAL.overhang)
+            self.arrays.clock.overhang = self._most(TOTAL.overhang)
         self.arrays.grid.part = part
-        self.begin = self.end = self.now
-        self._forget()
+        self._begin_at(self.now)
 
     def commit_at(self, time: float) -> None:
         """Have a window begin at a time at which a state is laid into the arrays anew."""
         self._done = self.sums
-        self.overhang = 0.0
-        self.begin = self.end = self.now = time
-        self._forget()
+        self.arrays.clock.overhang = 0.0
+        self._begin_at(time)
 
-    def _forget(self) -> None:
+    def _begin_at(self, time: float) -> None:
+        """Have a window begin at a time [time], of which nothing else is known."""
+        self.now = self.arrays.clock.begin = self.arrays.clock.end = time
         self._times = None
-        self._completed = self._surveyed = self._ready = self._paused = False
+        self._completed = self._ready = self._paused = False
         self._moments, self._before = [], None
         self._moment_now = 0.0
 
@@ -200,12 +200,12 @@ class Windows:
     def put_back(self, found: dict[str, NDArray[np.float64]], watching: int = 0) -> None:
         """Go on from what `snapshot` gave."""
         a = self.arrays
-        self._forget()
-        (
-            self.begin, self.end, self.now, self._moment_now, ready, self.fastest, a.clock.square_unit,
-        ) = found["window"].tolist()  # fmt: skip
-        self._ready = bool(ready)
+        begin, end, now, moment, ready, a.clock.fastest, a.clock.square_unit = found["window"].tolist()
+        self._begin_at(begin)
         self._done = found["sums"].copy()
+        a.clock.end, self.now, self._moment_now, self._ready = end, now, moment, bool(ready)
+        if self._ready:
+            self._plan(plans=False)
         if self._ready and self.now > self.begin:
             self._counted = self.begin
             if self.now < self.end:
@@ -214,30 +214,28 @@ class Windows:
 
     # ------------------------------------------------------------------ length
 
-    def plan(self, kick: float) -> None:
-        """Set the end of the window that begins now: at `kick` [time] at the latest, when a force acts."""
-        a = self.arrays
-        if not self._surveyed:
-            a.clock.square_unit = 1.0
-            self._survey()
-            a.clock.square_unit = square_unit(self._most(TOTAL.max_speed_sq))
-            self._survey()
-            self._surveyed = True
-        fastest2 = self._most(TOTAL.max_speed_sq)
-        mean_square = self._tally(k.AT_END)[TALLY.squares] * float(a.clock.square_unit) / max(a.n, 1)
-        gx, gy = float(a.scale.gx), float(a.scale.gy)
-        pull = math.sqrt(gx * gx + gy * gy)  # as kernels plan it, to the last bit
-        wall_speed = a.clock.wall_speed + self._fastest_piston()
-        length = window_length(mean_square, fastest2, a.clock.path, a.clock.tile_side, pull, wall_speed)
-        length = min(length, float(a.clock.longest))
-        a.clock.square_unit = square_unit(max(fastest2, least_square(pull, length, wall_speed)))
-        a.clock.speed = math.sqrt(mean_square)
-        if a.uses.sheared:  # rows of tiles move against each other
-            most = math.sqrt(fastest2) + 2.0 * abs(float(a.scale.drift))
-            length = min(length, MAX_TRAVEL * float(a.clock.tile_side) / most)
-        self.begin = self.now
-        self.end = min(self.begin + length, kick)
-        self.fastest = math.sqrt(fastest2)
+    def go_on(self, kick: float) -> None:
+        """At the end of a window, plan the next one: it ends at `kick` [time] at the latest, when a force acts."""
+        a, ended = self.arrays, self._completed and self.now == self.end
+        if not ended and (self._completed or self._ready):
+            return
+        overhang = self._most(TOTAL.overhang) if ended else float(a.clock.overhang)
+        if not a.box.is_open and not overhang <= TOO_FAR * a.least_side:
+            raise _unbounded(self.now)
+        if ended:
+            self._before = self._at_end[TALLY.collisions], self.end - self.begin, float(a.clock.speed)
+            self._completed, self._moments, self._moment_now, self._times = False, [], 0.0, None
+        narrow = a.least_side - overhang < LEAST_HALO * a.least_side and not (a.single_tile or a.uses.sheared)
+        if narrow:  # halos would be
+            self._plan(commits=ended, plans=False)
+            a.list_anew()
+            a.clock.overhang = 0.0
+        if not ended:
+            self._survey(rough=True)
+            self._survey(rough=False)
+        a.clock.kick = kick
+        self._plan(commits=ended and not narrow)
+        self._ready = True
         if not self.end > self.begin:
             raise InelasticCollapse(
                 f"t = {self.now:.9g}: windows have become too short for the clock, as disks are too fast or collide "
@@ -245,54 +243,16 @@ class Windows:
                 "and for a time that is too large for the speeds"
             )
 
-    def _piston_columns(self) -> Iterator[tuple[int, int]]:
-        """Row of each piston among the pieces of walls, and the column of `sums` with its displacement."""
+    def _survey(self, *, rough: bool) -> None:
+        """Look for the fastest disk, and add up squares of speeds, in units that `rough` ones tell."""
+        self.arrays.launch(survey, int(rough))
+
+    def _plan(self, *, commits: bool = False, plans: bool = True) -> None:
+        """Have the device plan the window (`plan_window`)."""
         a = self.arrays
-        columns = named(a.wall_rows, "walls").piston[a.pistons].astype(np.int64)
-        return zip(a.pistons, TALLY.width + columns, strict=True)
-
-    def _fastest_piston(self) -> float:
-        """The largest `piston_speed` where a window begins, as kernels have it, to the last bit; 0 without pistons."""
-        a, found = self.arrays, 0.0
-        gx, gy = float(a.scale.gx), float(a.scale.gy)
-        for row, column in self._piston_columns():
-            wall = named(a.wall_rows[row], "walls")
-            push = wall.push + (gx * wall.ux + gy * wall.uy)
-            state = self._done[column : column + 2].tolist()
-            found = max(found, piston_speed(*state, push, float(wall.rate), float(a.clock.path)))
-        return found
-
-    def _survey(self) -> None:
-        """Look for the fastest disk, and add up squares of speeds."""
-        self.arrays.launch(survey)
-
-    def go_on(self, kick: float) -> None:
-        """At the end of a window, begin the next one."""
-        if self._completed and self.now == self.end:
-            self._done += self._at_end
-            self.arrays.grid.part = 1 - self.arrays.grid.part
-            self._completed, self._surveyed, self._moments, self._moment_now = False, True, [], 0.0
-            self._times = None
-            a = self.arrays
-            self._before = self._at_end[TALLY.collisions], self.end - self.begin, float(a.clock.speed)
-            self.overhang = self._most(TOTAL.overhang)
-            a.clock.path = path_from(
-                a.clock.path, a.clock.free_path, a.clock.in_window,
-                a.clock.speed * (self.end - self.begin), self._at_end[TALLY.collisions],
-            )  # fmt: skip
-        if not self._completed and not self._ready:
-            if not self.arrays.box.is_open and not self.overhang <= TOO_FAR * self._least_side():
-                raise _unbounded(self.now)
-            self._list_anew()
-            self.plan(kick)
-            self._ready = True
-
-    def _list_anew(self) -> None:
-        """List disks anew where some are so far beyond their tiles that halos would be too narrow."""
-        a = self.arrays
-        if not a.single_tile and not a.uses.sheared and self._widest_halo() < LEAST_HALO * self._least_side():
-            a.list_anew()
-            self.overhang = 0.0
+        a.sums[:] = self._done
+        a.launch(plan_window, int(commits), int(plans))
+        self._done = a.sums.copy()
 
     # ------------------------------------------------------------------ running
 
@@ -325,7 +285,6 @@ class Windows:
                 self._asked = [until, *ahead()]
                 moments = self.plan_snapshots(self.now)
             (a.clock.stop, a.clock.wanted), (a.clock.pause, a.clock.pause_after) = until, pause
-            a.clock.kick = kick
             self._compute(
                 moments, min(most, a.burst, self._burst if a.on_gpu else most), watching, pausing=pausing
             )
@@ -462,9 +421,7 @@ class Windows:
         self._paused = False
         if watching or self.begin != self._counted:
             self._watching = watching
-        begin, end = self.begin, self.end
-        a.clock.begin, a.clock.end = begin, end
-        a.scale.window = end - begin
+        begin = self.begin
         times = a.scale.moment
         times.begin = times.until = k.FAR
         for m, each in enumerate(moments):
@@ -476,8 +433,6 @@ class Windows:
         alone = a.grid.single_tile = int(a.single_tile)
         if a.uses.sheared:
             a.displace_rows(begin)
-        if not alone:
-            self._set_halos()
         self.rests = self.rests and resuming
         self._launch(1 if alone else a.tiles, most, pausing=pausing, resuming=resuming)
         again = bool(begin == self._counted)
@@ -491,10 +446,7 @@ class Windows:
             self.statistics.jammed += int(a.counter.jammed)
         self._collect(watching)
         self._done = a.sums.copy()
-        self.begin, self.end = float(a.clock.begin), float(a.clock.end)
         if not alone:
-            if self.begin != begin:
-                self.overhang = self._least_side() - float(a.scale.most_halo)
             kept = replace(self.statistics)
             halvings = 0
             while True:
@@ -533,13 +485,11 @@ class Windows:
     def _shorten(self, watching: int) -> None:
         """Run half of the window: what a sheared gas does whose tiles are too small for all of it."""
         a = self.arrays
-        self.end = self.begin + 0.5 * (self.end - self.begin)
-        a.clock.end = self.end
-        a.scale.window = self.end - self.begin
+        a.clock.end = self.begin + 0.5 * (self.end - self.begin)
+        self._plan(plans=False)
         if watching:
             self._watched = []
         self.statistics.in_order += 1
-        self._set_halos()
         self._launch(a.tiles, 1)
         self._collect(watching)
 
@@ -634,27 +584,6 @@ class Windows:
 
     # ------------------------------------------------------------------ tiles
 
-    def _set_halos(self) -> None:
-        """Halos as wide as the fastest disk may make necessary, and for who hits whom in chains."""
-        a = self.arrays
-        window = self.end - self.begin
-        pull = float(np.hypot(a.scale.gx, a.scale.gy))
-        drift = abs(float(a.scale.drift)) * window
-        halo = usual_halo(float(a.scale.chain), self.fastest, pull, float(a.clock.wall_speed), window)
-        a.scale.least_side = self._least_side()
-        a.scale.usual_halo, a.scale.most_halo = halo + drift, self._widest_halo()
-
-    def _least_side(self) -> float:
-        """Beyond it around a tile, the tiles around it would not have all disks."""
-        sides = [float(np.diff(edge).min()) for edge in self.arrays.edges]
-        if self.arrays.uses.sheared:
-            sides[0] /= 2.0  # rows above and below lie askew by up to half a tile
-        return min(sides)
-
-    def _widest_halo(self) -> float:
-        """The same, of disks that have left the tiles that list them."""
-        return self._least_side() - self.overhang
-
     def _verify(self, watching: int) -> None:
         """Run tiles again, with wider halos, until all are good; at last the whole box by one thread."""
         a = self.arrays
@@ -726,9 +655,3 @@ def _unbounded(time: float) -> EngineError:
         f"t = {time:.9g}: a collision gave a disk an energy beyond all bounds: "
         "it would cross the box a million times before anything else happens. The law adds energy"
     )
-
-
-def square_unit(fastest2: float) -> float:
-    """As `kernels.windows.square_unit`."""
-    exponent = max(int(np.float64(fastest2).view(np.int64)) >> 52, 21) - 20
-    return float(np.int64(int(exponent) << 52).view(np.float64))
