@@ -441,8 +441,8 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
     made = gas(threads=1)
     simulation: dict[str, Any] = {
         "disks": DISKS, "box": SMALL, "law": law, "state": STATE, "arch": "cpu", "threads": 1,
-        "precision": "f64", "window_collisions": None, "walls": (), "gravity": (0.0, 0.0), "gravity_turns": 0.0,
-        "gravity_step": 0.005, "collapse": "none", "contact_time": None, "velocity_cutoff": None,
+        "precision": "f64", "window_collisions": None, "walls": (), "gravity": (0.0, 0.0), "gravity_rotation_rate": 0.0,
+        "gravity_rotation_step": 0.005, "collapse": "none", "contact_time": None, "velocity_cutoff": None,
         "resting_speed": None, "forces": (), "seed": 0, "ledger": False, "partners": False, "angles": False,
         "dissipated": False, "wall_sums": False, "tracked": (), "comm": None, "sliced": False,
     }  # fmt: skip

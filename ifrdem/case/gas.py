@@ -32,13 +32,13 @@ from ..tools import seeds, slices, world
 from . import pair_rules, rules
 from .case import IMPACT_SCAN, Case
 from .pair_rules import PairVerdict
-from .section import Complaint
+from .section import Problem
 from .species import Species, species_of
 
 if TYPE_CHECKING:
     from ..model.forces import Force
 
-TRIED = {"random": 10_000, "growth": 2_000}
+TRIED = {"random": 10_000, "lubachevsky_stillinger": 2_000}
 """Numbers of disks that are placed in about a second, by `start.positions`; others are faster than random."""
 
 
@@ -56,7 +56,9 @@ class CaseGas:
     verdicts: tuple[PairVerdict, ...]  # of each pair of species, and of each species and material of walls
     box: Box
     walls: tuple[Wall, ...] = ()  # beside those at the sides of the box
-    patch: Box | None = None  # where disks are placed at the start: the box, or what an open one says of it
+    start_region: Box | None = (
+        None  # where disks are placed at the start: the box, or what an open one says of it
+    )
     # The start, if the case names a file or a trajectory with it; on ranks that read it in slices, that of the slice.
     given: Given | None = None
     # Mean velocity, weighted by mass, with which the whole gas starts and keeps moving [length/time], and its part of
@@ -80,12 +82,12 @@ class CaseGas:
             raise InputError(listed([str(problem) for problem in problems]))
         return gas.ready() if start else gas
 
-    def with_start(self, folder: Path, comm: Any) -> tuple[CaseGas, list[Complaint]]:
+    def with_start(self, folder: Path, comm: Any) -> tuple[CaseGas, list[Problem]]:
         """The gas with the slice of a start that each rank reads (`is_read_in_slices`), and all that is wrong with it.
 
         All ranks call this, and find the same wrong.
         """
-        found: list[Complaint] = []
+        found: list[Problem] = []
         radius = self.rows(slices.slice_of(self.n, comm)).radius
         given = rules.given_start(self.case, radius, self.room, folder, found, comm)
         return replace(self, given=given), found
@@ -147,7 +149,7 @@ class CaseGas:
         """The kinds of disks, without an array of all disks."""
         kinds, sums = [], []
         for each in self.species:
-            (*rows, material), every = each.look.kinds
+            (*rows, material), every = each.summary.kinds
             kinds.append(([*rows, np.full_like(material, self.materials.index(each.material))], every))
         for block in slices.blocks(range(self.n)):
             own = self._of_species(block)
@@ -212,7 +214,7 @@ class CaseGas:
         section = self.case.box
         radii = [wall.radius for wall in self.walls if wall.shape == "container"]
         radius = max(radii) if radii else 0.5 * max(self.box.lengths)
-        return section.gravity_turns**2 * radius / (math.hypot(*section.gravity) or 1.0)
+        return section.gravity_rotation_rate**2 * radius / (math.hypot(*section.gravity) or 1.0)
 
     @property
     def cautions(self) -> list[str]:
@@ -220,9 +222,9 @@ class CaseGas:
         texts, froude = self._drifting(), self.drum
         if froude > FASTEST_DRUM:
             texts.append(
-                f"box.gravity_turns = {self.case.box.gravity_turns:g}: the Froude number of such a drum, {froude:.3g}, "
-                f"is above {FASTEST_DRUM}: its frame has centrifugal and Coriolis accelerations, too, which are left "
-                "out"
+                f"box.gravity_rotation_rate = {self.case.box.gravity_rotation_rate:g}: the Froude number of such a "
+                f"drum, {froude:.3g}, is above {FASTEST_DRUM}: its frame has centrifugal and Coriolis accelerations, "
+                "too, which are left out"
             )
         texts += self._forgotten()
         if self.case.run.resting_speed is None:
@@ -236,7 +238,7 @@ class CaseGas:
                 if wall.temperature
                 else "; "
                 + (
-                    "in the frame of a slow drum gravity turns: let the wall stand, and give box.gravity_turns"
+                    "in the frame of a slow drum gravity turns: let the wall stand, and give box.gravity_rotation_rate"
                     if wall.turn.kind == "steady" or (wall.shape == "container" and wall.surface_speed)
                     else "in the frame of a steady motion the wall stands: let it, and move all others the other way"
                     if wall.motion.kind == "steady" or wall.surface_speed
@@ -311,9 +313,11 @@ class CaseGas:
     def strips(self) -> int:
         """Number of strips of the box in which disks are placed at random, each by one rank; 0 of other starts."""
         start = self.case.start
-        if self.patch is None or not start.placed or start.positions != "random":
+        if self.start_region is None or not start.placed or start.positions != "random":
             return 0
-        return placement.strips(Room(self.patch, self.walls), self.n, float(self.kinds.radius.max()))[1]
+        return placement.strips(Room(self.start_region, self.walls), self.n, float(self.kinds.radius.max()))[
+            1
+        ]
 
     @property
     def is_made_in_slices(self) -> bool:
@@ -321,7 +325,10 @@ class CaseGas:
 
         Other starts need all disks at once, and are made by one process.
         """
-        return self.case.start.file is not None or self.case.start.positions not in ("growth", IMPACT_SCAN)
+        return self.case.start.file is not None or self.case.start.positions not in (
+            "lubachevsky_stillinger",
+            IMPACT_SCAN,
+        )
 
     def is_read_in_slices(self, comm: Any) -> bool:
         """True if each of these ranks reads its rows of the file that gives the start."""
@@ -409,7 +416,8 @@ class CaseGas:
     def _fastest_drawn(self) -> tuple[float, float]:
         """More than the largest speed [length/time] and spin [rad/time] that are drawn: 12 deviations."""
         speeds = [
-            each.speed_rms * math.sqrt(each.look.mass.high / each.look.mass.low) for each in self.species
+            each.speed_rms * math.sqrt(each.summary.mass.high / each.summary.mass.low)
+            for each in self.species
         ]
         return 12.0 * max(speeds), 12.0 * max(each.spin_rms for each in self.species)
 
@@ -432,7 +440,7 @@ class CaseGas:
         if case.run.resting_speed is not None:
             checks.check_resting(
                 self.kinds, self.box, (case.box.gravity[0], case.box.gravity[1]), case.run.resting_speed,
-                [each.kind for each in case.force], IFRLaw, case.run.arch, case.run.precision,
+                [each.kind for each in case.force], IFRLaw, case.run.device, case.run.precision,
             )  # fmt: skip
         largest = {
             "a velocity": world.largest(comm, float(np.abs(velocity).max(initial=0.0))) + flow,
@@ -473,7 +481,7 @@ class CaseGas:
             except InputError as error:
                 value = getattr(getattr(case, section), key)
                 shown = f"{value:g}" if isinstance(value, float) else json.dumps(value)
-                found.append(str(Complaint(f"{section}.{key}", shown, str(error))))
+                found.append(str(Problem(f"{section}.{key}", shown, str(error))))
         refuse(found)
 
     def _lying(
@@ -483,7 +491,7 @@ class CaseGas:
         gravity: tuple[float, float],
         comm: Any,
     ) -> list[str]:
-        """Complaint about disks that a start file places at rest on walls, where only resting contacts hold them."""
+        """Problem about disks that a start file places at rest on walls, where only resting contacts hold them."""
         if self.given is None or self.case.run.collapse == "rest":
             return []
         ids, start = slices.slice_of(self.n, comm), self.case.start
@@ -497,7 +505,7 @@ class CaseGas:
         wall = wall_names(walls, self.box)[rests[1]]
         text = f"disk {rests[0]} lies on {wall} without speed, and has no next collision"
         text += ': set run.collapse = "rest", or give it a gap or a speed'
-        return [str(Complaint(f"start.{key}", json.dumps(value), text))]
+        return [str(Problem(f"start.{key}", json.dumps(value), text))]
 
     def simulation(
         self,
@@ -534,12 +542,13 @@ class CaseGas:
         any_law = self.law()  # stands where two walls would meet, which never happens
         given: dict[str, Any] = {
             "disks": disks, "box": self.box, "state": begin,
-            "law": [[any_law if one is None else one for one in row] for row in self.laws], "arch": run.arch,
+            "law": [[any_law if one is None else one for one in row] for row in self.laws], "arch": run.device,
             "threads": run.threads, "precision": run.precision,
             "walls": self._walls_at_start if pistons is None else at_displacements(self.walls, pistons),
-            "gravity": (box.gravity[0], box.gravity[1]), "gravity_turns": box.gravity_turns,
-            "gravity_step": box.gravity_step, "collapse": run.collapse, "contact_time": run.contact_time,
-            "velocity_cutoff": run.velocity_cutoff, "resting_speed": run.resting_speed,
+            "gravity": (box.gravity[0], box.gravity[1]), "gravity_rotation_rate": box.gravity_rotation_rate,
+            "gravity_rotation_step": box.gravity_rotation_step, "collapse": run.collapse,
+            "contact_time": run.contact_time, "velocity_cutoff": run.velocity_cutoff,
+            "resting_speed": run.resting_speed,
             "forces": forces_of(self.case), "seed": run.seed, "ledger": output.ledger,
             "partners": "last_partner" in output.fields, "angles": "angle" in output.fields,
             "dissipated": "dissipated" in output.fields, "wall_sums": output.wall_sums,
@@ -564,29 +573,27 @@ class CaseGas:
         found = output.tracked(start.position, seeds.stream(self.case.run.seed, seeds.HISTORIES))
         if output.tracks and not len(found):
             region = str(output.histories_region)
-            raise InputError(str(Complaint("output.histories_region", region, "no disk starts there")))
+            raise InputError(str(Problem("output.histories_region", region, "no disk starts there")))
         return found
 
     def _placed(self, progress: Callable[[float], None], comm: Any) -> NDArray[np.float64]:
         way, seed = self.case.start.positions, self.case.run.seed
-        assert self.patch is not None  # the rules have seen to it
+        assert self.start_region is not None  # the rules have seen to it
         disks = self.disks if comm is None else self.rows(slices.slice_of(self.n, comm))
         radius, options = disks.radius, dict[str, Any](seed=seed, walls=self.walls)
         try:
             if way == "hexagonal":
                 # Several species would lie in layers else.
                 options["seed"] = seed if len(self.species) > 1 or not self.species[0].equal else None
-                return placement.hexagonal_positions(self.patch, radius, comm=comm, **options)
-            if way == "growth":
-                return packing.grow(self.patch, radius, progress=progress, **options)
-            return placement.random_positions(self.patch, radius, comm=comm, **options)
+                return placement.hexagonal_positions(self.start_region, radius, comm=comm, **options)
+            if way == "lubachevsky_stillinger":
+                return packing.grow(self.start_region, radius, progress=progress, **options)
+            return placement.random_positions(self.start_region, radius, comm=comm, **options)
         except InputError as error:
-            raise InputError(str(Complaint("start.positions", f'"{way}"', str(error)))) from None
+            raise InputError(str(Problem("start.positions", f'"{way}"', str(error)))) from None
 
 
-def judge(
-    case: Case, folder: Path, *, start: bool = True, comm: Any = None
-) -> tuple[CaseGas, list[Complaint]]:
+def judge(case: Case, folder: Path, *, start: bool = True, comm: Any = None) -> tuple[CaseGas, list[Problem]]:
     """Apply every rule to a case: its gas, and all that is wrong; the gas holds as far as nothing is.
 
     A start file's path begins at `folder`; without `start`, in a run that has begun, it is looked at no more. On ranks
@@ -600,35 +607,37 @@ def judge(
     rows = [0 if each.material is None else materials.index(each.material) for each in case.wall]
     walls, wrong_shapes = rules.made_walls(case, rows, folder)
     found = [
-        *rules.wrong_names(case),
-        *rules.wrong_pairs(verdicts),
-        *rules.wrong_motion(case),
-        *rules.too_many(case),
+        *rules.check_names(case),
+        *rules.check_pairs(verdicts),
+        *rules.check_motion(case),
+        *rules.check_count(case),
     ]
-    found += rules.wrong_forces(case)
-    box, patch, given = Box.open(), None, None
+    found += rules.check_forces(case)
+    box, start_region, given = Box.open(), None, None
     gas = CaseGas(case, species, materials, verdicts, box, walls)
     kinds = gas.kinds
     try:
-        patch = case.box.patch(kinds.covered)
+        start_region = case.box.start_region(kinds.covered)
     except InputError as error:
-        found.append(Complaint("box", None, str(error)))
+        found.append(Problem("box", None, str(error)))
     else:
-        box = box if case.box.open or patch is None else patch
-        wrong_walls = wrong_shapes or [*rules.wrong_walls(case, walls, box, kinds.radius)]
+        box = box if case.box.open or start_region is None else start_region
+        wrong_walls = wrong_shapes or [*rules.check_walls(case, walls, box, kinds.radius)]
         found += wrong_walls
         if start:
             standing = () if wrong_walls else walls
-            found += rules.wrong_room(case, species, kinds, None if patch is None else Room(patch, standing))
-            found += [*rules.wrong_open(case, patch), *rules.wrong_scan(case)]
+            found += rules.check_room(
+                case, species, kinds, None if start_region is None else Room(start_region, standing)
+            )
+            found += [*rules.check_open(case, start_region), *rules.check_scan(case)]
             if case.start.file is None and case.start.trajectory is None:
-                found += rules.wrong_clock(case)
+                found += rules.check_clock(case)
             elif not gas.is_read_in_slices(comm):
                 given = rules.given_start(case, gas.disks.radius, Room(box, standing), folder, found)
-    found += rules.wrong_output(case, kinds.n, box)
+    found += rules.check_output(case, kinds.n, box)
     if comm is not None:
-        found += rules.wrong_on_ranks(case, kinds, box, comm.size, start=start, sound=not found)
-    return replace(gas, box=box, patch=patch, given=given), found
+        found += rules.check_on_ranks(case, kinds, box, comm.size, start=start, sound=not found)
+    return replace(gas, box=box, start_region=start_region, given=given), found
 
 
 def forces_of(case: Case) -> list[Force]:
@@ -638,7 +647,7 @@ def forces_of(case: Case) -> list[Force]:
     from ..model.forces import Drag, Langevin, RandomKicks, Rescale, SpinKicks, TableFriction
 
     kinds: dict[str, Callable[..., Force]] = {
-        "kicks": RandomKicks, "spin_kicks": SpinKicks, "langevin": Langevin, "drag": Drag, "rescale": Rescale,
+        "random_force": RandomKicks, "random_torque": SpinKicks, "langevin": Langevin, "drag": Drag, "rescale": Rescale,
         "table_friction": TableFriction,
     }  # fmt: skip
     return [kinds[each.kind](**each.model_dump(exclude={"kind"}, exclude_none=True)) for each in case.force]

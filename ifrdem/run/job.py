@@ -163,14 +163,14 @@ def cores_of(comm: Any) -> int:
 def how(case: Case, cores: int, comm: Any = None) -> str:
     """Device of a case and its threads, for the summary of a run."""
     used = case.run.threads or cores
-    text = device_of(case) + (f", {used} used" if case.run.arch == "cpu" else "")
+    text = device_of(case) + (f", {used} used" if case.run.device == "cpu" else "")
     text += f" by each of {comm.size} ranks" if comm else ""
     return text + (f", computing in {case.run.precision}" if case.run.precision != "f64" else "")
 
 
 def device_of(case: Case) -> str:
     """The device of a case."""
-    device = backend.device(case.run.arch)
+    device = backend.device(case.run.device)
     return f"{device.arch}: {device.description}"
 
 
@@ -488,7 +488,7 @@ def _balance(job: Job, last: Measure) -> Iterator[str]:
         temperatures.append(f"theta = T_rot/T = {last.rotational_temperature / last.temperature:.4g}")
     if temperatures:
         yield ", ".join(temperatures)
-    mass = sum(each.number * each.look.mass.mean for each in gas.species)
+    mass = sum(each.number * each.summary.mass.mean for each in gas.species)
     if gas.n > 1 and not gas.box.is_open and last.drift_energy > LEAST_DRIFT * last.translational_energy:
         where = drift_text(last.momentum / mass * gas.free)
         share = 100.0 * last.drift_energy / last.translational_energy
@@ -539,7 +539,11 @@ def _record(file: CaseFile, cores: int, comm: Any = None) -> dict[str, str | int
         "laws": json.dumps(laws),
         "forces": json.dumps([each.model_dump(exclude_none=True) for each in case.force]),
         "gravity": json.dumps(case.box.gravity),
-        **({"gravity_turns": case.box.gravity_turns} if case.box.gravity_turns else {}),
+        **(
+            {"gravity_rotation_rate": case.box.gravity_rotation_rate}
+            if case.box.gravity_rotation_rate
+            else {}
+        ),
         "collapse": case.run.collapse,
         "device": device_of(case) if comm is None else how(case, cores, comm),
         "threads": case.run.threads or cores,

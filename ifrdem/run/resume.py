@@ -111,9 +111,9 @@ def resume(
             seen: dict[str, Any] = {name: operator.index(extra["seen"][name]) for name in names}
         if threads is not None:
             case = case.model_copy(update={"run": case.run.model_copy(update={"threads": threads})})
-        device.check(case.run.arch, case.run.threads, case.run.precision)
+        device.check(case.run.device, case.run.threads, case.run.precision)
         n = sum(each.number for each in case.species)
-        summary.refuse_beyond_memory(n, case.run.arch, share=share, ranks=comm.size if comm else 1)
+        summary.refuse_beyond_memory(n, case.run.device, share=share, ranks=comm.size if comm else 1)
         try:
             gas = CaseGas.from_case(case, begun[0].parent, start=False, comm=comm)
         except InputError as error:

@@ -118,10 +118,10 @@ class Simulation(Sealed, PicturedDisks):
         first.
     gravity : two floats
         Acceleration of all disks [length/time^2]; only in directions that are not periodic.
-    gravity_turns : float
+    gravity_rotation_rate : float
         Rate at which gravity turns [rad/time], counter-clockwise, as in the frame of a slow drum that turns clockwise
         (`ifrdem docs heaps`): between walls only, and `gravity` is that at time 0.
-    gravity_step : float
+    gravity_rotation_step : float
         Angle of its steps [rad], up to 0.1: between two of them gravity is constant, and collisions are exact.
     collapse : {"none", "tc", "velocity_cutoff", "rest"}
         What is done about inelastic collapse (`ifrdem.model.collapse.Collapse`): nothing, or some collisions are
@@ -208,8 +208,8 @@ class Simulation(Sealed, PicturedDisks):
         window_collisions: float | None = None,
         walls: Sequence[Wall] = (),
         gravity: tuple[float, float] = (0.0, 0.0),
-        gravity_turns: float = 0.0,
-        gravity_step: float = USUAL_STEP,
+        gravity_rotation_rate: float = 0.0,
+        gravity_rotation_step: float = USUAL_STEP,
         collapse: str = "none",
         contact_time: float | None = None,
         velocity_cutoff: float | None = None,
@@ -273,7 +273,7 @@ class Simulation(Sealed, PicturedDisks):
             self._engine = Engine(
                 disks, box, begin, table, arch=arch, threads=threads, precision=precision,
                 window_collisions=window_collisions, walls=walls, gravity=gravity,
-                gravity_turns=gravity_turns, gravity_step=gravity_step,
+                gravity_rotation_rate=gravity_rotation_rate, gravity_rotation_step=gravity_rotation_step,
                 velocity_cutoff=remedy.velocity_cutoff or 0.0, contact_time=remedy.contact_time or 0.0,
                 resting_speed=remedy.resting_speed or 0.0, forces=forces, seed=seed,
                 law=law_class, ledger=ledger, partners=partners, angles=angles, itemised=dissipated,

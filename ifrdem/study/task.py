@@ -32,7 +32,7 @@ from ..tools.files import write_aside
 from ..trajectory.damage import FAULTS
 from ..trajectory.file import TrajectoryError
 
-PerFrame = Literal["velocity", "g", "S", "fields", "clusters", "psi6"]
+PerFrame = Literal["velocity", "rdf", "structure-factor", "fields", "clusters", "psi6"]
 """Analyses of single frames, at chosen places of a run."""
 OverTime = Literal["msd", "vacf", "pressure", "cooling", "impact"]
 OVER_TIME: tuple[str, ...] = get_args(OverTime)

@@ -782,7 +782,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         self, what: str = "temperatures", ax: Any = None, *, frames: Sequence[int] | None = None, over: str = "t",
         color: str | None = None, **unknown: Any,
     ) -> Any:  # fmt: skip
-        """Draw a picture that `ifrdem plot --list` lists: temperatures, disks, energy, velocity, g, S, msd, ...
+        """Draw a picture that `ifrdem plot --list` lists: temperatures, disks, energy, velocity, rdf, ...
 
         Parameters
         ----------

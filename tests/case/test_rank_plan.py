@@ -187,20 +187,22 @@ def test_disks_that_indices_of_32_bits_do_not_reach_are_refused(
 
 
 def test_growth_of_more_than_a_million_disks_is_for_one_process() -> None:
-    found = case_of("species[0].number=1000000", "species[1].number=1000000", "start.positions=growth")
+    found = case_of(
+        "species[0].number=1000000", "species[1].number=1000000", "start.positions=lubachevsky_stillinger"
+    )
     gas = found.gas
     text = summary.report(gas, RunEstimate.of(gas))
-    told = 'start.positions = "growth" grows all disks in one process'
+    told = 'start.positions = "lubachevsky_stillinger" grows all disks in one process'
     assert told in text
 
     def wrong(start: bool) -> list[str]:
         return [
             str(each)
-            for each in rules.wrong_on_ranks(found.case, gas.kinds, gas.box, 2, start=start, sound=False)
+            for each in rules.check_on_ranks(found.case, gas.kinds, gas.box, 2, start=start, sound=False)
         ]
 
     (refused,) = wrong(start=True)
-    assert refused.startswith(told.replace('"growth" ', '"growth": '))
+    assert refused.startswith(told.replace('"lubachevsky_stillinger" ', '"lubachevsky_stillinger": '))
     assert wrong(start=False) == []  # of a run that goes on
 
 
