@@ -325,7 +325,9 @@ def random_positions(
     return found
 
 
-_INSTEAD = 'use fewer disks, a larger box, positions = "lubachevsky_stillinger" or, for disks of similar sizes, "hexagonal"'
+_INSTEAD = (
+    'use fewer disks, a larger box, positions = "lubachevsky_stillinger" or, for disks of about one size, "hexagonal"'
+)
 _SCANNED = 128  # strips at least in which the area is known along the box, and even in between
 
 

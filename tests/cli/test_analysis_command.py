@@ -517,7 +517,7 @@ def test_plots_have_colours_styles_and_an_axis_of_collisions(
         (("disks", "--style", "dark_backgroud"), "(did you mean 'dark_background'?)"),
         (
             ("rdf", "--over", "tau"),
-            "over = tau: only of temperatures, energy, ledger, mechanisms, walls, piston, not of g",
+            "over = tau: only of temperatures, energy, ledger, mechanisms, walls, piston, not of rdf",
         ),
     ):
         assert run("plot", "run.h5", *words, "-o", "no.png") == 2

@@ -229,7 +229,7 @@ def test_devices_lists_the_cpu(capsys: pytest.CaptureFixture[str]) -> None:
             ["--precision", "f46"],
             r"run\.precision = \"f46\": must be 'f64' or 'f32' \(did you mean 'f64'\?\)",
         ),
-        (["--device", "gpu"], r"run\.arch = \"gpu\": must be 'cpu' or 'cuda'"),
+        (["--device", "gpu"], r"run\.device = \"gpu\": must be 'cpu' or 'cuda'"),
         (["-o", "nowhere/run"], "output folder nowhere: does not exist"),
         (["-o", "tiny.toml/run"], r"output folder tiny\.toml: is not a folder"),
     ],
