@@ -24,9 +24,9 @@ from ..model.overlaps import check_no_overlap, relax
 from ..model.state import DiskKinds
 from ..model.walls import Wall, check_place, pieces
 from ..model.walls import check as check_walls
+from ..mpi import communicator, distribution
 from ..simulation.checks import check_number, check_pistons
 from ..simulation.schedule import first_after, time_of
-from ..tools import slices, world
 from .case import IMPACT_SCAN, Case
 from .pair_rules import PairVerdict
 from .section import Complaint
@@ -275,7 +275,12 @@ def wrong_on_ranks(
     for key, instead in keys.items():
         text = f"not supported on several ranks (here are {ranks}): run it without mpiexec, or {instead}"
         yield _at(case, key, text)
-    if start and case.start.positions == "growth" and case.start.file is None and kinds.n > slices.GATHERED:
+    if (
+        start
+        and case.start.positions == "growth"
+        and case.start.file is None
+        and kinds.n > distribution.GATHERED
+    ):
         yield _at(case, "start.positions", GROWN)
     try:
         check_number(kinds.n, ranks)
@@ -412,7 +417,7 @@ def given_start(
             given = from_trajectory.read(folder / name, start.frame, radius, box, **options)
         else:
             given = from_csv.read(
-                folder / name, slices.numbered(len(radius), comm)[1], box, start.form, comm=comm
+                folder / name, distribution.numbered(len(radius), comm)[1], box, start.form, comm=comm
             )
             given = replace(given, time=start.time or 0.0)
             at: Any = {"time": given.time, "comm": comm}
@@ -433,7 +438,7 @@ def given_start(
         ]  # fmt: skip
     drawn = any(each.speed_rms for each in case.species)
     fastest = 0.0 if given.velocity is None else float(np.abs(given.velocity).max(initial=0.0))
-    moving = drawn if given.velocity is None else world.largest(comm, fastest) > 0.0
+    moving = drawn if given.velocity is None else communicator.largest(comm, fastest) > 0.0
     wanted = case.run.collisions_per_disk
     if wanted is not None and _disks(case) > 1 and not moving and not case.sets_in_motion:
         if given.velocity is None:

@@ -13,10 +13,10 @@ from ..errors import InputError, refuse
 from ..kernels.limits import BYTES_PER_DISK
 from ..model.box import describe_sides
 from ..model.walls import Wall
+from ..mpi.distribution import GATHERED
 from ..simulation import checks
 from ..simulation import device as backend
 from ..tools.progress import size_of_time
-from ..tools.slices import GATHERED
 from .case import Case
 from .estimate import (
     GROWTH_BYTES_PER_DISK,

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from ..errors import InputError, there_are
-from ..tools import world
+from ..mpi import communicator
 from .console import progress, ranks, say
 from .options import Precision, Set, Wrong, flag, number, option, overrides, whole
 
@@ -113,7 +113,7 @@ def bench(
     if case is not None:
         chosen["overrides"] = overrides(set, arch=arch, seed=seed, threads=threads, precision=precision)
     found = timing.bench(case, comm=comm, **chosen)
-    if not world.is_first(comm):
+    if not communicator.is_root(comm):
         return
     say(json_format.dumps(found.figures(), indent=2) if json else found.report())
 

@@ -35,10 +35,10 @@ from ..model.free_area import Room
 from ..model.state import Disks
 from ..model.walls import OF_PISTONS, Wall, at_displacements
 from ..model.walls import from_json as walls_from_json
+from ..mpi.distribution import GATHERED
 from ..tools import checked
 from ..tools.pictured import Pictured, PicturedDisks, plots, refuse_unknown
 from ..tools.sealed import Sealed
-from ..tools.slices import GATHERED
 from . import damage, history, layout, tables
 from . import parts as parted
 from .history import History
