@@ -14,7 +14,7 @@ from pydantic import AfterValidator, Field, model_validator
 from ..errors import InputError, nearest, there_are
 from ..fit.tabular import Form
 from ..initial import radii
-from ..kernels.limits import MOST_IDS
+from ..kernels.columns import MOST_IDS
 from ..model.box import Box
 from ..model.coin_table import coins
 from ..simulation.turning import MOST_STEP, USUAL_STEP

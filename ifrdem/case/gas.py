@@ -20,7 +20,7 @@ from ..initial import impact_scan, packing, placement
 from ..initial.from_csv import Given
 from ..model import crush
 from ..model.box import Box
-from ..model.free_area import Room
+from ..model.free_area import FreeArea
 from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.observables import drift_text
 from ..model.state import DiskKinds, Disks, State, merge_kinds, scatter_state
@@ -88,7 +88,7 @@ class CaseGas:
         """
         found: list[Complaint] = []
         radius = self.rows(distribution.slice_of(self.n, comm)).radius
-        given = rules.given_start(self.case, radius, self.room, folder, found, comm)
+        given = rules.given_start(self.case, radius, self.free_area, folder, found, comm)
         return replace(self, given=given), found
 
     def __getstate__(self) -> dict[str, Any]:
@@ -175,9 +175,9 @@ class CaseGas:
         return [[found.get(frozenset((a, b))) for b in self.materials] for a in self.materials]
 
     @property
-    def room(self) -> Room:
+    def free_area(self) -> FreeArea:
         """The area that walls leave to the disks at the start."""
-        return Room(self.box, self._walls_at_start, self.begin[0])
+        return FreeArea(self.box, self._walls_at_start, self.begin[0])
 
     @property
     def begin(self) -> tuple[float, int]:
@@ -197,12 +197,14 @@ class CaseGas:
         texts = dict.fromkeys(each.message for each in self.verdicts if each.admissible and not each.strict)
         return list(texts)
 
-    def crushes(self) -> list[str]:
+    def wall_pinch_warnings(self) -> list[str]:
         """One text for each two walls that may crush a disk between them in the run; InputError if they must."""
         if not self.n:
             return []
         end = math.inf if self.case.run.t_end is None else self.case.run.t_end
-        return crush.foreseen(self.room.all_walls, self.box, self.kinds.radius, self.begin[0], end)
+        return crush.wall_pinch_warnings(
+            self.free_area.all_walls, self.box, self.kinds.radius, self.begin[0], end
+        )
 
     @property
     def drum(self) -> float:
@@ -314,7 +316,7 @@ class CaseGas:
         start = self.case.start
         if self.patch is None or not start.placed or start.positions != "random":
             return 0
-        return placement.strips(Room(self.patch, self.walls), self.n, float(self.kinds.radius.max()))[1]
+        return placement.strips(FreeArea(self.patch, self.walls), self.n, float(self.kinds.radius.max()))[1]
 
     @property
     def is_made_in_slices(self) -> bool:
@@ -359,7 +361,7 @@ class CaseGas:
             [[math.nan if law is None else getattr(law, name) for law in row] for row in self.laws]
             for name in ("e_t", "mu")
         )
-        return free_directions(self.room.all_walls, smooth=smooth_materials(e_t, mu, of_disks))
+        return free_directions(self.free_area.all_walls, smooth=smooth_materials(e_t, mu, of_disks))
 
     @property
     def _has_lone(self) -> bool:
@@ -452,7 +454,7 @@ class CaseGas:
         `velocity` (n, 2) is relative to the flow; unless `known`, those of many disks are not.
         """
         case, run, smallest = self.case, self.case.run, float(self.kinds.radius.min())
-        walls, size = self.room.all_walls, "lengths" if self.case.box.lengths else "packing_fraction"
+        walls, size = self.free_area.all_walls, "lengths" if self.case.box.lengths else "packing_fraction"
         gravity = (case.box.gravity[0], case.box.gravity[1])
         e_n = np.array([[math.nan if law is None else law.e_n for law in row] for row in self.laws])
         materials = [self.materials.index(each.material) for each in self.species]
@@ -624,12 +626,14 @@ def judge(
         found += wrong_walls
         if start:
             standing = () if wrong_walls else walls
-            found += rules.wrong_room(case, species, kinds, None if patch is None else Room(patch, standing))
+            found += rules.wrong_room(
+                case, species, kinds, None if patch is None else FreeArea(patch, standing)
+            )
             found += [*rules.wrong_open(case, patch), *rules.wrong_scan(case)]
             if case.start.file is None and case.start.trajectory is None:
                 found += rules.wrong_clock(case)
             elif not gas.is_read_in_slices(comm):
-                given = rules.given_start(case, gas.disks.radius, Room(box, standing), folder, found)
+                given = rules.given_start(case, gas.disks.radius, FreeArea(box, standing), folder, found)
     found += rules.wrong_output(case, kinds.n, box)
     if comm is not None:
         found += rules.wrong_on_ranks(case, kinds, box, comm.size, start=start, sound=not found)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError, refuse
-from ..kernels.limits import BYTES_PER_DISK
+from ..kernels.columns import BYTES_PER_DISK
 from ..model.box import describe_sides
 from ..model.walls import Wall
 from ..mpi.distribution import GATHERED
@@ -123,7 +123,7 @@ def check(
     """
     estimate = RunEstimate.of(gas)
     refuse_cadences(gas, estimate)
-    crushes = gas.crushes()
+    crushes = gas.wall_pinch_warnings()
     if ranks == 1:
         gas.try_start()
     here = refused_here(gas, estimate, folder, share=share, ranks=ranks, sliced=sliced)
@@ -365,10 +365,10 @@ def _walls(gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, str]]:
         rate = f"{case.box.gravity_turns:g}{f' rad/{time.strip()}' if time else ''}"
         text = f"turns at {rate} in steps of {case.box.gravity_step:g} rad; Froude number of such a drum {gas.drum:.3g}"
         lines.append(("", text))
-    if gas.room.all_walls:
-        area = f"{gas.room.area():.5g}{f'{length}^2' if length else ''}"
-        part = gas.room.area() / gas.box.area
-        lines.append(("room between walls", f"{area}, {100.0 * part:.4g} % of the box; densities are in it"))
+    if gas.free_area.all_walls:
+        area = f"{gas.free_area.area():.5g}{f'{length}^2' if length else ''}"
+        part = gas.free_area.area() / gas.box.area
+        lines.append(("free area", f"{area} ({100.0 * part:.4g} % of the box); densities refer to it"))
     if case.box.material is not None:
         walled = [axis for axis, periodic in zip("xy", case.box.periodic, strict=True) if not periodic]
         lines.append(("sides", f"walls of {case.box.material} across {' and '.join(walled)}"))
@@ -402,7 +402,9 @@ def _walls(gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, str]]:
             text = f"resting speed {rest:g}{speed}: contacts below it last, and disks fall asleep"
         lines.append(("collapse", text))
     elif (
-        g > 0.0 and gas.room.all_walls and not all(each.law and each.law.e_n == 1.0 for each in gas.verdicts)
+        g > 0.0
+        and gas.free_area.all_walls
+        and not all(each.law and each.law.e_n == 1.0 for each in gas.verdicts)
     ):
         ways = '"velocity_cutoff" or "tc"' if any(wall.piston for wall in gas.walls) else '"rest"'
         text = f"no remedy: disks that come to rest on others end the run (run.collapse = {ways} helps)"

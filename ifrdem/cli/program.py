@@ -80,7 +80,7 @@ def bench(
     range; progress goes to the standard error stream. Under `mpiexec -n P` it times one gas on P ranks, and counts what
     they send. A grid of gases, start times and the cost of output are scripts (`ifrdem docs performance`).
     """
-    from ..kernels.limits import MOST_DISKS
+    from ..kernels.columns import MOST_DISKS
     from ..simulation import device
     from ..validation.speed import bench as timing
 

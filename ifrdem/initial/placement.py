@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
-from ..kernels.limits import MOST_IDS
+from ..kernels.columns import MOST_IDS
 from ..model.box import Box
-from ..model.free_area import Room
+from ..model.free_area import FreeArea
 from ..model.overlaps import (
     TOLERANCE,
     check_no_overlap,
     checked_radii,
-    refuse_no_room,
+    refuse_no_free_area,
     refuse_wider_than_box,
     size_classes,
 )
@@ -37,17 +37,18 @@ HALVINGS = 40
 AT_ONCE = 1 << 18  # sites that are looked at together
 
 
-def check_sites(room: Room, n: int, radius: float, comm: Any = None) -> bool:
+def check_sites(free_area: FreeArea, n: int, radius: float, comm: Any = None) -> bool:
     """Tell if rows of sites are along y, of those at contact, of which n find room between the walls.
 
     InputError if fewer do; the message says how many. Sites are counted block by block, by each rank some of them.
     """
     most = {
-        upright: _free(room, radius, 2.0 * radius * CLOSER, upright).count(comm) for upright in (False, True)
+        upright: _free(free_area, radius, 2.0 * radius * CLOSER, upright).count(comm)
+        for upright in (False, True)
     }
     upright = most[True] > most[False]
     if most[upright] < n:
-        covered = room.packing_fraction(np.full(most[upright], radius))
+        covered = free_area.packing_fraction(np.full(most[upright], radius))
         raise InputError(
             f"{n} disks of diameter {2.0 * radius:.6g} do not fit on a hexagonal lattice between the walls: "
             f"at most {most[upright]} do, which is packing fraction {covered:.4f}"
@@ -56,7 +57,7 @@ def check_sites(room: Room, n: int, radius: float, comm: Any = None) -> bool:
 
 
 def sites(
-    room: Room, n: int, radius: float, numbers: NDArray[np.int64] | None = None, comm: Any = None
+    free_area: FreeArea, n: int, radius: float, numbers: NDArray[np.int64] | None = None, comm: Any = None
 ) -> Array:
     """Sites [length], shape (n, 2), for disks of this radius [length] that overlap neither each other nor a wall.
 
@@ -64,11 +65,11 @@ def sites(
     InputError if fewer sites than n find room; the message says how many do. Only those of some `numbers`, 0 to n - 1,
     are returned; of ranks, each asks for its own, and tests some of all sites.
     """
-    low, high = 2.0 * radius * CLOSER, max(room.box.lengths)
-    best = _free(room, radius, low, check_sites(room, n, radius, comm))
+    low, high = 2.0 * radius * CLOSER, max(free_area.box.lengths)
+    best = _free(free_area, radius, low, check_sites(free_area, n, radius, comm))
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        wider = [_free(room, radius, middle, upright) for upright in (False, True)]
+        wider = [_free(free_area, radius, middle, upright) for upright in (False, True)]
         counts = [each.count(comm) for each in wider]
         if max(counts) >= n:
             low, best = middle, wider[counts[1] > counts[0]]
@@ -97,7 +98,7 @@ def _asked_for(comm: Any, first: int, rows: Array, wanted: NDArray[np.int64]) ->
 class _Sites:
     """Sites row by row, numbered from 0 to `points` - 1, walls or not."""
 
-    room: Room
+    free_area: FreeArea
     radius: float
     upright: bool
     columns: int
@@ -122,7 +123,7 @@ class _Sites:
             position = np.empty((len(row), 2))
             position[:, along] = self.origin[0] + (column + 0.5 * (row % 2)) * self.step
             position[:, across] = self.origin[1] + row * self.rise
-            yield position[self.room.gap(position, np.full(len(position), self.radius)) >= 0.0]
+            yield position[self.free_area.gap(position, np.full(len(position), self.radius)) >= 0.0]
 
     def count(self, comm: Any = None) -> int:
         """Number of sites at which a disk overlaps no wall."""
@@ -131,14 +132,14 @@ class _Sites:
         return own if comm is None else int(comm.allreduce(own))
 
 
-def _free(room: Room, radius: float, distance: float, upright: bool) -> _Sites:
+def _free(free_area: FreeArea, radius: float, distance: float, upright: bool) -> _Sites:
     """Sites at this distance from their nearest neighbours, or a little more.
 
     They keep half of the distance from straight walls along the axes, as if there were sites behind them too.
     """
     margin = max(radius * CLEAR, 0.5 * distance)
-    low, high = (corner[0] for corner in room.spans(np.array([margin])))
-    periodic = np.array(room.box.periodic) & (low == 0.0) & (high == room.box.lengths)
+    low, high = (corner[0] for corner in free_area.spans(np.array([margin])))
+    periodic = np.array(free_area.box.periodic) & (low == 0.0) & (high == free_area.box.lengths)
     along, across = (1, 0) if upright else (0, 1)
     side, height = high[along] - low[along], high[across] - low[across]
     columns = int(side / distance) + (0 if periodic[along] else 1)
@@ -151,7 +152,7 @@ def _free(room: Room, radius: float, distance: float, upright: bool) -> _Sites:
     else:
         rows = int(height / rise) + 1
     origin = (float(low[along]), float(low[across]))
-    return _Sites(room, radius, upright, max(columns, 0), max(rows, 0), origin, float(step), float(rise))
+    return _Sites(free_area, radius, upright, max(columns, 0), max(rows, 0), origin, float(step), float(rise))
 
 
 SATURATION = 0.547
@@ -214,14 +215,14 @@ WIDTH = 8.0
 """Width of a strip of the box, at the least, in diameters of the largest disk."""
 
 
-def strips(room: Room, n: int, radius: float) -> tuple[int, int]:
+def strips(free_area: FreeArea, n: int, radius: float) -> tuple[int, int]:
     """Axis across which the strips are in which n disks are placed at random, and their number: even, or 1.
 
     `radius` is the largest one [length].
     """
-    low, high = room.bounds()
+    low, high = free_area.bounds()
     axis = int(np.argmax(high - low))
-    area = room.area() if room.all_walls else room.box.area
+    area = free_area.area() if free_area.all_walls else free_area.box.area
     narrowest = area / (high - low)[1 - axis]
     return axis, max(min(n // distribution.BLOCK, int(narrowest / (WIDTH * 2.0 * radius))) // 2 * 2, 1)
 
@@ -276,14 +277,14 @@ def random_positions(
     seeds.stream(seed, seeds.POSITIONS)  # refuses what is no seed
     smallest = -communicator.largest(comm, -float(radii.min(initial=np.inf)))
     largest = communicator.largest(comm, float(radii.max(initial=0.0)))
-    room = Room(box, tuple(walls))
-    communicator.run_on_all(comm, lambda: refuse_no_room(room, radii, ids.start))
-    wanted = room.covered_part(math.pi * float(distribution.total(np.square(radii), comm)))
+    free_area = FreeArea(box, tuple(walls))
+    communicator.run_on_all(comm, lambda: refuse_no_free_area(free_area, radii, ids.start))
+    wanted = free_area.covered_part(math.pi * float(distribution.total(np.square(radii), comm)))
     # Few disks have no sharp limit: 4 of them in a box that just holds a square of them reach 0.785.
     if wanted > SATURATION + 0.5 / math.sqrt(n) and smallest == largest:
         limit = f"random positions of equal disks end at {SATURATION}"
         raise InputError(f"packing fraction = {wanted:.4f}: {limit}; {_INSTEAD}")
-    axis, count = strips(room, n, largest)
+    axis, count = strips(free_area, n, largest)
     number = np.arange(ids.start, ids.stop)
     if count > 1:
         number = seeds.permuted(seed, seeds.SITES, n, ids)
@@ -302,7 +303,7 @@ def random_positions(
     told = [covered] if comm is None else comm.allgather(covered)
     areas = np.array([each for some in told for each in some.values()])  # ranks own strips in order
     shares = areas / areas.sum()
-    edges = _edges(room, axis, shares, float(distribution.total(radii, comm)) / n)
+    edges = _edges(free_area, axis, shares, float(distribution.total(radii, comm)) / n)
 
     position = np.empty((len(who), 2))
     beside: dict[int, tuple[Array, Array]] = {}
@@ -311,7 +312,7 @@ def random_positions(
         for each in own:
             if each % 2 == parity:
                 position[rows[each]] = _added(
-                    room, radii_there[rows[each]], seeds.stream(seed, seeds.POSITIONS, each), wanted,
+                    free_area, radii_there[rows[each]], seeds.stream(seed, seeds.POSITIONS, each), wanted,
                     (axis, edges[each], edges[each + 1]), float(shares[each]),
                     beside.get(each, (np.empty((0, 2)), np.empty(0))),
                 )  # fmt: skip
@@ -330,16 +331,16 @@ _INSTEAD = 'use fewer disks, a larger box, positions = "growth" or, for disks of
 _SCANNED = 128  # strips at least in which the area is known along the box, and even in between
 
 
-def _edges(room: Room, axis: int, shares: Array, inset: float) -> Array:
+def _edges(free_area: FreeArea, axis: int, shares: Array, inset: float) -> Array:
     """Places [length] across `axis` between which the room for centres has these shares, shape (shares + 1,)."""
     if len(shares) == 1:
         return np.array([-np.inf, np.inf])
-    low, high = (corner[axis] for corner in room.bounds())
+    low, high = (corner[axis] for corner in free_area.bounds())
     parts = np.cumsum(shares)[:-1]
-    if not room.all_walls:
+    if not free_area.all_walls:
         return np.concatenate([[low], low + parts * (high - low), [high]])
     scanned = np.linspace(low, high, max(_SCANNED, 2 * len(shares)) + 1)
-    below = np.concatenate([[0.0], np.cumsum(room.strips(axis, scanned, inset))])
+    below = np.concatenate([[0.0], np.cumsum(free_area.strips(axis, scanned, inset))])
     return np.concatenate([[low], np.interp(parts * below[-1], below, scanned), [high]])
 
 
@@ -369,29 +370,29 @@ def _beside(
 
 
 def _added(
-    room: Room, radii: Array, rng: np.random.Generator, wanted: float, strip: tuple[int, float, float],
+    free_area: FreeArea, radii: Array, rng: np.random.Generator, wanted: float, strip: tuple[int, float, float],
     share: float, beside: tuple[Array, Array],
 ) -> Array:  # fmt: skip
     """Places of disks that are added in a strip (axis, from, to), with this share of the room, to those beside it.
 
     InputError if they do not fit; `wanted` is the packing fraction of all disks, for the message.
     """
-    box, n = room.box, len(radii)
+    box, n = free_area.box, len(radii)
     position = np.empty((n, 2))
     axis, begin, end = strip
-    lowest, highest = room.spans(radii)
+    lowest, highest = free_area.spans(radii)
     lowest[:, axis], highest[:, axis] = np.maximum(lowest[:, axis], begin), np.minimum(highest[:, axis], end)
     placed = np.empty(0, dtype=np.intp)
     attempts_left = ATTEMPTS_PER_DISK * n + 100_000  # the second term matters for few disks
-    if room.walls:  # some attempts fall beyond a wall
-        corners = np.array(room.bounds())
+    if free_area.walls:  # some attempts fall beyond a wall
+        corners = np.array(free_area.bounds())
         corners[:, axis] = np.clip(corners[:, axis], begin, end)
-        attempts_left = int(attempts_left * np.prod(corners[1] - corners[0]) / (room.area() * share))
+        attempts_left = int(attempts_left * np.prod(corners[1] - corners[0]) / (free_area.area() * share))
     for members in size_classes(radii, 1.25):
         todo = members
         while len(todo):
             if attempts_left <= 0:
-                covered = room.packing_fraction(radii[placed]) / share
+                covered = free_area.packing_fraction(radii[placed]) / share
                 reached = f"random positions ended at {covered:.4f}, with {len(placed)} of {n} disks placed"
                 reached += "" if share == 1.0 else " in one of the strips in which so many disks are placed"
                 raise InputError(f"packing fraction = {wanted:.4f}: {reached}; {_INSTEAD}")
@@ -400,8 +401,8 @@ def _added(
             attempts_left -= len(owner)
             low, high = lowest[owner], highest[owner]
             candidate = box.wrap(low + rng.random((len(owner), 2)) * (high - low))
-            if room.all_walls:
-                clear = room.gap(candidate, radii[owner]) > TOLERANCE * radii[owner]
+            if free_area.all_walls:
+                clear = free_area.gap(candidate, radii[owner]) > TOLERANCE * radii[owner]
                 owner, candidate = owner[clear], candidate[clear]
             if len(placed) + len(beside[1]):
                 there = np.concatenate((beside[0], position[placed]))
@@ -513,11 +514,11 @@ def hexagonal_positions(
     if n == 0:
         return np.empty((0, 2))
     largest = communicator.largest(comm, float(radii.max(initial=0.0)))
-    room = Room(box, tuple(walls))
+    free_area = FreeArea(box, tuple(walls))
     number = np.arange(ids.start, ids.stop) if seed is None else seeds.permuted(seed, seeds.SITES, n, ids)
-    if room.all_walls:
-        communicator.run_on_all(comm, lambda: refuse_no_room(room, radii, ids.start))
-        found = sites(room, n, largest, number, comm)
+    if free_area.all_walls:
+        communicator.run_on_all(comm, lambda: refuse_no_free_area(free_area, radii, ids.start))
+        found = sites(free_area, n, largest, number, comm)
     else:
         columns, rows, upright = lattice(box, n, 2.0 * largest)
         lengths = box.lengths[::-1] if upright else box.lengths

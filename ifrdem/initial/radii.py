@@ -15,7 +15,7 @@ from typing import Annotated
 import numpy as np
 
 from ..errors import InputError
-from ..kernels.limits import MOST_IDS
+from ..kernels.columns import MOST_IDS
 from ..mpi import communicator
 from ..mpi.distribution import numbered
 from ..tools import seeds

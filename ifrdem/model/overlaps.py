@@ -14,7 +14,7 @@ from ..mpi import communicator, distribution
 from ..tools import checked
 from ..tools.checked import Array
 from .box import Box
-from .free_area import Room
+from .free_area import FreeArea
 
 TOLERANCE = 1e-9
 """Overlap, as a part of the contact distance, that counts as rounding.
@@ -46,10 +46,10 @@ def refuse_wider_than_box(box: Box, radius: Array, first: int = 0) -> None:
         )
 
 
-def refuse_no_room(room: Room, radius: Array, first: int = 0) -> None:
+def refuse_no_free_area(free_area: FreeArea, radius: Array, first: int = 0) -> None:
     """Raise InputError if walls leave no room for some disk, wherever it stands; numbers as above."""
     i = int(np.argmax(radius)) if len(radius) else 0
-    if len(radius) and room.all_walls and room.area(float(radius[i])) <= 0.0:
+    if len(radius) and free_area.all_walls and free_area.area(float(radius[i])) <= 0.0:
         raise InputError(f"the walls leave no room for disk {first + i}, of diameter {2.0 * radius[i]:.6g}")
 
 

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..kernels.columns import MECHANISM
-from ..kernels.limits import MOST_IDS
+from ..kernels.columns import MECHANISM, MOST_IDS
 from ..mpi import distribution
 from ..tools import checked
 from ..tools.checked import Array, Integer, Numbers, validated

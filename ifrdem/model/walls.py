@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError, nearest
-from ..kernels.columns import WALL, named
-from ..kernels.limits import MOST_WALLS
+from ..kernels.columns import MOST_WALLS, WALL, named
 from ..mpi import distribution
 from ..tools.checked import Array, Integer, Number, Numbers, validated
 from . import outlines

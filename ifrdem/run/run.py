@@ -95,7 +95,7 @@ def run(
         folder = outputs.trajectory.parent
         refuse(check.refused_here(gas, estimate, folder, share=share, ranks=ranks, sliced=sliced))
         check.refuse_cadences(gas, estimate)
-        crushes = gas.crushes()
+        crushes = gas.wall_pinch_warnings()
         say(check.summary(gas, estimate, how(case, cores, comm)))
         for text in (*gas.warnings, *crushes, *gas.cautions):
             warn(text)
@@ -191,8 +191,8 @@ def run_root(
     gas, simulation = running.file.gas, running.simulation
     case, run = gas.case, gas.case.run
     take = simulation.take_events if case.output.tracks else None
-    named = wall_names(gas.room.all_walls, gas.box)
-    walls = zip(named, gas.room.all_walls, strict=True)
+    named = wall_names(gas.free_area.all_walls, gas.box)
+    walls = zip(named, gas.free_area.all_walls, strict=True)
     pistons = [name for name, wall in walls if wall.piston is not None]
     recorder = Recorder(running.writer, running.ledger, take, running.pending, walls=named, pistons=pistons)
     status = Status(

@@ -53,15 +53,14 @@ from numpy.typing import NDArray
 
 from ..errors import EngineError, InputError
 from ..kernels import layout as k
-from ..kernels.columns import named
+from ..kernels.columns import ADDRESSABLE, named
 from ..kernels.language import ti, view
-from ..kernels.limits import ADDRESSABLE
 from ..kernels.readout import put_rows, take_rows
-from ..kernels.windows import WIDEN, sum_shared, survey, verify
+from ..kernels.windows import HALO_GROWTH, sum_shared, survey, verify
 from ..model.box import Box
 from ..model.state import COLUMNS, DiskKinds, Disks
 from ..mpi import communicator, distribution
-from .arrays import DeviceArrays, kind_rows, kinds_of, stretches, sums_of_blocks, tiles_on_ranks
+from .arrays import DeviceArrays, concatenated_ranges, kind_rows, kinds_of, sums_of_blocks, tiles_on_ranks
 from .windows import Windows, _Again
 
 # Windows between looks at who has more to do than others, and how much more is too much.
@@ -307,13 +306,13 @@ class RankArrays(DeviceArrays):
         elif len(rows):
             put_rows(array, numbers_of(at), np.ascontiguousarray(rows.reshape(len(rows), -1)))
 
-    def _told_rows(self, name: str, at: slice | NDArray[np.integer]) -> NDArray[Any]:
+    def state_rows(self, name: str, at: slice | NDArray[np.integer]) -> NDArray[Any]:
         """Some rows of the state for another rank; of `kind` the columns, where each has a table of its own."""
         rows = self._rows(name, at)
         return self._rows("kinds", rows) if name == "kind" and self._of_here else rows
 
     def _take_rows(self, name: str, at: slice | NDArray[np.integer], rows: NDArray[Any]) -> None:
-        """Write rows of the state as `_told_rows` tells them; columns of kinds are added to the own table."""
+        """Write rows of the state as `state_rows` tells them; columns of kinds are added to the own table."""
         if name == "kind" and self._of_here:
             new = slice(self._in_table, self._in_table + len(rows))
             self._put_rows("kinds", new, rows)
@@ -333,7 +332,7 @@ class RankArrays(DeviceArrays):
         own = self.rows_here(part := int(self.grid.part))
         if self._in_table + more > min(self.kinds.shape[0], own + more + own // 2 + 64):
             slots = self.rows_of(part)[0]
-            rows = self._told_rows("kind", slots)
+            rows = self.state_rows("kind", slots)
             self._empty_table(own, more)
             self._take_rows("kind", slots, rows)
 
@@ -365,8 +364,8 @@ class RankArrays(DeviceArrays):
 
     def bands(self) -> NDArray[np.float64]:
         """Halo that each own tile begins with, and what it may grow to when it runs again for the first time."""
-        wider = np.maximum(k.NARROWER * self._halo_factor[self.own], 1.0)
-        halo = WIDEN * wider * float(self.scale.usual_halo)
+        wider = np.maximum(k.HALO_DECAY * self._halo_factor[self.own], 1.0)
+        halo = HALO_GROWTH * wider * float(self.scale.usual_halo)
         return np.minimum(halo, float(self.scale.most_halo))
 
     def _near(
@@ -413,13 +412,13 @@ class RankArrays(DeviceArrays):
         messages: list[tuple[NDArray[Any], ...]] = []
         for q, tiles in zip(self._partners, self._given_tiles, strict=True):
             counts = count[tiles]
-            slots = stretches(first[tiles], counts)
+            slots = concatenated_ranges(first[tiles], counts)
             if not whole:
                 near = self._near(q, tiles, slots, counts)
                 slots, listed = slots[near], np.repeat(np.arange(len(tiles)), counts)[near]
                 counts = np.bincount(listed, minlength=len(tiles))
             self._given.append(slots)
-            rows = (self._told_rows(name, part * self.room + slots) for name in names)
+            rows = (self.state_rows(name, part * self.room + slots) for name in names)
             messages.append((counts.astype(np.int32), *rows))
         self.communication.windows += 1
         self.communication.ghosts += sum(each.nbytes for message in messages for each in message)
@@ -431,7 +430,7 @@ class RankArrays(DeviceArrays):
         part, names = int(self.grid.part), self._names()
         count = named(self._values("tile"), "tile").count[self.own, part]
         rows, _listed = self.rows_of(part)
-        lists = (count, *(self._told_rows(name, rows) for name in names))
+        lists = (count, *(self.state_rows(name, rows) for name in names))
         found = self.comm.allgather(lists)
         self._lay_beside([
             (np.flatnonzero(self.owner == q), found[q]) for q in range(self.comm.size) if q != self.comm.rank
@@ -611,7 +610,7 @@ class RankArrays(DeviceArrays):
 
     def rows_here(self, part: int) -> int:
         """Number of disks that this rank has at the beginning or end of a window, or at a moment in it."""
-        lists = 1 - int(self.grid.part) if part >= k.TOLD else part
+        lists = 1 - int(self.grid.part) if part >= k.SNAPSHOT else part
         return int(named(self._values("tile"), "tile").count[self.own, lists].sum())
 
     def by_id(self, part: int, arrays: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
@@ -695,7 +694,7 @@ class RankWindows(Windows):
         while True:
             a.list_tiles(a.own)
             if again:
-                self._watched, self._claimed = [], 0
+                self._watched, self._n_ghosts = [], 0
             try:
                 return super()._launch(len(a.own), 1, again)
             except _Again:

@@ -93,7 +93,7 @@ def read(
         told["last_partner"] = counts_of.last_partner.copy()
     if uses.remembers:
         # Since the window's beginning; at its end, since that.
-        told["latest_collision"] = np.minimum(engine.windows.told_from + dates.latest, time)
+        told["latest_collision"] = np.minimum(engine.windows.time_origin + dates.latest, time)
     if uses.turned:
         told["angle"] = dates.angle.copy()
     if uses.itemised:

@@ -268,8 +268,8 @@ class Simulation(Sealed, PicturedDisks):
         self._tracking = self._follow_disks(tracked, kinds, box, walls)
         ledger = ledger or dissipated
         self._stopping = False
-        self._foreseen = False
-        self._given = 0.0  # energy that changes between runs put in
+        self._pinches_checked = False
+        self._external_energy = 0.0  # from changes between runs
         with backend.sole_use():
             self._engine = Engine(
                 disks, box, begin, table, arch=arch, threads=threads, precision=precision,
@@ -355,7 +355,7 @@ class Simulation(Sealed, PicturedDisks):
         """
         put_in = math.fsum(self._engine.force_steps.energy_inputs)
         self._engine.set_forces(forces)
-        self._given += put_in
+        self._external_energy += put_in
 
     @validated
     def set_gravity(self, gravity: tuple[float, float]) -> None:
@@ -413,7 +413,9 @@ class Simulation(Sealed, PicturedDisks):
 
     def _count_change(self, before: Measure) -> None:
         after = self.measure()
-        self._given += after.energy + after.potential_energy - before.energy - before.potential_energy
+        self._external_energy += (
+            after.energy + after.potential_energy - before.energy - before.potential_energy
+        )
 
     def _try_on(self, kind: type[CollisionLaw], table: NDArray[np.float64], state: State) -> None:
         """Try a law that nobody has judged."""
@@ -563,7 +565,7 @@ class Simulation(Sealed, PicturedDisks):
         act no more and the change of potential energy where gravity turns count too.
         """
         done = self._engine.force_steps.energy_inputs
-        return math.fsum((*done, self.shear_work, self._engine.turning.work, self._given))
+        return math.fsum((*done, self.shear_work, self._engine.turning.work, self._external_energy))
 
     @property
     def dissipated_energy(self) -> float:
@@ -619,7 +621,7 @@ class Simulation(Sealed, PicturedDisks):
         found |= {f"state_{name}": getattr(state, name) for name in ("position", "velocity", "spin")}
         found["state_pistons"] = self.pistons
         meta: dict[str, Any] = {"fingerprint": snapshot.fingerprint(self._engine)}
-        meta |= {"first": self._first, "given": self._given, "extra": dict(extra or {})}
+        meta |= {"first": self._first, "given": self._external_energy, "extra": dict(extra or {})}
         own, small = snapshot.divided(found)
         small |= arrays or {}
         if self.sliced:
@@ -662,7 +664,7 @@ class Simulation(Sealed, PicturedDisks):
             rows = distribution.scatter(comm, self.disks.n, list(own.values()) if comm.rank == 0 else None)
             found = small | dict(zip(names, rows, strict=True))
         snapshot.put_back(self._engine, found)
-        self._first, self._given = float(meta["first"]), float(meta["given"])
+        self._first, self._external_energy = float(meta["first"]), float(meta["given"])
         extra: dict[str, Any] = meta["extra"]
         return extra
 
@@ -744,7 +746,7 @@ class Simulation(Sealed, PicturedDisks):
                 refuse_endless(cadence, span)
         if span.is_over and communicator.is_root(self._engine.comm):
             warn_of_end(t_end=t_end, collisions_per_disk=collisions_per_disk)
-        self._foresee(span.end.time)
+        self._warn_of_pinches(span.end.time)
         bar, comm = None, self._engine.comm
         if progress is True or (progress is None and comm is None and seen()):
             series = Cadence(number=BAR_STEPS) if series is None else series  # pauses, which change no bit
@@ -762,13 +764,15 @@ class Simulation(Sealed, PicturedDisks):
                 progress=progress or None,
             )
 
-    def _foresee(self, t_end: float) -> None:
+    def _warn_of_pinches(self, t_end: float) -> None:
         """Warn, once, of walls that may crush a disk between them until `t_end` [time]; InputError if they must."""
-        if self._foreseen or not self.disks.n or self.box.is_open:
+        if self._pinches_checked or not self.disks.n or self.box.is_open:
             return
-        for text in crush.foreseen(self._engine.walls, self.box, self.disks.radius, self.time, t_end):
+        for text in crush.wall_pinch_warnings(
+            self._engine.walls, self.box, self.disks.radius, self.time, t_end
+        ):
             warnings.warn(text, crush.WallWarning, stacklevel=4)
-        self._foreseen = True
+        self._pinches_checked = True
 
     def switch_ledger(self, on: bool) -> None:
         """Go on without the energy ledger, or with it again; what it holds is then of the time with it only.
@@ -939,7 +943,7 @@ class Simulation(Sealed, PicturedDisks):
         if not observers:
             return
         state, totals = self._engine.observed(stored)
-        measured = from_totals(self.disks, totals, self.time, self.wall_hits, **self._put_in())
+        measured = from_totals(self.disks, totals, self.time, self.wall_hits, **self._energy_terms())
 
         def tell() -> None:
             assert state is not None
@@ -966,9 +970,9 @@ class Simulation(Sealed, PicturedDisks):
             ledger["dissipated"], ledger["regimes"] = self._engine.dissipated()
         if self._engine.options.wall_sums:
             ledger["walls"] = self._engine.wall_sums
-        return from_totals(self.disks, totals, self.time, self.wall_hits, **self._put_in(), **ledger)
+        return from_totals(self.disks, totals, self.time, self.wall_hits, **self._energy_terms(), **ledger)
 
-    def _put_in(self) -> dict[str, Any]:
+    def _energy_terms(self) -> dict[str, Any]:
         """Arguments of `measure` that a state does not contain: sums since the start, directions of a free drift."""
         free = self._engine.free if self._engine.force_steps.keep_momentum else (False, False)
         return {

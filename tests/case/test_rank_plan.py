@@ -16,7 +16,7 @@ from ifrdem.case.estimate import RankPlan, RunEstimate, strip_bytes
 from ifrdem.case.gas import CaseGas
 from ifrdem.errors import InputError
 from ifrdem.initial import placement
-from ifrdem.kernels import limits
+from ifrdem.kernels import columns
 from ifrdem.mpi import distribution
 from ifrdem.simulation import checks, device
 from ifrdem.tools import seeds
@@ -146,7 +146,7 @@ def test_strips_that_a_rank_places_at_random_count(monkeypatch: pytest.MonkeyPat
     plan = RankPlan.of(lattice.gas, estimate, 16)
     assert plan.memory == pytest.approx(280e6 + halos + tiles, rel=1e-4)
     # A machine with one of the 16 ranks: 200 bytes of the writer, 198 of the engine, and a strip, or 300 for each.
-    needed = 68_750 * (200 + limits.BYTES_PER_DISK) + one
+    needed = 68_750 * (200 + columns.BYTES_PER_DISK) + one
     options = {"share": 1 / 16, "ranks": 16, "sliced": True}
     monkeypatch.setattr(device, "memory_available", lambda: needed - 1)
     summary.refuse_beyond_memory(1_100_000, "cpu", **options)

@@ -32,7 +32,7 @@ from ifrdem.simulation import arrays, ranks
 from ifrdem.simulation.engine import Engine
 
 k.BLOCK_OF_TILES = windows.BLOCK_OF_TILES = 3  # so that blocks lie on several ranks
-arrays.ALONE = 100  # windows as short as those of gases that are divided
+arrays.SINGLE_TILE = 100  # windows as short as those of gases that are divided
 N = 3000
 COMM = MPI.COMM_WORLD
 Gas = tuple[Any, Box, State, tuple[float, ...], float, dict[str, Any]]
@@ -132,7 +132,7 @@ GASES: dict[str, Any] = {
 def after(gas: Gas, comm: Any) -> tuple[Engine, dict[str, Any]]:
     """A gas at its end, all numbers that it has."""
     disks, box, state, law, per_disk, more = gas
-    options = {"order": "tiles", "tile_disks": 150, "threads": 1} | more
+    options = {"order": "tiled", "tile_disks": 150, "threads": 1} | more
     if comm is not None and comm.rank:  # those of the first are taken
         disks, state = None, None  # type: ignore[assignment]
     engine = Engine(disks, box, state, np.array([[law]]), comm=comm, **options)
@@ -185,14 +185,14 @@ def half_a_ring() -> None:
 def half_a_halo() -> None:
     """Neighbours send a quarter of what halos need."""
     whole = ranks.RankArrays.bands
-    ranks.RankArrays.bands = lambda self: whole(self) / ranks.WIDEN / 4.0  # type: ignore[method-assign]
+    ranks.RankArrays.bands = lambda self: whole(self) / ranks.HALO_GROWTH / 4.0  # type: ignore[method-assign]
     ranks.RankArrays.n_short = lambda self, bad: 0  # type: ignore[method-assign]
 
 
 def no_foresight() -> None:
     """Neighbours send what halos need at first. This is no fault: it costs time."""
     whole = ranks.RankArrays.bands
-    ranks.RankArrays.bands = lambda self: whole(self) / ranks.WIDEN  # type: ignore[method-assign]
+    ranks.RankArrays.bands = lambda self: whole(self) / ranks.HALO_GROWTH  # type: ignore[method-assign]
 
 
 def no_trails() -> None:

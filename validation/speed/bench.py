@@ -309,7 +309,7 @@ def measure(
     return Benchmark(
         gas="elastic gas" if after is None else run.name,
         n=gas.n,
-        phi=gas.room.covered_part(gas.kinds.covered),
+        phi=gas.free_area.covered_part(gas.kinds.covered),
         arch=run.arch,
         threads=_threads(run.threads, comm) if run.arch == "cpu" else 1,
         precision=run.precision,
