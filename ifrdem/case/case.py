@@ -14,7 +14,7 @@ from pydantic import AfterValidator, Field, model_validator
 from ..errors import InputError, nearest, there_are
 from ..fit.tabular import Form
 from ..initial import radii
-from ..kernels.limits import MOST_IDS
+from ..kernels.columns import MOST_IDS
 from ..model.box import Box
 from ..model.coin_table import coins
 from ..simulation.turning import MOST_STEP, USUAL_STEP
@@ -31,7 +31,8 @@ UNITS: Mapping[str, Mapping[str, str]] = {"SI": _SI, "reduced": dict.fromkeys(_S
 
 Name = Annotated[str, Field(min_length=1, max_length=100)]
 IMPACT_SCAN = "impact_scan"
-PLACED = ("random", "lubachevsky_stillinger", "hexagonal")
+GROWN = "lubachevsky_stillinger"
+PLACED = ("random", GROWN, "hexagonal")
 WAYS_TO_PLACE = (*PLACED, IMPACT_SCAN)
 
 

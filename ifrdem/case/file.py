@@ -14,7 +14,8 @@ from typing import Any, get_args, get_origin
 from pydantic import ValidationError
 
 from ..errors import InputError, listed, nearest
-from ..tools import text_file, world
+from ..mpi import communicator
+from ..tools import text_file
 from .case import IMPACT_SCAN, Case
 from .gas import CaseGas, judge
 from .section import Problem, Section
@@ -91,8 +92,10 @@ def read_on_ranks(find: Callable[[], Path], overrides: Sequence[str], comm: Any)
         path = find()
         return of_text(load(path)[0], path, overrides, comm)
 
-    whole = world.on_first(comm, first)
-    file = world.told(comm, None if whole is None else replace(whole, gas=replace(whole.gas, given=None)))
+    whole = communicator.run_on_root(comm, first)
+    file = communicator.bcast(
+        comm, None if whole is None else replace(whole, gas=replace(whole.gas, given=None))
+    )
     assert file is not None
     if not file.gas.is_read_in_slices(comm):
         return whole or file

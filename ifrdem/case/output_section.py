@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
 from ..errors import InputError, nearest
+from ..mpi.distribution import GATHERED
 from ..simulation.schedule import MOST as MOST_FRAMES
 from ..simulation.schedule import Cadence
-from ..tools.slices import GATHERED
 from .section import Section, field, refusal
 
 FieldName = Literal[

@@ -17,17 +17,17 @@ from numpy.typing import NDArray
 from ..errors import InputError, there_are
 from ..initial import from_csv, from_trajectory, placement
 from ..initial.from_csv import Given
-from ..kernels.limits import MOST_IDS, MOST_WALLS
+from ..kernels.columns import MOST_IDS, MOST_WALLS
 from ..model.box import Box
-from ..model.free_area import Room
+from ..model.free_area import FreeArea
 from ..model.overlaps import check_no_overlap, relax
 from ..model.state import DiskKinds
 from ..model.walls import Wall, check_place, pieces
 from ..model.walls import check as check_free_of_walls
+from ..mpi import communicator, distribution
 from ..simulation.checks import check_number, check_pistons
 from ..simulation.schedule import first_after, time_of
-from ..tools import slices, world
-from .case import IMPACT_SCAN, Case
+from .case import GROWN, IMPACT_SCAN, Case
 from .pair_rules import PairVerdict
 from .section import Problem
 from .species import Species
@@ -189,11 +189,11 @@ def check_walls(
             yield Problem(key, None, f"the {wall.shape} lies outside of the box, {reaches}")
             continue
         placed.append(wall)
-    room, largest = Room(box, tuple(placed)), float(radius.max())
-    if (number := pieces(room.all_walls)) > MOST_WALLS:
+    free_area, largest = FreeArea(box, tuple(placed)), float(radius.max())
+    if (number := pieces(free_area.all_walls)) > MOST_WALLS:
         count = f"{number} walls: {MOST_WALLS} at most are supported"
         yield Problem("wall", None, f"{count}, the sides of the box included")
-    elif len(placed) == len(walls) and room.all_walls and room.area(largest) <= 0.0:
+    elif len(placed) == len(walls) and free_area.all_walls and free_area.area(largest) <= 0.0:
         text = f"the walls leave no room for a disk of diameter {2.0 * largest:.6g}"
         yield Problem("wall" if walls else "box.lengths", None, text)
 
@@ -244,7 +244,7 @@ def check_output(case: Case, n: int, box: Box) -> Iterator[Problem]:
         yield Problem("output.histories", None, text)
 
 
-GROWN = (
+NOT_GROWN_ON_RANKS = (
     "grows all disks in one process, of more than 1,000,000 disks not on several ranks: run the case without mpiexec "
     'for a moment (--max-hours 0.001, output.precision = "f8"), and begin on ranks from its trajectory'
 )
@@ -274,11 +274,11 @@ def check_on_ranks(
         yield _at(case, key, text)
     if (
         start
-        and case.start.positions == "lubachevsky_stillinger"
+        and case.start.positions == GROWN
         and case.start.file is None
-        and kinds.n > slices.GATHERED
+        and kinds.n > distribution.GATHERED
     ):
-        yield _at(case, "start.positions", GROWN)
+        yield _at(case, "start.positions", NOT_GROWN_ON_RANKS)
     try:
         check_number(kinds.n, ranks)
         if sound and not keys and run.device == "cpu":  # a GPU's engine has other tiles, and tells itself
@@ -290,31 +290,31 @@ def check_on_ranks(
 
 
 def check_room(
-    case: Case, species: Sequence[Species], kinds: DiskKinds, room: Room | None
+    case: Case, species: Sequence[Species], kinds: DiskKinds, free_area: FreeArea | None
 ) -> Iterator[Problem]:
     """`room` is where disks start: that of the box, or of a part of an open one, if any."""
-    period = room.box.shortest_period if room is not None else math.inf
+    period = free_area.box.shortest_period if free_area is not None else math.inf
     fits = True
     for each in species if not case.box.open else ():
         largest = 2.0 * each.summary.radius.high
-        if room is not None and largest > LARGEST_DISK * period:
-            fits, sides = False, room.box.lengths
+        if free_area is not None and largest > LARGEST_DISK * period:
+            fits, sides = False, free_area.box.lengths
             text = f"a disk of species '{each.name}' has diameter {largest:.6g}, more than a third of a periodic side"
             more = "a larger box is needed, or more disks at this packing fraction"
             yield Problem("box", f"{sides[0]:.6g} x {sides[1]:.6g}", f"{text}: {more}")
-    if not fits or room is None:
+    if not fits or free_area is None:
         return
-    covered, dense = room.covered_part(kinds.covered), _size_key(case)
+    covered, dense = free_area.covered_part(kinds.covered), _size_key(case)
     if covered >= 1.0:
-        place = "room between walls" if room.all_walls else "box"
+        place = "free area between walls" if free_area.all_walls else "box"
         text = f"the disks cover more than the {place} has" + _attainable(kinds, covered)
         yield Problem(dense, f"{covered:.4g} of the area", text)
     elif case.start.placed and case.start.positions == "hexagonal":
         try:
-            if room.all_walls:
-                placement.check_sites(room, kinds.n, float(kinds.radius.max()))
+            if free_area.all_walls:
+                placement.check_sites(free_area, kinds.n, float(kinds.radius.max()))
             else:
-                placement.lattice(room.box, kinds.n, 2.0 * float(kinds.radius.max()))
+                placement.lattice(free_area.box, kinds.n, 2.0 * float(kinds.radius.max()))
         except InputError as error:
             yield _at(case, "start.positions", str(error))
     elif case.start.placed and case.start.positions == "random":
@@ -396,7 +396,7 @@ def _check_pistons(case: Case, given: Given) -> Iterator[Problem]:
 def given_start(
     case: Case,
     radius: NDArray[np.float64],
-    room: Room,
+    free_area: FreeArea,
     folder: Path,
     found: list[Problem],
     comm: Any = None,
@@ -405,7 +405,7 @@ def given_start(
 
     Of ranks of MPI (`comm`), each gives the radii of its slice and gets its rows; what is wrong is told to all.
     """
-    start, box = case.start, room.box
+    start, box = case.start, free_area.box
     key, name = "start.positions", start.trajectory
     if name is None:
         key, name = "start.file", start.file
@@ -414,24 +414,29 @@ def given_start(
     value = f'"{name}"'
     try:
         if start.trajectory is not None:
-            options: Any = {"motion": start.motion, "time": start.time, "walls": room.walls, "comm": comm}
+            options: Any = {
+                "motion": start.motion,
+                "time": start.time,
+                "walls": free_area.walls,
+                "comm": comm,
+            }
             given = from_trajectory.read(folder / name, start.frame, radius, box, **options)
         else:
             given = from_csv.read(
-                folder / name, slices.numbered(len(radius), comm)[1], box, start.form, comm=comm
+                folder / name, distribution.numbered(len(radius), comm)[1], box, start.form, comm=comm
             )
             given = replace(given, time=start.time or 0.0)
             at: Any = {"time": given.time, "comm": comm}
             if start.relax is not None:
                 given = replace(given, position=relax(box, radius, given.position, start.relax, **at))
             check_no_overlap(box, radius, given.position, **at)
-            check_free_of_walls(room.all_walls, box, given.position, radius, **at)
+            check_free_of_walls(free_area.all_walls, box, given.position, radius, **at)
     except InputError as error:
         found += [Problem(key, value, line) for line in str(error).splitlines()]
         return None
     found += [*check_clock(case, given.time, given.collisions), *_check_pistons(case, given)]
     if start.trajectory is not None and start.time is None and "collisions" not in given.past:
-        counted = [i for i, wall in enumerate(room.walls) if wall.opens_after is not None]
+        counted = [i for i, wall in enumerate(free_area.walls) if wall.opens_after is not None]
         found += [
             _at(case, f"wall[{i}].opens_after", f"requires the field collisions (output.fields) in {key} = {value}, "
                 "to count from; start.time = 0 begins a new clock")
@@ -439,7 +444,7 @@ def given_start(
         ]  # fmt: skip
     drawn = any(each.speed_rms for each in case.species)
     fastest = 0.0 if given.velocity is None else float(np.abs(given.velocity).max(initial=0.0))
-    moving = drawn if given.velocity is None else world.largest(comm, fastest) > 0.0
+    moving = drawn if given.velocity is None else communicator.largest(comm, fastest) > 0.0
     wanted = case.run.collisions_per_disk
     if wanted is not None and _disks(case) > 1 and not moving and not case.sets_in_motion:
         if given.velocity is None:

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from ..initial import radii
 from ..model.coin_table import coins
-from ..model.state import Kinds, extremes, kinds_among, united
-from ..tools import seeds, slices
+from ..model.state import Kinds, extremes, kinds_among, merge_kinds
+from ..mpi import distribution
+from ..tools import seeds
 from .case import Case, RadiiSection, SpeciesSection
 
 CLASSES = 16
@@ -68,13 +69,13 @@ class Species:
         kinds: Kinds | None = None
         sums, totals = {}, np.zeros(2)
         seen = range(self.number if isinstance(self.radius, RadiiSection) else 1)
-        for ids in slices.blocks(seen):
+        for ids in distribution.blocks(seen):
             mass, radius = self.columns(ids)
             rows = [mass, radius, np.full(len(ids), self.k), np.zeros(len(ids), dtype=np.int32)]
             if kinds is None:
                 kinds = kinds_among(rows)
             else:  # where there are many, they are not told apart any more
-                kinds = united([kinds, kinds_among(rows) if kinds[1] else (extremes(rows), False)])
+                kinds = merge_kinds([kinds, kinds_among(rows) if kinds[1] else (extremes(rows), False)])
             sums[ids] = _sums(radius)
             totals += np.sum(mass), np.sum(radius)
         assert kinds is not None  # each has a disk
@@ -100,11 +101,11 @@ class Species:
         """Species of equal disks that stand for these: one for each radius, or `CLASSES` groups of like radii.
 
         Speeds are those of a Maxwellian of the whole: components have a variance that goes as 1/m. The first block of
-        disks (`slices.BLOCK`) stands for all.
+        disks (`distribution.BLOCK`) stands for all.
         """
         if self.equal:
             return [self]
-        mass, radius = self.columns(range(min(self.number, slices.BLOCK)))
+        mass, radius = self.columns(range(min(self.number, distribution.BLOCK)))
         values, group = np.unique(radius, return_inverse=True)
         if len(values) > CLASSES:
             order = np.argsort(radius, kind="stable")

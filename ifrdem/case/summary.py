@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError, refuse
-from ..kernels.limits import BYTES_PER_DISK
+from ..kernels.columns import BYTES_PER_DISK
 from ..model.box import describe_sides
 from ..model.walls import Wall
+from ..mpi.distribution import GATHERED
 from ..simulation import checks
 from ..simulation import device as backend
 from ..tools.progress import size_of_time
-from ..tools.slices import GATHERED
-from .case import Case
+from .case import GROWN, Case
 from .estimate import (
     GROWTH_BYTES_PER_DISK,
     HOST_BYTES_PER_DISK,
@@ -30,7 +30,7 @@ from .estimate import (
 )
 from .gas import CaseGas
 from .output_section import MOST_FRAMES
-from .rules import GROWN
+from .rules import NOT_GROWN_ON_RANKS
 from .species import Spread
 
 WRITER_BYTES_PER_DISK = 200
@@ -123,7 +123,7 @@ def check(
     """
     estimate = RunEstimate.of(gas)
     refuse_cadences(gas, estimate)
-    crushes = gas.crushes()
+    crushes = gas.wall_pinch_warnings()
     if ranks == 1:
         gas.try_start()
     here = refused_here(gas, estimate, folder, share=share, ranks=ranks, sliced=sliced)
@@ -186,7 +186,7 @@ def refuse_beyond_memory(
             have = f"{ranks} GPUs have {size(memory)} of memory each" if ranks > 1 else ""
             have = have or f"the GPU has {size(memory)} of memory"
             raise InputError(f"{n} disks: {have}, in which {ranks * most} fit")
-    host = GROWTH_BYTES_PER_DISK if positions == "lubachevsky_stillinger" else HOST_BYTES_PER_DISK
+    host = GROWTH_BYTES_PER_DISK if positions == GROWN else HOST_BYTES_PER_DISK
     engine = BYTES_PER_DISK if arch == "cpu" else 0
     here = share * n if sliced else n
     placing = start if sliced and start else here * host
@@ -256,8 +256,8 @@ def report(gas: CaseGas, estimate: RunEstimate) -> str:
     if case.run.device == "cpu" and gas.n > GATHERED and estimate.packing_fraction > 0.0:
         plans = [RankPlan.of(gas, estimate, ranks) for ranks in planned_ranks(gas.n)]
         lines += [_row("on ranks of MPI" if i == 0 else "", _planned(each)) for i, each in enumerate(plans)]
-        if case.start.positions == "lubachevsky_stillinger" and case.start.file is None:
-            lines.append(_row("", f'start.positions = "lubachevsky_stillinger" {GROWN}'))
+        if case.start.positions == GROWN and case.start.file is None:
+            lines.append(_row("", f'start.positions = "{GROWN}" {NOT_GROWN_ON_RANKS}'))
     return "\n".join(lines)
 
 
@@ -370,10 +370,10 @@ def _walls(gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, str]]:
         text = f"turns at {rate} in steps of {case.box.gravity_rotation_step:g} rad; Froude number of such a drum "
         text += f"{gas.drum:.3g}"
         lines.append(("", text))
-    if gas.room.all_walls:
-        area = f"{gas.room.area():.5g}{f'{length}^2' if length else ''}"
-        part = gas.room.area() / gas.box.area
-        lines.append(("room between walls", f"{area}, {100.0 * part:.4g} % of the box; densities are in it"))
+    if gas.free_area.all_walls:
+        area = f"{gas.free_area.area():.5g}{f'{length}^2' if length else ''}"
+        part = gas.free_area.area() / gas.box.area
+        lines.append(("free area", f"{area} ({100.0 * part:.4g} % of the box); densities refer to it"))
     if case.box.material is not None:
         walled = [axis for axis, periodic in zip("xy", case.box.periodic, strict=True) if not periodic]
         lines.append(("sides", f"walls of {case.box.material} across {' and '.join(walled)}"))
@@ -407,7 +407,9 @@ def _walls(gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, str]]:
             text = f"resting speed {rest:g}{speed}: contacts below it last, and disks fall asleep"
         lines.append(("collapse", text))
     elif (
-        g > 0.0 and gas.room.all_walls and not all(each.law and each.law.e_n == 1.0 for each in gas.verdicts)
+        g > 0.0
+        and gas.free_area.all_walls
+        and not all(each.law and each.law.e_n == 1.0 for each in gas.verdicts)
     ):
         ways = '"velocity_cutoff" or "tc"' if any(wall.piston for wall in gas.walls) else '"rest"'
         text = f"no remedy: disks that come to rest on others end the run (run.collapse = {ways} helps)"

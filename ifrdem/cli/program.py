@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from ..errors import InputError, there_are
-from ..tools import world
+from ..mpi import communicator
 from .console import progress, ranks, say
 from .options import Precision, Set, Wrong, flag, number, option, overrides, whole
 
@@ -80,7 +80,7 @@ def bench(
     range; progress goes to the standard error stream. Under `mpiexec -n P` it times one gas on P ranks, and counts what
     they send. A grid of gases, start times and the cost of output are scripts (`ifrdem docs performance`).
     """
-    from ..kernels.limits import MOST_DISKS
+    from ..kernels.columns import MOST_DISKS
     from ..simulation import device as backend
     from ..validation.speed import bench as timing
 
@@ -113,7 +113,7 @@ def bench(
     if case is not None:
         chosen["overrides"] = overrides(set, device=device, seed=seed, threads=threads, precision=precision)
     found = timing.bench(case, comm=comm, **chosen)
-    if not world.is_first(comm):
+    if not communicator.is_root(comm):
         return
     say(json_format.dumps(found.figures(), indent=2) if json else found.report())
 

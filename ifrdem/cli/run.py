@@ -13,7 +13,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from ..errors import InputError, Stopped, TrajectoryError
-from ..tools import world
+from ..mpi import communicator
 from .console import FAILED, UNFINISHED, complain, note, ranks, say, warn
 from .options import (
     Case,
@@ -77,12 +77,12 @@ def run(
         outputs.check(force=force)  # before the imports below, which take a second
         return outputs
 
-    outputs = world.from_first(comm, planned)
+    outputs = communicator.root_result(comm, planned)
 
-    from ..run import job
+    from ..run import run as running
 
     return _ended(
-        lambda: job.run(file, outputs, force=force, max_hours=hours, say=note, warn=warn, comm=comm)
+        lambda: running.run(file, outputs, force=force, max_hours=hours, say=note, warn=warn, comm=comm)
     )
 
 
@@ -111,7 +111,7 @@ def resume(
     from ..run import resume as resuming
 
     comm = ranks()
-    world.on_first(comm, lambda: resuming.find(place))  # before anything takes a second
+    communicator.run_on_root(comm, lambda: resuming.find(place))  # before anything takes a second
     return _ended(
         lambda: resuming.resume(
             place, ignore_case_changes=ignore_case_changes, threads=int(threads) if threads else None, max_hours=hours,
@@ -130,7 +130,7 @@ def _ended(work: Callable[[], None]) -> int:
     try:
         work()
     except (TrajectoryError, Stopped) as error:
-        return world.end(error.status if isinstance(error, Stopped) else FAILED, str(error), complain)
+        return communicator.end(error.status if isinstance(error, Stopped) else FAILED, str(error), complain)
     return 0
 
 
@@ -253,8 +253,8 @@ def check(case: Case, /, *, set: Set = None) -> None:
 
     comm = ranks()
     gas = case_file.read_on_ranks(lambda: shipped.find(case), set or [], comm).gas
-    share, count = world.share_here(comm), comm.size if comm else 1
-    sliced = gas.is_told_in_slices(comm) and gas.is_made_in_slices
+    share, count = communicator.share_here(comm), comm.size if comm else 1
+    sliced = gas.is_distributed(comm) and gas.is_made_in_slices
 
     def report() -> None:
         text, warnings = summary.check(gas, Path(), share=share, ranks=count, sliced=sliced)
@@ -262,7 +262,7 @@ def check(case: Case, /, *, set: Set = None) -> None:
         for each in warnings:
             warn(each)
 
-    world.on_first(comm, report)
+    communicator.run_on_root(comm, report)
 
 
 KIND = (

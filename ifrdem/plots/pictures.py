@@ -155,7 +155,7 @@ def _layout(trajectory: Trajectory, what: str) -> dict[str, Any]:
     if len(trajectory) == 0:
         raise InputError(f"{trajectory.path}: no frame to draw")
     if what == "temperatures":
-        return {} if trajectory.room.all_walls else UPPER_AND_LOWER
+        return {} if trajectory.free_area.all_walls else UPPER_AND_LOWER
     if what == "ledger":  # only runs that count every collision have a residual
         known = "ledger_residual" in {*trajectory.series, *trajectory.observables}
         return UPPER_AND_LOWER if known else {}

@@ -159,7 +159,8 @@ def test_check_says_what_a_driven_gas_will_do(tmp_path: Path, capsys: pytest.Cap
     assert main(["check", str(case), "--set", "species[0].speed_rms=2.0"]) == 0
     shown = capsys.readouterr().out
     assert re.search(
-        r"force 1 +random_force: power = 3, every 0.05 \([\d.]+ of the shortest mean free time at the start\)", shown
+        r"force 1 +random_force: power = 3, every 0.05 \([\d.]+ of the shortest mean free time at the start\)",
+        shown,
     )
     T, T_rot = steady_state(IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21), 2.0, 0.5, 2.0, 0.1, Drive(power=3.0)) or (
         0,

@@ -181,7 +181,7 @@ def test_a_csv_start_begins_at_its_time(tmp_path: Path) -> None:
         tmp_path, *two, "start.time=1.75", text=walls
     ).gas  # the floor is at 0.52, and the gate is open
     assert gas.simulation().time == gas.start().time == 1.75
-    assert gas.room.area() == pytest.approx(12.0 * (11.0 - 0.5 * np.sin(2.0 * np.pi * 0.4 * 1.75)))
+    assert gas.free_area.area() == pytest.approx(12.0 * (11.0 - 0.5 * np.sin(2.0 * np.pi * 0.4 * 1.75)))
 
 
 def test_disks_of_a_csv_file_are_moved_apart_through_sheared_images(tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ from ifrdem.cli import main as cli
 from ifrdem.errors import InputError, Stopped
 from ifrdem.model.observables import Measure
 from ifrdem.model.state import State
-from ifrdem.run import job as run
+from ifrdem.run import run
 from ifrdem.run.recorder import Recorder
 from ifrdem.run.signals import Stops
 from ifrdem.simulation import checkpoint
@@ -129,10 +129,10 @@ def save_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Only the first checkpoint is written: what comes after it is lost, as if the run were killed."""
     calls: list[int] = []
 
-    def first_only(job: run.Job, recorder: run.Recorder) -> None:
+    def first_only(running: run.Run, recorder: run.Recorder) -> None:
         calls.append(1)
         if len(calls) == 1:
-            SAVE(job, recorder)
+            SAVE(running, recorder)
 
     monkeypatch.setattr(run, "save", first_only)
 

@@ -88,7 +88,7 @@ def read(path: Path) -> None:
             for name in series:
                 series[name]
         repr(trajectory)
-        for name in ("laws", "gravity", "room"):
+        for name in ("laws", "gravity", "free_area"):
             with contextlib.suppress(InputError):  # parameters that frames do not need
                 getattr(trajectory, name)
         for disk in trajectory.tracked:

@@ -28,7 +28,7 @@ from ...case import rules, summary
 from ...case.file import CaseFile
 from ...case.summary import REFUSED_HERE
 from ...errors import EngineError, InputError, Stopped
-from ...run import job
+from ...run import run as running
 from ...run.outputs import Outputs
 from ...simulation import checks
 from ...simulation.engine import EngineOptions
@@ -328,7 +328,7 @@ def disagreement(case: dict[str, Any], rows: str | None, folder: Path) -> tuple[
     try:
         with _silence(), contextlib.suppress(Stopped):
             outputs = Outputs.plan(file.case, f"{folder}/", picture=False)
-            job.run(file, outputs, force=True, max_hours=1e-9, say=_ignore, warn=_ignore)
+            running.run(file, outputs, force=True, max_hours=1e-9, say=_ignore, warn=_ignore)
     except InputError as error:
         return ("refused here", None) if here else ("accepted", f"run: {error}")
     except Exception as error:

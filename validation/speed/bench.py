@@ -29,9 +29,9 @@ from ...case import shipped, summary
 from ...case.case import UNITS, Case
 from ...case.gas import CaseGas
 from ...errors import InputError
+from ...mpi import communicator
 from ...simulation import device as backend
 from ...simulation.simulation import Simulation
-from ...tools import world
 from ...tools.progress import Progress
 from ...tools.versions import __version__
 
@@ -309,7 +309,7 @@ def measure(
     return Benchmark(
         gas="elastic gas" if after is None else run.name,
         n=gas.n,
-        phi=gas.room.covered_part(gas.kinds.covered),
+        phi=gas.free_area.covered_part(gas.kinds.covered),
         device=run.device,
         threads=_threads(run.threads, comm) if run.device == "cpu" else 1,
         precision=run.precision,
@@ -326,13 +326,13 @@ def measure(
 
 def _sent(simulation: Simulation) -> Any:
     """Counts of what this rank has sent so far, an array of `SENT`; None if it is the only one."""
-    traffic = simulation.traffic
+    traffic = simulation.communication
     return None if traffic is None else np.array([getattr(traffic, name) for name in SENT], dtype=float)
 
 
 def _threads(given: int | None, comm: Any) -> int:
     """Threads of a rank."""
-    return given or (world.cores_here(comm, backend.cores()) if comm else backend.cores())
+    return given or (communicator.cores_here(comm, backend.cores()) if comm else backend.cores())
 
 
 def prepared(
@@ -351,7 +351,7 @@ def prepared(
         end = {"collisions_per_disk": after}
     if after != 0.0:
         unit = UNITS[run.units]["time"] if run.units == "SI" else ""
-        shown = Progress(gas.n, unit=unit, **end) if world.is_first(comm) else None
+        shown = Progress(gas.n, unit=unit, **end) if communicator.is_root(comm) else None
         with shown or contextlib.nullcontext():
             simulation.run(progress=shown or False, frames=PIECES, **end)
     warm_up(simulation)
@@ -384,7 +384,7 @@ def timed(simulation: Simulation, seconds: float) -> Run:
         marks.append(time.perf_counter())
         windows.append(simulation.statistics.windows)
         enough = marks[-1] - marks[0] >= seconds and len(marks) > LEAST_LAUNCHES
-        if world.told(simulation.comm, enough):
+        if communicator.bcast(simulation.comm, enough):
             raise LongEnough
 
     with contextlib.suppress(LongEnough):
