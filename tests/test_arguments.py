@@ -246,7 +246,7 @@ OTHERS: dict[ModuleType, set[str]] = {
     analysis: {"Clusters", "ContactValue", "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic", "Impacts",
                "PairCorrelation", "Pressure", "RatioFit", "SonineCoefficients", "StructureFactor",
                "VelocityDistribution"},
-    ifrdem.forces: {"normals", "number", "uniforms"},
+    ifrdem.forces: {"normals", "uniforms"},
     ifrdem.observables: {"Measure"},
     # Tables of data are checked line by line, and what takes a fit by its own tests (`tests/fit`).
     ifrdem.fit: {"Collisions", "Data", "Design", "Estimate", "Fit", "Fitted", "Interval", "Law", "as_json", "design",
