@@ -246,7 +246,7 @@ OTHERS: dict[ModuleType, set[str]] = {
     analysis: {"Clusters", "ContactValue", "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic", "Impacts",
                "PairCorrelation", "Pressure", "RatioFit", "SonineCoefficients", "StructureFactor",
                "VelocityDistribution"},
-    ifrdem.forces: {"normals", "number", "uniforms"},
+    ifrdem.forces: {"normals", "uniforms"},
     ifrdem.observables: {"Measure"},
     # Tables of data are checked line by line, and what takes a fit by its own tests (`tests/fit`).
     ifrdem.fit: {"Collisions", "Data", "Design", "Estimate", "Fit", "Fitted", "Interval", "Law", "as_json", "design",
@@ -441,8 +441,8 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
     made = gas(threads=1)
     simulation: dict[str, Any] = {
         "disks": DISKS, "box": SMALL, "law": law, "state": STATE, "arch": "cpu", "threads": 1,
-        "precision": "f64", "window_collisions": None, "walls": (), "gravity": (0.0, 0.0), "gravity_turns": 0.0,
-        "gravity_step": 0.005, "collapse": "none", "contact_time": None, "velocity_cutoff": None,
+        "precision": "f64", "window_collisions": None, "walls": (), "gravity": (0.0, 0.0), "gravity_rotation_rate": 0.0,
+        "gravity_rotation_step": 0.005, "collapse": "none", "contact_time": None, "velocity_cutoff": None,
         "resting_speed": None, "forces": (), "seed": 0, "ledger": False, "partners": False, "angles": False,
         "dissipated": False, "wall_sums": False, "tracked": (), "comm": None, "sliced": False,
     }  # fmt: skip

@@ -615,8 +615,8 @@ class Analysis:
 
 ANALYSES = {
     "velocity": Analysis("velocities and spins: Sonine coefficients", of_velocity),
-    "g": Analysis("pair correlation g(r)", of_pairs),
-    "S": Analysis("structure factor S(k)", of_structure),
+    "rdf": Analysis("pair correlation g(r)", of_pairs),
+    "structure-factor": Analysis("structure factor S(k)", of_structure),
     "msd": Analysis("mean-square displacement", of_msd),
     "vacf": Analysis("velocity autocorrelation", of_vacf),
     "fields": Analysis("coarse-grained fields", of_fields),

@@ -33,7 +33,8 @@ from ..model.overlaps import (
     refuse_wider_than_box,
 )
 from ..model.walls import Wall
-from ..tools import seeds, slices, world
+from ..mpi import communicator, distribution
+from ..tools import seeds
 from ..tools.checked import Array, Comm, PositiveColumn, Seed, Vectors, validated
 
 MARGIN = 1e-4
@@ -145,18 +146,21 @@ def separate(
     radii, centres = checked_radii(radius), np.asarray(position, dtype=np.float64)
     if len(centres) != len(radii):
         raise InputError(f"position has {len(centres)} disks, radius {len(radii)}: must be the same number")
-    n, largest = slices.numbered(len(radii), comm)[1], world.largest(comm, float(radii.max(initial=0.0)))
+    n, largest = (
+        distribution.numbered(len(radii), comm)[1],
+        communicator.largest(comm, float(radii.max(initial=0.0))),
+    )
     free_area = FreeArea(box, tuple(walls), time)
     free = free_area.gap(centres, radii)  # from walls
     near = close_ones(box, radii, centres, 0.0, comm, free < 0.0)
-    gap = 4.0 * world.from_first(comm, lambda: _deepest(free_area, near)) + SEPARATED * largest
+    gap = 4.0 * communicator.root_result(comm, lambda: _deepest(free_area, near)) + SEPARATED * largest
     while True:
         near = close_ones(box, radii, centres, gap, comm, free < gap)
-        ids, moved, way = world.from_first(comm, lambda near=near: _moved_apart(free_area, near))  # type: ignore[misc]
+        ids, moved, way = communicator.root_result(comm, lambda near=near: _moved_apart(free_area, near))  # type: ignore[misc]
         if 2.0 * way < gap or len(ids) == n or gap > largest:  # others cannot be met
             break
         gap *= 4.0
-    world.on_first(comm, lambda: check_no_overlap(box, near[1], moved, tolerance=0.0, ids=ids))  # type: ignore[index]
+    communicator.run_on_root(comm, lambda: check_no_overlap(box, near[1], moved, tolerance=0.0, ids=ids))  # type: ignore[index]
     return put_back(centres, ids, moved, comm)
 
 

@@ -27,7 +27,8 @@ from ..model.overlaps import (
     size_classes,
 )
 from ..model.walls import Wall
-from ..tools import seeds, slices, world
+from ..mpi import communicator, distribution
+from ..tools import seeds
 from ..tools.checked import Array, Comm, Integer, Number, PositiveColumn, Seed, validated
 
 # Of the diameter among sites, of the radius at walls: room for rounding.
@@ -74,8 +75,8 @@ def sites(
             low, best = middle, wider[counts[1] > counts[0]]
         else:
             high = middle
-    here = best.off_walls(slices.slice_of(best.points, comm))
-    own, found = slices.numbered(len(here), comm)
+    here = best.off_walls(distribution.slice_of(best.points, comm))
+    own, found = distribution.numbered(len(here), comm)
     wanted = _spread(np.arange(n) if numbers is None else numbers, found, n)
     return here[wanted] if comm is None else _asked_for(comm, own.start, here, wanted)
 
@@ -86,8 +87,8 @@ def _asked_for(comm: Any, first: int, rows: Array, wanted: NDArray[np.int64]) ->
     firsts[firsts < 0] = np.iinfo(np.int64).max  # ranks without rows own none
     order = np.argsort(firsts, kind="stable")
     owner = order[np.searchsorted(firsts[order], wanted, side="right") - 1]
-    asker, number = slices.exchange(comm, owner, [np.full(len(wanted), comm.rank), wanted])
-    (answers,) = slices.exchange(comm, asker, [rows[number - first]])  # in the order of who answers
+    asker, number = distribution.exchange(comm, owner, [np.full(len(wanted), comm.rank), wanted])
+    (answers,) = distribution.exchange(comm, asker, [rows[number - first]])  # in the order of who answers
     found = np.empty((len(wanted), 2))
     found[np.argsort(owner, kind="stable")] = answers
     return found
@@ -126,7 +127,7 @@ class _Sites:
 
     def count(self, comm: Any = None) -> int:
         """Number of sites at which a disk overlaps no wall."""
-        numbers = slices.slice_of(self.points, comm)
+        numbers = distribution.slice_of(self.points, comm)
         own = sum(map(len, self._blocks_off_walls(numbers)))
         return own if comm is None else int(comm.allreduce(own))
 
@@ -223,7 +224,7 @@ def strips(free_area: FreeArea, n: int, radius: float) -> tuple[int, int]:
     axis = int(np.argmax(high - low))
     area = free_area.area() if free_area.all_walls else free_area.box.area
     narrowest = area / (high - low)[1 - axis]
-    return axis, max(min(n // slices.BLOCK, int(narrowest / (WIDTH * 2.0 * radius))) // 2 * 2, 1)
+    return axis, max(min(n // distribution.BLOCK, int(narrowest / (WIDTH * 2.0 * radius))) // 2 * 2, 1)
 
 
 @validated
@@ -237,7 +238,7 @@ def random_positions(
     equal disks above packing fraction 0.547 of the room (`room.py`), or any disks when the attempts are used up (400
     per disk; equal disks reach about 0.53). The message says how far it came.
 
-    Of 524,288 disks and more (two blocks, `slices.BLOCK`) each 262,144 to 524,288 are placed in a strip of the box of
+    Of 524,288 disks and more (two blocks, `BLOCK`) each 262,144 to 524,288 are placed in a strip of the box of
     their own, drawn from all at random, whose free area goes as the area that they cover; each strip has random numbers
     of its own. The first, third, ... strips are filled, and then those between, which see the disks beside them. It is
     not the same as one addition of all: numbers of disks do not fluctuate from strip to strip; and centres of disks in
@@ -274,11 +275,11 @@ def random_positions(
     if n == 0:
         return np.empty((0, 2))
     seeds.stream(seed, seeds.POSITIONS)  # refuses what is no seed
-    smallest = -world.largest(comm, -float(radii.min(initial=np.inf)))
-    largest = world.largest(comm, float(radii.max(initial=0.0)))
+    smallest = -communicator.largest(comm, -float(radii.min(initial=np.inf)))
+    largest = communicator.largest(comm, float(radii.max(initial=0.0)))
     free_area = FreeArea(box, tuple(walls))
-    world.together(comm, lambda: refuse_no_free_area(free_area, radii, ids.start))
-    wanted = free_area.covered_part(math.pi * float(slices.total(np.square(radii), comm)))
+    communicator.run_on_all(comm, lambda: refuse_no_free_area(free_area, radii, ids.start))
+    wanted = free_area.covered_part(math.pi * float(distribution.total(np.square(radii), comm)))
     # Few disks have no sharp limit: 4 of them in a box that just holds a square of them reach 0.785.
     if wanted > SATURATION + 0.5 / math.sqrt(n) and smallest == largest:
         limit = f"random positions of equal disks end at {SATURATION}"
@@ -287,13 +288,13 @@ def random_positions(
     number = np.arange(ids.start, ids.stop)
     if count > 1:
         number = seeds.permuted(seed, seeds.SITES, n, ids)
-    firsts = slices.bounds(n, count)
+    firsts = distribution.bounds(n, count)
     size, rank = (1, 0) if comm is None else (comm.size, comm.rank)
     owner = np.arange(count) * size // count
     own = [int(each) for each in np.flatnonzero(owner == rank)]
     there: list[NDArray[Any]] = [number, np.arange(ids.start, ids.stop), radii]
     if comm is not None:
-        there = slices.exchange(comm, owner[np.searchsorted(firsts, number, side="right") - 1], there)
+        there = distribution.exchange(comm, owner[np.searchsorted(firsts, number, side="right") - 1], there)
     order = np.argsort(there[0])
     who, radii_there = there[1][order], there[2][order]
     # Of the disks here, those of each strip.
@@ -302,7 +303,7 @@ def random_positions(
     told = [covered] if comm is None else comm.allgather(covered)
     areas = np.array([each for some in told for each in some.values()])  # ranks own strips in order
     shares = areas / areas.sum()
-    edges = _edges(free_area, axis, shares, float(slices.total(radii, comm)) / n)
+    edges = _edges(free_area, axis, shares, float(distribution.total(radii, comm)) / n)
 
     position = np.empty((len(who), 2))
     beside: dict[int, tuple[Array, Array]] = {}
@@ -316,17 +317,20 @@ def random_positions(
                     beside.get(each, (np.empty((0, 2)), np.empty(0))),
                 )  # fmt: skip
 
-    world.together(comm, lambda: fill(0))
+    communicator.run_on_all(comm, lambda: fill(0))
     if count > 1:
         beside = _beside(comm, axis, edges, owner, rows, position, radii_there)
-        world.together(comm, lambda: fill(1))
-    (found,) = slices.by_id(comm, n, who, [position])
+        communicator.run_on_all(comm, lambda: fill(1))
+    (found,) = distribution.by_id(comm, n, who, [position])
     if comm is None:
         check_no_overlap(box, radii, found)
     return found
 
 
-_INSTEAD = 'use fewer disks, a larger box, positions = "growth" or, for disks of about one size, "hexagonal"'
+_INSTEAD = (
+    'use fewer disks, a larger box, positions = "lubachevsky_stillinger" or, for disks of about the same size, '
+    '"hexagonal"'
+)
 _SCANNED = 128  # strips at least in which the area is known along the box, and even in between
 
 
@@ -349,7 +353,7 @@ def _beside(
 ) -> dict[int, tuple[Array, Array]]:  # fmt: skip
     """Places and radii of disks of strips 0, 2, ... near the strips beside them, by these, on their owners."""
     count, reach = len(edges) - 1, 2.0 * float(radius.max(initial=0.0)) * (1.0 + 2.0 * TOLERANCE)
-    reach = world.largest(comm, reach)
+    reach = communicator.largest(comm, reach)
     strips, places, radii = [np.empty(0, np.int64)], [np.empty((0, 2))], [np.empty(0)]
     for each, own in rows.items():
         if each % 2:
@@ -362,7 +366,7 @@ def _beside(
             radii.append(radius[own][near])
     found = [np.concatenate(each) for each in (strips, places, radii)]
     if comm is not None:
-        found = slices.exchange(comm, owner[found[0]], found)
+        found = distribution.exchange(comm, owner[found[0]], found)
     return {
         int(each): (found[1][found[0] == each], found[2][found[0] == each]) for each in np.unique(found[0])
     }
@@ -470,9 +474,9 @@ def lattice(box: Box, n: int, diameter: float) -> tuple[int, int, bool]:
 def _told(box: Box, radius: ArrayLike, comm: Any) -> tuple[Array, range, int]:
     """Radii of this rank's slice, which fit into the box, its ids, and the number of all disks."""
 
-    radii = world.together(comm, lambda: checked_radii(radius))
-    ids, n = slices.numbered(len(radii), comm)
-    world.together(comm, lambda: refuse_wider_than_box(box, radii, ids.start))
+    radii = communicator.run_on_all(comm, lambda: checked_radii(radius))
+    ids, n = distribution.numbered(len(radii), comm)
+    communicator.run_on_all(comm, lambda: refuse_wider_than_box(box, radii, ids.start))
     return radii, ids, n
 
 
@@ -512,11 +516,11 @@ def hexagonal_positions(
     radii, ids, n = _told(box, radius, comm)
     if n == 0:
         return np.empty((0, 2))
-    largest = world.largest(comm, float(radii.max(initial=0.0)))
+    largest = communicator.largest(comm, float(radii.max(initial=0.0)))
     free_area = FreeArea(box, tuple(walls))
     number = np.arange(ids.start, ids.stop) if seed is None else seeds.permuted(seed, seeds.SITES, n, ids)
     if free_area.all_walls:
-        world.together(comm, lambda: refuse_no_free_area(free_area, radii, ids.start))
+        communicator.run_on_all(comm, lambda: refuse_no_free_area(free_area, radii, ids.start))
         found = sites(free_area, n, largest, number, comm)
     else:
         columns, rows, upright = lattice(box, n, 2.0 * largest)
@@ -576,15 +580,15 @@ def maxwellian(
         raise InputError(
             f"speed_rms = {speed_rms}, temperature = {temperature}: exactly one of them must be given"
         )
-    ids, n = slices.numbered(len(masses), comm)
+    ids, n = distribution.numbered(len(masses), comm)
     velocity = seeds.drawn(
         seed, seeds.VELOCITIES, ids, lambda random, count: random.standard_normal((count, 2))
     )
     velocity /= np.sqrt(masses)[:, None]
     if n > 1:
-        velocity -= slices.total(masses[:, None] * velocity, comm) / slices.total(masses, comm)
+        velocity -= distribution.total(masses[:, None] * velocity, comm) / distribution.total(masses, comm)
     if n > 0:
-        mean = slices.total(weight * np.sum(velocity**2, axis=1), comm) / n
+        mean = distribution.total(weight * np.sum(velocity**2, axis=1), comm) / n
         velocity *= math.sqrt(wanted / mean)
     return velocity
 
@@ -603,6 +607,6 @@ def gaussian_spins(n: _Number, *, spin_rms: _Size, seed: Seed, comm: Comm = None
     >>> round(float((spin**2).mean()), 12)
     9.0
     """
-    ids, number = slices.numbered(n, comm)
+    ids, number = distribution.numbered(n, comm)
     spin = seeds.drawn(seed, seeds.SPINS, ids, lambda random, count: random.standard_normal(count))
-    return spin * (spin_rms / math.sqrt(slices.total(spin**2, comm) / number)) if number else spin
+    return spin * (spin_rms / math.sqrt(distribution.total(spin**2, comm) / number)) if number else spin

@@ -95,7 +95,7 @@ def walled(run: Run, path_png: Place = None) -> Figure:
         right = 7.0 / max(min(height / width, 2.0), 1.0)
         figure.set_size_inches(8.2 + right, 7.5)
         grid = figure.add_gridspec(2, 2, width_ratios=(8.2, right), height_ratios=(1.0, 1.5))
-        turns = "gravity_turns" in trajectory.parameters
+        turns = "gravity_rotation_rate" in trajectory.parameters
         found = None if turns else profiles.of(trajectory)
         temperatures.draw(trajectory, "t", figure.add_subplot(grid[:, 0] if turns else grid[0, 0]))
         if found is not None:

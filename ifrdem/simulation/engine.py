@@ -42,10 +42,11 @@ from ..model.ifr import IFRLaw
 from ..model.law import CollisionLaw, compiled
 from ..model.observables import from_totals
 from ..model.overlaps import TOLERANCE
-from ..model.state import DiskKinds, Disks, State, dealt, thin
+from ..model.state import DiskKinds, Disks, State, broadcast_constant_rows, scatter_state
 from ..model.walls import Wall, free_directions, rows_of, sides, smooth_materials
 from ..model.walls import check as check_walls
-from ..tools import checked, seeds, slices, world
+from ..mpi import communicator, distribution
+from ..tools import checked, seeds
 from . import checks, device
 from .schedule import Due
 from .tracking import Statistics
@@ -89,8 +90,8 @@ class EngineOptions:
     tile_disks: int | None = None
     window_collisions: float | None = None
     gravity: tuple[float, float] = (0.0, 0.0)
-    gravity_turns: float = 0.0
-    gravity_step: float = USUAL_STEP
+    gravity_rotation_rate: float = 0.0
+    gravity_rotation_step: float = USUAL_STEP
     velocity_cutoff: float = 0.0
     contact_time: float = 0.0
     resting_speed: float = 0.0
@@ -103,7 +104,7 @@ class EngineOptions:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "gravity", checked.finite_pair("gravity", self.gravity))
-        for name in ("gravity_turns", "gravity_step"):
+        for name in ("gravity_rotation_rate", "gravity_rotation_step"):
             object.__setattr__(self, name, checked.real(name, getattr(self, name)))
         object.__setattr__(self, "seed", seeds.of_device(self.seed))
         if self.order not in (None, *ORDERS):
@@ -219,19 +220,19 @@ class Engine:
                 collisions=self._before[0], tolerance=TOLERANCE * float(disks.radius.max(initial=0.0)),
             )  # fmt: skip
 
-        count = (world.together if self.sliced else world.on_first)(self.comm, counted)
+        count = (communicator.run_on_all if self.sliced else communicator.run_on_root)(self.comm, counted)
         counts = [count] if self.comm is None else self.comm.allgather(count)
         numbers, speeds, met, hits, slept = map(list, zip(*(each for each in counts if each), strict=True))
         n = self.n = sum(numbers)
         self._before, self._slept = [sum(met) // 2, sum(hits)], sum(slept)
-        (slices.judged if self.sliced else world.on_first)(self.comm, judged)
+        (distribution.run_on_slices if self.sliced else communicator.run_on_root)(self.comm, judged)
         if self.sliced:
-            world.check_alike(self.comm, repr(state.time), "times of the start")
+            communicator.check_alike(self.comm, repr(state.time), "times of the start")
         whole = self.comm is not None and not self.sliced
         self.disks_here: Disks
-        self.disks_here, begin = dealt(self.comm, disks, state) if whole else (disks, state)
+        self.disks_here, begin = scatter_state(self.comm, disks, state) if whole else (disks, state)
         self.kinds: Disks = disks if self.comm is None else DiskKinds.of(self.disks_here, self.comm)
-        self.disks: Disks = disks if whole and world.is_first(self.comm) else self.kinds
+        self.disks: Disks = disks if whole and communicator.is_root(self.comm) else self.kinds
         self._materials = np.unique(self.kinds.material)
         time = float(begin.time)
         self._check_resting(given.gravity, forces, law)
@@ -244,9 +245,11 @@ class Engine:
             given.resting_speed,
             given.order,
             ranks,
-            given.gravity_turns,
+            given.gravity_rotation_rate,
         )
-        self.turning = TurningGravity(given.gravity, given.gravity_turns, given.gravity_step, time)
+        self.turning = TurningGravity(
+            given.gravity, given.gravity_rotation_rate, given.gravity_rotation_step, time
+        )
         self.gravity: tuple[float, float] = self.turning.gravity
         self.statistics: Statistics = Statistics()
         self.keep_collisions = False
@@ -259,11 +262,11 @@ class Engine:
         if self.comm is not None:
             checks.check_ranks(ranks, box, given, tracking is not None)
             self._check_alike(forces)
-            threads = threads or world.cores_here(self.comm, device.cores())
+            threads = threads or communicator.cores_here(self.comm, device.cores())
             if given.arch == "cuda":
-                number = world.number_here(self.comm)
-                world.together(self.comm, lambda: device.show_gpu(number))
-        world.together(
+                number = communicator.number_here(self.comm)
+                communicator.run_on_all(self.comm, lambda: device.show_gpu(number))
+        communicator.run_on_all(
             self.comm, lambda: device.start(given.arch, threads=threads, precision=given.precision)
         )
         from .arrays import DeviceArrays
@@ -316,7 +319,7 @@ class Engine:
             "asleep": begin.asleep,
         }  # fmt: skip
         if self.comm is not None:
-            self.past = {name: thin(value) for name, value in self.past.items()}
+            self.past = {name: broadcast_constant_rows(value) for name, value in self.past.items()}
         of_ranks = Windows if self.comm is None else RankWindows
         self.windows: Windows = of_ranks(self.arrays, self.statistics, time)
         self.set_gates(np.array([not wall.stands(time, self._before[0]) for wall in self.walls], dtype=bool))
@@ -494,7 +497,7 @@ class Engine:
             (type(force).__name__, getattr(force, "parameters", None), getattr(force, "step", None))
             for force in given
         ]
-        world.check_alike(self.comm, repr(told), "box, law, walls, forces or options")
+        communicator.check_alike(self.comm, repr(told), "box, law, walls, forces or options")
 
     def _check_resting(
         self, gravity: tuple[float, float], forces: Sequence[Force], law: type[CollisionLaw]
@@ -545,7 +548,7 @@ class Engine:
             self._check_resting(self.gravity, steps.forces, self._law)
             return steps
 
-        steps = world.together(self.comm, checked)
+        steps = communicator.run_on_all(self.comm, checked)
         if self.comm is not None:
             self._check_alike(steps.forces)
         with self.exclusive_update():
@@ -555,10 +558,10 @@ class Engine:
 
     def set_gravity(self, gravity: tuple[float, float]) -> None:
         """Let disks fall otherwise from now on; InputError unless gravity is constant and can act along this."""
-        if self.options.gravity_turns:
+        if self.options.gravity_rotation_rate:
             raise InputError(
-                f"gravity = {gravity}: it turns (gravity_turns = {self.options.gravity_turns:g}), and cannot be set; "
-                "begin a new simulation from this state"
+                f"gravity = {gravity}: it turns (gravity_rotation_rate = {self.options.gravity_rotation_rate:g}), and "
+                "cannot be set; begin a new simulation from this state"
             )
         gravity = checked.finite_pair("gravity", gravity)
         checks.check_between_collisions(self.disks, self.box, gravity, self.force_steps.forces)
@@ -615,7 +618,7 @@ class Engine:
             checks.check_motion(self.disks_here, state)
             checks.check_magnitudes(self.disks_here, self.box, speed, self.precision, hottest)
 
-        world.together(self.comm, judge)
+        communicator.run_on_all(self.comm, judge)
         with self.exclusive_update():
             present = self._state()
             before = self._snapshot(present)
@@ -678,7 +681,7 @@ class Engine:
         lone = not self.box.is_open and (self._no_future_collisions or self._is_alone)
         speed = float(np.hypot(*self._state().velocity.T).max(initial=0.0)) if lone else 0.0
         radius = float(self.kinds.radius.min(initial=math.inf))
-        speed = world.largest(self.comm, speed)
+        speed = communicator.largest(self.comm, speed)
         checks.check_duration(self.time, t_end, radius, self.box, speed)
 
     @property
@@ -896,7 +899,7 @@ class Engine:
         with self.exclusive_update():
             if self.sliced:
                 return self._state()
-            return world.told(self.comm, self._checked(self._read_out(whole=True)[0]))
+            return communicator.bcast(self.comm, self._checked(self._read_out(whole=True)[0]))
 
     def state_here(self) -> State:
         """The present state of the own slice, in id order; without ranks, of all disks."""
@@ -918,7 +921,7 @@ class Engine:
                 )
             return state
 
-        return world.together(self.comm, check)
+        return communicator.run_on_all(self.comm, check)
 
     def _read_out(
         self, stored: Collection[str] | None = None, whole: bool = False

@@ -35,10 +35,10 @@ from ..model.free_area import FreeArea
 from ..model.state import Disks
 from ..model.walls import OF_PISTONS, Wall, at_displacements
 from ..model.walls import from_json as walls_from_json
+from ..mpi.distribution import GATHERED
 from ..tools import checked
 from ..tools.pictured import Pictured, PicturedDisks, plots, refuse_unknown
 from ..tools.sealed import Sealed
-from ..tools.slices import GATHERED
 from . import damage, history, layout, tables
 from . import parts as parted
 from .history import History
@@ -782,7 +782,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         self, what: str = "temperatures", ax: Any = None, *, frames: Sequence[int] | None = None, over: str = "t",
         color: str | None = None, **unknown: Any,
     ) -> Any:  # fmt: skip
-        """Draw a picture that `ifrdem plot --list` lists: temperatures, disks, energy, velocity, g, S, msd, ...
+        """Draw a picture that `ifrdem plot --list` lists: temperatures, disks, energy, velocity, rdf, ...
 
         Parameters
         ----------

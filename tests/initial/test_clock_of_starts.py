@@ -38,10 +38,10 @@ PISTON = (
 )
 GASES = {
     "a shaken floor and gates": f"box = {{ {SIDES}, periodic = [true, false] }}\nwall = [{', '.join([FLOOR, *GATES])}]",
-    "gravity that turns": f"box = {{ {SIDES}, periodic = [false, false], gravity_turns = 0.7 }}",
+    "gravity that turns": f"box = {{ {SIDES}, periodic = [false, false], gravity_rotation_rate = 0.7 }}",
     "a piston": f"box = {{ {SIDES}, periodic = [true, false] }}\nwall = [{PISTON}]",
     "a flow, and kicks": "box = { lengths = [12.0, 12.0], shear_rate = 0.7 }\n"
-    'force = [{ kind = "kicks", step = 0.2, power = 0.1 }]',
+    'force = [{ kind = "random_force", step = 0.2, power = 0.1 }]',
 }  # fmt: skip
 """Cases with things that depend on the clock or on the number of collisions, or have a state besides the disks."""
 
@@ -84,7 +84,7 @@ def test_a_run_from_a_frame_is_the_second_half_of_the_whole_run(
         return
     # Stopped and resumed, it is to the bit what it is.
     stopped = set_(*goes_on(*own), "run.name=stopped")
-    assert main(["run", "gas.toml", "--quiet", "--maxh", "1e-9", *stopped]) == 3
+    assert main(["run", "gas.toml", "--quiet", "--max-hours", "1e-9", *stopped]) == 3
     assert main(["resume", "stopped.h5", "--quiet"]) == 0
     with Trajectory("half.h5") as half, Trajectory("stopped.h5") as resumed:
         for name in half.fields:

@@ -27,9 +27,9 @@ from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, RandomKicks, Rescale, SpinKicks, TableFriction
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
+from ifrdem.mpi import distribution
 from ifrdem.simulation import arrays, ranks
 from ifrdem.simulation.engine import Engine
-from ifrdem.tools import slices
 
 k.BLOCK_OF_TILES = windows.BLOCK_OF_TILES = 3  # so that blocks lie on several ranks
 arrays.SINGLE_TILE = 100  # windows as short as those of gases that are divided
@@ -145,7 +145,7 @@ def after(gas: Gas, comm: Any) -> tuple[Engine, dict[str, Any]]:
     found = dict(vars(engine.state())) | {
         f"statistics {name}": n for name, n in vars(engine.statistics).items()
     }
-    past = slices.gather(engine.comm, N, [engine.past["angle"]]) or [None]
+    past = distribution.gather(engine.comm, N, [engine.past["angle"]]) or [None]
     found |= {"totals": engine.totals(), "sums": engine.windows.sums, "past": past[0]}
     found["inputs"] = engine.force_steps.energy_inputs
     engine.keep_collisions = True
@@ -197,16 +197,16 @@ def no_foresight() -> None:
 
 def no_trails() -> None:
     """Neighbours tell nothing of the disks that they ran."""
-    whole, swap = ranks.RankArrays.exchange_trails, ranks.RankArrays._swap
+    whole, swap = ranks.RankArrays.exchange_trails, ranks.RankArrays.exchange
 
     def silent(self: Any, again: bool) -> None:
-        ranks.RankArrays._swap = (
+        ranks.RankArrays.exchange = (
             lambda self, messages: swap(  # type: ignore[method-assign]
                 self, [(*(each[:0] for each in message[:3]), *message[3:]) for message in messages]
             )
         )
         whole(self, again)
-        ranks.RankArrays._swap = swap  # type: ignore[method-assign]
+        ranks.RankArrays.exchange = swap  # type: ignore[method-assign]
 
     ranks.RankArrays.exchange_trails = silent  # type: ignore[method-assign]
 
@@ -295,8 +295,8 @@ def told(comm: Any, name: str) -> dict[str, Any]:
         "tables": COUNTED["_empty_table"],
     }
     if comm.size > 1:
-        counted["whole"] = engine.arrays.traffic.whole
-        counted["moved"] = engine.arrays.traffic.moved
+        counted["whole"] = engine.arrays.communication.whole
+        counted["moved"] = engine.arrays.communication.moved
     own = int(np.sum(np.asarray(getattr(engine.arrays, "own", [])) >= 0))
     differ = [each for each in differ if each != "statistics run_again"]  # depends on room for claims too
     return {"differ": differ, **counted, "tiles": engine.arrays.tiles, "own": own}

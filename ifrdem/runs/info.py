@@ -145,7 +145,7 @@ def _describe_beside(trajectory: Trajectory) -> list[str]:
     stale = views.stale(path)
     for view in views.paths(path):
         if view.exists():
-            old = ", older than the trajectory: `ifrdem views` renews it" if view in stale else ""
+            old = ", older than the trajectory: `ifrdem link` renews it" if view in stale else ""
             lines.append(f"  view              {view.name}{old}")
     return ["beside it", *lines] if lines else []
 
