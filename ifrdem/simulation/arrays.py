@@ -41,8 +41,8 @@ from ..kernels.language import ti, view
 from ..kernels.readout import exchange
 from ..kernels.shear import displacement
 from ..kernels.signature import parameters_of
+from ..kernels.sums import sum_shared
 from ..kernels.walls import FREE, GONE
-from ..kernels.windows import sum_shared
 from ..model.box import Box
 from ..model.state import COLUMNS, Disks, State, codes
 from ..model.walls import Wall

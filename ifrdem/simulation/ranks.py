@@ -56,7 +56,8 @@ from ..kernels import layout as k
 from ..kernels.columns import ADDRESSABLE, named
 from ..kernels.language import ti, view
 from ..kernels.readout import put_rows, take_rows
-from ..kernels.windows import HALO_GROWTH, sum_shared, verify
+from ..kernels.sums import sum_shared
+from ..kernels.windows import HALO_GROWTH, verify
 from ..model.box import Box
 from ..model.state import COLUMNS, DiskKinds, Disks
 from ..mpi import communicator, distribution

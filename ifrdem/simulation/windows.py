@@ -17,8 +17,9 @@ from ..errors import EngineError, InelasticCollapse
 from ..kernels import layout as k
 from ..kernels.columns import EVENT, EVENT_INT, TALLY, TOTAL, named
 from ..kernels.events import TOO_FAR
+from ..kernels.planner import plan_window, survey
 from ..kernels.readout import interpolate_snapshot
-from ..kernels.windows import LEAST_HALO, plan_window, run_windows, survey, verify
+from ..kernels.windows import LEAST_HALO, run_windows, run_windows_on_gpu, verify
 from .arrays import SLACK, DeviceArrays
 from .tracking import Statistics
 
@@ -516,10 +517,11 @@ class Windows:
                 a.counter.n_ghosts, a.counter.n_noted = self._n_ghosts, self._noted
             a.sums[:] = self._done  # one window after another, so that sums do not depend on launches
             alone = bool(a.grid.single_tile)
+            kernel = run_windows_on_gpu if a.on_gpu else run_windows
             with a.sent() as launch:
                 for _ in range(1 if alone else most):
                     for first in range(0, tiles, a.batch):
-                        launch(run_windows, first, min(first + a.batch, tiles), most)
+                        launch(kernel, first, min(first + a.batch, tiles), most)
                     if not alone:
                         self._check(launch)
             self._n_ghosts = int(a.counter.n_ghosts)
