@@ -139,7 +139,7 @@ RADII: dict[str, dict[str, Any]] = {
 }
 FORCES: dict[str, dict[str, Any]] = {
     "Drag": {"step": 0.1, "rate": 0.1, "quadratic": 0.1, "spin_rate": 0.1},
-    "Force": {"step": 0.1, "parameters": [1.0]},
+    "Force": {"step": 0.1},
     "Langevin": {"step": 0.1, "temperature": 1.0, "rate": 0.1, "spin_temperature": 1.0, "spin_rate": 0.1},
     "RandomKicks": {"step": 0.1, "power": 0.1, "diffusion": None},
     "Rescale": {"step": 0.1, "temperature": 1.0, "energy": None},
