@@ -17,7 +17,7 @@ from ..tools.checked import LEAST, Numbers, PositivePerDisk, Seed, validated
 from . import tabular
 from .laws import LAWS
 from .model import MEASURED, AngleProblem, CollisionProblem, Pair, Problem, RowError
-from .tabular import Form
+from .tabular import TableFormat
 
 Array = NDArray[np.float64]
 
@@ -321,7 +321,7 @@ def read(
     *,
     disk_1: Disk | None = None,
     disk_2: Disk | None = None,
-    form: Form = Form(),  # noqa: B008  (frozen)
+    form: TableFormat = TableFormat(),  # noqa: B008  (frozen)
 ) -> Data | Collisions:
     """Read a table of measured impacts.
 
@@ -417,7 +417,11 @@ def read(
 
 
 def _given_errors(
-    quantities: Sequence[str], columns: Mapping[str, Array], errors: dict[str, float], form: Form, n: int
+    quantities: Sequence[str],
+    columns: Mapping[str, Array],
+    errors: dict[str, float],
+    form: TableFormat,
+    n: int,
 ) -> tuple[dict[str, Array], list[str]]:
     """The error of each quantity, and what is wrong."""
     rest = errors.pop("rest", None)
