@@ -135,7 +135,7 @@ RADII: dict[str, dict[str, Any]] = {
     "of_ids": {"distribution": "uniform", "n": 4, "ids": range(2), "seed": 1, "low": 0.5, "high": 0.7},
     "sample": {"distribution": "uniform", **SAMPLED, "low": 0.5, "high": 0.7},
     "uniform": {**SAMPLED, "low": 0.5, "high": 0.7},
-    "wrong_parameters": {"distribution": "uniform", "given": {"low": 0.5}},
+    "parameter_problem": {"distribution": "uniform", "given": {"low": 0.5}},
 }
 FORCES: dict[str, dict[str, Any]] = {
     "Drag": {"step": 0.1, "rate": 0.1, "quadratic": 0.1, "spin_rate": 0.1},

@@ -447,8 +447,8 @@ def of_pressure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluat
     if not _is_stationary(T):
         doubts.append(
             f"{_stationarity_doubt(trajectory, T)}, and the pressure with it: pressures are means over that time. "
-            "Z is that mean over the mean of N T / A, which is Z at each moment as long as the gas stays homogeneous. For a "
-            "pressure at one temperature choose --frames over which T changes by less than a tenth"
+            "Z is that mean over the mean of N T / A, which is Z at each moment as long as the gas stays homogeneous. "
+            "For a pressure at one temperature choose --frames over which T changes by less than a tenth"
         )
     try:
         found = stored.collisions(trajectory)
