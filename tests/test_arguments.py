@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import inspect
 import itertools
 import math
@@ -19,6 +20,8 @@ from matplotlib.figure import Figure
 import ifrdem
 from ifrdem import InputError, analysis, theory
 from ifrdem.theory.driven_gas import Drive
+from support.layout_files import add_histories
+from support.layout_files import write as write_layout
 
 LAW = ifrdem.IFRLaw(e_n=0.9, e_t=-0.8, mu=0.2)
 SMOOTH = ifrdem.IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
@@ -227,12 +230,57 @@ IFRDEM: dict[str, dict[str, Any]] = {
                 "velocity": [[1.0, 0.0], [0.0, 0.0]], "spin": [0.0, 0.0]},
     "slice_of": {"n": 10, "comm": None},
 }  # fmt: skip
+ANGLES = np.array([10.0, 20.0, 30.0, 40.0, 50.0, 60.0])
+IMPACTS = ifrdem.fit.Data(
+    psi=ANGLES,
+    measured={"delta_1": 1.5 * ANGLES, "delta_2": 0.2 * ANGLES},
+    errors={"psi": 0.7, "delta_1": 0.7, "delta_2": 0.7},
+)
+MOTION = {
+    "vx_1": [1.0, 0.7],
+    "vy_1": [0.2, 0.7],
+    "vx_1_after": [-0.9, -0.63],
+    "nx": [1.0, 1.0],
+    "ny": [0.0, 0.0],
+}
+COIN = ifrdem.fit.Disk(mass=1.0, radius=0.5)
+
+
+@functools.cache
+def fitted() -> ifrdem.fit.Fit:
+    """Impacts fitted by a law of two coefficients."""
+    return ifrdem.fit.fit(IMPACTS, M=1.0, model=["ifr-percussion"], profile=False)
+
+
+def of_fits() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
+    """Calls that need a fit, by name."""
+    found = fitted()
+    return {
+        "Fit.law": (found.law, {"name": "ifr-percussion"}),
+        "Fitted.draw": (found.laws[found.best].draw, {"number": 2, "seed": 1}),
+        "Fitted.ifr": (found.laws[found.best].ifr, {"k": 2.0}),
+        "as_json": (ifrdem.fit.as_json, {"fit": found}),
+        "design": (ifrdem.fit.design, {"fit": found, "number": 5, "psi": ANGLES}),
+        "draws": (ifrdem.fit.draws, {"fit": found, "number": 2, "seed": 1}),
+        "material": (ifrdem.fit.material, {"fit": found, "name": "coins"}),
+        "table": (ifrdem.fit.table, {"fit": found}),
+    }
+
+
 FIT: dict[str, dict[str, Any]] = {
+    "Collisions": {"disk_1": COIN, "disk_2": ifrdem.fit.WALL, "measured": MOTION, "source": "data", "line": [2, 3],
+                   "errors": {"vx_1": 0.01, "vy_1": 0.01, "vx_1_after": 0.01, "normal": 0.01},
+                   "covariance": {("vx_1", "vy_1"): 1e-6}, "notes": ()},
+    "Data": {"psi": ANGLES, "measured": {"delta_1": 1.5 * ANGLES}, "errors": {"psi": 0.7, "delta_1": 0.7},
+             "source": "data", "line": [2, 3, 4, 5, 6, 7], "notes": ()},
     "Disk": {"mass": [1.0, 2.0], "radius": 0.5, "k": 2.0},
     "Form": {"columns": {}, "units": {}, "known": {}, "delimiter": ",", "decimal": "."},
     "Pair": {"M": 0.5, "k_1": 2.0, "k_2": 2.0, "R_1": 1.0, "R_2": 1.0},
     "Walton": {"e_n": 0.9, "beta": 0.5, "mu": 0.2},
     "example": {"seed": 1},
+    "fit": {"data": IMPACTS, "M": 1.0, "k_1": 2.0, "k_2": 2.0, "R_1": 1.0, "R_2": 1.0, "model": ["brach"], "own": (),
+            "fix": {"mu": 0.2}, "rolling": False, "robust": False, "level": 0.95, "profile": False,
+            "cross_validate": False, "bootstrap": 0, "seed": 1, "progress": lambda _: None},
     "own": {"kind": Elastic, "ranges": {"e_n": (0.0, 1.0)}},
 }  # fmt: skip
 MODULES: dict[ModuleType, dict[str, dict[str, Any]]] = {
@@ -248,10 +296,9 @@ OTHERS: dict[ModuleType, set[str]] = {
                "VelocityDistribution"},
     ifrdem.forces: {"normals", "number", "uniforms"},
     ifrdem.observables: {"Measure"},
-    # Tables of data are checked line by line, and what takes a fit by its own tests (`tests/fit`).
-    ifrdem.fit: {"Collisions", "Data", "Design", "Estimate", "Fit", "Fitted", "Interval", "Law", "as_json", "design",
-                 "draws", "fit", "material", "read", "table"},
-    # Of files and gases below; the writer of parts has options of the writer.
+    # Functions of fits, files and gases are below.
+    ifrdem.fit: {"Design", "Estimate", "Fit", "Fitted", "Interval", "Law", "as_json", "design", "draws", "material",
+                 "read", "table"},
     ifrdem: {"DSMC", "History", "PartsWriter", "Regime", "Simulation", "Trajectory", "TrajectoryWriter", "concat",
              "view"},
 }  # fmt: skip
@@ -281,7 +328,7 @@ def numbers(result: Any) -> Iterator[float]:
             yield from np.abs(np.asarray(result)).ravel().tolist()
     elif isinstance(result, float | complex | np.number):
         yield abs(result)
-    elif dataclasses.is_dataclass(result):
+    elif dataclasses.is_dataclass(result) and not isinstance(result, type):
         yield from numbers([getattr(result, each.name) for each in dataclasses.fields(result)])
     elif isinstance(result, Mapping):
         yield from numbers(list(result.values()))
@@ -382,6 +429,14 @@ def of_files(folder: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]
     path = small_file(folder)
     run = ifrdem.Trajectory(path)
     names = itertools.count()
+    data = folder / "data.csv"
+    data.write_text(ifrdem.fit.example(1), encoding="utf-8")
+    write_layout(tracked := folder / "tracked.h5", n=7)
+    start = {"time": 0.0, "position": np.ones((3, 2)), "velocity": np.ones((3, 2)), "spin": np.ones(3), "image": np.zeros((3, 2))}
+    add_histories(tracked, [1, 4, 6], start, [], [(0, 2.0)])
+    paths = ifrdem.Trajectory(tracked)
+    history = paths.history(4)
+    frame = run[0]
 
     def written(**arguments: Any) -> None:
         arguments.setdefault("path", folder / f"{next(names)}.h5")
@@ -398,7 +453,42 @@ def of_files(folder: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]
         "disks": DISKS, "box": SMALL, "fields": ("position",), "parameters": {"a": 1}, "units": None,
         "precision": "f4", "compression": "none", "force": False, "walls": (), "within": None,
     }  # fmt: skip
+    def parts(**arguments: Any) -> None:
+        arguments.setdefault("path", folder / f"{next(names)}.h5")
+        with ifrdem.PartsWriter.create(**arguments):
+            pass
+
+    in_parts = {"disks": DISKS, "own": DISKS, "box": SMALL, "number": 2, "force": False, "parameters": {"a": 1},
+                "fields": ("position",), "comm": None}  # fmt: skip
+    pictures = {
+        name: (getattr(ifrdem.plots, name), {"run": run, "path_png": None})
+        for name in ("cooling", "driven", "impact_scan", "sheared", "table", "walled")
+    }
     return {
+        **{f"plots.{name}": call for name, call in pictures.items()},
+        "fit.read": (ifrdem.fit.read, {"path": data, "errors": {"angles": 0.7}, "disk_1": COIN, "disk_2": None,
+                                       "form": ifrdem.fit.Form()}),
+        **{f"History.{name}": (getattr(history, name), {"t": [0.5, 1.0]})
+           for name in ("angle", "position", "spin", "unwrapped", "velocity")},
+        "History.__getitem__": (lambda name: history[name], {"name": "psi"}),
+        "Frame.__getitem__": (lambda name: frame[name], {"name": "position"}),
+        "Frame.field": (frame.field, {"name": "position"}),
+        "Frame.plot": (frame.plot, {"ax": None, "color": "spin"}),
+        "DiskPath.__getitem__": (lambda name: run.disk(0)[name], {"name": "position"}),
+        "Series.__getitem__": (lambda name: run.observables[name], {"name": "energy"}),
+        "Series.columns": (run.observables.columns, {"name": "energy"}),
+        "PartsWriter.create": (parts, in_parts),
+        "Trajectory.constants": (run.constants, {"name": "mass", "disks": slice(0, 2)}),
+        "Trajectory.dataset": (run.dataset, {"name": "position"}),
+        "Trajectory.dtype": (run.dtype, {"name": "position"}),
+        "Trajectory.history": (paths.history, {"disk": 4}),
+        "Trajectory.plot": (run.plot, {"what": "temperatures", "ax": None, "frames": [0, 1], "over": "t", "color": None}),
+        "Trajectory.read": (run.read, {"name": "position", "selection": 1}),
+        "Trajectory.read_events": (paths.read_events, {"name": "time", "rows": 0}),
+        "Trajectory.record": (run.record, {"name": "gravity", "use": list, "default": "[]"}),
+        "Trajectory.require": (run.require, {"name": "position"}),
+        "Trajectory.shape": (run.shape, {"name": "position"}),
+        "Trajectory.with_unit": (run.with_unit, {"text": "1", "quantity": "time"}),
         "Trajectory": (ifrdem.Trajectory, {"path": path}),
         "Trajectory.__getitem__": (lambda frame: run[frame], {"frame": 0}),
         "Trajectory.disk": (run.disk, {"disk": 0}),

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, listed, nearest, refuse
-from ..tools.checked import LEAST, Numbers, PositivePerDisk, Seed, validated
+from ..tools.checked import LEAST, Lines, Measurements, Numbers, PositivePerDisk, Seed, validated
 from . import tabular
 from .laws import LAWS
 from .model import MEASURED, AngleProblem, CollisionProblem, Pair, Problem, RowError
@@ -71,6 +71,7 @@ EXAMPLE_LAW = {"e_n": 0.87, "e_t": -0.88, "mu": 0.21}
 EXAMPLE_ERROR = 0.7  # [deg]
 
 
+@validated
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Data:
     """Impacts of disk 1 on disk 2 or on a wall: nothing spins before, and disk 2 is at rest.
@@ -79,17 +80,17 @@ class Data:
     length.
     """
 
-    psi: Array
+    psi: Measurements
     """Impact angles from the line of centres [deg], from 0 to below 90; shape (n,)."""
-    measured: Mapping[str, Array]
+    measured: Mapping[str, Measurements]
     """Values after the impact, by the names of `model.MEASURED`; angles in degrees; NaN where one is missing; shape
     (n,)."""
-    errors: Mapping[str, Array]
+    errors: Mapping[str, Measurements]
     """Standard errors (one sigma, Gaussian), positive, of "psi" and of each measured quantity, in its unit. A single
     number stands for all impacts; NaN for an error that the residuals are to tell; shape (n,)."""
     source: str = "data"
     """Their source, for messages and titles."""
-    line: NDArray[np.int64] | None = field(default=None)
+    line: Lines | None = field(default=None)
     """Lines of the file they come from; without it messages count the impacts from 1; shape (n,)."""
     notes: tuple[str, ...] = ()
     """Values that are missing and columns that are not used."""
@@ -170,6 +171,7 @@ WALL = Disk(mass=math.inf, radius=1.0)
 """A wall or a fixed disk as disk 2."""
 
 
+@validated
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Collisions:
     """Whole collisions of two disks, or of a disk with a wall, in any frame of reference.
@@ -191,18 +193,18 @@ class Collisions:
     disk_1: Disk
     disk_2: Disk
     """disk_1, disk_2: the disks; `WALL` as disk 2."""
-    measured: Mapping[str, Array]
+    measured: Mapping[str, Measurements]
     """Values by the names of `COLLISION_COLUMNS`: places of the centres x_1 ... y_2 [length], or the normal nx, ny
     from disk 1 to disk 2 [any length]; velocities vx_1 ... [length/time] and spins, counter-clockwise [rad/time],
     before and, with _after, after. Any subset; NaN where a value is missing. Of a wall, velocities are 0 unless
     given, and exact; shape (n,)."""
-    errors: Mapping[str, Array]
+    errors: Mapping[str, Measurements]
     """Standard errors, positive; a single number stands for all. NaN for one that the residuals are to tell, 0 for a
     value that is known exactly. Those of nx, ny may be of `normal` [rad] instead; shape (n,)."""
-    covariance: Mapping[tuple[str, str], Array] = field(default_factory=dict)
+    covariance: Mapping[tuple[str, str], Measurements] = field(default_factory=dict)
     """Covariances of two quantities of the motion, or of one and "normal" [rad]; shape (n,)."""
     source: str = "data"
-    line: NDArray[np.int64] | None = field(default=None)
+    line: Lines | None = field(default=None)
     notes: tuple[str, ...] = ()
     """source, line, notes: as in `Data`."""
 
@@ -220,8 +222,8 @@ class Collisions:
             wrong.append(f"{unused[0]}; --column {MOTION[0]}='HEADER' says what one is")
         wrong += _wrong_names(self.measured, (*given, *turned))
         wrong += [
-            f"covariance of {a} and {b}: both must be velocities or spins that were measured, or one the normal"
-            for a, b in self.covariance
+            f"covariance: {a} and {b} must both be velocities or spins that were measured, or one the normal"
+            for a, b in _pairs(self.covariance)
             if not {a, b} <= {"normal", *({*MOTION, *AFTER} & set(self.measured))} or a == b
         ]
         refuse(wrong, self.source)
@@ -491,6 +493,14 @@ def _group(name: str) -> str:
     return next((group for group, names in GROUPS.items() if name in names), name)
 
 
+def _pairs(covariance: Iterable[Any]) -> list[tuple[str, str]]:
+    """Keys of covariances; InputError for one that does not name two quantities."""
+    for each in covariance:
+        if not (isinstance(each, tuple) and len(each) == 2):
+            raise InputError(f"covariance: key {each!r} must be a pair of names")
+    return list(covariance)
+
+
 def _per_collision(disk: Disk, n: int) -> dict[str, Array]:
     """Mass, radius and k of a disk for each of n collisions, (n,)."""
     of = {key: np.asarray(getattr(disk, key), dtype=np.float64) for key in ("mass", "radius", "k")}
@@ -506,9 +516,9 @@ def _unknown(names: Iterable[str], known: Collection[str]) -> list[str]:
 
 
 def _wrong_names(values: Collection[str], errors: Collection[str]) -> list[str]:
-    wrong = [f"{name}: no error is given; {_how_to_give(name)}" for name in values if name not in errors]
+    wrong = [f"errors: {name} has none; {_how_to_give(name)}" for name in values if name not in errors]
     others = [name for name in errors if name not in values]
-    return wrong + [f"error of {name}: {name} was not measured{nearest(name, values)}" for name in others]
+    return wrong + [f"errors: {name} was not measured{nearest(name, values)}" for name in others]
 
 
 def _how_to_give(name: str) -> str:

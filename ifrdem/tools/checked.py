@@ -252,7 +252,7 @@ class Numbers:
     """Check of an array of real numbers from `low` to `high`, or 0 where `zero`; it passes as one of float64.
 
     `shape` has a number or a letter for each axis, "..." first for any number of them; None allows any shape, `scalar`
-    a number as well. There are `least` values or more.
+    a number as well. There are `least` values or more; with `gaps`, NaN marks one that is missing.
     """
 
     shape: tuple[int | str, ...] | None = None
@@ -262,6 +262,7 @@ class Numbers:
     scalar: bool = False
     least: int = 0
     zero: bool = False
+    gaps: bool = False
 
     @property
     def needed(self) -> str:
@@ -281,6 +282,7 @@ class Numbers:
         found = np.asarray(found, dtype=np.float64, order="C")
         if found.size and not (found.min() >= self.low and found.max() <= self.high):
             wrong = ~((found >= self.low) & (found <= self.high) | (self.zero & (found == 0.0)))
+            wrong &= ~(self.gaps & np.isnan(found))
             if wrong.any():
                 where = tuple(int(i) for i in np.argwhere(wrong)[0])
                 place = f"[{', '.join(map(str, where))}]" if where else ""
@@ -304,6 +306,25 @@ class Numbers:
             return shape[1 - len(self.shape) :] == self.shape[1:]
         pairs = zip(self.shape, shape, strict=False)
         return len(shape) == len(self.shape) and all(isinstance(one, str) or one == n for one, n in pairs)
+
+
+@dataclass(frozen=True)
+class Integers(Numbers):
+    """Check of an array of whole numbers; it passes as one of int64."""
+
+    low: float = -(2.0**31)
+    high: float = 2.0**31 - 1.0
+
+    @property
+    def needed(self) -> str:
+        return super().needed.replace("real numbers", "integers").replace("real number", "integer")
+
+    def __call__(self, name: str, value: Any) -> Any:
+        found = super().__call__(name, value)
+        wrong = found != np.floor(found)
+        if wrong.any():
+            raise InputError(f"{name} has {found[wrong][0]}: must be {self.needed}")
+        return found.astype(np.int64)
 
 
 @dataclass(frozen=True)
@@ -455,6 +476,10 @@ NonNegativeColumn = Annotated[ArrayLike, Numbers(("n",), **_NOT_NEGATIVE)]
 Places = Annotated[NDArray[np.float64], Numbers(("...", 2))]
 Images = Annotated[NDArray[np.int32], Numbers(("...", 2))]
 Vectors = Annotated[ArrayLike, Numbers(("n", 2))]
+Measurements = Annotated[
+    NDArray[np.float64], Numbers(("n",), -math.inf, math.inf, "a number", scalar=True, gaps=True)
+]
+Lines = Annotated[NDArray[np.int64], Integers(("n",), 0)]
 PositivePerDisk = Annotated[ArrayLike, Numbers(("n",), scalar=True, **_POSITIVE)]
 NonNegativePerDisk = Annotated[ArrayLike, Numbers(("n",), scalar=True, **_NOT_NEGATIVE)]
 """Arrays as public functions need them; "per disk" is an array (n,), or a number for all."""

@@ -170,7 +170,7 @@ def test_arrays_are_checked_as_files_are() -> None:
         Data(psi=psi, measured={"delta_2": np.zeros(3)}, errors={"psi": 1.0, "delta_2": 1.0})
     with pytest.raises(InputError, match=r"delta2: no such quantity \(did you mean 'delta_2'\?\)"):
         Data(psi=psi, measured={"delta2": psi}, errors={"psi": 1.0})
-    with pytest.raises(InputError, match=r"delta_2: no error is given"):
+    with pytest.raises(InputError, match=r"errors: delta_2 has none"):
         Data(psi=psi, measured={"delta_2": psi}, errors={"psi": 1.0})
 
 
