@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any
 
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, listed, nearest, refuse
-from ..tools.checked import LEAST, Lines, Measurements, Numbers, PositivePerDisk, Seed, validated
+from ..tools.checked import LEAST, Lines, Measurements, Number, Numbers, PositivePerDisk, Seed, validated
 from . import tabular
 from .laws import LAWS
 from .model import MEASURED, AngleProblem, CollisionProblem, Pair, Problem, RowError
@@ -134,6 +134,8 @@ class Data:
         s = np.stack([self.errors[name] for name in names], axis=-1)
         return AngleProblem(names, y, s, [_group(name) for name in names], pair)
 
+
+Size = Annotated[float, Number(-math.inf, math.inf, "a number; nan for one to be estimated", gaps=True)]
 
 _Mass = Annotated[
     ArrayLike, Numbers(("n",), LEAST, math.inf, f"positive, from {LEAST:g}, or inf", scalar=True)
@@ -317,9 +319,10 @@ class Collisions:
         return CollisionProblem(names, y, s, [_group(name) for name in names], disks, walls, covariance)
 
 
+@validated
 def read(
-    path: Path | str,
-    errors: Mapping[str, float] | None = None,
+    path: str | os.PathLike[str],
+    errors: Mapping[str, Size] | None = None,
     *,
     disk_1: Disk | None = None,
     disk_2: Disk | None = None,
@@ -440,10 +443,9 @@ def _given_errors(
         elif rest is not None:
             given[name] = np.full(n, rest)
         else:
-            wrong.append(f"{name}: no error is given; {_how_to_give(name)}")
+            wrong.append(f"{name}: missing from errors: {_how_to_give(name)}")
     wrong += [
-        f"an error of {name} is given, and the file has no column {name}{nearest(name, quantities)}; it "
-        f"has {', '.join(quantities)}"
+        f"errors: the file has no column {name}{nearest(name, quantities)}; there are {', '.join(quantities)}"
         for name in errors
         if name not in quantities and not set(quantities) & set({**GROUPS, "normal": NORMAL}.get(name, ()))
     ]
@@ -516,7 +518,7 @@ def _unknown(names: Iterable[str], known: Collection[str]) -> list[str]:
 
 
 def _wrong_names(values: Collection[str], errors: Collection[str]) -> list[str]:
-    wrong = [f"errors: {name} has none; {_how_to_give(name)}" for name in values if name not in errors]
+    wrong = [f"{name}: missing from errors: {_how_to_give(name)}" for name in values if name not in errors]
     others = [name for name in errors if name not in values]
     return wrong + [f"errors: {name} was not measured{nearest(name, values)}" for name in others]
 
@@ -525,7 +527,7 @@ def _how_to_give(name: str) -> str:
     group = "normal" if name in NORMAL else _group(name)
     of_groups = {"angles": "DEGREES for all angles", "normal": "normal=RADIANS"}
     all_of = f" (or --error {of_groups.get(group, f'{group}=VALUE')})" if group != name else ""
-    return f"a column {name}_error or --error {name}=VALUE{all_of} is needed, or --error estimate"
+    return f"give a column {name}_error, --error {name}=VALUE{all_of}, or --error estimate"
 
 
 def _column(source: str, name: str, value: ArrayLike, n: int) -> Array:

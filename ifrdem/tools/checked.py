@@ -210,18 +210,26 @@ def _is_number(value: Any) -> bool:
 
 @dataclass(frozen=True)
 class Number:
-    """Check of a real number from `low` to `high`, or 0 where `zero`, which passes as a float."""
+    """Check of a real number from `low` to `high`, or 0 where `zero`, or NaN where `gaps`; it passes as a float."""
 
     low: float
     high: float
     needed: str
     zero: bool = False
+    gaps: bool = False
 
     def __call__(self, name: str, value: Any) -> float:
         if type(value) is float and self.low <= value <= self.high:
             return value
         number = _number_in(value)
-        if not (_is_number(number) and (self.low <= number <= self.high or (self.zero and number == 0))):
+        if not (
+            _is_number(number)
+            and (
+                self.low <= number <= self.high
+                or (self.zero and number == 0)
+                or (self.gaps and number != number)
+            )
+        ):
             raise must_be(name, value, self.needed)
         try:
             return float(number)
@@ -337,7 +345,7 @@ class Instance:
     def needed(self) -> str:
         if bool in self.kinds:
             return "True or False"
-        names = [_NAMES.get(kind, kind.__name__) for kind in self.kinds]
+        names = list(dict.fromkeys(_NAMES.get(kind, kind.__name__) for kind in self.kinds))
         return " or ".join(f"a{'n' * (name[0] in 'AEIOaeio')} {name}" for name in names)
 
     def __call__(self, name: str, value: Any) -> Any:
