@@ -6,23 +6,23 @@ where places and velocities are rounded.
 
 from .columns import MOST_MOMENTS, REACH, SCALE, TALLY, TOTAL
 from .events import predict, run_events
-from .language import Cube, Rows, Table, on_gpu, spread_of_loops, ti
-from .layout import AT_END, BLOCK_OF_TILES, FAR, FULL_CELLS, FULL_PLACES
-from .places import round_products
-from .records import gas_of
-from .rest import judge
+from .language import on_gpu, spread_of_loops, ti
+from .layout import AT_END, BLOCK_OF_TILES, FAR, FULL_CELLS, FULL_SLOTS
+from .particle import round_products
+from .rest import update_resting
+from .signature import Arrays, kernel
 from .tiles import (
-    begin, cells_of, chain, chain_layers, choose, count_chunk, is_too_narrow, is_wrong, lay, order, region_of,
-    team_of, write,
+    begin, cells_of, count_chunk, gather, is_too_narrow, is_wrong, link_cells, link_cells_of_layers, load, order,
+    region_of, team_of, write,
 )  # fmt: skip
 from .walls import fastest_piston, place_walls, wall_phases
 
 # Of a gas in one tile: a second's work at most, between two looks at the clock.
 MOST_EVENTS_OF_A_LAUNCH = 1_000_000
 LEAST_PATH = 0.01  # of that of a gas that fills the box
-WIDEN = 1.6  # halo of a tile that has to be run again
+HALO_GROWTH = 1.6  # halo of a tile that has to be run again
 LEAST_HALO = 0.7  # of the least side of a tile, that the widest halo may have before disks are listed anew
-LARGEST_WAY = 0.4  # of the side of a tile, that the fastest disk may come in a window
+MAX_TRAVEL = 0.4  # of the side of a tile, that the fastest disk may come in a window
 
 
 @ti.pyfunc
@@ -36,14 +36,14 @@ def window_length(mean_square, fastest2, path, tile_side, pull, wall_speed):
     fastest = ti.sqrt(fastest2) + push
     length = FAR + 0.0 * path  # f64, in single precision too
     if speed > 0.0:
-        length = ti.min(path / speed, LARGEST_WAY * tile_side / fastest)
+        length = ti.min(path / speed, MAX_TRAVEL * tile_side / fastest)
     return length
 
 
 @ti.pyfunc
-def usual_halo(chain, fastest, pull, wall_speed, window):
+def usual_halo(chain_halo, fastest, pull, wall_speed, window):
     """Halo [length] for who may come in a window, the fastest disk included, and for who hits whom in chains."""
-    return chain + 2.0 * ((fastest + wall_speed) * window + 0.5 * pull * window * window)
+    return chain_halo + 2.0 * ((fastest + wall_speed) * window + 0.5 * pull * window * window)
 
 
 @ti.pyfunc
@@ -100,10 +100,10 @@ def has_room(tile, region: ti.template(), gas: ti.template()):
     if cells > gas.grid.cells:
         ti.atomic_or(gas.counter.full, FULL_CELLS)
         ti.atomic_max(gas.counter.needed, cells)
-    elif n > gas.grid.places:
-        ti.atomic_or(gas.counter.full, FULL_PLACES)
+    elif n > gas.grid.lane_slots:
+        ti.atomic_or(gas.counter.full, FULL_SLOTS)
         ti.atomic_max(gas.counter.needed, n)
-    return cells <= gas.grid.cells and n <= gas.grid.places
+    return cells <= gas.grid.cells and n <= gas.grid.lane_slots
 
 
 @ti.func
@@ -136,21 +136,21 @@ def prepare(tile, lane, gas: ti.template()):
     if cells_of(region, gas) <= gas.grid.cells:
         for c in range(region.nx * region.ny):
             gas.head[region.cells + c] = 0
-        choose(tile, 0, region, gas)
+        gather(tile, 0, region, gas)
     if has_room(tile, region, gas):
         order(tile, 0, region, gas)
         n = gas.tile[tile].gathered
         for m in range(n):
-            lay(m, tile, region, gas)
+            load(m, tile, region, gas)
         if ti.static(gas.uses.layered):
-            chain_layers(n, region, gas)
+            link_cells_of_layers(n, region, gas)
         else:
-            for i in range(region.lane * gas.grid.places, region.lane * gas.grid.places + n):
-                chain(i, n, region, gas)
+            for i in range(region.lane * gas.grid.lane_slots, region.lane * gas.grid.lane_slots + n):
+                link_cells(i, n, region, gas)
         if ti.static(gas.uses.walled):
             place_walls(region, gas)
         if ti.static(gas.uses.rests):
-            judge(n, tile, region, gas)
+            update_resting(n, tile, region, gas)
 
 
 @ti.func
@@ -295,35 +295,25 @@ def sum_blocks(column, gas: ti.template()):
     gas.total[column] = total
 
 
-@ti.kernel
+@kernel
 def run_windows(
-    first: ti.i32, n_listed: ti.i32, most_windows: ti.i32, uses: ti.template(), grid: Rows, scale: Rows,
-    clock: Rows, sums: Rows, counter: Rows, disk: Rows, meta: Rows, past: Rows, hits: Rows, spent: Rows,
-    slept: Rows, held: Rows, snapshot_time: Rows, note: Table, note_at: Rows, note_tally: Table, kind: Rows,
-    kinds: Rows, history_hash: Rows, displacement: Rows, slot_before: Rows, tile: Table, listed: Rows,
-    reach: Table, edge_x: Rows, edge_y: Rows, tally: Cube, ghost: Rows, ghost_position: Rows, motion: Rows,
-    event_info: Rows, image_info: Rows, start_position: Rows, rest: Rows, residual_acceleration: Rows,
-    contact: Rows, cached_force: Rows, candidates: Rows, since: Rows, turn: Rows, loss: Rows, head: Rows,
-    bin: Rows, wall_start: Rows, wall_item: Rows, walls: Rows, law: Cube, watched: Rows, event: Rows,
-    event_int: Rows, found: Table, total: Rows,
-):  # fmt: skip
+    first: ti.i32,
+    n_listed: ti.i32,
+    most_windows: ti.i32,
+    gas: Arrays(
+        "uses grid scale clock sums counter disk meta past hits spent slept held snapshot_time note note_at "
+        "note_tally kind kinds history_hash displacement slot_before tile listed reach edge_x edge_y tally "
+        "ghost ghost_position motion event_info image_info start_position rest residual_acceleration contact "
+        "cached_force candidates since turn loss head bin wall_start wall_item walls law watched event "
+        "event_int found total"
+    ),
+):
     """The window of tiles `first` to `n_listed`, and sums over all; or `most_windows` windows of a gas in one tile.
 
     The first launch runs the window that the host has set, each further one the next, if there may be one. On a CPU
     each thread takes tile after tile. On a GPU, where there is a lane for each tile, teams of threads share all the
     work but the events.
     """
-    gas = ti.static(gas_of(
-        grid=grid, scale=scale, clock=clock, sums=sums, counter=counter, disk=disk, meta=meta, past=past,
-        hits=hits, spent=spent, slept=slept, held=held, snapshot_time=snapshot_time, note=note, note_at=note_at,
-        note_tally=note_tally, rest=rest, residual_acceleration=residual_acceleration, contact=contact,
-        cached_force=cached_force, kind=kind, kinds=kinds, history_hash=history_hash, displacement=displacement,
-        slot_before=slot_before, tile=tile, listed=listed, reach=reach, edge_x=edge_x, edge_y=edge_y,
-        tally=tally, ghost=ghost, ghost_position=ghost_position, motion=motion, event_info=event_info,
-        image_info=image_info, start_position=start_position, candidates=candidates, since=since, turn=turn,
-        loss=loss, head=head, bin=bin, wall_start=wall_start, wall_item=wall_item, walls=walls, law=law,
-        watched=watched, event=event, event_int=event_int, found=found, total=total, uses=uses,
-    ))  # fmt: skip
     for _ in range(1):
         round_products(gas)
         if (gas.grid.single_tile == 0 or ti.static(on_gpu())) and first == 0:
@@ -341,7 +331,7 @@ def run_windows(
         for item in range((n_listed - first) * team):
             k, region, thread, _n = share_of(item, first, gas)
             if is_going(gas) and cells_of(region, gas) <= gas.grid.cells:
-                choose(k, thread, region, gas)
+                gather(k, thread, region, gas)
         for item in range((n_listed - first) * team):
             k, region, thread, _n = share_of(item, first, gas)
             if is_going(gas) and has_room(k, region, gas):
@@ -356,21 +346,21 @@ def run_windows(
         for item in range((n_listed - first) * team):
             k, region, m, n = share_of(item, first, gas)
             while m < n:
-                lay(m, k, region, gas)
+                load(m, k, region, gas)
                 m += team
         for item in range((n_listed - first) * team):
             _k, region, m, n = share_of(item, first, gas)
             if ti.static(gas.uses.layered):
                 if n > 0:
-                    chain_layers(n, region, gas)
+                    link_cells_of_layers(n, region, gas)
             else:
                 while m < n:
-                    chain(region.lane * gas.grid.places + m, n, region, gas)
+                    link_cells(region.lane * gas.grid.lane_slots + m, n, region, gas)
                     m += team
         for item in range((n_listed - first) * team):
             _k, region, m, n = share_of(item, first, gas)
             while m < n:
-                predict(region.lane * gas.grid.places + m, 0, 1, -1, 1, 1, 0, region, gas)
+                predict(region.lane * gas.grid.lane_slots + m, 0, 1, -1, 1, 1, 0, region, gas)
                 m += team
         ti.loop_config(block_dim=32)
         for item in range((n_listed - first) * gas.grid.stride):
@@ -408,18 +398,14 @@ def run_windows(
             sum_blocks(column, gas)
 
 
-@ti.kernel
+@kernel
 def verify(
-    uses: ti.template(), grid: Rows, scale: Rows, counter: Rows, disk: Rows, history_hash: Rows,
-    displacement: Rows, slot_before: Rows, tile: Table, listed: Rows, reach: Table, edge_x: Rows, edge_y: Rows,
-    ghost: Rows, ghost_position: Rows,
-):  # fmt: skip
+    gas: Arrays(
+        "uses grid scale counter disk history_hash displacement slot_before tile listed reach edge_x edge_y "
+        "ghost ghost_position"
+    ),
+):
     """Find the tiles whose windows may not be exact: into `listed`, `counter.n_bad` of them; widen their halos."""
-    gas = ti.static(gas_of(
-        grid=grid, scale=scale, counter=counter, disk=disk, history_hash=history_hash,
-        displacement=displacement, slot_before=slot_before, tile=tile, listed=listed, reach=reach,
-        edge_x=edge_x, edge_y=edge_y, ghost=ghost, ghost_position=ghost_position, uses=uses,
-    ))  # fmt: skip
     team = ti.static(team_of(gas.uses))
     spread = ti.static(spread_of_loops())
     for item in range(spread * gas.grid.tiles_x * gas.grid.tiles_y):
@@ -439,19 +425,12 @@ def verify(
             gas.listed[ti.atomic_add(gas.counter.n_bad, 1)] = k
             if gas.reach[k].halo >= gas.scale.most_halo:
                 ti.atomic_add(gas.counter.stuck, 1)
-            gas.reach[k].halo_factor = WIDEN * gas.reach[k].halo_factor
+            gas.reach[k].halo_factor = HALO_GROWTH * gas.reach[k].halo_factor
 
 
-@ti.kernel
-def survey(
-    uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, disk: Rows, tile: Table, tally: Cube,
-    reach: Table, found: Table, total: Rows,
-):  # fmt: skip
+@kernel
+def survey(gas: Arrays("uses grid scale clock disk tile tally reach found total")):
     """The largest square of a speed and the sum of all, as a window's end tells, of disks moved by something else."""
-    gas = ti.static(gas_of(
-        grid=grid, scale=scale, clock=clock, disk=disk, tile=tile, tally=tally, reach=reach, found=found,
-        total=total, uses=uses,
-    ))  # fmt: skip
     spread = ti.static(spread_of_loops())
     for item in range(spread * gas.grid.tiles_x * gas.grid.tiles_y):
         round_products(gas)
@@ -475,14 +454,10 @@ def survey(
             sum_blocks(column, gas)
 
 
-@ti.kernel
-def sum_shared(
-    n_blocks: ti.i32, last: ti.i32, uses: ti.template(), grid: Rows, tally: Cube, reach: Table, found: Table,
-    total: Rows, blocks: Rows,
-):  # fmt: skip
+@kernel
+def sum_shared(n_blocks: ti.i32, last: ti.i32, gas: Arrays("uses grid tally reach found total blocks")):
     """The last step of `run_windows` and `survey` on ranks: sums of `n_blocks` blocks of tiles; of all, if `last`."""
-    gas = ti.static(gas_of(grid=grid, tally=tally, reach=reach, found=found, total=total, uses=uses))
     for item in range(n_blocks * gas.found.shape[1]):
-        sum_up(blocks[item // gas.found.shape[1]], item % gas.found.shape[1], gas)
+        sum_up(gas.blocks[item // gas.found.shape[1]], item % gas.found.shape[1], gas)
     for column in range(last * gas.total.shape[0]):
         sum_blocks(column, gas)

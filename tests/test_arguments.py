@@ -296,7 +296,7 @@ OTHERS: dict[ModuleType, set[str]] = {
     analysis: {"Clusters", "ContactValue", "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic", "Impacts",
                "PairCorrelation", "Pressure", "RatioFit", "SonineCoefficients", "StructureFactor",
                "VelocityDistribution"},
-    ifrdem.forces: {"normals", "number", "uniforms"},
+    ifrdem.forces: {"normals", "uniforms"},
     ifrdem.observables: {"Measure"},
     # Functions of fits, files and gases are below.
     ifrdem.fit: {"Design", "Estimate", "Fit", "Fitted", "Interval", "Law", "as_json", "design", "draws", "material",
@@ -588,8 +588,8 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
 
     simulation: dict[str, Any] = {
         "disks": DISKS, "box": SMALL, "law": law, "state": STATE, "arch": "cpu", "threads": 1,
-        "precision": "f64", "window_collisions": None, "walls": (), "gravity": (0.0, 0.0), "gravity_turns": 0.0,
-        "gravity_step": 0.005, "collapse": "none", "contact_time": None, "velocity_cutoff": None,
+        "precision": "f64", "window_collisions": None, "walls": (), "gravity": (0.0, 0.0), "gravity_rotation_rate": 0.0,
+        "gravity_rotation_step": 0.005, "collapse": "none", "contact_time": None, "velocity_cutoff": None,
         "resting_speed": None, "forces": (), "seed": 0, "ledger": False, "partners": False, "angles": False,
         "dissipated": False, "wall_sums": False, "tracked": (), "comm": None, "sliced": False,
     }  # fmt: skip

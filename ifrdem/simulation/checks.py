@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..kernels.limits import ADDRESSABLE, ALONE, MOST_DISKS, MOST_IDS
+from ..kernels.columns import ADDRESSABLE, MOST_DISKS, MOST_IDS, SINGLE_TILE
 from ..model.box import Box
 from ..model.state import Disks, State
 from ..model.walls import Wall, wall_names
@@ -77,9 +77,9 @@ def position_spacing(extent: float, precision: str) -> float:
 def check_resolved(n: int, radius: float, box: Box, precision: str) -> None:
     """Refuse a box so large that its grid of positions is too coarse for disks of the smallest `radius` [length].
 
-    In single precision positions of more than ALONE disks are relative to a tile, which other rules keep small.
+    In single precision positions of more than SINGLE_TILE disks are relative to a tile, which other rules keep small.
     """
-    if box.is_open or not n or (precision == "f32" and n > ALONE):
+    if box.is_open or not n or (precision == "f32" and n > SINGLE_TILE):
         return
     spacing = position_spacing(max(box.lengths), precision)
     if spacing > COARSEST * radius:
@@ -270,10 +270,11 @@ def check_resting(
 
     name = f'collapse = "rest" (resting_speed = {resting_speed:g})'
     if arch != "cpu" or precision != "f64":
-        raise InputError(f'{name}: only on a CPU in double precision (arch = "cpu", precision = "f64")')
-    if disks.n > ALONE:
+        raise InputError(f'{name}: only on a CPU in double precision (device = "cpu", precision = "f64")')
+    if disks.n > SINGLE_TILE:
         raise InputError(
-            f"{name}: {disks.n} disks, but only gases that one thread computes as a whole can rest, of up to {ALONE}"
+            f"{name}: {disks.n} disks, but only gases that one thread computes as a whole can rest, of up to "
+            f"{SINGLE_TILE}"
         )
     if not any(gravity):
         raise InputError(
@@ -305,29 +306,29 @@ def check_resting(
 
 def check_pistons(
     walls: Sequence[Wall], n: int, arch: str, precision: str, resting_speed: float, order: str | None = None,
-    ranks: int = 1, gravity_turns: float = 0.0,
+    ranks: int = 1, gravity_rotation_rate: float = 0.0,
 ) -> None:  # fmt: skip
     """Refuse pistons where the whole box is not computed in order, or gravity turns; arguments as for `Engine`."""
     refused = {
-        f'arch = "{arch}"': arch != "cpu",
+        f'device = "{arch}"': arch != "cpu",
         f'precision = "{precision}"': precision != "f64",
-        f'order = "{order}"': order == "tiles",
+        f'order = "{order}"': order == "tiled",
         f"several ranks (here are {ranks})": ranks > 1,
-        f"{n} disks, more than {ALONE},": n > ALONE,
+        f"{n} disks, more than {SINGLE_TILE},": n > SINGLE_TILE,
         'collapse = "rest"': resting_speed > 0.0,
     }
     for w, wall in enumerate(walls):
         if wall.piston is None:
             continue
-        if gravity_turns:
+        if gravity_rotation_rate:
             raise InputError(
-                f"wall {w} is a piston: gravity_turns = {gravity_turns:g} not supported: must be 0"
+                f"wall {w} is a piston: gravity_rotation_rate = {gravity_rotation_rate:g} not supported: must be 0"
             )
         for what, there in refused.items():
             if there:
                 raise InputError(
                     f"wall {w} is a piston: {what} not supported: every disk looks for it after each of its hits; run "
-                    f"it on a CPU in double precision, with up to {ALONE} disks that do not rest"
+                    f"it on a CPU in double precision, with up to {SINGLE_TILE} disks that do not rest"
                 )
 
 
@@ -335,7 +336,7 @@ def check_ranks(size: int, box: Box, options: EngineOptions, tracked: bool) -> N
     """Refuse what cannot be on several ranks of MPI (`ranks.py`)."""
     refused = {
         f"precision = '{options.precision}'": options.precision != "f64",
-        "order = 'alone'": options.order == "alone",
+        "order = 'serial'": options.order == "serial",
         "tracked disks (histories)": tracked,
         "an open box": box.is_open,
         'collapse = "rest"': options.resting_speed > 0.0,

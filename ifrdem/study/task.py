@@ -26,13 +26,13 @@ from ..case.case import Case
 from ..case.file import CaseFile
 from ..case.gas import CaseGas
 from ..errors import DamageError, EngineError, InputError
-from ..run.recorder import COLUMNS, Ledger
+from ..runs.recorder import COLUMNS, Ledger
 from ..simulation.schedule import Schedule, Span
 from ..tools.files import write_aside
 from ..trajectory.damage import FAULTS
 from ..trajectory.file import TrajectoryError
 
-PerFrame = Literal["velocity", "g", "S", "fields", "clusters", "psi6"]
+PerFrame = Literal["velocity", "rdf", "structure-factor", "fields", "clusters", "psi6"]
 """Analyses of single frames, at chosen places of a run."""
 OverTime = Literal["msd", "vacf", "pressure", "cooling", "impact"]
 OVER_TIME: tuple[str, ...] = get_args(OverTime)
@@ -109,8 +109,8 @@ class Task:
 
     def _long(self, threads: int) -> dict[str, Variable]:
         """The run with its trajectory, from its checkpoint if a worker was killed in it, and the analyses."""
-        from ..run import job, resume
-        from ..run.outputs import Outputs
+        from ..runs import resume, run
+        from ..runs.outputs import Outputs
         from ..trajectory.reader import Trajectory
 
         def silent(_text: str) -> None:
@@ -124,7 +124,7 @@ class Task:
             threaded: dict[str, Any] = {"ignore_case_changes": True, "threads": threads}
             resume.resume(outputs.trajectory, **threaded, say=silent, warn=silent)
         except InputError:  # of no checkpoint, or of one that does not fit: the run begins anew
-            job.run(file, outputs, force=True, say=silent, warn=silent)
+            run.run(file, outputs, force=True, say=silent, warn=silent)
         with Trajectory(outputs.trajectory) as trajectory:
             series = trajectory.series
             rows = {"time": series.time, **{name: series[name] for name in series}}

@@ -9,7 +9,7 @@ from support.gases import COIN, ELASTIC, ROLLING, equal_disks, equilibrated, mix
 import ifrdem.simulation.engine
 from ifrdem.errors import EngineError, InputError, NoMoreCollisions
 from ifrdem.initial import placement
-from ifrdem.kernels.limits import BYTES_PER_DISK
+from ifrdem.kernels.columns import BYTES_PER_DISK
 from ifrdem.model.box import Box
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
@@ -90,7 +90,7 @@ def test_trajectory_is_bitwise_the_same_on_one_and_two_threads() -> None:
     box, state = start(disks, 0.5)
     ends = []
     for threads in (2, 1):
-        engine = Engine(disks, box, state, np.array([[COIN]]), threads=threads, order="tiles", tile_disks=500)
+        engine = Engine(disks, box, state, np.array([[COIN]]), threads=threads, order="tiled", tile_disks=500)
         advance(engine, 10)
         ends.append((engine.time, engine.state()))
     for time, end in ends[1:]:
@@ -251,12 +251,12 @@ def test_inelastic_collapse_passes_in_finite_work() -> None:
 
 def test_tiles_go_through_a_collapse_like_the_whole_box_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
     """Thousands of collisions within a rounding of each other; those at one and the same time are not parted."""
-    monkeypatch.setattr("ifrdem.simulation.arrays.ALONE", 100)
+    monkeypatch.setattr("ifrdem.simulation.arrays.SINGLE_TILE", 100)
     disks = equal_disks(2000)
     box, state = start(disks, 0.75)
     law = np.array([[(0.05, -1.0, 0.0, 0.0, 0.0)]])
     ends = []
-    for order in ("tiles", "alone"):
+    for order in ("tiled", "serial"):
         engine = Engine(disks, box, state, law, order=order, tile_disks=250)
         advance(engine, 100)
         assert 0 <= engine.collisions - 50 * disks.n < 500

@@ -213,7 +213,7 @@ def test_the_ledger_has_the_same_bits_for_any_number_of_threads():
     disks = mixture(3000)
     box, state = start(disks, 0.4)
     found = []
-    for threads, order in ((2, "tiles"), (1, "tiles"), (1, "alone")):
+    for threads, order in ((2, "tiled"), (1, "tiled"), (1, "serial")):
         engine = Engine(
             disks,
             box,

@@ -49,10 +49,10 @@ def check_path(
         t, v, w = rows["time"][i], rows["velocity_after"][i], rows["spin_after"][i]
 
 
-@pytest.mark.parametrize("alone", [True, False])
+@pytest.mark.parametrize("serial", [True, False])
 def test_paths_lead_through_every_collision(arch, alone, monkeypatch):
     if not alone:
-        monkeypatch.setattr("ifrdem.simulation.arrays.ALONE", 100)
+        monkeypatch.setattr("ifrdem.simulation.arrays.SINGLE_TILE", 100)
     disks = mixture(900)
     box, state = start(disks, 0.4)
     tracked = [0, 13, 400, 899]

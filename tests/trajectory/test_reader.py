@@ -19,7 +19,7 @@ from ifrdem.case.case import UNITS
 from ifrdem.errors import DamageError, InputError, TrajectoryError
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
-from ifrdem.run.info import describe
+from ifrdem.runs.info import describe
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.rows import Rows
 from ifrdem.trajectory.writer import TrajectoryWriter

@@ -86,7 +86,7 @@ def turned(rate: float, seed: int, pieces: int, resting_speed: float = RESTING_S
     """Angles of our disks in a drum that turns at a rate [rad/time], piece by piece."""
     disks, drum, begin = start(seed)
     simulation = Simulation(
-        disks, BOX, LAW, begin, walls=[drum], gravity=(0.0, -1.0), gravity_turns=-rate, collapse="rest",
+        disks, BOX, LAW, begin, walls=[drum], gravity=(0.0, -1.0), gravity_rotation_rate=-rate, collapse="rest",
         resting_speed=resting_speed,
     )  # fmt: skip
     end = BEGIN + pieces * PIECE
@@ -101,7 +101,7 @@ def turned_by_lammps(rate: float, seed: int, pieces: int, contact_time: float, f
     disks, _, begin = start(seed)
     time, position = soft_grains.run(
         folder, disks, BOX, LAW, begin, t_end=(BEGIN + pieces * PIECE) / rate, every=SAMPLE / rate,
-        walls=[(f"cylinder z {CENTRE} {CENTRE} {RADIUS} -1 1", "in")], gravity_turns=-rate,
+        walls=[(f"cylinder z {CENTRE} {CENTRE} {RADIUS} -1 1", "in")], gravity_rotation_rate=-rate,
         contact_time=contact_time,
     )  # fmt: skip
     return of_pieces(disks, rate, time, position, np.zeros(len(time)), pieces)
