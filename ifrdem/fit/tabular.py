@@ -69,7 +69,7 @@ class TableFormat:
     >>> from ifrdem import fit
     >>> from pathlib import Path
     >>> _ = Path("winkel.csv").write_text("Winkel;delta_1\\n12,5;40,1\\n60;70,5\\n")
-    >>> form = fit.Form(columns={"psi": "Winkel"}, delimiter=";", decimal=",")
+    >>> form = fit.TableFormat(columns={"psi": "Winkel"}, delimiter=";", decimal=",")
     >>> fit.read("winkel.csv", {"angles": 0.5}, form=form).psi
     array([12.5, 60. ])
     """
@@ -119,7 +119,7 @@ def read(
         Kind of unit, a key of `UNITS`, of each standard name.
     spellings : mapping of str to str
         Standard name of other spellings, in small letters and without signs and blanks.
-    form : Form, optional
+    form : TableFormat, optional
         The writing of the file.
     most : int
         Largest size of the file [bytes].

@@ -232,7 +232,7 @@ def parameter_problem(distribution: Distribution, given: Mapping[str, object]) -
     Examples
     --------
     >>> from ifrdem.initial import radii
-    >>> radii.wrong_parameters("uniform", {"low": 0.4})
+    >>> radii.parameter_problem("uniform", {"low": 0.4})
     '"uniform" needs low, high; missing: high'
     """
     needed, also = PARAMETERS[distribution]

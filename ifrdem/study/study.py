@@ -18,8 +18,8 @@ from ..case import summary
 from ..case.estimate import RunEstimate
 from ..case.gas import CaseGas
 from ..errors import DamageError, DamageWarning, InputError, listed
-from ..run.signals import Stopped, Stops
-from ..run.status import Status
+from ..runs.signals import Stopped, Stops
+from ..runs.status import Status
 from ..simulation import device
 from ..tools import files
 from ..tools.checked import validated

@@ -28,8 +28,8 @@ from ...case import rules, summary
 from ...case.file import CaseFile
 from ...case.summary import REFUSED_HERE
 from ...errors import EngineError, InputError, Stopped
-from ...run import run as running
-from ...run.outputs import Outputs
+from ...runs import run as running
+from ...runs.outputs import Outputs
 from ...simulation import checks
 from ...simulation.engine import EngineOptions
 from ...simulation.turning import check_turning
