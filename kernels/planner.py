@@ -4,7 +4,7 @@ Its length depends on the state of the gas at its beginning only, never on how i
 positions and velocities are rounded. The host says where a run stops or pauses and when a force acts; the device plans.
 """
 
-from .columns import MOST_MOMENTS, SCALE, TALLY
+from .columns import MOST_MOMENTS, TALLY
 from .language import spread_of_loops, ti
 from .layout import AT_END, FAR
 from .particle import round_products
@@ -102,11 +102,10 @@ def plan(gas: ti.template()):
         most = gas.clock.fastest + 2.0 * ti.abs(ti.cast(gas.scale.drift, ti.f64))
         length = ti.min(length, ti.f64(MAX_TRAVEL) * gas.clock.tile_side / most)
     gas.clock.end = ti.min(gas.clock.begin + length, gas.clock.kick)
-    for m in range(2 * MOST_MOMENTS):
-        gas.scale[SCALE.moment.first + m] = FAR
+    for m in range(MOST_MOMENTS):
+        gas.scale.moment[m] = FAR
     if gas.clock.stop < gas.clock.end:
-        moment = ti.cast(gas.clock.stop - gas.clock.begin, float)
-        gas.scale.moment[0].begin, gas.scale.moment[0].until = moment, moment
+        gas.scale.moment[0] = ti.cast(gas.clock.stop - gas.clock.begin, float)
     set_window(gas)
 
 

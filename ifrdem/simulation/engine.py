@@ -785,17 +785,18 @@ class Engine:
 
     def _take_watched(self, watching: int, was: float) -> None:
         windows = self.windows
-        real, whole = windows.watched()
         if watching == k.PAIRS:
-            event = named(whole, "event_int")
-            time = windows.begin + named(real, "event").time.astype(np.float64)
+            times, whole = windows.pairs()
+            ids = named(whole, "pair")
+            time = windows.begin + times.astype(np.float64)
             now = ((time > was) | (windows.begin == was)) & (time <= self.time)
-            pair = np.sort(np.stack([event.id, event.partner], axis=1)[now], axis=1).astype(np.int64)
+            pair = np.sort(np.stack([ids.id, ids.partner], axis=1)[now], axis=1).astype(np.int64)
             pair -= self.arrays.first_id
             order = np.lexsort((pair[:, 1], pair[:, 0], time[now]))
             self.last_collisions = CollisionTimes(time[now][order], pair[order])
         elif self.tracking is not None and windows.fresh:
             windows.fresh = False
+            real, whole = windows.watched()
             if len(real):
                 self.tracking.gather(windows.begin, real, whole, self.box)
 

@@ -695,7 +695,8 @@ class RankWindows(Windows):
         while True:
             a.list_tiles(a.own)
             if again:
-                self._watched, self._n_ghosts = [], 0
+                self._clear_logs()
+                self._n_ghosts = 0
             try:
                 return super()._launch(len(a.own), 1, again)
             except _Again:
@@ -704,17 +705,15 @@ class RankWindows(Windows):
     def _check(self, launch: Any) -> None:
         """Nothing yet: hashes of other ranks are needed."""
 
-    def _whole_box(self, watching: int) -> None:
-        super()._whole_box(watching)
+    def _whole_box(self) -> None:
+        super()._whole_box()
         if self.arrays.comm.rank:  # all have run all of it
-            self._watched = []
+            self._clear_logs()
 
-    def _agreed(self, well: bool) -> bool:
-        return not self.arrays.comm.allreduce(int(not well))
-
-    def _nth(self, times: NDArray[np.float64], count: int) -> float:
+    def _nth(self, count: int) -> float:
         """Time number `count` of those of all ranks: by halving, as whole numbers, which are in the same order."""
-        words = np.sort(times.astype(np.float64)).view(np.int64)
+        assert self._times is not None
+        words = self._times.view(np.int64)
         low, high = 0, int(np.float64(np.inf).view(np.int64))
         while low < high:
             middle = (low + high) // 2
@@ -726,5 +725,12 @@ class RankWindows(Windows):
 
     def watched(self) -> tuple[NDArray[Any], NDArray[Any]]:
         """As on one rank: those of all."""
-        real, whole = zip(*self.arrays.comm.allgather(super().watched()), strict=True)
+        return self._of_all(super().watched())
+
+    def pairs(self) -> tuple[NDArray[Any], NDArray[Any]]:
+        """As on one rank: those of all."""
+        return self._of_all(super().pairs())
+
+    def _of_all(self, rows: tuple[NDArray[Any], NDArray[Any]]) -> tuple[NDArray[Any], NDArray[Any]]:
+        real, whole = zip(*self.arrays.comm.allgather(rows), strict=True)
         return np.concatenate(real), np.concatenate(whole)

@@ -245,7 +245,7 @@ def test_a_pair_that_no_tile_sees_is_found_by_the_width_of_halos_alone(
 
 def unverified(monkeypatch: pytest.MonkeyPatch, part: float = NARROW) -> None:
     narrowed(monkeypatch, part)
-    monkeypatch.setattr(Windows, "_verify", lambda self, watching: None)
+    monkeypatch.setattr(Windows, "_verify", lambda self: None)
 
 
 def with_half_halos_unverified(monkeypatch: pytest.MonkeyPatch) -> None:
