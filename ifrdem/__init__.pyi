@@ -2,6 +2,7 @@ from . import analysis as analysis
 from . import bullet as bullet
 from . import fit as fit
 from . import initial as initial
+from . import mpi as mpi
 from . import plots as plots
 from . import theory as theory
 from .errors import EngineError as EngineError
@@ -26,7 +27,7 @@ from .model.walls import Piston as Piston
 from .model.walls import Turn as Turn
 from .model.walls import Wall as Wall
 from .model.walls import WallSums as WallSums
-from .mpi.distribution import slice_of as slice_of
+from .mpi.communicator import slice_of as slice_of
 from .run.recorder import Ledger as Ledger
 from .simulation.dsmc import DSMC as DSMC
 from .simulation.simulation import Simulation as Simulation
