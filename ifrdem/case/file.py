@@ -18,7 +18,7 @@ from ..mpi import Communicator
 from ..tools import text_file
 from .case import IMPACT_SCAN, Case
 from .gas import CaseGas, judge
-from .section import Complaint, Section
+from .section import Problem, Section
 
 KeyPath = tuple[str | int, ...]
 
@@ -120,13 +120,13 @@ def of_text(text: str, path: Path, overrides: Sequence[str] = (), ranks: int = 1
         from .summary import refuse_beyond_memory
 
         try:
-            refuse_beyond_memory(gas.n, gas.case.run.arch)
+            refuse_beyond_memory(gas.n, gas.case.run.device)
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
     return CaseFile(path, text, tuple(overrides), gas if gas.is_read_in_slices(ranks) else gas.ready())
 
 
-def _refuse(found: Sequence[Complaint], path: Path, overrides: Sequence[str]) -> None:
+def _refuse(found: Sequence[Problem], path: Path, overrides: Sequence[str]) -> None:
     """Raise InputError with a line for each thing that is wrong, if there is any."""
     set_here = {_spelled(parse_assignment(assignment)[0]) for assignment in overrides}
     texts = [f"{problem}{' [set on the command line]' * (problem.key in set_here)}" for problem in found]
@@ -134,7 +134,7 @@ def _refuse(found: Sequence[Complaint], path: Path, overrides: Sequence[str]) ->
         raise InputError(listed([f"{path}: {text}" for text in texts]))
 
 
-def judged(raw: Mapping[str, Any], folder: Path, ranks: int = 1) -> tuple[CaseGas | None, list[Complaint]]:
+def judged(raw: Mapping[str, Any], folder: Path, ranks: int = 1) -> tuple[CaseGas | None, list[Problem]]:
     """The gas of a parsed case, and everything wrong: keys, types and ranges first; if these are in order, rules.
 
     Unknown keys alone do not hide what the rules forbid.
@@ -146,7 +146,7 @@ def judged(raw: Mapping[str, Any], folder: Path, ranks: int = 1) -> tuple[CaseGa
     return gas, found + problems
 
 
-def _validated(raw: Mapping[str, Any]) -> tuple[Case | None, list[Complaint]]:
+def _validated(raw: Mapping[str, Any]) -> tuple[Case | None, list[Problem]]:
     """The case without its unknown keys, None if more is wrong; and everything wrong with keys, types and ranges."""
     try:
         return Case.model_validate(raw), []
@@ -249,7 +249,7 @@ def _parsed(text: str) -> dict[str, Any]:
         raise InputError(f"not valid TOML: {error}") from None
 
 
-def _translated(error: Mapping[str, Any], key: KeyPath) -> Complaint:
+def _translated(error: Mapping[str, Any], key: KeyPath) -> Problem:
     kind, context = error["type"], error.get("ctx", {})
     if kind == "extra_forbidden":
         section = _section(key[:-1])
@@ -284,7 +284,7 @@ def _translated(error: Mapping[str, Any], key: KeyPath) -> Complaint:
     valueless = kind in {"missing", "choice"} or (
         isinstance(error["input"], dict | list) and "type" not in kind and not kind.startswith("too_")
     )
-    return Complaint(_spelled(key), None if valueless else _shown(error["input"]), text)
+    return Problem(_spelled(key), None if valueless else _shown(error["input"]), text)
 
 
 def _spelled(key: Iterable[str | int]) -> str:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, listed, refuse
 from ..initial import impact_scan, packing, placement
-from ..initial.from_csv import Given
+from ..initial.from_csv import StartData
 from ..model import crush
 from ..model.box import Box
 from ..model.free_area import FreeArea
@@ -31,15 +31,15 @@ from ..simulation.simulation import Simulation
 from ..simulation.turning import FASTEST_DRUM
 from ..tools import seeds
 from . import pair_rules, rules
-from .case import IMPACT_SCAN, Case
+from .case import GROWN, IMPACT_SCAN, Case
 from .pair_rules import PairVerdict
-from .section import Complaint
+from .section import Problem
 from .species import Species, species_of
 
 if TYPE_CHECKING:
     from ..model.forces import Force
 
-TRIED = {"random": 10_000, "growth": 2_000}
+TRIED = {"random": 10_000, GROWN: 2_000}
 """Numbers of disks that are placed in about a second, by `start.positions`; others are faster than random."""
 
 
@@ -57,9 +57,9 @@ class CaseGas:
     verdicts: tuple[PairVerdict, ...]  # of each pair of species, and of each species and material of walls
     box: Box
     walls: tuple[Wall, ...] = ()  # beside those at the sides of the box
-    patch: Box | None = None  # where disks are placed at the start: the box, or what an open one says of it
+    start_region: Box | None = None  # where disks are placed: the box, or the rectangle of an open one
     # The start, if the case names a file or a trajectory with it; on ranks that read it in slices, that of the slice.
-    given: Given | None = None
+    given: StartData | None = None
     # Mean velocity, weighted by mass, with which the whole gas starts and keeps moving [length/time], and its part of
     # the kinetic energy of velocities; 0 along directions in which walls stop it.
     drift: tuple[float, float] = (0.0, 0.0)
@@ -79,12 +79,12 @@ class CaseGas:
             raise InputError(listed([str(problem) for problem in problems]))
         return gas.ready() if start else gas
 
-    def with_start(self, folder: Path) -> tuple[CaseGas, list[Complaint]]:
+    def with_start(self, folder: Path) -> tuple[CaseGas, list[Problem]]:
         """The gas with the slice of a start that each rank reads (`is_read_in_slices`), and all that is wrong with it.
 
         All ranks call this, in a `with` block of their communicator, and find the same wrong.
         """
-        found: list[Complaint] = []
+        found: list[Problem] = []
         radius = self.rows(current().slice_of(self.n)).radius
         given = rules.given_start(self.case, radius, self.free_area, folder, found)
         return replace(self, given=given), found
@@ -147,7 +147,7 @@ class CaseGas:
         """The kinds of disks, without an array of all disks."""
         kinds, sums = [], []
         for each in self.species:
-            (*rows, material), every = each.look.kinds
+            (*rows, material), every = each.summary.kinds
             kinds.append(([*rows, np.full_like(material, self.materials.index(each.material))], every))
         for block in distribution.blocks(range(self.n)):
             own = self._of_species(block)
@@ -214,7 +214,7 @@ class CaseGas:
         section = self.case.box
         radii = [wall.radius for wall in self.walls if wall.shape == "container"]
         radius = max(radii) if radii else 0.5 * max(self.box.lengths)
-        return section.gravity_turns**2 * radius / (math.hypot(*section.gravity) or 1.0)
+        return section.gravity_rotation_rate**2 * radius / (math.hypot(*section.gravity) or 1.0)
 
     @property
     def cautions(self) -> list[str]:
@@ -222,9 +222,9 @@ class CaseGas:
         texts, froude = self._drifting(), self.drum
         if froude > FASTEST_DRUM:
             texts.append(
-                f"box.gravity_turns = {self.case.box.gravity_turns:g}: the Froude number of such a drum, {froude:.3g}, "
-                f"is above {FASTEST_DRUM}: its frame has centrifugal and Coriolis accelerations, too, which are left "
-                "out"
+                f"box.gravity_rotation_rate = {self.case.box.gravity_rotation_rate:g}: the Froude number of such a "
+                f"drum, {froude:.3g}, is above {FASTEST_DRUM}: its frame has centrifugal and Coriolis accelerations, "
+                "too, which are left out"
             )
         texts += self._forgotten()
         if self.case.run.resting_speed is None:
@@ -238,7 +238,7 @@ class CaseGas:
                 if wall.temperature
                 else "; "
                 + (
-                    "in the frame of a slow drum gravity turns: let the wall stand, and give box.gravity_turns"
+                    "in the frame of a slow drum gravity turns: let the wall stand, and give box.gravity_rotation_rate"
                     if wall.turn.kind == "steady" or (wall.shape == "container" and wall.surface_speed)
                     else "in the frame of a steady motion the wall stands: let it, and move all others the other way"
                     if wall.motion.kind == "steady" or wall.surface_speed
@@ -313,9 +313,11 @@ class CaseGas:
     def strips(self) -> int:
         """Number of strips of the box in which disks are placed at random, each by one rank; 0 of other starts."""
         start = self.case.start
-        if self.patch is None or not start.placed or start.positions != "random":
+        if self.start_region is None or not start.placed or start.positions != "random":
             return 0
-        return placement.strips(FreeArea(self.patch, self.walls), self.n, float(self.kinds.radius.max()))[1]
+        return placement.strips(
+            FreeArea(self.start_region, self.walls), self.n, float(self.kinds.radius.max())
+        )[1]
 
     @property
     def is_made_in_slices(self) -> bool:
@@ -323,7 +325,7 @@ class CaseGas:
 
         Other starts need all disks at once, and are made by one process.
         """
-        return self.case.start.file is not None or self.case.start.positions not in ("growth", IMPACT_SCAN)
+        return self.case.start.file is not None or self.case.start.positions not in (GROWN, IMPACT_SCAN)
 
     def is_read_in_slices(self, ranks: int) -> bool:
         """True if each of so many ranks reads its rows of the file that gives the start."""
@@ -419,7 +421,8 @@ class CaseGas:
     def _fastest_drawn(self) -> tuple[float, float]:
         """More than the largest speed [length/time] and spin [rad/time] that are drawn: 12 deviations."""
         speeds = [
-            each.speed_rms * math.sqrt(each.look.mass.high / each.look.mass.low) for each in self.species
+            each.speed_rms * math.sqrt(each.summary.mass.high / each.summary.mass.low)
+            for each in self.species
         ]
         return 12.0 * max(speeds), 12.0 * max(each.spin_rms for each in self.species)
 
@@ -443,7 +446,7 @@ class CaseGas:
         if case.run.resting_speed is not None:
             checks.check_resting(
                 self.kinds, self.box, (case.box.gravity[0], case.box.gravity[1]), case.run.resting_speed,
-                [each.kind for each in case.force], IFRLaw, case.run.arch, case.run.precision,
+                [each.kind for each in case.force], IFRLaw, case.run.device, case.run.precision,
             )  # fmt: skip
         largest = {
             "a velocity": comm.largest(float(np.abs(velocity).max(initial=0.0))) + flow,
@@ -484,7 +487,7 @@ class CaseGas:
             except InputError as error:
                 value = getattr(getattr(case, section), key)
                 shown = f"{value:g}" if isinstance(value, float) else json.dumps(value)
-                found.append(str(Complaint(f"{section}.{key}", shown, str(error))))
+                found.append(str(Problem(f"{section}.{key}", shown, str(error))))
         refuse(found)
 
     def _lying(
@@ -493,7 +496,7 @@ class CaseGas:
         walls: Sequence[Wall],
         gravity: tuple[float, float],
     ) -> list[str]:
-        """Complaint about disks that a start file places at rest on walls, where only resting contacts hold them."""
+        """Problem about disks that a start file places at rest on walls, where only resting contacts hold them."""
         if self.given is None or self.case.run.collapse == "rest":
             return []
         comm, start = current(), self.case.start
@@ -508,7 +511,7 @@ class CaseGas:
         wall = wall_names(walls, self.box)[rests[1]]
         text = f"disk {rests[0]} lies on {wall} without speed, and has no next collision"
         text += ': set run.collapse = "rest", or give it a gap or a speed'
-        return [str(Complaint(f"start.{key}", json.dumps(value), text))]
+        return [str(Problem(f"start.{key}", json.dumps(value), text))]
 
     def simulation(
         self,
@@ -546,12 +549,13 @@ class CaseGas:
         any_law = self.law()  # stands where two walls would meet, which never happens
         given: dict[str, Any] = {
             "disks": disks, "box": self.box, "state": begin,
-            "law": [[any_law if one is None else one for one in row] for row in self.laws], "arch": run.arch,
+            "law": [[any_law if one is None else one for one in row] for row in self.laws], "arch": run.device,
             "threads": run.threads, "precision": run.precision,
             "walls": self._walls_at_start if pistons is None else at_displacements(self.walls, pistons),
-            "gravity": (box.gravity[0], box.gravity[1]), "gravity_turns": box.gravity_turns,
-            "gravity_step": box.gravity_step, "collapse": run.collapse, "contact_time": run.contact_time,
-            "velocity_cutoff": run.velocity_cutoff, "resting_speed": run.resting_speed,
+            "gravity": (box.gravity[0], box.gravity[1]), "gravity_rotation_rate": box.gravity_rotation_rate,
+            "gravity_rotation_step": box.gravity_rotation_step, "collapse": run.collapse,
+            "contact_time": run.contact_time, "velocity_cutoff": run.velocity_cutoff,
+            "resting_speed": run.resting_speed,
             "forces": forces_of(self.case), "seed": run.seed, "ledger": output.ledger,
             "partners": "last_partner" in output.fields, "angles": "angle" in output.fields,
             "dissipated": "dissipated" in output.fields, "wall_sums": output.wall_sums,
@@ -563,7 +567,7 @@ class CaseGas:
 
     @property
     def _walls_at_start(self) -> tuple[Wall, ...]:
-        return self.walls if self.given is None else self.given.moved(self.walls)
+        return self.walls if self.given is None else self.given.with_pistons(self.walls)
 
     def tracked(self, start: State | None) -> NDArray[np.int32]:
         """Disks that have histories, ascending; none of a start that only ranks know, which have no histories.
@@ -576,12 +580,12 @@ class CaseGas:
         found = output.tracked(start.position, seeds.stream(self.case.run.seed, seeds.HISTORIES))
         if output.tracks and not len(found):
             region = str(output.histories_region)
-            raise InputError(str(Complaint("output.histories_region", region, "no disk starts there")))
+            raise InputError(str(Problem("output.histories_region", region, "no disk starts there")))
         return found
 
     def _placed(self, progress: Callable[[float], None]) -> NDArray[np.float64]:
         way, seed = self.case.start.positions, self.case.run.seed
-        assert self.patch is not None  # the rules have seen to it
+        assert self.start_region is not None  # the rules have seen to it
         comm = current()
         disks = self.disks if comm.size == 1 else self.rows(comm.slice_of(self.n))
         radius, options = disks.radius, dict[str, Any](seed=seed, walls=self.walls)
@@ -589,15 +593,15 @@ class CaseGas:
             if way == "hexagonal":
                 # Several species would lie in layers else.
                 options["seed"] = seed if len(self.species) > 1 or not self.species[0].equal else None
-                return placement.hexagonal_positions(self.patch, radius, **options)
-            if way == "growth":
-                return packing.grow(self.patch, radius, progress=progress, **options)
-            return placement.random_positions(self.patch, radius, **options)
+                return placement.hexagonal_positions(self.start_region, radius, **options)
+            if way == GROWN:
+                return packing.grow(self.start_region, radius, progress=progress, **options)
+            return placement.random_positions(self.start_region, radius, **options)
         except InputError as error:
-            raise InputError(str(Complaint("start.positions", f'"{way}"', str(error)))) from None
+            raise InputError(str(Problem("start.positions", f'"{way}"', str(error)))) from None
 
 
-def judge(case: Case, folder: Path, *, start: bool = True, ranks: int = 1) -> tuple[CaseGas, list[Complaint]]:
+def judge(case: Case, folder: Path, *, start: bool = True, ranks: int = 1) -> tuple[CaseGas, list[Problem]]:
     """Apply every rule to a case: its gas, and all that is wrong; the gas holds as far as nothing is.
 
     A start file's path begins at `folder`; without `start`, in a run that has begun, it is looked at no more. If so
@@ -611,35 +615,35 @@ def judge(case: Case, folder: Path, *, start: bool = True, ranks: int = 1) -> tu
     rows = [0 if each.material is None else materials.index(each.material) for each in case.wall]
     walls, wrong_shapes = rules.made_walls(case, rows, folder)
     found = [
-        *rules.wrong_names(case),
-        *rules.wrong_pairs(verdicts),
-        *rules.wrong_motion(case),
-        *rules.too_many(case),
+        *rules.check_names(case),
+        *rules.check_pairs(verdicts),
+        *rules.check_motion(case),
+        *rules.check_count(case),
     ]
-    found += rules.wrong_forces(case)
-    box, patch, given = Box.open(), None, None
+    found += rules.check_forces(case)
+    box, start_region, given = Box.open(), None, None
     gas = CaseGas(case, species, materials, verdicts, box, walls)
     kinds = gas.kinds
     try:
-        patch = case.box.patch(kinds.covered)
+        start_region = case.box.start_region(kinds.covered)
     except InputError as error:
-        found.append(Complaint("box", None, str(error)))
+        found.append(Problem("box", None, str(error)))
     else:
-        box = box if case.box.open or patch is None else patch
-        wrong_walls = wrong_shapes or [*rules.wrong_walls(case, walls, box, kinds.radius)]
+        box = box if case.box.open or start_region is None else start_region
+        wrong_walls = wrong_shapes or [*rules.check_walls(case, walls, box, kinds.radius)]
         found += wrong_walls
         if start:
             standing = () if wrong_walls else walls
-            found += rules.wrong_room(
-                case, species, kinds, None if patch is None else FreeArea(patch, standing)
+            found += rules.check_room(
+                case, species, kinds, None if start_region is None else FreeArea(start_region, standing)
             )
-            found += [*rules.wrong_open(case, patch), *rules.wrong_scan(case)]
+            found += [*rules.check_open(case, start_region), *rules.check_scan(case)]
             if case.start.file is None and case.start.trajectory is None:
-                found += rules.wrong_clock(case)
+                found += rules.check_clock(case)
             elif not gas.is_read_in_slices(ranks):
                 given = rules.given_start(case, gas.disks.radius, FreeArea(box, standing), folder, found)
-    found += rules.wrong_output(case, kinds.n, box)
-    return replace(gas, box=box, patch=patch, given=given), found
+    found += rules.check_output(case, kinds.n, box)
+    return replace(gas, box=box, start_region=start_region, given=given), found
 
 
 def forces_of(case: Case) -> list[Force]:
@@ -649,7 +653,7 @@ def forces_of(case: Case) -> list[Force]:
     from ..model.forces import Drag, Langevin, RandomKicks, Rescale, SpinKicks, TableFriction
 
     kinds: dict[str, Callable[..., Force]] = {
-        "kicks": RandomKicks, "spin_kicks": SpinKicks, "langevin": Langevin, "drag": Drag, "rescale": Rescale,
+        "random_force": RandomKicks, "random_torque": SpinKicks, "langevin": Langevin, "drag": Drag, "rescale": Rescale,
         "table_friction": TableFriction,
     }  # fmt: skip
     return [kinds[each.kind](**each.model_dump(exclude={"kind"}, exclude_none=True)) for each in case.force]

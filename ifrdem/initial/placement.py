@@ -75,11 +75,11 @@ def sites(free_area: FreeArea, n: int, radius: float, numbers: NDArray[np.int64]
     comm = current()
     here = best.off_walls(comm.slice_of(best.points))
     own, found = comm.number(len(here))
-    wanted = _spread(np.arange(n) if numbers is None else numbers, found, n)
-    return here[wanted] if comm.size == 1 else _asked_for(own.start, here, wanted)
+    wanted = _site_numbers(np.arange(n) if numbers is None else numbers, found, n)
+    return here[wanted] if comm.size == 1 else _rows_by_number(own.start, here, wanted)
 
 
-def _asked_for(first: int, rows: Array, wanted: NDArray[np.int64]) -> Array:
+def _rows_by_number(first: int, rows: Array, wanted: NDArray[np.int64]) -> Array:
     """Rows of some numbers that are anywhere; those here are numbered from `first` on, rank by rank."""
     comm = current()
     firsts = np.array(comm.allgather(first if len(rows) else -1))
@@ -159,7 +159,7 @@ ATTEMPTS_PER_DISK = 400
 """Attempts of random sequential addition for each disk on average before it gives up."""
 
 
-def _clear_of(
+def _overlaps_none(
     box: Box, candidate: Array, radius: Array, placed: Array, placed_radius: Array
 ) -> NDArray[np.bool_]:
     """Mask of candidates, of these radii, that overlap none of the placed disks; shape (candidates,)."""
@@ -181,7 +181,7 @@ def _clear_of(
     return clear
 
 
-def _one_by_one(box: Box, candidate: Array, radius: Array, owner: NDArray[np.intp]) -> NDArray[np.intp]:
+def _accepted(box: Box, candidate: Array, radius: Array, owner: NDArray[np.intp]) -> NDArray[np.intp]:
     """Attempts that succeed when they are made one after the other, in order; shape (successes,).
 
     Attempt c puts disk `owner[c]`, of radius `radius[c]`, at `candidate[c]`. It fails if an earlier success
@@ -266,7 +266,7 @@ def random_positions(box: Box, radius: PositiveColumn, *, seed: Seed, walls: Seq
     """
 
     comm = current()
-    radii, ids, n = _of_slice(box, radius)
+    radii, ids, n = _radii_of_rank(box, radius)
     if n == 0:
         return np.empty((0, 2))
     seeds.stream(seed, seeds.POSITIONS)  # refuses what is no seed
@@ -306,7 +306,7 @@ def random_positions(box: Box, radius: PositiveColumn, *, seed: Seed, walls: Seq
     def fill(parity: int) -> None:
         for each in own:
             if each % 2 == parity:
-                position[rows[each]] = _added(
+                position[rows[each]] = _fill_strip(
                     free_area, radii_there[rows[each]], seeds.stream(seed, seeds.POSITIONS, each), wanted,
                     (axis, edges[each], edges[each + 1]), float(shares[each]),
                     beside.get(each, (np.empty((0, 2)), np.empty(0))),
@@ -314,7 +314,7 @@ def random_positions(box: Box, radius: PositiveColumn, *, seed: Seed, walls: Seq
 
     comm.run_on_all(lambda: fill(0))
     if count > 1:
-        beside = _beside(axis, edges, owner, rows, position, radii_there)
+        beside = _neighbors_of_strips(axis, edges, owner, rows, position, radii_there)
         comm.run_on_all(lambda: fill(1))
     (found,) = comm.by_id(n, who, [position])
     if comm.size == 1:  # on several ranks, `Simulation` looks for overlaps
@@ -322,7 +322,10 @@ def random_positions(box: Box, radius: PositiveColumn, *, seed: Seed, walls: Seq
     return found
 
 
-_INSTEAD = 'use fewer disks, a larger box, positions = "growth" or, for disks of about one size, "hexagonal"'
+_INSTEAD = (
+    'use fewer disks, a larger box, positions = "lubachevsky_stillinger" or, for disks of about the same size, '
+    '"hexagonal"'
+)
 _SCANNED = 128  # strips at least in which the area is known along the box, and even in between
 
 
@@ -339,7 +342,7 @@ def _edges(free_area: FreeArea, axis: int, shares: Array, inset: float) -> Array
     return np.concatenate([[low], np.interp(parts * below[-1], below, scanned), [high]])
 
 
-def _beside(
+def _neighbors_of_strips(
     axis: int, edges: Array, owner: NDArray[np.intp], rows: dict[int, slice], position: Array,
     radius: Array,
 ) -> dict[int, tuple[Array, Array]]:  # fmt: skip
@@ -364,7 +367,7 @@ def _beside(
     }
 
 
-def _added(
+def _fill_strip(
     free_area: FreeArea, radii: Array, rng: np.random.Generator, wanted: float, strip: tuple[int, float, float],
     share: float, beside: tuple[Array, Array],
 ) -> Array:  # fmt: skip
@@ -401,11 +404,11 @@ def _added(
                 owner, candidate = owner[clear], candidate[clear]
             if len(placed) + len(beside[1]):
                 there = np.concatenate((beside[0], position[placed]))
-                clear = _clear_of(
+                clear = _overlaps_none(
                     box, candidate, radii[owner], there, np.concatenate((beside[1], radii[placed]))
                 )
                 owner, candidate = owner[clear], candidate[clear]
-            success = _one_by_one(box, candidate, radii[owner], owner)
+            success = _accepted(box, candidate, radii[owner], owner)
             position[owner[success]] = candidate[success]
             placed = np.concatenate((placed, owner[success]))
             todo = np.setdiff1d(todo, owner[success], assume_unique=True)
@@ -463,7 +466,7 @@ def lattice(box: Box, n: int, diameter: float) -> tuple[int, int, bool]:
     return best[1:]
 
 
-def _of_slice(box: Box, radius: ArrayLike) -> tuple[Array, range, int]:
+def _radii_of_rank(box: Box, radius: ArrayLike) -> tuple[Array, range, int]:
     """Radii of this rank's slice, which fit into the box, its ids, and the number of all disks."""
 
     comm = current()
@@ -473,7 +476,7 @@ def _of_slice(box: Box, radius: ArrayLike) -> tuple[Array, range, int]:
     return radii, ids, n
 
 
-def _spread(number: NDArray[np.int64], sites: int, n: int) -> NDArray[np.int64]:
+def _site_numbers(number: NDArray[np.int64], sites: int, n: int) -> NDArray[np.int64]:
     """Sites of the disks with these numbers, of n that leave some free: number sites // n, in 64 bits for 2^32 too."""
     found: NDArray[np.int64] = number + number * (sites - n) // n
     return found
@@ -507,7 +510,7 @@ def hexagonal_positions(
     """
 
     comm = current()
-    radii, ids, n = _of_slice(box, radius)
+    radii, ids, n = _radii_of_rank(box, radius)
     if n == 0:
         return np.empty((0, 2))
     largest = comm.largest(float(radii.max(initial=0.0)))
@@ -519,7 +522,7 @@ def hexagonal_positions(
     else:
         columns, rows, upright = lattice(box, n, 2.0 * largest)
         lengths = box.lengths[::-1] if upright else box.lengths
-        row, column = np.divmod(_spread(number, columns * rows, n), columns)
+        row, column = np.divmod(_site_numbers(number, columns * rows, n), columns)
         # A quarter column from the side: both kinds of row then have the same margin.
         x = (column + 0.25 + 0.5 * (row % 2)) * (lengths[0] / columns)
         y = (row + 0.5) * (lengths[1] / rows)

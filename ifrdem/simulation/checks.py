@@ -270,7 +270,7 @@ def check_resting(
 
     name = f'collapse = "rest" (resting_speed = {resting_speed:g})'
     if arch != "cpu" or precision != "f64":
-        raise InputError(f'{name}: only on a CPU in double precision (arch = "cpu", precision = "f64")')
+        raise InputError(f'{name}: only on a CPU in double precision (device = "cpu", precision = "f64")')
     if disks.n > SINGLE_TILE:
         raise InputError(
             f"{name}: {disks.n} disks, but only gases that one thread computes as a whole can rest, of up to "
@@ -306,11 +306,11 @@ def check_resting(
 
 def check_pistons(
     walls: Sequence[Wall], n: int, arch: str, precision: str, resting_speed: float, order: str | None = None,
-    ranks: int = 1, gravity_turns: float = 0.0,
+    ranks: int = 1, gravity_rotation_rate: float = 0.0,
 ) -> None:  # fmt: skip
     """Refuse pistons where the whole box is not computed in order, or gravity turns; arguments as for `Engine`."""
     refused = {
-        f'arch = "{arch}"': arch != "cpu",
+        f'device = "{arch}"': arch != "cpu",
         f'precision = "{precision}"': precision != "f64",
         f'order = "{order}"': order == "tiled",
         f"several ranks (here are {ranks})": ranks > 1,
@@ -320,9 +320,9 @@ def check_pistons(
     for w, wall in enumerate(walls):
         if wall.piston is None:
             continue
-        if gravity_turns:
+        if gravity_rotation_rate:
             raise InputError(
-                f"wall {w} is a piston: gravity_turns = {gravity_turns:g} not supported: must be 0"
+                f"wall {w} is a piston: gravity_rotation_rate = {gravity_rotation_rate:g} not supported: must be 0"
             )
         for what, there in refused.items():
             if there:

@@ -91,8 +91,8 @@ class EngineOptions:
     tile_disks: int | None = None
     window_collisions: float | None = None
     gravity: tuple[float, float] = (0.0, 0.0)
-    gravity_turns: float = 0.0
-    gravity_step: float = USUAL_STEP
+    gravity_rotation_rate: float = 0.0
+    gravity_rotation_step: float = USUAL_STEP
     velocity_cutoff: float = 0.0
     contact_time: float = 0.0
     resting_speed: float = 0.0
@@ -105,7 +105,7 @@ class EngineOptions:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "gravity", checked.finite_pair("gravity", self.gravity))
-        for name in ("gravity_turns", "gravity_step"):
+        for name in ("gravity_rotation_rate", "gravity_rotation_step"):
             object.__setattr__(self, name, checked.real(name, getattr(self, name)))
         object.__setattr__(self, "seed", seeds.of_device(self.seed))
         if self.order not in (None, *ORDERS):
@@ -245,9 +245,11 @@ class Engine:
             given.resting_speed,
             given.order,
             comm.size,
-            given.gravity_turns,
+            given.gravity_rotation_rate,
         )
-        self.turning = TurningGravity(given.gravity, given.gravity_turns, given.gravity_step, time)
+        self.turning = TurningGravity(
+            given.gravity, given.gravity_rotation_rate, given.gravity_rotation_step, time
+        )
         self.gravity: tuple[float, float] = self.turning.gravity
         self.statistics: Statistics = Statistics()
         self.keep_collisions = False
@@ -556,10 +558,10 @@ class Engine:
 
     def set_gravity(self, gravity: tuple[float, float]) -> None:
         """Let disks fall otherwise from now on; InputError unless gravity is constant and can act along this."""
-        if self.options.gravity_turns:
+        if self.options.gravity_rotation_rate:
             raise InputError(
-                f"gravity = {gravity}: it turns (gravity_turns = {self.options.gravity_turns:g}), and cannot be set; "
-                "begin a new simulation from this state"
+                f"gravity = {gravity}: it turns (gravity_rotation_rate = {self.options.gravity_rotation_rate:g}), and "
+                "cannot be set; begin a new simulation from this state"
             )
         gravity = checked.finite_pair("gravity", gravity)
         checks.check_between_collisions(self.disks, self.box, gravity, self.force_steps.forces)

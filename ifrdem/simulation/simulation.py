@@ -27,7 +27,7 @@ from ..model.walls import Wall, WallSums, check_types, sides
 from ..mpi import Communicator, current
 from ..mpi.distribution import bounds
 from ..tools import checked
-from ..tools.checked import LATER, Comm, Count, Seed, validated
+from ..tools.checked import LATER, Comm, Count, Integer, Real, Seed, validated
 from ..tools.pictured import PicturedDisks
 from ..tools.progress import Progress as Bar
 from ..tools.progress import seen
@@ -119,10 +119,10 @@ class Simulation(Sealed, PicturedDisks):
         first.
     gravity : two floats
         Acceleration of all disks [length/time^2]; only in directions that are not periodic.
-    gravity_turns : float
+    gravity_rotation_rate : float
         Rate at which gravity turns [rad/time], counter-clockwise, as in the frame of a slow drum that turns clockwise
         (`ifrdem docs heaps`): between walls only, and `gravity` is that at time 0.
-    gravity_step : float
+    gravity_rotation_step : float
         Angle of its steps [rad], up to 0.1: between two of them gravity is constant, and collisions are exact.
     collapse : {"none", "tc", "velocity_cutoff", "rest"}
         What is done about inelastic collapse (`ifrdem.model.collapse.Collapse`): nothing, or some collisions are
@@ -209,8 +209,8 @@ class Simulation(Sealed, PicturedDisks):
         window_collisions: float | None = None,
         walls: Sequence[Wall] = (),
         gravity: tuple[float, float] = (0.0, 0.0),
-        gravity_turns: float = 0.0,
-        gravity_step: float = USUAL_STEP,
+        gravity_rotation_rate: float = 0.0,
+        gravity_rotation_step: float = USUAL_STEP,
         collapse: str = "none",
         contact_time: float | None = None,
         velocity_cutoff: float | None = None,
@@ -263,7 +263,7 @@ class Simulation(Sealed, PicturedDisks):
             self._engine = Engine(
                 disks, box, begin, table, arch=arch, threads=threads, precision=precision,
                 window_collisions=window_collisions, walls=walls, gravity=gravity,
-                gravity_turns=gravity_turns, gravity_step=gravity_step,
+                gravity_rotation_rate=gravity_rotation_rate, gravity_rotation_step=gravity_rotation_step,
                 velocity_cutoff=remedy.velocity_cutoff or 0.0, contact_time=remedy.contact_time or 0.0,
                 resting_speed=remedy.resting_speed or 0.0, forces=forces, seed=seed,
                 law=law_class, ledger=ledger, partners=partners, angles=angles, itemised=dissipated,
@@ -361,7 +361,8 @@ class Simulation(Sealed, PicturedDisks):
         self._engine.set_gravity(gravity)
         self._count_change(before)
 
-    def set_piston_force(self, wall: int, force: float) -> None:
+    @validated
+    def set_piston_force(self, wall: Annotated[int, Integer(0)], force: Real) -> None:
         """Have another constant force [mass length/time^2] act on a piston from now on; `wall` is its number.
 
         Raises
@@ -891,7 +892,8 @@ class Simulation(Sealed, PicturedDisks):
         self._engine.check_duration(t_end)
         return self._recorded(lambda: self.time < t_end, t_end=t_end)
 
-    def collide(self, count: int) -> CollisionTimes:
+    @validated
+    def collide(self, count: Annotated[int, Integer(0, 2**53)]) -> CollisionTimes:
         """Run for `count` collisions and return them, in order.
 
         More come back only where several happen at one and the same time, as at the end of an inelastic collapse.
@@ -901,7 +903,6 @@ class Simulation(Sealed, PicturedDisks):
         InputError
             If `count` is not a whole number, 0 or more.
         """
-        count = checked.whole("count", count, 0)
         target = self.collisions + count
         return self._recorded(lambda: self.collisions < target, collisions=target)
 

@@ -31,7 +31,7 @@ def fingerprint(engine: Engine) -> str:
     """A hash of what must be the same for a snapshot to fit: disks, box, laws, walls, forces, seed, precision."""
     engine.check_whole()
     a, disks, box, options = engine.arrays, engine.disks_here, engine.box, engine.options
-    gravity = options.gravity if options.gravity_turns else engine.gravity
+    gravity = options.gravity if options.gravity_rotation_rate else engine.gravity
     digest = hashlib.sha256()
     walls = a.wall_rows.copy()
     walls[a.pistons[:, None], [WALL.now, WALL.speed]] = 0.0  # where a piston starts, as where disks do
@@ -45,10 +45,10 @@ def fingerprint(engine: Engine) -> str:
         options.precision, options.arch, options.seed, options.wall_sums,
         options.ledger, options.partners, options.angles, options.itemised, a.uses.collision_law.impulses.__qualname__,
     ]  # fmt: skip
-    if options.gravity_turns:
-        parts.append((options.gravity_turns, options.gravity_step))
+    if options.gravity_rotation_rate:
+        parts.append((options.gravity_rotation_rate, options.gravity_rotation_step))
     for force in engine.force_steps.forces:
-        parts += [type(force).__name__, np.array(force.parameters), force.step]
+        parts += [type(force).__name__, np.array([*force.values.values()]), force.step]
     for part in parts:
         if isinstance(part, np.ndarray):
             digest.update(str(part.shape).encode() + np.ascontiguousarray(part).tobytes())
@@ -140,7 +140,7 @@ def _put_back(engine: Engine, found: Snapshot) -> None:
     _time, engine._collided_at, engine._flow_excess = found["clock"].tolist()
     *before, engine._resting, parted, engine._until_looked = found["counts"].tolist()
     engine._before, engine._slept, engine._no_future_collisions = before[:2], before[2], bool(parted)
-    if engine.options.gravity_turns:
+    if engine.options.gravity_rotation_rate:
         step, engine.turning.work = found["turning"].tolist()
         engine.turning.next_step = int(step)
         engine.put_gravity()

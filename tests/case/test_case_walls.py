@@ -27,7 +27,7 @@ from ifrdem.model.observables import measure
 from ifrdem.model.walls import Motion, Piston, Turn, Wall, from_json, to_json
 from ifrdem.plots import profiles
 from ifrdem.plots.temperatures import theory
-from ifrdem.run.info import describe
+from ifrdem.runs.info import describe
 from ifrdem.trajectory.reader import Trajectory
 
 ROOT = Path(__file__).parents[2]
@@ -394,10 +394,10 @@ def test_gravity_that_turns_reaches_the_engine_and_check_says_how_fast(
 ) -> None:
     given: dict[str, object] = {}
     monkeypatch.setattr(gas_module, "Simulation", lambda *args, **options: given.update(options))
-    overrides = ["box.gravity_turns=-0.05", "box.gravity_step=0.01"]
+    overrides = ["box.gravity_rotation_rate=-0.05", "box.gravity_rotation_step=0.01"]
     case = Case.model_validate(changed(*overrides))
     CaseGas.from_case(case).simulation()
-    assert (given["gravity_turns"], given["gravity_step"]) == (-0.05, 0.01)
+    assert (given["gravity_rotation_rate"], given["gravity_rotation_step"]) == (-0.05, 0.01)
     (tmp_path / "case.toml").write_text(SHAKEN)
     words = [word for each in overrides for word in ("--set", each)]
     assert main(["check", str(tmp_path / "case.toml"), *words]) == 0
@@ -410,11 +410,14 @@ def test_gravity_that_turns_reaches_the_engine_and_check_says_how_fast(
 @pytest.mark.parametrize(
     ("override", "told"),
     [
-        (["box.gravity_turns=0.1", "box.gravity=[0.0, 0.0]"], "there is no gravity to turn"),
-        (["box.gravity_turns=0.1", "box.periodic=[true, false]"], "for ever where a side is periodic"),
-        (["box.gravity_step=0.01"], "gravity_step: only where gravity_turns"),
-        (["box.gravity_turns=0.1", "box.gravity_step=0.2"], "gravity_step"),
-        (["box.gravity_turns=0.1", "output.histories=[0]"], "not where gravity turns"),
+        (["box.gravity_rotation_rate=0.1", "box.gravity=[0.0, 0.0]"], "there is no gravity to turn"),
+        (
+            ["box.gravity_rotation_rate=0.1", "box.periodic=[true, false]"],
+            "for ever where a side is periodic",
+        ),
+        (["box.gravity_rotation_step=0.01"], "gravity_rotation_step: only where gravity_rotation_rate"),
+        (["box.gravity_rotation_rate=0.1", "box.gravity_rotation_step=0.2"], "gravity_rotation_step"),
+        (["box.gravity_rotation_rate=0.1", "output.histories=[0]"], "not where gravity turns"),
     ],
 )
 def test_gravity_that_cannot_turn_is_refused(
@@ -605,7 +608,7 @@ def test_walls_are_where_they_are_at_the_start_time_of_a_state() -> None:
     assert gas.simulation(state).time == 0.375
 
 
-@pytest.mark.parametrize("way", ["growth", "hexagonal"])
+@pytest.mark.parametrize("way", ["lubachevsky_stillinger", "hexagonal"])
 def test_dense_starts_of_a_case_keep_off_walls(way: str) -> None:
     case = Case.model_validate(changed("species[0].number=300", f"start.positions={way}"))
     gas = CaseGas.from_case(case)

@@ -24,7 +24,7 @@ from ifrdem.cli.main import main
 from ifrdem.errors import DamageError, DamageWarning, InputError, TrajectoryError
 from ifrdem.model.state import Disks, State
 from ifrdem.mpi import SERIAL
-from ifrdem.run.info import describe
+from ifrdem.runs.info import describe
 from ifrdem.trajectory import parts as parted
 from ifrdem.trajectory.parts_writer import PartsWriter
 from ifrdem.trajectory.reader import Trajectory
@@ -515,7 +515,7 @@ def test_a_resumed_trajectory_is_that_of_an_uninterrupted_run(tmp_path, seen, op
         go_on(writer, seen, 9)
         writer.flush()
         assert len(writer) == 9
-        assert writer.seen == {"frames": 9, "series_rows": 9, "events": 450}
+        assert writer.written_counts == {"frames": 9, "series_rows": 9, "events": 450}
     assert shown(tmp_path / "run.h5") == shown(tmp_path / "whole.h5")
 
 

@@ -26,7 +26,7 @@ from ..simulation.tracking import Events
 from ..tools import text_file
 from ..tools.files import CHECKPOINT, checkpoint_of
 from ..trajectory import parts
-from ..trajectory.background import QueuedWriter
+from ..trajectory.background import AsyncWriter
 from ..trajectory.parts_writer import PartsWriter
 from ..trajectory.writer import TrajectoryWriter
 from .outputs import Outputs, only
@@ -99,7 +99,7 @@ def resume(
     def prepared() -> tuple[Any, ...]:
         path = find(place)
         arrays, record = checkpoint.read(path, rows=False)
-        with checkpoint.reading(path, "its record"):
+        with checkpoint.as_damage_error(path, "its record"):
             checkpoint.check_versions(record, path)
             extra: Mapping[str, Any] = record["extra"]
             if "course" not in extra:
@@ -119,9 +119,9 @@ def resume(
             seen: dict[str, Any] = {name: operator.index(extra["seen"][name]) for name in names}
         if threads is not None:
             case = case.model_copy(update={"run": case.run.model_copy(update={"threads": threads})})
-        device.check(case.run.arch, case.run.threads, case.run.precision)
+        device.check(case.run.device, case.run.threads, case.run.precision)
         n = sum(each.number for each in case.species)
-        summary.refuse_beyond_memory(n, case.run.arch, share=share, ranks=comm.size)
+        summary.refuse_beyond_memory(n, case.run.device, share=share, ranks=comm.size)
         try:
             gas = CaseGas.from_case(case, begun[0].parent, start=False)
         except InputError as error:
@@ -154,7 +154,7 @@ def resume(
             options = {**stored(gas), "frames": seen["frames"]}
             queue = PartsWriter.resume(writer, simulation.disks_here, gas.box, comm=comm, **options)
         elif writer is not None:
-            queue = QueuedWriter(writer)
+            queue = AsyncWriter(writer)
         if not comm.is_root:
             run_worker(case, simulation, course, queue)
             return
@@ -173,7 +173,7 @@ def resume(
 def _gas_of(path: Path) -> CaseGas:
     """The gas of a checkpoint, as far as ranks are divided for it."""
     record = checkpoint.read(path, rows=False)[1]
-    with checkpoint.reading(path, "its record"):
+    with checkpoint.as_damage_error(path, "its record"):
         checkpoint.check_versions(record, path)
         if "case_as_set" not in record["extra"]:
             raise InputError(f"{path}: {NO_RUN}")

@@ -36,7 +36,7 @@ from ..tools.checked import Array
 from ..tools.progress import Progress, Stage
 from ..tools.versions import revision
 from ..trajectory import parts
-from ..trajectory.background import QueuedWriter
+from ..trajectory.background import AsyncWriter
 from ..trajectory.parts_writer import PartsWriter
 from ..trajectory.views import write_views
 from ..trajectory.writer import TrajectoryWriter
@@ -55,7 +55,7 @@ class Run:
     simulation: Simulation
     course: Course
     ledger: Ledger
-    writer: QueuedWriter | PartsWriter
+    writer: AsyncWriter | PartsWriter
     pending: Events | None = None
     output_share: float = 0.0
     """Processor time of writing over that of all, when the run is done."""
@@ -140,7 +140,7 @@ def run(
             outputs.trajectory, simulation.disks, simulation.disks_here, gas.box, comm=comm, **options
         )
     elif writer is not None:
-        queue = QueuedWriter(writer)
+        queue = AsyncWriter(writer)
     if not comm.is_root:
         run_worker(case, simulation, course, queue)
         return
@@ -183,14 +183,14 @@ def idle_ranks(count: int, ranks: int) -> str:
 def how(case: Case, cores: int, ranks: int = 1) -> str:
     """Device of a case and its threads, for the summary of a run."""
     used = case.run.threads or cores
-    text = device_of(case) + (f", {used} used" if case.run.arch == "cpu" else "")
+    text = device_of(case) + (f", {used} used" if case.run.device == "cpu" else "")
     text += f" by each of {ranks} ranks" if ranks > 1 else ""
     return text + (f", computing in {case.run.precision}" if case.run.precision != "f64" else "")
 
 
 def device_of(case: Case) -> str:
     """The device of a case."""
-    device = backend.device(case.run.arch)
+    device = backend.device(case.run.device)
     return f"{device.arch}: {device.description}"
 
 
@@ -228,7 +228,7 @@ def run_root(
         begin=(running.course.span.time, running.course.span.collisions), unit=unit, kernels=backend.kernels,
     )  # fmt: skip
 
-    def tell(time: float, collisions: int) -> None:
+    def report(time: float, collisions: int) -> None:
         progress(time, collisions)
         status.update(
             time=time, collisions=collisions, collisions_per_disk=2.0 * collisions / max(n, 1),
@@ -265,7 +265,7 @@ def run_root(
         with stops, progress:
             with recorder:
                 simulation.follow(
-                    running.course, observers=[frame], samplers=[row], progress=tell, between=between,
+                    running.course, observers=[frame], samplers=[row], progress=report, between=between,
                     stored=_single(case),
                 )  # fmt: skip
             # A signal that comes while the latest frames are written is that of a run that is about to end anyway.
@@ -279,7 +279,7 @@ def run_root(
     except KeyboardInterrupt:
         with contextlib.suppress(InputError, TrajectoryError):  # the interrupt is what is told
             if (
-                isinstance(running.writer, QueuedWriter) or simulation.comm.size == 1
+                isinstance(running.writer, AsyncWriter) or simulation.comm.size == 1
             ):  # else it takes all ranks
                 running.writer.flush()
         text = _remains(running, "interrupted")
@@ -322,7 +322,7 @@ def run_worker(case: Case, simulation: Simulation, course: Course, writer: Parts
             writer.write_frames([(shares, None)])
 
     def between() -> None:
-        _agree_to_go_on(simulation, stops, writer.tell if writer is not None else lambda: None)
+        _agree_to_go_on(simulation, stops, writer.raise_error if writer is not None else lambda: None)
         if writer is not None:
             writer.commit()
         if comm.bcast(False):
@@ -340,7 +340,7 @@ def run_worker(case: Case, simulation: Simulation, course: Course, writer: Parts
     simulation.measure()  # after which the first one reads what was written
 
 
-def _as_written(simulation: Simulation, writer: QueuedWriter | PartsWriter | None, state: State) -> Any:
+def _as_written(simulation: Simulation, writer: AsyncWriter | PartsWriter | None, state: State) -> Any:
     """A state as the writer takes it: shares of the parts of this rank, or all disks, on the first one (else None)."""
     if isinstance(writer, PartsWriter):
         return writer.shares(state)
@@ -370,7 +370,7 @@ def save(running: Run, recorder: Recorder) -> None:
 
     def commit() -> None:
         recorder.write()
-        if isinstance(running.writer, QueuedWriter):
+        if isinstance(running.writer, AsyncWriter):
             running.writer.flush()
 
     running.simulation.comm.run_on_root(commit)
@@ -389,7 +389,7 @@ def save(running: Run, recorder: Recorder) -> None:
         "trajectory": running.outputs.trajectory.name,
         "course": running.course.to_record(),
         "ledger": running.ledger.to_record(),
-        "seen": running.writer.seen,
+        "seen": running.writer.written_counts,
     }
     try:
         running.simulation.save_checkpoint(running.outputs.checkpoint, extra, arrays)
@@ -471,7 +471,7 @@ def _remains(running: Run, reason: str) -> str:
     latest, trajectory = running.ledger.latest, running.outputs.trajectory
     if len(running.writer) == 0 or latest is None:
         return f"{reason} before the first frame: nothing was written"
-    if why := running.writer.gone:
+    if why := running.writer.replaced_or_removed:
         return f"{reason}: {trajectory} is lost: {why}"
     text = f"{reason}: {trajectory} holds the {counted(len(running.writer), 'frame')} so far, "
     text += f"to t = {latest.time:.6g} and {latest.collisions} collisions"
@@ -506,7 +506,7 @@ def _balance(running: Run, last: Measure) -> Iterator[str]:
         temperatures.append(f"theta = T_rot/T = {last.rotational_temperature / last.temperature:.4g}")
     if temperatures:
         yield ", ".join(temperatures)
-    mass = sum(each.number * each.look.mass.mean for each in gas.species)
+    mass = sum(each.number * each.summary.mass.mean for each in gas.species)
     if gas.n > 1 and not gas.box.is_open and last.drift_energy > LEAST_DRIFT * last.translational_energy:
         where = drift_text(last.momentum / mass * gas.free)
         share = 100.0 * last.drift_energy / last.translational_energy
@@ -557,7 +557,11 @@ def _record(file: CaseFile, cores: int, ranks: int = 1) -> dict[str, str | int |
         "laws": json.dumps(laws),
         "forces": json.dumps([each.model_dump(exclude_none=True) for each in case.force]),
         "gravity": json.dumps(case.box.gravity),
-        **({"gravity_turns": case.box.gravity_turns} if case.box.gravity_turns else {}),
+        **(
+            {"gravity_rotation_rate": case.box.gravity_rotation_rate}
+            if case.box.gravity_rotation_rate
+            else {}
+        ),
         "collapse": case.run.collapse,
         "device": device_of(case) if ranks == 1 else how(case, cores, ranks),
         "threads": case.run.threads or cores,
