@@ -252,8 +252,8 @@ OTHERS: dict[ModuleType, set[str]] = {
     ifrdem.fit: {"Collisions", "Data", "Design", "Estimate", "Fit", "Fitted", "Interval", "Law", "as_json", "design",
                  "draws", "fit", "material", "read", "table"},
     # Of files and gases below; the writer of parts has options of the writer.
-    ifrdem: {"DSMC", "History", "PartsWriter", "Regime", "Simulation", "Trajectory", "TrajectoryWriter", "concat",
-             "view"},
+    ifrdem: {"Case", "DSMC", "History", "PartsWriter", "Regime", "Simulation", "Trajectory", "TrajectoryWriter", "concat",
+             "run", "view"},
 }  # fmt: skip
 """Public names without a call here: classes that functions return and users do not make, and some others."""
 

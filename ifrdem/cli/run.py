@@ -257,9 +257,9 @@ def check(case: Case, /, *, set: Set = None) -> None:
     sliced = gas.is_distributed(comm) and gas.is_made_in_slices
 
     def report() -> None:
-        text, warnings = summary.check(gas, Path(), share=share, ranks=count, sliced=sliced)
-        say(text)
-        for each in warnings:
+        found = summary.check(gas, Path(), share=share, ranks=count, sliced=sliced)
+        say(found.text)
+        for each in found.warnings:
             warn(each)
 
     communicator.run_on_root(comm, report)
