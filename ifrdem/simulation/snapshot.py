@@ -49,7 +49,7 @@ def fingerprint(engine: Engine) -> str:
     if options.gravity_rotation_rate:
         parts.append((options.gravity_rotation_rate, options.gravity_rotation_step))
     for force in engine.force_steps.forces:
-        parts += [type(force).__name__, np.array(force.parameters), force.step]
+        parts += [type(force).__name__, np.array([*force.values.values()]), force.step]
     for part in parts:
         if isinstance(part, np.ndarray):
             digest.update(str(part.shape).encode() + np.ascontiguousarray(part).tobytes())

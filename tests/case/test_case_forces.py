@@ -155,7 +155,7 @@ def test_every_kind_of_force_reaches_its_class() -> None:
     made = forces_of(Case.model_validate(raw))
     for one, (_, other) in zip(made, given.values(), strict=True):
         assert type(one) is type(other)
-        assert (one.step, one.parameters) == (other.step, other.parameters)
+        assert (one.step, one.values) == (other.step, other.values)
 
 
 def test_check_says_what_a_driven_gas_will_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
