@@ -2,15 +2,18 @@
 
 from typing import Any
 
-from .language import Rows, Table, spread_of_loops, ti, vector_of
+from .language import Rows, Table, spread_of_loops, ti
 from .layout import plain
 from .particle import listed_kind, round_products
 from .random import DRAWS
-from .records import gas_of
 from .readout import placed
+from .records import NamedNumbers
 from .shear import flow_at
+from .signature import Arrays, kernel
 from .windows import is_owned
 
+OF_DISKS = "uses grid scale clock disk kind kinds meta tile edge_x edge_y when counter_words"
+"""Arrays from which a force gets the disks, a step and random numbers."""
 LEVELS = 3
 """Parts that a term of a sum is divided into (`sum_totals`)."""
 
@@ -64,31 +67,38 @@ def step_of(time: Any, dt: Any, free: Any, random: Any, totals: list[Any]) -> tu
     return (ti.Struct(time=time, dt=dt, free=free, random=random, **given),)
 
 
-def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any, Any]:
-    """Kernels of a class of forces with so many parameters: (sum its totals, apply it, try it on one disk).
-
-    The first two leave the sums of each tile, of this rank's where there are several, in `tile_sums`. Totals change the
-    motion, so their bits may not depend on the order of the disks: the largest size of a term comes first, for each
-    total, and then, for each of LEVELS and total, sums of parts of terms: what adding `rounders[level, total]` rounds
-    each to, and its rest on the next level. Parts are multiples of a power of two, and their sums exact. The second
-    kernel leaves the energy gained, and what frames of rows see of that beyond it.
-    """
+def kernels_of(force: Any) -> tuple[Any, Any, Any]:
+    """Kernels of a class of forces: sum its totals (None without totals), apply it, compile it for one disk."""
     act, measure = (
         function if hasattr(function, "_is_taichi_function") else ti.func(plain(function))
         for function in (force.act, force.measure)
     )
-    n_totals = force.totals
+    names = tuple(force.parameters)
+    return (
+        _sum_totals_of(measure, force.totals, names) if force.totals else None,
+        _apply_force_of(act, force.totals, names),
+        _try_force_of(act, measure, force.totals, names),
+    )
 
-    @ti.kernel
+
+def _sum_totals_of(measure: Any, n_totals: int, names: tuple[str, ...]) -> Any:
+    """Kernel that sums the terms of a force.
+
+    Totals change the motion, so their bits may not depend on the order of the disks. `tile_sums` gets for each tile,
+    of this rank's where there are several:
+
+    - for each total, the largest size of a term;
+    - for each of LEVELS and total, the sum of parts of terms. A part is what adding `rounders[level, total]` rounds a
+      term to; its rest goes to the next level. Parts are multiples of a power of two, and their sums exact.
+    """
+
+    @kernel
     def sum_totals(
-        uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, disk: Rows, kind: Rows, kinds: Rows,
-        meta: Rows, tile: Table, edge_x: Rows, edge_y: Rows, when: Rows, counter_words: Rows, parameters: Rows,
-        tile_sums: Table, rounders: Table,
+        gas: Arrays(OF_DISKS),
+        parameters: Rows, tile_sums: Table, rounders: Table,
     ):  # fmt: skip
-        gas = ti.static(gas_of(
-            grid=grid, scale=scale, clock=clock, disk=disk, kind=kind, kinds=kinds, meta=meta, tile=tile,
-            edge_x=edge_x, edge_y=edge_y, when=when, counter_words=counter_words, uses=uses,
-        ))  # fmt: skip
+        """Sum the force's terms over the disks of each tile."""
+        given = ti.static((NamedNumbers(parameters, names),))[0]
         spread = ti.static(spread_of_loops())
         for item in range(spread * gas.grid.tiles_x * gas.grid.tiles_y):
             round_products(gas)
@@ -103,9 +113,6 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any, Any]:
                     step = ti.static(step_of(
                         ti.cast(gas.when.time, float), ti.cast(gas.when.dt, float), free_of(gas), stream_of(s, gas), [],
                     ))[0]  # fmt: skip
-                    given = ti.static(vector_of([
-                        ti.cast(parameters[j], float) for j in ti.static(range(n_parameters))
-                    ]))[0]  # fmt: skip
                     terms = measure(particle_view(s, b, gas.when.time, gas), step, given)
                     for j in ti.static(range(n_totals)):
                         rest = ti.cast(terms[j], ti.f64)
@@ -117,16 +124,22 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any, Any]:
                 for j in ti.static(range(n_totals * (1 + LEVELS))):
                     tile_sums[b, j] = found[j]
 
-    @ti.kernel
+    return sum_totals
+
+
+def _apply_force_of(act: Any, n_totals: int, names: tuple[str, ...]) -> Any:
+    """Kernel that applies a force.
+
+    `tile_sums` gets for each tile the energy gained, and what frames of rows see of that beyond it (`shear.py`).
+    """
+
+    @kernel
     def apply_force(
-        uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, disk: Rows, kind: Rows, kinds: Rows,
-        meta: Rows, tile: Table, edge_x: Rows, edge_y: Rows, when: Rows, counter_words: Rows, parameters: Rows,
-        tile_sums: Table, totals: Rows,
+        gas: Arrays(OF_DISKS),
+        parameters: Rows, tile_sums: Table, totals: Rows,
     ):  # fmt: skip
-        gas = ti.static(gas_of(
-            grid=grid, scale=scale, clock=clock, disk=disk, kind=kind, kinds=kinds, meta=meta, tile=tile,
-            edge_x=edge_x, edge_y=edge_y, when=when, counter_words=counter_words, uses=uses,
-        ))  # fmt: skip
+        """Apply the force to every disk; sum what each tile gains."""
+        given = ti.static((NamedNumbers(parameters, names),))[0]
         spread = ti.static(spread_of_loops())
         for item in range(spread * gas.grid.tiles_x * gas.grid.tiles_y):
             round_products(gas)
@@ -140,9 +153,6 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any, Any]:
                         ti.cast(gas.when.time, float), ti.cast(gas.when.dt, float), free_of(gas), stream_of(s, gas),
                         [totals[j] for j in ti.static(range(n_totals))],
                     ))[0]  # fmt: skip
-                    given = ti.static(vector_of([
-                        ti.cast(parameters[j], float) for j in ti.static(range(n_parameters))
-                    ]))[0]  # fmt: skip
                     body = particle_view(s, b, gas.when.time, gas)
                     before = energy(body.mass, body.inertia, body.vx, body.vy, body.spin)
                     new_vx, new_vy, new_spin = act(body, step, given)
@@ -160,16 +170,22 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any, Any]:
                 tile_sums[b, 1] = excess
                 tile_sums[b, 0] = gain
 
+    return apply_force
+
+
+def _try_force_of(act: Any, measure: Any, n_totals: int, names: tuple[str, ...]) -> Any:
+    """Kernel that calls a force once."""
+
     @ti.kernel
-    def try_force(numbers: Rows):
+    def try_force(numbers: Rows, parameters: Rows):
         """Compile the force for one disk with placeholder numbers."""
+        given = ti.static((NamedNumbers(parameters, names),))[0]
         for s in range(1):
             body = ti.Struct(
                 x=numbers[s], y=numbers[s], vx=numbers[s], vy=numbers[s], spin=numbers[s], mass=numbers[s],
                 radius=numbers[s], k=numbers[s], inertia=numbers[s],
             )  # fmt: skip
             random = ti.Vector([ti.cast(s, ti.u32) for _ in ti.static(range(6))], ti.u32)
-            given = ti.static(vector_of([numbers[s] for _ in ti.static(range(n_parameters))]))[0]
             free = ti.Vector([numbers[s], numbers[s]])
             first = ti.static(step_of(numbers[s], numbers[s], free, random, []))[0]
             if ti.static(n_totals > 0):
@@ -182,4 +198,4 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any, Any]:
             vx, vy, spin = act(body, step, given)
             numbers[s] = vx + vy + spin
 
-    return sum_totals if n_totals > 0 else None, apply_force, try_force
+    return try_force

@@ -154,7 +154,8 @@ def meeting_with_sleeper(rx, ry, vx, vy, noise, sigma, within, gas: ti.template(
     """Time until a disk that falls touches one that sleeps; FAR if not `within`. Separation r, velocity v in the lab.
 
     The gap f = |r| - sigma has f'' >= -g. Steps to the root of f + f' s - g s^2 / 2 cannot pass the first root of f,
-    and converge like Newton's (`walls/root.py`). Disks that touch without speed meet at once if gravity pulls them together.
+    and converge like Newton's (`walls/root.py`). Disks that touch without speed meet at once if gravity pulls
+    them together.
     """
     gx, gy = gas.scale.gx, gas.scale.gy
     pull = ti.sqrt(gx * gx + gy * gy)

@@ -29,7 +29,7 @@ with D = (K - E)/m and C = (2 D - K)/m, which the arithmetic-geometric mean give
 (M. Abramowitz, I. A. Stegun, Handbook of Mathematical Functions, 17.6); E = K - m D.
 """
 
-from .language import Rows, ti
+from .language import Rows, is_single_precision, ti
 
 AGM_STEPS = 9  # halve the digits that are missing; enough for 1 - m as small as TINY
 TINY = 1.0e-30  # least 1 - m: K has a logarithm there, which enters multiplied by 1 - m
@@ -39,7 +39,7 @@ NEVER = 1.0e30  # a time to fly that ends at rest
 
 def step_tolerance() -> float:
     """Error of a step that suits the precision that kernels compute in (`advance`)."""
-    return 1.0e-5 if ti.lang.impl.get_runtime().default_fp == ti.f32 else 1.0e-11
+    return 1.0e-5 if is_single_precision() else 1.0e-11
 
 
 @ti.func
@@ -135,29 +135,17 @@ def slide(theta, k, end, tolerance):
         )
         k5 = rates(z5[0], z5[1], k)
         z6 = y + step * (
-            9017.0 / 3168.0 * k1
-            - 355.0 / 33.0 * k2
-            + 46732.0 / 5247.0 * k3
-            + 49.0 / 176.0 * k4
-            - 5103.0 / 18656.0 * k5
-        )
+            9017.0 / 3168.0 * k1 - 355.0 / 33.0 * k2 + 46732.0 / 5247.0 * k3 + 49.0 / 176.0 * k4 - 5103.0 / 18656.0 * k5
+        )  # fmt: skip
         k6 = rates(z6[0], z6[1], k)
         new = y + step * (
-            35.0 / 384.0 * k1
-            + 500.0 / 1113.0 * k3
-            + 125.0 / 192.0 * k4
-            - 2187.0 / 6784.0 * k5
-            + 11.0 / 84.0 * k6
-        )
+            35.0 / 384.0 * k1 + 500.0 / 1113.0 * k3 + 125.0 / 192.0 * k4 - 2187.0 / 6784.0 * k5 + 11.0 / 84.0 * k6
+        )  # fmt: skip
         k7 = rates(new[0], new[1], k)
         error = step * (
-            71.0 / 57600.0 * k1
-            - 71.0 / 16695.0 * k3
-            + 71.0 / 1920.0 * k4
-            - 17253.0 / 339200.0 * k5
-            + 22.0 / 525.0 * k6
-            - 1.0 / 40.0 * k7
-        )
+            71.0 / 57600.0 * k1 - 71.0 / 16695.0 * k3 + 71.0 / 1920.0 * k4 - 17253.0 / 339200.0 * k5
+            + 22.0 / 525.0 * k6 - 1.0 / 40.0 * k7
+        )  # fmt: skip
         off = ti.abs(error).max() / tolerance
         factor = ti.min(ti.max(0.9 * ti.pow(ti.max(off, 1.0e-10), -0.2), 0.2), 4.0)
         steps += 1

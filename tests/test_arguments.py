@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import inspect
 import itertools
+import json
 import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping
@@ -15,9 +17,12 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from support.layout_files import add_histories
+from support.layout_files import write as write_layout
 
 import ifrdem
-from ifrdem import InputError, analysis, theory
+from ifrdem import InputError, analysis, bullet, theory
+from ifrdem.plots import impact_angles
 from ifrdem.theory.driven_gas import Drive
 
 LAW = ifrdem.IFRLaw(e_n=0.9, e_t=-0.8, mu=0.2)
@@ -117,16 +122,16 @@ RADIUS = [0.5] * 4
 STATE = ifrdem.State([[1.0, 1.0], [3.0, 1.0], [1.0, 3.0], [3.0, 3.0]], np.zeros((4, 2)), np.zeros(4))
 SMALL = ifrdem.Box((10.0, 10.0))
 WALL = ifrdem.Wall.line((0.0, 0.0), (0.0, 1.0))
-PLACED = {"box": SMALL, "radius": RADIUS, "walls": (), "comm": None}
+PLACED = {"box": SMALL, "radius": RADIUS, "walls": ()}
 INITIAL: dict[str, dict[str, Any]] = {
-    "gaussian_spins": {"n": 4, "spin_rms": 1.0, "seed": 1, "comm": None},
+    "gaussian_spins": {"n": 4, "spin_rms": 1.0, "seed": 1},
     "grow": {"box": SMALL, "radius": RADIUS, "seed": 1, "walls": (), "progress": lambda _: None},
     "hexagonal_positions": {**PLACED, "seed": 1},
-    "maxwellian": {"mass": [1.0] * 4, "speed_rms": 1.0, "temperature": None, "seed": 1, "comm": None},
+    "maxwellian": {"mass": [1.0] * 4, "speed_rms": 1.0, "temperature": None, "seed": 1},
     "random_positions": {**PLACED, "seed": 1},
     "separate": {**PLACED, "position": STATE.position, "time": 0.0},
 }
-SAMPLED = {"n": 4, "seed": 1, "comm": None}
+SAMPLED = {"n": 4, "seed": 1}
 RADII: dict[str, dict[str, Any]] = {
     "bidisperse": {**SAMPLED, "low": 0.5, "high": 0.7, "large_fraction": 0.5},
     "check": {"distribution": "uniform", "low": 0.5, "high": 0.7},
@@ -135,11 +140,11 @@ RADII: dict[str, dict[str, Any]] = {
     "of_ids": {"distribution": "uniform", "n": 4, "ids": range(2), "seed": 1, "low": 0.5, "high": 0.7},
     "sample": {"distribution": "uniform", **SAMPLED, "low": 0.5, "high": 0.7},
     "uniform": {**SAMPLED, "low": 0.5, "high": 0.7},
-    "wrong_parameters": {"distribution": "uniform", "given": {"low": 0.5}},
+    "parameter_problem": {"distribution": "uniform", "given": {"low": 0.5}},
 }
 FORCES: dict[str, dict[str, Any]] = {
     "Drag": {"step": 0.1, "rate": 0.1, "quadratic": 0.1, "spin_rate": 0.1},
-    "Force": {"step": 0.1, "parameters": [1.0]},
+    "Force": {"step": 0.1},
     "Langevin": {"step": 0.1, "temperature": 1.0, "rate": 0.1, "spin_temperature": 1.0, "spin_rate": 0.1},
     "RandomKicks": {"step": 0.1, "power": 0.1, "diffusion": None},
     "Rescale": {"step": 0.1, "temperature": 1.0, "energy": None},
@@ -154,7 +159,7 @@ OBSERVABLES: dict[str, dict[str, Any]] = {
     "measure": {"disks": DISKS, "state": STATE, "energy_input": 0.0, "wall_work": 0.0, "wall_heat": 0.0,
                 "gravity": (0.0, 0.0), "dissipated": np.zeros(7), "regimes": np.zeros(5, dtype=int),
                 "about_mean": (True, True)},
-    "sums": {"disks": DISKS, "state": STATE, "gravity": (0.0, 0.0), "comm": None},
+    "sums": {"disks": DISKS, "state": STATE, "gravity": (0.0, 0.0)},
 }  # fmt: skip
 WALLS: dict[str, Any] = {
     "material": 0,
@@ -184,8 +189,7 @@ class Elastic(ifrdem.CollisionLaw):
 
 IFRDEM: dict[str, dict[str, Any]] = {
     "Box": {"lengths": (3.0, 2.0), "periodic": (True, True), "shear_rate": 0.0},
-    "Box.from_packing_fraction": {"radius": RADIUS, "packing_fraction": 0.2, "aspect": 1.0, "shear_rate": 0.0,
-                                  "comm": None},
+    "Box.from_packing_fraction": {"radius": RADIUS, "packing_fraction": 0.2, "aspect": 1.0, "shear_rate": 0.0},
     "Box.packing_fraction": {"self": SMALL, "radius": RADIUS},
     "Box.flow": {"self": SMALL, "position": POINTS},
     "Box.image_above": {"self": SMALL, "time": 1.0},
@@ -227,12 +231,57 @@ IFRDEM: dict[str, dict[str, Any]] = {
                 "velocity": [[1.0, 0.0], [0.0, 0.0]], "spin": [0.0, 0.0]},
     "slice_of": {"n": 10, "comm": None},
 }  # fmt: skip
+ANGLES = np.array([10.0, 20.0, 30.0, 40.0, 50.0, 60.0])
+IMPACTS = ifrdem.fit.Data(
+    psi=ANGLES,
+    measured={"delta_1": 1.5 * ANGLES, "delta_2": 0.2 * ANGLES},
+    errors={"psi": 0.7, "delta_1": 0.7, "delta_2": 0.7},
+)
+MOTION = {
+    "vx_1": [1.0, 0.7],
+    "vy_1": [0.2, 0.7],
+    "vx_1_after": [-0.9, -0.63],
+    "nx": [1.0, 1.0],
+    "ny": [0.0, 0.0],
+}
+COIN = ifrdem.fit.Disk(mass=1.0, radius=0.5)
+
+
+@functools.cache
+def fitted() -> ifrdem.fit.Fit:
+    """Impacts fitted by a law of two coefficients."""
+    return ifrdem.fit.fit(IMPACTS, M=1.0, model=["ifr-percussion"], profile=False)
+
+
+def of_fits() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
+    """Calls that need a fit, by name."""
+    found = fitted()
+    return {
+        "Fit.law": (found.law, {"name": "ifr-percussion"}),
+        "Fitted.draw": (found.laws[found.best].draw, {"number": 2, "seed": 1}),
+        "Fitted.ifr": (found.laws[found.best].ifr, {"k": 2.0}),
+        "as_json": (ifrdem.fit.as_json, {"fit": found}),
+        "design": (ifrdem.fit.design, {"fit": found, "number": 5, "psi": ANGLES}),
+        "draws": (ifrdem.fit.draws, {"fit": found, "number": 2, "seed": 1}),
+        "material": (ifrdem.fit.material, {"fit": found, "name": "coins"}),
+        "table": (ifrdem.fit.table, {"fit": found}),
+    }
+
+
 FIT: dict[str, dict[str, Any]] = {
+    "Collisions": {"disk_1": COIN, "disk_2": ifrdem.fit.WALL, "measured": MOTION, "source": "data", "line": [2, 3],
+                   "errors": {"vx_1": 0.01, "vy_1": 0.01, "vx_1_after": 0.01, "normal": 0.01},
+                   "covariance": {("vx_1", "vy_1"): 1e-6}, "notes": ()},
+    "Data": {"psi": ANGLES, "measured": {"delta_1": 1.5 * ANGLES}, "errors": {"psi": 0.7, "delta_1": 0.7},
+             "source": "data", "line": [2, 3, 4, 5, 6, 7], "notes": ()},
     "Disk": {"mass": [1.0, 2.0], "radius": 0.5, "k": 2.0},
-    "Form": {"columns": {}, "units": {}, "known": {}, "delimiter": ",", "decimal": "."},
+    "TableFormat": {"columns": {}, "units": {}, "known": {}, "delimiter": ",", "decimal": "."},
     "Pair": {"M": 0.5, "k_1": 2.0, "k_2": 2.0, "R_1": 1.0, "R_2": 1.0},
     "Walton": {"e_n": 0.9, "beta": 0.5, "mu": 0.2},
     "example": {"seed": 1},
+    "fit": {"data": IMPACTS, "M": 1.0, "k_1": 2.0, "k_2": 2.0, "R_1": 1.0, "R_2": 1.0, "model": ["brach"], "own": (),
+            "fix": {"mu": 0.2}, "rolling": False, "robust": False, "level": 0.95, "profile": False,
+            "cross_validate": False, "bootstrap": 0, "seed": 1, "progress": lambda _: None},
     "own": {"kind": Elastic, "ranges": {"e_n": (0.0, 1.0)}},
 }  # fmt: skip
 MODULES: dict[ModuleType, dict[str, dict[str, Any]]] = {
@@ -246,14 +295,13 @@ OTHERS: dict[ModuleType, set[str]] = {
     analysis: {"Clusters", "ContactValue", "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic", "Impacts",
                "PairCorrelation", "Pressure", "RatioFit", "SonineCoefficients", "StructureFactor",
                "VelocityDistribution"},
-    ifrdem.forces: {"normals", "number", "uniforms"},
+    ifrdem.forces: {"normals", "uniforms"},
     ifrdem.observables: {"Measure"},
-    # Tables of data are checked line by line, and what takes a fit by its own tests (`tests/fit`).
-    ifrdem.fit: {"Collisions", "Data", "Design", "Estimate", "Fit", "Fitted", "Interval", "Law", "as_json", "design",
-                 "draws", "fit", "material", "read", "table"},
-    # Of files and gases below; the writer of parts has options of the writer.
-    ifrdem: {"DSMC", "History", "PartsWriter", "Regime", "Simulation", "Trajectory", "TrajectoryWriter", "concat",
-             "view"},
+    # Functions of fits, files and gases are below.
+    ifrdem.fit: {"Design", "Estimate", "Fit", "Fitted", "Interval", "Law", "as_json", "design", "draws", "material",
+                 "read", "table"},
+    ifrdem: {"Case", "DSMC", "History", "PartsWriter", "Regime", "Simulation", "Trajectory", "TrajectoryWriter",
+             "concat", "run", "view"},
 }  # fmt: skip
 """Public names without a call here: classes that functions return and users do not make, and some others."""
 
@@ -281,7 +329,7 @@ def numbers(result: Any) -> Iterator[float]:
             yield from np.abs(np.asarray(result)).ravel().tolist()
     elif isinstance(result, float | complex | np.number):
         yield abs(result)
-    elif dataclasses.is_dataclass(result):
+    elif dataclasses.is_dataclass(result) and not isinstance(result, type):
         yield from numbers([getattr(result, each.name) for each in dataclasses.fields(result)])
     elif isinstance(result, Mapping):
         yield from numbers(list(result.values()))
@@ -336,6 +384,13 @@ def test_nonsense_is_refused_by_the_name_of_its_argument(module: str, name: str)
     assert wrong_answers(public(found, name), MODULES[found][name]) == []
 
 
+@pytest.mark.parametrize(
+    "name", ["Fit.law", "Fitted.draw", "Fitted.ifr", "as_json", "design", "draws", "material", "table"]
+)
+def test_nonsense_for_a_fit_is_refused_by_the_name_of_its_argument(name: str) -> None:
+    assert wrong_answers(*of_fits()[name]) == []
+
+
 def public_names(module: ModuleType) -> set[str]:
     """Names of public functions and classes, but errors and warnings."""
     given = getattr(module, "__all__", None) if module is not ifrdem else dir(ifrdem)
@@ -372,8 +427,24 @@ def small_file(folder: Path) -> str:
         for time in (0.0, 1.0, 2.0):
             state = dataclasses.replace(STATE, time=time)
             measure = ifrdem.observables.measure(DISKS, state)
-            names = ("temperature", "rotational_temperature", "energy", "collisions")
+            names = (
+                "temperature", "rotational_temperature", "energy", "collisions", "translational_energy",
+                "rotational_energy",
+            )  # fmt: skip
             file.write(state, {name: getattr(measure, name) for name in names})
+    return path
+
+
+def scan(folder: Path) -> Path:
+    """A trajectory of one impact: disk 0 on disk 1, at rest."""
+    law = {"e_n": 0.9, "e_t": -1.0, "mu": 0.0, "sticking": "contact_point", "rho": 0.0}
+    parameters = {"laws": json.dumps([[law]])}
+    path, disks = folder / "scan.h5", ifrdem.Disks(2, mass=1.0, radius=0.5)
+    with ifrdem.TrajectoryWriter(path, disks, SMALL, parameters=parameters) as file:
+        for time in (0.0, 1.0):
+            position = [[2.0 + 0.5 * time, 2.0], [4.0, 2.3]]
+            velocity = [[1.0, 0.0], [0.0, 0.0]] if time == 0.0 else [[0.1, -0.3], [0.9, 0.3]]
+            file.write(ifrdem.State(position, velocity, [0.0, 0.0], time, [int(time)] * 2))
     return path
 
 
@@ -382,6 +453,17 @@ def of_files(folder: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]
     path = small_file(folder)
     run = ifrdem.Trajectory(path)
     names = itertools.count()
+    data = folder / "data.csv"
+    data.write_text(ifrdem.fit.example(1), encoding="utf-8")
+    write_layout(tracked := folder / "tracked.h5", n=7)
+    start = {
+        "time": 0.0, "position": np.ones((3, 2)), "velocity": np.ones((3, 2)), "spin": np.ones(3),
+        "image": np.zeros((3, 2)),
+    }  # fmt: skip
+    add_histories(tracked, [1, 4, 6], start, [], [(0, 2.0)])
+    paths = ifrdem.Trajectory(tracked)
+    history = paths.history(4)
+    frame = run[0]
 
     def written(**arguments: Any) -> None:
         arguments.setdefault("path", folder / f"{next(names)}.h5")
@@ -398,7 +480,48 @@ def of_files(folder: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]
         "disks": DISKS, "box": SMALL, "fields": ("position",), "parameters": {"a": 1}, "units": None,
         "precision": "f4", "compression": "none", "force": False, "walls": (), "within": None,
     }  # fmt: skip
+
+    def parts(**arguments: Any) -> None:
+        arguments.setdefault("path", folder / f"{next(names)}.h5")
+        with ifrdem.PartsWriter.create(**arguments):
+            pass
+
+    in_parts = {"disks": DISKS, "own": DISKS, "box": SMALL, "number": 2, "force": False, "parameters": {"a": 1},
+                "fields": ("position",), "comm": None}  # fmt: skip
+    pictures = {
+        name: (getattr(ifrdem.plots, name), {"run": run, "path_png": None})
+        for name in ("cooling", "driven", "sheared", "table", "walled")
+    }
+    pictures["impact_scan"] = (
+        ifrdem.plots.impact_scan,
+        {"run": ifrdem.Trajectory(scan(folder)), "path_png": None},
+    )
     return {
+        **{f"plots.{name}": call for name, call in pictures.items()},
+        "fit.read": (ifrdem.fit.read, {"path": data, "errors": {"angles": 0.7}, "disk_1": COIN, "disk_2": None,
+                                       "form": ifrdem.fit.TableFormat()}),
+        **{f"History.{name}": (getattr(history, name), {"t": [0.5, 1.0]})
+           for name in ("angle", "position", "spin", "unwrapped", "velocity")},
+        "History.__getitem__": (lambda name: history[name], {"name": "psi"}),
+        "Frame.__getitem__": (lambda name: frame[name], {"name": "position"}),
+        "Frame.field": (frame.field, {"name": "position"}),
+        "Frame.plot": (frame.plot, {"ax": None, "color": "spin"}),
+        "DiskPath.__getitem__": (lambda name: run.disk(0)[name], {"name": "position"}),
+        "Series.__getitem__": (lambda name: run.observables[name], {"name": "energy"}),
+        "Series.columns": (run.observables.columns, {"name": "energy"}),
+        "PartsWriter.create": (parts, in_parts),
+        "Trajectory.constants": (run.constants, {"name": "mass", "disks": slice(0, 2)}),
+        "Trajectory.dataset": (run.dataset, {"name": "position"}),
+        "Trajectory.dtype": (run.dtype, {"name": "position"}),
+        "Trajectory.history": (paths.history, {"disk": 4}),
+        "Trajectory.plot": (run.plot, {"what": "temperatures", "ax": None, "frames": [0, 1], "over": "t",
+                                       "color": None}),
+        "Trajectory.read": (run.read, {"name": "position", "selection": 1}),
+        "Trajectory.read_events": (paths.read_events, {"name": "time", "rows": 0}),
+        "Trajectory.record": (lambda name, use: run.record(name, use, "[]"), {"name": "gravity", "use": list}),
+        "Trajectory.require": (run.require, {"name": "position"}),
+        "Trajectory.shape": (run.shape, {"name": "position"}),
+        "Trajectory.with_unit": (run.with_unit, {"text": "1", "quantity": "time"}),
         "Trajectory": (ifrdem.Trajectory, {"path": path}),
         "Trajectory.__getitem__": (lambda frame: run[frame], {"frame": 0}),
         "Trajectory.disk": (run.disk, {"disk": 0}),
@@ -412,12 +535,28 @@ def of_files(folder: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", [
-    "Trajectory", "Trajectory.__getitem__", "Trajectory.disk", "Trajectory.to_pandas", "TrajectoryWriter",
-    "TrajectoryWriter.write", "concat", "plots.figure", "view",
-])  # fmt: skip
-def test_nonsense_for_files_is_refused_by_the_name_of_its_argument(name: str, tmp_path: Path) -> None:
-    assert wrong_answers(*of_files(tmp_path)[name]) == []
+PICTURES = ("cooling", "driven", "impact_scan", "sheared", "table", "walled")
+FILES = [
+    *(f"plots.{name}" for name in (*PICTURES, "figure")), "fit.read",
+    *(f"History.{name}" for name in ("__getitem__", "angle", "position", "spin", "unwrapped", "velocity")),
+    "Frame.__getitem__", "Frame.field", "Frame.plot", "DiskPath.__getitem__", "Series.__getitem__", "Series.columns",
+    "PartsWriter.create", "Trajectory", "TrajectoryWriter", "TrajectoryWriter.write", "concat", "view",
+    *(f"Trajectory.{name}" for name in (
+        "__getitem__", "constants", "dataset", "disk", "dtype", "history", "plot", "read", "read_events", "record",
+        "require", "shape", "to_pandas", "with_unit")),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_nonsense_for_files_is_refused_by_the_name_of_its_argument(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for module in (ifrdem.plots.run, impact_angles):
+        monkeypatch.setattr(module, "save", lambda figure, path: None)
+    calls = of_files(tmp_path)
+    assert set(calls) == set(FILES)
+    assert wrong_answers(*calls[name]) == []
 
 
 def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
@@ -439,12 +578,19 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         return ifrdem.DSMC(**{**given, **options})
 
     made = gas(threads=1)
+
+    @functools.cache
+    def driven() -> ifrdem.Simulation:
+        """A gas under a piston."""
+        walls = [ifrdem.Wall.line((0.0, 0.0), (0.0, 1.0), piston=ifrdem.Piston(1.0))]
+        return gas(box=ifrdem.Box((10.0, 10.0), (True, False)), walls=walls)
+
     simulation: dict[str, Any] = {
         "disks": DISKS, "box": SMALL, "law": law, "state": STATE, "arch": "cpu", "threads": 1,
-        "precision": "f64", "window_collisions": None, "walls": (), "gravity": (0.0, 0.0), "gravity_turns": 0.0,
-        "gravity_step": 0.005, "collapse": "none", "contact_time": None, "velocity_cutoff": None,
+        "precision": "f64", "window_collisions": None, "walls": (), "gravity": (0.0, 0.0), "gravity_rotation_rate": 0.0,
+        "gravity_rotation_step": 0.005, "collapse": "none", "contact_time": None, "velocity_cutoff": None,
         "resting_speed": None, "forces": (), "seed": 0, "ledger": False, "partners": False, "angles": False,
-        "dissipated": False, "wall_sums": False, "tracked": (), "comm": None, "sliced": False,
+        "dissipated": False, "wall_sums": False, "tracked": (), "comm": None,
     }  # fmt: skip
     return {
         "DSMC": (dsmc, {"disks": DISKS, "law": law, "packing_fraction": 0.1, "velocity": np.ones((4, 2)),
@@ -454,6 +600,13 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "Simulation.run": (lambda **given: gas().run(**given), {
             "t_end": 0.0, "frames": 1, "observers": (), "series": None, "samplers": (), "progress": None,
         }),
+        "DSMC.run": (lambda **given: dsmc().run(**given), {"t_end": 0.0, "samples": [0.0]}),
+        "Simulation.collide": (made.collide, {"count": 0}),
+        "Simulation.collide_until": (made.collide_until, {"t_end": 0.0}),
+        "Simulation.save_checkpoint": (made.save_checkpoint, {"path": "saved.npz", "extra": None, "arrays": None}),
+        "Simulation.set_piston_force": (lambda **given: driven().set_piston_force(**given),
+                                        {"wall": 0, "force": 1.0}),
+        "Simulation.switch_ledger": (gas(ledger=True).switch_ledger, {"on": True}),
         "Simulation.set_law": (made.set_law, {"law": law}),
         "Simulation.set_forces": (made.set_forces, {"forces": ()}),
         "Simulation.set_gravity": (made.set_gravity, {"gravity": (0.0, 0.0)}),
@@ -462,12 +615,22 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", [
-    "DSMC", "Simulation", "Simulation.run", "Simulation.set_law", "Simulation.set_forces",
-    "Simulation.set_gravity", "Simulation.set_velocities", "Simulation.load_checkpoint",
-])  # fmt: skip
-def test_nonsense_for_gases_is_refused_by_the_name_of_its_argument(name: str) -> None:
-    call, arguments = of_gases()[name]
+GASES = [
+    "DSMC", "DSMC.run", "Simulation",
+    *(f"Simulation.{name}" for name in (
+        "collide", "collide_until", "load_checkpoint", "run", "save_checkpoint", "set_forces", "set_gravity", "set_law",
+        "set_piston_force", "set_velocities", "switch_ledger")),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", GASES)
+def test_nonsense_for_gases_is_refused_by_the_name_of_its_argument(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    calls = of_gases()
+    assert set(calls) == set(GASES)
+    call, arguments = calls[name]
     wrong = []
     for key in arguments:
         for kind, value in nonsense():
@@ -481,6 +644,35 @@ def test_nonsense_for_gases_is_refused_by_the_name_of_its_argument(name: str) ->
             except Exception as error:  # reported: only InputError is an answer to nonsense
                 wrong.append(f"{key} = {kind}: {type(error).__name__}")
     assert wrong == []
+
+
+def of_bullet(client: int) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
+    """Calls of the adapter to PyBullet, by name."""
+    disk = bullet.add_disk(client, mass=1.0, radius=0.5)
+    bodies = bullet.Bodies.read(client, [disk])
+    surface = {"friction": 0.1, "restitution": 0.5}
+    law = ifrdem.IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
+    return {
+        "Bodies.read": (bullet.Bodies.read, {"client": client, "bodies": [disk]}),
+        "Bodies.state": (bodies.state, {"client": client}),
+        "add_disk": (bullet.add_disk, {"client": client, "mass": 1.0, "radius": 0.5, "k": 2.0, "height": 0.5,
+                                       **surface}),
+        "add_wall": (bullet.add_wall, {"client": client, "point": (0.0, 0.0), "normal": (0.0, 1.0), **surface}),
+        "place": (bullet.place, {"client": client, "body": disk.body, "position": (0.0, 0.0), "velocity": (0.0, 0.0),
+                                 "spin": 0.0, "angle": 0.0, "z": 0.0}),
+        "step": (bullet.step, {"client": client, "bodies": bodies, "law": law}),
+    }  # fmt: skip
+
+
+@pytest.mark.skipif(bullet.absence() is not None, reason="PyBullet is absent")
+@pytest.mark.parametrize("name", ["Bodies.read", "Bodies.state", "add_disk", "add_wall", "place", "step"])
+def test_nonsense_for_pybullet_is_refused_by_the_name_of_its_argument(name: str) -> None:
+    p = bullet.load()
+    client = p.connect(p.DIRECT)
+    try:
+        assert wrong_answers(*of_bullet(client)[name]) == []
+    finally:
+        p.disconnect(client)
 
 
 @pytest.mark.parametrize(

@@ -230,7 +230,7 @@ def _only_cools(gas: CaseGas) -> bool:
         return False
     classes = [one for each in gas.species for one in each.classes()]
     mass, radius = (
-        np.array([getattr(one.look, name).mean for one in classes]) for name in ("mass", "radius")
+        np.array([getattr(one.summary, name).mean for one in classes]) for name in ("mass", "radius")
     )
     speed, spin, k = (
         np.array([getattr(one, name) for one in classes]) for name in ("speed_rms", "spin_rms", "k")
@@ -271,7 +271,7 @@ def _rates_and_speeds(gas: CaseGas) -> tuple[list[float], list[float]]:
 def collision_rates(species: Sequence[Species], area: float) -> NDArray[np.float64]:
     """Collisions per disk and time [1/time] of each species of equal disks with Maxwellian velocities, in an area."""
     number = np.array([each.number for each in species], dtype=np.float64)
-    radius = np.array([each.look.radius.mean for each in species])
+    radius = np.array([each.summary.radius.mean for each in species])
     variance = np.array([0.5 * each.speed_rms**2 for each in species])  # T / m
     g = theory.mixture_contact_values(math.pi * float(number @ radius**2) / area, radius, number)
     ones = np.ones(len(number))
@@ -291,7 +291,7 @@ def _wall_hits(gas: CaseGas) -> float:
     phi = free_area.covered_part(gas.kinds.covered)
     crowding = 1.0 + 2.0 * phi * theory.contact_value(min(phi, 0.9))
     for each in gas.species:
-        inset = each.look.radius.mean
+        inset = each.summary.radius.mean
         if (area := free_area.area(inset)) > 0.0:
             along_x = each.speed_rms / math.sqrt(2.0)
             flux = each.number / area * along_x / math.sqrt(2.0 * math.pi)
@@ -314,7 +314,7 @@ def _by_theory(gas: CaseGas, phi: float, rate: float) -> tuple[tuple[float, floa
     each, law, shear_rate = gas.species[0], gas.law(), gas.box.shear_rate
     if gas.box.is_open or len(gas.species) > 1 or not each.equal or law.rho > 0.0:
         return None, end, per_disk
-    mass, radius = each.look.mass.low, each.look.radius.low
+    mass, radius = each.summary.mass.low, each.summary.radius.low
     inertia = mass * radius**2 / each.k
     one = (law, mass, radius, each.k, phi)
     T, T_rot = 0.5 * mass * each.speed_rms**2, inertia * each.spin_rms**2

@@ -64,7 +64,7 @@ class Species:
         return np.full(len(ids), self.mass), radius
 
     @functools.cached_property
-    def look(self) -> Overview:
+    def summary(self) -> Overview:
         """Kinds, spreads and sums of all of them, from a look at one block after another."""
         kinds: Kinds | None = None
         sums, totals = {}, np.zeros(2)
@@ -88,14 +88,14 @@ class Species:
     @property
     def equal(self) -> bool:
         """True if all of them have one mass and radius."""
-        return all(each.low == each.high for each in (self.look.mass, self.look.radius))
+        return all(each.low == each.high for each in (self.summary.mass, self.summary.radius))
 
     def sums(self, ids: range) -> tuple[float, float]:
         """Sums of R^2 [length^2] and of R [length] over some of them, as NumPy adds them up."""
         ids = ids if isinstance(self.radius, RadiiSection) else range(len(ids))
-        if ids not in self.look.sums:
-            self.look.sums[ids] = _sums(self.columns(ids)[1])
-        return self.look.sums[ids]
+        if ids not in self.summary.sums:
+            self.summary.sums[ids] = _sums(self.columns(ids)[1])
+        return self.summary.sums[ids]
 
     def classes(self) -> list[Species]:
         """Species of equal disks that stand for these: one for each radius, or `CLASSES` groups of like radii.

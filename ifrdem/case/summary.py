@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import shutil
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from ..mpi.distribution import GATHERED
 from ..simulation import checks
 from ..simulation import device as backend
 from ..tools.progress import size_of_time
-from .case import Case
+from .case import GROWN, Case
 from .estimate import (
     GROWTH_BYTES_PER_DISK,
     HOST_BYTES_PER_DISK,
@@ -30,7 +31,7 @@ from .estimate import (
 )
 from .gas import CaseGas
 from .output_section import MOST_FRAMES
-from .rules import GROWN
+from .rules import NOT_GROWN_ON_RANKS
 from .species import Spread
 
 WRITER_BYTES_PER_DISK = 200
@@ -63,12 +64,12 @@ def refuse_cadences(gas: CaseGas, estimate: RunEstimate) -> None:
         [
             f"output.{key} = {value:g}: {text}"
             for what in ("frames", "series")
-            for key, value, text in _wrong_cadence(gas, estimate, what)
+            for key, value, text in _check_cadence(gas, estimate, what)
         ]
     )
 
 
-def _wrong_cadence(gas: CaseGas, estimate: RunEstimate, what: str) -> Iterator[tuple[str, float, str]]:
+def _check_cadence(gas: CaseGas, estimate: RunEstimate, what: str) -> Iterator[tuple[str, float, str]]:
     case = gas.case
     many = f"{MOST_FRAMES} {'frames' if what == 'frames' else 'rows'}"
     interval = getattr(case.output, f"{what}_interval")
@@ -96,7 +97,7 @@ def _length(gas: CaseGas, estimate: RunEstimate) -> tuple[float, str]:
     if not math.isnan(estimate.end_time):
         return estimate.end_time - gas.begin[0], "the length of the run by kinetic theory"
     times = [1.0 / rate for rate in estimate.collision_rate if rate > 0.0]
-    times += [each.look.radius.low / each.speed_rms for each in gas.species if each.speed_rms > 0.0]
+    times += [each.summary.radius.low / each.speed_rms for each in gas.species if each.speed_rms > 0.0]
     times += [each.step for each in case.force]
     return (min(times), "the shortest time that the case names") if times else (math.nan, "")
 
@@ -114,10 +115,23 @@ REFUSED_HERE = "`ifrdem run` would refuse it here"
 """End of warnings about this machine; another one may be able to run the case."""
 
 
-def check(
-    gas: CaseGas, folder: Path, *, share: float = 1.0, ranks: int = 1, sliced: bool = False
-) -> tuple[str, list[str]]:
-    """The report on a case, and warnings of what may go wrong; a small start is made, as a run does.
+@dataclass(frozen=True)
+class Report:
+    """What can be said of a case before it runs; `print` shows it."""
+
+    text: str
+    """Quantities with their units, a line each."""
+    warnings: tuple[str, ...] = ()
+    """What may go wrong."""
+
+    def __str__(self) -> str:
+        return "\n".join((self.text, *(f"warning: {each}" for each in self.warnings)))
+
+    __repr__ = __str__
+
+
+def check(gas: CaseGas, folder: Path, *, share: float = 1.0, ranks: int = 1, sliced: bool = False) -> Report:
+    """The report on a case, with warnings of what may go wrong; a small start is made, as a run does.
 
     `folder` is that of the output; other arguments are as for `refused_here`. InputError if no run could begin.
     """
@@ -127,7 +141,8 @@ def check(
     if ranks == 1:
         gas.try_start()
     here = refused_here(gas, estimate, folder, share=share, ranks=ranks, sliced=sliced)
-    return report(gas, estimate), [*crushes, *gas.cautions, *(f"{each}: {REFUSED_HERE}" for each in here)]
+    warned = (*crushes, *gas.cautions, *(f"{each}: {REFUSED_HERE}" for each in here))
+    return Report(report(gas, estimate), warned)
 
 
 def refused_here(
@@ -146,14 +161,14 @@ def refused_here(
     start = strip_bytes(gas, ranks) * min(share * ranks, gas.strips) if ranks > 1 else 0.0
     run, found = gas.case.run, []
     needs: list[Callable[[], None]] = [
-        lambda: backend.check(run.arch, run.threads, run.precision),
+        lambda: backend.check(run.device, run.threads, run.precision),
         lambda: checks.check_number(gas.n, ranks),
         lambda: refuse_beyond_memory(
-            gas.n, run.arch, gas.case.start.positions, share, ranks=ranks, sliced=sliced, start=start
+            gas.n, run.device, gas.case.start.positions, share, ranks=ranks, sliced=sliced, start=start
         ),
         lambda: refuse_beyond_disk(estimate.file_bytes, folder),
     ]
-    if run.arch != "cpu" and backend.cuda_absence() is not None:
+    if run.device != "cpu" and backend.cuda_absence() is not None:
         del needs[2]
     for need in needs:
         try:
@@ -186,7 +201,7 @@ def refuse_beyond_memory(
             have = f"{ranks} GPUs have {size(memory)} of memory each" if ranks > 1 else ""
             have = have or f"the GPU has {size(memory)} of memory"
             raise InputError(f"{n} disks: {have}, in which {ranks * most} fit")
-    host = GROWTH_BYTES_PER_DISK if positions == "growth" else HOST_BYTES_PER_DISK
+    host = GROWTH_BYTES_PER_DISK if positions == GROWN else HOST_BYTES_PER_DISK
     engine = BYTES_PER_DISK if arch == "cpu" else 0
     here = share * n if sliced else n
     placing = start if sliced and start else here * host
@@ -222,12 +237,12 @@ def report(gas: CaseGas, estimate: RunEstimate) -> str:
         ratio = radius.high / radius.low
         lines.append(_row("radii", f"{_span(radius)}{length}, largest/smallest {ratio:.4g}: {_cost(ratio)}"))
     for each, rate, path in zip(gas.species, estimate.collision_rate, estimate.free_path, strict=True):
-        text = f"{each.number} of {each.material}: mass {_span(each.look.mass)}{mass}, "
-        text += f"radius {_span(each.look.radius)}{length}, "
+        text = f"{each.number} of {each.material}: mass {_span(each.summary.mass)}{mass}, "
+        text += f"radius {_span(each.summary.radius)}{length}, "
         text += f"k = {each.k:g}, speed {each.speed_rms:.4g}{_per(length, time)} rms"
         lines.append(_row(f"species {each.name}", text))
         if rate > 0.0:
-            diameters = path / (2.0 * each.look.radius.mean)
+            diameters = path / (2.0 * each.summary.radius.mean)
             text = f"{path:.4g}{length} ({diameters:.3g} diameters), mean free time {1.0 / rate:.4g}{time}"
             lines.append(_row("  mean free path", f"{text}, at the start"))
         elif not gas.box.is_open:
@@ -251,13 +266,13 @@ def report(gas: CaseGas, estimate: RunEstimate) -> str:
     per_disk = estimate.array_bytes // max(gas.n, 1)
     engine = f"{size(estimate.array_bytes)} for the engine ({gas.n} disks x {per_disk} bytes)"
     lines.append(_row("memory", f"{engine}, beside Python, Taichi and their libraries"))
-    if case.run.arch == "cpu" and estimate.collisions > 0.0 and estimate.packing_fraction > 0.0:
+    if case.run.device == "cpu" and estimate.collisions > 0.0 and estimate.packing_fraction > 0.0:
         lines.append(_row("time", _time(gas, estimate)))
-    if case.run.arch == "cpu" and gas.n > GATHERED and estimate.packing_fraction > 0.0:
+    if case.run.device == "cpu" and gas.n > GATHERED and estimate.packing_fraction > 0.0:
         plans = [RankPlan.of(gas, estimate, ranks) for ranks in planned_ranks(gas.n)]
         lines += [_row("on ranks of MPI" if i == 0 else "", _planned(each)) for i, each in enumerate(plans)]
-        if case.start.positions == "growth" and case.start.file is None:
-            lines.append(_row("", f'start.positions = "growth" {GROWN}'))
+        if case.start.positions == GROWN and case.start.file is None:
+            lines.append(_row("", f'start.positions = "{GROWN}" {NOT_GROWN_ON_RANKS}'))
     return "\n".join(lines)
 
 
@@ -312,7 +327,11 @@ def _density(gas: CaseGas, estimate: RunEstimate) -> list[str]:
     """Heading of a report on a gas, and how dense it is."""
     case = gas.case
     length, time = case.unit("length"), case.unit("time").strip()
-    sides = "" if gas.patch is None else f"{gas.patch.lengths[0]:.5g} x {gas.patch.lengths[1]:.5g}{length}"
+    sides = (
+        ""
+        if gas.start_region is None
+        else f"{gas.start_region.lengths[0]:.5g} x {gas.start_region.lengths[1]:.5g}{length}"
+    )
     if gas.box.is_open:
         box = "an open box"
     elif all(gas.box.periodic):
@@ -325,8 +344,8 @@ def _density(gas: CaseGas, estimate: RunEstimate) -> list[str]:
         lines.append(_row("packing fraction", f"{estimate.packing_fraction:.5g}"))
         per = f" per{length}^2" if length else ""
         lines.append(_row("number density", f"{estimate.number_density:.5g}{per}"))
-    elif gas.patch is not None:
-        start = gas.kinds.covered / gas.patch.area
+    elif gas.start_region is not None:
+        start = gas.kinds.covered / gas.start_region.area
         lines.append(_row("start", f"in {sides}, packing fraction {start:.5g} there"))
     return lines
 
@@ -354,16 +373,17 @@ def _walls(gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, str]]:
     case = gas.case
     length, time, energy = (case.unit(quantity) for quantity in ("length", "time", "energy"))
     speed, lines = _per(length, time), []
-    mass = sum(each.number * each.look.mass.mean for each in gas.species) / gas.n
+    mass = sum(each.number * each.summary.mass.mean for each in gas.species) / gas.n
     diameter = 2.0 * gas.kinds.mean_radius
     g = math.hypot(*case.box.gravity)
     if g > 0.0:
         x, y = case.box.gravity
         lifted = f"{mass * g * diameter:.4g}{energy} lift the mean disk by its diameter"
         lines.append(("gravity", f"({x:g}, {y:g}){speed}{'^2' if speed else ''}: {lifted}"))
-    if case.box.gravity_turns:
-        rate = f"{case.box.gravity_turns:g}{f' rad/{time.strip()}' if time else ''}"
-        text = f"turns at {rate} in steps of {case.box.gravity_step:g} rad; Froude number of such a drum {gas.drum:.3g}"
+    if case.box.gravity_rotation_rate:
+        rate = f"{case.box.gravity_rotation_rate:g}{f' rad/{time.strip()}' if time else ''}"
+        text = f"turns at {rate} in steps of {case.box.gravity_rotation_step:g} rad; Froude number of such a drum "
+        text += f"{gas.drum:.3g}"
         lines.append(("", text))
     if gas.free_area.all_walls:
         area = f"{gas.free_area.area():.5g}{f'{length}^2' if length else ''}"

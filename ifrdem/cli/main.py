@@ -59,13 +59,13 @@ GENERAL = ("--quiet", "--verbose", "--help")
 
 
 COMMANDS: dict[Group, tuple[Callable[..., Any], ...]] = {
-    RUNS: (run.run, run.resume, run.tail, run.study, run.check, run.new, run.cases),
+    RUNS: (run.run, run.resume, run.status, run.study, run.check, run.new, run.cases),
     FILES: (
         trajectory.info, trajectory.view, analyse.analyse, analyse.plot, trajectory.movie, trajectory.history,
-        trajectory.export, trajectory.views, trajectory.repair,
+        trajectory.export, trajectory.link, trajectory.repair,
     ),
     LAW: (
-        fit.collisions, fit.fit, fit.compare, program.validate, program.bench, program.backends,
+        fit.collisions, fit.fit, fit.compare, program.validate, program.bench, program.devices,
         program.docs,
     ),
 }  # fmt: skip
@@ -107,7 +107,7 @@ def _any(
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status.
 
-    0, 1 (failed), 2 (bad input), 3 (stopped by --maxh or SIGUSR1, SIGUSR2), 130 (interrupted), 143 (terminated).
+    0, 1 (failed), 2 (bad input), 3 (stopped by --max-hours or SIGUSR1, SIGUSR2), 130 (interrupted), 143 (terminated).
     """
     given = sys.argv[1:] if arguments is None else list(arguments)
     if arguments is None:  # a process of its own: imports and the syntax trees of kernels leave no garbage

@@ -10,13 +10,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, counted, nearest, printable, refuse
-from ..mpi import communicator, distribution
+from ..mpi import current
 from ..tools import csv as csv_rows
 from ..tools.checked import validated
 
@@ -61,7 +60,7 @@ class ReadTable:
 
 @validated
 @dataclass(frozen=True)
-class Form:
+class TableFormat:
     """The writing of a file, where it differs from commas, points and the standard names.
 
     Examples
@@ -69,7 +68,7 @@ class Form:
     >>> from ifrdem import fit
     >>> from pathlib import Path
     >>> _ = Path("winkel.csv").write_text("Winkel;delta_1\\n12,5;40,1\\n60;70,5\\n")
-    >>> form = fit.Form(columns={"psi": "Winkel"}, delimiter=";", decimal=",")
+    >>> form = fit.TableFormat(columns={"psi": "Winkel"}, delimiter=";", decimal=",")
     >>> fit.read("winkel.csv", {"angles": 0.5}, form=form).psi
     array([12.5, 60. ])
     """
@@ -99,13 +98,12 @@ def read(
     path: Path | str,
     kinds: Mapping[str, str],
     spellings: Mapping[str, str],
-    form: Form = Form(),
+    form: TableFormat = TableFormat(),
     *,
     most: int = MOST_BYTES,
     most_wrong: int = 100,
     gaps: bool = True,
     n: int = 0,
-    comm: Any = None,
 ) -> ReadTable:
     """Read a table.
 
@@ -119,7 +117,7 @@ def read(
         Kind of unit, a key of `UNITS`, of each standard name.
     spellings : mapping of str to str
         Standard name of other spellings, in small letters and without signs and blanks.
-    form : Form, optional
+    form : TableFormat, optional
         The writing of the file.
     most : int
         Largest size of the file [bytes].
@@ -128,14 +126,14 @@ def read(
     gaps : bool
         Values may be missing (empty, nan, NA, ...); else such a one is wrong.
     n : int
-        With `comm`: the number of rows that are needed. Each rank of MPI gets those of its slice
-        (`mpi/distribution.py`), and the last one also what is there beyond; all ranks get the mistakes.
+        Of ranks of MPI: the number of rows that are needed. Each gets those of its slice (`Communicator`), and the last
+        one also what is there beyond; all raise the same.
     """
     path = Path(path)
     source = str(path)
-    _check_form(source, form, kinds)
-    own = distribution.slice_of(n, comm)
-    last = comm is None or comm.rank == comm.size - 1
+    _check_format(source, form, kinds)
+    comm = current()
+    own, last = comm.slice_of(n), comm.rank == comm.size - 1
 
     def parsed() -> tuple[ReadTable, list[str], int]:
         rows = csv_rows.each(path, most=most, delimiter=form.delimiter)
@@ -163,17 +161,17 @@ def read(
         return ReadTable(columns, numbers, total, missing, tuple(unused), source), wrong, count
 
     try:
-        table, wrong, count = communicator.run_on_all(comm, parsed)
+        table, wrong, count = comm.run_on_all(parsed)
     except InputError as error:
         raise InputError("\n".join(f"{source}: {line}" for line in str(error).splitlines())) from None
-    wrong, count = communicator.first_of_all(comm, wrong, count, most_wrong)
+    wrong, count = comm.first_texts(wrong, count, most_wrong)
     refuse(wrong, source, most_wrong, count)
     return table
 
 
 def _add(
     row: Sequence[str], header: Sequence[str], names: Sequence[str], factors: Sequence[float],
-    values: Mapping[str, array[float]], form: Form, *, gaps: bool,
+    values: Mapping[str, array[float]], form: TableFormat, *, gaps: bool,
 ) -> tuple[list[str], int]:  # fmt: skip
     """Add a row to the values; tells what is wrong with it, and how many values are missing."""
     if len(row) != len(names):
@@ -201,7 +199,7 @@ def _add(
     return wrong, missing
 
 
-def _check_form(source: str, form: Form, kinds: Mapping[str, str]) -> None:
+def _check_format(source: str, form: TableFormat, kinds: Mapping[str, str]) -> None:
     names = [each for each in kinds if ":" not in each]
     wrong = [
         f"{what} {name}: no such quantity{nearest(name, kinds)}; there are {', '.join(names)}"
@@ -234,7 +232,7 @@ def _header(
     header: Sequence[str],
     kinds: Mapping[str, str],
     spellings: Mapping[str, str],
-    form: Form,
+    form: TableFormat,
 ) -> tuple[list[str], list[float], list[str]]:
     """Standard names ("" for an unused one) and factors of the columns, and those that are not used."""
     if all(csv_rows.is_number(text) for text in header):

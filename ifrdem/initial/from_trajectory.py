@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -14,11 +13,11 @@ from ..model.box import Box
 from ..model.overlaps import TOLERANCE, check_no_overlap
 from ..model.walls import OF_PISTONS, Wall, sides
 from ..model.walls import check as check_walls
-from ..mpi import communicator, distribution
+from ..mpi import current
 from ..tools.checked import Array
 from ..trajectory.reader import Frame, Trajectory
 from . import packing
-from .from_csv import Given
+from .from_csv import StartData
 
 ROUNDING = 2.0**-22
 """Overlap, as a part of the box's longer side, that single precision explains: twice sqrt(2) times 2^-24, and some."""
@@ -32,8 +31,8 @@ COUNTS = ("collisions", "image", "angle", "last_partner")
 
 def read(
     path: Path, frame: int | None, radius: Array, box: Box | None = None, *, motion: bool = False,
-    time: float | None = None, walls: Sequence[Wall] = (), comm: Any = None,
-) -> Given:  # fmt: skip
+    time: float | None = None, walls: Sequence[Wall] = (),
+) -> StartData:  # fmt: skip
     """Read a start from a trajectory.
 
     InputError if the file cannot be read, or holds no such frame or field, another number of disks or another box; or
@@ -42,17 +41,18 @@ def read(
     `frame` counts from 0, or from -1 backwards; None is the last one. The radii (n,) [length] are those of the disks
     that start there, which must fit; the box must be that of the trajectory. With `motion`, velocities and spins are
     taken too, and which disks sleep. Disks that touch in a file in single precision overlap by its rounding, some 1e-7
-    of the box: these are moved apart by as much (`packing.separate`). Of ranks of MPI (`comm`), each gives the radii of
-    its slice (`slice_of`), and reads its rows.
+    of the box: these are moved apart by as much (`packing.separate`). Of ranks of MPI (`Communicator`), each gives
+    the radii of its slice, and reads its rows.
 
     By default the clock continues: time and walls are those of the frame, and counts of collisions and boxes travelled
     continue too (`COUNTS`). With a `time` [time] a new clock begins there, and all counts begin at 0. In a sheared box
     the images above are displaced by shear_rate Ly t. So the frame's box must have the same shear rate, and the clock
     continues; or it has none, and the clock begins at 0.
     """
-    ids, n = distribution.numbered(len(radius), comm)
+    comm = current()
+    ids, n = comm.number(len(radius))
 
-    def rows() -> tuple[Given, str, bool, float, Box]:
+    def rows() -> tuple[StartData, str, bool, float, Box]:
         if not path.exists():
             names = [each.name for each in path.parent.glob("*.h5")] if path.parent.is_dir() else []
             raise InputError(f"there is no such file{nearest(path.name, names)}")
@@ -60,47 +60,47 @@ def read(
             _check_whole(trajectory, n, box)
             at = trajectory[-1 if frame is None else frame]
             where = f"frame {at.index} of {len(trajectory)}"
-            begin, goes_on = _clock(trajectory.box, box, at.time, time)
+            begin, continues = _clock(trajectory.box, box, at.time, time)
             own = slice(ids.start, ids.stop)
-            given = of_frame(at, own, motion=motion, time=begin, goes_on=goes_on)
+            given = of_frame(at, own, motion=motion, time=begin, continues=continues)
             single = trajectory.dtype("position") == np.float32
             return given, where, single, max(trajectory.box.lengths), trajectory.box
 
-    given, where, single, side, there = communicator.run_on_all(comm, rows)
+    given, where, single, side, there = comm.run_on_all(rows)
     if "collisions" in given.past:
-        given = replace(given, collisions=int(distribution.total(given.past["collisions"], comm)) // 2)
+        given = replace(given, collisions=int(comm.total(given.past["collisions"])) // 2)
     if box is None:
         return given
     position = given.position
-    size = communicator.largest(comm, float(np.abs(position).max(initial=0.0))) if box.is_open else side
-    largest = communicator.largest(comm, float(radius.max(initial=0.0)))
-    smallest = -communicator.largest(comm, -float(radius.min(initial=np.inf)))
+    size = comm.largest(float(np.abs(position).max(initial=0.0))) if box.is_open else side
+    largest = comm.largest(float(radius.max(initial=0.0)))
+    smallest = -comm.largest(-float(radius.min(initial=np.inf)))
     overlap, into = TOLERANCE, TOLERANCE * largest  # that is taken as rounding, with others and with walls
     if single:
         overlap, into = ROUNDING * size / (2.0 * smallest), ROUNDING * side
-    moved = given.moved(walls)
+    moved = given.with_pistons(walls)
 
     def check(times: float = 1.0) -> None:
-        check_no_overlap(box, radius, given.position, tolerance=times * overlap, time=given.time, comm=comm)
+        check_no_overlap(box, radius, given.position, tolerance=times * overlap, time=given.time)
         check_walls(
             (*moved, *sides(box)), box, given.position, radius, time=given.time, tolerance=times * into,
-            collisions=given.collisions, comm=comm,
+            collisions=given.collisions,
         )  # fmt: skip
 
     try:
         check()
         if single and box.shear_rate and box.image_above(given.time) != 0.0:
             check_no_overlap(
-                box, radius, position, time=given.time, comm=comm
+                box, radius, position, time=given.time
             )  # `separate` does not know sheared images
         elif single:
             standing = [wall for wall in moved if wall.stands(given.time, given.collisions)]
-            position = packing.separate(box, radius, position, walls=standing, time=given.time, comm=comm)
+            position = packing.separate(box, radius, position, walls=standing, time=given.time)
     except InputError as error:
-        why = _other_radii(path, radius, ids, comm)
+        why = _other_radii(path, radius, ids)
         if not why and time is not None and any(wall.changes_with_time for wall in walls):
             why = ". At another start.time the walls stand elsewhere"
-        elif not why and single and _passes(check):
+        elif not why and single and _passes_nearly(check):
             why = '. Positions in single precision are rounded: output.precision = "f8" keeps them'
         raise InputError(f"{where}: {error}{why}") from None
     velocity = given.velocity
@@ -109,7 +109,7 @@ def read(
     return replace(given, position=position, velocity=velocity)
 
 
-def _passes(check: Callable[[float], None]) -> bool:
+def _passes_nearly(check: Callable[[float], None]) -> bool:
     """True if a check passes with `NEARLY` times its tolerance."""
     try:
         check(NEARLY)
@@ -124,12 +124,12 @@ def of_frame(
     *,
     motion: bool = True,
     time: float | None = None,
-    goes_on: bool = True,
-) -> Given:
+    continues: bool = True,
+) -> StartData:
     """Start of some disks from a frame.
 
     InputError if the file does not hold the field. The `time` [time] is that of the frame, or another one; counts
-    continue if the clock `goes_on`, else they begin at 0 (`COUNTS`).
+    continue if the clock `continues`, else they begin at 0 (`COUNTS`).
     """
     trajectory = frame.trajectory
 
@@ -139,7 +139,7 @@ def of_frame(
 
     position = trajectory.box.wrap(field("position"), frame.time)
     velocity, spin = (field("velocity"), field("angular_velocity")) if motion else (None, None)
-    kept = [*(COUNTS if goes_on else ()), *(("asleep",) if motion else ())]
+    kept = [*(COUNTS if continues else ()), *(("asleep",) if motion else ())]
     past = {name: field(name) for name in kept if name in trajectory.fields}
     names = [f"{OF_PISTONS}{name}" for name in ("displacement", "velocity")]
     pistons = None
@@ -147,7 +147,7 @@ def of_frame(
         pistons = np.column_stack([trajectory.observables[name][frame.index] for name in names])
         pistons[:, 1] *= motion
     begin = frame.time if time is None else time
-    return Given(position, velocity, spin, time=begin, past=past, pistons=pistons)
+    return StartData(position, velocity, spin, time=begin, past=past, pistons=pistons)
 
 
 def _clock(there: Box, box: Box | None, frame_time: float, time: float | None) -> tuple[float, bool]:
@@ -184,10 +184,10 @@ def _check_whole(trajectory: Trajectory, n: int, box: Box | None) -> None:
         )
 
 
-def _other_radii(path: Path, radius: Array, ids: range, comm: Any) -> str:
+def _other_radii(path: Path, radius: Array, ids: range) -> str:
     """Likely cause of an overlap: disks of the trajectory have other radii; the first one is named."""
 
-    def told() -> str:
+    def found() -> str:
         with Trajectory(path) as trajectory:
             there = trajectory.constants("radius", slice(ids.start, ids.stop))
         other = np.abs(there - radius) > 1e-6 * radius  # more than rounding
@@ -199,5 +199,5 @@ def _other_radii(path: Path, radius: Array, ids: range, comm: Any) -> str:
             f"{radius[i]:.6g} in this case"
         )
 
-    found = communicator.run_on_all(comm, told)
-    return found if comm is None else next(filter(None, comm.allgather(found)), "")
+    comm = current()
+    return next(filter(None, comm.allgather(comm.run_on_all(found))), "")

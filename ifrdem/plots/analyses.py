@@ -346,7 +346,7 @@ class Panels(NamedTuple):
 
 TWO: dict[str, Any] = {"ncols": 2}
 PANELS = {
-    "velocity": Panels(velocity, TWO), "g": Panels(pairs), "S": Panels(structure), "msd": Panels(msd),
+    "velocity": Panels(velocity, TWO), "rdf": Panels(pairs), "structure-factor": Panels(structure), "msd": Panels(msd),
     "vacf": Panels(vacf), "fields": Panels(fields, TWO), "clusters": Panels(clusters, TWO),
     "psi6": Panels(psi6, TWO | {"width_ratios": (1.3, 1.0)}), "cooling": Panels(cooling, TWO),
     "impact": Panels(impact, TWO | {"width_ratios": (1.4, 1.0)}),

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
+from ..tools.checked import validated
 from ..tools.files import write_aside
 from ..trajectory.reader import Trajectory
 from . import disks, profiles, temperatures
@@ -23,6 +24,7 @@ FORMATS = ("png", "svg", "pdf")
 """Of pictures, by their endings."""
 
 
+@validated
 def cooling(run: Run, path_png: Place = None) -> Figure:
     """Draw a cooling gas: its temperatures against time beside kinetic theory, and its disks at the end.
 
@@ -51,6 +53,7 @@ def cooling(run: Run, path_png: Place = None) -> Figure:
     return _draw(run, path_png)
 
 
+@validated
 def driven(run: Run, path_png: Place = None) -> Figure:
     """Draw a driven gas: its temperatures against time beside kinetic theory, and its disks at the end.
 
@@ -65,6 +68,7 @@ def driven(run: Run, path_png: Place = None) -> Figure:
     return _draw(run, path_png)
 
 
+@validated
 def sheared(run: Run, path_png: Place = None) -> Figure:
     """Draw a sheared gas: its temperatures against time beside kinetic theory, its flow, and its disks at the end.
 
@@ -79,6 +83,7 @@ def sheared(run: Run, path_png: Place = None) -> Figure:
     return _draw(run, path_png, flow=True)
 
 
+@validated
 def walled(run: Run, path_png: Place = None) -> Figure:
     """Draw a gas between walls: temperatures against time, profiles across it (`profiles.py`), and its last frame.
 
@@ -95,7 +100,7 @@ def walled(run: Run, path_png: Place = None) -> Figure:
         right = 7.0 / max(min(height / width, 2.0), 1.0)
         figure.set_size_inches(8.2 + right, 7.5)
         grid = figure.add_gridspec(2, 2, width_ratios=(8.2, right), height_ratios=(1.0, 1.5))
-        turns = "gravity_turns" in trajectory.parameters
+        turns = "gravity_rotation_rate" in trajectory.parameters
         found = None if turns else profiles.of(trajectory)
         temperatures.draw(trajectory, "t", figure.add_subplot(grid[:, 0] if turns else grid[0, 0]))
         if found is not None:

@@ -6,7 +6,6 @@ only after `device.start`.
 
 from __future__ import annotations
 
-import inspect
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -26,6 +25,7 @@ from ..kernels.columns import (
     PISTON_STATE,
     REAL,
     SINGLE_TILE,
+    SMALL,
     SNAPSHOT_DISKS,
     TABLES,
     TALLY,
@@ -40,12 +40,13 @@ from ..kernels.columns import (
 from ..kernels.language import ti, view
 from ..kernels.readout import exchange
 from ..kernels.shear import displacement
+from ..kernels.signature import parameters_of
 from ..kernels.walls.kinds import FREE, GONE
 from ..kernels.windows import sum_shared
 from ..model.box import Box
 from ..model.state import COLUMNS, Disks, State, codes
 from ..model.walls import Wall
-from ..mpi import distribution
+from ..mpi import SERIAL, Communicator
 from . import device
 from .checks import MANTISSA, position_spacing
 
@@ -158,7 +159,7 @@ class DeviceArrays:
     event_int: Any
     found: Any
     blocks: Any
-    comm: Any = None
+    comm: Communicator = SERIAL
     first_id: int = 0
 
     def __init__(
@@ -529,7 +530,7 @@ class DeviceArrays:
         place = np.arange(len(tile)) - np.searchsorted(tile, tile)
         held["listed"] = np.stack([tile, place], axis=1).astype(np.int32)
         ids = named(held["meta"], "meta").id.astype(np.int64) - self.first_id
-        return dict(zip(held, distribution.by_id(self.comm, self.n, ids, list(held.values())), strict=True))
+        return dict(zip(held, self.comm.by_id(self.n, ids, list(held.values())), strict=True))
 
     def _kept(self) -> list[str]:
         """Names of the arrays of a state that this gas keeps, beside the kinds of disks, which ids tell."""
@@ -640,7 +641,7 @@ class DeviceArrays:
         index = np.clip(np.stack(columns, axis=1), 0, counts - 1)
         tile = index[:, 0] * counts[1] + index[:, 1]
         local = position - np.stack([self.edges[a][index[:, a]] for a in (0, 1)], axis=1)
-        events, ids = state.collisions + state.wall_hits, distribution.slice_of(self.n, self.comm)
+        events, ids = state.collisions + state.wall_hits, self.comm.slice_of(self.n)
         kept: dict[str, Callable[[], NDArray[Any]]] = {
             "disk": lambda: np.column_stack([local, velocity, state.spin]),
             "meta": lambda: np.column_stack(
@@ -744,12 +745,12 @@ class DeviceArrays:
             yield self.launch
             return
         if not self._twins:
-            for name in _SMALL:
+            for name in SMALL:
                 kind = {np.dtype(np.int32): ti.i32, np.dtype(np.float32): ti.f32}.get(
                     self._raw(name).dtype, ti.f64
                 )
                 self._twins[name] = self._array(kind, len(self._raw(name)))
-        own = [self._raw(name) for name in _SMALL]
+        own = [self._raw(name) for name in SMALL]
         board = np.concatenate(own).astype(np.float64)
         exchange(board, 1, *self._twins.values())
         yield lambda kernel, *numbers, **given: self._call(kernel, numbers, given | self._twins)
@@ -761,7 +762,7 @@ class DeviceArrays:
 
     def _call(self, kernel: Callable[..., Any], numbers: tuple[float, ...], given: dict[str, Any]) -> Any:
         if kernel not in self._arguments:
-            self._arguments[kernel] = list(inspect.signature(kernel).parameters)
+            self._arguments[kernel] = parameters_of(kernel)
         names = self._arguments[kernel][len(numbers) :]
         return kernel(*numbers, *(given[name] if name in given else self._raw(name) for name in names))
 
@@ -815,6 +816,3 @@ class DeviceArrays:
             setattr(self, name, None)
         for value in self._twins.values():
             device.free_array(value)
-
-
-_SMALL = ("grid", "scale", "clock", "sums", "counter", "total")

@@ -14,6 +14,7 @@ from ..kernels.columns import ADDRESSABLE, MOST_DISKS, MOST_IDS, SINGLE_TILE
 from ..model.box import Box
 from ..model.state import Disks, State
 from ..model.walls import Wall, wall_names
+from ..mpi import current
 
 if TYPE_CHECKING:
     from ..model.forces import Force
@@ -38,12 +39,17 @@ def fastest(disks: Disks, velocity: NDArray[np.float64], spin: NDArray[np.float6
     return float(max(np.abs(velocity).max(initial=0.0), (np.abs(spin) * disks.radius).max(initial=0.0)))
 
 
+def hottest(walls: Iterable[Wall], forces: Iterable[Force]) -> float:
+    """The largest temperature of walls and thermostats [energy]; 0 without them."""
+    return max([0.0, *(wall.temperature or 0.0 for wall in walls), *(force.hottest for force in forces)])
+
+
 @np.errstate(over="ignore", under="ignore")
 def check_magnitudes(disks: Disks, box: Box, speed: float, precision: str, hottest: float = 0.0) -> None:
     """Refuse units in which numbers that the kernels form would leave the range of their type, silently.
 
     Squares of discriminants and inverse inertias go furthest; times must stay below FAR (`kernels/layout.py`). The
-    disks are as fast as `speed` (`fastest`); walls may be as hot as `hottest` [energy].
+    disks are as fast as `speed` (`fastest`); walls and thermostats may be as hot as `hottest` [energy].
     """
     low, high = (1e-30, 1e30) if precision == "f32" else (1e-280, 1e280)
     finite = np.isfinite(disks.mass)
@@ -90,11 +96,10 @@ def check_resolved(n: int, radius: float, box: Box, precision: str) -> None:
         )
 
 
-def fly_alike(velocity: NDArray[np.float64], comm: Any = None) -> bool:
+def fly_alike(velocity: NDArray[np.float64]) -> bool:
     """True if all velocities, shape (n, 2), are equal and not 0; each rank gives those of its slice."""
     ends = np.concatenate([velocity.max(axis=0, initial=-np.inf), -velocity.min(axis=0, initial=np.inf)])
-    if comm is not None:
-        ends = np.max(comm.allgather(ends), axis=0)
+    ends = np.max(current().allgather(ends), axis=0)
     return bool(np.all(ends[:2] == -ends[2:]) and np.any(ends))
 
 
@@ -230,7 +235,6 @@ def check(
         value = getattr(options, name)
         if not (math.isfinite(value) and value >= 0.0):
             raise InputError(f"{name} = {value}: a finite number not below 0 is needed")
-    hottest = max((wall.temperature or 0.0 for wall in walls), default=0.0)
     thermal = sum(wall.temperature is not None for wall in walls)
     if n * thermal > ADDRESSABLE:  # each disk's heat from each
         raise InputError(
@@ -239,7 +243,7 @@ def check(
         )
     if box.shear_rate:
         _check_sheared(disks, box, walls)
-    check_magnitudes(disks, box, speed, options.precision, hottest)
+    check_magnitudes(disks, box, speed, options.precision, hottest(walls, forces))
     check_resolved(disks.n, float(disks.radius.min(initial=math.inf)), box, options.precision)
     check_between_collisions(disks, box, options.gravity, forces)
 
@@ -270,7 +274,7 @@ def check_resting(
 
     name = f'collapse = "rest" (resting_speed = {resting_speed:g})'
     if arch != "cpu" or precision != "f64":
-        raise InputError(f'{name}: only on a CPU in double precision (arch = "cpu", precision = "f64")')
+        raise InputError(f'{name}: only on a CPU in double precision (device = "cpu", precision = "f64")')
     if disks.n > SINGLE_TILE:
         raise InputError(
             f"{name}: {disks.n} disks, but only gases that one thread computes as a whole can rest, of up to "
@@ -306,11 +310,11 @@ def check_resting(
 
 def check_pistons(
     walls: Sequence[Wall], n: int, arch: str, precision: str, resting_speed: float, order: str | None = None,
-    ranks: int = 1, gravity_turns: float = 0.0,
+    ranks: int = 1, gravity_rotation_rate: float = 0.0,
 ) -> None:  # fmt: skip
     """Refuse pistons where the whole box is not computed in order, or gravity turns; arguments as for `Engine`."""
     refused = {
-        f'arch = "{arch}"': arch != "cpu",
+        f'device = "{arch}"': arch != "cpu",
         f'precision = "{precision}"': precision != "f64",
         f'order = "{order}"': order == "tiled",
         f"several ranks (here are {ranks})": ranks > 1,
@@ -320,9 +324,9 @@ def check_pistons(
     for w, wall in enumerate(walls):
         if wall.piston is None:
             continue
-        if gravity_turns:
+        if gravity_rotation_rate:
             raise InputError(
-                f"wall {w} is a piston: gravity_turns = {gravity_turns:g} not supported: must be 0"
+                f"wall {w} is a piston: gravity_rotation_rate = {gravity_rotation_rate:g} not supported: must be 0"
             )
         for what, there in refused.items():
             if there:

@@ -175,7 +175,7 @@ def show_gpu(number: int) -> None:
     wanted = entries[number % len(entries)]
     if _asked and wanted != named:
         raise InputError(
-            f"arch = 'cuda': rank {number} of this machine is to see GPU {wanted}, but it has asked for GPUs "
+            f"device = 'cuda': rank {number} of this machine is to see GPU {wanted}, but it has asked for GPUs "
             "before, and the driver looks once: set CUDA_VISIBLE_DEVICES for each rank, or make the gas that is on "
             "several ranks first"
         )
@@ -269,11 +269,11 @@ def check(arch: str, threads: int | None = None, precision: str = "f64") -> None
         raise InputError(f"precision = '{precision}': allowed are {allowed}{nearest(precision, PRECISIONS)}")
     if arch not in ARCHITECTURES:
         allowed = ", ".join(ARCHITECTURES)
-        raise InputError(f"arch = '{arch}': allowed are {allowed}{nearest(arch, ARCHITECTURES)}")
+        raise InputError(f"device = '{arch}': allowed are {allowed}{nearest(arch, ARCHITECTURES)}")
     absence = cuda_absence() if arch == "cuda" else None  # a run on the CPU asks no driver
     if absence is not None:
         raise InputError(
-            f"arch = '{arch}': no such device on this machine; present: cpu (see `ifrdem backends`): {absence}"
+            f"device = '{arch}': no such device on this machine; present: cpu (see `ifrdem devices`): {absence}"
         )
     # More threads than cores wait for each other at the end of every parallel loop.
     if threads is not None and not (hasattr(threads, "__index__") and 1 <= threads <= cores()):

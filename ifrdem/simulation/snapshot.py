@@ -18,7 +18,6 @@ from ..errors import InputError
 from ..kernels import layout as k
 from ..kernels.columns import named
 from ..model.state import COLUMNS
-from ..mpi import distribution
 from .tracking import Statistics
 
 if TYPE_CHECKING:
@@ -32,12 +31,12 @@ def fingerprint(engine: Engine) -> str:
     """A hash of what must be the same for a snapshot to fit: disks, box, laws, walls, forces, seed, precision."""
     engine.check_whole()
     a, disks, box, options = engine.arrays, engine.disks_here, engine.box, engine.options
-    gravity = options.gravity if options.gravity_turns else engine.gravity
+    gravity = options.gravity if options.gravity_rotation_rate else engine.gravity
     digest = hashlib.sha256()
     walls = named(a.wall_rows.copy(), "walls")
     walls.piston.displacement = walls.piston.speed = 0.0  # where a piston starts, as where disks do
     parts: list[Any] = [
-        *(distribution.digest(getattr(disks, name), engine.comm) for name in COLUMNS),
+        *(engine.comm.digest(getattr(disks, name)) for name in COLUMNS),
         np.array(box.lengths), np.array(box.periodic),
         np.array([
             box.shear_rate, *gravity, options.velocity_cutoff, options.contact_time, options.resting_speed,
@@ -46,10 +45,10 @@ def fingerprint(engine: Engine) -> str:
         options.precision, options.arch, options.seed, options.wall_sums,
         options.ledger, options.partners, options.angles, options.itemised, a.uses.collision_law.impulses.__qualname__,
     ]  # fmt: skip
-    if options.gravity_turns:
-        parts.append((options.gravity_turns, options.gravity_step))
+    if options.gravity_rotation_rate:
+        parts.append((options.gravity_rotation_rate, options.gravity_rotation_step))
     for force in engine.force_steps.forces:
-        parts += [type(force).__name__, np.array(force.parameters), force.step]
+        parts += [type(force).__name__, np.array([*force.values.values()]), force.step]
     for part in parts:
         if isinstance(part, np.ndarray):
             digest.update(str(part.shape).encode() + np.ascontiguousarray(part).tobytes())
@@ -124,7 +123,7 @@ def put_back(engine: Engine, found: Snapshot) -> None:
 
 def _put_back(engine: Engine, found: Snapshot) -> None:
     a, windows, steps = engine.arrays, engine.windows, engine.force_steps
-    n = len(distribution.slice_of(engine.n, engine.comm))
+    n = len(engine.comm.slice_of(engine.n))
     if len(found["disk"]) != n:
         raise InputError(f"checkpoint: {len(found['disk'])} disks, here are {n}")
     low, high = (np.array([found["edge_x"][end], found["edge_y"][end]]) for end in (0, -1))
@@ -141,7 +140,7 @@ def _put_back(engine: Engine, found: Snapshot) -> None:
     _time, engine._collided_at, engine._flow_excess = found["clock"].tolist()
     *before, engine._resting, parted, engine._until_looked = found["counts"].tolist()
     engine._before, engine._slept, engine._no_future_collisions = before[:2], before[2], bool(parted)
-    if engine.options.gravity_turns:
+    if engine.options.gravity_rotation_rate:
         step, engine.turning.work = found["turning"].tolist()
         engine.turning.next_step = int(step)
         engine.put_gravity()

@@ -80,14 +80,16 @@ class TurningGravity:
 
 def check_turning(options: EngineOptions, periodic: tuple[bool, bool], tracked: bool, ranks: int) -> None:
     """Refuse gravity that cannot turn: InputError."""
-    gravity, rate, step = options.gravity, options.gravity_turns, options.gravity_step
+    gravity, rate, step = options.gravity, options.gravity_rotation_rate, options.gravity_rotation_step
     if not math.isfinite(rate):
-        raise InputError(f"gravity_turns = {rate}: a finite number [rad/time] is needed")
+        raise InputError(f"gravity_rotation_rate = {rate}: a finite number [rad/time] is needed")
     if not 0.0 < step <= MOST_STEP:
-        raise InputError(f"gravity_step = {step}: an angle above 0 and up to {MOST_STEP} rad is needed")
+        raise InputError(
+            f"gravity_rotation_step = {step}: an angle above 0 and up to {MOST_STEP} rad is needed"
+        )
     if not rate:
         return
-    name = f"gravity_turns = {rate:g}"
+    name = f"gravity_rotation_rate = {rate:g}"
     if not any(gravity):
         raise InputError(f"{name}: gravity = {gravity}, and nothing turns; give one")
     if any(periodic):

@@ -26,13 +26,13 @@ from ..case.case import Case
 from ..case.file import CaseFile
 from ..case.gas import CaseGas
 from ..errors import DamageError, EngineError, InputError
-from ..run.recorder import COLUMNS, Ledger
+from ..runs.recorder import COLUMNS, Ledger
 from ..simulation.schedule import Schedule, Span
 from ..tools.files import write_aside
 from ..trajectory.damage import FAULTS
 from ..trajectory.file import TrajectoryError
 
-PerFrame = Literal["velocity", "g", "S", "fields", "clusters", "psi6"]
+PerFrame = Literal["velocity", "rdf", "structure-factor", "fields", "clusters", "psi6"]
 """Analyses of single frames, at chosen places of a run."""
 OverTime = Literal["msd", "vacf", "pressure", "cooling", "impact"]
 OVER_TIME: tuple[str, ...] = get_args(OverTime)
@@ -109,8 +109,8 @@ class Task:
 
     def _long(self, threads: int) -> dict[str, Variable]:
         """The run with its trajectory, from its checkpoint if a worker was killed in it, and the analyses."""
-        from ..run import resume, run
-        from ..run.outputs import Outputs
+        from ..runs import resume, run
+        from ..runs.outputs import Outputs
         from ..trajectory.reader import Trajectory
 
         def silent(_text: str) -> None:
@@ -128,7 +128,7 @@ class Task:
         with Trajectory(outputs.trajectory) as trajectory:
             series = trajectory.series
             rows = {"time": series.time, **{name: series[name] for name in series}}
-            found = _on_rows(file.case, trajectory.n, rows)
+            found = _at_rows(file.case, trajectory.n, rows)
             axis = "time" if file.case.run.t_end else "collisions_per_disk"
             for name in self.analyses:
                 found |= _analysed(trajectory, name, self.at, axis)
@@ -146,7 +146,7 @@ def _series_alone(file: CaseFile) -> dict[str, Variable]:
         rows.append({"time": measure.time, **ledger.row(measure)})
 
     _advance(file.gas, [row])
-    return _on_rows(file.case, file.gas.n, {name: np.array([one[name] for one in rows]) for name in rows[0]})
+    return _at_rows(file.case, file.gas.n, {name: np.array([one[name] for one in rows]) for name in rows[0]})
 
 
 def _advance(gas: CaseGas, samplers: list[Any], *, short: bool = False) -> None:
@@ -171,7 +171,7 @@ def along(case: Case) -> tuple[str, NDArray[np.float64]]:
     return name, np.array([0.0, *(schedule.due(k + 1).time for k in range(cadence.number))])
 
 
-def _on_rows(case: Case, n: int, found: dict[str, NDArray[Any]]) -> dict[str, Variable]:
+def _at_rows(case: Case, n: int, found: dict[str, NDArray[Any]]) -> dict[str, Variable]:
     """Series at the places where the study has them: where two fall on one collision, one row is both."""
     name, places = along(case)
     span = Span.to(n, 0.0, 0, t_end=case.run.t_end, collisions_per_disk=case.run.collisions_per_disk)

@@ -138,7 +138,7 @@ def test_a_driver_without_a_device_is_told_and_no_device(
             [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, env=environment
         )
 
-    listed = run("from ifrdem.cli.main import main; main(['backends'])").stdout
+    listed = run("from ifrdem.cli.main import main; main(['devices'])").stdout
     assert says in listed
     assert [line.split()[0] for line in listed.splitlines() if "not usable" not in line] == [
         "cpu",
@@ -146,7 +146,7 @@ def test_a_driver_without_a_device_is_told_and_no_device(
     ]
     started = run("from ifrdem.simulation import device as backend; backend.start('cuda')")
     assert says in started.stderr.splitlines()[-1]
-    assert "InputError: arch = 'cuda': no such device" in started.stderr.splitlines()[-1]
+    assert "InputError: device = 'cuda': no such device" in started.stderr.splitlines()[-1]
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler, to make a driver")

@@ -83,7 +83,7 @@ def found(
     runs = [Run(each, 8000, dict(done), slowest=each / 2.0) for each in seconds]
     given = {"threads": 2, "bytes_per_disk": 240.0, "environment": bench.environment(), **also}
     return Benchmark(
-        gas="elastic gas", n=n, phi=phi, arch="cpu", precision="f64", seed=1,
+        gas="elastic gas", n=n, phi=phi, device="cpu", precision="f64", seed=1,
         collisions_before=5000, runs=runs, **given,
     )  # fmt: skip
 
@@ -93,7 +93,7 @@ def found(
 
 def test_json_is_one_object_with_every_figure(capsys: pytest.CaptureFixture[str]) -> None:
     own = json.loads(output([*SMALL, "--json", "--seed", "3", "--precision", "f64"], capsys))
-    assert (own["n"], own["phi"], own["arch"], own["threads"]) == (200, pytest.approx(0.2), "cpu", 1)
+    assert (own["n"], own["phi"], own["device"], own["threads"]) == (200, pytest.approx(0.2), "cpu", 1)
     assert (own["precision"], own["seed"]) == ("f64", 3)
     assert own["bytes_per_disk"] > 0.0
     assert len(own["runs"]) == 2
@@ -220,7 +220,7 @@ def test_a_case_at_rest_ends_with_a_message(case_file: str, capsys: pytest.Captu
         (["--n", "inf"], "--n inf: a whole number"),
         (["--phi", "1.2"], "--phi 1.2: a packing fraction from 1e-05 to 0.9068 is needed"),
         (["--phi", "nan"], "--phi nan: a packing fraction"),
-        (["--arch", "cdua"], "--arch = 'cdua': allowed are cpu, cuda (did you mean 'cuda'?)"),
+        (["--device", "cdua"], "--device = 'cdua': allowed are cpu, cuda (did you mean 'cuda'?)"),
         (["--precision", "f23"], "--precision = 'f23': allowed are f64, f32 (did you mean 'f32'?)"),
         (["--threads", "0"], f"--threads 0: a whole number from 1 to {device.cores()} is needed"),
         (["--runs", "none"], "--runs none: a whole number from 1 to 10000 is needed"),
@@ -242,8 +242,8 @@ def test_what_cannot_be_is_refused(
 
 
 def test_all_mistakes_are_told_at_once(capsys: pytest.CaptureFixture[str]) -> None:
-    text = refusal(["--n", "x", "--phi", "y", "--runs", "z", "--arch", "w"], capsys)
-    assert [line.split()[1] for line in text.splitlines()] == ["--n", "--phi", "--runs", "--arch"]
+    text = refusal(["--n", "x", "--phi", "y", "--runs", "z", "--device", "w"], capsys)
+    assert [line.split()[1] for line in text.splitlines()] == ["--n", "--phi", "--runs", "--device"]
 
 
 def test_a_gas_beyond_the_memory_is_refused_before_anything_runs(
@@ -272,7 +272,7 @@ def test_a_gas_beyond_the_memory_is_refused_before_anything_runs(
     summary.refuse_beyond_memory(1000, "cpu")
     summary.refuse_beyond_memory(20_000, "cuda", "random")
     with pytest.raises(InputError, match=r"20000 disks need some 24 MB"):
-        summary.refuse_beyond_memory(20_000, "cuda", "growth")
+        summary.refuse_beyond_memory(20_000, "cuda", "lubachevsky_stillinger")
     # 300 bytes of the start, 200 of the writer and 198 of the engine, of which others of 8 ranks have seven parts.
     with pytest.raises(InputError, match=r"19000 disks need some 13.3 MB"):
         summary.refuse_beyond_memory(19_000, "cpu")

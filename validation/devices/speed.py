@@ -50,7 +50,7 @@ def run(quick: bool, arch: str = "cuda") -> Result:
 
 
 def _timed(result: Result, arch: str, n: int, phi: float, precision: str) -> tuple[str | float, ...]:
-    _gas, simulation = bench.prepared(bench.elastic_gas(n, phi, arch=arch, precision=precision))
+    _gas, simulation = bench.prepared(bench.elastic_gas(n, phi, device=arch, precision=precision))
     begun = simulation.measure().energy
     runs = [bench.timed(simulation, bench.SECONDS) for _ in range(3)]
     rates = sorted(each.rate for each in runs)

@@ -29,8 +29,8 @@ from ...case import shipped, summary
 from ...case.case import UNITS, Case
 from ...case.gas import CaseGas
 from ...errors import InputError
-from ...mpi import communicator
-from ...simulation import device
+from ...mpi import SERIAL, Communicator
+from ...simulation import device as backend
 from ...simulation.simulation import Simulation
 from ...tools.progress import Progress
 from ...tools.versions import __version__
@@ -114,7 +114,7 @@ class Benchmark:
     gas: str  # its name
     n: int
     phi: float
-    arch: str
+    device: str
     threads: int
     precision: str
     seed: int
@@ -145,7 +145,7 @@ class Benchmark:
         windows = max(self.total("windows"), 1)
         collisions = sum(run.collisions for run in self.runs)
         seconds = sum(run.seconds for run in self.runs)
-        settings = ("gas", "n", "phi", "arch", "threads", "precision", "seed", "collisions_before")
+        settings = ("gas", "n", "phi", "device", "threads", "precision", "seed", "collisions_before")
         return {
             **{name: getattr(self, name) for name in settings},
             "collisions_per_second": self.rate,
@@ -180,7 +180,7 @@ class Benchmark:
     def report(self) -> str:
         """All figures as lines to read."""
         own = self.figures()
-        threads = f", {self.threads} thread{'s' * (self.threads > 1)}" if self.arch == "cpu" else ""
+        threads = f", {self.threads} thread{'s' * (self.threads > 1)}" if self.device == "cpu" else ""
         range_ = f"{min(self.rates):.4g} to {max(self.rates):.4g}, {len(self.runs)} runs"
         rows = {
             "collisions/s": f"{self.rate:.4g} (median; {range_})",
@@ -205,7 +205,7 @@ class Benchmark:
             [
                 f"{self.gas}: {self.n} disks, packing fraction {self.phi:.4g}, "
                 f"after {2.0 * self.collisions_before / self.n:.4g} collisions per disk",
-                f"on {self.arch}{threads}, {self.precision}; {self.environment['processor']}",
+                f"on {self.device}{threads}, {self.precision}; {self.environment['processor']}",
                 *(f"  {name:<22} {text}" for name, text in rows.items()),
                 *(self.profile.lines() if self.profile is not None else ()),
             ]
@@ -219,11 +219,11 @@ def bench(
     after: float = 0.0,
     n: int = 100_000,
     phi: float = 0.3,
-    arch: str = "cpu",
+    device: str = "cpu",
     threads: int | None = None,
     precision: str = "f64",
     seed: int = 1,
-    comm: Any = None,
+    comm: Communicator = SERIAL,
     **timing: Any,
 ) -> Benchmark:
     """Time (`measure`) a case file or a shipped case, or else the elastic gas of n disks at packing fraction phi.
@@ -234,7 +234,7 @@ def bench(
     if case is not None:
         file = case_file.read(shipped.find(case), list(overrides))
         return measure(file.case, file.folder, after=after, comm=comm, **timing)
-    gas = elastic_gas(n, phi, arch=arch, threads=threads, precision=precision, seed=seed)
+    gas = elastic_gas(n, phi, device=device, threads=threads, precision=precision, seed=seed)
     try:
         return measure(gas, comm=comm, **timing)
     except InputError as error:  # of a case that the user does not see
@@ -250,7 +250,7 @@ def measure(
     seconds: float = SECONDS,
     profile: bool = False,
     note: Note = lambda _: None,
-    comm: Any = None,
+    comm: Communicator = SERIAL,
 ) -> Benchmark:
     """Time the gas of a case.
 
@@ -281,7 +281,7 @@ def measure(
         If the engine stops, as it does where nothing ever collides.
     """
     run = case.run
-    if comm is not None and profile:
+    if comm.size > 1 and profile:
         raise InputError("--profile: not on several ranks; run it without mpiexec")
     gas, simulation = prepared(case, folder, after=after, comm=comm)
     before = simulation.collisions
@@ -300,24 +300,24 @@ def measure(
         del simulation  # its arrays end with the Taichi that they belong to
         gc.collect()
         try:
-            device.start(run.arch, threads=run.threads, precision=run.precision, profile=True)
+            backend.start(run.device, threads=run.threads, precision=run.precision, profile=True)
             simulation = gas.simulation(state)
             warm_up(simulation)
             profiled = _profiled(simulation, seconds)
         finally:
-            device.stop()
+            backend.stop()
     return Benchmark(
         gas="elastic gas" if after is None else run.name,
         n=gas.n,
         phi=gas.free_area.covered_part(gas.kinds.covered),
-        arch=run.arch,
-        threads=_threads(run.threads, comm) if run.arch == "cpu" else 1,
+        device=run.device,
+        threads=run.threads or comm.share_of_cores(backend.cores()) if run.device == "cpu" else 1,
         precision=run.precision,
         seed=run.seed,
         collisions_before=before,
         bytes_per_disk=size,
         runs=done,
-        ranks=comm.size if comm else 1,
+        ranks=comm.size,
         sent=None if sent is None else dict(zip(SENT, sent.tolist(), strict=True)),
         profile=profiled,
         environment=environment(),
@@ -330,18 +330,13 @@ def _sent(simulation: Simulation) -> Any:
     return None if traffic is None else np.array([getattr(traffic, name) for name in SENT], dtype=float)
 
 
-def _threads(given: int | None, comm: Any) -> int:
-    """Threads of a rank."""
-    return given or (communicator.cores_here(comm, device.cores()) if comm else device.cores())
-
-
 def prepared(
-    case: Case, folder: Path | str = ".", *, after: float | None = None, comm: Any = None
+    case: Case, folder: Path | str = ".", *, after: float | None = None, comm: Communicator = SERIAL
 ) -> tuple[CaseGas, Simulation]:
     """The gas of a case and its simulation, warm; arguments and errors as for `measure`."""
     run = case.run
-    device.check(run.arch, run.threads, run.precision)
-    summary.refuse_beyond_memory(sum(each.number for each in case.species), run.arch, case.start.positions)
+    backend.check(run.device, run.threads, run.precision)
+    summary.refuse_beyond_memory(sum(each.number for each in case.species), run.device, case.start.positions)
     gas = CaseGas.from_case(case, folder)
     simulation = gas.simulation(comm=comm)
     if after is None:
@@ -351,7 +346,7 @@ def prepared(
         end = {"collisions_per_disk": after}
     if after != 0.0:
         unit = UNITS[run.units]["time"] if run.units == "SI" else ""
-        shown = Progress(gas.n, unit=unit, **end) if communicator.is_root(comm) else None
+        shown = Progress(gas.n, unit=unit, **end) if comm.is_root else None
         with shown or contextlib.nullcontext():
             simulation.run(progress=shown or False, frames=PIECES, **end)
     warm_up(simulation)
@@ -384,7 +379,7 @@ def timed(simulation: Simulation, seconds: float) -> Run:
         marks.append(time.perf_counter())
         windows.append(simulation.statistics.windows)
         enough = marks[-1] - marks[0] >= seconds and len(marks) > LEAST_LAUNCHES
-        if communicator.bcast(simulation.comm, enough):
+        if simulation.comm.bcast(enough):
             raise LongEnough
 
     with contextlib.suppress(LongEnough):
@@ -434,8 +429,8 @@ def environment() -> dict[str, str]:
         "ifrdem": __version__,
         "taichi": version("taichi"),
         "python": platform.python_version(),
-        "processor": device.cpu_name(),
-        "cores": str(device.cores()),
+        "processor": backend.cpu_name(),
+        "cores": str(backend.cores()),
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
     }
 
@@ -444,13 +439,13 @@ def elastic_gas(
     n: int,
     phi: float,
     *,
-    arch: str = "cpu",
+    device: str = "cpu",
     threads: int | None = None,
     precision: str = "f64",
     seed: int = 1,
 ) -> Case:
     """The case of n equal, smooth, elastic disks at packing fraction phi: a hexagonal lattice, Maxwellian at T = 1."""
-    run = {"name": "elastic", "seed": seed, "units": "reduced", "arch": arch, "precision": precision}
+    run = {"name": "elastic", "seed": seed, "units": "reduced", "device": device, "precision": precision}
     if threads is not None:
         run["threads"] = threads
     disk = {"mass": MASS, "radius": RADIUS, "speed_rms": math.sqrt(2.0 * TEMPERATURE / MASS)}

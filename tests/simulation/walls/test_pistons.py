@@ -295,7 +295,7 @@ def test_a_piston_through_a_periodic_side_and_too_many_disks_are_refused() -> No
 
     with pytest.raises(InputError, match="20001 disks, more than 20000, not supported"):
         check_pistons([wall], 20_001, "cpu", "f64", 0.0)
-    with pytest.raises(InputError, match='arch = "cuda" not supported'):
+    with pytest.raises(InputError, match='device = "cuda" not supported'):
         check_pistons([wall], 10, "cuda", "f64", 0.0)
     with pytest.raises(InputError, match="several ranks"):
         check_pistons([wall], 10, "cpu", "f64", 0.0, ranks=2)

@@ -23,13 +23,13 @@ from ifrdem.cli import main as cli
 from ifrdem.errors import InputError, Stopped
 from ifrdem.model.observables import Measure
 from ifrdem.model.state import State
-from ifrdem.run import run
-from ifrdem.run.recorder import Recorder
-from ifrdem.run.signals import Stops
+from ifrdem.runs import run
+from ifrdem.runs.recorder import Recorder
+from ifrdem.runs.signals import Stops
 from ifrdem.simulation import checkpoint
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.tools.versions import package_versions
-from ifrdem.trajectory.background import QueuedWriter
+from ifrdem.trajectory.background import AsyncWriter
 
 CASE = """
 [run]
@@ -56,7 +56,7 @@ diameter = 1.0
 speed_rms = 1.4
 
 [[force]]
-kind = "kicks"
+kind = "random_force"
 step = 0.05
 power = 0.5
 
@@ -162,7 +162,7 @@ def test_frames_after_the_checkpoint_are_kept_and_compared(whole, tmp_path, monk
     case = whole.parent / "gas.toml"
     stopping += [60]
     save_once(monkeypatch)
-    monkeypatch.setattr("ifrdem.run.recorder.WAIT", 0.0)  # every row is committed at once
+    monkeypatch.setattr("ifrdem.runs.recorder.WAIT", 0.0)  # every row is committed at once
     assert cli.main(["run", str(case), "-o", f"{tmp_path}/"]) == 130
     with h5py.File(tmp_path / "gas.h5") as file:
         frames = len(file["particles/all/box/edges/step"])
@@ -214,15 +214,15 @@ def test_rates_after_a_resume_are_those_of_what_was_done_since(
 def test_a_signal_while_the_last_frames_are_written_leaves_a_run_that_is_done(
     whole, tmp_path, monkeypatch, capsys
 ):
-    flush, sent = QueuedWriter.flush, []
+    flush, sent = AsyncWriter.flush, []
 
-    def signalled(self: QueuedWriter) -> None:
+    def signalled(self: AsyncWriter) -> None:
         if self.series_rows and not sent:
             sent.append(1)
             os.kill(os.getpid(), signal.SIGTERM)
         flush(self)
 
-    monkeypatch.setattr(QueuedWriter, "flush", signalled)
+    monkeypatch.setattr(AsyncWriter, "flush", signalled)
     assert cli.main(["run", str(whole.parent / "gas.toml"), "-o", f"{tmp_path}/"]) == 0
     assert sent
     assert "terminated" in capsys.readouterr().err
@@ -298,8 +298,8 @@ def test_what_cannot_go_on_is_refused_with_the_reason(whole, tmp_path, capsys):
     assert cli.main(["resume", str(tmp_path / "a.h5")]) == 2
     assert "damaged, or no checkpoint" in capsys.readouterr().err
     for hours in ("0", "-1", "many", "inf"):
-        assert cli.main(["resume", str(tmp_path), "--maxh", hours]) == 2
-        assert f"--maxh {hours}" in capsys.readouterr().err
+        assert cli.main(["resume", str(tmp_path), "--max-hours", hours]) == 2
+        assert f"--max-hours {hours}" in capsys.readouterr().err
 
 
 def test_checkpoints_of_others_are_refused_before_anything_is_done(tmp_path, monkeypatch, capsys):
@@ -416,8 +416,8 @@ def test_a_killed_run_goes_on_to_the_same_file(whole, tmp_path):
 
 def test_max_hours_stop_a_run_that_can_go_on(whole, tmp_path, capsys):
     case = whole.parent / "gas.toml"
-    assert cli.main(["run", str(case), "-o", f"{tmp_path}/", "--maxh", "1e-9"]) == 3
-    assert "1e-09 hours are up (--maxh)" in capsys.readouterr().err
+    assert cli.main(["run", str(case), "-o", f"{tmp_path}/", "--max-hours", "1e-9"]) == 3
+    assert "1e-09 hours are up (--max-hours)" in capsys.readouterr().err
     assert cli.main(["resume", str(tmp_path)]) == 0
     same(tmp_path / "gas.h5", whole)
 
@@ -430,8 +430,8 @@ def test_max_hours_count_the_making_of_the_start(whole, tmp_path, capsys, monkey
         return made(*given)
 
     monkeypatch.setattr(CaseGas, "start", slowly)
-    assert cli.main(["run", str(case), "-o", f"{tmp_path}/", "--maxh", "1e-4"]) == 3  # 0.36 s
-    assert "0.0001 hours are up (--maxh)" in capsys.readouterr().err
+    assert cli.main(["run", str(case), "-o", f"{tmp_path}/", "--max-hours", "1e-4"]) == 3  # 0.36 s
+    assert "0.0001 hours are up (--max-hours)" in capsys.readouterr().err
     assert cli.main(["resume", str(tmp_path)]) == 0
     assert "go on at t = 0, after 0 collisions" in capsys.readouterr().out
     same(tmp_path / "gas.h5", whole)

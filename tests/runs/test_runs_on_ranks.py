@@ -19,6 +19,8 @@ from support import mpi
 from support.manual import block
 
 import ifrdem
+from ifrdem.case import file as case_file
+from ifrdem.case import shipped
 from ifrdem.mpi import communicator
 from ifrdem.tools.files import checkpoint_of
 from ifrdem.trajectory import layout
@@ -35,7 +37,7 @@ coin = "1 pta"
 number = 21000
 speed_rms = 1.0
 [[force]]
-kind = "kicks"
+kind = "random_force"
 step = 0.02
 power = 2.0e-3
 [[force]]
@@ -110,7 +112,7 @@ def differing(one: Path, other: Path) -> list[str]:
     return found
 
 
-MAXH = ["--maxh", "1e-6"]
+MAX_HOURS = ["--max-hours", "1e-6"]
 PARTS = ["--set", "output.parts=true"]
 ONE = ["--set", "run.threads=1"]  # of a process, as those of ranks here, which goes on with its kernels
 
@@ -145,15 +147,15 @@ def told(case: Path, plain: Path) -> dict[str, dict[str, Any]]:
 
     few = {"block": 4096}  # disks of a block, so that slices begin within blocks
     many = {"gathered": 1000}  # disks, of which more are too many for a rank
-    stopped = [*PARTS, *MAXH]
+    stopped = [*PARTS, *MAX_HOURS]
     steps: dict[str, tuple[int, dict[str, int], list[str]]] = {
-        "stopped": (3, {}, run("stopped", *MAXH)),
+        "stopped": (3, {}, run("stopped", *MAX_HOURS)),
         "stopped goes on": (2, {}, resume("stopped")),
         "4 parts": (4, {}, run("parts4", *PARTS)),
         "4 parts again": (2, {}, ["run", str(case), "-o", f"{folder / 'parts4'}/", *PARTS]),
         "radii stopped": (3, few, run("radii", *radii, *stopped)),
-        "radii stopped again": (2, few, resume("radii", *MAXH)),
-        "gathered stopped": (2, many, run("gathered", "--set", "output.parts=false", *MAXH)),
+        "radii stopped again": (2, few, resume("radii", *MAX_HOURS)),
+        "gathered stopped": (2, many, run("gathered", "--set", "output.parts=false", *MAX_HOURS)),
         "gathered goes on": (3, many, resume("gathered")),
         "from a frame on ranks": (2, {}, run("from_frame", *frame, *PARTS)),
         "from a frame": (1, {}, run("from_frame_alone", *frame, *ONE)),
@@ -185,7 +187,7 @@ def test_a_run_that_is_stopped_goes_on_with_other_ranks_to_the_bit(
     """Three ranks until time is up, then two: the file of one process."""
     stopped, goes_on = told["stopped"], told["stopped goes on"]
     assert stopped["status"] == 3, stopped["err"]
-    assert stopped["err"].count("hours are up (--maxh)") == 1  # told once
+    assert stopped["err"].count("hours are up (--max-hours)") == 1  # told once
     assert "used by each of 3 ranks" in stopped["out"]
     assert goes_on["status"] == 0, goes_on["err"]
     assert differing(plain, plain.parents[1] / "stopped" / "gas.h5") == []
@@ -333,7 +335,7 @@ def _counted(path: Path) -> int:
 def test_a_checkpoint_or_trajectory_that_lacks_a_part_is_refused_on_all_ranks(case: Path) -> None:
     folder = case.parent / "lacking"
     folder.mkdir()
-    words = mpi.ifrdem("run", case, "-o", f"{folder}/", "--set", "output.parts=true", "--maxh", "1e-6")
+    words = mpi.ifrdem("run", case, "-o", f"{folder}/", "--set", "output.parts=true", "--max-hours", "1e-6")
     assert mpi.on(2, *words).returncode == 3
     for part in (folder / "gas.parts" / "0001.h5", *sorted((folder / "gas.checkpoint.parts").iterdir())[1:]):
         part.rename(folder / "away")
@@ -364,37 +366,28 @@ def _descends(process: int, ancestor: int) -> bool:
     return process == ancestor
 
 
-REFUSED = {
-    'run.precision="f32"': 'run.precision = "f32": {}, or run.precision = "f64"',
-    "box.gravity=[0.0, -1.0]": "",
-    "box.gravity_turns=0.1": "box.gravity_turns = 0.1: {}, or leave it out",
-    'run.collapse="rest"': 'run.collapse = "rest": {}, or another remedy for collapse',
-    "run.resting_speed=0.01": "",
-    "output.histories=[1]": "output.histories = [1]: {}, or leave histories out",
-}
+@pytest.mark.parametrize(
+    ("name", "changes", "key"),
+    [
+        ("heap", [], 'run.collapse = "rest"'),
+        ("avalanches", [], "box.gravity_rotation_rate = -0.01"),
+        ("coins_on_table", [], "box.open = true"),
+        ("piston", [], "wall[0].piston"),
+        ("cooling", ["run.precision=f32"], 'run.precision = "f32"'),
+    ],
+)
+def test_what_cannot_be_divided_is_named(name: str, changes: list[str], key: str) -> None:
+    count, why = case_file.read(shipped.find(name), changes).gas.usable_ranks(2)
+    assert count == 1
+    assert key in why
 
 
-@mpi.needed
-@pytest.mark.parametrize("command", ["run", "check"])
-def test_what_cannot_be_on_ranks_is_refused_once(case: Path, command: str) -> None:
-    """By file and key, all at once, by `check` as by `run`; by Python without file."""
-    changes = [*REFUSED, "box.packing_fraction=", "box.lengths=[6.0, 6.0]", "box.periodic=[false, false]"]
-    folder = case.parent / "refused"
-    folder.mkdir(exist_ok=True)
-    place = ["-o", f"{folder}/"] if command == "run" else []
-    words = [word for each in changes for word in ("--set", each)]
-    done = mpi.on(2, *mpi.ifrdem(command, case, *place, *words, "--set", 'box.material="1 pta"'))
-    assert done.returncode == 2, done.stderr
-    told = "not supported on several ranks (here are 2): run it without mpiexec"
-    for message in filter(None, REFUSED.values()):
-        assert done.stderr.count(f"ifrdem: {case}: {message.format(told)}") == 1, done.stderr
-    done = mpi.on(2, *mpi.ifrdem(command, case, *place, "--set", "species[0].number=2000"))
-    assert done.returncode == 2, done.stderr
-    found = f"{case}: species[0].number = 2000: 2 ranks: 2000 disks make one tile, and each rank needs one: run it"
-    assert done.stderr.count(found) == 1, done.stderr
-    assert done.stdout == ""  # before the summary
-    assert "Traceback" not in done.stderr
-    assert list(folder.iterdir()) == []
+def test_a_gas_is_shared_by_as_many_ranks_as_its_tiles_can_be_divided_among(case: Path) -> None:
+    gas = case_file.read(case, ["species[0].number=200000"]).gas
+    assert gas.usable_ranks(4) == (4, "")
+    count, why = gas.usable_ranks(1000)
+    assert 16 <= count <= 36  # straight cuts cannot make 36 blocks of one tile each
+    assert why == "200000 disks make 6 x 6 tiles"
 
 
 @mpi.needed
