@@ -93,8 +93,8 @@ def of_kernel(name: str, wall: Wall, disks: Array, times: Array) -> tuple[Array,
     out, root = np.zeros((len(disks), len(times), 6)), np.zeros(len(disks))
     uses = Uses(walled=True, arched=True, turning=True)
     gaps(
-        uses, grid.array.astype(np.int32), scale.array, clock.array, counter.array.astype(np.int32), walls,
-        disks, times, out, root,
+        disks, times, out, root, uses, grid.array.astype(np.int32), scale.array, clock.array,
+        counter.array.astype(np.int32), walls,
     )  # fmt: skip
     return out, root
 

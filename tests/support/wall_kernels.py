@@ -3,22 +3,16 @@
 Import only after `device.start`.
 """
 
-import taichi as ti
-
-from ifrdem.kernels.language import Rows, Table
-from ifrdem.kernels.records import gas_of
+from ifrdem.kernels.language import Cube, Rows, Table
+from ifrdem.kernels.signature import Arrays, kernel
 from ifrdem.kernels.walls.motion import wall_phases
 from ifrdem.kernels.walls.root import seen_from, wall_time
 from ifrdem.kernels.walls.shapes import UNKNOWN, gap_of
 
 
-@ti.kernel
-def gaps(
-    uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, counter: Rows, walls: Rows, disks: Table, times: Rows,
-    out: ti.types.ndarray(ndim=3), root: Rows,
-):  # fmt: skip
+@kernel
+def gaps(disks: Table, times: Rows, out: Cube, root: Rows, gas: Arrays("uses grid scale clock counter walls")):
     """Of wall 0 and disks (x, y, vx, vy, radius at time 0): f, slope, curve, tolerance, here, behind at times; root."""
-    gas = ti.static(gas_of(grid=grid, scale=scale, clock=clock, counter=counter, walls=walls, uses=uses))
     for _ in range(1):
         wall_phases(gas)
         for i in range(disks.shape[0]):
