@@ -438,7 +438,7 @@ def link_cells_of_layers(n, region: ti.template(), gas: ti.template()):
 
 @ti.func
 def inside(x, y, tile, gas: ti.template()):
-    """Distance of a position from the sides of its tile; negative outside. Ends of the box that are open are no sides."""
+    """Distance of a position from the sides of its tile; negative outside. Open ends of the box are no sides."""
     tx = tile // gas.grid.tiles_y
     ty = tile - tx * gas.grid.tiles_y
     width, height = sides_of(tile, gas)
@@ -454,9 +454,9 @@ def inside(x, y, tile, gas: ti.template()):
 
 @ti.func
 def last_hit(i, gas: ti.template()):
-    """Slot (from the tile's first), position and boxes travelled of the own disk in lane slot i at its latest collision.
+    """Slot, position and boxes travelled of the own disk in lane slot i at its latest collision.
 
-    From the corner of the tile that will list it.
+    The slot is counted from the tile's first, the position is from the corner of the tile that will list it.
     """
     image = gas.image_info[i]
     x, y = gas.motion[i].x, gas.motion[i].y
