@@ -11,7 +11,9 @@ from ifrdem.kernels.walls.shapes import UNKNOWN, gap_of
 
 
 @kernel
-def gaps(disks: Table, times: Rows, out: Cube, root: Rows, gas: Arrays("uses grid scale clock counter walls")):
+def gaps(
+    disks: Table, times: Rows, out: Cube, root: Rows, gas: Arrays("uses grid scale clock counter walls")
+):
     """Of wall 0 and disks (x, y, vx, vy, radius at time 0): f, slope, curve, tolerance, here, behind at times; root."""
     for _ in range(1):
         wall_phases(gas)
