@@ -723,8 +723,3 @@ class RankWindows(Windows):
             else:
                 low = middle + 1
         return float(np.int64(low).view(np.float64))
-
-    def watched(self) -> tuple[NDArray[Any], NDArray[Any]]:
-        """As on one rank: those of all."""
-        real, whole = zip(*self.arrays.comm.allgather(super().watched()), strict=True)
-        return np.concatenate(real), np.concatenate(whole)
