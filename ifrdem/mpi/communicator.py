@@ -400,9 +400,9 @@ def slice_of(n: int, comm: Any = None) -> range:
     range(0, 10)
     """
     try:
-        count = -1 if isinstance(n, bool) else operator.index(n)
+        number = -1 if isinstance(n, bool) else operator.index(n)
     except TypeError:
-        count = -1
-    if not 0 <= count < 2**63:
+        number = -1
+    if not 0 <= number < 2**63:
         raise InputError(f"n = {n!r}: must be an integer from 0 to {2**63 - 1}")
-    return (current() if comm is None else Communicator.of(comm)).slice_of(count)
+    return (current() if comm is None else Communicator.of(comm)).slice_of(number)
