@@ -4,6 +4,7 @@ from . import fit as fit
 from . import forces as forces
 from . import initial as initial
 from . import laws as laws
+from . import mpi as mpi
 from . import observables as observables
 from . import plots as plots
 from . import theory as theory
@@ -27,7 +28,9 @@ from .model.walls import Piston as Piston
 from .model.walls import Turn as Turn
 from .model.walls import Wall as Wall
 from .model.walls import WallSums as WallSums
-from .mpi.distribution import slice_of as slice_of
+from .mpi.communicator import slice_of as slice_of
+from .runs.case import Case as Case
+from .runs.case import run as run
 from .runs.recorder import Ledger as Ledger
 from .simulation.dsmc import DSMC as DSMC
 from .simulation.simulation import Simulation as Simulation

@@ -14,6 +14,7 @@ from ..kernels.columns import ADDRESSABLE, MOST_DISKS, MOST_IDS, SINGLE_TILE
 from ..model.box import Box
 from ..model.state import Disks, State
 from ..model.walls import Wall, wall_names
+from ..mpi import current
 
 if TYPE_CHECKING:
     from ..model.forces import Force
@@ -38,12 +39,19 @@ def fastest(disks: Disks, velocity: NDArray[np.float64], spin: NDArray[np.float6
     return float(max(np.abs(velocity).max(initial=0.0), (np.abs(spin) * disks.radius).max(initial=0.0)))
 
 
+def hottest(walls: Iterable[Wall], forces: Iterable[Force]) -> float:
+    """The largest temperature of walls and thermostats [energy]; 0 without them."""
+    of_walls = (wall.temperature or 0.0 for wall in walls)
+    of_forces = (getattr(force, "hottest", 0.0) for force in forces)
+    return max([0.0, *of_walls, *of_forces])
+
+
 @np.errstate(over="ignore", under="ignore")
 def check_magnitudes(disks: Disks, box: Box, speed: float, precision: str, hottest: float = 0.0) -> None:
     """Refuse units in which numbers that the kernels form would leave the range of their type, silently.
 
     Squares of discriminants and inverse inertias go furthest; times must stay below FAR (`kernels/layout.py`). The
-    disks are as fast as `speed` (`fastest`); walls may be as hot as `hottest` [energy].
+    disks are as fast as `speed` (`fastest`); walls and thermostats may be as hot as `hottest` [energy].
     """
     low, high = (1e-30, 1e30) if precision == "f32" else (1e-280, 1e280)
     finite = np.isfinite(disks.mass)
@@ -90,11 +98,10 @@ def check_resolved(n: int, radius: float, box: Box, precision: str) -> None:
         )
 
 
-def fly_alike(velocity: NDArray[np.float64], comm: Any = None) -> bool:
+def fly_alike(velocity: NDArray[np.float64]) -> bool:
     """True if all velocities, shape (n, 2), are equal and not 0; each rank gives those of its slice."""
     ends = np.concatenate([velocity.max(axis=0, initial=-np.inf), -velocity.min(axis=0, initial=np.inf)])
-    if comm is not None:
-        ends = np.max(comm.allgather(ends), axis=0)
+    ends = np.max(current().allgather(ends), axis=0)
     return bool(np.all(ends[:2] == -ends[2:]) and np.any(ends))
 
 
@@ -157,7 +164,7 @@ def at_rest_on_walls(
     """Numbers of the first disk that lies on a wall at rest, and of the wall; None if none does.
 
     It touches the wall to rounding, without speed along the normal, and gravity holds it there: it has no next
-    collision (`kernels/walls.py`, `wall_time`). Places and velocities (n, 2), radii (n,).
+    collision (`kernels/walls/root.py`). Places and velocities (n, 2), radii (n,).
     """
     noise = 1e-14 * np.abs(velocity).sum(axis=1)
     for w, wall in enumerate(walls):
@@ -230,7 +237,6 @@ def check(
         value = getattr(options, name)
         if not (math.isfinite(value) and value >= 0.0):
             raise InputError(f"{name} = {value}: a finite number not below 0 is needed")
-    hottest = max((wall.temperature or 0.0 for wall in walls), default=0.0)
     thermal = sum(wall.temperature is not None for wall in walls)
     if n * thermal > ADDRESSABLE:  # each disk's heat from each
         raise InputError(
@@ -239,7 +245,7 @@ def check(
         )
     if box.shear_rate:
         _check_sheared(disks, box, walls)
-    check_magnitudes(disks, box, speed, options.precision, hottest)
+    check_magnitudes(disks, box, speed, options.precision, hottest(walls, forces))
     check_resolved(disks.n, float(disks.radius.min(initial=math.inf)), box, options.precision)
     check_between_collisions(disks, box, options.gravity, forces)
 
@@ -332,12 +338,12 @@ def check_pistons(
                 )
 
 
-def check_ranks(size: int, box: Box, options: EngineOptions, tracked: bool) -> None:
+def check_ranks(size: int, n: int, box: Box, options: EngineOptions, tracked: bool) -> None:
     """Refuse what cannot be on several ranks of MPI (`ranks.py`)."""
     refused = {
         f"precision = '{options.precision}'": options.precision != "f64",
         "order = 'serial'": options.order == "serial",
-        "tracked disks (histories)": tracked,
+        f"tracked disks (histories) of more than {ADDRESSABLE} disks": tracked and n > ADDRESSABLE,
         "an open box": box.is_open,
         'collapse = "rest"': options.resting_speed > 0.0,
     }

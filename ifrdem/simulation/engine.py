@@ -36,16 +36,18 @@ from numpy.typing import NDArray
 from ..errors import EngineError, InelasticCollapse, InputError, NoMoreCollisions
 from ..kernels import layout as k
 from ..kernels.columns import PISTON_STATE, READOUT, TALLY, WALL_SUM, Named, named
+from ..kernels.walls.kinds import ARC_INSIDE, ARC_OUTSIDE
 from ..model.box import Box
 from ..model.collapse import advice
 from ..model.ifr import IFRLaw
 from ..model.law import CollisionLaw, compiled
 from ..model.observables import from_totals
 from ..model.overlaps import TOLERANCE
-from ..model.state import DiskKinds, Disks, State, broadcast_constant_rows, scatter_state
+from ..model.state import DiskKinds, Disks, State, scatter_state
 from ..model.walls import Wall, free_directions, rows_of, sides, smooth_materials
 from ..model.walls import check as check_walls
-from ..mpi import communicator, distribution
+from ..mpi import Communicator
+from ..mpi.distribution import broadcast_constant_rows
 from ..tools import checked, seeds
 from . import checks, device
 from .schedule import Due
@@ -158,7 +160,7 @@ class Engine:
 
     Parameters
     ----------
-    disks, box, state, walls, forces, sliced
+    disks, box, state, walls, forces
         As for `Simulation`; positions must not overlap (`placement.check_no_overlap`).
     law_table : array (M, M, c)
         Coefficients of the law for each pair of materials (`table_row`): e_n, e_t, mu, contact_point, rho of `IFRLaw`.
@@ -188,22 +190,20 @@ class Engine:
         law: type[CollisionLaw] = IFRLaw,
         tracking: Tracking | None = None,
         comm: Any = None,
-        sliced: bool = False,
         **options: Any,
     ) -> None:
         self._released = True  # until there is anything to release
         self._whole = True  # False while a window is run: an interrupt would leave it half done
         given = EngineOptions(**options)
         self.options: EngineOptions = given
-        self.comm: Any = comm if comm is not None and comm.size > 1 else None
+        self.comm: Communicator = Communicator.of(comm)
+        comm = self.comm
         self.box: Box = box
         self._law_table, self._law = np.ascontiguousarray(law_table, dtype=np.float64), law
-        ranks = 1 if self.comm is None else self.comm.size
-        check_turning(given, box.periodic, tracking is not None, ranks)
+        check_turning(given, box.periodic, tracking is not None, comm.size)
         self.precision: str = given.precision
         self.walls: tuple[Wall, ...] = (*walls, *sides(box))
         self.given_walls: int = len(walls)
-        self.sliced: bool = sliced and self.comm is not None
 
         def counted() -> tuple[int, float, int, int, int]:
             if state.n != disks.n:
@@ -213,26 +213,27 @@ class Engine:
             return disks.n, speed, met, hits, int(np.count_nonzero(state.asleep))
 
         def judged() -> None:
-            checks.check_number(n, ranks, given.partners)
+            checks.check_number(n, comm.size, given.partners)
             checks.check(disks, box, state, len(self._law_table), walls, forces, given, max(speeds))
             check_walls(
                 self.walls, box, state.position, disks.radius, len(self._law_table), float(state.time),
                 collisions=self._before[0], tolerance=TOLERANCE * float(disks.radius.max(initial=0.0)),
             )  # fmt: skip
 
-        count = (communicator.run_on_all if self.sliced else communicator.run_on_root)(self.comm, counted)
-        counts = [count] if self.comm is None else self.comm.allgather(count)
+        counts = comm.allgather(comm.run_on_holders(counted))
         numbers, speeds, met, hits, slept = map(list, zip(*(each for each in counts if each), strict=True))
         n = self.n = sum(numbers)
         self._before, self._slept = [sum(met) // 2, sum(hits)], sum(slept)
-        (distribution.run_on_slices if self.sliced else communicator.run_on_root)(self.comm, judged)
-        if self.sliced:
-            communicator.check_alike(self.comm, repr(state.time), "times of the start")
-        whole = self.comm is not None and not self.sliced
-        self.disks_here: Disks
-        self.disks_here, begin = scatter_state(self.comm, disks, state) if whole else (disks, state)
-        self.kinds: Disks = disks if self.comm is None else DiskKinds.of(self.disks_here, self.comm)
-        self.disks: Disks = disks if whole and communicator.is_root(self.comm) else self.kinds
+        comm.run_on_holders(judged)
+        self.disks_here: Disks = disks
+        begin = state
+        if comm.is_distributed:
+            comm.require_equal(repr(state.time), "times of the start")
+        else:
+            self.disks_here, begin = scatter_state(comm, disks, state)
+        with comm:
+            self.kinds: Disks = disks if comm.size == 1 else DiskKinds.of(self.disks_here)
+        self.disks: Disks = disks if comm.is_root and not comm.is_distributed else self.kinds
         self._materials = np.unique(self.kinds.material)
         time = float(begin.time)
         self._check_resting(given.gravity, forces, law)
@@ -244,7 +245,7 @@ class Engine:
             given.precision,
             given.resting_speed,
             given.order,
-            ranks,
+            comm.size,
             given.gravity_rotation_rate,
         )
         self.turning = TurningGravity(
@@ -259,16 +260,14 @@ class Engine:
         self._no_future_collisions = False
         self._collided_at = time
         threads = given.threads
-        if self.comm is not None:
-            checks.check_ranks(ranks, box, given, tracking is not None)
+        if comm.size > 1:
+            checks.check_ranks(comm.size, n, box, given, tracking is not None)
             self._check_alike(forces)
-            threads = threads or communicator.cores_here(self.comm, device.cores())
+            threads = threads or comm.share_of_cores(device.cores())
             if given.arch == "cuda":
-                number = communicator.number_here(self.comm)
-                communicator.run_on_all(self.comm, lambda: device.show_gpu(number))
-        communicator.run_on_all(
-            self.comm, lambda: device.start(given.arch, threads=threads, precision=given.precision)
-        )
+                number = comm.local_rank
+                comm.run_on_all(lambda: device.show_gpu(number))
+        comm.run_on_all(lambda: device.start(given.arch, threads=threads, precision=given.precision))
         from .arrays import DeviceArrays
         from .force_steps import ForceSteps
         from .windows import Windows
@@ -279,7 +278,7 @@ class Engine:
             walled=len(self.walls) > 0,
             thermal=any(wall.temperature for wall in self.walls),
             pieced=len(rows) != len(self.walls),
-            arched=any(wall.shape == "arc" for wall in self.walls),
+            arched=bool(np.isin(named(rows, "walls").kind, (ARC_INSIDE, ARC_OUTSIDE)).any()),
             turning=any(wall.turn.kind != "still" for wall in self.walls),
             timed=any(
                 wall.gated or wall.moves_from is not None or wall.moves_until is not None
@@ -297,7 +296,7 @@ class Engine:
             rests=given.resting_speed > 0.0,
             collision_law=compiled(kind),
         )
-        if self.comm is not None:
+        if comm.size > 1:
             from .ranks import RankArrays, RankWindows
 
             assert isinstance(self.kinds, DiskKinds)
@@ -318,9 +317,9 @@ class Engine:
             "last_partner": begin.last_partner, "angle": begin.angle, "dissipated": begin.dissipated,
             "asleep": begin.asleep,
         }  # fmt: skip
-        if self.comm is not None:
+        if comm.size > 1:
             self.past = {name: broadcast_constant_rows(value) for name, value in self.past.items()}
-        of_ranks = Windows if self.comm is None else RankWindows
+        of_ranks = Windows if comm.size == 1 else RankWindows
         self.windows: Windows = of_ranks(self.arrays, self.statistics, time)
         self.set_gates(np.array([not wall.stands(time, self._before[0]) for wall in self.walls], dtype=bool))
         self._load(begin)
@@ -342,7 +341,8 @@ class Engine:
             return no_pair_approaches(state, self.disks)
         if self.walls or self.box.shear_rate or self.n < 2:
             return False
-        return checks.fly_alike(state.velocity, self.comm)
+        with self.comm:
+            return checks.fly_alike(state.velocity)
 
     # ------------------------------------------------------------------ what it knows
 
@@ -489,6 +489,8 @@ class Engine:
 
     def _check_alike(self, forces: Sequence[Force]) -> None:
         """Refuse ranks that were given different gases."""
+        if self.comm.size == 1:
+            return
         told = [replace(self.options, threads=None), self.box.lengths, self.box.periodic, self.box.shear_rate]
         told += [self._law, self._law_table.tobytes(), rows_of(self.walls).tobytes()]
         # What is none, `ForceSteps` refuses.
@@ -497,7 +499,7 @@ class Engine:
             (type(force).__name__, getattr(force, "parameters", None), getattr(force, "step", None))
             for force in given
         ]
-        communicator.check_alike(self.comm, repr(told), "box, law, walls, forces or options")
+        self.comm.require_equal(repr(told), "box, law, walls, forces or options")
 
     def _check_resting(
         self, gravity: tuple[float, float], forces: Sequence[Force], law: type[CollisionLaw]
@@ -545,12 +547,13 @@ class Engine:
         def checked() -> ForceSteps:
             steps = ForceSteps(forces, self.arrays, self.disks, self.options.seed, self.time)
             checks.check_between_collisions(self.disks, self.box, self.gravity, steps.forces)
+            hottest = checks.hottest(self.walls, steps.forces)
+            checks.check_magnitudes(self.disks_here, self.box, 0.0, self.precision, hottest)
             self._check_resting(self.gravity, steps.forces, self._law)
             return steps
 
-        steps = communicator.run_on_all(self.comm, checked)
-        if self.comm is not None:
-            self._check_alike(steps.forces)
+        steps = self.comm.run_on_all(checked)
+        self._check_alike(steps.forces)
         with self.exclusive_update():
             self._end_window()
             self.force_steps = steps
@@ -610,15 +613,14 @@ class Engine:
 
         InputError if an immovable disk would move, or they are too large or small to compute with.
         """
-        hottest = max((wall.temperature or 0.0 for wall in self.walls), default=0.0)
-        speed = checks.fastest(self.disks_here, state.velocity, state.spin)
-        speed = speed if self.comm is None else max(self.comm.allgather(speed))
+        hottest = checks.hottest(self.walls, self.force_steps.forces)
+        speed = self.comm.largest(checks.fastest(self.disks_here, state.velocity, state.spin))
 
         def judge() -> None:
             checks.check_motion(self.disks_here, state)
             checks.check_magnitudes(self.disks_here, self.box, speed, self.precision, hottest)
 
-        communicator.run_on_all(self.comm, judge)
+        self.comm.run_on_all(judge)
         with self.exclusive_update():
             present = self._state()
             before = self._snapshot(present)
@@ -629,10 +631,13 @@ class Engine:
                 self.tracking.kick(self.time, before, self._snapshot(present))
 
     def _snapshot(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-        """Places, velocities and spins of tracked disks, shape (m, 5), and boxes travelled, shape (m, 2)."""
-        ids = np.empty(0, dtype=np.int32) if self.tracking is None else self.tracking.ids
-        real = np.column_stack([state.position[ids], state.velocity[ids], state.spin[ids]]).astype(np.float64)
-        return real, state.image[ids].astype(np.int32)
+        """Positions, velocities and spins of tracked disks, shape (m, 5), and image counts, (m, 2): on the root."""
+        if self.tracking is None:
+            return np.empty((0, 5)), np.empty((0, 2), dtype=np.int32)
+        ids = self.tracking.ids[: None if self.comm.is_root else 0]
+        columns = [state.position, state.velocity, state.spin[:, None], state.image]
+        *real, image = self.comm.rows_of(self.n, ids, columns)
+        return np.column_stack(real).astype(np.float64), image.astype(np.int32)
 
     def _begin_anew(self) -> None:
         """Take note that a gas has been changed: what is known of its collisions and rest does not hold any more."""
@@ -681,7 +686,7 @@ class Engine:
         lone = not self.box.is_open and (self._no_future_collisions or self._is_alone)
         speed = float(np.hypot(*self._state().velocity.T).max(initial=0.0)) if lone else 0.0
         radius = float(self.kinds.radius.min(initial=math.inf))
-        speed = communicator.largest(self.comm, speed)
+        speed = self.comm.largest(speed)
         checks.check_duration(self.time, t_end, radius, self.box, speed)
 
     @property
@@ -739,8 +744,8 @@ class Engine:
             raise InelasticCollapse(f"{error}. {self._advice(at_wall=False)}") from None
         if windows.rests and not windows.inside:
             raise InelasticCollapse(
-                f"t = {windows.begin:.9g}: a disk came to rest on a wall (inelastic collapse); there is no next "
-                f"collision. {self._advice(at_wall=True)}"
+                f"t = {windows.begin:.9g} to {windows.end:.9g}: a disk came to rest on a wall (inelastic collapse); "
+                f"there is no next collision. {self._advice(at_wall=True)}"
             )
         if watching:
             self._take_watched(watching, was)
@@ -786,7 +791,9 @@ class Engine:
     def _take_watched(self, watching: int, was: float) -> None:
         windows = self.windows
         if watching == k.PAIRS:
-            times, whole = windows.pairs()
+            times, whole = (
+                np.concatenate(each) for each in zip(*self.comm.allgather(windows.pairs()), strict=True)
+            )
             ids = named(whole, "pair")
             time = windows.begin + times.astype(np.float64)
             now = ((time > was) | (windows.begin == was)) & (time <= self.time)
@@ -796,8 +803,10 @@ class Engine:
             self.last_collisions = CollisionTimes(time[now][order], pair[order])
         elif self.tracking is not None and windows.fresh:
             windows.fresh = False
-            real, whole = windows.watched()
-            if len(real):
+            # Histories are the root's.
+            parts = self.comm.gather(windows.watched()) or [windows.watched(none=True)]
+            real, whole = (np.concatenate(each) for each in zip(*parts, strict=True))
+            if self.comm.bcast(len(real)):
                 self.tracking.gather(windows.begin, real, whole, self.box)
 
     def release(self) -> None:
@@ -855,7 +864,7 @@ class Engine:
         """
         state = self._state()
         moving = bool(np.any(state.velocity)) or bool(np.any(state.spin))
-        moving = moving if self.comm is None else bool(self.comm.allreduce(int(moving)))
+        moving = self.comm.any(moving)
         resting = self.force_steps.keeps_rest and not moving
         next_motion = math.inf if resting else kick
         stop = min(t_end, next_motion)
@@ -896,11 +905,11 @@ class Engine:
     # ------------------------------------------------------------------ reading
 
     def state(self) -> State:
-        """The present state, in id order; of a gas that is told in slices, that of the own one."""
+        """The present state, in order of ids; of the own slice, where ranks have distributed disks."""
         with self.exclusive_update():
-            if self.sliced:
+            if self.comm.is_distributed:
                 return self._state()
-            return communicator.bcast(self.comm, self._checked(self._read_out(whole=True)[0]))
+            return self.comm.bcast(self._checked(self._read_out(whole=True)[0]))
 
     def state_here(self) -> State:
         """The present state of the own slice, in id order; without ranks, of all disks."""
@@ -922,7 +931,7 @@ class Engine:
                 )
             return state
 
-        return communicator.run_on_all(self.comm, check)
+        return self.comm.run_on_all(check)
 
     def _read_out(
         self, stored: Collection[str] | None = None, whole: bool = False
@@ -937,7 +946,7 @@ class Engine:
         With the fields that a file in single precision has (`stored`) it is one for that (`StoredState`).
         """
         with self.exclusive_update():
-            return self._read_out(stored, not self.sliced)
+            return self._read_out(stored, not self.comm.is_distributed)
 
     def totals(self) -> NDArray[np.float64]:
         """Sums over all disks (`kernels/readout.py`). Less costly than a copy of the state."""

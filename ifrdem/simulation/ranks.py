@@ -58,10 +58,10 @@ from ..kernels.language import ti, view
 from ..kernels.readout import put_rows, take_rows
 from ..kernels.sums import sum_shared
 from ..kernels.windows import HALO_GROWTH, verify
-from ..model.box import Box
 from ..model.state import COLUMNS, DiskKinds, Disks
-from ..mpi import communicator, distribution
-from .arrays import DeviceArrays, concatenated_ranges, kind_rows, kinds_of, sums_of_blocks, tiles_on_ranks
+from ..mpi import Communicator
+from ..mpi.decomposition import owners
+from .arrays import DeviceArrays, concatenated_ranges, kind_rows, kinds_of, sums_of_blocks
 from .windows import Windows, _Again
 
 # Windows between looks at who has more to do than others, and how much more is too much.
@@ -115,61 +115,6 @@ def numbers_of(at: slice | NDArray[np.integer]) -> NDArray[np.int32]:
     return np.arange(at.start, at.stop, dtype=np.int32) if isinstance(at, slice) else at.astype(np.int32)
 
 
-def owners(count: NDArray[np.number], tiles: tuple[int, int], size: int) -> NDArray[np.int32]:
-    """The rank that owns each tile, shape (tiles,): blocks with about as many disks (`count`) each.
-
-    The rectangle is cut in two across its longer side, and each part again, so that any number of ranks gets blocks.
-    InputError if there are fewer tiles than ranks.
-    """
-    total = tiles[0] * tiles[1]
-    if size > total:
-        raise InputError(
-            f"{size} ranks: {int(count.sum())} disks make {counted_tiles(tiles)}, and each rank needs one: "
-            + (f"start {total} or fewer (mpiexec -n)" if total > 1 else "run it without mpiexec")
-        )
-    weight = count.reshape(tiles).astype(np.float64) + 1e-9
-    owner = np.empty(tiles, dtype=np.int32)
-
-    def divide(x: slice, y: slice, first: int, last: int) -> None:
-        if last - first == 1:
-            owner[x, y] = first
-            return
-        wide, high = x.stop - x.start, y.stop - y.start
-        low = (last - first) // 2
-        for axis in (0, 1) if wide >= high else (1, 0):
-            length, across = (wide, high) if axis == 0 else (high, wide)
-            cuts = np.arange(1, length)
-            cuts = cuts[(cuts * across >= low) & ((length - cuts) * across >= last - first - low)]
-            if len(cuts):
-                share = np.cumsum(weight[x, y].sum(axis=1 - axis))
-                cut = int(cuts[np.argmin(np.abs(share[cuts - 1] / share[-1] - low / (last - first)))])
-                if axis == 0:
-                    divide(slice(x.start, x.start + cut), y, first, first + low)
-                    divide(slice(x.start + cut, x.stop), y, first + low, last)
-                else:
-                    divide(x, slice(y.start, y.start + cut), first, first + low)
-                    divide(x, slice(y.start + cut, y.stop), first + low, last)
-                return
-        raise InputError(  # a block of few tiles that no straight cut divides
-            f"{size} ranks: {counted_tiles(tiles)} cannot be divided into so many blocks: start fewer (mpiexec -n)"
-        )
-
-    divide(slice(0, tiles[0]), slice(0, tiles[1]), 0, size)
-    return owner.reshape(-1)
-
-
-def check_tiles(disks: Disks, box: Box, size: int) -> None:
-    """Refuse more ranks than a gas has tiles for, before it is made: InputError as of `owners`."""
-    tiles = tiles_on_ranks(disks, box)
-    owners(np.diff(distribution.bounds(disks.n, tiles[0] * tiles[1])), tiles, size)
-
-
-def counted_tiles(tiles: tuple[int, int]) -> str:
-    """Number of tiles, for a message."""
-    total = tiles[0] * tiles[1]
-    return f"{tiles[0]} x {tiles[1]} tiles" if total > 1 else "one tile"
-
-
 class RankArrays(DeviceArrays):
     """The arrays of one rank: own tiles, and the ring around them.
 
@@ -183,7 +128,7 @@ class RankArrays(DeviceArrays):
     reach: Any
     tally: Any
 
-    def __init__(self, comm: Any, disks: Disks, kinds: DiskKinds, *given: Any) -> None:
+    def __init__(self, comm: Communicator, disks: Disks, kinds: DiskKinds, *given: Any) -> None:
         self.comm = comm
         self.communication: CommunicationStats = CommunicationStats()
         self.unassigned: int = 0  # listed disks that no rank has run
@@ -232,7 +177,7 @@ class RankArrays(DeviceArrays):
             return
         told = np.zeros((self.tiles, 3))
         told[self.own] = np.stack([work, count, self._halo_factor[self.own]], axis=1)
-        self.comm.Allreduce(told.copy(), told)
+        self.comm.mpi.Allreduce(told.copy(), told)
         tiles = int(self.grid.tiles_x), int(self.grid.tiles_y)
         try:
             after = owners(told[:, 0], tiles, self.comm.size)
@@ -277,7 +222,7 @@ class RankArrays(DeviceArrays):
         self._taken_tiles = [np.unique(beside[others == q]) for q in self._partners]
         if self._graph is not None:
             self._graph.Free()
-        self._graph = self.comm.Create_dist_graph_adjacent(self._partners, self._partners)
+        self._graph = self.comm.mpi.Create_dist_graph_adjacent(self._partners, self._partners)
 
     def exchange(self, messages: list[tuple[NDArray[Any], ...]]) -> list[tuple[NDArray[Any], ...]]:
         """Send a message to each neighbour, and get one from each."""
@@ -514,7 +459,7 @@ class RankArrays(DeviceArrays):
         self._tiles_heard = [np.flatnonzero((self.owner == q) & (adder == rank)) for q in self._told_by]
         if self._adding is not None:
             self._adding.Free()
-        self._adding = self.comm.Create_dist_graph_adjacent(self._told_by, self._adders)
+        self._adding = self.comm.mpi.Create_dist_graph_adjacent(self._told_by, self._adders)
         own = np.flatnonzero(of_block == rank).astype(np.int32)
         self._own_blocks = own
         self._replace("blocks", self._array(ti.i32, len(own)))
@@ -546,7 +491,7 @@ class RankArrays(DeviceArrays):
         """Sums of all blocks, of which this rank knows its own ones."""
         own = np.ascontiguousarray(blocks[self._own_blocks])
         gathered, found = np.empty_like(blocks), np.empty_like(blocks)
-        self.comm.Allgatherv(own, [gathered, self._n_blocks * blocks.shape[1]])
+        self.comm.mpi.Allgatherv(own, [gathered, self._n_blocks * blocks.shape[1]])
         found[self._blocks_by_rank] = gathered
         self.communication.sums += own.nbytes
         return found
@@ -561,7 +506,7 @@ class RankArrays(DeviceArrays):
         from mpi4py import MPI
 
         found = super().most_of(rows)
-        self.comm.Allreduce(MPI.IN_PLACE, found, op=MPI.MAX)
+        self.comm.mpi.Allreduce(MPI.IN_PLACE, found, op=MPI.MAX)
         return found
 
     def share(self) -> None:
@@ -584,7 +529,7 @@ class RankArrays(DeviceArrays):
         """As on one rank, of the rows of slices; tiles are divided among the ranks."""
         self.grid.part = 0
         count = np.bincount(tile, minlength=self.tiles)
-        self.comm.Allreduce(count.copy(), count)
+        self.comm.mpi.Allreduce(count.copy(), count)
         self.assign(count)
         if self.uses.mixed:
             of = self._disks
@@ -597,9 +542,7 @@ class RankArrays(DeviceArrays):
         self, rows: dict[str, NDArray[Any]], tile: NDArray[np.integer], place: NDArray[np.integer]
     ) -> None:
         """List rows in their tiles, by `place`, on the ranks that own these: at the beginning of a window."""
-        tile, place, *values = distribution.exchange(
-            self.comm, self.owner[tile], [tile, place, *rows.values()]
-        )
+        tile, place, *values = self.comm.exchange(self.owner[tile], [tile, place, *rows.values()])
         self.communication.messages += self.comm.size - 1
         order, part = np.lexsort((place, tile)), int(self.grid.part)
         self.make_room(len(order))
@@ -618,7 +561,7 @@ class RankArrays(DeviceArrays):
         """Rows of disks here, in the order of slots, as rows of the own slice in order of ids."""
         here = slice(part * self.room, part * self.room + self.rows_here(part))
         ids = named(self._rows("meta", here), "meta").id.astype(np.int64) - self.first_id
-        return distribution.by_id(self.comm, self.n, ids, arrays)
+        return self.comm.by_id(self.n, ids, arrays)
 
 
 class RankWindows(Windows):
@@ -664,11 +607,11 @@ class RankWindows(Windows):
                     self._run_own(1)
             else:
                 a.counter.array[:] = 0
-        # Not swallowed: `agree` raises it, on all ranks, which else would wait for this one.
+        # Not swallowed: `raise_collectively` raises it, on all ranks, which else would wait for this one.
         except Exception as raised:
             error = raised
         ran = time.perf_counter() - ran
-        communicator.raise_collectively(a.comm, error)
+        a.comm.raise_collectively(error)
         if not alone:
             a.exchange_trails(again=bool(again) and not short)
             a.share()
@@ -679,7 +622,7 @@ class RankWindows(Windows):
         flags = np.array(
             [self._bad, a.counter.stuck, a.counter.resting, a.unassigned, n_short], dtype=np.int64
         )
-        a.comm.Allreduce(flags.copy(), flags)
+        a.comm.mpi.Allreduce(flags.copy(), flags)
         if flags[3] and not alone:
             raise EngineError(
                 f"t = {self.begin:.9g}: {flags[3]} disks were run by no rank in a window; please report this"
@@ -722,15 +665,3 @@ class RankWindows(Windows):
             else:
                 low = middle + 1
         return float(np.int64(low).view(np.float64))
-
-    def watched(self) -> tuple[NDArray[Any], NDArray[Any]]:
-        """As on one rank: those of all."""
-        return self._of_all(super().watched())
-
-    def pairs(self) -> tuple[NDArray[Any], NDArray[Any]]:
-        """As on one rank: those of all."""
-        return self._of_all(super().pairs())
-
-    def _of_all(self, rows: tuple[NDArray[Any], NDArray[Any]]) -> tuple[NDArray[Any], NDArray[Any]]:
-        real, whole = zip(*self.arrays.comm.allgather(rows), strict=True)
-        return np.concatenate(real), np.concatenate(whole)

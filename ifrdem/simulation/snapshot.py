@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..kernels import layout as k
-from ..kernels.columns import WALL
+from ..kernels.columns import named
 from ..model.state import COLUMNS
-from ..mpi import distribution
 from .tracking import Statistics
 
 if TYPE_CHECKING:
@@ -34,15 +33,15 @@ def fingerprint(engine: Engine) -> str:
     a, disks, box, options = engine.arrays, engine.disks_here, engine.box, engine.options
     gravity = options.gravity if options.gravity_rotation_rate else engine.gravity
     digest = hashlib.sha256()
-    walls = a.wall_rows.copy()
-    walls[a.pistons[:, None], [WALL.now, WALL.speed]] = 0.0  # where a piston starts, as where disks do
+    walls = named(a.wall_rows.copy(), "walls")
+    walls.piston.displacement = walls.piston.speed = 0.0  # where a piston starts, as where disks do
     parts: list[Any] = [
-        *(distribution.digest(getattr(disks, name), engine.comm) for name in COLUMNS),
+        *(engine.comm.digest(getattr(disks, name)) for name in COLUMNS),
         np.array(box.lengths), np.array(box.periodic),
         np.array([
             box.shear_rate, *gravity, options.velocity_cutoff, options.contact_time, options.resting_speed,
         ]), a.law.to_numpy(),
-        walls, repr([(wall.opens_at, wall.opens_after) for wall in engine.walls]),
+        walls.array, repr([(wall.opens_at, wall.opens_after) for wall in engine.walls]),
         options.precision, options.arch, options.seed, options.wall_sums,
         options.ledger, options.partners, options.angles, options.itemised, a.uses.collision_law.impulses.__qualname__,
     ]  # fmt: skip
@@ -124,7 +123,7 @@ def put_back(engine: Engine, found: Snapshot) -> None:
 
 def _put_back(engine: Engine, found: Snapshot) -> None:
     a, windows, steps = engine.arrays, engine.windows, engine.force_steps
-    n = len(distribution.slice_of(engine.n, engine.comm))
+    n = len(engine.comm.slice_of(engine.n))
     if len(found["disk"]) != n:
         raise InputError(f"checkpoint: {len(found['disk'])} disks, here are {n}")
     low, high = (np.array([found["edge_x"][end], found["edge_y"][end]]) for end in (0, -1))

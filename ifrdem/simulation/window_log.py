@@ -41,9 +41,9 @@ class WindowLog:
             for keep in [~np.isin(named(whole, self._whole).tile, tiles)]
         ]
 
-    def rows(self) -> tuple[NDArray[Any], NDArray[Any]]:
-        """All rows."""
-        if not self._parts:
+    def rows(self, none: bool = False) -> tuple[NDArray[Any], NDArray[Any]]:
+        """All rows, or `none`."""
+        if none or not self._parts:
             width = (TABLES[self._real].width,) if self._real in TABLES else ()
             return np.zeros((0, *width)), np.zeros((0, TABLES[self._whole].width), dtype=np.int32)
         real, whole = zip(*self._parts, strict=True)

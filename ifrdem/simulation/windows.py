@@ -57,10 +57,10 @@ class Windows:
         self._moment_now = 0.0
         size = len(arrays.sums)
         self._done, self._at_end = np.zeros(size), np.zeros(size)
-        pistons = named(arrays.wall_rows, "walls")
+        pistons = named(arrays.wall_rows, "walls").piston
         for row in arrays.pistons:
-            column = TALLY.width + int(pistons.piston[row])
-            self._done[[column, column + 1]] = pistons.now[row], pistons.speed[row]
+            column = TALLY.width + int(pistons.sums[row])
+            self._done[[column, column + 1]] = pistons.displacement[row], pistons.speed[row]
         # Times and numbers of collisions at which a run will stop.
         self._asked: list[tuple[float, float]] = []
         self._last_collisions = 0.0  # of the last window
@@ -343,12 +343,12 @@ class Windows:
         assert self._times is not None
         return float(self._times[count - 1]) if count <= len(self._times) else math.inf
 
-    def watched(self) -> tuple[NDArray[Any], NDArray[Any]]:
-        """What happened to tracked disks in the present window, in any order: rows of `event` and `event_int`."""
-        return self._events.rows()
+    def watched(self, none: bool = False) -> tuple[NDArray[Any], NDArray[Any]]:
+        """What happened here to tracked disks in the present window, or `none`: rows of `event` and `event_int`."""
+        return self._events.rows(none)
 
     def pairs(self) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Collisions of two disks in the present window, in any order: rows of `pair_time` and `pair`."""
+        """Collisions of two disks here in the present window: rows of `pair_time` and `pair`."""
         return self._pairs.rows()
 
     def _compute(self, moments: list[float], most: int, watching: int, *, pausing: bool = False) -> None:
@@ -457,8 +457,8 @@ class Windows:
                 raise _unbounded(float(a.clock.begin))
             if a.counter.stalled:
                 raise InelasticCollapse(
-                    f"t = {float(a.clock.begin):.9g}: collisions pile up without end in a window (inelastic "
-                    "collapse)"
+                    f"t = {float(a.clock.begin):.9g} to {float(a.clock.end):.9g}: collisions pile up without end in a "
+                    "window (inelastic collapse)"
                 )
             self._bad = int(a.counter.n_bad)
             if not full:

@@ -27,7 +27,6 @@ from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, RandomKicks, Rescale, SpinKicks, TableFriction
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
-from ifrdem.mpi import distribution
 from ifrdem.simulation import arrays, ranks
 from ifrdem.simulation.engine import Engine
 
@@ -145,7 +144,7 @@ def after(gas: Gas, comm: Any) -> tuple[Engine, dict[str, Any]]:
     found = dict(vars(engine.state())) | {
         f"statistics {name}": n for name, n in vars(engine.statistics).items()
     }
-    past = distribution.gather(engine.comm, N, [engine.past["angle"]]) or [None]
+    past = engine.comm.gather_rows(N, [engine.past["angle"]]) or [None]
     found |= {"totals": engine.totals(), "sums": engine.windows.sums, "past": past[0]}
     found["inputs"] = engine.force_steps.energy_inputs
     engine.keep_collisions = True
@@ -298,7 +297,9 @@ def told(comm: Any, name: str) -> dict[str, Any]:
         counted["whole"] = engine.arrays.communication.whole
         counted["moved"] = engine.arrays.communication.moved
     own = int(np.sum(np.asarray(getattr(engine.arrays, "own", [])) >= 0))
-    differ = [each for each in differ if each != "statistics run_again"]  # depends on room for claims too
+    differ = [
+        each for each in differ if each != "statistics run_again"
+    ]  # depends on room for ghost records too
     return {"differ": differ, **counted, "tiles": engine.arrays.tiles, "own": own}
 
 
