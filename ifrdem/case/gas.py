@@ -543,7 +543,8 @@ class CaseGas:
         if distributed:
             way = comm.bcast("drawn" if begin is None else "whole" if begin.n == self.n else "slices")
             if way == "whole":
-                disks, begin = scatter_state(comm, None if begin is None else self.disks, begin)
+                with comm:
+                    disks, begin = scatter_state(None if begin is None else self.disks, begin)
             else:
                 disks = self.rows(comm.slice_of(self.n))
                 with comm:

@@ -226,13 +226,13 @@ class Engine:
         comm.run_on_holders(judged)
         self.disks_here: Disks = disks
         begin = state
-        if comm.is_distributed:
-            comm.require_equal(repr(state.time), "times of the start")
-        else:
-            self.disks_here, begin = scatter_state(comm, disks, state)
         with comm:
+            if comm.is_distributed:
+                comm.require_equal(repr(state.time), "times of the start")
+            else:
+                self.disks_here, begin = scatter_state(disks, state)
             self.kinds: Disks = disks if comm.size == 1 else DiskKinds.of(self.disks_here)
-        self.disks: Disks = disks if comm.is_root and not comm.is_distributed else self.kinds
+        self.disks: Disks = disks if comm.has_all else self.kinds
         self._materials = np.unique(self.kinds.material)
         time = float(begin.time)
         self._check_resting(given.gravity, forces, law)
@@ -495,7 +495,7 @@ class Engine:
         # What is none, `ForceSteps` refuses.
         given = forces if isinstance(forces, (list, tuple)) else [forces]
         told += [
-            (type(force).__name__, getattr(force, "parameters", None), getattr(force, "step", None))
+            (type(force).__name__, getattr(force, "values", None), getattr(force, "step", None))
             for force in given
         ]
         self.comm.require_equal(repr(told), "box, law, walls, forces or options")

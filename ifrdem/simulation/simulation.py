@@ -400,7 +400,8 @@ class Simulation(Sealed, PicturedDisks):
             raise InputError(f"spin has {state.n} entries, there are {present.n} disks: they must agree")
         before = self.measure()
         if not self.comm.is_distributed:
-            state = scatter_state(self.comm, self.disks, state)[1]
+            with self.comm:
+                state = scatter_state(self.disks, state)[1]
         self._engine.set_velocities(state)
         self._count_change(before)
 
