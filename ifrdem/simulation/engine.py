@@ -268,6 +268,7 @@ class Engine:
                 comm.run_on_all(lambda: device.show_gpu(number))
         comm.run_on_all(lambda: device.start(given.arch, threads=threads, precision=given.precision))
         from .arrays import DeviceArrays
+        from .domain import Domain
         from .force_steps import ForceSteps
         from .windows import Windows
 
@@ -295,16 +296,14 @@ class Engine:
             rests=given.resting_speed > 0.0,
             collision_law=compiled(kind),
         )
+        domain, windows = Domain(), Windows
         if comm.size > 1:
-            from .ranks import RankArrays, RankWindows
+            from .ranks import RankDomain, RankWindows
 
             assert isinstance(self.kinds, DiskKinds)
             uses = uses._replace(shared=True)
-            self.arrays: DeviceArrays = RankArrays(
-                self.comm, self.disks_here, self.kinds, box, self._law_table, given, rows, uses
-            )
-        else:
-            self.arrays = DeviceArrays(disks, box, self._law_table, given, rows, uses)
+            domain, windows = RankDomain(comm, self.disks_here, self.kinds), RankWindows
+        self.arrays: DeviceArrays = DeviceArrays(self.kinds, box, self._law_table, given, rows, uses, domain)
         self.put_gravity()
         self._released = False
         device.register(self)
@@ -318,8 +317,7 @@ class Engine:
         }  # fmt: skip
         if comm.size > 1:
             self.past = {name: broadcast_constant_rows(value) for name, value in self.past.items()}
-        of_ranks = Windows if comm.size == 1 else RankWindows
-        self.windows: Windows = of_ranks(self.arrays, self.statistics, time)
+        self.windows: Windows = windows(self.arrays, self.statistics, time)
         self.set_gates(np.array([not wall.stands(time, self._before[0]) for wall in self.walls], dtype=bool))
         self._load(begin)
         self.force_steps: ForceSteps = ForceSteps(forces, self.arrays, self.disks, given.seed, self.time)
@@ -634,7 +632,7 @@ class Engine:
         if self.tracking is None:
             return np.empty((0, 5)), np.empty((0, 2), dtype=np.int32)
         ids = self.tracking.ids[: None if self.comm.is_root else 0]
-        columns = [state.position, state.velocity, state.spin[:, None], state.image]
+        columns: list[NDArray[Any]] = [state.position, state.velocity, state.spin[:, None], state.image]
         *real, image = self.comm.rows_of(self.n, ids, columns)
         return np.column_stack(real).astype(np.float64), image.astype(np.int32)
 
@@ -797,7 +795,7 @@ class Engine:
             time = windows.begin + named(real, "event").time.astype(np.float64)
             now = ((time > was) | (windows.begin == was)) & (time <= self.time)
             pair = np.sort(np.stack([event.id, event.partner], axis=1)[now], axis=1).astype(np.int64)
-            pair -= self.arrays.first_id
+            pair -= self.arrays.domain.first_id
             order = np.lexsort((pair[:, 1], pair[:, 0], time[now]))
             self.last_collisions = CollisionTimes(time[now][order], pair[order])
         elif self.tracking is not None and windows.fresh:

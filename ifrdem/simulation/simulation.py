@@ -441,7 +441,7 @@ class Simulation(Sealed, PicturedDisks):
     @property
     def communication(self) -> CommunicationStats | None:
         """Messages and bytes that this rank has sent to others so far; None if one rank has all of the gas."""
-        found: CommunicationStats | None = getattr(self._engine.arrays, "communication", None)
+        found: CommunicationStats | None = getattr(self._engine.arrays.domain, "communication", None)
         return found
 
     @property
