@@ -13,7 +13,11 @@ from .model import forces as forces
 from .model import observables as observables
 from .model.box import Box as Box
 from .model.coin_table import coins as coins
+from .model.collapse import ContactTime as ContactTime
+from .model.collapse import Rest as Rest
+from .model.collapse import VelocityCutoff as VelocityCutoff
 from .model.crush import WallWarning as WallWarning
+from .model.gravity import RotatingGravity as RotatingGravity
 from .model.ifr import EnergyWarning as EnergyWarning
 from .model.ifr import IFRLaw as IFRLaw
 from .model.ifr import Regime as Regime
@@ -27,6 +31,7 @@ from .model.walls import Turn as Turn
 from .model.walls import Wall as Wall
 from .model.walls import WallSums as WallSums
 from .run.recorder import Ledger as Ledger
+from .simulation.device import Device as Device
 from .simulation.dsmc import DSMC as DSMC
 from .simulation.simulation import Simulation as Simulation
 from .study.study import Study as Study

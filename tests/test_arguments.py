@@ -17,7 +17,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import ifrdem
-from ifrdem import InputError, analysis, theory
+from ifrdem import Device, InputError, analysis, theory
 from ifrdem.theory.driven_gas import Drive
 
 LAW = ifrdem.IFRLaw(e_n=0.9, e_t=-0.8, mu=0.2)
@@ -425,7 +425,14 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
     law = ifrdem.IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
 
     def gas(**options: Any) -> ifrdem.Simulation:
-        given = {"disks": DISKS, "box": SMALL, "law": law, "state": STATE, "threads": 1, **options}
+        given = {
+            "disks": DISKS,
+            "box": SMALL,
+            "law": law,
+            "state": STATE,
+            "device": Device(threads=1),
+            **options,
+        }
         return ifrdem.Simulation(**given)
 
     def dsmc(**options: Any) -> ifrdem.DSMC:
@@ -434,22 +441,20 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
             "law": law,
             "packing_fraction": 0.1,
             "velocity": np.ones((4, 2)),
-            "threads": 1,
+            "device": Device(threads=1),
         }
         return ifrdem.DSMC(**{**given, **options})
 
-    made = gas(threads=1)
+    made = gas()
     simulation: dict[str, Any] = {
-        "disks": DISKS, "box": SMALL, "law": law, "state": STATE, "arch": "cpu", "threads": 1,
-        "precision": "f64", "window_collisions": None, "walls": (), "gravity": (0.0, 0.0), "gravity_turns": 0.0,
-        "gravity_step": 0.005, "collapse": "none", "contact_time": None, "velocity_cutoff": None,
-        "resting_speed": None, "forces": (), "seed": 0, "ledger": False, "partners": False, "angles": False,
-        "dissipated": False, "wall_sums": False, "tracked": (), "comm": None, "sliced": False,
+        "disks": DISKS, "box": SMALL, "law": law, "state": STATE, "walls": (), "gravity": (0.0, 0.0),
+        "forces": (), "collapse": None, "device": Device(threads=1), "record": (), "tracked": (), "seed": 0,
+        "comm": None, "sliced": False,
     }  # fmt: skip
     return {
         "DSMC": (dsmc, {"disks": DISKS, "law": law, "packing_fraction": 0.1, "velocity": np.ones((4, 2)),
                         "spin": None, "seed": 0, "species": None, "drive": None, "contact": "virial",
-                        "arch": "cpu", "threads": 1, "precision": "f64"}),
+                        "device": "cpu"}),
         "Simulation": (gas, simulation),
         "Simulation.run": (lambda **given: gas().run(**given), {
             "t_end": 0.0, "frames": 1, "observers": (), "series": None, "samplers": (), "progress": None,

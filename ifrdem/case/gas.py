@@ -20,6 +20,7 @@ from ..initial import impact_scan, packing, placement
 from ..initial.from_csv import Given
 from ..model import crush
 from ..model.box import Box
+from ..model.collapse import Rest
 from ..model.free_area import Room
 from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.observables import drift_text
@@ -31,6 +32,7 @@ from ..simulation.turning import FASTEST_DRUM
 from ..tools import seeds, slices, world
 from . import pair_rules, rules
 from .case import IMPACT_SCAN, Case
+from .objects import collapse_of, device_of, gravity_of, record_of
 from .pair_rules import PairVerdict
 from .section import Complaint
 from .species import Species, species_of
@@ -429,10 +431,10 @@ class CaseGas:
         speed = world.largest(comm, checks.fastest(disks, velocity, spin))
         hottest = max((wall.temperature or 0.0 for wall in self.walls), default=0.0)
         checks.check_magnitudes(self.kinds, self.box, speed + flow, case.run.precision, hottest)
-        if case.run.resting_speed is not None:
+        if isinstance(collapse := collapse_of(case.run), Rest):
             checks.check_resting(
-                self.kinds, self.box, (case.box.gravity[0], case.box.gravity[1]), case.run.resting_speed,
-                [each.kind for each in case.force], IFRLaw, case.run.arch, case.run.precision,
+                self.kinds, self.box, (case.box.gravity[0], case.box.gravity[1]), collapse,
+                [each.kind for each in case.force], IFRLaw, device_of(case.run),
             )  # fmt: skip
         largest = {
             "a velocity": world.largest(comm, float(np.abs(velocity).max(initial=0.0))) + flow,
@@ -463,7 +465,7 @@ class CaseGas:
                 self.begin[0], run.t_end or 0.0, smallest, self.box, alone
             ),
             ("run", "collapse"): lambda: checks.check_rebound(
-                e_n, materials, walls, self.box, gravity, run.collapse, run.precision
+                e_n, materials, walls, self.box, gravity, collapse_of(run), run.precision
             ),
         }
         found = self._lying(velocity, walls, gravity, comm) if known else []
@@ -515,7 +517,7 @@ class CaseGas:
         of the start. `sliced` says if states are in slices, whatever the number of disks (`is_told_in_slices`). A
         `state` of ranks is that of all disks, on the first one, or then that of the slice, on each.
         """
-        run, box, output = self.case.run, self.case.box, self.case.output
+        run = self.case.run
         in_slices = comm is not None and (self.is_told_in_slices(comm) if sliced is None else sliced)
 
         def begun() -> State | None:
@@ -534,15 +536,10 @@ class CaseGas:
         any_law = self.law()  # stands where two walls would meet, which never happens
         given: dict[str, Any] = {
             "disks": disks, "box": self.box, "state": begin,
-            "law": [[any_law if one is None else one for one in row] for row in self.laws], "arch": run.arch,
-            "threads": run.threads, "precision": run.precision,
+            "law": [[any_law if one is None else one for one in row] for row in self.laws], "device": device_of(run),
             "walls": self._walls_at_start if pistons is None else at_displacements(self.walls, pistons),
-            "gravity": (box.gravity[0], box.gravity[1]), "gravity_turns": box.gravity_turns,
-            "gravity_step": box.gravity_step, "collapse": run.collapse, "contact_time": run.contact_time,
-            "velocity_cutoff": run.velocity_cutoff, "resting_speed": run.resting_speed,
-            "forces": forces_of(self.case), "seed": run.seed, "ledger": output.ledger,
-            "partners": "last_partner" in output.fields, "angles": "angle" in output.fields,
-            "dissipated": "dissipated" in output.fields, "wall_sums": output.wall_sums,
+            "gravity": gravity_of(self.case.box), "collapse": collapse_of(run),
+            "forces": forces_of(self.case), "seed": run.seed, "record": record_of(self.case),
             "tracked": self.tracked(begin) if tracked is None else tracked, "comm": comm, "sliced": in_slices,
         }  # fmt: skip
         with warnings.catch_warnings():

@@ -28,6 +28,7 @@ from ..simulation.checks import check_number, check_pistons
 from ..simulation.schedule import first_after, time_of
 from ..tools import slices, world
 from .case import IMPACT_SCAN, Case
+from .objects import options_of
 from .pair_rules import PairVerdict
 from .section import Complaint
 from .species import Species
@@ -171,11 +172,7 @@ def wrong_walls(
         yield _at(case, "box.packing_fraction", text)
         return
     try:
-        run = case.run
-        check_pistons(
-            walls, _disks(case), run.arch, run.precision, run.resting_speed or 0.0,
-            gravity_turns=case.box.gravity_turns,
-        )  # fmt: skip
+        check_pistons(walls, _disks(case), options_of(case))
     except InputError as error:
         yield Complaint("wall", None, str(error))
     placed = []

@@ -13,8 +13,7 @@ from ..errors import InputError, refuse
 from ..kernels.limits import BYTES_PER_DISK
 from ..model.box import describe_sides
 from ..model.walls import Wall
-from ..simulation import checks
-from ..simulation import device as backend
+from ..simulation import backend, checks
 from ..tools.progress import size_of_time
 from ..tools.slices import GATHERED
 from .case import Case
@@ -29,6 +28,7 @@ from .estimate import (
     strip_bytes,
 )
 from .gas import CaseGas
+from .objects import device_of
 from .output_section import MOST_FRAMES
 from .rules import GROWN
 from .species import Spread
@@ -146,7 +146,7 @@ def refused_here(
     start = strip_bytes(gas, ranks) * min(share * ranks, gas.strips) if ranks > 1 else 0.0
     run, found = gas.case.run, []
     needs: list[Callable[[], None]] = [
-        lambda: backend.check(run.arch, run.threads, run.precision),
+        lambda: backend.check(device_of(run)),
         lambda: checks.check_number(gas.n, ranks),
         lambda: refuse_beyond_memory(
             gas.n, run.arch, gas.case.start.positions, share, ranks=ranks, sliced=sliced, start=start

@@ -95,9 +95,9 @@ def ranks() -> Any:
     if not world.is_first(comm):
         LOG.setLevel(logging.ERROR)
     if comm is not None:
-        from ..simulation import device
+        from ..simulation import backend
 
-        device.show_gpu(world.number_here(comm))
+        backend.show_gpu(world.number_here(comm))
     return comm
 
 

@@ -81,7 +81,8 @@ def bench(
     they send. A grid of gases, start times and the cost of output are scripts (`ifrdem docs performance`).
     """
     from ..kernels.limits import MOST_DISKS
-    from ..simulation import device
+    from ..simulation import backend
+    from ..simulation.device import Device
     from ..validation.speed import bench as timing
 
     wrong = Wrong(_conflicts({"n": n, "phi": phi}, {"after": after, "set": set}, case))
@@ -102,11 +103,11 @@ def bench(
     chosen["seed"] = wrong.take(1, whole, "--seed", seed, 0, 2**63 - 1)
     need = "a number of collisions per disk, 0 or more,"
     chosen["after"] = wrong.take(0.0, number, "--after", after, need, lambda value: 0.0 <= value < math.inf)
-    chosen["threads"] = wrong.take(None, whole, "--threads", threads, 1, device.cores())
-    chosen["arch"], chosen["precision"] = arch or "cpu", precision or "f64"
+    chosen["threads"] = wrong.take(None, whole, "--threads", threads, 1, backend.cores())
+    chosen["device"], chosen["precision"] = arch or "cpu", precision or "f64"
     comm = ranks()
     try:
-        device.check(chosen["arch"], None, chosen["precision"])
+        backend.check(Device(chosen["device"], precision=chosen["precision"]))
     except InputError as error:
         wrong.append(f"--{error}")
     wrong.end()
@@ -134,11 +135,11 @@ def backends() -> None:
     """List the devices that can compute."""
     from .. import bullet
     from ..kernels import language  # noqa: F401  (an error where Taichi cannot be loaded)
-    from ..simulation import device
+    from ..simulation import backend
 
-    for each in device.available():
-        say(f"{each.arch:<8} {each.description}")
-    absence = device.cuda_absence()
+    for each in backend.available():
+        say(f"{each.name:<8} {each.description}")
+    absence = backend.cuda_absence()
     if absence is not None:
         say(f"cuda     not usable: {absence}")
     say(f"pybullet {bullet.describe()}")

@@ -27,8 +27,7 @@ from ..errors import EngineError, InputError, Stopped, TrajectoryError, counted,
 from ..model.observables import MECHANISMS, TANGENTIAL, Measure, drift_text
 from ..model.state import State
 from ..model.walls import wall_names
-from ..simulation import checkpoint
-from ..simulation import device as backend
+from ..simulation import backend, checkpoint
 from ..simulation.schedule import Course, Span
 from ..simulation.simulation import Simulation
 from ..simulation.tracking import Events
@@ -170,8 +169,8 @@ def how(case: Case, cores: int, comm: Any = None) -> str:
 
 def device_of(case: Case) -> str:
     """The device of a case."""
-    device = backend.device(case.run.arch)
-    return f"{device.arch}: {device.description}"
+    device = backend.describe(case.run.arch)
+    return f"{device.name}: {device.description}"
 
 
 def drive(

@@ -18,8 +18,9 @@ from ..case import summary
 from ..case.case import Case
 from ..case.file import CaseFile
 from ..case.gas import CaseGas
+from ..case.objects import device_of
 from ..errors import InputError
-from ..simulation import checkpoint, device
+from ..simulation import backend, checkpoint
 from ..simulation.schedule import Course
 from ..simulation.tracking import Events
 from ..tools import text_file, world
@@ -111,7 +112,7 @@ def resume(
             seen: dict[str, Any] = {name: operator.index(extra["seen"][name]) for name in names}
         if threads is not None:
             case = case.model_copy(update={"run": case.run.model_copy(update={"threads": threads})})
-        device.check(case.run.arch, case.run.threads, case.run.precision)
+        backend.check(device_of(case.run))
         n = sum(each.number for each in case.species)
         summary.refuse_beyond_memory(n, case.run.arch, share=share, ranks=comm.size if comm else 1)
         try:

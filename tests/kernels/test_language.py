@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ifrdem import Device
 from ifrdem.kernels import language
 from ifrdem.kernels.language import ti
-from ifrdem.simulation import device
+from ifrdem.simulation import backend
 
 ROOT = Path(__file__).parents[2]
 
@@ -24,7 +25,7 @@ ROOT = Path(__file__).parents[2]
 def test_copies_by_memory_are_those_of_kernels(
     kind: str, vector: int | None, shape: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    device.start("cpu", threads=1)
+    backend.start(Device("cpu", threads=1))
 
     def made(values: np.ndarray) -> Any:
         of = getattr(ti, kind)

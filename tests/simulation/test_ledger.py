@@ -8,6 +8,7 @@ from support import gases
 from support.gases import equal_disks, mixture, start
 from support.law_examples import Driving, Weak
 
+from ifrdem import Device, VelocityCutoff
 from ifrdem.errors import EngineError, InputError
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, RandomKicks
@@ -39,7 +40,9 @@ def test_each_mechanism_takes_what_one_collision_shows(arch):
     disks = Disks(2, mass=1.0, radius=0.5)
     v, w = np.array([[1.0, 0.3], [-0.5, 0.0]]), np.array([0.8, -0.1])
     position = np.array([[4.0, 5.0], [6.0, 5.3 - 0.3]])
-    simulation = Simulation(disks, Box((10.0, 10.0)), ROLLING, State(position, v, w), arch=arch, ledger=True)
+    simulation = Simulation(
+        disks, Box((10.0, 10.0)), ROLLING, State(position, v, w), device=arch, record=["energy"]
+    )
     simulation.run(t_end=2.0)
     assert simulation.collisions == 1
     contact = simulation.measure()
@@ -92,8 +95,8 @@ def test_collisions_are_counted_by_their_regime(arch):
     expected["elastic"] += 1
     assert all(expected.values())
     simulation = Simulation(
-        disks, Box((10.0, 20.0)), laws, State(place, velocity, np.repeat(spins, 2)), arch=arch, ledger=True,
-        collapse="velocity_cutoff", velocity_cutoff=0.01,
+        disks, Box((10.0, 20.0)), laws, State(place, velocity, np.repeat(spins, 2)), device=arch, record=["energy"],
+        collapse=VelocityCutoff(0.01),
     )  # fmt: skip
     simulation.collide(6)
     assert dict(zip(REGIMES, simulation.measure().regimes.tolist(), strict=True)) == expected
@@ -105,7 +108,7 @@ def test_the_ledger_closes_where_spins_hold_nearly_all_energy(arch):
     box, state = start(disks, 0.3)
     state.spin[::2] *= 1e6
     measures: list[Measure] = []
-    simulation = Simulation(disks, box, COIN, state, arch=arch, ledger=True)
+    simulation = Simulation(disks, box, COIN, state, device=arch, record=["energy"])
     simulation.run(collisions_per_disk=2.0, series=2, samplers=[measures.append])
     assert measures[-1].dissipated.sum() > 0.1 * measures[0].energy
     assert abs(residual(measures[0], measures[-1])) < 1e-13
@@ -120,7 +123,7 @@ def test_the_ledger_closes_where_heavy_disks_are_slow_among_light_ones(arch, mas
     box, state = start(disks, 0.3)
     state.spin[:] = 0.0
     measures: list[Measure] = []
-    simulation = Simulation(disks, box, COIN, state, arch=arch, ledger=True)
+    simulation = Simulation(disks, box, COIN, state, device=arch, record=["energy"])
     simulation.run(collisions_per_disk=5.0, series=3, samplers=[measures.append])
     assert measures[-1].dissipated.sum() > 0.1 * measures[0].energy
     assert max(abs(residual(measures[0], each)) for each in measures) < 1e-12
@@ -134,7 +137,7 @@ def test_losses_beyond_all_energy_are_counted_and_such_a_gas_is_refused(arch, pa
     state = State(
         np.array([[4.0, 5.0], [6.0, 5.0]]), speed * np.array([[1.0, 0.0], [-1.0, 0.0]]), np.zeros(2)
     )
-    simulation = Simulation(disks, Box((10.0, 10.0)), Weak(part=part), state, arch=arch, ledger=True)
+    simulation = Simulation(disks, Box((10.0, 10.0)), Weak(part=part), state, device=arch, record=["energy"])
     simulation.collide(1)
     lost = part * (2.0 - part) * speed**2
     assert simulation.measure().dissipated.sum() == pytest.approx(lost, rel=1e-14)
@@ -149,7 +152,7 @@ def test_the_ledger_closes_where_a_law_drives_spins(arch):
     disks = equal_disks(300)
     box, state = start(disks, 0.3)
     measures: list[Measure] = []
-    simulation = Simulation(disks, box, Driving(), state, arch=arch, ledger=True)
+    simulation = Simulation(disks, box, Driving(), state, device=arch, record=["energy"])
     simulation.run(collisions_per_disk=3.0, series=3, samplers=[measures.append])
     assert measures[-1].dissipated[MECHANISMS.index("rolling")] < -1e-3
     assert abs(residual(measures[0], measures[-1])) < 1e-13
@@ -161,7 +164,7 @@ def test_the_ledger_closes_in_a_cooling_gas(arch, n, law):
     disks = mixture(n)
     box, state = start(disks, 0.3)
     measures: list[Measure] = []
-    simulation = Simulation(disks, box, law, state, arch=arch, ledger=True)
+    simulation = Simulation(disks, box, law, state, device=arch, record=["energy"])
     simulation.run(collisions_per_disk=5.0, series=5, samplers=[measures.append])
     assert measures[-1].dissipated[0] > 0.0
     assert measures[-1].regimes.sum() == simulation.collisions
@@ -182,8 +185,8 @@ def test_the_ledger_closes_between_walls_that_shake_and_heat_under_gravity(arch)
     ]
     measures: list[Measure] = []
     simulation = Simulation(
-        disks, box, COIN, state, arch=arch, walls=walls, gravity=(0.0, -1.0), ledger=True,
-        collapse="velocity_cutoff", velocity_cutoff=1e-3,
+        disks, box, COIN, state, device=arch, walls=walls, gravity=(0.0, -1.0), record=["energy"],
+        collapse=VelocityCutoff(1e-3),
     )  # fmt: skip
     simulation.run(t_end=6.0, series=3, samplers=[measures.append])
     last = measures[-1]
@@ -196,11 +199,12 @@ def test_the_ledger_closes_with_forces_and_in_a_sheared_gas(arch):
     disks = equal_disks(400)
     box, state = start(disks, 0.3)
     driven = Simulation(
-        disks, box, COIN, state, arch=arch, ledger=True, forces=[RandomKicks(0.05, power=0.5), Drag(0.05, rate=0.1)]
+        disks, box, COIN, state, device=arch, record=["energy"],
+        forces=[RandomKicks(0.05, power=0.5), Drag(0.05, rate=0.1)],
     )  # fmt: skip
     sheared_box = Box(box.lengths, shear_rate=0.5)
     moving = State(state.position, state.velocity + sheared_box.flow(state.position), state.spin)
-    sheared = Simulation(disks, sheared_box, COIN, moving, arch=arch, ledger=True)
+    sheared = Simulation(disks, sheared_box, COIN, moving, device=arch, record=["energy"])
     for simulation in (driven, sheared):
         measures: list[Measure] = []
         simulation.run(t_end=2.0, series=4, samplers=[measures.append])
@@ -219,8 +223,8 @@ def test_the_ledger_has_the_same_bits_for_any_number_of_threads():
             box,
             state,
             np.array([[gases.COIN]]),
-            ledger=True,
-            threads=threads,
+            record=["energy"],
+            device=Device(threads=threads),
             order=order,
             tile_disks=500,
         )
@@ -240,7 +244,7 @@ def test_series_at_the_ends_of_windows_change_nothing(arch):
     box, state = start(disks, 0.5)
     ends, rows = [], []
     for series in (None, Cadence(number=200, exact=False)):
-        simulation = Simulation(disks, box, COIN, state, arch=arch, ledger=True)
+        simulation = Simulation(disks, box, COIN, state, device=arch, record=["energy"])
         simulation.run(collisions_per_disk=40.0, series=series, samplers=[rows.append])
         ends.append(simulation.state)
     assert len(rows) > 5
@@ -252,7 +256,7 @@ def test_exact_series_stand_where_they_are_due(arch):
     disks = equal_disks(50)
     box, state = start(disks, 0.3)
     rows: list[Measure] = []
-    simulation = Simulation(disks, box, COIN, state, arch=arch)
+    simulation = Simulation(disks, box, COIN, state, device=arch)
     simulation.run(t_end=1.0, series=40, samplers=[rows.append])
     assert [row.time for row in rows] == pytest.approx(np.linspace(0.0, 1.0, 41), abs=1e-15)
     assert rows[0].dissipated is None  # no ledger was asked for
@@ -266,7 +270,7 @@ def test_totals_on_the_device_are_those_of_the_state(arch):
     )
     box, state = start(equal_disks(300), 0.3)
     state.velocity[7], state.spin[7] = 0.0, 0.0
-    simulation = Simulation(disks, box, COIN, state, arch=arch, ledger=True)
+    simulation = Simulation(disks, box, COIN, state, device=arch, record=["energy"])
     seen: list[Measure] = []
     simulation.run(collisions_per_disk=2.0, observers=[lambda _state, measure: seen.append(measure)])
     device, host = simulation.measure(), seen[-1]
@@ -281,7 +285,7 @@ def test_a_ledger_that_is_switched_off_misses_just_that_time(arch):
     """And switched on again, goes on; the collisions are the same to the bit."""
     disks = equal_disks(300)
     box, state = start(disks, 0.4)
-    whole, parts = (Simulation(disks, box, COIN, state, arch=arch, ledger=True) for _ in range(2))
+    whole, parts = (Simulation(disks, box, COIN, state, device=arch, record=["energy"]) for _ in range(2))
     expected = np.zeros(len(MECHANISMS))
     for k, on in enumerate([True, False, True]):
         parts.switch_ledger(on)
@@ -298,6 +302,6 @@ def test_a_ledger_that_is_switched_off_misses_just_that_time(arch):
 def test_a_simulation_without_a_ledger_has_none_to_switch(arch):
     disks = equal_disks(10)
     box, state = start(disks, 0.4)
-    simulation = Simulation(disks, box, COIN, state, arch=arch)
+    simulation = Simulation(disks, box, COIN, state, device=arch)
     with pytest.raises(InputError, match="no ledger to switch"):
         simulation.switch_ledger(True)

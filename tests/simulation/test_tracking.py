@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from support.gases import equal_disks, mixture, start
 
+from ifrdem import VelocityCutoff
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.forces import RandomKicks
@@ -56,7 +57,7 @@ def test_paths_lead_through_every_collision(arch, alone, monkeypatch):
     disks = mixture(900)
     box, state = start(disks, 0.4)
     tracked = [0, 13, 400, 899]
-    simulation = Simulation(disks, box, ROLLING, state, arch=arch, tracked=tracked, partners=True)
+    simulation = Simulation(disks, box, ROLLING, state, device=arch, tracked=tracked, record=["partner"])
     simulation.run(collisions_per_disk=12.0)
     events, end = simulation.take_events(), simulation.state
     assert np.all(np.diff(events.time) >= 0.0)
@@ -72,7 +73,7 @@ def test_each_row_is_one_collision_of_the_law(arch):
     """Impulses, regime, angle and both sides' velocities of every row against `law.collide`."""
     disks = mixture(500)
     box, state = start(disks, 0.3)
-    simulation = Simulation(disks, box, ROLLING, state, arch=arch, tracked=range(500), partners=True)
+    simulation = Simulation(disks, box, ROLLING, state, device=arch, tracked=range(500), record=["partner"])
     simulation.run(collisions_per_disk=3.0)
     e = simulation.take_events()
     assert len(e) == 2 * simulation.collisions  # all disks are tracked: each collision twice
@@ -115,7 +116,7 @@ def test_collisions_at_one_time_stand_in_the_order_in_which_they_happened(arch):
         np.zeros(24),
     )
     box = Box((16.0, 16.0))
-    simulation = Simulation(disks, box, ROLLING, state, arch=arch, tracked=range(24), partners=True)
+    simulation = Simulation(disks, box, ROLLING, state, device=arch, tracked=range(24), record=["partner"])
     simulation.run(t_end=1.25)
     events, end = simulation.take_events(), simulation.state
     assert any(np.any(np.diff(rows_of(events, disk)["time"]) == 0.0) for disk in range(8))
@@ -134,8 +135,8 @@ def test_walls_gravity_and_heat_are_in_the_path(arch):
         Wall.line((0.0, 7.3), (0.0, -1.0), temperature=1.5),
     ]
     simulation = Simulation(
-        disks, box, COIN, state, arch=arch, walls=walls, gravity=(0.0, -1.0), tracked=range(40),
-        collapse="velocity_cutoff", velocity_cutoff=0.3,
+        disks, box, COIN, state, device=arch, walls=walls, gravity=(0.0, -1.0), tracked=range(40),
+        collapse=VelocityCutoff(0.3),
     )  # fmt: skip
     simulation.run(t_end=8.0)
     events, end = simulation.take_events(), simulation.state
@@ -160,8 +161,8 @@ def test_kicks_are_rows_so_that_driven_paths_are_exact_too(arch):
     disks = two_kinds(200)
     box, state = start(disks, 0.2)
     simulation = Simulation(
-        disks, box, COIN, state, arch=arch, tracked=[3, 150], forces=[RandomKicks(0.1, power=1.0)], seed=4,
-        partners=True,
+        disks, box, COIN, state, device=arch, tracked=[3, 150], forces=[RandomKicks(0.1, power=1.0)], seed=4,
+        record=["partner"],
     )  # fmt: skip
     simulation.run(t_end=1.0)
     events, end = simulation.take_events(), simulation.state

@@ -1,4 +1,4 @@
-"""A kernel that enters collisions into the history of a disk, for tests. Import only after `device.start`."""
+"""A kernel that enters collisions into the history of a disk, for tests. Import only after `backend.start`."""
 
 import taichi as ti
 

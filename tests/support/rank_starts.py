@@ -52,10 +52,8 @@ def simulation(comm: Any, ids: range, change: Callable[..., None] = lambda *_: N
     disks, box, law, state = start(comm, ids)
     change(disks, box, state)
     options: Any = {
-        "partners": True,
-        "angles": True,
-        "dissipated": True,
-        "threads": 1,
+        "record": ["partner", "angle", "disk_energy"],
+        "device": ifrdem.Device(threads=1),
         "comm": comm,
         "sliced": comm is not None,
     }

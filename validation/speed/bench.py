@@ -28,8 +28,9 @@ from ...case import file as case_file
 from ...case import shipped, summary
 from ...case.case import UNITS, Case
 from ...case.gas import CaseGas
+from ...case.objects import device_of
 from ...errors import InputError
-from ...simulation import device
+from ...simulation import backend
 from ...simulation.simulation import Simulation
 from ...tools import world
 from ...tools.progress import Progress
@@ -114,7 +115,7 @@ class Benchmark:
     gas: str  # its name
     n: int
     phi: float
-    arch: str
+    device: str
     threads: int
     precision: str
     seed: int
@@ -145,7 +146,7 @@ class Benchmark:
         windows = max(self.total("windows"), 1)
         collisions = sum(run.collisions for run in self.runs)
         seconds = sum(run.seconds for run in self.runs)
-        settings = ("gas", "n", "phi", "arch", "threads", "precision", "seed", "collisions_before")
+        settings = ("gas", "n", "phi", "device", "threads", "precision", "seed", "collisions_before")
         return {
             **{name: getattr(self, name) for name in settings},
             "collisions_per_second": self.rate,
@@ -180,7 +181,7 @@ class Benchmark:
     def report(self) -> str:
         """All figures as lines to read."""
         own = self.figures()
-        threads = f", {self.threads} thread{'s' * (self.threads > 1)}" if self.arch == "cpu" else ""
+        threads = f", {self.threads} thread{'s' * (self.threads > 1)}" if self.device == "cpu" else ""
         range_ = f"{min(self.rates):.4g} to {max(self.rates):.4g}, {len(self.runs)} runs"
         rows = {
             "collisions/s": f"{self.rate:.4g} (median; {range_})",
@@ -205,7 +206,7 @@ class Benchmark:
             [
                 f"{self.gas}: {self.n} disks, packing fraction {self.phi:.4g}, "
                 f"after {2.0 * self.collisions_before / self.n:.4g} collisions per disk",
-                f"on {self.arch}{threads}, {self.precision}; {self.environment['processor']}",
+                f"on {self.device}{threads}, {self.precision}; {self.environment['processor']}",
                 *(f"  {name:<22} {text}" for name, text in rows.items()),
                 *(self.profile.lines() if self.profile is not None else ()),
             ]
@@ -219,7 +220,7 @@ def bench(
     after: float = 0.0,
     n: int = 100_000,
     phi: float = 0.3,
-    arch: str = "cpu",
+    device: str = "cpu",
     threads: int | None = None,
     precision: str = "f64",
     seed: int = 1,
@@ -234,7 +235,7 @@ def bench(
     if case is not None:
         file = case_file.read(shipped.find(case), list(overrides))
         return measure(file.case, file.folder, after=after, comm=comm, **timing)
-    gas = elastic_gas(n, phi, arch=arch, threads=threads, precision=precision, seed=seed)
+    gas = elastic_gas(n, phi, device=device, threads=threads, precision=precision, seed=seed)
     try:
         return measure(gas, comm=comm, **timing)
     except InputError as error:  # of a case that the user does not see
@@ -300,17 +301,17 @@ def measure(
         del simulation  # its arrays end with the Taichi that they belong to
         gc.collect()
         try:
-            device.start(run.arch, threads=run.threads, precision=run.precision, profile=True)
+            backend.start(device_of(run), profile=True)
             simulation = gas.simulation(state)
             warm_up(simulation)
             profiled = _profiled(simulation, seconds)
         finally:
-            device.stop()
+            backend.stop()
     return Benchmark(
         gas="elastic gas" if after is None else run.name,
         n=gas.n,
         phi=gas.room.covered_part(gas.kinds.covered),
-        arch=run.arch,
+        device=run.arch,
         threads=_threads(run.threads, comm) if run.arch == "cpu" else 1,
         precision=run.precision,
         seed=run.seed,
@@ -332,7 +333,7 @@ def _sent(simulation: Simulation) -> Any:
 
 def _threads(given: int | None, comm: Any) -> int:
     """Threads of a rank."""
-    return given or (world.cores_here(comm, device.cores()) if comm else device.cores())
+    return given or (world.cores_here(comm, backend.cores()) if comm else backend.cores())
 
 
 def prepared(
@@ -340,7 +341,7 @@ def prepared(
 ) -> tuple[CaseGas, Simulation]:
     """The gas of a case and its simulation, warm; arguments and errors as for `measure`."""
     run = case.run
-    device.check(run.arch, run.threads, run.precision)
+    backend.check(device_of(run))
     summary.refuse_beyond_memory(sum(each.number for each in case.species), run.arch, case.start.positions)
     gas = CaseGas.from_case(case, folder)
     simulation = gas.simulation(comm=comm)
@@ -434,8 +435,8 @@ def environment() -> dict[str, str]:
         "ifrdem": __version__,
         "taichi": version("taichi"),
         "python": platform.python_version(),
-        "processor": device.cpu_name(),
-        "cores": str(device.cores()),
+        "processor": backend.cpu_name(),
+        "cores": str(backend.cores()),
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
     }
 
@@ -444,13 +445,13 @@ def elastic_gas(
     n: int,
     phi: float,
     *,
-    arch: str = "cpu",
+    device: str = "cpu",
     threads: int | None = None,
     precision: str = "f64",
     seed: int = 1,
 ) -> Case:
     """The case of n equal, smooth, elastic disks at packing fraction phi: a hexagonal lattice, Maxwellian at T = 1."""
-    run = {"name": "elastic", "seed": seed, "units": "reduced", "arch": arch, "precision": precision}
+    run = {"name": "elastic", "seed": seed, "units": "reduced", "arch": device, "precision": precision}
     if threads is not None:
         run["threads"] = threads
     disk = {"mass": MASS, "radius": RADIUS, "speed_rms": math.sqrt(2.0 * TEMPERATURE / MASS)}

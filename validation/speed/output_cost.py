@@ -34,13 +34,13 @@ BARE, LEDGER, ALL = WAYS = ("bare", "with ledger", "with all")
 
 def output_cost(
     *, n: int = 100_000, phi: float = 0.3, every: float = 5.0, compression: str = "none", turns: int = 24,
-    arch: str = "cpu", threads: int | None = None, seed: int = 1,
+    device: str = "cpu", threads: int | None = None, seed: int = 1,
 ) -> None:  # fmt: skip
     """Print, as JSON, seconds of each piece for one collision per disk, and shares with their 95 % confidence.
 
     A frame stands after `every` collisions of a disk on average, by theory.
     """
-    case = bench.elastic_gas(n, phi, arch=arch, threads=threads, seed=seed)
+    case = bench.elastic_gas(n, phi, device=device, threads=threads, seed=seed)
     case = case.model_copy(update={"output": case.output.model_copy(update={"ledger": True})})
     gas = CaseGas.from_case(case)
     simulation = gas.simulation()

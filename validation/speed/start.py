@@ -21,12 +21,14 @@ from ...tools.arguments import script
 # What else is imported is imported where it is needed: a process that is timed imports what a command does.
 
 
-def start(*, n: int = 10_000, threads: int | None = None, arch: str = "cpu", precision: str = "f64") -> None:
+def start(
+    *, n: int = 10_000, threads: int | None = None, device: str = "cpu", precision: str = "f64"
+) -> None:
     """Print seconds, cold and warm: of imports, to the first window and to the last kernel of an elastic gas, and to
     the first progress of `ifrdem run`."""
     from ...case import template
 
-    device = ["--arch", arch, "--precision", precision, *(["--threads", str(threads)] if threads else [])]
+    flags = ["--arch", device, "--precision", precision, *(["--threads", str(threads)] if threads else [])]
     with tempfile.TemporaryDirectory(prefix="ifrdem-start-") as folder:
         path = Path(folder) / "cooling.toml"
         path.write_text(template.write("cooling"), encoding="utf-8")
@@ -39,9 +41,9 @@ def start(*, n: int = 10_000, threads: int | None = None, arch: str = "cpu", pre
             folder,
             "--force",
             "--no-picture",
-            *device,
+            *flags,
         ]
-        gas = [json.dumps({"n": n, "phi": 0.3, "threads": threads, "arch": arch, "precision": precision})]
+        gas = [json.dumps({"n": n, "phi": 0.3, "threads": threads, "device": device, "precision": precision})]
         for function, arguments in (("start_a_gas", gas), ("start_a_run", run)):
             for kernels in ("cold", "warm"):
                 found = _in_a_process(function, f"{folder}/{function}", arguments)

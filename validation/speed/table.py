@@ -12,7 +12,7 @@ from typing import Any
 from ...case import summary
 from ...case.case import Case
 from ...errors import InputError
-from ...simulation import device
+from ...simulation import backend
 from ...tools.arguments import script
 from . import bench
 from .bench import Benchmark, Run
@@ -99,9 +99,11 @@ class Memory:
         return _row(name, f"{size:.4g} bytes a disk", f"{self.target:g} bytes a disk", size <= self.target)
 
 
-def coins(n: int, phi: float, *, threads: int | None, **run: Any) -> Case:
+def coins(n: int, phi: float, *, device: str, threads: int | None, **run: Any) -> Case:
     """Coins of 1 pta that cool from a random start."""
-    run |= {"name": "coins", "collisions_per_disk": AFTER} | ({} if threads is None else {"threads": threads})
+    run |= {"name": "coins", "arch": device, "collisions_per_disk": AFTER} | (
+        {} if threads is None else {"threads": threads}
+    )
     species = {"name": "1 pta", "number": n, "coin": "1 pta", "speed_rms": 1.0}
     return Case.model_validate({"run": run, "box": {"packing_fraction": phi}, "species": [species]})
 
@@ -179,7 +181,7 @@ ROWS: tuple[Speed | Cost | Memory, ...] = (
 
 def table(
     *, most: int = 10_000_000, runs: int = bench.RUNS, seconds: float = bench.SECONDS,
-    arch: str = "cpu", threads: int | None = None, precision: str = "f64", seed: int = 1,
+    device: str = "cpu", threads: int | None = None, precision: str = "f64", seed: int = 1,
 ) -> None:  # fmt: skip
     """Print a row for each gas of up to `most` disks, as soon as it is measured. All take some twenty minutes."""
     chosen = [each for each in ROWS if each.n <= most]
@@ -187,10 +189,10 @@ def table(
         raise InputError(
             f"--most {most}: the smallest gas of the table has {min(each.n for each in ROWS)} disks"
         )
-    summary.refuse_beyond_memory(max(each.n for each in chosen), arch)
+    summary.refuse_beyond_memory(max(each.n for each in chosen), device)
     own = bench.environment()
     number = threads or int(own["cores"])
-    used = f"{number} thread{'s' * (number > 1)} of {own['processor']}" if arch == "cpu" else arch
+    used = f"{number} thread{'s' * (number > 1)} of {own['processor']}" if device == "cpu" else device
     print(
         f"{used}, {precision}; ifrdem {own['ifrdem']}, Taichi {own['taichi']}, Python {own['python']}; {own['date']}. "
         f"Collisions/s, or the time of one as a multiple: median (range) of {runs} runs.\n\n"
@@ -198,10 +200,10 @@ def table(
     )  # fmt: skip
     for each in chosen:
         print(
-            each.measure(runs, seconds, arch=arch, threads=threads, precision=precision, seed=seed),
+            each.measure(runs, seconds, device=device, threads=threads, precision=precision, seed=seed),
             flush=True,
         )
-        device.stop()  # Taichi keeps the memory of arrays of vectors until then
+        backend.stop()  # Taichi keeps the memory of arrays of vectors until then
 
 
 def _row(name: str, measured: str, target: str, reached: bool) -> str:
