@@ -42,11 +42,11 @@ DARK = "--style dark_background"
 WALL_WIDTH, WALL_COLOURS = 600, 96
 WALL = {
     "streams": (
-        "clusters", f"disks --colour direction {DARK}",
+        "clusters", f"disks --color direction {DARK}",
         "Directions of motion: bands where streams meet.",
     ),
     "cold": (
-        "cooling", f"disks --colour speed {DARK}",
+        "cooling", f"disks --color speed {DARK}",
         "50,000 coins: the dense filaments are slow, coins between them fly on.",
     ),
     "banks": (
@@ -54,11 +54,11 @@ WALL = {
         "A post ploughs through coins; those along the channel spin.",
     ),
     "turn": (
-        "drum", f"disks --colour direction {DARK}",
+        "drum", f"disks --color direction {DARK}",
         "Up with the drum (blue), and down the slope (red and yellow).",
     ),
     "floating": (
-        "vibrated", f"disks --frames 120 --colour speed {DARK}",
+        "vibrated", f"disks --frames 120 --color speed {DARK}",
         "A few hot coins on a shaken floor carry all the others.",
     ),
     "burst": (
@@ -66,7 +66,7 @@ WALL = {
         "400 coins burst from a patch; who is hit off-centre spins.",
     ),
     "sizes": (
-        "mixture", f"disks --colour radius {DARK}",
+        "mixture", f"disks --color radius {DARK}",
         "10,000 disks with lognormal radii, at 0.4 of the area.",
     ),
     "break": (
@@ -74,15 +74,15 @@ WALL = {
         "A square of nine coins and three others: the start is what a camera saw.",
     ),
     "pairs": (
-        "impact_scan", f"disks --colour speed {DARK}",
+        "impact_scan", f"disks --color speed {DARK}",
         "321 impacts at 321 angles, each on its own.",
     ),
     "sheared": (
-        "shear", f"disks --colour direction {DARK}",
+        "shear", f"disks --color direction {DARK}",
         "Directions of motion beside the flow that the sides impose.",
     ),
     "heat": (
-        "thermal_walls", f"disks --colour temperature {DARK}",
+        "thermal_walls", f"disks --color temperature {DARK}",
         "Heat goes from the hot wall on the left to the cold one.",
     ),
     "maps": (
@@ -91,7 +91,7 @@ WALL = {
     ),
 }  # fmt: skip
 """Pictures for a wall: name -> case, words of `ifrdem plot`, caption."""
-MOVIE = f"clusters.h5 --frames ::3 --fps 10 --size 480x424 --colour direction {DARK} --quality 35"
+MOVIE = f"clusters.h5 --frames ::3 --fps 10 --size 480x424 --color direction {DARK} --quality 35"
 """Words of `ifrdem movie` for the README's picture."""
 
 
@@ -162,7 +162,7 @@ pictures.
 
 ## For the wall
 
-One command each, after `ifrdem run CASE`. `--colour` takes spin, speed, direction, temperature, radius, material and
+One command each, after `ifrdem run CASE`. `--color` takes spin, speed, direction, temperature, radius, material and
 collisions; `ifrdem movie` has the same colours, and makes MP4, WebP or GIF.
 
 ![Clusters form in a gas that cools](gallery/clusters.webp)

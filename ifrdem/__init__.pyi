@@ -30,13 +30,13 @@ from .model.walls import Piston as Piston
 from .model.walls import Turn as Turn
 from .model.walls import Wall as Wall
 from .model.walls import WallSums as WallSums
+from .mpi.distribution import slice_of as slice_of
 from .run.recorder import Ledger as Ledger
 from .simulation.device import Device as Device
 from .simulation.dsmc import DSMC as DSMC
 from .simulation.simulation import Simulation as Simulation
 from .study.study import Study as Study
 from .theory.sheared_gas import TheoryWarning as TheoryWarning
-from .tools.slices import slice_of as slice_of
 from .tools.versions import __version__ as __version__
 from .trajectory.history import History as History
 from .trajectory.parts_writer import PartsWriter as PartsWriter

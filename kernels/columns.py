@@ -155,11 +155,11 @@ HITS = Columns(**columns("wall_hits", "last_partner"))
 # What collisions take, by mechanism.
 MECHANISM = Columns(**columns("normal", "restitution", "sliding", "sticking", "rolling", "walls", "rest"))
 KIND = Columns(**columns("inverse_mass", "k", "radius", "material", "mass", "inertia"))
-# Forces that the last judgement found at contacts of a disk that may rest: the other's id, FIRST_WALL - wall or NOBODY,
-# and four forces, of each.
+# Forces at contacts of a disk that may rest, as last solved for: of each the other's id (FIRST_WALL - wall for a wall,
+# or NO_PARTNER) and four forces.
 FORCES = 4
-TOUCHED = Columns(other=None, force=FORCES)
-HELD = Columns(contact=(4, TOUCHED))
+HELD_CONTACT = Columns(other=None, force=FORCES)
+HELD = Columns(contact=(4, HELD_CONTACT))
 HISTORY_HASH = Columns(**columns("hash_1", "hash_2"))
 # Slot of a disk that collided, its tile, 1 for one of each pair.
 NOTE = Columns(**columns("slot", "tile", "counts"))
@@ -209,9 +209,9 @@ CANDIDATE = Columns(**columns("slot", "cell", "own_rank", "step"))
 # AWAKE, ASLEEP or WOKEN since the window's beginning; 1 where the disk may fall asleep in it; quick hits of something
 # at rest, one after the other.
 REST = Columns(**columns("asleep", "may_rest", "hits"))
-# Contact that may bear: places of both disks, the second -1 for a wall; the normal; what a unit of its four forces
+# Contact that may bear: slots of both disks, the second -1 for a wall; the normal; what a unit of its four forces
 # (normal, along the contact, torques on both disks) does to either, scaled so that each changes sqrt(m) a by 1 in all;
-# bounds of the last three over the first; the forces, and those that are tried, or the last change (`note_touch`).
+# bounds of the last three over the first; the forces, and those that are tried, or the last change (`add_contact`).
 CONTACT = Columns(
     **columns("i", "j", "normal_x", "normal_y"), push=2, drag=2, spin_up=2, bound=3, force=FORCES, tried=FORCES
 )  # fmt: skip
@@ -249,12 +249,12 @@ CLOCK = Columns(**columns(
     "begin", "end", "stop", "wanted", "pause", "pause_after", "kick", "path", "tile_side", "wall_speed",
     "square_unit", "free_path", "in_window", "speed", "longest", "turned",
 ))  # fmt: skip
-# Disks; tiles; lanes; places, cells, bins and walls of a lane; part of the window's beginning; periodic sides; walls;
+# Disks; tiles; lanes; slots, cells, bins and walls of a lane; part of the window's beginning; periodic sides; walls;
 # seed; 1 where one tile is the whole box; ghost records; rows of cells of all; slots of a part; verification on; small
 # cells along a large one; a 0 that no compiler knows; threads of a GPU for each tile's events, of which one works; room
 # for moments and for notes; the first piston among the rows of walls, or -1.
 GRID = Columns(**columns(
-    "n", "tiles_x", "tiles_y", "lanes", "places", "cells", "bins", "items", "part", "periodic_x", "periodic_y",
+    "n", "tiles_x", "tiles_y", "lanes", "lane_slots", "cells", "bins", "items", "part", "periodic_x", "periodic_y",
     "walls", "seed_low", "seed_high", "single_tile", "most_ghosts", "tiles_aside", "boxes_aside", "room", "watching",
     "most_events", "coarse", "opaque_zero", "stride", "moments", "notes", "first_piston",
 ))  # fmt: skip
@@ -378,3 +378,28 @@ def blank(name: str, kind: Any = np.float64) -> Named:
 def bytes_of(*names: str) -> int:
     """Bytes of a row of these arrays, in double precision."""
     return sum(BYTES[TYPES[name]] * (TABLES[name].width if name in TABLES else 1) for name in names)
+
+
+# ---------------------------------------------------------------------- sizes and bounds, for estimates too
+
+MOST_WALLS = 100_000
+ADDRESSABLE = 2**31 - 1  # numbers of one array that 32-bit indices reach
+MOST_DISKS = ADDRESSABLE // 24  # of the longest array: three parts of eight numbers
+# Disks of a gas on several ranks. Its ids have 32 bits: those of more than 2^31 - 1 disks begin below 0 there.
+MOST_IDS = 2**32 - 1
+_PARTS = 3  # of the state: at the beginning and end of a window, and at a moment in it
+GHOST_BYTES = 14  # of ghost records of disks in halos, for each disk
+# Bytes that the arrays take for each disk in double precision. Further moments of gases of up to SNAPSHOT_DISKS disks
+# have another 28 MB in all, those of collisions 8 bytes a disk more.
+BYTES_PER_DISK = (
+    _PARTS * bytes_of("disk", "meta") + bytes_of("history_hash", "displacement", "slot_before") + GHOST_BYTES
+)
+SNAPSHOT_DISKS = 500_000  # times moments of a window for which there is room, at least of one moment
+CONTACTS_PER_DISK = 8  # for which there is room, on average
+RESTING_BYTES = (  # more, of disks that may rest: room for contacts of each, and the forces at four
+    _PARTS * bytes_of("slept", "held")
+    + CONTACTS_PER_DISK * bytes_of("contact")
+    + bytes_of("rest", "residual_acceleration", "cached_force")
+)
+
+SINGLE_TILE = 20_000  # up to so many disks, one thread runs the whole box as one tile

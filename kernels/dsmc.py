@@ -102,7 +102,7 @@ def meet(c, i, j, hits: ti.template(), gas: ti.template()):
 
 
 @ti.kernel
-def settle(
+def resolve_pairs(
     uses: ti.template(), now: ti.i32, disk: Rows, hits: Rows, first: Rows, pair: Rows, todo: Table,
     counter: Rows, law: Cube, scale: Rows, crowding: Rows, key: Rows,
 ):  # fmt: skip
@@ -129,7 +129,7 @@ def settle(
 
 
 @ti.kernel
-def settle_in_order(
+def resolve_pairs_serially(
     uses: ti.template(), count: ti.i32, disk: Rows, hits: Rows, pair: Rows, counter: Rows, law: Cube,
     scale: Rows, crowding: Rows, key: Rows,
 ):  # fmt: skip

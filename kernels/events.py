@@ -17,12 +17,12 @@ from .contact import ELASTIC, ROLLS, STICKS, collided
 from .flights import contact_delay, rounding
 from .language import on_gpu, ti
 from .layout import (
-    AT_END, AT_MOMENT, BY_COUNT, BY_LAW, BY_REMEDY, ELASTICALLY, FAR, FIRST_WALL, FULL_WATCHED, NOBODY,
+    AT_END, AT_MOMENT, BY_COUNT, BY_LAW, BY_REMEDY, ELASTICALLY, FAR, FIRST_WALL, FULL_WATCHED, NO_PARTNER,
     PAIRS,
 )  # fmt: skip
-from .places import (
-    add, came_to, charge, just_collided, kind_of, largest_speed, note_speed, radius_of, remember, watched_row,
-    write_motion,
+from .particle import (
+    add, advance_to, charge, just_collided, kind_of, largest_speed, note_speed, radius_of, update_history_hash,
+    watched_row, write_motion,
 )  # fmt: skip
 from .rest import (
     count_hit, fall_asleep, is_support, is_wedged, meeting_with_sleeper, set_at_rest, set_in_motion, sleeps, wake,
@@ -67,14 +67,14 @@ def put_in(i, t, present, bins, n_bins, rate, gas: ti.template()):
 
 @ti.func
 def next_event(i, gas: ti.template()):
-    """Time at which the disk at place i collides or leaves its cell."""
+    """Time at which the disk in slot i collides or leaves its cell."""
     hit, leaves = gas.motion[i].t_hit, gas.motion[i].t_leave
     return ti.select(leaves < hit, leaves, hit)
 
 
 @ti.func
 def precedes(i, k, gas: ti.template()):
-    """1 if the event of the disk at place i, at the time of that at place k, comes first: the smaller pair of ids."""
+    """1 if the event of the disk in slot i, at the time of that in slot k, comes first: the smaller pair of ids."""
     info, info_k = gas.event_info[i], gas.event_info[k]
     a, b, c, d = info.id, info.id, info_k.id, info_k.id
     if info.partner >= 0 and gas.motion[i].t_hit <= gas.motion[i].t_leave:
@@ -88,7 +88,7 @@ def precedes(i, k, gas: ti.template()):
 
 @ti.func
 def leaving(i, region: ti.template(), gas: ti.template()):
-    """Time at which the disk at place i leaves its cell, and the side: 1 left, 2 right, 3 below, 4 above.
+    """Time at which the disk in slot i leaves its cell, and the side: 1 left, 2 right, 3 below, 4 above.
 
     Cells at an end of the region that is no periodic side have no end there.
     """
@@ -123,7 +123,7 @@ def leaving(i, region: ti.template(), gas: ti.template()):
 
 @ti.func
 def leave(i, side, region: ti.template(), gas: ti.template()):
-    """Move the disk at place i into the next cell over a side; round the box where that is periodic."""
+    """Move the disk in slot i into the next cell over a side; round the box where that is periodic."""
     info, motion, image = gas.event_info[i], gas.motion[i], gas.image_info[i]
     cx, cy = info.cell >> 16, info.cell & 0xFFFF
     layer = layer_of(i, gas)
@@ -190,7 +190,7 @@ def enter_losses(tile, how, lost, gas: ti.template()):
 
 @ti.func
 def charge_half(i, how, lost, gas: ti.template()):
-    """Note half of what a collision took as lost by the disk at place i."""
+    """Note half of what a collision took as lost by the disk in slot i."""
     charge(i, MECHANISM.normal, 0.5 * lost[0], gas)
     charge(i, MECHANISM.restitution, 0.5 * lost[1], gas)
     charge(i, friction_column(how), 0.5 * lost[2], gas)
@@ -199,7 +199,7 @@ def charge_half(i, how, lost, gas: ti.template()):
 
 @ti.func
 def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
-    """Collide the disks at places i and j at time t, the smaller id first: the same bits from either side."""
+    """Collide the disks in slots i and j at time t, the smaller id first: the same bits from either side."""
     a, b = i, j
     if gas.event_info[j].id < gas.event_info[i].id:
         a, b = j, i
@@ -209,8 +209,8 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
         gas.since[a] = t
         gas.since[b] = t
     since_a, since_b = gas.motion[a].tau, gas.motion[b].tau
-    came_to(a, t, gas)
-    came_to(b, t, gas)
+    advance_to(a, t, gas)
+    advance_to(b, t, gas)
     asleep_a, asleep_b = sleeps(a, gas), sleeps(b, gas)
     if ti.static(gas.uses.rests):
         if asleep_a:
@@ -270,8 +270,8 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
         elif sleeps(b, gas):
             set_at_rest(b, t, gas)
             fall_asleep(a, t, tile, gas)
-    remember(a, t, gas.event_info[b].id, gas)
-    remember(b, t, gas.event_info[a].id, gas)
+    update_history_hash(a, t, gas.event_info[b].id, gas)
+    update_history_hash(b, t, gas.event_info[a].id, gas)
     note_speed(a, gas)
     note_speed(b, gas)
     gas.event_info[a].last = b
@@ -316,7 +316,7 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
 
 @ti.func
 def sooner(t, j, best, partner, gas: ti.template()):
-    """1 if a meeting at t with the disk at place j comes before that at `best`; ties fall to the smaller id."""
+    """1 if a meeting at t with the disk in slot j comes before that at `best`; ties fall to the smaller id."""
     before = t < best
     if t == best and t < FAR:
         if partner >= 0:
@@ -330,7 +330,7 @@ def sooner(t, j, best, partner, gas: ti.template()):
 def find(
     i, x_low, x_high, y_low, y_high, half, best, partner, region: ti.template(), gas: ti.template()
 ):  # fmt: skip
-    """The earliest meeting of the disk at place i with those of the cells around its own, before `best`: time, partner.
+    """The earliest meeting of the disk in slot i with those of the cells around its own, before `best`: time, partner.
 
     Cells from (x_low, y_low) to (x_high, y_high) steps away. If `half`, only every other one of the nine, so that each
     pair is looked at once. With two layers, small disks look at the large cells around their own too, if `half` or if
@@ -458,12 +458,12 @@ def around(own_x, own_y, x_low, x_high, y_low, y_high, half, region: ti.template
 def predict(
     i, x_low, x_high, y_low, y_high, half, keeps, region: ti.template(), gas: ti.template()
 ):  # fmt: skip
-    """Find the next event of the disk at place i in the cells that `find` tells, or that which it `keeps`; its time."""
+    """Find the next event of the disk in slot i in the cells that `find` tells, or that which it `keeps`; its time."""
     motion, info = gas.motion[i], gas.event_info[i]
     window = gas.scale.window
-    best, partner = window, NOBODY
+    best, partner = window, NO_PARTNER
     if keeps == 1:
-        if info.partner != NOBODY:
+        if info.partner != NO_PARTNER:
             best, partner = motion.t_hit, info.partner
     before = partner
     best, partner = find(i, x_low, x_high, y_low, y_high, half, best, partner, region, gas)
@@ -472,7 +472,7 @@ def predict(
     elif ti.static(gas.uses.walled):
         if not sleeps(i, gas):
             best, partner = first_wall(i, best, partner, region, gas)
-    if partner == NOBODY:
+    if partner == NO_PARTNER:
         best = FAR + 0.0 * window
     elif partner >= 0 and partner != before:
         info.partner_number = gas.event_info[partner].number
@@ -495,11 +495,11 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
     in one tile may pause at a moment, or after the last of so many collisions, and goes on when `resuming`.
     """
     lane = region.lane
-    places, bins = lane * gas.grid.places, lane * gas.grid.bins
+    offset, bins = lane * gas.grid.lane_slots, lane * gas.grid.bins
     window = gas.scale.window
     moment = gas.scale.moment[0].begin
     noting = -1.0 + 0.0 * window  # until when
-    present, fresh, told, going = 0, n, 0, 1
+    present, fresh, written, going = 0, n, 0, 1
     if resuming == 0:
         fresh = 0
         for b in range(n_bins):
@@ -511,7 +511,7 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
     rate = n_bins / window
     if ti.static(on_gpu()):
         fresh = n
-        for i in range(places, places + n):
+        for i in range(offset, offset + n):
             put_in(i, next_event(i, gas), 0, bins, n_bins, rate, gas)
     while going == 1:
         # At most two disks look around themselves in a turn; one place in the code where they do keeps it small.
@@ -521,7 +521,7 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
         keeps = 0
         collided_at = FAR + 0.0 * window
         if fresh < n:
-            first, looking, half, x_low = places + fresh, 1, 1, 0
+            first, looking, half, x_low = offset + fresh, 1, 1, 0
             fresh += 1
         else:
             i = EMPTY
@@ -544,15 +544,15 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
             if ti.static(gas.uses.pistons):
                 stop, stopped = next_stop(gas)
                 if stop < t:
-                    i, t = places, stop
+                    i, t = offset, stop
                 else:
                     stopped = -1
             writing = -1
             if moment < FAR and (i < 0 or t > moment):
-                writing = AT_MOMENT + told
-                noting = ti.max(noting, gas.scale.moment[told].until)
-                told += 1
-                moment = gas.scale.moment[told].begin
+                writing = AT_MOMENT + written
+                noting = ti.max(noting, gas.scale.moment[written].until)
+                written += 1
+                moment = gas.scale.moment[written].begin
                 if pausing == 1:
                     gas.counter.paused = pauses
                     going = 0
@@ -591,7 +591,7 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                         collided_at = t
                         if pausing == 1 and pauses == 1:
                             if gas.sums.collisions + gas.tally[tile, AT_END].collisions >= gas.clock.wanted:
-                                moment, told, pauses = t, 0, BY_COUNT
+                                moment, written, pauses = t, 0, BY_COUNT
                                 gas.scale.moment[0].begin, gas.scale.moment[0].until = t, t
                 else:
                     if ti.static(gas.uses.walled):
@@ -609,7 +609,7 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                     # So many events without progress of time have no end.
                     if t - checked_at < 1e-9 * window:
                         stalled = 1
-                        for m in range(places, places + n):
+                        for m in range(offset, offset + n):
                             if not (largest_speed(m, gas) * window <= TOO_FAR * (region.nx * region.side_x)):
                                 stalled = 2  # also of a speed that is no number
                         ti.atomic_max(gas.counter.stalled, stalled)
@@ -623,7 +623,7 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                 take_note(i, collided_at, tile, gas)
             if ti.static(gas.uses.pistons):
                 if all_look == 1:
-                    i = places + q
+                    i = offset + q
                     take_out(i, bins, gas)
                     x_low, x_high, keeps = 1, 0, 1  # at no disk, but at walls
                     if meets_piston(i, gas) == 1:

@@ -4,7 +4,7 @@ from typing import Any
 
 from .language import Rows, Table, spread_of_loops, ti, vector_of
 from .layout import plain
-from .places import listed_kind, round_products
+from .particle import listed_kind, round_products
 from .random import DRAWS
 from .records import gas_of
 from .readout import placed
@@ -16,7 +16,7 @@ LEVELS = 3
 
 
 @ti.func
-def told(s, tile, time, gas: ti.template()):
+def particle_view(s, tile, time, gas: ti.template()):
     """All that a force may know of a listed disk at `time`. Velocities are those in the mean flow, if there is one."""
     disk = gas.disk[s]
     x, y, _boxes_x, _boxes_y, _frame, flow = placed(s, tile, time, gas)
@@ -106,7 +106,7 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any, Any]:
                     given = ti.static(vector_of([
                         ti.cast(parameters[j], float) for j in ti.static(range(n_parameters))
                     ]))[0]  # fmt: skip
-                    terms = measure(told(s, b, gas.when.time, gas), step, given)
+                    terms = measure(particle_view(s, b, gas.when.time, gas), step, given)
                     for j in ti.static(range(n_totals)):
                         rest = ti.cast(terms[j], ti.f64)
                         found[j] = ti.max(found[j], ti.abs(rest))
@@ -143,7 +143,7 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any, Any]:
                     given = ti.static(vector_of([
                         ti.cast(parameters[j], float) for j in ti.static(range(n_parameters))
                     ]))[0]  # fmt: skip
-                    body = told(s, b, gas.when.time, gas)
+                    body = particle_view(s, b, gas.when.time, gas)
                     before = energy(body.mass, body.inertia, body.vx, body.vy, body.spin)
                     new_vx, new_vy, new_spin = act(body, step, given)
                     vx, vy, spin = ti.cast(new_vx, float), ti.cast(new_vy, float), ti.cast(new_spin, float)

@@ -7,7 +7,7 @@ many as there is room for). Slots of part p begin at p * room, *notes* behind al
 A moment is a time, or that of a collision with a number, known only when all tiles have run. Of that the part is
 written somewhat before, with disks where their latest collisions left them (at `snapshot_time`), and until somewhat
 later each disk that collides leaves a note of the same kind. The latest note of a disk up to the moment, or else the
-part, has the flight on which it is then (`readout.settle`).
+part, has the flight on which it is then (`readout.interpolate_snapshot`).
 
 Real numbers are f64, or f32 where a run asks for that; sums and times of the run are f64 always (`columns.TYPES`).
 
@@ -19,8 +19,8 @@ meta                   (rows,)        id, collisions with disks and walls, boxes
 past                   (rows,)        time of the latest collision, and angle turned, of gases that ask
 hits                   (rows,)        hits of walls and the latest partner, of gases that ask
 spent                  (rows,)        energy that collisions took, by mechanism: half of a pair's; of gases that ask
-slept                  (rows,)        AWAKE, ASLEEP, WOKEN or SAID_ASLEEP, of gases that rest (`rest.py`)
-snapshot_time          (parts room,)  time of the collision up to which a disk of parts from TOLD on was flown, in a
+slept                  (rows,)        AWAKE, ASLEEP, WOKEN or ASLEEP_UNVERIFIED, of gases that rest (`rest.py`)
+snapshot_time          (parts room,)  time of the collision up to which a disk of parts from SNAPSHOT on was flown, in a
                                       window
 note                   (notes,)       slot of a disk that collided, its tile, 1 for one of each pair
 note_at                (notes,)       when it was, since the beginning of the window
@@ -50,21 +50,21 @@ held, cached_force     (rows,), ...   forces that the last judgement found at co
 
 from typing import Any, NamedTuple
 
-TOLD = 2  # the part that holds the first moment asked for
+SNAPSHOT = 2  # the part that holds the first moment asked for
 BLOCK_OF_TILES = 128
 ELASTICALLY = 4  # of the regimes in the tally
 AT_END, AT_MOMENT = range(2)  # times of the tally: end of the window, first of the moments
-AWAKE, ASLEEP, WOKEN, SAID_ASLEEP = range(4)  # by a state that nobody has judged yet
+AWAKE, ASLEEP, WOKEN, ASLEEP_UNVERIFIED = range(4)  # by a state that nobody has judged yet
 BY_COUNT = 2  # a gas in one tile has paused for the number of collisions
-FULL_PLACES, FULL_CELLS, FULL_CLAIMS, FULL_WALLS, FULL_WATCHED = 1, 2, 4, 8, 16
+FULL_SLOTS, FULL_CELLS, FULL_GHOSTS, FULL_WALLS, FULL_WATCHED = 1, 2, 4, 8, 16
 BY_LAW, BY_REMEDY, BY_HEAT = range(3)  # kind of a collision
 PAIRS, TRACKED = 1, 2  # what is watched: times of all pairs, or all that happens to some disks
 TEAM = 32  # threads of a GPU that share a tile
-NARROWER = 0.97  # a halo that had to be wider is so in the next windows too, less from window to window
+HALO_DECAY = 0.97  # a halo that had to be wider is so in the next windows too, less from window to window
 BLOCK = 1024
 FAR = 1.0e30  # a time later than any event
 FIRST_WALL = -10  # as a partner: wall 0; wall w is FIRST_WALL - w
-NOBODY = -1
+NO_PARTNER = -1
 
 
 def plain(f: Any) -> Any:

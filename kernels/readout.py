@@ -5,8 +5,8 @@ And how the host gets small arrays, and rows of others, from a GPU and back.
 
 from .columns import MECHANISM, READOUT, REAL_OUT
 from .language import Cube, Rows, Table, has_numbers, spread_of_loops, ti, width
-from .layout import ASLEEP, AT_MOMENT, SAID_ASLEEP, TOLD
-from .places import listed_kind, round_products
+from .layout import ASLEEP, ASLEEP_UNVERIFIED, AT_MOMENT, SNAPSHOT
+from .particle import listed_kind, round_products
 from .records import gas_of
 from .shear import flow_at, frame_speed
 from .tiles import fly
@@ -94,7 +94,7 @@ def read_out(
         if item % spread == 0:
             k = item // spread
             lists = part
-            if part >= TOLD:
+            if part >= SNAPSHOT:
                 lists = 1 - gas.grid.part  # the lists at a moment are those at the end
             first = part * gas.grid.room + gas.tile[k].start[lists]
             total = ti.Vector([0.0] * READOUT.width, ti.f64)
@@ -130,14 +130,14 @@ def read_out(
                         gas.hits_out[i].last_partner = gas.hits[s].last_partner
                     if ti.static(gas.uses.rests):
                         gas.hits_out[i].asleep = ti.cast(
-                            gas.slept[s] == ASLEEP or gas.slept[s] == SAID_ASLEEP, ti.i32
+                            gas.slept[s] == ASLEEP or gas.slept[s] == ASLEEP_UNVERIFIED, ti.i32
                         )
             for c in ti.static(range(READOUT.width)):
                 gas.totals[k][c] = total[c]
 
 
 @ti.kernel
-def settle(
+def interpolate_snapshot(
     m: ti.i32, time: ti.f64, n_notes: ti.i32, n_slots: ti.i32, uses: ti.template(), grid: Rows, scale: Rows,
     tile: Table, disk: Rows, meta: Rows, past: Rows, hits: Rows, spent: Rows, snapshot_time: Rows, note: Table,
     note_at: Rows, note_tally: Table, tally: Cube,
@@ -156,7 +156,10 @@ def settle(
             at, k = gas.note_at[n], gas.note[n].tile
             if at > first and at <= time and n >= gas.tile[k].noted:
                 slot = m * gas.grid.room + gas.note[n].slot
-                row, noted = TOLD * gas.grid.room + slot, (TOLD + gas.grid.moments) * gas.grid.room + n
+                row, noted = (
+                    SNAPSHOT * gas.grid.room + slot,
+                    (SNAPSHOT + gas.grid.moments) * gas.grid.room + n,
+                )
                 gas.snapshot_time[slot] = ti.cast(at, float)
                 gas.disk[row].vector, gas.meta[row].vector = gas.disk[noted].vector, gas.meta[noted].vector
                 if ti.static(gas.uses.remembers or gas.uses.turned):
@@ -171,7 +174,7 @@ def settle(
         round_products(gas)
         now = ti.cast(time, float)
         fly(
-            (TOLD + m) * gas.grid.room + slot, now - gas.snapshot_time[m * gas.grid.room + slot], now,
+            (SNAPSHOT + m) * gas.grid.room + slot, now - gas.snapshot_time[m * gas.grid.room + slot], now,
             gas.scale.gx * now, gas.scale.gy * now, gas,
         )  # fmt: skip
 

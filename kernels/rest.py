@@ -50,9 +50,9 @@ of a heap are below 4 v_s^2 / g, and it is as much too high. For v_s to 0 all of
 from .columns import FORCES, HELD, MECHANISM, TALLY
 from .flights import on_grid
 from .language import ti
-from .limits import TOUCHES_OF_DISK
-from .layout import ASLEEP, AWAKE, FAR, FIRST_WALL, NOBODY, SAID_ASLEEP, WOKEN
-from .places import add, charge, kind_of, radius_of
+from .columns import CONTACTS_PER_DISK
+from .layout import ASLEEP, ASLEEP_UNVERIFIED, AWAKE, FAR, FIRST_WALL, NO_PARTNER, WOKEN
+from .particle import add, charge, kind_of, radius_of
 from .walls import (
     ARC_INSIDE, ARC_OUTSIDE, STILL, turned_back, wall_motion, wall_reach, wall_turn, wall_vector,
 )  # fmt: skip
@@ -66,7 +66,7 @@ NEAR_ENOUGH = 1e-4  # g: what steps still change of accelerations when forces ar
 
 @ti.func
 def sleeps(i, gas: ti.template()):
-    """1 if the disk at place i sleeps, else 0."""
+    """1 if the disk in slot i sleeps, else 0."""
     found = 0
     if ti.static(gas.uses.rests):
         found = ti.cast(gas.rest[i].asleep == ASLEEP, ti.i32)
@@ -75,7 +75,7 @@ def sleeps(i, gas: ti.template()):
 
 @ti.func
 def set_in_motion(i, t, gas: ti.template()):
-    """Say where a disk that sleeps at place i is, and how it moves, in the frame that falls."""
+    """Say where a disk that sleeps in slot i is, and how it moves, in the frame that falls."""
     motion = gas.motion[i]
     motion.x = motion.x - on_grid(0.5 * gas.scale.gx * t * t, gas)
     motion.y = motion.y - on_grid(0.5 * gas.scale.gy * t * t, gas)
@@ -84,7 +84,7 @@ def set_in_motion(i, t, gas: ti.template()):
 
 @ti.func
 def set_at_rest(i, t, gas: ti.template()):
-    """Fix the disk at place i where it is in the lab."""
+    """Fix the disk in slot i where it is in the lab."""
     motion = gas.motion[i]
     motion.x = motion.x + on_grid(0.5 * gas.scale.gx * t * t, gas)
     motion.y = motion.y + on_grid(0.5 * gas.scale.gy * t * t, gas)
@@ -93,14 +93,14 @@ def set_at_rest(i, t, gas: ti.template()):
 
 @ti.func
 def wake(i, tile, gas: ti.template()):
-    """Wake the disk at place i, which moves by itself from here on."""
+    """Wake the disk in slot i, which moves by itself from here on."""
     gas.rest[i].asleep = WOKEN
     add(tile, TALLY.sleepers, -1.0, gas)
 
 
 @ti.func
 def is_slow(i, vx, vy, gas: ti.template()):
-    """1 if the disk at place i, with this velocity in the lab, is slow enough to rest, else 0."""
+    """1 if the disk in slot i, with this velocity in the lab, is slow enough to rest, else 0."""
     limit = SLOW * gas.scale.cutoff
     surface = radius_of(i, gas) * gas.motion[i].spin
     return ti.cast(vx * vx + vy * vy < limit * limit and surface * surface < limit * limit, ti.i32)
@@ -108,7 +108,7 @@ def is_slow(i, vx, vy, gas: ti.template()):
 
 @ti.func
 def count_hit(i, t, since, gas: ti.template()):
-    """Count a slow hit of something at rest by the disk at place i, whose latest collision was at `since`, if quick."""
+    """Count a slow hit of something at rest by the disk in slot i, whose latest collision was at `since`, if quick."""
     pull = ti.abs(gas.scale.gx) + ti.abs(gas.scale.gy)
     quick = (t - since) * pull < QUICK * gas.scale.cutoff
     gas.rest[i].hits = ti.select(quick, gas.rest[i].hits + 1, 0)
@@ -116,7 +116,7 @@ def count_hit(i, t, since, gas: ti.template()):
 
 @ti.func
 def is_wedged(i, t, gas: ti.template()):
-    """1 if the disk at place i has hit what sleeps so often without time between, and is too fast to sleep."""
+    """1 if the disk in slot i has hit what sleeps so often without time between, and is too fast to sleep."""
     vx, vy = gas.motion[i].vx + gas.scale.gx * t, gas.motion[i].vy + gas.scale.gy * t
     hits = gas.rest[i].hits
     return hits >= QUICK_HITS and hits < JAMMED_HITS and not is_slow(i, vx, vy, gas)
@@ -124,7 +124,7 @@ def is_wedged(i, t, gas: ti.template()):
 
 @ti.func
 def fall_asleep(i, t, tile, gas: ti.template()):
-    """Let the disk at place i fall asleep after a slow collision with something at rest, if it may and is slow.
+    """Let the disk in slot i fall asleep after a slow collision with something at rest, if it may and is slow.
 
     It may, too, if it is caught between others. If it cannot get free it falls asleep at any speed.
     """
@@ -192,14 +192,14 @@ def meeting_with_sleeper(rx, ry, vx, vy, noise, sigma, within, gas: ti.template(
 
 
 @ti.func
-def note_touch(i, j, nx, ny, mu, rho, count, gas: ti.template()):
-    """Enter the contact of the disk at place i with that at j, or a wall (-1), n towards i; the length of the list.
+def add_contact(i, j, nx, ny, mu, rho, count, gas: ti.template()):
+    """Enter the contact of the disk in slot i with that at j, or a wall (-1), n towards i; the length of the list.
 
     A force F_n n + F_t t acts on i at -R n from its centre, the opposite on j; t = (-n_y, n_x). The friction torque T
     on each disk acts by itself. sqrt(m) a and sqrt(I) alpha = sqrt(k / m) (T / R - F_t) are what is made small.
     """
     contact = gas.contact[count]
-    if count < TOUCHES_OF_DISK * gas.grid.places:
+    if count < CONTACTS_PER_DISK * gas.grid.lane_slots:
         one = mobility(i, gas)
         other = ti.Vector([0.0, 0.0, 0.0], ti.f64)
         if j >= 0:
@@ -220,7 +220,7 @@ def note_touch(i, j, nx, ny, mu, rho, count, gas: ti.template()):
 
 @ti.func
 def mobility(i, gas: ti.template()):
-    """1 / sqrt(m), sqrt(k / m) and sqrt(k / m) / R of the disk at place i."""
+    """1 / sqrt(m), sqrt(k / m) and sqrt(k / m) / R of the disk in slot i."""
     kind = kind_of(i, gas)
     root = ti.sqrt(ti.cast(gas.kinds[kind].inverse_mass, ti.f64))
     turn = root * ti.sqrt(ti.cast(gas.kinds[kind].k, ti.f64))
@@ -229,7 +229,7 @@ def mobility(i, gas: ti.template()):
 
 @ti.func
 def meets_moving_wall(i, region: ti.template(), gas: ti.template()):
-    """1 if a wall that moves, or is no support for another reason, may touch the disk at place i in this window."""
+    """1 if a wall that moves, or is no support for another reason, may touch the disk in slot i in this window."""
     found = 0
     cell = (
         region.lane * (gas.grid.cells + 1)
@@ -256,7 +256,7 @@ def is_support(w, gas: ti.template()):
 
 @ti.func
 def from_wall(i, code, region: ti.template(), gas: ti.template()):
-    """Unit vector from a wall, by the code of its image, to the disk at place i, and distance, as the window begins.
+    """Unit vector from a wall, by the code of its image, to the disk in slot i, and distance, as the window begins.
 
     A wall that turns is seen as it was before. Beside an arc only its ends are near, which are walls of their own.
     """
@@ -279,16 +279,16 @@ def from_wall(i, code, region: ti.template(), gas: ti.template()):
 
 
 @ti.func
-def find_touches(n, region: ti.template(), gas: ti.template()):
+def find_contacts(n, region: ti.template(), gas: ti.template()):
     """List the contacts of disks that may rest with each other and with walls at rest; their number.
 
     Awake disks without any may not.
     """
     pull = ti.sqrt(gas.scale.gx**2 + gas.scale.gy**2)
     near = GAP * gas.scale.cutoff * gas.scale.cutoff / pull
-    places = region.lane * gas.grid.places
+    offset = region.lane * gas.grid.lane_slots
     count = 0
-    for i in range(places, places + n):
+    for i in range(offset, offset + n):
         info = gas.event_info[i]
         if gas.rest[i].may_rest == 1:
             own_x, own_y = info.cell >> 16, info.cell & 0xFFFF
@@ -319,7 +319,7 @@ def find_touches(n, region: ti.template(), gas: ti.template()):
                         r = ti.sqrt(dx * dx + dy * dy)
                         if r < radius + radius_of(j, gas) + near:
                             q = ti.cast(gas.kinds[kind_of(j, gas)].material, ti.i32)
-                            count = note_touch(
+                            count = add_contact(
                                 i, j, dx / r, dy / r, gas.law[p, q].mu, gas.law[p, q].rho, count, gas
                             )
                     j = gas.event_info[j].next_in_cell
@@ -330,7 +330,7 @@ def find_touches(n, region: ti.template(), gas: ti.template()):
                     nx, ny, distance = from_wall(i, code, region, gas)
                     if distance < radius + near and is_support(code // 9, gas):
                         q = ti.cast(gas.walls[code // 9].material, ti.i32)
-                        count = note_touch(
+                        count = add_contact(
                             i,
                             FIRST_WALL - code // 9,
                             nx,
@@ -340,19 +340,19 @@ def find_touches(n, region: ti.template(), gas: ti.template()):
                             count,
                             gas,
                         )
-    if count > TOUCHES_OF_DISK * gas.grid.places:
-        count = TOUCHES_OF_DISK * gas.grid.places
+    if count > CONTACTS_PER_DISK * gas.grid.lane_slots:
+        count = CONTACTS_PER_DISK * gas.grid.lane_slots
         gas.counter.unjudged = gas.counter.unjudged + 1
     return count
 
 
 @ti.func
-def accelerate(count, n, further, weight, rolls, places, gas: ti.template()):
+def accelerate(count, n, further, weight, rolls, offset, gas: ti.template()):
     """Find sqrt(m) a and sqrt(I) alpha of n disks by `weight` times gravity and forces, which become those tried.
 
     These are the forces and `further` of their last change. Friction torques count only if some contact `rolls`.
     """
-    for i in range(places, places + n):
+    for i in range(offset, offset + n):
         residual = gas.residual_acceleration[i]
         root = weight / ti.sqrt(ti.cast(gas.kinds[kind_of(i, gas)].inverse_mass, ti.f64))
         residual.x, residual.y = (
@@ -454,7 +454,7 @@ def into_cone(force, c, gas: ti.template()):
 
 
 @ti.func
-def balanced(count, n, most, places, gas: ti.template()):
+def solve_contact_forces(count, n, most, offset, gas: ti.template()):
     """Find the forces in all cones that leave the least accelerations; 1 if that was done in `most` steps, else 0."""
     lightest, rolls = ti.cast(0.0, ti.f64), 0
     for c in range(count):
@@ -473,7 +473,7 @@ def balanced(count, n, most, places, gas: ti.template()):
     # The largest curvature, by the power method; a tenth more is above it.
     largest = ti.cast(1.0, ti.f64)
     for _turn in range(20):
-        accelerate(count, n, 0.0, 0.0, rolls, places, gas)
+        accelerate(count, n, 0.0, 0.0, rolls, offset, gas)
         square = ti.cast(0.0, ti.f64)
         for c in range(count):
             change = gained(c, gas)
@@ -490,7 +490,7 @@ def balanced(count, n, most, places, gas: ti.template()):
         recall(c, gas)
     going, done, turn, further, momentum = 1, 0, 0, ti.cast(0.0, ti.f64), ti.cast(1.0, ti.f64)
     while going == 1:
-        accelerate(count, n, further, 1.0, rolls, places, gas)
+        accelerate(count, n, further, 1.0, rolls, offset, gas)
         changed, upwards = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
         for c in range(count):
             touching = gas.contact[c]
@@ -523,13 +523,13 @@ def balanced(count, n, most, places, gas: ti.template()):
             later = 0.5 * (1.0 + ti.sqrt(1.0 + 4.0 * momentum * momentum))
             further = (momentum - 1.0) / later
             momentum = later
-    accelerate(count, n, 0.0, 1.0, rolls, places, gas)
-    keep(count, n, places, gas)
+    accelerate(count, n, 0.0, 1.0, rolls, offset, gas)
+    keep(count, n, offset, gas)
     return done
 
 
 @ti.func
-def who_touches(c, gas: ti.template()):
+def contact_partner(c, gas: ti.template()):
     """The other one of a contact: the id of the disk, or the wall as a partner."""
     other = ti.cast(gas.contact[c].j, ti.i32)
     if other >= 0:
@@ -545,7 +545,7 @@ def recall(c, gas: ti.template()):
     """
     contact = gas.contact[c]
     i, j = ti.cast(contact.i, ti.i32), ti.cast(contact.j, ti.i32)
-    other = who_touches(c, gas)
+    other = contact_partner(c, gas)
     found = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)
     for h in ti.static(range(HELD.contact.count)):
         if gas.cached_force[i].contact[h].other == other:
@@ -567,18 +567,18 @@ def recall(c, gas: ti.template()):
 
 
 @ti.func
-def keep(count, n, places, gas: ti.template()):
+def keep(count, n, offset, gas: ti.template()):
     """Keep the forces that were found, for the next judgement: at the first contacts that a disk lists."""
-    for i in range(places, places + n):
+    for i in range(offset, offset + n):
         for h in ti.static(range(HELD.contact.count)):
-            gas.cached_force[i].contact[h].other = NOBODY
+            gas.cached_force[i].contact[h].other = NO_PARTNER
     for c in range(count):
         contact = gas.contact[c]
         i = ti.cast(contact.i, ti.i32)
         going = ti.cast(contact.force[0] > 0.0, ti.i32)
         for h in ti.static(range(HELD.contact.count)):
-            if going == 1 and gas.cached_force[i].contact[h].other == NOBODY:
-                gas.cached_force[i].contact[h].other = who_touches(c, gas)
+            if going == 1 and gas.cached_force[i].contact[h].other == NO_PARTNER:
+                gas.cached_force[i].contact[h].other = contact_partner(c, gas)
                 for q in ti.static(range(FORCES)):
                     gas.cached_force[i].contact[h].force[q] = contact.force[q]
                 going = 0
@@ -586,7 +586,7 @@ def keep(count, n, places, gas: ti.template()):
 
 @ti.func
 def left_over(i, gas: ti.template()):
-    """The larger of the acceleration and R alpha that is left of the disk at place i."""
+    """The larger of the acceleration and R alpha that is left of the disk in slot i."""
     residual = gas.residual_acceleration[i]
     kind = kind_of(i, gas)
     ax, ay, turn = residual.x, residual.y, residual.turn
@@ -597,21 +597,21 @@ def left_over(i, gas: ti.template()):
 
 
 @ti.func
-def judge(n, tile, region: ti.template(), gas: ti.template()):
+def update_resting(n, tile, region: ti.template(), gas: ti.template()):
     """Judge at the beginning of a window who may rest: wake those who may not, note who may fall asleep.
 
     There is nothing to judge where nobody has been woken since the last time, no slow disk touches anything and gravity
     has not turned.
     """
-    places = region.lane * gas.grid.places
+    offset = region.lane * gas.grid.lane_slots
     pull = ti.cast(ti.sqrt(gas.scale.gx**2 + gas.scale.gy**2), ti.f64)
     changed = ti.cast(gas.clock.begin == gas.clock.turned, ti.i32)
-    for i in range(places, places + n):
+    for i in range(offset, offset + n):
         rest = gas.rest[i]
         if rest.asleep == WOKEN:
             rest.asleep = AWAKE
             changed = 1
-        if rest.asleep == SAID_ASLEEP:
+        if rest.asleep == ASLEEP_UNVERIFIED:
             rest.asleep = ASLEEP
             changed = 1
         rest.may_rest = ti.max(sleeps(i, gas), is_slow(i, gas.motion[i].vx, gas.motion[i].vy, gas))
@@ -622,7 +622,7 @@ def judge(n, tile, region: ti.template(), gas: ti.template()):
                     if sleeps(i, gas):
                         wake(i, tile, gas)
                         changed = 1
-    count = find_touches(n, region, gas)
+    count = find_contacts(n, region, gas)
     for c in range(count):
         i, j = ti.cast(gas.contact[c].i, ti.i32), ti.cast(gas.contact[c].j, ti.i32)
         if not sleeps(i, gas):
@@ -632,16 +632,16 @@ def judge(n, tile, region: ti.template(), gas: ti.template()):
                 changed = 1
     if changed == 1:
         resting = 0
-        for i in range(places, places + n):
+        for i in range(offset, offset + n):
             resting += gas.rest[i].may_rest
-        if not balanced(count, n, 4000 + 10 * resting, places, gas):
+        if not solve_contact_forces(count, n, 4000 + 10 * resting, offset, gas):
             gas.counter.unjudged = gas.counter.unjudged + 1
-        for i in range(places, places + n):
+        for i in range(offset, offset + n):
             over = left_over(i, gas)
             if sleeps(i, gas):
                 if over > MOVED * pull:
                     wake(i, tile, gas)
             gas.rest[i].may_rest = ti.cast(gas.rest[i].may_rest == 1 and over < AT_REST * pull, ti.i32)
     else:
-        for i in range(places, places + n):
+        for i in range(offset, offset + n):
             gas.rest[i].may_rest = 0

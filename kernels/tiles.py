@@ -26,15 +26,26 @@ Bad tiles are run again, from the same beginning, with wider halos. Nothing is e
 from .columns import HELD, MECHANISM, TALLY
 from .flights import on_grid
 from .language import on_gpu, ti
-from .layout import ASLEEP, AT_END, AT_MOMENT, FIRST_WALL, FULL_CLAIMS, NARROWER, NOBODY, TEAM, TOLD, Uses
-from .places import add, kind_of, largest_speed, listed_kind, note_speed, radius_of
+from .layout import (
+    ASLEEP,
+    AT_END,
+    AT_MOMENT,
+    FIRST_WALL,
+    FULL_GHOSTS,
+    HALO_DECAY,
+    NO_PARTNER,
+    TEAM,
+    SNAPSHOT,
+    Uses,
+)
+from .particle import add, kind_of, largest_speed, listed_kind, note_speed, radius_of
 from .walls import write_pistons
 
 ENDLESS = 1.0e30  # a side of a tile at an end of the box that is no periodic side
 
 
 @ti.func
-def beside(index, count, periodic):
+def wrap_index(index, count, periodic):
     """A column or row of tiles as one of the box, how many boxes away; -1 beyond an end."""
     found, boxes = index, 0
     if periodic == 1:
@@ -92,7 +103,7 @@ def cells_of(region: ti.template(), gas: ti.template()):
 
 @ti.func
 def layer_of(i, gas: ti.template()):
-    """1 if the disk at place i lies in a large cell, else 0."""
+    """1 if the disk in slot i lies in a large cell, else 0."""
     layer = 0
     if ti.static(gas.uses.layered):
         layer = ti.cast(radius_of(i, gas) > gas.scale.split, ti.i32)
@@ -148,7 +159,7 @@ def region_of(tile, lane, gas: ti.template()):
 
 
 @ti.func
-def neighbour(tile, step_x, step_y, gas: ti.template()):
+def neighbor_tile(tile, step_x, step_y, gas: ti.template()):
     """The tile so many columns and rows away, or -1; how far its corner is; how many boxes it is away.
 
     Exact: corners and lengths are on the grid. In a sheared gas all tiles are alike, and rows above have moved on by
@@ -159,8 +170,8 @@ def neighbour(tile, step_x, step_y, gas: ti.template()):
     ax = tx + step_x
     if ti.static(gas.uses.sheared):
         ax -= step_y * gas.grid.tiles_aside
-    bx, boxes_x = beside(ax, gas.grid.tiles_x, gas.grid.periodic_x)
-    by, boxes_y = beside(ty + step_y, gas.grid.tiles_y, gas.grid.periodic_y)
+    bx, boxes_x = wrap_index(ax, gas.grid.tiles_x, gas.grid.periodic_x)
+    by, boxes_y = wrap_index(ty + step_y, gas.grid.tiles_y, gas.grid.periodic_y)
     other = -1
     shift_x, shift_y = 0.0 * gas.scale.window, 0.0 * gas.scale.window
     if bx >= 0 and by >= 0:
@@ -176,8 +187,8 @@ def neighbour(tile, step_x, step_y, gas: ti.template()):
 
 
 @ti.func
-def source(tile, step, gas: ti.template()):
-    """One of the tiles that a tile gathers from, as `neighbour` tells it, and how many rows up it is.
+def gather_tile(tile, step, gas: ti.template()):
+    """One of the tiles that a tile gathers from, as `neighbor_tile` tells it, and how many rows up it is.
 
     The nine around it, or all where one region is the whole box.
     """
@@ -188,12 +199,12 @@ def source(tile, step, gas: ti.template()):
         shift_y = ti.cast(gas.edge_y[step % gas.grid.tiles_y] - gas.edge_y[0], float)
     else:
         step_y = step % 3 - 1
-        other, shift_x, shift_y, boxes_x, boxes_y = neighbour(tile, step // 3 - 1, step_y, gas)
+        other, shift_x, shift_y, boxes_x, boxes_y = neighbor_tile(tile, step // 3 - 1, step_y, gas)
     return other, step_y, shift_x, shift_y, boxes_x, boxes_y
 
 
 @ti.func
-def seen(s, step_y, shift_x, shift_y, region: ti.template(), gas: ti.template()):
+def position_in_tile(s, step_y, shift_x, shift_y, region: ti.template(), gas: ti.template()):
     """Place of a listed disk from the corner of the tile that gathers, boxes that it went round, its row of tiles."""
     disk = gas.disk[s]
     x, y = disk.x + shift_x, disk.y + shift_y
@@ -238,18 +249,18 @@ def begin(tile, gas: ti.template()):
                 gas.tally[k, when][column] = 0.0
         gas.reach[k].excursion, gas.reach[k].max_displacement, gas.reach[k].overhang = -ENDLESS, 0.0, 0.0
     if gas.counter.again == 0:
-        gas.reach[tile].halo_factor = ti.max(NARROWER * gas.reach[tile].halo_factor, 1.0)
+        gas.reach[tile].halo_factor = ti.max(HALO_DECAY * gas.reach[tile].halo_factor, 1.0)
     gas.reach[tile].halo = ti.min(gas.scale.usual_halo * gas.reach[tile].halo_factor, gas.scale.most_halo)
     gas.tile[tile].count[part], gas.tile[tile].gathered, gas.tile[tile].n_ghosts = 0, 0, 0
 
 
 @ti.func
-def choose(tile, thread, region: ti.template(), gas: ti.template()):
+def gather(tile, thread, region: ti.template(), gas: ti.template()):
     """Note slots, cells and neighbouring tiles of the disks in a tile and its halo, and count them, by cell too."""
     team = ti.static(team_of(gas.uses))
     part = gas.grid.part
-    room = gas.grid.places
-    places = region.lane * room
+    room = gas.grid.lane_slots
+    offset = region.lane * room
     n, own_disks = 0, 0
     halo = gas.reach[tile].halo
     alone = gas.grid.single_tile == 1
@@ -257,12 +268,12 @@ def choose(tile, thread, region: ti.template(), gas: ti.template()):
     if alone:
         steps = gas.grid.tiles_x * gas.grid.tiles_y
     for step in range(steps):
-        other, step_y, shift_x, shift_y, _boxes_x, _boxes_y = source(tile, step, gas)
+        other, step_y, shift_x, shift_y, _boxes_x, _boxes_y = gather_tile(tile, step, gas)
         if other >= 0:
             first = part * gas.grid.room + gas.tile[other].start[part]
             s, end = first + thread, first + gas.tile[other].count[part]
             while s < end:
-                x, y, _lap_x, _lap_y, _row = seen(s, step_y, shift_x, shift_y, region, gas)
+                x, y, _lap_x, _lap_y, _row = position_in_tile(s, step_y, shift_x, shift_y, region, gas)
                 near = alone or lies_in(x, y, halo, tile, gas)
                 if near:
                     own = alone or lies_in(x, y, 0.0 * x, tile, gas)
@@ -274,10 +285,10 @@ def choose(tile, thread, region: ti.template(), gas: ti.template()):
                             own_disks = n - ti.atomic_add(gas.tile[tile].n_ghosts, 1)
                     if n < room:
                         c = cell_at(x, y, region)
-                        gas.candidates[places + n].slot = s
-                        gas.candidates[places + n].cell = c
-                        gas.candidates[places + n].own_rank = ti.select(own, own_disks + 1, own_disks - n - 1)
-                        gas.candidates[places + n].step = step
+                        gas.candidates[offset + n].slot = s
+                        gas.candidates[offset + n].cell = c
+                        gas.candidates[offset + n].own_rank = ti.select(own, own_disks + 1, own_disks - n - 1)
+                        gas.candidates[offset + n].step = step
                         if ti.static(team > 1):
                             ti.atomic_add(gas.head[region.cells + c], 1)
                         else:
@@ -328,24 +339,24 @@ def order(tile, thread, region: ti.template(), gas: ti.template()):
             g = ti.atomic_add(gas.counter.n_ghosts, ghosts)
             gas.tile[tile].ghosts = g
             if g + ghosts > gas.grid.most_ghosts:
-                ti.atomic_or(gas.counter.full, FULL_CLAIMS)
+                ti.atomic_or(gas.counter.full, FULL_GHOSTS)
 
 
 @ti.func
-def lay(m, tile, region: ti.template(), gas: ti.template()):
+def load(m, tile, region: ti.template(), gas: ti.template()):
     """Lay out the disk that was chosen as number m in the lane's places, which are sorted by cell."""
     part = gas.grid.part
-    places = region.lane * gas.grid.places
-    chosen = gas.candidates[places + m]
+    offset = region.lane * gas.grid.lane_slots
+    chosen = gas.candidates[offset + m]
     s, c, rank, step = chosen.slot, chosen.cell, chosen.own_rank, chosen.step
-    i = places
+    i = offset
     if ti.static(team_of(gas.uses) > 1):
         i += ti.atomic_add(gas.head[region.cells + c], 1)
     else:
         i += gas.head[region.cells + c]
         gas.head[region.cells + c] = gas.head[region.cells + c] + 1
-    other, step_y, shift_x, shift_y, boxes_x, boxes_y = source(tile, step, gas)
-    x, y, lap_x, lap_y, row = seen(s, step_y, shift_x, shift_y, region, gas)
+    other, step_y, shift_x, shift_y, boxes_x, boxes_y = gather_tile(tile, step, gas)
+    x, y, lap_x, lap_y, row = position_in_tile(s, step_y, shift_x, shift_y, region, gas)
     vx, vy = gas.disk[s].vx, gas.disk[s].vy
     gas.image_info[i].home_tile = other
     gas.image_info[i].slot = s - part * gas.grid.room
@@ -385,23 +396,23 @@ def lay(m, tile, region: ti.template(), gas: ti.template()):
     gas.event_info[i].hash_1, gas.event_info[i].hash_2, gas.event_info[i].max_speed_sq = 0, 0, 0
     note_speed(i, gas)
     gas.start_position[i].x, gas.start_position[i].y = x + row * gas.scale.aside, y
-    gas.event_info[i].partner, gas.event_info[i].last = NOBODY, NOBODY
+    gas.event_info[i].partner, gas.event_info[i].last = NO_PARTNER, NO_PARTNER
     gas.event_info[i].number, gas.event_info[i].previous = 0, -1
     cx = c // region.ny
     gas.event_info[i].cell = (cx << 16) + c - cx * region.ny
 
 
 @ti.func
-def chain(i, n, region: ti.template(), gas: ti.template()):
-    """Link the disk at place i, of n that are laid out, with the next one in its cell, or its cell with it."""
-    places = region.lane * gas.grid.places
+def link_cells(i, n, region: ti.template(), gas: ti.template()):
+    """Link the disk in slot i, of n that are laid out, with the next one in its cell, or its cell with it."""
+    offset = region.lane * gas.grid.lane_slots
     cell = gas.event_info[i].cell
     following = -1
-    if i + 1 < places + n:
+    if i + 1 < offset + n:
         if gas.event_info[i + 1].cell == cell:
             following = i + 1
     gas.event_info[i].next_in_cell = following
-    is_first = i == places
+    is_first = i == offset
     if not is_first:
         is_first = gas.event_info[i - 1].cell != cell
     if is_first:
@@ -409,12 +420,12 @@ def chain(i, n, region: ti.template(), gas: ti.template()):
 
 
 @ti.func
-def chain_layers(n, region: ti.template(), gas: ti.template()):
+def link_cells_of_layers(n, region: ti.template(), gas: ti.template()):
     """The same for all disks, where there are two layers of cells."""
     for c in range(cells_of(region, gas)):
         gas.head[region.cells + c] = -1
-    places = region.lane * gas.grid.places
-    for i in range(places, places + n):
+    offset = region.lane * gas.grid.lane_slots
+    for i in range(offset, offset + n):
         info = gas.event_info[i]
         layer = layer_of(i, gas)
         _nx, _ny, factor = scale_of(layer, region, gas)
@@ -443,7 +454,7 @@ def inside(x, y, tile, gas: ti.template()):
 
 @ti.func
 def last_hit(i, gas: ti.template()):
-    """Slot of the own disk at place i, counted from that of the first of its tile, its place, and boxes travelled.
+    """Slot of the own disk in slot i, counted from that of the first of its tile, its place, and boxes travelled.
 
     Of its latest collision, from the corner of the tile that will list it.
     """
@@ -462,8 +473,8 @@ def last_hit(i, gas: ti.template()):
 
 
 @ti.func
-def put_down(i, row, x, y, vx, vy, lap_x, lap_y, gas: ti.template()):
-    """Write the disk at place i into a row of the state, with this place and velocity."""
+def store(i, row, x, y, vx, vy, lap_x, lap_y, gas: ti.template()):
+    """Write the disk in slot i into a row of the state, with this place and velocity."""
     info, disk_row, meta_row = gas.event_info[i], gas.disk[row], gas.meta[row]
     s = gas.grid.part * gas.grid.room + gas.image_info[i].slot
     disk_row.x, disk_row.y = x, y
@@ -512,7 +523,7 @@ def fly(row, dt, time, fall_x, fall_y, gas: ti.template()):
 
 @ti.func
 def take_note(i, t, tile, gas: ti.template()):
-    """Note the disk at place i, if it is the tile's own, after its collision at t, and what the tile has added up."""
+    """Note the disk in slot i, if it is the tile's own, after its collision at t, and what the tile has added up."""
     info = gas.event_info[i]
     if info.own_rank > 0:
         n = ti.atomic_add(gas.counter.n_noted, 1)
@@ -520,8 +531,8 @@ def take_note(i, t, tile, gas: ti.template()):
             slot, x, y, lap_x, lap_y = last_hit(i, gas)
             if gas.grid.single_tile == 0:
                 slot += gas.tile[tile].start.other[gas.grid.part]
-            row = (TOLD + gas.grid.moments) * gas.grid.room + n
-            put_down(i, row, x, y, gas.motion[i].vx, gas.motion[i].vy, lap_x, lap_y, gas)
+            row = (SNAPSHOT + gas.grid.moments) * gas.grid.room + n
+            store(i, row, x, y, gas.motion[i].vx, gas.motion[i].vy, lap_x, lap_y, gas)
             partner, counts = info.last, 0
             if partner >= 0:
                 counts = ti.cast(info.id < gas.event_info[partner].id, ti.i32)
@@ -538,14 +549,14 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
     At the end, where a window begins next, histories and ghost records are written. A moment whose time is not known
     yet has disks where their latest collisions left them. A `team` of threads shares the n disks.
     """
-    places = region.lane * gas.grid.places
+    offset = region.lane * gas.grid.lane_slots
     base = gas.tile[tile].start.other[gas.grid.part]
     part = 1 - gas.grid.part
     time = gas.scale.window
     known = 1
     if when >= AT_MOMENT:
         m = when - AT_MOMENT
-        part = TOLD + m
+        part = SNAPSHOT + m
         time = gas.scale.moment[m].begin
         known = ti.cast(gas.scale.moment[m].until <= time, ti.i32)
         for column in range(gas.tally.shape[2]):
@@ -553,20 +564,20 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
     if ti.static(gas.uses.pistons):
         write_pistons(tile, when, time, gas)
     fall_x, fall_y = gas.scale.gx * time, gas.scale.gy * time
-    beyond, furthest = -ENDLESS + 0.0 * time, 0.0 * time
+    excursion, max_displacement = -ENDLESS + 0.0 * time, 0.0 * time
     fastest, squares = 0.0 * time, ti.cast(0.0, ti.f64)
     in_place = gas.grid.single_tile == 1 and gas.grid.tiles_x * gas.grid.tiles_y > 1
-    protrudes = 0.0 * time
-    i = places + thread
-    while i < places + n:
-        way = largest_speed(i, gas) * time
+    overhang = 0.0 * time
+    i = offset + thread
+    while i < offset + n:
+        displacement = largest_speed(i, gas) * time
         rank = gas.event_info[i].own_rank
         if rank > 0:
             slot, x, y, lap_x, lap_y = last_hit(i, gas)
             if not in_place:
                 slot += base
             row = part * gas.grid.room + slot
-            put_down(i, row, x, y, gas.motion[i].vx, gas.motion[i].vy, lap_x, lap_y, gas)
+            store(i, row, x, y, gas.motion[i].vx, gas.motion[i].vy, lap_x, lap_y, gas)
             if ti.static(gas.uses.rests):
                 fall_x, fall_y = gas.scale.gx * time, gas.scale.gy * time
                 if gas.rest[i].asleep == ASLEEP:
@@ -574,21 +585,24 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
             if known == 1:
                 fly(row, time - gas.motion[i].tau, time, fall_x, fall_y, gas)
             else:
-                gas.snapshot_time[row - TOLD * gas.grid.room] = gas.motion[i].tau
+                gas.snapshot_time[row - SNAPSHOT * gas.grid.room] = gas.motion[i].tau
             if when == AT_END:
                 x, y = gas.disk[row].x, gas.disk[row].y
                 gas.history_hash[gas.image_info[i].slot].hash_1 = gas.event_info[i].hash_1
                 gas.history_hash[gas.image_info[i].slot].hash_2 = gas.event_info[i].hash_2
-                gas.displacement[gas.image_info[i].slot] = ti.cast(1.000001 * way / gas.scale.widest, ti.f32)
+                gas.displacement[gas.image_info[i].slot] = ti.cast(
+                    1.000001 * displacement / gas.scale.widest, ti.f32
+                )
                 gas.slot_before[slot] = gas.image_info[i].slot
-                furthest = ti.max(furthest, way)
+                max_displacement = ti.max(max_displacement, displacement)
                 listed = tile
                 if in_place:
                     listed = gas.image_info[i].home_tile
-                beyond = ti.max(
-                    beyond, way - inside(x - 0.5 * fall_x * time, y - 0.5 * fall_y * time, listed, gas)
+                excursion = ti.max(
+                    excursion,
+                    displacement - inside(x - 0.5 * fall_x * time, y - 0.5 * fall_y * time, listed, gas),
                 )
-                protrudes = ti.max(protrudes, -inside(x, y, listed, gas))
+                overhang = ti.max(overhang, -inside(x, y, listed, gas))
                 vx, vy = gas.disk[row].vx, gas.disk[row].vy
                 speed2 = vx * vx + vy * vy
                 fastest = ti.max(fastest, speed2)
@@ -611,19 +625,19 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
     if when == AT_END:
         ti.atomic_max(gas.tally[tile, AT_END].fastest, ti.cast(fastest, ti.f64))
         ti.atomic_add(gas.tally[tile, AT_END].squares, squares)  # whole numbers: exact in any order
-        ti.atomic_max(gas.reach[tile].excursion, beyond)
-        ti.atomic_max(gas.reach[tile].max_displacement, furthest)
-        ti.atomic_max(gas.reach[tile].overhang, protrudes)
+        ti.atomic_max(gas.reach[tile].excursion, excursion)
+        ti.atomic_max(gas.reach[tile].max_displacement, max_displacement)
+        ti.atomic_max(gas.reach[tile].overhang, overhang)
 
 
 @ti.func
-def came(slot, gas: ti.template()):
+def displacement_bound(slot, gas: ti.template()):
     """Bound on how far the disk at a slot came in the window [length]."""
     return ti.cast(gas.displacement[slot], float) * gas.scale.widest
 
 
 @ti.func
-def touches(g, tile, gas: ti.template()):
+def may_touch(g, tile, gas: ti.template()):
     """1 if the disk of a ghost record, or its copy, may have touched an own disk of the tile that made it, else 0.
 
     All that either passed lies in a circle around its first place. All that an own disk passed lies in one around its
@@ -631,11 +645,13 @@ def touches(g, tile, gas: ti.template()):
     """
     position = gas.ghost_position[g]
     x, y = position.x, position.y
-    way = ti.max(position.displacement, came(gas.ghost[g].slot, gas)) + gas.scale.widest
+    displacement = (
+        ti.max(position.displacement, displacement_bound(gas.ghost[g].slot, gas)) + gas.scale.widest
+    )
     if ti.static(gas.uses.sheared):
-        way += ti.abs(gas.scale.drift) * gas.scale.window
+        displacement += ti.abs(gas.scale.drift) * gas.scale.window
     found = 0
-    if -inside(x, y, tile, gas) <= way + gas.reach[tile].excursion:
+    if -inside(x, y, tile, gas) <= displacement + gas.reach[tile].excursion:
         part = 1 - gas.grid.part
         fall_x = 0.5 * gas.scale.gx * gas.scale.window * gas.scale.window
         fall_y = 0.5 * gas.scale.gy * gas.scale.window * gas.scale.window
@@ -643,7 +659,7 @@ def touches(g, tile, gas: ti.template()):
         while k < end:
             s = part * gas.grid.room + k
             dx, dy = gas.disk[s].x - fall_x - x, gas.disk[s].y - fall_y - y
-            both = way + came(gas.slot_before[k], gas)
+            both = displacement + displacement_bound(gas.slot_before[k], gas)
             k += 1
             if dx * dx + dy * dy <= both * both:
                 found, k = 1, end
@@ -653,15 +669,15 @@ def touches(g, tile, gas: ti.template()):
 @ti.func
 def is_too_narrow(tile, gas: ti.template()):
     """1 if the halo of a tile may not have had all that came into touch with its own disks (1 above), else 0."""
-    furthest = 0.0 * gas.scale.window
+    max_displacement = 0.0 * gas.scale.window
     for step_x in range(-1, 2):
         for step_y in range(-1, 2):
-            other, _x, _y, _bx, _by = neighbour(tile, step_x, step_y, gas)
+            other, _x, _y, _bx, _by = neighbor_tile(tile, step_x, step_y, gas)
             if other >= 0 and (step_x != 0 or step_y != 0):
-                furthest = ti.max(furthest, gas.reach[other].max_displacement)
+                max_displacement = ti.max(max_displacement, gas.reach[other].max_displacement)
     if ti.static(gas.uses.sheared):
-        furthest += ti.abs(gas.scale.drift) * gas.scale.window
-    needed = gas.scale.widest + ti.max(gas.reach[tile].excursion, 0.0) + furthest
+        max_displacement += ti.abs(gas.scale.drift) * gas.scale.window
+    needed = gas.scale.widest + ti.max(gas.reach[tile].excursion, 0.0) + max_displacement
     return ti.cast(gas.reach[tile].halo < needed, ti.i32)
 
 
@@ -676,6 +692,6 @@ def is_wrong(tile, thread, gas: ti.template()):
             gas.ghost[g].hash_1 != gas.history_hash[s].hash_1
             or gas.ghost[g].hash_2 != gas.history_hash[s].hash_2
         ):
-            wrong = touches(g, tile, gas)
+            wrong = may_touch(g, tile, gas)
         g += ti.static(team_of(gas.uses))
     return wrong

@@ -93,8 +93,9 @@ from .contact import ELASTIC, collided
 from .flights import rounding
 from .language import ti
 from .layout import BY_HEAT, BY_LAW, BY_REMEDY, FAR, FIRST_WALL, FULL_WALLS
-from .places import (
-    add, came_to, charge, just_collided, kind_of, note_speed, radius_of, remember, watched_row, write_motion,
+from .particle import (
+    add, advance_to, charge, just_collided, kind_of, note_speed, radius_of, update_history_hash,
+    watched_row, write_motion,
 )  # fmt: skip
 from .random import DRAWS, normals, rayleigh
 
@@ -103,7 +104,7 @@ PLACE = 0xFFFF * DRAWS  # in streams of random numbers: the index that no force 
 
 @ti.func
 def thermal_velocity(i, temperature, nx, ny, ux, uy, gas: ti.template()):
-    """Velocity and spin of the disk at place i after a collision with a wall of this temperature [energy].
+    """Velocity and spin of the disk in slot i after a collision with a wall of this temperature [energy].
 
     (nx, ny) is the wall's normal towards the disk, (ux, uy) the velocity of its surface.
 
@@ -318,7 +319,7 @@ def bounce(w, t, gas: ti.template()):
 
 @ti.func
 def meets_piston(i, gas: ti.template()):
-    """1 if the next collision of the disk at place i is one with a piston, else 0."""
+    """1 if the next collision of the disk in slot i is one with a piston, else 0."""
     found = 0
     if gas.event_info[i].partner <= FIRST_WALL:
         w = (FIRST_WALL - gas.event_info[i].partner) // 9
@@ -762,7 +763,7 @@ def place_walls(region: ti.template(), gas: ti.template()):
 
 @ti.func
 def first_wall(i, best, partner, region: ti.template(), gas: ti.template()):
-    """The earlier of the meeting at `best` with `partner` and the first one with a wall near the disk at place i."""
+    """The earlier of the meeting at `best` with `partner` and the first one with a wall near the disk in slot i."""
     info, motion = gas.event_info[i], gas.motion[i]
     lane = region.lane
     cell = lane * (gas.grid.cells + 1) + (info.cell >> 16) * region.ny + (info.cell & 0xFFFF)
@@ -785,7 +786,7 @@ def first_wall(i, best, partner, region: ti.template(), gas: ti.template()):
 
 @ti.func
 def other_image(i, boxes, gas: ti.template()):
-    """Name the wall that the disk at place i meets by its image there, after the disk went round the box."""
+    """Name the wall that the disk in slot i meets by its image there, after the disk went round the box."""
     info = gas.event_info[i]
     if info.partner <= FIRST_WALL:
         kind = ti.cast(gas.walls[(FIRST_WALL - info.partner) // 9].type, ti.i32)
@@ -795,7 +796,7 @@ def other_image(i, boxes, gas: ti.template()):
 
 @ti.func
 def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
-    """Collide the disk at place i at time t with the wall that it meets, in the lab; disks are in one that falls.
+    """Collide the disk in slot i at time t with the wall that it meets, in the lab; disks are in one that falls.
 
     Returns how (`contact.collided`).
     """
@@ -806,7 +807,7 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
     if ti.static(gas.uses.remembers):
         lasting = just_collided(i, t, gas)
         gas.since[i] = t
-    came_to(i, t, gas)
+    advance_to(i, t, gas)
     gx, gy = gas.scale.gx, gas.scale.gy
     s, speed, _bound, _until = wall_motion(w, t, gas)
     x = region.corner_x + motion.x - ((code // 3) % 3 - 1) * gas.scale.length_x + 0.5 * gx * t * t
@@ -884,7 +885,7 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
                     gas.event_int[row].how = BY_HEAT
     if ti.static(gas.uses.itemised):
         charge(i, MECHANISM.walls, lost.sum(), gas)
-    remember(i, t, -1 - w, gas)
+    update_history_hash(i, t, -1 - w, gas)
     note_speed(i, gas)
     info.last = FIRST_WALL - owner
     gas.image_info[i].wall_hits = gas.image_info[i].wall_hits + 1

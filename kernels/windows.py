@@ -7,22 +7,22 @@ where places and velocities are rounded.
 from .columns import MOST_MOMENTS, REACH, SCALE, TALLY, TOTAL
 from .events import predict, run_events
 from .language import Cube, Rows, Table, on_gpu, spread_of_loops, ti
-from .layout import AT_END, BLOCK_OF_TILES, FAR, FULL_CELLS, FULL_PLACES
-from .places import round_products
+from .layout import AT_END, BLOCK_OF_TILES, FAR, FULL_CELLS, FULL_SLOTS
+from .particle import round_products
 from .records import gas_of
-from .rest import judge
+from .rest import update_resting
 from .tiles import (
-    begin, cells_of, chain, chain_layers, choose, count_chunk, is_too_narrow, is_wrong, lay, order, region_of,
-    team_of, write,
+    begin, cells_of, count_chunk, gather, is_too_narrow, is_wrong, link_cells, link_cells_of_layers, load, order,
+    region_of, team_of, write,
 )  # fmt: skip
 from .walls import fastest_piston, place_walls, wall_phases
 
 # Of a gas in one tile: a second's work at most, between two looks at the clock.
 MOST_EVENTS_OF_A_LAUNCH = 1_000_000
 LEAST_PATH = 0.01  # of that of a gas that fills the box
-WIDEN = 1.6  # halo of a tile that has to be run again
+HALO_GROWTH = 1.6  # halo of a tile that has to be run again
 LEAST_HALO = 0.7  # of the least side of a tile, that the widest halo may have before disks are listed anew
-LARGEST_WAY = 0.4  # of the side of a tile, that the fastest disk may come in a window
+MAX_TRAVEL = 0.4  # of the side of a tile, that the fastest disk may come in a window
 
 
 @ti.pyfunc
@@ -36,14 +36,14 @@ def window_length(mean_square, fastest2, path, tile_side, pull, wall_speed):
     fastest = ti.sqrt(fastest2) + push
     length = FAR + 0.0 * path  # f64, in single precision too
     if speed > 0.0:
-        length = ti.min(path / speed, LARGEST_WAY * tile_side / fastest)
+        length = ti.min(path / speed, MAX_TRAVEL * tile_side / fastest)
     return length
 
 
 @ti.pyfunc
-def usual_halo(chain, fastest, pull, wall_speed, window):
+def usual_halo(chain_halo, fastest, pull, wall_speed, window):
     """Halo [length] for who may come in a window, the fastest disk included, and for who hits whom in chains."""
-    return chain + 2.0 * ((fastest + wall_speed) * window + 0.5 * pull * window * window)
+    return chain_halo + 2.0 * ((fastest + wall_speed) * window + 0.5 * pull * window * window)
 
 
 @ti.pyfunc
@@ -100,10 +100,10 @@ def has_room(tile, region: ti.template(), gas: ti.template()):
     if cells > gas.grid.cells:
         ti.atomic_or(gas.counter.full, FULL_CELLS)
         ti.atomic_max(gas.counter.needed, cells)
-    elif n > gas.grid.places:
-        ti.atomic_or(gas.counter.full, FULL_PLACES)
+    elif n > gas.grid.lane_slots:
+        ti.atomic_or(gas.counter.full, FULL_SLOTS)
         ti.atomic_max(gas.counter.needed, n)
-    return cells <= gas.grid.cells and n <= gas.grid.places
+    return cells <= gas.grid.cells and n <= gas.grid.lane_slots
 
 
 @ti.func
@@ -136,21 +136,21 @@ def prepare(tile, lane, gas: ti.template()):
     if cells_of(region, gas) <= gas.grid.cells:
         for c in range(region.nx * region.ny):
             gas.head[region.cells + c] = 0
-        choose(tile, 0, region, gas)
+        gather(tile, 0, region, gas)
     if has_room(tile, region, gas):
         order(tile, 0, region, gas)
         n = gas.tile[tile].gathered
         for m in range(n):
-            lay(m, tile, region, gas)
+            load(m, tile, region, gas)
         if ti.static(gas.uses.layered):
-            chain_layers(n, region, gas)
+            link_cells_of_layers(n, region, gas)
         else:
-            for i in range(region.lane * gas.grid.places, region.lane * gas.grid.places + n):
-                chain(i, n, region, gas)
+            for i in range(region.lane * gas.grid.lane_slots, region.lane * gas.grid.lane_slots + n):
+                link_cells(i, n, region, gas)
         if ti.static(gas.uses.walled):
             place_walls(region, gas)
         if ti.static(gas.uses.rests):
-            judge(n, tile, region, gas)
+            update_resting(n, tile, region, gas)
 
 
 @ti.func
@@ -341,7 +341,7 @@ def run_windows(
         for item in range((n_listed - first) * team):
             k, region, thread, _n = share_of(item, first, gas)
             if is_going(gas) and cells_of(region, gas) <= gas.grid.cells:
-                choose(k, thread, region, gas)
+                gather(k, thread, region, gas)
         for item in range((n_listed - first) * team):
             k, region, thread, _n = share_of(item, first, gas)
             if is_going(gas) and has_room(k, region, gas):
@@ -356,21 +356,21 @@ def run_windows(
         for item in range((n_listed - first) * team):
             k, region, m, n = share_of(item, first, gas)
             while m < n:
-                lay(m, k, region, gas)
+                load(m, k, region, gas)
                 m += team
         for item in range((n_listed - first) * team):
             _k, region, m, n = share_of(item, first, gas)
             if ti.static(gas.uses.layered):
                 if n > 0:
-                    chain_layers(n, region, gas)
+                    link_cells_of_layers(n, region, gas)
             else:
                 while m < n:
-                    chain(region.lane * gas.grid.places + m, n, region, gas)
+                    link_cells(region.lane * gas.grid.lane_slots + m, n, region, gas)
                     m += team
         for item in range((n_listed - first) * team):
             _k, region, m, n = share_of(item, first, gas)
             while m < n:
-                predict(region.lane * gas.grid.places + m, 0, 1, -1, 1, 1, 0, region, gas)
+                predict(region.lane * gas.grid.lane_slots + m, 0, 1, -1, 1, 1, 0, region, gas)
                 m += team
         ti.loop_config(block_dim=32)
         for item in range((n_listed - first) * gas.grid.stride):
@@ -439,7 +439,7 @@ def verify(
             gas.listed[ti.atomic_add(gas.counter.n_bad, 1)] = k
             if gas.reach[k].halo >= gas.scale.most_halo:
                 ti.atomic_add(gas.counter.stuck, 1)
-            gas.reach[k].halo_factor = WIDEN * gas.reach[k].halo_factor
+            gas.reach[k].halo_factor = HALO_GROWTH * gas.reach[k].halo_factor
 
 
 @ti.kernel

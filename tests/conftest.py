@@ -43,7 +43,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         pytest.param("cuda", marks=pytest.mark.skipif(not CUDA, reason="no CUDA device on this machine")),
     ]
 )
-def arch(request: pytest.FixtureRequest) -> str:
+def device(request: pytest.FixtureRequest) -> str:
     """Every device of this machine that the engine runs on."""
     return str(request.param)
 

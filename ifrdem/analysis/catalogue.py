@@ -87,7 +87,7 @@ def of_pairs(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation
     found = structure.pair_correlation(_positions(trajectory, used), box, r_max=reach, bins=240, time=when)
     rows: list[Reading] = []
     try:
-        if trajectory.room.all_walls:
+        if trajectory.free_area.all_walls:
             notes = ["walls: no contact value, and g is relative to the mean density of the whole box"]
         else:
             contact = structure.contact_value(_positions(trajectory, used), box, radius=radius, time=when)
@@ -390,7 +390,7 @@ def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
 
 def _bounded(trajectory: Trajectory) -> list[bool]:
     """True for x and y if walls keep the disks from diffusing far along it, for ever."""
-    walls = trajectory.room.all_walls
+    walls = trajectory.free_area.all_walls
     if any(wall.shape == "container" for wall in walls):
         return [True, True]
     # In an open box a line bounds one side only; in others, periodic or not, it bounds both.
@@ -431,7 +431,7 @@ def _span_mean(when: Array, values: Array, span: tuple[float, float]) -> float:
 
 def of_pressure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     box, disks = trajectory.box, trajectory.disks
-    if box.is_open or trajectory.room.all_walls:
+    if box.is_open or trajectory.free_area.all_walls:
         text = "pressure of a homogeneous gas in a periodic box only"
         raise InputError(f"{text}: this one has walls or no sides")
     used = every(trajectory, chosen)
@@ -615,8 +615,8 @@ class Analysis:
 
 ANALYSES = {
     "velocity": Analysis("velocities and spins: Sonine coefficients", of_velocity),
-    "g": Analysis("pair correlation g(r)", of_pairs),
-    "S": Analysis("structure factor S(k)", of_structure),
+    "rdf": Analysis("pair correlation g(r)", of_pairs),
+    "structure-factor": Analysis("structure factor S(k)", of_structure),
     "msd": Analysis("mean-square displacement", of_msd),
     "vacf": Analysis("velocity autocorrelation", of_vacf),
     "fields": Analysis("coarse-grained fields", of_fields),

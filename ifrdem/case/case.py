@@ -14,12 +14,12 @@ from pydantic import AfterValidator, Field, model_validator
 from ..errors import InputError, nearest, there_are
 from ..fit.tabular import Form
 from ..initial import radii
-from ..kernels.limits import MOST_IDS
+from ..kernels.columns import MOST_IDS
 from ..model.box import Box
 from ..model.coin_table import coins
 from ..model.gravity import DEFAULT_STEP, MAX_STEP
 from .output_section import OutputSection
-from .section import Keys, Section, key, refusal
+from .section import Keys, Section, field, refusal
 from .walls_section import Pair, WallSection
 
 _SI = {
@@ -31,7 +31,8 @@ UNITS: Mapping[str, Mapping[str, str]] = {"SI": _SI, "reduced": dict.fromkeys(_S
 
 Name = Annotated[str, Field(min_length=1, max_length=100)]
 IMPACT_SCAN = "impact_scan"
-PLACED = ("random", "growth", "hexagonal")
+GROWN = "lubachevsky_stillinger"
+PLACED = ("random", GROWN, "hexagonal")
 WAYS_TO_PLACE = (*PLACED, IMPACT_SCAN)
 
 
@@ -40,34 +41,34 @@ class RunSection(Section):
 
     choices: ClassVar[tuple[Keys, ...]] = (Keys(("t_end",)), Keys(("collisions_per_disk",)))
 
-    name: str = key("cooling", "run", pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.+-]*$", max_length=100)
+    name: str = field("cooling", "run", pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.+-]*$", max_length=100)
     """Name [text: letters, digits, _ . + -]; the outputs are NAME.h5 and NAME.png."""
-    seed: int = key(1, 0, ge=0, lt=2**63)
+    seed: int = field(1, 0, ge=0, lt=2**63)
     """Seed of every random number [whole number]; one seed, one result."""
-    t_end: float | None = key(2.0, None, gt=0.0)
+    t_end: float | None = field(2.0, None, gt=0.0)
     """Simulated time at which the run ends [s]: a time of the run's clock, which begins at start.time."""
-    collisions_per_disk: float | None = key(50.0, None, gt=0.0)
+    collisions_per_disk: float | None = field(50.0, None, gt=0.0)
     """Collisions per disk, mean over all disks, at which the run ends [1]; if the clock of a frame continues, those
     before the frame count too."""
-    arch: Literal["cpu", "cuda"] = key("cpu", "cpu")
+    device: Literal["cpu", "cuda"] = field("cpu", "cpu")
     """Device: "cpu", or "cuda" (an NVIDIA GPU)."""
-    threads: int | None = key(2, None, ge=1)
+    threads: int | None = field(2, None, ge=1)
     """CPU threads [whole number]; all cores without it. The result does not depend on it."""
-    precision: Literal["f64", "f32"] = key("f64", "f64")
+    precision: Literal["f64", "f32"] = field("f64", "f64")
     """Numbers that the run computes with: "f64" (double precision), or "f32" (single: less memory, less exact)."""
-    units: Literal["SI", "reduced"] = key("SI", "SI")
+    units: Literal["SI", "reduced"] = field("SI", "SI")
     """ "SI": numbers are in the units in brackets; "reduced": in any consistent system, and the brackets only tell the
     dimension. Nothing is converted."""
-    collapse: Literal["none", "velocity_cutoff", "tc", "rest"] = key("velocity_cutoff", "none")
+    collapse: Literal["none", "velocity_cutoff", "tc", "rest"] = field("velocity_cutoff", "none")
     """Against collisions without end (inelastic collapse, disks that come to rest): "none", "velocity_cutoff"
     (collisions slower than velocity_cutoff are elastic), "tc" (those of a disk that collided less than
     contact_time ago are) or "rest" (contacts slower than resting_speed last, and disks that lie still sleep)."""
-    velocity_cutoff: float | None = key(1.0e-3, None, gt=0.0)
+    velocity_cutoff: float | None = field(1.0e-3, None, gt=0.0)
     """Normal speed of approach below which collisions are elastic [m/s], with collapse = "velocity_cutoff"."""
-    contact_time: float | None = key(1.0e-4, None, gt=0.0)
+    contact_time: float | None = field(1.0e-4, None, gt=0.0)
     """Time after a collision in which further ones are elastic [s], with collapse = "tc"; a hundredth of the mean free
     time changes little."""
-    resting_speed: float | None = key(1.0e-3, None, gt=0.0)
+    resting_speed: float | None = field(1.0e-3, None, gt=0.0)
     """Speed below which contacts last and disks fall asleep under gravity [m/s], with collapse = "rest"."""
 
     @classmethod
@@ -90,37 +91,39 @@ class BoxSection(Section):
 
     choices: ClassVar[tuple[Keys, ...]] = (Keys(("packing_fraction",), also=("aspect",)), Keys(("lengths",)))
 
-    packing_fraction: float | None = key(0.25, None, gt=0.0, le=0.9069)
+    packing_fraction: float | None = field(0.25, None, gt=0.0, le=0.9069)
     """Fraction of the area that disks cover [1], up to 0.9069, the densest packing of equal disks; start.positions
     says how dense a start can be."""
-    aspect: float = key(1.0, 1.0, gt=0.0)
+    aspect: float = field(1.0, 1.0, gt=0.0)
     """Ratio of the sides Lx/Ly [1]."""
-    lengths: list[Annotated[float, Field(gt=0.0)]] | None = key([8.0, 8.0], None, min_length=2, max_length=2)
+    lengths: list[Annotated[float, Field(gt=0.0)]] | None = field(
+        [8.0, 8.0], None, min_length=2, max_length=2
+    )
     """Sides [Lx, Ly] [m]."""
-    shear_rate: float = key(0.5, 0.0)
+    shear_rate: float = field(0.5, 0.0)
     """Rate du_x/dy of a steady shear flow along x [1/s]; starts and temperatures are relative to it."""
-    open: bool = key(True, False)
+    open: bool = field(True, False)
     """No box: disks may fly apart for ever [true or false]. packing_fraction or lengths are then those of the
     rectangle in which they start, and not needed with a start file."""
-    periodic: list[bool] = key([True, False], [True, True], min_length=2, max_length=2)
+    periodic: list[bool] = field([True, False], [True, True], min_length=2, max_length=2)
     """Periodic sides, along x and along y: disks that leave come in on the other side [true or false]; straight walls
     stand at the others."""
-    material: Name | None = key("steel", None)
+    material: Name | None = field("steel", None)
     """Name of the material of walls at the sides [text]; needed where a side is not periodic. That of a species, or
     another one with a [[pair]] for each material of the disks."""
-    gravity: Pair = key([0.0, -9.81], [0.0, 0.0])
+    gravity: Pair = field([0.0, -9.81], [0.0, 0.0])
     """Acceleration [gx, gy] of all disks [m/s^2]; only along directions that are not periodic."""
-    gravity_turns: float = key(0.02, 0.0)
+    gravity_rotation_rate: float = field(0.02, 0.0)
     """Rate at which gravity turns [rad/s], positive counter-clockwise, as in the frame of a slow drum that turns the
     other way; it begins with gravity, and no side may be periodic."""
-    gravity_step: float = key(DEFAULT_STEP, DEFAULT_STEP, gt=0.0, le=MAX_STEP)
+    gravity_rotation_step: float = field(DEFAULT_STEP, DEFAULT_STEP, gt=0.0, le=MAX_STEP)
     """Angle of the steps in which gravity turns [rad]."""
 
     @classmethod
     def mistakes(cls, data: dict[str, Any]) -> list[str]:
         """Also whether sides that are walls have a material, and gravity has a floor. An open box needs no size."""
         if data.get("open") is True:
-            walled = ("periodic", "material", "gravity", "gravity_turns", "shear_rate")
+            walled = ("periodic", "material", "gravity", "gravity_rotation_rate", "shear_rate")
             wrong = [f"{key}: not in an open box" for key in walled if key in data]
             if {"packing_fraction", "lengths"} & set(data):
                 return wrong + super().mistakes(data)
@@ -138,16 +141,18 @@ class BoxSection(Section):
                 f"shear_rate = {data['shear_rate']}: the box must be periodic along x and y; shear between walls by "
                 "walls that move or have a surface_speed"
             )
-        if turns := data.get("gravity_turns"):
+        if turns := data.get("gravity_rotation_rate"):
             if not isinstance(gravity, list) or not any(gravity):
-                wrong.append(f"gravity_turns = {turns}: there is no gravity to turn; gravity is missing")
+                wrong.append(
+                    f"gravity_rotation_rate = {turns}: there is no gravity to turn; gravity is missing"
+                )
             if any(periodic):
                 wrong.append(
-                    f"gravity_turns = {turns}: disks would fall for ever where a side is periodic; periodic = [false, "
-                    "false] is needed"
+                    f"gravity_rotation_rate = {turns}: disks would fall for ever where a side is periodic; periodic = "
+                    "[false, false] is needed"
                 )
-        elif "gravity_step" in data:
-            wrong.append("gravity_step: only where gravity_turns")
+        elif "gravity_rotation_step" in data:
+            wrong.append("gravity_rotation_step: only where gravity_rotation_rate")
         if isinstance(gravity, list) and len(gravity) == 2:
             wrong += [
                 f"gravity = {gravity}: disks would fall for ever along {axis}, which is periodic; periodic = "
@@ -157,7 +162,7 @@ class BoxSection(Section):
             ]
         return wrong
 
-    def patch(self, covered: float) -> Box | None:
+    def start_region(self, covered: float) -> Box | None:
         """The rectangle that is given a size, for disks that cover so much area [length^2]; None if none is.
 
         It is the box, or where disks of an open one start.
@@ -176,22 +181,22 @@ class BoxSection(Section):
 
 # The ranges sit inside the Annotated types, so that `X | None` still checks them; `Section.about` finds them.
 NormalRestitution = Annotated[
-    float, key(0.87, ge=0.0, le=1.0, description="normal restitution e_n [1], 0 to 1 (elastic)")
+    float, field(0.87, ge=0.0, le=1.0, description="normal restitution e_n [1], 0 to 1 (elastic)")
 ]
 TANGENTIAL = (
     "tangential restitution e_t [1], -1 (smooth but for friction) to 1; with percussion-centre sticking, "
     "homogeneous disks never gain energy up to -0.5"
 )
-TangentialRestitution = Annotated[float, key(-0.88, ge=-1.0, le=1.0, description=TANGENTIAL)]
-Friction = Annotated[float, key(0.21, ge=0.0, description="sliding friction mu [1], 0 or more")]
+TangentialRestitution = Annotated[float, field(-0.88, ge=-1.0, le=1.0, description=TANGENTIAL)]
+Friction = Annotated[float, field(0.21, ge=0.0, description="sliding friction mu [1], 0 or more")]
 STICKING = (
     'what stops slipping in a sticking collision: "percussion_center" (Eq. 15, the paper\'s choice) or '
     '"contact_point" (Eq. 12)'
 )
 Sticking = Annotated[
-    Literal["percussion_center", "contact_point"], key("percussion_center", description=STICKING)
+    Literal["percussion_center", "contact_point"], field("percussion_center", description=STICKING)
 ]
-RollingFriction = Annotated[float, key(0.0, ge=0.0, description="rolling friction rho [m], 0 or more")]
+RollingFriction = Annotated[float, field(0.0, ge=0.0, description="rolling friction rho [m], 0 or more")]
 
 
 def _known_coin(name: str) -> str:
@@ -208,9 +213,9 @@ class MaterialSection(Section):
 
     choices: ClassVar[tuple[Keys, ...]] = (Keys(("e_n", "e_t", "mu")), Keys(("coin",)))
 
-    name: Name = key("aluminium")
+    name: Name = field("aluminium")
     """Name that species and pairs use [text]."""
-    coin: CoinName | None = key("1 pta", None)
+    coin: CoinName | None = field("1 pta", None)
     """Take e_n, e_t, mu of this coin of the paper's Table II [text], for instance."""
     e_n: NormalRestitution | None = None
     e_t: TangentialRestitution | None = None
@@ -222,7 +227,7 @@ class MaterialSection(Section):
 class PairSection(Section):
     """Collisions of two different materials, those of walls too. No coefficient is ever guessed from two materials."""
 
-    materials: list[Name] = key(["bronze-aluminium", "aluminium"], min_length=2, max_length=2)
+    materials: list[Name] = field(["bronze-aluminium", "aluminium"], min_length=2, max_length=2)
     """Names of the two materials [text], of disks or of disks and a wall."""
     e_n: NormalRestitution
     e_t: TangentialRestitution
@@ -234,18 +239,18 @@ class PairSection(Section):
 class RadiiSection(Section):
     """Radii that are not all equal: a distribution, sampled with the run's seed."""
 
-    distribution: Literal["uniform", "gaussian", "lognormal", "bidisperse"] = key("lognormal")
+    distribution: Literal["uniform", "gaussian", "lognormal", "bidisperse"] = field("lognormal")
     """ "uniform" (low, high), "gaussian" (mean, deviation), "lognormal" (mean, deviation) or "bidisperse" (low, high,
     large_fraction)."""
-    mean: float | None = key(10.0e-3, None, gt=0.0)
+    mean: float | None = field(10.0e-3, None, gt=0.0)
     """Mean radius of the whole distribution [m]."""
-    deviation: float | None = key(2.0e-3, None, gt=0.0)
+    deviation: float | None = field(2.0e-3, None, gt=0.0)
     """Standard deviation of the radius, not of its logarithm [m]."""
-    low: float | None = key(5.0e-3, None, gt=0.0)
+    low: float | None = field(5.0e-3, None, gt=0.0)
     """Smallest radius [m]: cuts off a Gaussian (else at 3 deviations) or lognormal distribution."""
-    high: float | None = key(20.0e-3, None, gt=0.0)
+    high: float | None = field(20.0e-3, None, gt=0.0)
     """Largest radius [m]: cuts off likewise."""
-    large_fraction: float | None = key(0.5, None, gt=0.0, lt=1.0)
+    large_fraction: float | None = field(0.5, None, gt=0.0, lt=1.0)
     """Part of the disks that have radius high [1]."""
 
     @classmethod
@@ -282,68 +287,72 @@ class SpeciesSection(Section):
         *(Keys(("areal_density", size), also=("k",)) for size in ("radius", "diameter", "radii")),
     )
 
-    name: Name = key("coins")
+    name: Name = field("coins")
     """Name [text]."""
-    number: int = key(50000, ge=1, le=MOST_IDS)
+    number: int = field(50000, ge=1, le=MOST_IDS)
     """Number of disks [whole number]."""
-    material: Name | None = key("aluminium", None)
+    material: Name | None = field("aluminium", None)
     """Name of the material [text]; not needed with a coin, which brings its own."""
-    coin: CoinName | None = key("1 pta", None)
+    coin: CoinName | None = field("1 pta", None)
     """Mass and diameter of this coin of the paper's Sec. III [text; SI units only]."""
-    mass: float | None = key(1.19e-3, None, gt=0.0)
+    mass: float | None = field(1.19e-3, None, gt=0.0)
     """Mass of one disk [kg]."""
-    radius: float | None = key(10.5e-3, None, gt=0.0)
+    radius: float | None = field(10.5e-3, None, gt=0.0)
     """Radius [m]."""
-    diameter: float | None = key(21.0e-3, None, gt=0.0)
+    diameter: float | None = field(21.0e-3, None, gt=0.0)
     """Diameter [m]."""
-    radii: RadiiSection | None = key({"distribution": "gaussian", "mean": 10.5e-3, "deviation": 1.0e-3}, None)
+    radii: RadiiSection | None = field(
+        {"distribution": "gaussian", "mean": 10.5e-3, "deviation": 1.0e-3}, None
+    )
     """Distribution of the radii instead of one radius [table; m]: "uniform" (low, high), "gaussian" or "lognormal"
     (mean, deviation; cut off at low, high), "bidisperse" (low, high, large_fraction by number)."""
-    areal_density: float | None = key(3.4, None, gt=0.0)
+    areal_density: float | None = field(3.4, None, gt=0.0)
     """Mass per area [kg/m^2] instead of one mass: each disk has areal_density pi R^2. It is the density of the
     material times the thickness of the disks."""
-    k: float = key(2.0, 2.0, gt=0.0)
+    k: float = field(2.0, 2.0, gt=0.0)
     """Shape number in the moment of inertia m R^2 / k [1]: 2 homogeneous disk, 1 hoop."""
-    speed_rms: float = key(1.0, 0.0, ge=0.0)
+    speed_rms: float = field(1.0, 0.0, ge=0.0)
     """Root mean square speed at the start [m/s], Maxwellian, without total momentum."""
-    spin_rms: float = key(0.0, 0.0, ge=0.0)
+    spin_rms: float = field(0.0, 0.0, ge=0.0)
     """Root mean square spin at the start [rad/s], Gaussian."""
 
 
 class ForceSection(Section):
     """A force on all disks between collisions, at the middle of each of its steps: a drive, or drag."""
 
-    kind: Literal["kicks", "spin_kicks", "langevin", "drag", "rescale", "table_friction"] = key("kicks")
-    """ "kicks" (random, without total momentum; power or diffusion), "spin_kicks" (likewise of spins), "langevin" (a
+    kind: Literal["random_force", "random_torque", "langevin", "drag", "rescale", "table_friction"] = field(
+        "random_force"
+    )
+    """ "random_force" (without total momentum; power or diffusion), "random_torque" (the same of spins), "langevin" (a
     heat bath; temperature, rate, spin_temperature, spin_rate), "drag" (rate, quadratic, spin_rate), "rescale" (a
     thermostat; temperature or energy) or "table_friction" (disks that lie on a table; mu, gravity)."""
-    step: float = key(2e-3, gt=0.0)
+    step: float = field(2e-3, gt=0.0)
     """Time between two applications [s]; a part of the mean free time. Errors go with its square."""
-    power: float | None = key(1e-3, None, gt=0.0)
+    power: float | None = field(1e-3, None, gt=0.0)
     """Energy that each disk gets per time [W]."""
-    diffusion: float | None = key(0.5, None, gt=0.0)
+    diffusion: float | None = field(0.5, None, gt=0.0)
     """Instead of power: D in <dv_x^2> = 2 D dt [m^2/s^3], or <d omega^2> = 2 D dt [rad^2/s^3]."""
-    temperature: float | None = key(5e-4, None, ge=0.0)
+    temperature: float | None = field(5e-4, None, ge=0.0)
     """Of the heat bath, or to rescale to: mean of m v^2 / 2 [J]."""
-    spin_temperature: float | None = key(5e-4, None, ge=0.0)
+    spin_temperature: float | None = field(5e-4, None, ge=0.0)
     """Of the heat bath for spins, mean of I omega^2 [J]; temperature without it."""
-    energy: float | None = key(1e-3, None, gt=0.0)
+    energy: float | None = field(1e-3, None, gt=0.0)
     """To rescale to: kinetic energy of a disk, spins included, mean over all [J]."""
-    rate: float | None = key(0.5, None, ge=0.0)
+    rate: float | None = field(0.5, None, ge=0.0)
     """Friction rate of velocities [1/s]."""
-    spin_rate: float | None = key(0.5, None, ge=0.0)
+    spin_rate: float | None = field(0.5, None, ge=0.0)
     """Friction rate of spins [1/s]."""
-    quadratic: float | None = key(0.1, None, ge=0.0)
+    quadratic: float | None = field(0.1, None, ge=0.0)
     """Quadratic drag over mass, c in dv/dt = -c |v| v [1/m]."""
 
-    mu: float | None = key(0.2, None, gt=0.0)
+    mu: float | None = field(0.2, None, gt=0.0)
     """Sliding friction on the table [1]."""
-    gravity: float | None = key(9.81, None, gt=0.0)
+    gravity: float | None = field(9.81, None, gt=0.0)
     """Acceleration that presses disks on the table [m/s^2]; 9.81 without it."""
 
     kinds: ClassVar[Mapping[str, Keys]] = {
-        "kicks": Keys(one=("power", "diffusion")),
-        "spin_kicks": Keys(one=("power", "diffusion")),
+        "random_force": Keys(one=("power", "diffusion")),
+        "random_torque": Keys(one=("power", "diffusion")),
         "langevin": Keys(("temperature",), some=("rate", "spin_rate"), also=("spin_temperature",)),
         "drag": Keys(some=("rate", "quadratic", "spin_rate")),
         "rescale": Keys(one=("temperature", "energy")),
@@ -385,36 +394,36 @@ class StartSection(Section):
     )
     choice_optional = True
 
-    positions: Annotated[str, AfterValidator(_known_positions)] = key("random", "random")
-    """ "random" (one by one, to 0.5 of the area), "growth" (random too, to 0.84), "hexagonal" (a lattice),
-    "impact_scan" (pairs, one disk of each at rest, hit at angles psi), or the name of a trajectory, such as
+    positions: Annotated[str, AfterValidator(_known_positions)] = field("random", "random")
+    """ "random" (one by one, to 0.5 of the area), "lubachevsky_stillinger" (random too, to 0.84), "hexagonal" (a
+    lattice), "impact_scan" (pairs, one disk of each at rest, hit at angles psi), or the name of a trajectory, such as
     "run.h5" (path from the case file), whose box must be the same."""
-    frame: int | None = key(-1, None)
+    frame: int | None = field(-1, None)
     """Frame of the trajectory [whole number]: 0 the first, -1 the last, which it is without this key."""
-    motion: bool = key(True, False)
+    motion: bool = field(True, False)
     """Take velocities and spins from the frame as well [true or false], instead of speed_rms and spin_rms."""
-    time: float | None = key(0.0, None, ge=0.0)
+    time: float | None = field(0.0, None, ge=0.0)
     """Time of the run's clock at the start [s], by which walls move and open, gravity turns and forces act. With a
     frame it begins a new clock; by default the clock of the frame continues, with its numbers of collisions. The
     default for a CSV file is 0."""
-    psi: list[Annotated[float, Field(gt=-90.0, lt=90.0)]] | None = key(
+    psi: list[Annotated[float, Field(gt=-90.0, lt=90.0)]] | None = field(
         [0.0, 89.0], None, min_length=2, max_length=2
     )
     """Of an impact scan: first and last angle of impact from the line of centres [degrees]; 0 and 89 without it."""
-    speed: float | None = key(1.0, None, gt=0.0)
+    speed: float | None = field(1.0, None, gt=0.0)
     """Of an impact scan: speed of the disk that hits [m/s]."""
-    file: Name | None = key("start.csv", None)
+    file: Name | None = field("start.csv", None)
     """CSV file [text; path from the case file]: a line a disk, in the order of the species, with the columns x, y [m]
     and, to set velocities too, vx, vy [m/s] and spin [rad/s]."""
-    columns: dict[str, str] | None = key({"x": "pos x"}, None)
+    columns: dict[str, str] | None = field({"x": "pos x"}, None)
     """Names of the CSV file's columns, where they are others [table]."""
-    units: dict[str, str] | None = key({"x": "mm"}, None)
+    units: dict[str, str] | None = field({"x": "mm"}, None)
     """Units of the CSV file's columns, where they are not SI [table], such as mm, cm/s, deg/s, or a factor."""
-    delimiter: str | None = key(";", None)
+    delimiter: str | None = field(";", None)
     """Character that separates the CSV file's columns [text]."""
-    decimal: Literal[".", ","] | None = key(",", None)
+    decimal: Literal[".", ","] | None = field(",", None)
     """Decimal point of the CSV file [text]: "." or ","."""
-    relax: float | None = key(1.0e-4, None, gt=0.0)
+    relax: float | None = field(1.0e-4, None, gt=0.0)
     """Overlaps of the CSV file's disks up to this are errors of measurement [m]: the disks are moved apart."""
 
     @classmethod
@@ -484,7 +493,7 @@ class Case(Section):
     def sets_in_motion(self) -> bool:
         """True if a flow, a force, a wall or gravity moves disks that are at rest, or may."""
         kicked = (
-            each.kind in ("kicks", "langevin") and each.temperature != 0.0 and each.rate != 0.0
+            each.kind in ("random_force", "langevin") and each.temperature != 0.0 and each.rate != 0.0
             for each in self.force
         )
         moving = any(

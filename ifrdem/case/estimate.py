@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from .. import theory
 from ..errors import TheoryError
-from ..kernels import limits
+from ..kernels import columns
 from ..model.observables import MECHANISMS, REGIMES
 from ..model.walls import PISTONS, SUMS
 from ..theory import driven_gas, sheared_gas
@@ -83,7 +83,7 @@ def run_seconds(collisions: float, n: int, phi: float, threads: int) -> float:
         return math.nan
     cost = float(np.exp(np.interp(math.log(phi), np.log(COSTS[:, 0]), np.log(COSTS[:, 1]))))
     cost *= math.sqrt(max(COSTS[0, 0] / phi, 1.0))
-    return 1e-6 * collisions * cost * (1.0 if n <= limits.ALONE else IN_TILES / (0.9 * threads + 0.1))
+    return 1e-6 * collisions * cost * (1.0 if n <= columns.SINGLE_TILE else IN_TILES / (0.9 * threads + 0.1))
 
 
 RANK_BYTES = 280_000_000
@@ -150,7 +150,9 @@ class RankPlan:
 class RunEstimate:
     """Figures of a gas at its start, and of its run; nan where theory does not tell."""
 
-    packing_fraction: float  # part of the area that disks cover, of the room between walls; 0 in an open box
+    packing_fraction: (
+        float  # part of the area that disks cover, of the free area between walls; 0 in an open box
+    )
     number_density: float  # disks per area [1/length^2]; 0 in an open box
     collision_rate: tuple[float, ...]  # per disk [1/time], species by species; 0 in an open box
     # Mean speed over collision rate [length], species by species; nan where nothing moves.
@@ -169,13 +171,13 @@ class RunEstimate:
 
     def computed(self, n: int) -> float:
         """Collisions that are computed: tiles compute a window once more for each frame in it."""
-        return self.collisions + (self.frames * 0.5 * n * IN_A_WINDOW if n > limits.ALONE else 0.0)
+        return self.collisions + (self.frames * 0.5 * n * IN_A_WINDOW if n > columns.SINGLE_TILE else 0.0)
 
     @classmethod
     def of(cls, gas: CaseGas) -> RunEstimate:
         """The estimate for a gas and its case."""
         case, n, output = gas.case, gas.n, gas.case.output
-        phi = gas.room.covered_part(gas.kinds.covered)
+        phi = gas.free_area.covered_part(gas.kinds.covered)
         rates, speeds = _rates_and_speeds(gas)
         paths = [speed / rate if rate > 0.0 else math.nan for speed, rate in zip(speeds, rates, strict=True)]
         mean_rate = sum(each.number * rate for each, rate in zip(gas.species, rates, strict=True)) / n
@@ -198,7 +200,7 @@ class RunEstimate:
         events = sum(round(tracked * each) for each in changes if not math.isnan(each))
         return cls(
             packing_fraction=phi,
-            number_density=n / gas.room.area(),
+            number_density=n / gas.free_area.area(),
             collision_rate=tuple(rates),
             free_path=tuple(paths),
             end_time=end,
@@ -207,7 +209,8 @@ class RunEstimate:
             steady_state=steady,
             wall_hits=_wall_hits(gas),
             file_bytes=_trajectory_bytes(n, case, frames=frames, rows=rows, tracked=tracked, events=events),
-            array_bytes=n * (limits.BYTES_PER_DISK + (limits.RESTING_BYTES if case.run.resting_speed else 0)),
+            array_bytes=n
+            * (columns.BYTES_PER_DISK + (columns.RESTING_BYTES if case.run.resting_speed else 0)),
             frames=frames,
             rows=rows,
             tracked=tracked,
@@ -227,7 +230,7 @@ def _only_cools(gas: CaseGas) -> bool:
         return False
     classes = [one for each in gas.species for one in each.classes()]
     mass, radius = (
-        np.array([getattr(one.look, name).mean for one in classes]) for name in ("mass", "radius")
+        np.array([getattr(one.summary, name).mean for one in classes]) for name in ("mass", "radius")
     )
     speed, spin, k = (
         np.array([getattr(one, name) for one in classes]) for name in ("speed_rms", "spin_rms", "k")
@@ -254,7 +257,7 @@ def _rates_and_speeds(gas: CaseGas) -> tuple[list[float], list[float]]:
     A disk that is alone meets no other.
     """
     classes = [each.classes() for each in gas.species]
-    found = iter(collision_rates([one for group in classes for one in group], gas.room.area()))
+    found = iter(collision_rates([one for group in classes for one in group], gas.free_area.area()))
     rates, speeds = [], []
     for group in classes:
         number = [one.number for one in group]
@@ -268,7 +271,7 @@ def _rates_and_speeds(gas: CaseGas) -> tuple[list[float], list[float]]:
 def collision_rates(species: Sequence[Species], area: float) -> NDArray[np.float64]:
     """Collisions per disk and time [1/time] of each species of equal disks with Maxwellian velocities, in an area."""
     number = np.array([each.number for each in species], dtype=np.float64)
-    radius = np.array([each.look.radius.mean for each in species])
+    radius = np.array([each.summary.radius.mean for each in species])
     variance = np.array([0.5 * each.speed_rms**2 for each in species])  # T / m
     g = theory.mixture_contact_values(math.pi * float(number @ radius**2) / area, radius, number)
     ones = np.ones(len(number))
@@ -282,17 +285,17 @@ def _wall_hits(gas: CaseGas) -> float:
     wall, in equilibrium, their density n_w is that of the middle times p / (n T) = 1 + 2 phi g, because the pressure is
     the same; here the mean is taken for the middle, and centres stay a radius off.
     """
-    room, rate = gas.room, 0.0
-    if not room.all_walls:
+    free_area, rate = gas.free_area, 0.0
+    if not free_area.all_walls:
         return rate
-    phi = room.covered_part(gas.kinds.covered)
+    phi = free_area.covered_part(gas.kinds.covered)
     crowding = 1.0 + 2.0 * phi * theory.contact_value(min(phi, 0.9))
     for each in gas.species:
-        inset = each.look.radius.mean
-        if (area := room.area(inset)) > 0.0:
+        inset = each.summary.radius.mean
+        if (area := free_area.area(inset)) > 0.0:
             along_x = each.speed_rms / math.sqrt(2.0)
             flux = each.number / area * along_x / math.sqrt(2.0 * math.pi)
-            rate += crowding * flux * room.wall_length(inset)
+            rate += crowding * flux * free_area.wall_length(inset)
     return rate
 
 
@@ -311,7 +314,7 @@ def _by_theory(gas: CaseGas, phi: float, rate: float) -> tuple[tuple[float, floa
     each, law, shear_rate = gas.species[0], gas.law(), gas.box.shear_rate
     if gas.box.is_open or len(gas.species) > 1 or not each.equal or law.rho > 0.0:
         return None, end, per_disk
-    mass, radius = each.look.mass.low, each.look.radius.low
+    mass, radius = each.summary.mass.low, each.summary.radius.low
     inertia = mass * radius**2 / each.k
     one = (law, mass, radius, each.k, phi)
     T, T_rot = 0.5 * mass * each.speed_rms**2, inertia * each.spin_rms**2

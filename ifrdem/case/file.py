@@ -14,10 +14,11 @@ from typing import Any, get_args, get_origin
 from pydantic import ValidationError
 
 from ..errors import InputError, listed, nearest
-from ..tools import text_file, world
+from ..mpi import communicator
+from ..tools import text_file
 from .case import IMPACT_SCAN, Case
 from .gas import CaseGas, judge
-from .section import Complaint, Section
+from .section import Problem, Section
 
 KeyPath = tuple[str | int, ...]
 
@@ -91,8 +92,10 @@ def read_on_ranks(find: Callable[[], Path], overrides: Sequence[str], comm: Any)
         path = find()
         return of_text(load(path)[0], path, overrides, comm)
 
-    whole = world.on_first(comm, first)
-    file = world.told(comm, None if whole is None else replace(whole, gas=replace(whole.gas, given=None)))
+    whole = communicator.run_on_root(comm, first)
+    file = communicator.bcast(
+        comm, None if whole is None else replace(whole, gas=replace(whole.gas, given=None))
+    )
     assert file is not None
     if not file.gas.is_read_in_slices(comm):
         return whole or file
@@ -118,13 +121,13 @@ def of_text(text: str, path: Path, overrides: Sequence[str] = (), comm: Any = No
         from .summary import refuse_beyond_memory
 
         try:
-            refuse_beyond_memory(gas.n, gas.case.run.arch)
+            refuse_beyond_memory(gas.n, gas.case.run.device)
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
     return CaseFile(path, text, tuple(overrides), gas if gas.is_read_in_slices(comm) else gas.ready())
 
 
-def _refuse(found: Sequence[Complaint], path: Path, overrides: Sequence[str]) -> None:
+def _refuse(found: Sequence[Problem], path: Path, overrides: Sequence[str]) -> None:
     """Raise InputError with a line for each thing that is wrong, if there is any."""
     set_here = {_spelled(parse_assignment(assignment)[0]) for assignment in overrides}
     texts = [f"{problem}{' [set on the command line]' * (problem.key in set_here)}" for problem in found]
@@ -132,7 +135,7 @@ def _refuse(found: Sequence[Complaint], path: Path, overrides: Sequence[str]) ->
         raise InputError(listed([f"{path}: {text}" for text in texts]))
 
 
-def judged(raw: Mapping[str, Any], folder: Path, comm: Any = None) -> tuple[CaseGas | None, list[Complaint]]:
+def judged(raw: Mapping[str, Any], folder: Path, comm: Any = None) -> tuple[CaseGas | None, list[Problem]]:
     """The gas of a parsed case, and everything wrong: keys, types and ranges first; if these are in order, rules.
 
     Unknown keys alone do not hide what the rules forbid.
@@ -144,7 +147,7 @@ def judged(raw: Mapping[str, Any], folder: Path, comm: Any = None) -> tuple[Case
     return gas, found + problems
 
 
-def _validated(raw: Mapping[str, Any]) -> tuple[Case | None, list[Complaint]]:
+def _validated(raw: Mapping[str, Any]) -> tuple[Case | None, list[Problem]]:
     """The case without its unknown keys, None if more is wrong; and everything wrong with keys, types and ranges."""
     try:
         return Case.model_validate(raw), []
@@ -247,7 +250,7 @@ def _parsed(text: str) -> dict[str, Any]:
         raise InputError(f"not valid TOML: {error}") from None
 
 
-def _translated(error: Mapping[str, Any], key: KeyPath) -> Complaint:
+def _translated(error: Mapping[str, Any], key: KeyPath) -> Problem:
     kind, context = error["type"], error.get("ctx", {})
     if kind == "extra_forbidden":
         section = _section(key[:-1])
@@ -282,7 +285,7 @@ def _translated(error: Mapping[str, Any], key: KeyPath) -> Complaint:
     valueless = kind in {"missing", "choice"} or (
         isinstance(error["input"], dict | list) and "type" not in kind and not kind.startswith("too_")
     )
-    return Complaint(_spelled(key), None if valueless else _shown(error["input"]), text)
+    return Problem(_spelled(key), None if valueless else _shown(error["input"]), text)
 
 
 def _spelled(key: Iterable[str | int]) -> str:

@@ -21,26 +21,27 @@ from ..initial.from_csv import Given
 from ..model import crush
 from ..model.box import Box
 from ..model.collapse import Rest
-from ..model.free_area import Room
+from ..model.free_area import FreeArea
 from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.observables import drift_text
-from ..model.state import DiskKinds, Disks, State, dealt, united
+from ..model.state import DiskKinds, Disks, State, merge_kinds, scatter_state
 from ..model.walls import Wall, at_displacements, free_directions, smooth_materials, wall_names
+from ..mpi import communicator, distribution
 from ..simulation import checks
 from ..simulation.simulation import Simulation
 from ..simulation.turning import FASTEST_DRUM
-from ..tools import seeds, slices, world
+from ..tools import seeds
 from . import pair_rules, rules
-from .case import IMPACT_SCAN, Case
+from .case import GROWN, IMPACT_SCAN, Case
 from .objects import collapse_of, device_of, gravity_of, record_of
 from .pair_rules import PairVerdict
-from .section import Complaint
+from .section import Problem
 from .species import Species, species_of
 
 if TYPE_CHECKING:
     from ..model.forces import Force
 
-TRIED = {"random": 10_000, "growth": 2_000}
+TRIED = {"random": 10_000, GROWN: 2_000}
 """Numbers of disks that are placed in about a second, by `start.positions`; others are faster than random."""
 
 
@@ -58,7 +59,7 @@ class CaseGas:
     verdicts: tuple[PairVerdict, ...]  # of each pair of species, and of each species and material of walls
     box: Box
     walls: tuple[Wall, ...] = ()  # beside those at the sides of the box
-    patch: Box | None = None  # where disks are placed at the start: the box, or what an open one says of it
+    start_region: Box | None = None  # where disks are placed: the box, or the rectangle of an open one
     # The start, if the case names a file or a trajectory with it; on ranks that read it in slices, that of the slice.
     given: Given | None = None
     # Mean velocity, weighted by mass, with which the whole gas starts and keeps moving [length/time], and its part of
@@ -82,14 +83,14 @@ class CaseGas:
             raise InputError(listed([str(problem) for problem in problems]))
         return gas.ready() if start else gas
 
-    def with_start(self, folder: Path, comm: Any) -> tuple[CaseGas, list[Complaint]]:
+    def with_start(self, folder: Path, comm: Any) -> tuple[CaseGas, list[Problem]]:
         """The gas with the slice of a start that each rank reads (`is_read_in_slices`), and all that is wrong with it.
 
         All ranks call this, and find the same wrong.
         """
-        found: list[Complaint] = []
-        radius = self.rows(slices.slice_of(self.n, comm)).radius
-        given = rules.given_start(self.case, radius, self.room, folder, found, comm)
+        found: list[Problem] = []
+        radius = self.rows(distribution.slice_of(self.n, comm)).radius
+        given = rules.given_start(self.case, radius, self.free_area, folder, found, comm)
         return replace(self, given=given), found
 
     def __getstate__(self) -> dict[str, Any]:
@@ -108,7 +109,7 @@ class CaseGas:
         gas = replace(self, given=given)
         if given is not None and given.velocity is not None and given.spin is not None:
             gas = gas._as_moving(given.velocity - self.box.flow(given.position), given.spin, comm)
-        elif self._has_lone and 1 < self.n <= slices.GATHERED:
+        elif self._has_lone and 1 < self.n <= distribution.GATHERED:
             gas = replace(gas._as_moving(*self._drawn_motion(comm), comm), drawn=self.species)
         gas._check_magnitudes(comm)
         return gas
@@ -149,9 +150,9 @@ class CaseGas:
         """The kinds of disks, without an array of all disks."""
         kinds, sums = [], []
         for each in self.species:
-            (*rows, material), every = each.look.kinds
+            (*rows, material), every = each.summary.kinds
             kinds.append(([*rows, np.full_like(material, self.materials.index(each.material))], every))
-        for block in slices.blocks(range(self.n)):
+        for block in distribution.blocks(range(self.n)):
             own = self._of_species(block)
             i = int(np.argmax([len(each) for each in own]))
             if len(own[i]) == len(block):
@@ -160,7 +161,7 @@ class CaseGas:
                 radius = self.rows(block).radius
                 sums.append((float(np.sum(np.square(radius))), float(np.sum(radius))))
         squares, radii = (functools.reduce(operator.add, each) for each in zip(*sums, strict=True))
-        return DiskKinds.made(united(kinds), self.n, self.n, squares, radii)
+        return DiskKinds.made(merge_kinds(kinds), self.n, self.n, squares, radii)
 
     @functools.cached_property
     def laws(self) -> list[list[IFRLaw | None]]:
@@ -176,9 +177,9 @@ class CaseGas:
         return [[found.get(frozenset((a, b))) for b in self.materials] for a in self.materials]
 
     @property
-    def room(self) -> Room:
+    def free_area(self) -> FreeArea:
         """The area that walls leave to the disks at the start."""
-        return Room(self.box, self._walls_at_start, self.begin[0])
+        return FreeArea(self.box, self._walls_at_start, self.begin[0])
 
     @property
     def begin(self) -> tuple[float, int]:
@@ -198,12 +199,14 @@ class CaseGas:
         texts = dict.fromkeys(each.message for each in self.verdicts if each.admissible and not each.strict)
         return list(texts)
 
-    def crushes(self) -> list[str]:
+    def wall_pinch_warnings(self) -> list[str]:
         """One text for each two walls that may crush a disk between them in the run; InputError if they must."""
         if not self.n:
             return []
         end = math.inf if self.case.run.t_end is None else self.case.run.t_end
-        return crush.foreseen(self.room.all_walls, self.box, self.kinds.radius, self.begin[0], end)
+        return crush.wall_pinch_warnings(
+            self.free_area.all_walls, self.box, self.kinds.radius, self.begin[0], end
+        )
 
     @property
     def drum(self) -> float:
@@ -214,7 +217,7 @@ class CaseGas:
         section = self.case.box
         radii = [wall.radius for wall in self.walls if wall.shape == "container"]
         radius = max(radii) if radii else 0.5 * max(self.box.lengths)
-        return section.gravity_turns**2 * radius / (math.hypot(*section.gravity) or 1.0)
+        return section.gravity_rotation_rate**2 * radius / (math.hypot(*section.gravity) or 1.0)
 
     @property
     def cautions(self) -> list[str]:
@@ -222,9 +225,9 @@ class CaseGas:
         texts, froude = self._drifting(), self.drum
         if froude > FASTEST_DRUM:
             texts.append(
-                f"box.gravity_turns = {self.case.box.gravity_turns:g}: the Froude number of such a drum, {froude:.3g}, "
-                f"is above {FASTEST_DRUM}: its frame has centrifugal and Coriolis accelerations, too, which are left "
-                "out"
+                f"box.gravity_rotation_rate = {self.case.box.gravity_rotation_rate:g}: the Froude number of such a "
+                f"drum, {froude:.3g}, is above {FASTEST_DRUM}: its frame has centrifugal and Coriolis accelerations, "
+                "too, which are left out"
             )
         texts += self._forgotten()
         if self.case.run.resting_speed is None:
@@ -238,7 +241,7 @@ class CaseGas:
                 if wall.temperature
                 else "; "
                 + (
-                    "in the frame of a slow drum gravity turns: let the wall stand, and give box.gravity_turns"
+                    "in the frame of a slow drum gravity turns: let the wall stand, and give box.gravity_rotation_rate"
                     if wall.turn.kind == "steady" or (wall.shape == "container" and wall.surface_speed)
                     else "in the frame of a steady motion the wall stands: let it, and move all others the other way"
                     if wall.motion.kind == "steady" or wall.surface_speed
@@ -313,9 +316,11 @@ class CaseGas:
     def strips(self) -> int:
         """Number of strips of the box in which disks are placed at random, each by one rank; 0 of other starts."""
         start = self.case.start
-        if self.patch is None or not start.placed or start.positions != "random":
+        if self.start_region is None or not start.placed or start.positions != "random":
             return 0
-        return placement.strips(Room(self.patch, self.walls), self.n, float(self.kinds.radius.max()))[1]
+        return placement.strips(
+            FreeArea(self.start_region, self.walls), self.n, float(self.kinds.radius.max())
+        )[1]
 
     @property
     def is_made_in_slices(self) -> bool:
@@ -323,24 +328,24 @@ class CaseGas:
 
         Other starts need all disks at once, and are made by one process.
         """
-        return self.case.start.file is not None or self.case.start.positions not in ("growth", IMPACT_SCAN)
+        return self.case.start.file is not None or self.case.start.positions not in (GROWN, IMPACT_SCAN)
 
     def is_read_in_slices(self, comm: Any) -> bool:
         """True if each of these ranks reads its rows of the file that gives the start."""
         start = self.case.start
-        return (start.file or start.trajectory) is not None and self.is_told_in_slices(comm)
+        return (start.file or start.trajectory) is not None and self.is_distributed(comm)
 
-    def is_told_in_slices(self, comm: Any) -> bool:
+    def is_distributed(self, comm: Any) -> bool:
         """True if a run on these ranks tells its states in slices: of many disks, or for a file in parts."""
         if comm is None:
             return False
-        return self.n > slices.GATHERED or self.case.output.in_parts(self.n, comm.size)
+        return self.n > distribution.GATHERED or self.case.output.in_parts(self.n, comm.size)
 
     def _drawn_motion(self, comm: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Velocities relative to the flow, shape (n, 2), and spins, (n,), that are drawn; of ranks, of the slice."""
         seed = self.case.run.seed
         velocity, spin, masses, lone = [], [], [], self._has_lone
-        for i, own in enumerate(self._of_species(slices.slice_of(self.n, comm))):
+        for i, own in enumerate(self._of_species(distribution.slice_of(self.n, comm))):
             each, options = (self.drawn or self.species)[i], {"seed": seeds.of_species(seed, i), "comm": comm}
             mass = each.columns(own)[0]
             velocity.append(placement.maxwellian(mass, speed_rms=each.speed_rms, **options))
@@ -360,7 +365,7 @@ class CaseGas:
             [[math.nan if law is None else getattr(law, name) for law in row] for row in self.laws]
             for name in ("e_t", "mu")
         )
-        return free_directions(self.room.all_walls, smooth=smooth_materials(e_t, mu, of_disks))
+        return free_directions(self.free_area.all_walls, smooth=smooth_materials(e_t, mu, of_disks))
 
     @property
     def _has_lone(self) -> bool:
@@ -376,11 +381,13 @@ class CaseGas:
         The mean is weighted by `mass` (n,), which is 0 for species at rest: they stay there. If only one disk moves, it
         keeps its velocity.
         """
-        if slices.total((mass > 0.0).astype(np.int64), comm) < 2:
+        if distribution.total((mass > 0.0).astype(np.int64), comm) < 2:
             return velocity
-        mean = slices.total(mass[:, None] * velocity, comm) / slices.total(mass, comm)
+        mean = distribution.total(mass[:, None] * velocity, comm) / distribution.total(mass, comm)
         moved = velocity - np.where(mass[:, None] > 0.0, mean * self.free, 0.0)
-        before, after = (slices.total(mass * np.sum(each**2, axis=1), comm) for each in (velocity, moved))
+        before, after = (
+            distribution.total(mass * np.sum(each**2, axis=1), comm) for each in (velocity, moved)
+        )
         return moved * math.sqrt(before / after) if after > 0.0 else velocity
 
     def _as_moving(self, velocity: NDArray[np.float64], spin: NDArray[np.float64], comm: Any) -> CaseGas:
@@ -389,19 +396,19 @@ class CaseGas:
         Velocities (n, 2) are relative to the flow; of ranks, each gives those of its slice. One disk alone is no gas
         that drifts, and in an open box, where nothing is estimated from speeds, they are those in the lab.
         """
-        ids = slices.slice_of(self.n, comm)
+        ids = distribution.slice_of(self.n, comm)
         drift = np.zeros(2)
         share = 0.0
         if self.n > 1 and not self.box.is_open:
             mass = self.rows(ids).mass
-            whole = float(slices.total(mass, comm))
-            drift = slices.total(mass[:, None] * velocity, comm) / whole * self.free
-            energy = float(slices.total(mass * np.sum(velocity**2, axis=1), comm))
+            whole = float(distribution.total(mass, comm))
+            drift = distribution.total(mass[:, None] * velocity, comm) / whole * self.free
+            energy = float(distribution.total(mass * np.sum(velocity**2, axis=1), comm))
             share = whole * float(drift @ drift) / energy if energy > 0.0 else 0.0
         squares = np.column_stack((np.sum((velocity - drift) ** 2, axis=1), spin**2))
         moving, first = [], 0
         for each, own in zip(self.species, self._of_species(ids), strict=True):
-            mean = slices.total(squares[first : first + len(own)], comm) / each.number
+            mean = distribution.total(squares[first : first + len(own)], comm) / each.number
             first += len(own)
             moving.append(replace(each, speed_rms=float(np.sqrt(mean[0])), spin_rms=float(np.sqrt(mean[1]))))
         return replace(
@@ -411,7 +418,8 @@ class CaseGas:
     def _fastest_drawn(self) -> tuple[float, float]:
         """More than the largest speed [length/time] and spin [rad/time] that are drawn: 12 deviations."""
         speeds = [
-            each.speed_rms * math.sqrt(each.look.mass.high / each.look.mass.low) for each in self.species
+            each.speed_rms * math.sqrt(each.summary.mass.high / each.summary.mass.low)
+            for each in self.species
         ]
         return 12.0 * max(speeds), 12.0 * max(each.spin_rms for each in self.species)
 
@@ -421,14 +429,14 @@ class CaseGas:
         flow = 0.5 * abs(self.box.shear_rate) * self.box.lengths[1] if self.box.shear_rate else 0.0
         if self.given is not None and self.given.velocity is not None and self.given.spin is not None:
             velocity, spin, flow = self.given.velocity, self.given.spin, 0.0
-        elif self.n > slices.GATHERED:
+        elif self.n > distribution.GATHERED:
             fast, turning = self._fastest_drawn()
             velocity, spin = np.full((len(self.kinds.mass), 2), fast), np.full(len(self.kinds.mass), turning)
         else:
             velocity, spin = self._drawn_motion(comm)
-        own = slices.slice_of(self.n, comm)
+        own = distribution.slice_of(self.n, comm)
         disks = self.rows(own) if len(spin) == len(own) else self.kinds
-        speed = world.largest(comm, checks.fastest(disks, velocity, spin))
+        speed = communicator.largest(comm, checks.fastest(disks, velocity, spin))
         hottest = max((wall.temperature or 0.0 for wall in self.walls), default=0.0)
         checks.check_magnitudes(self.kinds, self.box, speed + flow, case.run.precision, hottest)
         if isinstance(collapse := collapse_of(case.run), Rest):
@@ -437,13 +445,13 @@ class CaseGas:
                 [each.kind for each in case.force], IFRLaw, device_of(case.run),
             )  # fmt: skip
         largest = {
-            "a velocity": world.largest(comm, float(np.abs(velocity).max(initial=0.0))) + flow,
-            "a spin": world.largest(comm, float(np.abs(spin).max(initial=0.0))),
+            "a velocity": communicator.largest(comm, float(np.abs(velocity).max(initial=0.0))) + flow,
+            "a spin": communicator.largest(comm, float(np.abs(spin).max(initial=0.0))),
             "a side of the box": 0.0 if self.box.is_open else max(self.box.lengths),
         }
         checks.check_stored(largest, case.output.precision)
         given = self.given is not None and self.given.velocity is not None
-        self._check_engine(velocity, given or self.n <= slices.GATHERED, comm)
+        self._check_engine(velocity, given or self.n <= distribution.GATHERED, comm)
 
     def _check_engine(self, velocity: NDArray[np.float64], known: bool, comm: Any) -> None:
         """Refuse what the engine would refuse, with the keys of the case.
@@ -451,14 +459,14 @@ class CaseGas:
         `velocity` (n, 2) is relative to the flow; unless `known`, those of many disks are not.
         """
         case, run, smallest = self.case, self.case.run, float(self.kinds.radius.min())
-        walls, size = self.room.all_walls, "lengths" if self.case.box.lengths else "packing_fraction"
+        walls, size = self.free_area.all_walls, "lengths" if self.case.box.lengths else "packing_fraction"
         gravity = (case.box.gravity[0], case.box.gravity[1])
         e_n = np.array([[math.nan if law is None else law.e_n for law in row] for row in self.laws])
         materials = [self.materials.index(each.material) for each in self.species]
         meets_none = known and not walls and not self.box.is_open and self.box.shear_rate == 0.0
         alone = 0.0
         if meets_none and (self.n == 1 or checks.fly_alike(velocity, comm)):
-            alone = world.largest(comm, float(np.hypot(*velocity.T).max(initial=0.0)))
+            alone = communicator.largest(comm, float(np.hypot(*velocity.T).max(initial=0.0)))
         refused = {
             ("box", size): lambda: checks.check_resolved(self.n, smallest, self.box, run.precision),
             ("run", "t_end"): lambda: checks.check_duration(
@@ -475,7 +483,7 @@ class CaseGas:
             except InputError as error:
                 value = getattr(getattr(case, section), key)
                 shown = f"{value:g}" if isinstance(value, float) else json.dumps(value)
-                found.append(str(Complaint(f"{section}.{key}", shown, str(error))))
+                found.append(str(Problem(f"{section}.{key}", shown, str(error))))
         refuse(found)
 
     def _lying(
@@ -485,10 +493,10 @@ class CaseGas:
         gravity: tuple[float, float],
         comm: Any,
     ) -> list[str]:
-        """Complaint about disks that a start file places at rest on walls, where only resting contacts hold them."""
+        """Problem about disks that a start file places at rest on walls, where only resting contacts hold them."""
         if self.given is None or self.case.run.collapse == "rest":
             return []
-        ids, start = slices.slice_of(self.n, comm), self.case.start
+        ids, start = distribution.slice_of(self.n, comm), self.case.start
         rests = checks.at_rest_on_walls(self.given.position, velocity, self.rows(ids).radius, walls, gravity)
         here = None if rests is None else (ids.start + rests[0], rests[1])
         of_ranks = [here] if comm is None else comm.allgather(here)
@@ -499,7 +507,7 @@ class CaseGas:
         wall = wall_names(walls, self.box)[rests[1]]
         text = f"disk {rests[0]} lies on {wall} without speed, and has no next collision"
         text += ': set run.collapse = "rest", or give it a gap or a speed'
-        return [str(Complaint(f"start.{key}", json.dumps(value), text))]
+        return [str(Problem(f"start.{key}", json.dumps(value), text))]
 
     def simulation(
         self,
@@ -514,24 +522,26 @@ class CaseGas:
 
         What `warnings` says is not said again. `tracked` disks, which have histories, else come from the case and the
         start. All ranks of MPI (`comm`) that share it call this; `pistons` are displacements [length], by default those
-        of the start. `sliced` says if states are in slices, whatever the number of disks (`is_told_in_slices`). A
+        of the start. `sliced` says if states are in slices, whatever the number of disks (`is_distributed`). A
         `state` of ranks is that of all disks, on the first one, or then that of the slice, on each.
         """
         run = self.case.run
-        in_slices = comm is not None and (self.is_told_in_slices(comm) if sliced is None else sliced)
+        in_slices = comm is not None and (self.is_distributed(comm) if sliced is None else sliced)
 
         def begun() -> State | None:
             drawn = in_slices and self.given is None and self.is_made_in_slices
             return self.start() if state is None and not drawn else state
 
-        begin = world.on_first(comm, begun)
-        disks = self.disks if world.is_first(comm) and not in_slices else None
+        begin = communicator.run_on_root(comm, begun)
+        disks = self.disks if communicator.is_root(comm) and not in_slices else None
         if in_slices:
-            way = world.told(comm, "drawn" if begin is None else "whole" if begin.n == self.n else "slices")
+            way = communicator.bcast(
+                comm, "drawn" if begin is None else "whole" if begin.n == self.n else "slices"
+            )
             if way == "whole":
-                disks, begin = dealt(comm, None if begin is None else self.disks, begin)
+                disks, begin = scatter_state(comm, None if begin is None else self.disks, begin)
             else:
-                disks = self.rows(slices.slice_of(self.n, comm))
+                disks = self.rows(distribution.slice_of(self.n, comm))
                 begin = self.start(comm=comm) if way == "drawn" else state
         any_law = self.law()  # stands where two walls would meet, which never happens
         given: dict[str, Any] = {
@@ -561,29 +571,27 @@ class CaseGas:
         found = output.tracked(start.position, seeds.stream(self.case.run.seed, seeds.HISTORIES))
         if output.tracks and not len(found):
             region = str(output.histories_region)
-            raise InputError(str(Complaint("output.histories_region", region, "no disk starts there")))
+            raise InputError(str(Problem("output.histories_region", region, "no disk starts there")))
         return found
 
     def _placed(self, progress: Callable[[float], None], comm: Any) -> NDArray[np.float64]:
         way, seed = self.case.start.positions, self.case.run.seed
-        assert self.patch is not None  # the rules have seen to it
-        disks = self.disks if comm is None else self.rows(slices.slice_of(self.n, comm))
+        assert self.start_region is not None  # the rules have seen to it
+        disks = self.disks if comm is None else self.rows(distribution.slice_of(self.n, comm))
         radius, options = disks.radius, dict[str, Any](seed=seed, walls=self.walls)
         try:
             if way == "hexagonal":
                 # Several species would lie in layers else.
                 options["seed"] = seed if len(self.species) > 1 or not self.species[0].equal else None
-                return placement.hexagonal_positions(self.patch, radius, comm=comm, **options)
-            if way == "growth":
-                return packing.grow(self.patch, radius, progress=progress, **options)
-            return placement.random_positions(self.patch, radius, comm=comm, **options)
+                return placement.hexagonal_positions(self.start_region, radius, comm=comm, **options)
+            if way == GROWN:
+                return packing.grow(self.start_region, radius, progress=progress, **options)
+            return placement.random_positions(self.start_region, radius, comm=comm, **options)
         except InputError as error:
-            raise InputError(str(Complaint("start.positions", f'"{way}"', str(error)))) from None
+            raise InputError(str(Problem("start.positions", f'"{way}"', str(error)))) from None
 
 
-def judge(
-    case: Case, folder: Path, *, start: bool = True, comm: Any = None
-) -> tuple[CaseGas, list[Complaint]]:
+def judge(case: Case, folder: Path, *, start: bool = True, comm: Any = None) -> tuple[CaseGas, list[Problem]]:
     """Apply every rule to a case: its gas, and all that is wrong; the gas holds as far as nothing is.
 
     A start file's path begins at `folder`; without `start`, in a run that has begun, it is looked at no more. On ranks
@@ -597,35 +605,37 @@ def judge(
     rows = [0 if each.material is None else materials.index(each.material) for each in case.wall]
     walls, wrong_shapes = rules.made_walls(case, rows, folder)
     found = [
-        *rules.wrong_names(case),
-        *rules.wrong_pairs(verdicts),
-        *rules.wrong_motion(case),
-        *rules.too_many(case),
+        *rules.check_names(case),
+        *rules.check_pairs(verdicts),
+        *rules.check_motion(case),
+        *rules.check_count(case),
     ]
-    found += rules.wrong_forces(case)
-    box, patch, given = Box.open(), None, None
+    found += rules.check_forces(case)
+    box, start_region, given = Box.open(), None, None
     gas = CaseGas(case, species, materials, verdicts, box, walls)
     kinds = gas.kinds
     try:
-        patch = case.box.patch(kinds.covered)
+        start_region = case.box.start_region(kinds.covered)
     except InputError as error:
-        found.append(Complaint("box", None, str(error)))
+        found.append(Problem("box", None, str(error)))
     else:
-        box = box if case.box.open or patch is None else patch
-        wrong_walls = wrong_shapes or [*rules.wrong_walls(case, walls, box, kinds.radius)]
+        box = box if case.box.open or start_region is None else start_region
+        wrong_walls = wrong_shapes or [*rules.check_walls(case, walls, box, kinds.radius)]
         found += wrong_walls
         if start:
             standing = () if wrong_walls else walls
-            found += rules.wrong_room(case, species, kinds, None if patch is None else Room(patch, standing))
-            found += [*rules.wrong_open(case, patch), *rules.wrong_scan(case)]
+            found += rules.check_room(
+                case, species, kinds, None if start_region is None else FreeArea(start_region, standing)
+            )
+            found += [*rules.check_open(case, start_region), *rules.check_scan(case)]
             if case.start.file is None and case.start.trajectory is None:
-                found += rules.wrong_clock(case)
+                found += rules.check_clock(case)
             elif not gas.is_read_in_slices(comm):
-                given = rules.given_start(case, gas.disks.radius, Room(box, standing), folder, found)
-    found += rules.wrong_output(case, kinds.n, box)
+                given = rules.given_start(case, gas.disks.radius, FreeArea(box, standing), folder, found)
+    found += rules.check_output(case, kinds.n, box)
     if comm is not None:
-        found += rules.wrong_on_ranks(case, kinds, box, comm.size, start=start, sound=not found)
-    return replace(gas, box=box, patch=patch, given=given), found
+        found += rules.check_on_ranks(case, kinds, box, comm.size, start=start, sound=not found)
+    return replace(gas, box=box, start_region=start_region, given=given), found
 
 
 def forces_of(case: Case) -> list[Force]:
@@ -635,7 +645,7 @@ def forces_of(case: Case) -> list[Force]:
     from ..model.forces import Drag, Langevin, RandomKicks, Rescale, SpinKicks, TableFriction
 
     kinds: dict[str, Callable[..., Force]] = {
-        "kicks": RandomKicks, "spin_kicks": SpinKicks, "langevin": Langevin, "drag": Drag, "rescale": Rescale,
+        "random_force": RandomKicks, "random_torque": SpinKicks, "langevin": Langevin, "drag": Drag, "rescale": Rescale,
         "table_friction": TableFriction,
     }  # fmt: skip
     return [kinds[each.kind](**each.model_dump(exclude={"kind"}, exclude_none=True)) for each in case.force]

@@ -11,7 +11,7 @@ from .case import BoxSection, Case, RunSection
 
 def device_of(run: RunSection) -> Device:
     """The device of a run."""
-    return Device(run.arch, threads=run.threads, precision=run.precision)
+    return Device(run.device, threads=run.threads, precision=run.precision)
 
 
 def collapse_of(run: RunSection) -> Collapse | None:
@@ -26,9 +26,9 @@ def collapse_of(run: RunSection) -> Collapse | None:
 def gravity_of(box: BoxSection) -> Gravity:
     """Gravity in a box."""
     gravity = (box.gravity[0], box.gravity[1])
-    if not box.gravity_turns:
+    if not box.gravity_rotation_rate:
         return gravity
-    return RotatingGravity(gravity, rate=box.gravity_turns, step=box.gravity_step)
+    return RotatingGravity(gravity, rate=box.gravity_rotation_rate, step=box.gravity_rotation_step)
 
 
 def record_of(case: Case) -> list[str]:

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
 from ..errors import InputError, nearest
+from ..mpi.distribution import GATHERED
 from ..simulation.schedule import MOST as MOST_FRAMES
 from ..simulation.schedule import Cadence
-from ..tools.slices import GATHERED
-from .section import Section, key, refusal
+from .section import Section, field, refusal
 
 FieldName = Literal[
     "position",
@@ -33,15 +33,15 @@ _TRACKED = ("histories", "histories_sample", "histories_region", "histories_all"
 class OutputSection(Section):
     """The output of the run."""
 
-    frames: int = key(100, 100, ge=1, le=MOST_FRAMES)
+    frames: int = field(100, 100, ge=1, le=MOST_FRAMES)
     """Frames after the initial one [whole number], evenly spaced in what ends the run."""
-    frames_interval: Interval | None = key(0.01, None)
+    frames_interval: Interval | None = field(0.01, None)
     """Instead: time between two frames [s]."""
-    frames_collisions: Interval | None = key(0.5, None)
+    frames_collisions: Interval | None = field(0.5, None)
     """Instead: collisions per disk between two frames [1]."""
-    frames_spacing: Literal["even", "log"] = key("log", "even")
+    frames_spacing: Literal["even", "log"] = field("log", "even")
     """Of a number of frames: "even", or "log" (each later than the one before by a constant factor)."""
-    fields: list[FieldName] = key(
+    fields: list[FieldName] = field(
         ["position", "velocity", "angular_velocity", "collisions", "image"],
         ["position", "velocity", "angular_velocity", "collisions", "image"],
     )
@@ -49,46 +49,46 @@ class OutputSection(Section):
     sides need; angle: how far it has turned since the start; last_partner: its latest collision partner; dissipated:
     energy that its collisions took, by mechanism (half of each); asleep: 1 for disks that sleep, with
     run.collapse = "rest"."""
-    series: int | None = key(1000, None, ge=1, le=MOST_FRAMES)
+    series: int | None = field(1000, None, ge=1, le=MOST_FRAMES)
     """Rows of the time series (energies, temperatures, momentum, collisions by regime, what dissipates energy) after
     the initial one [whole number]. Each may cost the engine's window around it once more. Without this key, rows
     stand where windows end by themselves, up to 10 for each frame, and cost little."""
-    series_interval: Interval | None = key(0.001, None)
+    series_interval: Interval | None = field(0.001, None)
     """Instead: time between two rows [s]."""
-    series_collisions: Interval | None = key(0.05, None)
+    series_collisions: Interval | None = field(0.05, None)
     """Instead: collisions per disk between two rows [1]."""
-    series_spacing: Literal["even", "log"] = key("log", "even")
+    series_spacing: Literal["even", "log"] = field("log", "even")
     """Of a number of rows: "even" or "log"."""
-    log_from: float = key(1e-3, 1e-3, gt=0.0, lt=1.0)
+    log_from: float = field(1e-3, 1e-3, gt=0.0, lt=1.0)
     """With spacing "log": where the first one stands, as a part of the run [1]."""
-    ledger: bool = key(True, True)
+    ledger: bool = field(True, True)
     """Add up what dissipates energy, by mechanism, in the time series [true or false]."""
-    wall_sums: bool = key(True, False)
+    wall_sums: bool = field(True, False)
     """Add up what each wall gives to the disks (momentum, torque, work, heat, hits), in the time series [true or
     false]."""
-    histories: list[Annotated[int, Field(ge=0)]] | None = key([0, 7], None, min_length=1)
+    histories: list[Annotated[int, Field(ge=0)]] | None = field([0, 7], None, min_length=1)
     """Disks of which every collision is kept [list of their numbers, from 0]; so their paths are exact."""
-    histories_sample: int | None = key(100, None, ge=1)
+    histories_sample: int | None = field(100, None, ge=1)
     """Instead: so many disks, drawn by run.seed [whole number]."""
-    histories_region: list[float] | None = key([0.0, 0.0, 0.1, 0.1], None, min_length=4, max_length=4)
+    histories_region: list[float] | None = field([0.0, 0.0, 0.1, 0.1], None, min_length=4, max_length=4)
     """Instead: disks that start in this rectangle [x_low, y_low, x_high, y_high] [m]."""
-    histories_all: bool = key(True, False)
+    histories_all: bool = field(True, False)
     """Instead: all disks [true or false]."""
-    compression: Literal["none", "gzip", "zstd"] = key("none", "none")
+    compression: Literal["none", "gzip", "zstd"] = field("none", "none")
     """ "none" (fast), "gzip" (about three quarters of the size, slower to write and to read) or "zstd" (faster than
     gzip; the package hdf5plugin is needed here and by whatever reads the file)."""
-    precision: Literal["f4", "f8"] = key("f4", "f4")
+    precision: Literal["f4", "f8"] = field("f4", "f4")
     """ "f4" or "f8": bytes of each number in the file, whatever run.precision is."""
-    parts: bool | Literal["auto"] = key("auto", "auto")
+    parts: bool | Literal["auto"] = field("auto", "auto")
     """Write fields of disks, and checkpoints, as a file of each rank, in the folder NAME.parts, which NAME.h5 shows as
     one [true, false or "auto": on several ranks, of more than 1e6 disks]."""
-    checkpoint_minutes: float = key(10.0, 10.0, gt=0.0)
+    checkpoint_minutes: float = field(10.0, 10.0, gt=0.0)
     """Real time between two checkpoints, from which `ifrdem resume` goes on [minutes]; one is also written when a run
     is interrupted."""
-    views: bool = key(True, True)
+    views: bool = field(True, True)
     """Write NAME.vtkhdf and NAME.nc at the end, by which ParaView, OVITO and others read NAME.h5 [true or false]; they
     need positions."""
-    picture: bool = key(True, True)
+    picture: bool = field(True, True)
     """Draw NAME.png at the end [true or false]."""
 
     @field_validator("compression")

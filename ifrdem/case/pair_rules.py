@@ -102,7 +102,7 @@ def _worst(made_of: Coefficients, one: Species, other: Species) -> PairVerdict:
     that are admissible form an interval: each condition of `IFRLaw.admissibility` asks a convex function of it to be
     no more than a linear one, or bounds it from above. So the ends of the mass ratio decide.
     """
-    mass, others = one.look.mass, other.look.mass
+    mass, others = one.summary.mass, other.summary.mass
     ends = {(mass.low, others.high), (mass.high, others.low)}
     found = [_verdict(made_of, one.name, other.name, one.k, other.k, *masses) for masses in ends]
     worst = min(found, key=lambda each: (each.admissible, each.strict, -each.law.k if each.law else 0.0))

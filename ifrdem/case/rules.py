@@ -17,20 +17,20 @@ from numpy.typing import NDArray
 from ..errors import InputError, there_are
 from ..initial import from_csv, from_trajectory, placement
 from ..initial.from_csv import Given
-from ..kernels.limits import MOST_IDS, MOST_WALLS
+from ..kernels.columns import MOST_IDS, MOST_WALLS
 from ..model.box import Box
-from ..model.free_area import Room
+from ..model.free_area import FreeArea
 from ..model.overlaps import check_no_overlap, relax
 from ..model.state import DiskKinds
 from ..model.walls import Wall, check_place, pieces
-from ..model.walls import check as check_walls
+from ..model.walls import check as check_free_of_walls
+from ..mpi import communicator, distribution
 from ..simulation.checks import check_number, check_pistons
 from ..simulation.schedule import first_after, time_of
-from ..tools import slices, world
-from .case import IMPACT_SCAN, Case
+from .case import GROWN, IMPACT_SCAN, Case
 from .objects import options_of
 from .pair_rules import PairVerdict
-from .section import Complaint
+from .section import Problem
 from .species import Species
 
 MOST_SUMMED = 1000
@@ -39,16 +39,16 @@ LARGEST_DISK = 1.0 / 3.0
 """Largest diameter over the shorter periodic side: the engine's limit, so that no disk meets its own image."""
 
 
-def _at(case: Case, key: str, text: str) -> Complaint:
+def _at(case: Case, key: str, text: str) -> Problem:
     """A problem with the value that a key of the case has."""
     value: Any = case
     for step in re.findall(r"\w+", key):
         value = value[int(step)] if step.isdecimal() else getattr(value, step)
     shown = f"{value:g}" if isinstance(value, float) else json.dumps(value, ensure_ascii=False)
-    return Complaint(key, None if value is None else shown, text)
+    return Problem(key, None if value is None else shown, text)
 
 
-def wrong_names(case: Case) -> Iterator[Complaint]:
+def check_names(case: Case) -> Iterator[Problem]:
     """Names of materials and species that are used twice, or are none."""
     names = [each.name for each in case.material]
     for kind, own in (("material", names), ("species", [each.name for each in case.species])):
@@ -81,13 +81,13 @@ def wrong_names(case: Case) -> Iterator[Complaint]:
             yield _at(case, key, f"the materials of pair[{first}] too")
 
 
-def wrong_pairs(verdicts: Iterable[PairVerdict]) -> Iterator[Complaint]:
+def check_pairs(verdicts: Iterable[PairVerdict]) -> Iterator[Problem]:
     """Inadmissible pairs; the same of further species is told once."""
     for key, message in dict.fromkeys((each.key, each.message) for each in verdicts if not each.admissible):
-        yield Complaint(key, None, message)
+        yield Problem(key, None, message)
 
 
-def wrong_motion(case: Case) -> Iterator[Complaint]:
+def check_motion(case: Case) -> Iterator[Problem]:
     """A number of collisions that never comes."""
     key, start = "run.collisions_per_disk", case.start
     if case.run.collisions_per_disk is None:
@@ -99,7 +99,7 @@ def wrong_motion(case: Case) -> Iterator[Complaint]:
         yield _at(case, key, text)
 
 
-def too_many(case: Case) -> Iterator[Complaint]:
+def check_count(case: Case) -> Iterator[Problem]:
     """More disks of all species together than ids number."""
     if (n := _disks(case)) > MOST_IDS:
         each = ", ".join(f"{one.number} of '{one.name}'" for one in case.species)
@@ -110,7 +110,7 @@ def _disks(case: Case) -> int:
     return sum(each.number for each in case.species)
 
 
-def wrong_clock(case: Case, time: float = 0.0, collisions: int = 0) -> Iterator[Complaint]:
+def check_clock(case: Case, time: float = 0.0, collisions: int = 0) -> Iterator[Problem]:
     """Ends of the run that are over when it starts at a time [time] after so many collisions, or before a force acts.
 
     The number of collisions is that of all disks, each of two.
@@ -131,11 +131,11 @@ def wrong_clock(case: Case, time: float = 0.0, collisions: int = 0) -> Iterator[
             yield _at(case, f"force[{i}].step", text)
 
 
-def wrong_forces(case: Case) -> Iterator[Complaint]:
+def check_forces(case: Case) -> Iterator[Problem]:
     """Forces that the gas or the box do not allow."""
     for i, force in enumerate(case.force):
         key = f"force[{i}]"
-        if force.kind == "kicks" and _disks(case) < 2:
+        if force.kind == "random_force" and _disks(case) < 2:
             text = "random kicks keep the total momentum, so 2 disks at least are needed"
             yield _at(case, f"{key}.kind", text)
         if force.kind == "table_friction" and any(case.box.gravity):
@@ -145,27 +145,25 @@ def wrong_forces(case: Case) -> Iterator[Complaint]:
             yield _at(case, f"{key}.gravity", "missing: 9.81 m/s^2 is meant in SI units only")
 
 
-def made_walls(
-    case: Case, materials: Sequence[int], folder: Path
-) -> tuple[tuple[Wall, ...], list[Complaint]]:
+def made_walls(case: Case, materials: Sequence[int], folder: Path) -> tuple[tuple[Wall, ...], list[Problem]]:
     """The walls of a case, and those that cannot be made: files that cannot be read, polygons that cross themselves."""
     made, wrong = [], []
     for i, (each, material) in enumerate(zip(case.wall, materials, strict=True)):
         try:
             made.append(each.wall(material, folder))
         except InputError as error:
-            wrong.append(Complaint(f"wall[{i}]", None, str(error)))
+            wrong.append(Problem(f"wall[{i}]", None, str(error)))
     return tuple(made), wrong
 
 
-def wrong_walls(
+def check_walls(
     case: Case, walls: Sequence[Wall], box: Box, radius: NDArray[np.float64]
-) -> Iterator[Complaint]:
+) -> Iterator[Problem]:
     """Walls that are no walls of this box, or leave no room."""
     if box.is_open:
         if walls:
             text = "walls in an open box are not supported: leave out box.open and give lengths"
-            yield Complaint("wall", None, text)
+            yield Problem("wall", None, text)
         return
     if case.box.lengths is None and walls:
         text = "walls stand at places in the box: box.lengths is needed instead, and `ifrdem check` says the fraction"
@@ -174,27 +172,27 @@ def wrong_walls(
     try:
         check_pistons(walls, _disks(case), options_of(case))
     except InputError as error:
-        yield Complaint("wall", None, str(error))
+        yield Problem("wall", None, str(error))
     placed = []
     for i, wall in enumerate(walls):
         key = f"wall[{i}]"
         try:
             check_place(wall, box)
         except InputError as error:
-            yield Complaint(key, None, f"{wall.shape}: {error}")
+            yield Problem(key, None, f"{wall.shape}: {error}")
             continue
         if _outside(wall, box):
             reaches = f"which reaches from [0, 0] to [{box.lengths[0]:.6g}, {box.lengths[1]:.6g}]"
-            yield Complaint(key, None, f"the {wall.shape} lies outside of the box, {reaches}")
+            yield Problem(key, None, f"the {wall.shape} lies outside of the box, {reaches}")
             continue
         placed.append(wall)
-    room, largest = Room(box, tuple(placed)), float(radius.max())
-    if (number := pieces(room.all_walls)) > MOST_WALLS:
+    free_area, largest = FreeArea(box, tuple(placed)), float(radius.max())
+    if (number := pieces(free_area.all_walls)) > MOST_WALLS:
         count = f"{number} walls: {MOST_WALLS} at most are supported"
-        yield Complaint("wall", None, f"{count}, the sides of the box included")
-    elif len(placed) == len(walls) and room.all_walls and room.area(largest) <= 0.0:
+        yield Problem("wall", None, f"{count}, the sides of the box included")
+    elif len(placed) == len(walls) and free_area.all_walls and free_area.area(largest) <= 0.0:
         text = f"the walls leave no room for a disk of diameter {2.0 * largest:.6g}"
-        yield Complaint("wall" if walls else "box.lengths", None, text)
+        yield Problem("wall" if walls else "box.lengths", None, text)
 
 
 def _outside(wall: Wall, box: Box) -> bool:
@@ -206,22 +204,22 @@ def _outside(wall: Wall, box: Box) -> bool:
     return bool(np.any(beyond))
 
 
-def wrong_output(case: Case, n: int, box: Box) -> Iterator[Complaint]:
+def check_output(case: Case, n: int, box: Box) -> Iterator[Problem]:
     """Output that the gas or the box does not allow."""
     output, region = case.output, case.output.histories_region
     if output.wall_sums and not case.walled:
-        yield Complaint("output.wall_sums", "true", "there are no walls")
+        yield Problem("output.wall_sums", "true", "there are no walls")
     elif output.wall_sums and len(case.wall) > MOST_SUMMED:
         text = (
             f"{len(case.wall)} walls: of {MOST_SUMMED} at most; make polylines of those that belong together"
         )
-        yield Complaint("output.wall_sums", "true", text)
+        yield Problem("output.wall_sums", "true", text)
     for key, named in (("fields", output.fields), ("histories", output.histories or ())):
         if twice := [name for name, times in Counter(named).items() if times > 1]:
             text = "it is there already; each may be given once"
-            yield Complaint(f"output.{key}", json.dumps(twice[0]), text)
+            yield Problem(f"output.{key}", json.dumps(twice[0]), text)
     if beyond := [each for each in output.histories or () if each >= n]:
-        yield Complaint("output.histories", str(beyond[0]), f"there are disks 0 to {n - 1}")
+        yield Problem("output.histories", str(beyond[0]), f"there are disks 0 to {n - 1}")
     if (output.histories_sample or 0) > n:
         yield _at(case, "output.histories_sample", f"there are {n} disks")
     if region is not None:
@@ -236,24 +234,23 @@ def wrong_output(case: Case, n: int, box: Box) -> Iterator[Complaint]:
                 yield _at(case, "output.histories_region", text)
     if output.tracks and box.shear_rate:
         text = "not supported in a sheared box: leave histories out, or shear between walls that move"
-        yield Complaint("output.histories", None, text)
-    if output.tracks and case.box.gravity_turns:
-        text = (
-            f"not where gravity turns (box.gravity_turns = {case.box.gravity_turns:g}): leave histories out"
-        )
-        yield Complaint("output.histories", None, text)
+        yield Problem("output.histories", None, text)
+    if output.tracks and case.box.gravity_rotation_rate:
+        rate = f"box.gravity_rotation_rate = {case.box.gravity_rotation_rate:g}"
+        text = f"not where gravity turns ({rate}): leave histories out"
+        yield Problem("output.histories", None, text)
 
 
-GROWN = (
+NOT_GROWN_ON_RANKS = (
     "grows all disks in one process, of more than 1,000,000 disks not on several ranks: run the case without mpiexec "
-    'for a moment (--maxh 0.001, output.precision = "f8"), and begin on ranks from its trajectory'
+    'for a moment (--max-hours 0.001, output.precision = "f8"), and begin on ranks from its trajectory'
 )
 
 
-def wrong_on_ranks(
+def check_on_ranks(
     case: Case, kinds: DiskKinds, box: Box, ranks: int, *, start: bool, sound: bool
-) -> Iterator[Complaint]:
-    """Complaints about what several ranks of MPI cannot do, `start` or not; of a `sound` case, too few tiles too."""
+) -> Iterator[Problem]:
+    """Problems about what several ranks of MPI cannot do, `start` or not; of a `sound` case, too few tiles too."""
     run, keys = case.run, dict[str, str]()
     if run.precision != "f64":
         keys["run.precision"] = 'run.precision = "f64"'
@@ -262,8 +259,8 @@ def wrong_on_ranks(
         keys |= {f"output.{key}": f"leave {key} out" for key in tracking if getattr(case.output, key)}
     if case.box.open:
         keys["box.open"] = "a box that is not open"
-    if case.box.gravity_turns:
-        keys["box.gravity_turns"] = "leave it out"
+    if case.box.gravity_rotation_rate:
+        keys["box.gravity_rotation_rate"] = "leave it out"
     if run.resting_speed is not None:
         keys["run.collapse"] = "another remedy for collapse"
     keys |= {
@@ -272,44 +269,49 @@ def wrong_on_ranks(
     for key, instead in keys.items():
         text = f"not supported on several ranks (here are {ranks}): run it without mpiexec, or {instead}"
         yield _at(case, key, text)
-    if start and case.start.positions == "growth" and case.start.file is None and kinds.n > slices.GATHERED:
-        yield _at(case, "start.positions", GROWN)
+    if (
+        start
+        and case.start.positions == GROWN
+        and case.start.file is None
+        and kinds.n > distribution.GATHERED
+    ):
+        yield _at(case, "start.positions", NOT_GROWN_ON_RANKS)
     try:
         check_number(kinds.n, ranks)
-        if sound and not keys and run.arch == "cpu":  # a GPU's engine has other tiles, and tells itself
+        if sound and not keys and run.device == "cpu":  # a GPU's engine has other tiles, and tells itself
             from ..simulation.ranks import check_tiles  # imports Taichi
 
             check_tiles(kinds, box, ranks)
     except InputError as error:
-        yield Complaint("species[0].number", None if len(case.species) > 1 else str(kinds.n), str(error))
+        yield Problem("species[0].number", None if len(case.species) > 1 else str(kinds.n), str(error))
 
 
-def wrong_room(
-    case: Case, species: Sequence[Species], kinds: DiskKinds, room: Room | None
-) -> Iterator[Complaint]:
+def check_room(
+    case: Case, species: Sequence[Species], kinds: DiskKinds, free_area: FreeArea | None
+) -> Iterator[Problem]:
     """`room` is where disks start: that of the box, or of a part of an open one, if any."""
-    period = room.box.shortest_period if room is not None else math.inf
+    period = free_area.box.shortest_period if free_area is not None else math.inf
     fits = True
     for each in species if not case.box.open else ():
-        largest = 2.0 * each.look.radius.high
-        if room is not None and largest > LARGEST_DISK * period:
-            fits, sides = False, room.box.lengths
+        largest = 2.0 * each.summary.radius.high
+        if free_area is not None and largest > LARGEST_DISK * period:
+            fits, sides = False, free_area.box.lengths
             text = f"a disk of species '{each.name}' has diameter {largest:.6g}, more than a third of a periodic side"
             more = "a larger box is needed, or more disks at this packing fraction"
-            yield Complaint("box", f"{sides[0]:.6g} x {sides[1]:.6g}", f"{text}: {more}")
-    if not fits or room is None:
+            yield Problem("box", f"{sides[0]:.6g} x {sides[1]:.6g}", f"{text}: {more}")
+    if not fits or free_area is None:
         return
-    covered, dense = room.covered_part(kinds.covered), _size_key(case)
+    covered, dense = free_area.covered_part(kinds.covered), _size_key(case)
     if covered >= 1.0:
-        place = "room between walls" if room.all_walls else "box"
+        place = "free area between walls" if free_area.all_walls else "box"
         text = f"the disks cover more than the {place} has" + _attainable(kinds, covered)
-        yield Complaint(dense, f"{covered:.4g} of the area", text)
+        yield Problem(dense, f"{covered:.4g} of the area", text)
     elif case.start.placed and case.start.positions == "hexagonal":
         try:
-            if room.all_walls:
-                placement.check_sites(room, kinds.n, float(kinds.radius.max()))
+            if free_area.all_walls:
+                placement.check_sites(free_area, kinds.n, float(kinds.radius.max()))
             else:
-                placement.lattice(room.box, kinds.n, 2.0 * float(kinds.radius.max()))
+                placement.lattice(free_area.box, kinds.n, 2.0 * float(kinds.radius.max()))
         except InputError as error:
             yield _at(case, "start.positions", str(error))
     elif case.start.placed and case.start.positions == "random":
@@ -319,7 +321,11 @@ def wrong_room(
             text = (
                 f"too dense for a random start, which ends at {placement.SATURATION}: a lower one is needed"
             )
-            yield Complaint(dense, f"{covered:.4g}", f'{text}, or start.positions = "growth" or "hexagonal"')
+            yield Problem(
+                dense,
+                f"{covered:.4g}",
+                f'{text}, or start.positions = "lubachevsky_stillinger" or "hexagonal"',
+            )
 
 
 def _attainable(kinds: DiskKinds, covered: float) -> str:
@@ -334,19 +340,19 @@ def _size_key(case: Case) -> str:
     return "box.packing_fraction" if case.box.lengths is None else "box.lengths"
 
 
-def wrong_open(case: Case, patch: Box | None) -> Iterator[Complaint]:
+def check_open(case: Case, start_region: Box | None) -> Iterator[Problem]:
     """A rectangle to start in, where it is needed or cannot stand."""
     if not case.box.open:
         return
-    if case.start.placed and patch is None:
+    if case.start.placed and start_region is None:
         text = f'disks that start at "{case.start.positions}" places need a rectangle to start in'
         yield _at(case, "box.open", f"{text}: packing_fraction or lengths beside it")
-    if not case.start.placed and patch is not None:
+    if not case.start.placed and start_region is not None:
         text = "cannot stand beside box.open = true where the start says where the disks are"
-        yield Complaint(_size_key(case), None, text)
+        yield Problem(_size_key(case), None, text)
 
 
-def wrong_scan(case: Case) -> Iterator[Complaint]:
+def check_scan(case: Case) -> Iterator[Problem]:
     """An impact scan of a gas that is none."""
     if case.start.positions != IMPACT_SCAN:
         return
@@ -361,10 +367,10 @@ def wrong_scan(case: Case) -> Iterator[Complaint]:
     if case.force:
         text = "no [[force]] can act in a scan: impacts are told from velocities before and after"
         yield _at(case, key, text)
-    yield from _wrong_speeds(case, f'{key} = "{IMPACT_SCAN}": start.speed is the speed of those that hit')
+    yield from _check_speeds(case, f'{key} = "{IMPACT_SCAN}": start.speed is the speed of those that hit')
 
 
-def _wrong_speeds(case: Case, beside: str) -> Iterator[Complaint]:
+def _check_speeds(case: Case, beside: str) -> Iterator[Problem]:
     """Speeds of species that are given beside a start that says how the disks move."""
     for i, each in enumerate(case.species):
         for speed in ("speed_rms", "spin_rms"):
@@ -372,7 +378,7 @@ def _wrong_speeds(case: Case, beside: str) -> Iterator[Complaint]:
                 yield _at(case, f"species[{i}].{speed}", f"cannot stand beside {beside}")
 
 
-def _wrong_pistons(case: Case, given: Given) -> Iterator[Complaint]:
+def _check_pistons(case: Case, given: Given) -> Iterator[Problem]:
     """Displacements and velocities of pistons that are given although a frame has them."""
     pistons = [(i, each.piston) for i, each in enumerate(case.wall) if each.piston is not None]
     if given.pistons is None or len(given.pistons) != len(pistons):
@@ -387,16 +393,16 @@ def _wrong_pistons(case: Case, given: Given) -> Iterator[Complaint]:
 def given_start(
     case: Case,
     radius: NDArray[np.float64],
-    room: Room,
+    free_area: FreeArea,
     folder: Path,
-    found: list[Complaint],
+    found: list[Problem],
     comm: Any = None,
 ) -> Given | None:
     """The start that a file or a trajectory gives; what is wrong with it is added to `found`.
 
     Of ranks of MPI (`comm`), each gives the radii of its slice and gets its rows; what is wrong is told to all.
     """
-    start, box = case.start, room.box
+    start, box = case.start, free_area.box
     key, name = "start.positions", start.trajectory
     if name is None:
         key, name = "start.file", start.file
@@ -405,24 +411,29 @@ def given_start(
     value = f'"{name}"'
     try:
         if start.trajectory is not None:
-            options: Any = {"motion": start.motion, "time": start.time, "walls": room.walls, "comm": comm}
+            options: Any = {
+                "motion": start.motion,
+                "time": start.time,
+                "walls": free_area.walls,
+                "comm": comm,
+            }
             given = from_trajectory.read(folder / name, start.frame, radius, box, **options)
         else:
             given = from_csv.read(
-                folder / name, slices.numbered(len(radius), comm)[1], box, start.form, comm=comm
+                folder / name, distribution.numbered(len(radius), comm)[1], box, start.form, comm=comm
             )
             given = replace(given, time=start.time or 0.0)
             at: Any = {"time": given.time, "comm": comm}
             if start.relax is not None:
                 given = replace(given, position=relax(box, radius, given.position, start.relax, **at))
             check_no_overlap(box, radius, given.position, **at)
-            check_walls(room.all_walls, box, given.position, radius, **at)
+            check_free_of_walls(free_area.all_walls, box, given.position, radius, **at)
     except InputError as error:
-        found += [Complaint(key, value, line) for line in str(error).splitlines()]
+        found += [Problem(key, value, line) for line in str(error).splitlines()]
         return None
-    found += [*wrong_clock(case, given.time, given.collisions), *_wrong_pistons(case, given)]
+    found += [*check_clock(case, given.time, given.collisions), *_check_pistons(case, given)]
     if start.trajectory is not None and start.time is None and "collisions" not in given.past:
-        counted = [i for i, wall in enumerate(room.walls) if wall.opens_after is not None]
+        counted = [i for i, wall in enumerate(free_area.walls) if wall.opens_after is not None]
         found += [
             _at(case, f"wall[{i}].opens_after", f"requires the field collisions (output.fields) in {key} = {value}, "
                 "to count from; start.time = 0 begins a new clock")
@@ -430,7 +441,7 @@ def given_start(
         ]  # fmt: skip
     drawn = any(each.speed_rms for each in case.species)
     fastest = 0.0 if given.velocity is None else float(np.abs(given.velocity).max(initial=0.0))
-    moving = drawn if given.velocity is None else world.largest(comm, fastest) > 0.0
+    moving = drawn if given.velocity is None else communicator.largest(comm, fastest) > 0.0
     wanted = case.run.collisions_per_disk
     if wanted is not None and _disks(case) > 1 and not moving and not case.sets_in_motion:
         if given.velocity is None:
@@ -442,5 +453,5 @@ def given_start(
         found.append(_at(case, "run.collisions_per_disk", text))
     if given.velocity is not None:
         file = f"velocities in the start file '{name}'"
-        found += _wrong_speeds(case, file if start.trajectory is None else f"start.motion = true ({value})")
+        found += _check_speeds(case, file if start.trajectory is None else f"start.motion = true ({value})")
     return given

@@ -26,7 +26,7 @@ LEAST, MOST = 1e-50, 1e50
 """Range of the magnitude of numbers other than 0: products of six of them can be computed with."""
 
 
-def key(example: object, default: Any = ..., /, **limits: Any) -> Any:
+def field(example: object, default: Any = ..., /, **limits: Any) -> Any:
     """A key of a section: an example of its value, and its default if any; its docstring has the unit in brackets."""
     return Field(default, examples=[example], **limits)
 
@@ -37,7 +37,7 @@ def refusal(text: str, kind: str = "choice") -> PydanticCustomError:
 
 
 @dataclass(frozen=True)
-class Complaint:
+class Problem:
     """One thing that is wrong: where, what stands there (as text; None where nothing does), why."""
 
     key: str

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from ..initial import radii
 from ..model.coin_table import coins
-from ..model.state import Kinds, extremes, kinds_among, united
-from ..tools import seeds, slices
+from ..model.state import Kinds, extremes, kinds_among, merge_kinds
+from ..mpi import distribution
+from ..tools import seeds
 from .case import Case, RadiiSection, SpeciesSection
 
 CLASSES = 16
@@ -63,18 +64,18 @@ class Species:
         return np.full(len(ids), self.mass), radius
 
     @functools.cached_property
-    def look(self) -> Overview:
+    def summary(self) -> Overview:
         """Kinds, spreads and sums of all of them, from a look at one block after another."""
         kinds: Kinds | None = None
         sums, totals = {}, np.zeros(2)
         seen = range(self.number if isinstance(self.radius, RadiiSection) else 1)
-        for ids in slices.blocks(seen):
+        for ids in distribution.blocks(seen):
             mass, radius = self.columns(ids)
             rows = [mass, radius, np.full(len(ids), self.k), np.zeros(len(ids), dtype=np.int32)]
             if kinds is None:
                 kinds = kinds_among(rows)
             else:  # where there are many, they are not told apart any more
-                kinds = united([kinds, kinds_among(rows) if kinds[1] else (extremes(rows), False)])
+                kinds = merge_kinds([kinds, kinds_among(rows) if kinds[1] else (extremes(rows), False)])
             sums[ids] = _sums(radius)
             totals += np.sum(mass), np.sum(radius)
         assert kinds is not None  # each has a disk
@@ -87,24 +88,24 @@ class Species:
     @property
     def equal(self) -> bool:
         """True if all of them have one mass and radius."""
-        return all(each.low == each.high for each in (self.look.mass, self.look.radius))
+        return all(each.low == each.high for each in (self.summary.mass, self.summary.radius))
 
     def sums(self, ids: range) -> tuple[float, float]:
         """Sums of R^2 [length^2] and of R [length] over some of them, as NumPy adds them up."""
         ids = ids if isinstance(self.radius, RadiiSection) else range(len(ids))
-        if ids not in self.look.sums:
-            self.look.sums[ids] = _sums(self.columns(ids)[1])
-        return self.look.sums[ids]
+        if ids not in self.summary.sums:
+            self.summary.sums[ids] = _sums(self.columns(ids)[1])
+        return self.summary.sums[ids]
 
     def classes(self) -> list[Species]:
         """Species of equal disks that stand for these: one for each radius, or `CLASSES` groups of like radii.
 
         Speeds are those of a Maxwellian of the whole: components have a variance that goes as 1/m. The first block of
-        disks (`slices.BLOCK`) stands for all.
+        disks (`distribution.BLOCK`) stands for all.
         """
         if self.equal:
             return [self]
-        mass, radius = self.columns(range(min(self.number, slices.BLOCK)))
+        mass, radius = self.columns(range(min(self.number, distribution.BLOCK)))
         values, group = np.unique(radius, return_inverse=True)
         if len(values) > CLASSES:
             order = np.argsort(radius, kind="stable")

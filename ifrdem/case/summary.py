@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError, refuse
-from ..kernels.limits import BYTES_PER_DISK
+from ..kernels.columns import BYTES_PER_DISK
 from ..model.box import describe_sides
 from ..model.walls import Wall
+from ..mpi.distribution import GATHERED
 from ..simulation import backend, checks
 from ..tools.progress import size_of_time
-from ..tools.slices import GATHERED
-from .case import Case
+from .case import GROWN, Case
 from .estimate import (
     GROWTH_BYTES_PER_DISK,
     HOST_BYTES_PER_DISK,
@@ -30,7 +30,7 @@ from .estimate import (
 from .gas import CaseGas
 from .objects import device_of
 from .output_section import MOST_FRAMES
-from .rules import GROWN
+from .rules import NOT_GROWN_ON_RANKS
 from .species import Spread
 
 WRITER_BYTES_PER_DISK = 200
@@ -63,12 +63,12 @@ def refuse_cadences(gas: CaseGas, estimate: RunEstimate) -> None:
         [
             f"output.{key} = {value:g}: {text}"
             for what in ("frames", "series")
-            for key, value, text in _wrong_cadence(gas, estimate, what)
+            for key, value, text in _check_cadence(gas, estimate, what)
         ]
     )
 
 
-def _wrong_cadence(gas: CaseGas, estimate: RunEstimate, what: str) -> Iterator[tuple[str, float, str]]:
+def _check_cadence(gas: CaseGas, estimate: RunEstimate, what: str) -> Iterator[tuple[str, float, str]]:
     case = gas.case
     many = f"{MOST_FRAMES} {'frames' if what == 'frames' else 'rows'}"
     interval = getattr(case.output, f"{what}_interval")
@@ -96,7 +96,7 @@ def _length(gas: CaseGas, estimate: RunEstimate) -> tuple[float, str]:
     if not math.isnan(estimate.end_time):
         return estimate.end_time - gas.begin[0], "the length of the run by kinetic theory"
     times = [1.0 / rate for rate in estimate.collision_rate if rate > 0.0]
-    times += [each.look.radius.low / each.speed_rms for each in gas.species if each.speed_rms > 0.0]
+    times += [each.summary.radius.low / each.speed_rms for each in gas.species if each.speed_rms > 0.0]
     times += [each.step for each in case.force]
     return (min(times), "the shortest time that the case names") if times else (math.nan, "")
 
@@ -123,7 +123,7 @@ def check(
     """
     estimate = RunEstimate.of(gas)
     refuse_cadences(gas, estimate)
-    crushes = gas.crushes()
+    crushes = gas.wall_pinch_warnings()
     if ranks == 1:
         gas.try_start()
     here = refused_here(gas, estimate, folder, share=share, ranks=ranks, sliced=sliced)
@@ -149,11 +149,11 @@ def refused_here(
         lambda: backend.check(device_of(run)),
         lambda: checks.check_number(gas.n, ranks),
         lambda: refuse_beyond_memory(
-            gas.n, run.arch, gas.case.start.positions, share, ranks=ranks, sliced=sliced, start=start
+            gas.n, run.device, gas.case.start.positions, share, ranks=ranks, sliced=sliced, start=start
         ),
         lambda: refuse_beyond_disk(estimate.file_bytes, folder),
     ]
-    if run.arch != "cpu" and backend.cuda_absence() is not None:
+    if run.device != "cpu" and backend.cuda_absence() is not None:
         del needs[2]
     for need in needs:
         try:
@@ -186,7 +186,7 @@ def refuse_beyond_memory(
             have = f"{ranks} GPUs have {size(memory)} of memory each" if ranks > 1 else ""
             have = have or f"the GPU has {size(memory)} of memory"
             raise InputError(f"{n} disks: {have}, in which {ranks * most} fit")
-    host = GROWTH_BYTES_PER_DISK if positions == "growth" else HOST_BYTES_PER_DISK
+    host = GROWTH_BYTES_PER_DISK if positions == GROWN else HOST_BYTES_PER_DISK
     engine = BYTES_PER_DISK if arch == "cpu" else 0
     here = share * n if sliced else n
     placing = start if sliced and start else here * host
@@ -222,12 +222,12 @@ def report(gas: CaseGas, estimate: RunEstimate) -> str:
         ratio = radius.high / radius.low
         lines.append(_row("radii", f"{_span(radius)}{length}, largest/smallest {ratio:.4g}: {_cost(ratio)}"))
     for each, rate, path in zip(gas.species, estimate.collision_rate, estimate.free_path, strict=True):
-        text = f"{each.number} of {each.material}: mass {_span(each.look.mass)}{mass}, "
-        text += f"radius {_span(each.look.radius)}{length}, "
+        text = f"{each.number} of {each.material}: mass {_span(each.summary.mass)}{mass}, "
+        text += f"radius {_span(each.summary.radius)}{length}, "
         text += f"k = {each.k:g}, speed {each.speed_rms:.4g}{_per(length, time)} rms"
         lines.append(_row(f"species {each.name}", text))
         if rate > 0.0:
-            diameters = path / (2.0 * each.look.radius.mean)
+            diameters = path / (2.0 * each.summary.radius.mean)
             text = f"{path:.4g}{length} ({diameters:.3g} diameters), mean free time {1.0 / rate:.4g}{time}"
             lines.append(_row("  mean free path", f"{text}, at the start"))
         elif not gas.box.is_open:
@@ -251,13 +251,13 @@ def report(gas: CaseGas, estimate: RunEstimate) -> str:
     per_disk = estimate.array_bytes // max(gas.n, 1)
     engine = f"{size(estimate.array_bytes)} for the engine ({gas.n} disks x {per_disk} bytes)"
     lines.append(_row("memory", f"{engine}, beside Python, Taichi and their libraries"))
-    if case.run.arch == "cpu" and estimate.collisions > 0.0 and estimate.packing_fraction > 0.0:
+    if case.run.device == "cpu" and estimate.collisions > 0.0 and estimate.packing_fraction > 0.0:
         lines.append(_row("time", _time(gas, estimate)))
-    if case.run.arch == "cpu" and gas.n > GATHERED and estimate.packing_fraction > 0.0:
+    if case.run.device == "cpu" and gas.n > GATHERED and estimate.packing_fraction > 0.0:
         plans = [RankPlan.of(gas, estimate, ranks) for ranks in planned_ranks(gas.n)]
         lines += [_row("on ranks of MPI" if i == 0 else "", _planned(each)) for i, each in enumerate(plans)]
-        if case.start.positions == "growth" and case.start.file is None:
-            lines.append(_row("", f'start.positions = "growth" {GROWN}'))
+        if case.start.positions == GROWN and case.start.file is None:
+            lines.append(_row("", f'start.positions = "{GROWN}" {NOT_GROWN_ON_RANKS}'))
     return "\n".join(lines)
 
 
@@ -312,7 +312,11 @@ def _density(gas: CaseGas, estimate: RunEstimate) -> list[str]:
     """Heading of a report on a gas, and how dense it is."""
     case = gas.case
     length, time = case.unit("length"), case.unit("time").strip()
-    sides = "" if gas.patch is None else f"{gas.patch.lengths[0]:.5g} x {gas.patch.lengths[1]:.5g}{length}"
+    sides = (
+        ""
+        if gas.start_region is None
+        else f"{gas.start_region.lengths[0]:.5g} x {gas.start_region.lengths[1]:.5g}{length}"
+    )
     if gas.box.is_open:
         box = "an open box"
     elif all(gas.box.periodic):
@@ -325,8 +329,8 @@ def _density(gas: CaseGas, estimate: RunEstimate) -> list[str]:
         lines.append(_row("packing fraction", f"{estimate.packing_fraction:.5g}"))
         per = f" per{length}^2" if length else ""
         lines.append(_row("number density", f"{estimate.number_density:.5g}{per}"))
-    elif gas.patch is not None:
-        start = gas.kinds.covered / gas.patch.area
+    elif gas.start_region is not None:
+        start = gas.kinds.covered / gas.start_region.area
         lines.append(_row("start", f"in {sides}, packing fraction {start:.5g} there"))
     return lines
 
@@ -354,21 +358,22 @@ def _walls(gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, str]]:
     case = gas.case
     length, time, energy = (case.unit(quantity) for quantity in ("length", "time", "energy"))
     speed, lines = _per(length, time), []
-    mass = sum(each.number * each.look.mass.mean for each in gas.species) / gas.n
+    mass = sum(each.number * each.summary.mass.mean for each in gas.species) / gas.n
     diameter = 2.0 * gas.kinds.mean_radius
     g = math.hypot(*case.box.gravity)
     if g > 0.0:
         x, y = case.box.gravity
         lifted = f"{mass * g * diameter:.4g}{energy} lift the mean disk by its diameter"
         lines.append(("gravity", f"({x:g}, {y:g}){speed}{'^2' if speed else ''}: {lifted}"))
-    if case.box.gravity_turns:
-        rate = f"{case.box.gravity_turns:g}{f' rad/{time.strip()}' if time else ''}"
-        text = f"turns at {rate} in steps of {case.box.gravity_step:g} rad; Froude number of such a drum {gas.drum:.3g}"
+    if case.box.gravity_rotation_rate:
+        rate = f"{case.box.gravity_rotation_rate:g}{f' rad/{time.strip()}' if time else ''}"
+        text = f"turns at {rate} in steps of {case.box.gravity_rotation_step:g} rad; Froude number of such a drum "
+        text += f"{gas.drum:.3g}"
         lines.append(("", text))
-    if gas.room.all_walls:
-        area = f"{gas.room.area():.5g}{f'{length}^2' if length else ''}"
-        part = gas.room.area() / gas.box.area
-        lines.append(("room between walls", f"{area}, {100.0 * part:.4g} % of the box; densities are in it"))
+    if gas.free_area.all_walls:
+        area = f"{gas.free_area.area():.5g}{f'{length}^2' if length else ''}"
+        part = gas.free_area.area() / gas.box.area
+        lines.append(("free area", f"{area} ({100.0 * part:.4g} % of the box); densities refer to it"))
     if case.box.material is not None:
         walled = [axis for axis, periodic in zip("xy", case.box.periodic, strict=True) if not periodic]
         lines.append(("sides", f"walls of {case.box.material} across {' and '.join(walled)}"))
@@ -402,7 +407,9 @@ def _walls(gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, str]]:
             text = f"resting speed {rest:g}{speed}: contacts below it last, and disks fall asleep"
         lines.append(("collapse", text))
     elif (
-        g > 0.0 and gas.room.all_walls and not all(each.law and each.law.e_n == 1.0 for each in gas.verdicts)
+        g > 0.0
+        and gas.free_area.all_walls
+        and not all(each.law and each.law.e_n == 1.0 for each in gas.verdicts)
     ):
         ways = '"velocity_cutoff" or "tc"' if any(wall.piston for wall in gas.walls) else '"rest"'
         text = f"no remedy: disks that come to rest on others end the run (run.collapse = {ways} helps)"

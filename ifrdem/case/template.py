@@ -35,7 +35,7 @@ TEMPLATES: Mapping[str, Template] = {
     "cooling": Template(
         "A gas of aluminium coins that starts without spin, moves freely and cools by its collisions.",
         f"""
-run = {{ name = "cooling", seed = 1, collisions_per_disk = 50.0, arch = "cpu", units = "SI" }}
+run = {{ name = "cooling", seed = 1, collisions_per_disk = 50.0, device = "cpu", units = "SI" }}
 box = {{ packing_fraction = 0.25 }}
 {_ALUMINIUM}
 species = [{{ {_COIN}, number = 50000, speed_rms = 1.0 }}]
@@ -44,11 +44,11 @@ species = [{{ {_COIN}, number = 50000, speed_rms = 1.0 }}]
     "driven": Template(
         "A gas of aluminium coins that starts at rest and is heated by random kicks until it loses as much.",
         f"""
-run = {{ name = "driven", seed = 1, t_end = 1.5, arch = "cpu", units = "SI" }}
+run = {{ name = "driven", seed = 1, t_end = 1.5, device = "cpu", units = "SI" }}
 box = {{ packing_fraction = 0.2 }}
 {_ALUMINIUM}
 species = [{{ {_COIN}, number = 20000, speed_rms = 0.0 }}]
-force = [{{ kind = "kicks", step = 2e-3, power = 2e-3 }}]
+force = [{{ kind = "random_force", step = 2e-3, power = 2e-3 }}]
 {_REST}""",
     ),
     "walls": Template(
@@ -63,7 +63,7 @@ species = [{{ {_COIN}, number = 200, speed_rms = 0.5 }}]
 name = "walls"
 seed = 1
 t_end = 2.0
-arch = "cpu"
+device = "cpu"
 units = "SI"
 collapse = "velocity_cutoff"
 velocity_cutoff = 1e-3
@@ -77,7 +77,7 @@ motion = {{ kind = "sine", amplitude = 0.01, frequency = 20.0 }}""",
     "mixture": Template(
         "Two kinds of coins in one box, with the paper's coefficients for each of the three kinds of pairs.",
         """
-run = { name = "mixture", seed = 1, collisions_per_disk = 20.0, arch = "cpu", units = "SI" }
+run = { name = "mixture", seed = 1, collisions_per_disk = 20.0, device = "cpu", units = "SI" }
 box = { packing_fraction = 0.2 }
 material = [{ name = "small", coin = "100 pts" }, { name = "large", coin = "500 pts" }]
 species = [

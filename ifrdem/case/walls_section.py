@@ -10,7 +10,7 @@ from pydantic import Field
 
 from ..model import outlines
 from ..model.walls import FULL_TURN, Motion, Piston, Turn, Wall
-from .section import Keys, Section, key
+from .section import Keys, Section, field
 
 _POINTS = ("points", "file", "path")
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
@@ -26,20 +26,20 @@ def _nowhere(data: dict[str, Any], key: str) -> list[str]:
 class MotionSection(Section):
     """Motion of a wall as a whole: a displacement s(t) from where it stands, along a direction."""
 
-    kind: Literal["steady", "sine", "sawtooth"] = key("sine")
+    kind: Literal["steady", "sine", "sawtooth"] = field("sine")
     """ "steady" (s = speed t), "sine" (s = amplitude sin(2 pi frequency t + phase)) or "sawtooth" (from -amplitude to
     amplitude at constant speed, and back)."""
-    direction: Pair | None = key([0.0, 1.0], None)
+    direction: Pair | None = field([0.0, 1.0], None)
     """Direction [x, y] of a positive displacement [1], of any length; upwards, [0, 1], without it."""
-    speed: float | None = key(0.1, None)
+    speed: float | None = field(0.1, None)
     """Of a steady motion [m/s]."""
-    amplitude: float | None = key(5.0e-3, None, gt=0.0)
+    amplitude: float | None = field(5.0e-3, None, gt=0.0)
     """Largest displacement [m]."""
-    frequency: float | None = key(20.0, None, gt=0.0)
+    frequency: float | None = field(20.0, None, gt=0.0)
     """Periods per time [1/s]."""
-    phase: float | None = key(0.0, None)
+    phase: float | None = field(0.0, None)
     """At t = 0 [rad]; 2 pi is a period, 0 if not given."""
-    rise: float | None = key(0.5, None, gt=0.0, lt=1.0)
+    rise: float | None = field(0.5, None, gt=0.0, lt=1.0)
     """Part of the period in which a sawtooth rises [1]; 0.5 if not given."""
 
     kinds: ClassVar[Mapping[str, Keys]] = {
@@ -57,17 +57,17 @@ class MotionSection(Section):
 class TurnSection(Section):
     """Rotation of a wall as a whole about a centre, counter-clockwise."""
 
-    kind: Literal["steady", "sine"] = key("steady")
+    kind: Literal["steady", "sine"] = field("steady")
     """ "steady" (angle = rate t) or "sine" (angle = amplitude sin(2 pi frequency t + phase))."""
-    center: Pair = key([0.5, 0.5])
+    center: Pair = field([0.5, 0.5])
     """Centre [x, y] of the rotation [m]; the wall's motion carries it along."""
-    rate: float | None = key(2.0, None)
+    rate: float | None = field(2.0, None)
     """Angular velocity of a steady rotation [rad/s]."""
-    amplitude: float | None = key(0.5, None, gt=0.0)
+    amplitude: float | None = field(0.5, None, gt=0.0)
     """Largest angle [rad]."""
-    frequency: float | None = key(1.0, None, gt=0.0)
+    frequency: float | None = field(1.0, None, gt=0.0)
     """Periods per time [1/s]."""
-    phase: float | None = key(0.0, None)
+    phase: float | None = field(0.0, None)
     """At t = 0 [rad]; 0 if not given."""
 
     kinds: ClassVar[Mapping[str, Keys]] = {
@@ -79,83 +79,83 @@ class TurnSection(Section):
 class PistonSection(Section):
     """A mass by which a line, or a segment across the box, moves freely along its normal."""
 
-    mass: float = key(0.05, gt=0.0)
+    mass: float = field(0.05, gt=0.0)
     """Of the wall [kg]."""
-    force: float | None = key(0.1, None)
+    force: float | None = field(0.1, None)
     """Constant force along the normal [N]; of a line, a positive one presses on the disks. None without it."""
-    spring: float | None = key(2.0, None, ge=0.0)
+    spring: float | None = field(2.0, None, ge=0.0)
     """Stiffness of a spring that is relaxed where the wall is given [N/m]. None without it."""
-    displacement: float | None = key(0.0, None)
+    displacement: float | None = field(0.0, None)
     """Along the normal at t = 0, from where the wall is given [m]; 0 if not given."""
-    velocity: float | None = key(0.0, None)
+    velocity: float | None = field(0.0, None)
     """Along the normal at t = 0 [m/s]; 0 if not given."""
-    low: float | None = key(-0.1, None)
+    low: float | None = field(-0.1, None)
     """Least displacement [m], at a stop that reflects it. No stop without it."""
-    high: float | None = key(0.1, None)
+    high: float | None = field(0.1, None)
     """Largest displacement [m], likewise."""
 
 
 class WallSection(Section):
     """A wall beside the sides of the box: at rest, moving, turning, with a moving surface, or hot."""
 
-    shape: Literal["line", "segment", "container", "post", "arc", "polyline", "polygon"] = key("line")
+    shape: Literal["line", "segment", "container", "post", "arc", "polyline", "polygon"] = field("line")
     """ "line" (endless; point, normal), "segment" (both sides and the ends; start, end), "container" (a circle around
     the disks; center, radius), "post" (a round obstacle; center, radius), "arc" (both sides and the ends; center,
     radius, angles), "polyline" or "polygon" (both sides, all corners; points, file or path)."""
-    material: str | None = key("steel", None, min_length=1, max_length=100)
+    material: str | None = field("steel", None, min_length=1, max_length=100)
     """Name of the material [text]: that of a species, or another one with a [[pair]] for each material of the disks.
     Needed but for a thermal wall, which has none."""
-    point: Pair | None = key([0.0, 0.0], None)
+    point: Pair | None = field([0.0, 0.0], None)
     """A point [x, y] of a line [m]."""
-    normal: Pair | None = key([0.0, 1.0], None)
+    normal: Pair | None = field([0.0, 1.0], None)
     """Direction [x, y] from a line to the disks [1], of any length."""
-    start: Pair | None = key([0.1, 0.1], None)
+    start: Pair | None = field([0.1, 0.1], None)
     """One end [x, y] of a segment [m]."""
-    end: Pair | None = key([0.2, 0.1], None)
+    end: Pair | None = field([0.2, 0.1], None)
     """The other end [x, y] of a segment [m]."""
-    center: Pair | None = key([0.5, 0.5], None)
+    center: Pair | None = field([0.5, 0.5], None)
     """Centre [x, y] of a container, post or arc [m]."""
-    radius: float | None = key(0.4, None, ge=0.0)
+    radius: float | None = field(0.4, None, ge=0.0)
     """Radius of a container, post or arc [m]; a post may have 0."""
-    angles: Pair | None = key([0.0, 3.14], None)
+    angles: Pair | None = field([0.0, 3.14], None)
     """Angles [begin, end] of an arc, counter-clockwise from the x axis [rad]; a whole circle without them."""
-    points: list[Pair] | None = key([[0.1, 0.1], [0.2, 0.3], [0.3, 0.1]], None)
+    points: list[Pair] | None = field([[0.1, 0.1], [0.2, 0.3], [0.3, 0.1]], None)
     """Points [[x, y], ...] of a polyline or polygon [m]."""
-    file: str | None = key("hopper.csv", None, min_length=1)
+    file: str | None = field("hopper.csv", None, min_length=1)
     """Instead: a file of them [path from the case file], with x and y in each line [m], or an SVG drawing of one
     path."""
-    path: str | None = key("M 0.1 0.1 L 0.2 0.3 C 0.3 0.3 0.3 0.2 0.4 0.1", None, min_length=1)
+    path: str | None = field("M 0.1 0.1 L 0.2 0.3 C 0.3 0.3 0.3 0.2 0.4 0.1", None, min_length=1)
     """Instead: the data of an SVG path, y upwards [text of numbers in m]: commands M, L, H, V, Z, C, S, Q, T, A."""
-    scale: float | None = key(1.0e-3, None, gt=0.0)
+    scale: float | None = field(1.0e-3, None, gt=0.0)
     """Length of a unit of the file [m]; 1 if not given."""
-    tolerance: float | None = key(1.0e-5, None, gt=0.0)
+    tolerance: float | None = field(1.0e-5, None, gt=0.0)
     """Largest distance of the straight pieces that stand for curves of a path [m]; 1e-4 of its size if not given."""
-    holds: Literal["both", "inside", "outside"] | None = key("inside", None)
+    holds: Literal["both", "inside", "outside"] | None = field("inside", None)
     """Place of the disks at the start: "inside" of a polygon, "outside", or on "both" sides, if not given; packing
     fractions count it."""
-    motion: MotionSection | None = key({"kind": "sine", "amplitude": 5.0e-3, "frequency": 20.0}, None)
+    motion: MotionSection | None = field({"kind": "sine", "amplitude": 5.0e-3, "frequency": 20.0}, None)
     """Motion of the whole wall [table; m, 1/s, rad]: "steady" (speed), "sine" or "sawtooth" (amplitude, frequency,
     phase; rise), along a direction. At rest without it."""
-    turn: TurnSection | None = key({"kind": "steady", "center": [0.5, 0.5], "rate": 2.0}, None)
+    turn: TurnSection | None = field({"kind": "steady", "center": [0.5, 0.5], "rate": 2.0}, None)
     """Rotation of the whole wall [table; m, rad/s, 1/s, rad]: "steady" (rate) or "sine" (amplitude, frequency, phase),
     about a center. Walls with the same motion and turn move as one."""
-    piston: PistonSection | None = key({"mass": 0.05, "force": 0.1}, None)
+    piston: PistonSection | None = field({"mass": 0.05, "force": 0.1}, None)
     """A mass with which a line, or a segment across the box, moves freely along its normal [table; kg, N, N/m, m, m/s],
     driven by impacts, gravity, a constant force and a spring, between stops low and high."""
-    moves_from: float | None = key(1.0, None)
+    moves_from: float | None = field(1.0, None)
     """Time from which on it moves and turns [s]; its motion begins then, with its phase. Always without it."""
-    moves_until: float | None = key(2.0, None)
+    moves_until: float | None = field(2.0, None)
     """Time until which it moves and turns [s]; then it stays there. For ever without it."""
-    opens_at: float | None = key(1.0, None)
+    opens_at: float | None = field(1.0, None)
     """A gate: the time from which on it is gone [s]."""
-    opens_after: int | None = key(1000, None, ge=0)
+    opens_after: int | None = field(1000, None, ge=0)
     """A gate: the number of collisions of two disks after which it is gone [whole number]."""
-    group: str | None = key("paddle", None, min_length=1, max_length=100)
+    group: str | None = field("paddle", None, min_length=1, max_length=100)
     """Name under which what it gives to the disks is added up, with other walls of that name [text]."""
-    surface_speed: float = key(0.5, 0.0)
+    surface_speed: float = field(0.5, 0.0)
     """Speed of its surface along itself [m/s], as of a belt or drum; positive is clockwise for a container,
     counter-clockwise for a post, and to the left seen along a line's normal."""
-    temperature: float | None = key(5.0e-4, None, gt=0.0)
+    temperature: float | None = field(5.0e-4, None, gt=0.0)
     """A thermal wall: disks leave it with random velocities, as if from a gas of this temperature, mean of m v^2 / 2
     [J]."""
 

@@ -14,13 +14,25 @@ from cyclopts import Parameter
 from ..errors import DamageError, InputError, there_are
 from ..plots.pictures import PICTURES
 from .console import FAILED, note, say
-from .options import Colour, Force, Frames, Style, chosen, flag, one_trajectory, opened, option, styled
+from .options import Color, Force, Frames, Style, chosen, flag, one_trajectory, opened, option, styled
 
 if TYPE_CHECKING:
     from ..analysis.result import Columns, Evaluation
     from ..trajectory.reader import Trajectory
 
-NAMES = ("velocity", "g", "S", "msd", "vacf", "fields", "clusters", "psi6", "pressure", "cooling", "impact")
+NAMES = (
+    "velocity",
+    "rdf",
+    "structure-factor",
+    "msd",
+    "vacf",
+    "fields",
+    "clusters",
+    "psi6",
+    "pressure",
+    "cooling",
+    "impact",
+)
 """As in `analysis.catalogue.ANALYSES`, whose import takes a second."""
 ELSEWHERE = "; --force replaces it, -o DIR writes elsewhere"
 RUN = ("name", "seed", "started")
@@ -53,17 +65,17 @@ def analyse(
 
     Prints a table with standard errors, and writes a CSV file for each analysis and one JSON file.
 
-      velocity  velocities and spins: Sonine coefficients
-      g         pair correlation g(r), its value at contact
-      S         structure factor S(k)
-      msd       mean-square displacement, diffusion
-      vacf      velocity autocorrelation
-      fields    density, flow and thermal temperature
-      clusters  sizes, the largest, radius of gyration
-      psi6      hexatic order
-      pressure  from impulses and from the rate of collisions
-      cooling   fits of Haff's law and of T_rot / T
-      impact    angles of impact and regimes
+      velocity          velocities and spins: Sonine coefficients
+      rdf               pair correlation g(r), its value at contact
+      structure-factor  structure factor S(k)
+      msd               mean-square displacement, diffusion
+      vacf              velocity autocorrelation
+      fields            density, flow and thermal temperature
+      clusters          sizes, the largest, radius of gyration
+      psi6              hexatic order
+      pressure          from impulses and from the rate of collisions
+      cooling           fits of Haff's law and of T_rot / T
+      impact            angles of impact and regimes
 
     Without names, all that the file allows; the exit status is 1 if damage of it keeps one from being done. Analyses of
     single frames take up to 20 of the second half unless --frames says which, and fewer of large gases. A folder that
@@ -271,11 +283,11 @@ def plot(
         str | None,
         option("PICTURE", "NAME.png, .svg or .pdf, or NAME (default: FILE-WHAT.png)", "--output", "-o"),
     ] = None,
-    colour: Colour = None,
+    color: Color = None,
     style: Style = None,
     force: Force = False,
 ) -> None:
-    """Draw a trajectory, several, or a study: temperatures, disks, velocity, g, S, msd.
+    """Draw a trajectory, several, or a study: temperatures, disks, velocity, rdf, structure-factor, msd.
 
     Of a study (FILE.nc), and of several trajectories, WHAT is a quantity of the whole gas: T, T_rot, theta, energy,
     and so on; of a study, with bands of two standard errors over seeds and kinetic theory beside it. Of one trajectory,
@@ -294,7 +306,7 @@ def plot(
         if together or by is not None or (over is not None and what not in PICTURES):
             _plot_together(places, what, over, by, frames, output, force=force)
         else:
-            _plot_one(places[0], what, over or "t", frames, colour, output, force=force)
+            _plot_one(places[0], what, over or "t", frames, color, output, force=force)
 
 
 def _plot_one(
@@ -302,7 +314,7 @@ def _plot_one(
     what: str,
     over: str,
     frames: str | None,
-    colour: str | None,
+    color: str | None,
     output: str | None,
     *,
     force: bool,
@@ -310,10 +322,10 @@ def _plot_one(
     """A picture of one trajectory."""
     file = one_trajectory(place)
     _known("picture", what, tuple(PICTURES))
-    if colour is not None:
+    if color is not None:
         from ..plots.disks import colour_of
 
-        colour_of(colour, "--colour")
+        colour_of(color, "--color")
     from ..tools.files import check_apart, check_files
 
     with opened(file) as trajectory:
@@ -325,7 +337,7 @@ def _plot_one(
         check_files([path], force=force)
         from ..plots import pictures, run
 
-        run.save(pictures.figure(trajectory, what, frames=numbers, over=over, color=colour), path)
+        run.save(pictures.figure(trajectory, what, frames=numbers, over=over, color=color), path)
     note(f"wrote {path}")
 
 

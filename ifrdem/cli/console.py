@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from ..errors import printable
-from ..tools import world
+from ..mpi import communicator
 
 if TYPE_CHECKING:
     from cyclopts.help import HelpPanel
@@ -91,13 +91,13 @@ def set_level(*, quiet: bool, verbose: bool) -> None:
 
 def ranks() -> Any:
     """Ranks of MPI that share the gas, of which the first one speaks; None if this process was not started as one."""
-    comm = world.world()
-    if not world.is_first(comm):
+    comm = communicator.world()
+    if not communicator.is_root(comm):
         LOG.setLevel(logging.ERROR)
     if comm is not None:
         from ..simulation import backend
 
-        backend.show_gpu(world.number_here(comm))
+        backend.show_gpu(communicator.number_here(comm))
     return comm
 
 

@@ -194,11 +194,11 @@ def fit(
     if how.range and how.law is None:
         wrong.append("--range: only beside --law")
     need = "a percentage between 0 and 100"
-    confidence = wrong.take(95.0, number, "--level", how.level, need, lambda value: 0.0 < value < 100.0)
-    further = wrong.take(0, whole, "--design", how.design, 1, 1_000_000)
-    drawn = wrong.take(0, whole, "--draw", files.draw, 1, 1_000_000)
-    sets = wrong.take(0, whole, "--bootstrap", how.bootstrap, 40, 1_000_000)
-    seed = wrong.take(1, whole, "--seed", how.seed, 0, 2**63 - 1)
+    confidence = wrong.parse(95.0, number, "--level", how.level, need, lambda value: 0.0 < value < 100.0)
+    further = wrong.parse(0, whole, "--design", how.design, 1, 1_000_000)
+    drawn = wrong.parse(0, whole, "--draw", files.draw, 1, 1_000_000)
+    sets = wrong.parse(0, whole, "--bootstrap", how.bootstrap, 40, 1_000_000)
+    seed = wrong.parse(1, whole, "--seed", how.seed, 0, 2**63 - 1)
     if how.seed is not None and how.bootstrap is None and files.draw is None:
         wrong.append("--seed: only beside --bootstrap or --draw")
     if files.draws is not None and files.draw is None:
@@ -326,7 +326,7 @@ def _disks(given: DiskOptions, rolling: bool, wrong: Wrong) -> dict[str, float]:
     elif ("R_1" in texts) != ("R_2" in texts):
         wrong.append("--R-1, --R-2: both radii are needed, or none")
     return {
-        name: wrong.take(1.0, _mass_ratio if name == "M" else _positive, _dashed(name), text)
+        name: wrong.parse(1.0, _mass_ratio if name == "M" else _positive, _dashed(name), text)
         for name, text in texts.items()
     }
 
@@ -339,7 +339,7 @@ def disk_of(option: str, text: str, wrong: Wrong, also: str = "") -> Any:
     if len(parts) not in (2, 3):
         wrong.append(f"{option}: MASS,RADIUS or MASS,RADIUS,K{also} is needed")
         return None
-    values = [wrong.take(1.0, _positive, f"{option}:", part) for part in parts]
+    values = [wrong.parse(1.0, _positive, f"{option}:", part) for part in parts]
     return Disk(mass=values[0], radius=values[1], k=values[2] if len(values) == 3 else 2.0)
 
 
@@ -375,7 +375,7 @@ def _split(option: str, texts: list[str] | None, wrong: Wrong) -> dict[str, str]
 def _pairs(option: str, texts: list[str] | None, wrong: Wrong) -> dict[str, float]:
     """NAME=NUMBER."""
     return {
-        name: wrong.take(0.0, number, f"{option} {name} =", value, "a finite number", math.isfinite)
+        name: wrong.parse(0.0, number, f"{option} {name} =", value, "a finite number", math.isfinite)
         for name, value in _split(option, texts, wrong).items()
     }
 
@@ -389,7 +389,7 @@ def _ranges(texts: list[str] | None, wrong: Wrong) -> dict[str, tuple[float, flo
             wrong.append(f"--range {name}={value}: NAME=LOW:HIGH is needed")
             continue
         ends = [
-            wrong.take(0.0, number, f"--range {name} =", each, "a finite number", math.isfinite)
+            wrong.parse(0.0, number, f"--range {name} =", each, "a finite number", math.isfinite)
             for each in (low, high)
         ]
         found[name] = (ends[0], ends[1])
@@ -428,7 +428,7 @@ def _errors(texts: list[str], wrong: Wrong) -> dict[str, float]:
             continue
         if name in found:
             wrong.append(f"--error {text}: given twice")
-        found[name] = wrong.take(1.0, _positive, f"--error {name} =" if equals else "--error", value)
+        found[name] = wrong.parse(1.0, _positive, f"--error {name} =" if equals else "--error", value)
     return found
 
 
@@ -474,9 +474,9 @@ def collisions(
     """
     wrong = Wrong()
     form = form_of(table, wrong)
-    rate = wrong.take(None, _positive, "--fps", fps)
-    frames = wrong.take(12, whole, "--window", window, 3, 10_000)
-    error = wrong.take(None, _positive, "--noise", noise)
+    rate = wrong.parse(None, _positive, "--fps", fps)
+    frames = wrong.parse(12, whole, "--window", window, 3, 10_000)
+    error = wrong.parse(None, _positive, "--noise", noise)
     disks = _tracked_disks(disk, wrong)
     line = None
     if wall is not None:
@@ -485,7 +485,7 @@ def collisions(
             wrong.append(f"--wall {wall}: X1,Y1,X2,Y2 is needed")
         else:
             values = [
-                wrong.take(0.0, number, f"--wall {wall}:", each, "a finite number", math.isfinite)
+                wrong.parse(0.0, number, f"--wall {wall}:", each, "a finite number", math.isfinite)
                 for each in parts
             ]
             line = (values[0], values[1], values[2], values[3])
@@ -531,7 +531,7 @@ def _tracked_disks(texts: list[str] | None, wrong: Wrong) -> Disk | dict[int, Di
         if not equals:
             every = made
         else:
-            found[wrong.take(0, whole, f"--disk {text}: id", name.strip(), 0, 2**31)] = made
+            found[wrong.parse(0, whole, f"--disk {text}: id", name.strip(), 0, 2**31)] = made
     if every is not None and found:
         wrong.append("--disk: either all disks at once, or each by its id")
     if every is None and not found and not wrong:
@@ -601,8 +601,8 @@ def compare(
     form = form_of(table, wrong)
     given = _named(error, "--error", ("positions", "angles"), wrong)
     starts = _named(start_error, "--start-error", ("positions", "velocities", "spins"), wrong)
-    runs = wrong.take(0, whole, "--members", members, 4, 100_000)
-    first = wrong.take(1, whole, "--seed", seed, 0, 2**63 - 1)
+    runs = wrong.parse(0, whole, "--members", members, 4, 100_000)
+    first = wrong.parse(1, whole, "--seed", seed, 0, 2**63 - 1)
     for name, value in (
         ("--draws", draws),
         ("--start-error", start_error),
@@ -649,7 +649,7 @@ def _named(texts: list[str] | None, option: str, names: tuple[str, ...], wrong: 
         if name not in names:
             wrong.append(f"{option} {name}: must be one of {', '.join(names)}{nearest(name, names)}")
         else:
-            found[name] = wrong.take(
+            found[name] = wrong.parse(
                 0.0,
                 number,
                 f"{option} {name} =",

@@ -25,7 +25,7 @@ from cyclopts import (
 )
 
 from ..errors import EngineError, InputError, nearest, there_are
-from ..tools import world
+from ..mpi import communicator
 from ..tools.arguments import unfailing_messages
 from ..tools.versions import __version__
 from . import analyse, console, fit, program, run, trajectory
@@ -59,13 +59,13 @@ GENERAL = ("--quiet", "--verbose", "--help")
 
 
 COMMANDS: dict[Group, tuple[Callable[..., Any], ...]] = {
-    RUNS: (run.run, run.resume, run.tail, run.study, run.check, run.new, run.cases),
+    RUNS: (run.run, run.resume, run.status, run.study, run.check, run.new, run.cases),
     FILES: (
         trajectory.info, trajectory.view, analyse.analyse, analyse.plot, trajectory.movie, trajectory.history,
-        trajectory.export, trajectory.views, trajectory.repair,
+        trajectory.export, trajectory.link, trajectory.repair,
     ),
     LAW: (
-        fit.collisions, fit.fit, fit.compare, program.validate, program.bench, program.backends,
+        fit.collisions, fit.fit, fit.compare, program.validate, program.bench, program.devices,
         program.docs,
     ),
 }  # fmt: skip
@@ -107,7 +107,7 @@ def _any(
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status.
 
-    0, 1 (failed), 2 (bad input), 3 (stopped by --maxh or SIGUSR1, SIGUSR2), 130 (interrupted), 143 (terminated).
+    0, 1 (failed), 2 (bad input), 3 (stopped by --max-hours or SIGUSR1, SIGUSR2), 130 (interrupted), 143 (terminated).
     """
     given = sys.argv[1:] if arguments is None else list(arguments)
     if arguments is None:  # a process of its own: imports and the syntax trees of kernels leave no garbage
@@ -124,26 +124,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
             sys.stdout.flush()  # here, where a broken pipe is caught
             return int(status or 0)
         except CycloptsError as error:
-            return world.end(BAD_INPUT, _told(error), complain)
+            return communicator.end(BAD_INPUT, _told(error), complain)
         except InputError as error:
-            return world.end(BAD_INPUT, str(error), complain)
+            return communicator.end(BAD_INPUT, str(error), complain)
         except EngineError as error:
-            return world.end(FAILED, f"the engine stopped: {error}", complain)
+            return communicator.end(FAILED, f"the engine stopped: {error}", complain)
         except KeyboardInterrupt as error:
-            return world.end(INTERRUPTED, str(error) or "interrupted", complain)
+            return communicator.end(INTERRUPTED, str(error) or "interrupted", complain)
         except BrokenPipeError:  # the reader of our output went away, as `head` does
             console.forget_output()
             return FAILED
         except OSError as error:  # such as a full disk; files have their own messages
             console.forget_output()
             text = f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}"
-            return world.end(FAILED, text, complain)
+            return communicator.end(FAILED, text, complain)
         except Exception:
             # A fault of the program. Alone it goes on as a traceback; one rank of several tells it, with the traceback,
             # and ends all the others, which would wait for ever.
-            if world.is_alone():
+            if communicator.is_alone():
                 raise
-            return world.end(FAILED, traceback.format_exc(), complain)
+            return communicator.end(FAILED, traceback.format_exc(), complain)
 
 
 def _commands() -> list[str]:

@@ -65,7 +65,9 @@ Set = Annotated[
         "--set",
     ),
 ]
-Arch = Annotated[str | None, option("ARCH", "device: cpu or cuda (see `ifrdem backends`); sets run.arch")]
+Device = Annotated[
+    str | None, option("DEVICE", "device: cpu or cuda (see `ifrdem devices`); sets run.device")
+]
 Seed = Annotated[str | None, option("N", "seed of the random numbers; sets run.seed")]
 Threads = Annotated[str | None, option("N", "CPU threads (default: all cores); sets run.threads")]
 Precision = Annotated[str | None, option("P", "f64 or f32; sets run.precision")]
@@ -91,12 +93,12 @@ Output = Annotated[
 Style = Annotated[
     str | None, option("STYLE", "a style of Matplotlib, such as dark_background, or a file of one")
 ]
-Colour = Annotated[
+Color = Annotated[
     str | None,
     option(
         "BY",
         "of disks: spin, speed, direction, temperature, radius, material, collisions, asleep or none (default: spin)",
-        "--colour", "--color",
+        "--color"
     ),
 ]  # fmt: skip
 Force = Annotated[bool, flag("replace files that exist")]
@@ -123,8 +125,8 @@ def overrides(given: list[str] | None, **run: str | None) -> list[str]:
     found = list(given or ())
     for key, value in run.items():
         if value is not None:
-            # Texts are quoted, so that the model says what is wrong with "--arch 3" or an empty value.
-            text = key in ("arch", "precision") or not value
+            # Texts are quoted, so that the model says what is wrong with "--device 3" or an empty value.
+            text = key in ("device", "precision") or not value
             found.append(f"run.{key}={json.dumps(value) if text else value}")
     return found
 
@@ -153,7 +155,7 @@ def whole(option: str, text: str, least: int, most: int, noun: str = "whole numb
 class Wrong(list[str]):
     """Lines on options that are wrong, told all at once."""
 
-    def take(self, default: T, read: Callable[..., T], option: str, text: str | None, *more: object) -> T:
+    def parse(self, default: T, read: Callable[..., T], option: str, text: str | None, *more: object) -> T:
         """The value that is read from a text, or the default without one; what is wrong is taken note of."""
         try:
             return default if text is None else read(option, text, *more)
@@ -167,10 +169,10 @@ class Wrong(list[str]):
             raise InputError("\n".join(self))
 
 
-def max_hours(text: str | None) -> float | None:
-    """The value of `--maxh`."""
+def hours_of(text: str | None) -> float | None:
+    """The value of `--max-hours`."""
     need = "a positive number of hours"
-    return None if text is None else number("--maxh", text, need, lambda hours: 0.0 < hours < math.inf)
+    return None if text is None else number("--max-hours", text, need, lambda hours: 0.0 < hours < math.inf)
 
 
 def opened(file: str) -> Trajectory:

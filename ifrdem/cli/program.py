@@ -1,4 +1,4 @@
-"""Commands about the program: `validate`, `bench`, `backends`, `docs`."""
+"""Commands about the program: `validate`, `bench`, `devices`, `docs`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from ..errors import InputError, there_are
-from ..tools import world
+from ..mpi import communicator
 from .console import progress, ranks, say
 from .options import Precision, Set, Wrong, flag, number, option, overrides, whole
 
@@ -60,7 +60,7 @@ def bench(
     *,
     n: Annotated[str | None, option("N", "disks of the elastic gas (default: 1e5)")] = None,
     phi: Annotated[str | None, option("PHI", "its packing fraction (default: 0.3)")] = None,
-    arch: Annotated[str | None, option("ARCH", "device: cpu or cuda (see `ifrdem backends`)")] = None,
+    device: Annotated[str | None, option("DEVICE", "device: cpu or cuda (see `ifrdem devices`)")] = None,
     precision: Precision = None,
     threads: Annotated[str | None, option("N", "CPU threads (default: all cores)")] = None,
     runs: Annotated[str | None, option("R", "timed runs (default: 5)")] = None,
@@ -80,7 +80,7 @@ def bench(
     range; progress goes to the standard error stream. Under `mpiexec -n P` it times one gas on P ranks, and counts what
     they send. A grid of gases, start times and the cost of output are scripts (`ifrdem docs performance`).
     """
-    from ..kernels.limits import MOST_DISKS
+    from ..kernels.columns import MOST_DISKS
     from ..simulation import backend
     from ..simulation.device import Device
     from ..validation.speed import bench as timing
@@ -92,19 +92,19 @@ def bench(
         "profile": profile,
         "note": progress,
     }
-    chosen["n"] = wrong.take(100_000, whole, "--n", n, 2, MOST_DISKS, "whole number of disks")
+    chosen["n"] = wrong.parse(100_000, whole, "--n", n, 2, MOST_DISKS, "whole number of disks")
     need = f"a packing fraction from {THINNEST} to {DENSEST}"
-    chosen["phi"] = wrong.take(0.3, number, "--phi", phi, need, lambda value: THINNEST <= value <= DENSEST)
-    chosen["runs"] = wrong.take(timing.RUNS, whole, "--runs", runs, 1, 10_000)
+    chosen["phi"] = wrong.parse(0.3, number, "--phi", phi, need, lambda value: THINNEST <= value <= DENSEST)
+    chosen["runs"] = wrong.parse(timing.RUNS, whole, "--runs", runs, 1, 10_000)
     need = "a positive number of seconds"
-    chosen["seconds"] = wrong.take(
+    chosen["seconds"] = wrong.parse(
         timing.SECONDS, number, "--seconds", seconds, need, lambda value: 0.0 < value < math.inf
     )
-    chosen["seed"] = wrong.take(1, whole, "--seed", seed, 0, 2**63 - 1)
+    chosen["seed"] = wrong.parse(1, whole, "--seed", seed, 0, 2**63 - 1)
     need = "a number of collisions per disk, 0 or more,"
-    chosen["after"] = wrong.take(0.0, number, "--after", after, need, lambda value: 0.0 <= value < math.inf)
-    chosen["threads"] = wrong.take(None, whole, "--threads", threads, 1, backend.cores())
-    chosen["device"], chosen["precision"] = arch or "cpu", precision or "f64"
+    chosen["after"] = wrong.parse(0.0, number, "--after", after, need, lambda value: 0.0 <= value < math.inf)
+    chosen["threads"] = wrong.parse(None, whole, "--threads", threads, 1, backend.cores())
+    chosen["device"], chosen["precision"] = device or "cpu", precision or "f64"
     comm = ranks()
     try:
         backend.check(Device(chosen["device"], precision=chosen["precision"]))
@@ -112,9 +112,9 @@ def bench(
         wrong.append(f"--{error}")
     wrong.end()
     if case is not None:
-        chosen["overrides"] = overrides(set, arch=arch, seed=seed, threads=threads, precision=precision)
+        chosen["overrides"] = overrides(set, device=device, seed=seed, threads=threads, precision=precision)
     found = timing.bench(case, comm=comm, **chosen)
-    if not world.is_first(comm):
+    if not communicator.is_root(comm):
         return
     say(json_format.dumps(found.figures(), indent=2) if json else found.report())
 
@@ -131,7 +131,7 @@ def _conflicts(of_gas: dict[str, Any], of_case: dict[str, Any], case: str | None
     ]
 
 
-def backends() -> None:
+def devices() -> None:
     """List the devices that can compute."""
     from .. import bullet
     from ..kernels import language  # noqa: F401  (an error where Taichi cannot be loaded)

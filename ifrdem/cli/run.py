@@ -1,4 +1,4 @@
-"""Commands about cases and runs: `run`, `resume`, `tail`, `study`, `check`, `new`, `cases`."""
+"""Commands about cases and runs: `run`, `resume`, `status`, `study`, `check`, `new`, `cases`."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from ..errors import InputError, Stopped, TrajectoryError
-from ..tools import world
+from ..mpi import communicator
 from .console import FAILED, UNFINISHED, complain, note, ranks, say, warn
 from .options import (
-    Arch,
     Case,
+    Device,
     Force,
     MaxHours,
     NoPicture,
@@ -26,7 +26,7 @@ from .options import (
     Set,
     Threads,
     flag,
-    max_hours,
+    hours_of,
     number,
     option,
     overrides,
@@ -39,14 +39,14 @@ def run(
     /,
     *,
     set: Set = None,
-    arch: Arch = None,
+    device: Device = None,
     seed: Seed = None,
     threads: Threads = None,
     precision: Precision = None,
     output: Annotated[
         str | None,
         option(
-            "PLACE",
+            "PATH",
             "folder for NAME.h5 and NAME.png, or the files' path without its ending (default: this folder)",
             "--output",
             "-o",
@@ -54,7 +54,7 @@ def run(
     ] = None,
     force: Force = False,
     no_picture: NoPicture = False,
-    maxh: MaxHours = None,
+    max_hours: MaxHours = None,
 ) -> int:
     """Run a case: writes NAME.h5 and NAME.png.
 
@@ -62,8 +62,8 @@ def run(
     from which `ifrdem resume` goes on. `mpiexec -n P ifrdem run CASE` shares the gas among P processes.
     """
     _spare_threads()
-    changes = overrides(set, arch=arch, seed=seed, threads=threads, precision=precision)
-    hours = max_hours(maxh)
+    changes = overrides(set, device=device, seed=seed, threads=threads, precision=precision)
+    hours = hours_of(max_hours)
     # Which files there will be is known only from the case, so a wrong case comes first.
     from ..case import file as case_file
     from ..case import shipped
@@ -77,18 +77,18 @@ def run(
         outputs.check(force=force)  # before the imports below, which take a second
         return outputs
 
-    outputs = world.from_first(comm, planned)
+    outputs = communicator.root_result(comm, planned)
 
-    from ..run import job
+    from ..run import run as running
 
     return _ended(
-        lambda: job.run(file, outputs, force=force, max_hours=hours, say=note, warn=warn, comm=comm)
+        lambda: running.run(file, outputs, force=force, max_hours=hours, say=note, warn=warn, comm=comm)
     )
 
 
 def resume(
     place: Annotated[
-        str, Parameter(name="PLACE", help="the trajectory (NAME.h5), or the folder that it is in")
+        str, Parameter(name="PATH", help="the trajectory (NAME.h5), or the folder that it is in")
     ],
     /,
     *,
@@ -97,7 +97,7 @@ def resume(
         bool, flag("go on with the case as it was, though its file has changed")
     ] = False,
     no_picture: NoPicture = False,
-    maxh: MaxHours = None,
+    max_hours: MaxHours = None,
 ) -> int:
     """Go on with a run that was stopped.
 
@@ -105,13 +105,13 @@ def resume(
     bitwise that of a run that was never stopped.
     """
     _spare_threads()
-    hours = max_hours(maxh)
+    hours = hours_of(max_hours)
     if threads is not None and not (threads.isdecimal() and int(threads) > 0):
         raise InputError(f"--threads {threads}: a whole number, 1 or more, is needed")
     from ..run import resume as resuming
 
     comm = ranks()
-    world.on_first(comm, lambda: resuming.find(place))  # before anything takes a second
+    communicator.run_on_root(comm, lambda: resuming.find(place))  # before anything takes a second
     return _ended(
         lambda: resuming.resume(
             place, ignore_case_changes=ignore_case_changes, threads=int(threads) if threads else None, max_hours=hours,
@@ -130,11 +130,11 @@ def _ended(work: Callable[[], None]) -> int:
     try:
         work()
     except (TrajectoryError, Stopped) as error:
-        return world.end(error.status if isinstance(error, Stopped) else FAILED, str(error), complain)
+        return communicator.end(error.status if isinstance(error, Stopped) else FAILED, str(error), complain)
     return 0
 
 
-def tail(
+def status(
     path: Annotated[
         str,
         Parameter(
@@ -143,21 +143,21 @@ def tail(
     ],
     /,
     *,
-    once: Annotated[bool, flag("print one line and end")] = False,
-    interval: Annotated[str, option("S", "seconds between two looks (default: 1)")] = "1",
+    follow: Annotated[bool, flag("print a line at each change until the run ends")] = False,
+    interval: Annotated[str, option("S", "with --follow: seconds between two looks (default: 1)")] = "1",
 ) -> int:
-    """Follow a run from another terminal.
+    """Print how far a run or study is, and the time left.
 
-    A line at each news of the run until it ends, from the status file beside its trajectory. The run may be
-    anybody's who can write to the same disk; nothing is locked. A run that died is told as such. The exit status is 0
-    of a run that is done or goes on, 3 of one that was stopped, and 1 of one that failed or died.
+    Reads the status file beside the trajectory; nothing is locked, and the run may be that of another user. A run
+    whose process is gone without an end is "dead". The exit status is 0 of a run that is done or goes on, 3 of one that
+    was stopped, and 1 of one that failed or died.
     """
     need = "a number of seconds from 0.01 to 3600"
     seconds = number("--interval", interval, need, lambda value: 0.01 <= value <= 3600.0)
-    from ..run import status
+    from ..run import status as of_run
 
-    ends = {status.RUNNING: 0, status.DONE: 0, status.INTERRUPTED: UNFINISHED}
-    return ends.get(status.tail(path, say, follow=not once, interval=seconds), FAILED)
+    ends = {of_run.RUNNING: 0, of_run.DONE: 0, of_run.INTERRUPTED: UNFINISHED}
+    return ends.get(of_run.show(path, say, follow=follow, interval=seconds), FAILED)
 
 
 def study(
@@ -253,8 +253,8 @@ def check(case: Case, /, *, set: Set = None) -> None:
 
     comm = ranks()
     gas = case_file.read_on_ranks(lambda: shipped.find(case), set or [], comm).gas
-    share, count = world.share_here(comm), comm.size if comm else 1
-    sliced = gas.is_told_in_slices(comm) and gas.is_made_in_slices
+    share, count = communicator.share_here(comm), comm.size if comm else 1
+    sliced = gas.is_distributed(comm) and gas.is_made_in_slices
 
     def report() -> None:
         text, warnings = summary.check(gas, Path(), share=share, ranks=count, sliced=sliced)
@@ -262,7 +262,7 @@ def check(case: Case, /, *, set: Set = None) -> None:
         for each in warnings:
             warn(each)
 
-    world.on_first(comm, report)
+    communicator.run_on_root(comm, report)
 
 
 KIND = (

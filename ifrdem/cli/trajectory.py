@@ -1,4 +1,4 @@
-"""Commands about trajectories: `info`, `view`, `views`, `export`, `movie`, `repair`, `history`."""
+"""Commands about trajectories: `info`, `view`, `link`, `export`, `movie`, `repair`, `history`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cyclopts import Parameter
 from ..errors import InputError
 from .console import note, say
 from .options import (
-    Colour,
+    Color,
     File,
     Force,
     Frames,
@@ -105,7 +105,7 @@ def view(
         server.serve_forever()
 
 
-def views(file: File, /) -> None:
+def link(file: File, /) -> None:
     """Let ParaView, OVITO, xarray and ASE open a trajectory.
 
     Writes NAME.vtkhdf (ParaView, PyVista, VTK) and NAME.nc (OVITO, xarray, ASE) beside NAME.h5. They point at its data
@@ -132,7 +132,7 @@ def export(
     Copies frames into a file of another format: gsd (HOOMD, OVITO, freud; single precision, origin in the middle of
     the box), extxyz (ASE, OVITO), csv (a line a disk and frame) or h5 (a trajectory in one file, such as of one in
     parts; it needs -o). To open a trajectory in ParaView, OVITO, xarray or
-    ASE without a copy, see `ifrdem views`.
+    ASE without a copy, see `ifrdem link`.
     """
     from ..tools import checked
     from ..trajectory import export as exporting
@@ -154,7 +154,7 @@ def movie(
     size: Annotated[
         str | None, option("WxH", "pixels, even numbers (default: as the box is, 1200x1080 at most)")
     ] = None,
-    colour: Colour = None,
+    color: Color = None,
     style: Style = None,
     quality: Annotated[str, option("Q", "of a WebP file, 1 to 100 (default: 70)")] = "70",
     output: Output = None,
@@ -176,7 +176,7 @@ def movie(
         numbers = chosen(frames, len(trajectory))
         out = place(file, output, ".mp4", force=force)
         bytes_there = making.write(
-            trajectory, out, numbers, fps=rate, size=pixels, colour=colour or "spin", quality=level,
+            trajectory, out, numbers, fps=rate, size=pixels, color=color or "spin", quality=level,
             progress=counted("movie"),
         )  # fmt: skip
     note(f"wrote {out}: {len(numbers)} pictures, {len(numbers) / rate:.3g} s, {bytes_there / 1e6:.2g} MB")

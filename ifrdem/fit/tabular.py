@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, counted, nearest, printable, refuse
+from ..mpi import communicator, distribution
 from ..tools import csv as csv_rows
-from ..tools import slices, world
 from ..tools.checked import validated
 
 Array = NDArray[np.float64]
@@ -128,13 +128,13 @@ def read(
     gaps : bool
         Values may be missing (empty, nan, NA, ...); else such a one is wrong.
     n : int
-        With `comm`: the number of rows that are needed. Each rank of MPI gets those of its slice (`tools/slices.py`),
-        and the last one also what is there beyond; mistakes are told to all.
+        With `comm`: the number of rows that are needed. Each rank of MPI gets those of its slice
+        (`mpi/distribution.py`), and the last one also what is there beyond; all ranks get the mistakes.
     """
     path = Path(path)
     source = str(path)
     _check_form(source, form, kinds)
-    own = slices.slice_of(n, comm)
+    own = distribution.slice_of(n, comm)
     last = comm is None or comm.rank == comm.size - 1
 
     def parsed() -> tuple[ReadTable, list[str], int]:
@@ -163,10 +163,10 @@ def read(
         return ReadTable(columns, numbers, total, missing, tuple(unused), source), wrong, count
 
     try:
-        table, wrong, count = world.together(comm, parsed)
+        table, wrong, count = communicator.run_on_all(comm, parsed)
     except InputError as error:
         raise InputError("\n".join(f"{source}: {line}" for line in str(error).splitlines())) from None
-    wrong, count = world.first_of_all(comm, wrong, count, most_wrong)
+    wrong, count = communicator.first_of_all(comm, wrong, count, most_wrong)
     refuse(wrong, source, most_wrong, count)
     return table
 

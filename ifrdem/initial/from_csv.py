@@ -17,7 +17,7 @@ from ..fit import tabular
 from ..fit.tabular import Form
 from ..model.box import Box
 from ..model.walls import Wall, at_displacements
-from ..tools import slices, world
+from ..mpi import communicator, distribution
 from ..tools.checked import Array
 from ..trajectory.export import CSV_KEYS, csv_names
 from ..trajectory.layout import FIELDS
@@ -102,7 +102,7 @@ def read(path: Path, n: int, box: Box | None = None, form: Form | None = None, *
         for axis, side in zip(POSITION, box.lengths, strict=True):
             inside[axis] = f"must lie inside the box, from 0 to below {side:.6g}"
             bad[axis] |= (columns[axis] < 0.0) | (columns[axis] >= side)
-    expected = slices.slice_of(n, comm).start + np.arange(len(table))
+    expected = distribution.slice_of(n, comm).start + np.arange(len(table))
     if "id" in columns and table.rows == n:
         bad["id"] |= columns["id"] != expected
     rows = np.flatnonzero(np.any(list(bad.values()), axis=0))
@@ -118,7 +118,9 @@ def read(path: Path, n: int, box: Box | None = None, form: Form | None = None, *
         for i in rows[:MOST_REPORTED]
         for name, value in ((name, columns[name][i]) for name in columns if bad[name][i])
     ]
-    texts, count = world.first_of_all(comm, texts, sum(map(np.count_nonzero, bad.values())), MOST_REPORTED)
+    texts, count = communicator.first_of_all(
+        comm, texts, sum(map(np.count_nonzero, bad.values())), MOST_REPORTED
+    )
     wrong = listed(texts, MOST_REPORTED, count).splitlines()
     if table.rows != n:
         more = "; `ifrdem export` writes one frame with --frames=-1" if "id" in columns else ""

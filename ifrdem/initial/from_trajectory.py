@@ -14,7 +14,7 @@ from ..model.box import Box
 from ..model.overlaps import TOLERANCE, check_no_overlap
 from ..model.walls import OF_PISTONS, Wall, sides
 from ..model.walls import check as check_walls
-from ..tools import slices, world
+from ..mpi import communicator, distribution
 from ..tools.checked import Array
 from ..trajectory.reader import Frame, Trajectory
 from . import packing
@@ -50,7 +50,7 @@ def read(
     the images above are displaced by shear_rate Ly t. So the frame's box must have the same shear rate, and the clock
     continues; or it has none, and the clock begins at 0.
     """
-    ids, n = slices.numbered(len(radius), comm)
+    ids, n = distribution.numbered(len(radius), comm)
 
     def rows() -> tuple[Given, str, bool, float, Box]:
         if not path.exists():
@@ -66,15 +66,15 @@ def read(
             single = trajectory.dtype("position") == np.float32
             return given, where, single, max(trajectory.box.lengths), trajectory.box
 
-    given, where, single, side, there = world.together(comm, rows)
+    given, where, single, side, there = communicator.run_on_all(comm, rows)
     if "collisions" in given.past:
-        given = replace(given, collisions=int(slices.total(given.past["collisions"], comm)) // 2)
+        given = replace(given, collisions=int(distribution.total(given.past["collisions"], comm)) // 2)
     if box is None:
         return given
     position = given.position
-    size = world.largest(comm, float(np.abs(position).max(initial=0.0))) if box.is_open else side
-    largest = world.largest(comm, float(radius.max(initial=0.0)))
-    smallest = -world.largest(comm, -float(radius.min(initial=np.inf)))
+    size = communicator.largest(comm, float(np.abs(position).max(initial=0.0))) if box.is_open else side
+    largest = communicator.largest(comm, float(radius.max(initial=0.0)))
+    smallest = -communicator.largest(comm, -float(radius.min(initial=np.inf)))
     overlap, into = TOLERANCE, TOLERANCE * largest  # that is taken as rounding, with others and with walls
     if single:
         overlap, into = ROUNDING * size / (2.0 * smallest), ROUNDING * side
@@ -199,5 +199,5 @@ def _other_radii(path: Path, radius: Array, ids: range, comm: Any) -> str:
             f"{radius[i]:.6g} in this case"
         )
 
-    found = world.together(comm, told)
+    found = communicator.run_on_all(comm, told)
     return found if comm is None else next(filter(None, comm.allgather(found)), "")

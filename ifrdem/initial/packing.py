@@ -22,18 +22,19 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..model.box import Box
-from ..model.free_area import Room
+from ..model.free_area import FreeArea
 from ..model.overlaps import (
     check_no_overlap,
     checked_radii,
     close_ones,
     close_pairs,
     put_back,
-    refuse_no_room,
+    refuse_no_free_area,
     refuse_wider_than_box,
 )
 from ..model.walls import Wall
-from ..tools import seeds, slices, world
+from ..mpi import communicator, distribution
+from ..tools import seeds
 from ..tools.checked import Array, Comm, PositiveColumn, Seed, Vectors, validated
 
 MARGIN = 1e-4
@@ -90,13 +91,13 @@ def grow(
     if n == 0:
         return np.empty((0, 2))
     refuse_wider_than_box(box, radii)
-    room = Room(box, tuple(walls))
-    refuse_no_room(room, radii)
-    wanted = room.packing_fraction(radii)
+    free_area = FreeArea(box, tuple(walls))
+    refuse_no_free_area(free_area, radii)
+    wanted = free_area.packing_fraction(radii)
     if wanted >= 1.0:
-        place = "room between walls" if room.all_walls else "box"
+        place = "free area between walls" if free_area.all_walls else "box"
         raise InputError(f"packing fraction = {wanted:.4f}: the disks cover more than the {place} has")
-    soft = _SoftDisks(room, radii, _scattered(room, n, seeds.stream(seed, seeds.POSITIONS)))
+    soft = _SoftDisks(free_area, radii, _scattered(free_area, n, seeds.stream(seed, seeds.POSITIONS)))
     agitation = seeds.stream(seed, seeds.AGITATION)
     easy = soft.minimise(FIRST_STEPS)
     most = 3 + 20_000 // (n + 1000)  # few disks jam earlier or later by chance
@@ -112,7 +113,7 @@ def grow(
         if done or soft.mean_overlap() > NEARLY:
             break
     if not done:
-        attained = _attained(soft, room, radii)
+        attained = _attained(soft, free_area, radii)
         raise InputError(
             f"packing fraction = {wanted:.4f}: growth ended at {attained:.4f} with these disks; use fewer disks, "
             'a larger box or, for disks of about one size, positions = "hexagonal"'
@@ -145,18 +146,21 @@ def separate(
     radii, centres = checked_radii(radius), np.asarray(position, dtype=np.float64)
     if len(centres) != len(radii):
         raise InputError(f"position has {len(centres)} disks, radius {len(radii)}: must be the same number")
-    n, largest = slices.numbered(len(radii), comm)[1], world.largest(comm, float(radii.max(initial=0.0)))
-    room = Room(box, tuple(walls), time)
-    free = room.gap(centres, radii)  # from walls
+    n, largest = (
+        distribution.numbered(len(radii), comm)[1],
+        communicator.largest(comm, float(radii.max(initial=0.0))),
+    )
+    free_area = FreeArea(box, tuple(walls), time)
+    free = free_area.gap(centres, radii)  # from walls
     near = close_ones(box, radii, centres, 0.0, comm, free < 0.0)
-    gap = 4.0 * world.from_first(comm, lambda: _deepest(room, near)) + SEPARATED * largest
+    gap = 4.0 * communicator.root_result(comm, lambda: _deepest(free_area, near)) + SEPARATED * largest
     while True:
         near = close_ones(box, radii, centres, gap, comm, free < gap)
-        ids, moved, way = world.from_first(comm, lambda near=near: _moved_apart(room, near))  # type: ignore[misc]
+        ids, moved, way = communicator.root_result(comm, lambda near=near: _moved_apart(free_area, near))  # type: ignore[misc]
         if 2.0 * way < gap or len(ids) == n or gap > largest:  # others cannot be met
             break
         gap *= 4.0
-    world.on_first(comm, lambda: check_no_overlap(box, near[1], moved, tolerance=0.0, ids=ids))  # type: ignore[index]
+    communicator.run_on_root(comm, lambda: check_no_overlap(box, near[1], moved, tolerance=0.0, ids=ids))  # type: ignore[index]
     return put_back(centres, ids, moved, comm)
 
 
@@ -164,34 +168,34 @@ Near = tuple[NDArray[np.int64], Array, Array] | None
 """Ids, radii and places of disks, on the first rank."""
 
 
-def _deepest(room: Room, near: Near) -> float:
+def _deepest(free_area: FreeArea, near: Near) -> float:
     """Largest overlap [length] of these disks."""
     assert near is not None
     _, radius, place = near
-    centres = room.box.wrap(place)
-    i, j = close_pairs(room.box, radius, centres).T
-    apart = np.linalg.norm(room.box.minimum_image(centres[j] - centres[i]), axis=-1)
-    overlaps = np.concatenate((radius[i] + radius[j] - apart, -room.gap(place, radius)))
+    centres = free_area.box.wrap(place)
+    i, j = close_pairs(free_area.box, radius, centres).T
+    apart = np.linalg.norm(free_area.box.minimum_image(centres[j] - centres[i]), axis=-1)
+    overlaps = np.concatenate((radius[i] + radius[j] - apart, -free_area.gap(place, radius)))
     return float(np.max(overlaps, initial=0.0))
 
 
-def _moved_apart(room: Room, near: Near) -> tuple[NDArray[np.int64], Array, float]:
+def _moved_apart(free_area: FreeArea, near: Near) -> tuple[NDArray[np.int64], Array, float]:
     """Ids of these disks, places at which they do not overlap, and the longest way [length]."""
     assert near is not None
     ids, radius, place = near
     if not len(ids):
         return ids, place, 0.0
-    soft = _SoftDisks(room, radius, place, margin=SEPARATED)
+    soft = _SoftDisks(free_area, radius, place, margin=SEPARATED)
     soft.minimise(LAST_STEPS)
     found = soft.wrapped()
-    return ids, found, float(np.abs(room.box.minimum_image(found - place)).max()) * math.sqrt(2.0)
+    return ids, found, float(np.abs(free_area.box.minimum_image(found - place)).max()) * math.sqrt(2.0)
 
 
-def _scattered(room: Room, n: int, random: np.random.Generator) -> Array:
+def _scattered(free_area: FreeArea, n: int, random: np.random.Generator) -> Array:
     """Random points in the room, shape (n, 2)."""
-    position = random.random((n, 2)) * room.box.lengths
-    low, high = room.bounds()
-    while len(wrong := np.flatnonzero(room.gap(position, np.zeros(n)) < 0.0)):
+    position = random.random((n, 2)) * free_area.box.lengths
+    low, high = free_area.bounds()
+    while len(wrong := np.flatnonzero(free_area.gap(position, np.zeros(n)) < 0.0)):
         position[wrong] = low + random.random((len(wrong), 2)) * (high - low)
     return position
 
@@ -202,9 +206,9 @@ class _SoftDisks:
     Disks are numbered along the rows of a grid meanwhile, so that neighbours lie close in memory.
     """
 
-    def __init__(self, room: Room, radius: Array, position: Array, margin: float = MARGIN) -> None:
+    def __init__(self, free_area: FreeArea, radius: Array, position: Array, margin: float = MARGIN) -> None:
         self.unit = 2.0 * float(radius.mean())
-        box, self.walls, self.time = room.box, room.all_walls, room.time
+        box, self.walls, self.time = free_area.box, free_area.all_walls, free_area.time
         self.box = Box((box.lengths[0] / self.unit, box.lengths[1] / self.unit), box.periodic)
         self.margin = margin
         place = self.box.wrap(position / self.unit)
@@ -334,13 +338,13 @@ def _squared(vectors: Array) -> Array:
     return vectors[:, 0] * vectors[:, 0] + vectors[:, 1] * vectors[:, 1]
 
 
-def _attained(soft: _SoftDisks, room: Room, radius: Array) -> float:
+def _attained(soft: _SoftDisks, free_area: FreeArea, radius: Array) -> float:
     """The packing fraction that jammed disks reach: that of smaller radii at which they do not overlap any more."""
     shrunk = 1.0
     while True:
         # As much as makes the mean overlap vanish, and something on top, or it would never end.
         shrunk *= 1.0 - soft.mean_overlap() - 5e-4
-        smaller = _SoftDisks(room, radius * shrunk, soft.wrapped())
+        smaller = _SoftDisks(free_area, radius * shrunk, soft.wrapped())
         if smaller.minimise(LAST_STEPS):
-            return shrunk**2 * room.packing_fraction(radius)
+            return shrunk**2 * free_area.packing_fraction(radius)
         soft = smaller

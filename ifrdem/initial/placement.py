@@ -15,19 +15,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
-from ..kernels.limits import MOST_IDS
+from ..kernels.columns import MOST_IDS
 from ..model.box import Box
-from ..model.free_area import Room
+from ..model.free_area import FreeArea
 from ..model.overlaps import (
     TOLERANCE,
     check_no_overlap,
     checked_radii,
-    refuse_no_room,
+    refuse_no_free_area,
     refuse_wider_than_box,
     size_classes,
 )
 from ..model.walls import Wall
-from ..tools import seeds, slices, world
+from ..mpi import communicator, distribution
+from ..tools import seeds
 from ..tools.checked import Array, Comm, Integer, Number, PositiveColumn, Seed, validated
 
 # Of the diameter among sites, of the radius at walls: room for rounding.
@@ -36,17 +37,18 @@ HALVINGS = 40
 AT_ONCE = 1 << 18  # sites that are looked at together
 
 
-def check_sites(room: Room, n: int, radius: float, comm: Any = None) -> bool:
+def check_sites(free_area: FreeArea, n: int, radius: float, comm: Any = None) -> bool:
     """Tell if rows of sites are along y, of those at contact, of which n find room between the walls.
 
     InputError if fewer do; the message says how many. Sites are counted block by block, by each rank some of them.
     """
     most = {
-        upright: _free(room, radius, 2.0 * radius * CLOSER, upright).count(comm) for upright in (False, True)
+        upright: _free(free_area, radius, 2.0 * radius * CLOSER, upright).count(comm)
+        for upright in (False, True)
     }
     upright = most[True] > most[False]
     if most[upright] < n:
-        covered = room.packing_fraction(np.full(most[upright], radius))
+        covered = free_area.packing_fraction(np.full(most[upright], radius))
         raise InputError(
             f"{n} disks of diameter {2.0 * radius:.6g} do not fit on a hexagonal lattice between the walls: "
             f"at most {most[upright]} do, which is packing fraction {covered:.4f}"
@@ -55,7 +57,7 @@ def check_sites(room: Room, n: int, radius: float, comm: Any = None) -> bool:
 
 
 def sites(
-    room: Room, n: int, radius: float, numbers: NDArray[np.int64] | None = None, comm: Any = None
+    free_area: FreeArea, n: int, radius: float, numbers: NDArray[np.int64] | None = None, comm: Any = None
 ) -> Array:
     """Sites [length], shape (n, 2), for disks of this radius [length] that overlap neither each other nor a wall.
 
@@ -63,18 +65,18 @@ def sites(
     InputError if fewer sites than n find room; the message says how many do. Only those of some `numbers`, 0 to n - 1,
     are returned; of ranks, each asks for its own, and tests some of all sites.
     """
-    low, high = 2.0 * radius * CLOSER, max(room.box.lengths)
-    best = _free(room, radius, low, check_sites(room, n, radius, comm))
+    low, high = 2.0 * radius * CLOSER, max(free_area.box.lengths)
+    best = _free(free_area, radius, low, check_sites(free_area, n, radius, comm))
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        wider = [_free(room, radius, middle, upright) for upright in (False, True)]
+        wider = [_free(free_area, radius, middle, upright) for upright in (False, True)]
         counts = [each.count(comm) for each in wider]
         if max(counts) >= n:
             low, best = middle, wider[counts[1] > counts[0]]
         else:
             high = middle
-    here = best.off_walls(slices.slice_of(best.points, comm))
-    own, found = slices.numbered(len(here), comm)
+    here = best.off_walls(distribution.slice_of(best.points, comm))
+    own, found = distribution.numbered(len(here), comm)
     wanted = _spread(np.arange(n) if numbers is None else numbers, found, n)
     return here[wanted] if comm is None else _asked_for(comm, own.start, here, wanted)
 
@@ -85,8 +87,8 @@ def _asked_for(comm: Any, first: int, rows: Array, wanted: NDArray[np.int64]) ->
     firsts[firsts < 0] = np.iinfo(np.int64).max  # ranks without rows own none
     order = np.argsort(firsts, kind="stable")
     owner = order[np.searchsorted(firsts[order], wanted, side="right") - 1]
-    asker, number = slices.exchange(comm, owner, [np.full(len(wanted), comm.rank), wanted])
-    (answers,) = slices.exchange(comm, asker, [rows[number - first]])  # in the order of who answers
+    asker, number = distribution.exchange(comm, owner, [np.full(len(wanted), comm.rank), wanted])
+    (answers,) = distribution.exchange(comm, asker, [rows[number - first]])  # in the order of who answers
     found = np.empty((len(wanted), 2))
     found[np.argsort(owner, kind="stable")] = answers
     return found
@@ -96,7 +98,7 @@ def _asked_for(comm: Any, first: int, rows: Array, wanted: NDArray[np.int64]) ->
 class _Sites:
     """Sites row by row, numbered from 0 to `points` - 1, walls or not."""
 
-    room: Room
+    free_area: FreeArea
     radius: float
     upright: bool
     columns: int
@@ -121,23 +123,23 @@ class _Sites:
             position = np.empty((len(row), 2))
             position[:, along] = self.origin[0] + (column + 0.5 * (row % 2)) * self.step
             position[:, across] = self.origin[1] + row * self.rise
-            yield position[self.room.gap(position, np.full(len(position), self.radius)) >= 0.0]
+            yield position[self.free_area.gap(position, np.full(len(position), self.radius)) >= 0.0]
 
     def count(self, comm: Any = None) -> int:
         """Number of sites at which a disk overlaps no wall."""
-        numbers = slices.slice_of(self.points, comm)
+        numbers = distribution.slice_of(self.points, comm)
         own = sum(map(len, self._blocks_off_walls(numbers)))
         return own if comm is None else int(comm.allreduce(own))
 
 
-def _free(room: Room, radius: float, distance: float, upright: bool) -> _Sites:
+def _free(free_area: FreeArea, radius: float, distance: float, upright: bool) -> _Sites:
     """Sites at this distance from their nearest neighbours, or a little more.
 
     They keep half of the distance from straight walls along the axes, as if there were sites behind them too.
     """
     margin = max(radius * CLEAR, 0.5 * distance)
-    low, high = (corner[0] for corner in room.spans(np.array([margin])))
-    periodic = np.array(room.box.periodic) & (low == 0.0) & (high == room.box.lengths)
+    low, high = (corner[0] for corner in free_area.spans(np.array([margin])))
+    periodic = np.array(free_area.box.periodic) & (low == 0.0) & (high == free_area.box.lengths)
     along, across = (1, 0) if upright else (0, 1)
     side, height = high[along] - low[along], high[across] - low[across]
     columns = int(side / distance) + (0 if periodic[along] else 1)
@@ -150,7 +152,7 @@ def _free(room: Room, radius: float, distance: float, upright: bool) -> _Sites:
     else:
         rows = int(height / rise) + 1
     origin = (float(low[along]), float(low[across]))
-    return _Sites(room, radius, upright, max(columns, 0), max(rows, 0), origin, float(step), float(rise))
+    return _Sites(free_area, radius, upright, max(columns, 0), max(rows, 0), origin, float(step), float(rise))
 
 
 SATURATION = 0.547
@@ -213,16 +215,16 @@ WIDTH = 8.0
 """Width of a strip of the box, at the least, in diameters of the largest disk."""
 
 
-def strips(room: Room, n: int, radius: float) -> tuple[int, int]:
+def strips(free_area: FreeArea, n: int, radius: float) -> tuple[int, int]:
     """Axis across which the strips are in which n disks are placed at random, and their number: even, or 1.
 
     `radius` is the largest one [length].
     """
-    low, high = room.bounds()
+    low, high = free_area.bounds()
     axis = int(np.argmax(high - low))
-    area = room.area() if room.all_walls else room.box.area
+    area = free_area.area() if free_area.all_walls else free_area.box.area
     narrowest = area / (high - low)[1 - axis]
-    return axis, max(min(n // slices.BLOCK, int(narrowest / (WIDTH * 2.0 * radius))) // 2 * 2, 1)
+    return axis, max(min(n // distribution.BLOCK, int(narrowest / (WIDTH * 2.0 * radius))) // 2 * 2, 1)
 
 
 @validated
@@ -236,7 +238,7 @@ def random_positions(
     equal disks above packing fraction 0.547 of the room (`room.py`), or any disks when the attempts are used up (400
     per disk; equal disks reach about 0.53). The message says how far it came.
 
-    Of 524,288 disks and more (two blocks, `slices.BLOCK`) each 262,144 to 524,288 are placed in a strip of the box of
+    Of 524,288 disks and more (two blocks, `BLOCK`) each 262,144 to 524,288 are placed in a strip of the box of
     their own, drawn from all at random, whose free area goes as the area that they cover; each strip has random numbers
     of its own. The first, third, ... strips are filled, and then those between, which see the disks beside them. It is
     not the same as one addition of all: numbers of disks do not fluctuate from strip to strip; and centres of disks in
@@ -273,26 +275,26 @@ def random_positions(
     if n == 0:
         return np.empty((0, 2))
     seeds.stream(seed, seeds.POSITIONS)  # refuses what is no seed
-    smallest = -world.largest(comm, -float(radii.min(initial=np.inf)))
-    largest = world.largest(comm, float(radii.max(initial=0.0)))
-    room = Room(box, tuple(walls))
-    world.together(comm, lambda: refuse_no_room(room, radii, ids.start))
-    wanted = room.covered_part(math.pi * float(slices.total(np.square(radii), comm)))
+    smallest = -communicator.largest(comm, -float(radii.min(initial=np.inf)))
+    largest = communicator.largest(comm, float(radii.max(initial=0.0)))
+    free_area = FreeArea(box, tuple(walls))
+    communicator.run_on_all(comm, lambda: refuse_no_free_area(free_area, radii, ids.start))
+    wanted = free_area.covered_part(math.pi * float(distribution.total(np.square(radii), comm)))
     # Few disks have no sharp limit: 4 of them in a box that just holds a square of them reach 0.785.
     if wanted > SATURATION + 0.5 / math.sqrt(n) and smallest == largest:
         limit = f"random positions of equal disks end at {SATURATION}"
         raise InputError(f"packing fraction = {wanted:.4f}: {limit}; {_INSTEAD}")
-    axis, count = strips(room, n, largest)
+    axis, count = strips(free_area, n, largest)
     number = np.arange(ids.start, ids.stop)
     if count > 1:
         number = seeds.permuted(seed, seeds.SITES, n, ids)
-    firsts = slices.bounds(n, count)
+    firsts = distribution.bounds(n, count)
     size, rank = (1, 0) if comm is None else (comm.size, comm.rank)
     owner = np.arange(count) * size // count
     own = [int(each) for each in np.flatnonzero(owner == rank)]
     there: list[NDArray[Any]] = [number, np.arange(ids.start, ids.stop), radii]
     if comm is not None:
-        there = slices.exchange(comm, owner[np.searchsorted(firsts, number, side="right") - 1], there)
+        there = distribution.exchange(comm, owner[np.searchsorted(firsts, number, side="right") - 1], there)
     order = np.argsort(there[0])
     who, radii_there = there[1][order], there[2][order]
     # Of the disks here, those of each strip.
@@ -301,7 +303,7 @@ def random_positions(
     told = [covered] if comm is None else comm.allgather(covered)
     areas = np.array([each for some in told for each in some.values()])  # ranks own strips in order
     shares = areas / areas.sum()
-    edges = _edges(room, axis, shares, float(slices.total(radii, comm)) / n)
+    edges = _edges(free_area, axis, shares, float(distribution.total(radii, comm)) / n)
 
     position = np.empty((len(who), 2))
     beside: dict[int, tuple[Array, Array]] = {}
@@ -310,35 +312,38 @@ def random_positions(
         for each in own:
             if each % 2 == parity:
                 position[rows[each]] = _added(
-                    room, radii_there[rows[each]], seeds.stream(seed, seeds.POSITIONS, each), wanted,
+                    free_area, radii_there[rows[each]], seeds.stream(seed, seeds.POSITIONS, each), wanted,
                     (axis, edges[each], edges[each + 1]), float(shares[each]),
                     beside.get(each, (np.empty((0, 2)), np.empty(0))),
                 )  # fmt: skip
 
-    world.together(comm, lambda: fill(0))
+    communicator.run_on_all(comm, lambda: fill(0))
     if count > 1:
         beside = _beside(comm, axis, edges, owner, rows, position, radii_there)
-        world.together(comm, lambda: fill(1))
-    (found,) = slices.by_id(comm, n, who, [position])
+        communicator.run_on_all(comm, lambda: fill(1))
+    (found,) = distribution.by_id(comm, n, who, [position])
     if comm is None:
         check_no_overlap(box, radii, found)
     return found
 
 
-_INSTEAD = 'use fewer disks, a larger box, positions = "growth" or, for disks of about one size, "hexagonal"'
+_INSTEAD = (
+    'use fewer disks, a larger box, positions = "lubachevsky_stillinger" or, for disks of about the same size, '
+    '"hexagonal"'
+)
 _SCANNED = 128  # strips at least in which the area is known along the box, and even in between
 
 
-def _edges(room: Room, axis: int, shares: Array, inset: float) -> Array:
+def _edges(free_area: FreeArea, axis: int, shares: Array, inset: float) -> Array:
     """Places [length] across `axis` between which the room for centres has these shares, shape (shares + 1,)."""
     if len(shares) == 1:
         return np.array([-np.inf, np.inf])
-    low, high = (corner[axis] for corner in room.bounds())
+    low, high = (corner[axis] for corner in free_area.bounds())
     parts = np.cumsum(shares)[:-1]
-    if not room.all_walls:
+    if not free_area.all_walls:
         return np.concatenate([[low], low + parts * (high - low), [high]])
     scanned = np.linspace(low, high, max(_SCANNED, 2 * len(shares)) + 1)
-    below = np.concatenate([[0.0], np.cumsum(room.strips(axis, scanned, inset))])
+    below = np.concatenate([[0.0], np.cumsum(free_area.strips(axis, scanned, inset))])
     return np.concatenate([[low], np.interp(parts * below[-1], below, scanned), [high]])
 
 
@@ -348,7 +353,7 @@ def _beside(
 ) -> dict[int, tuple[Array, Array]]:  # fmt: skip
     """Places and radii of disks of strips 0, 2, ... near the strips beside them, by these, on their owners."""
     count, reach = len(edges) - 1, 2.0 * float(radius.max(initial=0.0)) * (1.0 + 2.0 * TOLERANCE)
-    reach = world.largest(comm, reach)
+    reach = communicator.largest(comm, reach)
     strips, places, radii = [np.empty(0, np.int64)], [np.empty((0, 2))], [np.empty(0)]
     for each, own in rows.items():
         if each % 2:
@@ -361,36 +366,36 @@ def _beside(
             radii.append(radius[own][near])
     found = [np.concatenate(each) for each in (strips, places, radii)]
     if comm is not None:
-        found = slices.exchange(comm, owner[found[0]], found)
+        found = distribution.exchange(comm, owner[found[0]], found)
     return {
         int(each): (found[1][found[0] == each], found[2][found[0] == each]) for each in np.unique(found[0])
     }
 
 
 def _added(
-    room: Room, radii: Array, rng: np.random.Generator, wanted: float, strip: tuple[int, float, float],
+    free_area: FreeArea, radii: Array, rng: np.random.Generator, wanted: float, strip: tuple[int, float, float],
     share: float, beside: tuple[Array, Array],
 ) -> Array:  # fmt: skip
     """Places of disks that are added in a strip (axis, from, to), with this share of the room, to those beside it.
 
     InputError if they do not fit; `wanted` is the packing fraction of all disks, for the message.
     """
-    box, n = room.box, len(radii)
+    box, n = free_area.box, len(radii)
     position = np.empty((n, 2))
     axis, begin, end = strip
-    lowest, highest = room.spans(radii)
+    lowest, highest = free_area.spans(radii)
     lowest[:, axis], highest[:, axis] = np.maximum(lowest[:, axis], begin), np.minimum(highest[:, axis], end)
     placed = np.empty(0, dtype=np.intp)
     attempts_left = ATTEMPTS_PER_DISK * n + 100_000  # the second term matters for few disks
-    if room.walls:  # some attempts fall beyond a wall
-        corners = np.array(room.bounds())
+    if free_area.walls:  # some attempts fall beyond a wall
+        corners = np.array(free_area.bounds())
         corners[:, axis] = np.clip(corners[:, axis], begin, end)
-        attempts_left = int(attempts_left * np.prod(corners[1] - corners[0]) / (room.area() * share))
+        attempts_left = int(attempts_left * np.prod(corners[1] - corners[0]) / (free_area.area() * share))
     for members in size_classes(radii, 1.25):
         todo = members
         while len(todo):
             if attempts_left <= 0:
-                covered = room.packing_fraction(radii[placed]) / share
+                covered = free_area.packing_fraction(radii[placed]) / share
                 reached = f"random positions ended at {covered:.4f}, with {len(placed)} of {n} disks placed"
                 reached += "" if share == 1.0 else " in one of the strips in which so many disks are placed"
                 raise InputError(f"packing fraction = {wanted:.4f}: {reached}; {_INSTEAD}")
@@ -399,8 +404,8 @@ def _added(
             attempts_left -= len(owner)
             low, high = lowest[owner], highest[owner]
             candidate = box.wrap(low + rng.random((len(owner), 2)) * (high - low))
-            if room.all_walls:
-                clear = room.gap(candidate, radii[owner]) > TOLERANCE * radii[owner]
+            if free_area.all_walls:
+                clear = free_area.gap(candidate, radii[owner]) > TOLERANCE * radii[owner]
                 owner, candidate = owner[clear], candidate[clear]
             if len(placed) + len(beside[1]):
                 there = np.concatenate((beside[0], position[placed]))
@@ -469,9 +474,9 @@ def lattice(box: Box, n: int, diameter: float) -> tuple[int, int, bool]:
 def _told(box: Box, radius: ArrayLike, comm: Any) -> tuple[Array, range, int]:
     """Radii of this rank's slice, which fit into the box, its ids, and the number of all disks."""
 
-    radii = world.together(comm, lambda: checked_radii(radius))
-    ids, n = slices.numbered(len(radii), comm)
-    world.together(comm, lambda: refuse_wider_than_box(box, radii, ids.start))
+    radii = communicator.run_on_all(comm, lambda: checked_radii(radius))
+    ids, n = distribution.numbered(len(radii), comm)
+    communicator.run_on_all(comm, lambda: refuse_wider_than_box(box, radii, ids.start))
     return radii, ids, n
 
 
@@ -511,12 +516,12 @@ def hexagonal_positions(
     radii, ids, n = _told(box, radius, comm)
     if n == 0:
         return np.empty((0, 2))
-    largest = world.largest(comm, float(radii.max(initial=0.0)))
-    room = Room(box, tuple(walls))
+    largest = communicator.largest(comm, float(radii.max(initial=0.0)))
+    free_area = FreeArea(box, tuple(walls))
     number = np.arange(ids.start, ids.stop) if seed is None else seeds.permuted(seed, seeds.SITES, n, ids)
-    if room.all_walls:
-        world.together(comm, lambda: refuse_no_room(room, radii, ids.start))
-        found = sites(room, n, largest, number, comm)
+    if free_area.all_walls:
+        communicator.run_on_all(comm, lambda: refuse_no_free_area(free_area, radii, ids.start))
+        found = sites(free_area, n, largest, number, comm)
     else:
         columns, rows, upright = lattice(box, n, 2.0 * largest)
         lengths = box.lengths[::-1] if upright else box.lengths
@@ -575,15 +580,15 @@ def maxwellian(
         raise InputError(
             f"speed_rms = {speed_rms}, temperature = {temperature}: exactly one of them must be given"
         )
-    ids, n = slices.numbered(len(masses), comm)
+    ids, n = distribution.numbered(len(masses), comm)
     velocity = seeds.drawn(
         seed, seeds.VELOCITIES, ids, lambda random, count: random.standard_normal((count, 2))
     )
     velocity /= np.sqrt(masses)[:, None]
     if n > 1:
-        velocity -= slices.total(masses[:, None] * velocity, comm) / slices.total(masses, comm)
+        velocity -= distribution.total(masses[:, None] * velocity, comm) / distribution.total(masses, comm)
     if n > 0:
-        mean = slices.total(weight * np.sum(velocity**2, axis=1), comm) / n
+        mean = distribution.total(weight * np.sum(velocity**2, axis=1), comm) / n
         velocity *= math.sqrt(wanted / mean)
     return velocity
 
@@ -602,6 +607,6 @@ def gaussian_spins(n: _Number, *, spin_rms: _Size, seed: Seed, comm: Comm = None
     >>> round(float((spin**2).mean()), 12)
     9.0
     """
-    ids, number = slices.numbered(n, comm)
+    ids, number = distribution.numbered(n, comm)
     spin = seeds.drawn(seed, seeds.SPINS, ids, lambda random, count: random.standard_normal(count))
-    return spin * (spin_rms / math.sqrt(slices.total(spin**2, comm) / number)) if number else spin
+    return spin * (spin_rms / math.sqrt(distribution.total(spin**2, comm) / number)) if number else spin

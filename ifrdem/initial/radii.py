@@ -15,8 +15,10 @@ from typing import Annotated
 import numpy as np
 
 from ..errors import InputError
-from ..kernels.limits import MOST_IDS
-from ..tools import seeds, slices, world
+from ..kernels.columns import MOST_IDS
+from ..mpi import communicator
+from ..mpi.distribution import numbered
+from ..tools import seeds
 from ..tools.checked import Array, Comm, Integer, OneOf, Positive, Seed, validated
 
 TRUNCATION = 3.0
@@ -142,8 +144,8 @@ def sample(
     >>> radii.sample("uniform", 3, low=0.4, high=0.6, seed=1).round(3)
     array([0.522, 0.477, 0.569])
     """
-    world.together(comm, lambda: check(distribution, **parameters))
-    ids, number = slices.numbered(n, comm)
+    communicator.run_on_all(comm, lambda: check(distribution, **parameters))
+    ids, number = numbered(n, comm)
     return of_ids(distribution, number, ids, seed=seed, **parameters)
 
 

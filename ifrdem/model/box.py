@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from ..errors import InputError
-from ..tools import slices
+from ..mpi import distribution
 from ..tools.checked import (
     Array,
     Comm,
@@ -136,7 +136,7 @@ class Box:
         slice (`slice_of`). InputError if the packing fraction is not between 0 and pi / (2 sqrt 3) = 0.9069, the
         densest packing of equal disks, or if there are no disks.
         """
-        covered = math.pi * float(slices.total(np.square(radius), comm))
+        covered = math.pi * float(distribution.total(np.square(radius), comm))
         return cls.around(covered, packing_fraction, aspect, shear_rate)
 
     @classmethod
@@ -156,7 +156,7 @@ class Box:
     @validated
     def packing_fraction(self, radius: PositiveColumn) -> float:
         """Fraction of the area that disks of these radii [length], shape (n,), cover."""
-        return math.pi * float(slices.total(np.square(radius))) / self.area
+        return math.pi * float(distribution.total(np.square(radius))) / self.area
 
     @validated
     def flow(self, position: Places) -> Array:

@@ -67,7 +67,9 @@ def crushes(walls: Sequence[Wall], box: Box, diameter: float, begin: float, end:
                 yield Crush(i, j, *found)
 
 
-def foreseen(walls: Sequence[Wall], box: Box, radius: Array, begin: float, end: float) -> list[str]:
+def wall_pinch_warnings(
+    walls: Sequence[Wall], box: Box, radius: Array, begin: float, end: float
+) -> list[str]:
     """One message for each two walls that would crush the largest of the disks between them, between two times.
 
     InputError, with both walls and the time, if two lines face each other and close in a run until a known time to less

@@ -1,8 +1,8 @@
-"""The room that walls leave to disks: its area, its boundary, and how far disks are from it.
+"""The free area that walls leave to disks: its area, its boundary, and how far disks are from it.
 
-The room is the part of the box on the disks' side of every wall: in front of lines, inside of containers, outside of
-posts, and on the side of a polygon that holds the disks. Segments, arcs and polylines take none of it. Moving walls
-stand where they are at one time. A packing fraction between walls is the area of the disks over that of the room.
+The free area is the part of the box on the disks' side of every wall: in front of lines, inside of containers, outside
+of posts, and on the side of a polygon that holds the disks. Segments, arcs and polylines take none of it. Moving walls
+stand where they are at one time. A packing fraction between walls is the area of the disks over the free area.
 
 The area is exact, by Green's theorem: half the integral of x dy - y dx along the boundary, whose pieces are those parts
 of lines and circles that are on the right side of all others. With polygons, which may have thousands of sides, it is
@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..tools import slices
+from ..mpi import distribution
 from ..tools.checked import Array
 from .box import Box
 from .walls import Point, Wall, sides
@@ -27,7 +27,7 @@ ROUNDING = 1e-9
 """Distance of two boundaries, as a part of the box, at which they are one and the same."""
 
 SCANS = 1000
-"""Lines along x on which a room with polygons is measured: it is exact without circles, and to some 1e-5 with them."""
+"""Lines along x that measure a free area with polygons: exactly without circles, else to some 1e-5."""
 
 # Where a piece is tested; its middle may be where another boundary touches it.
 _ALONG = np.array([0.37, 0.61])
@@ -36,7 +36,7 @@ _QUARTER = 0.5 * math.pi
 
 @dataclass(frozen=True)
 class _Line:
-    """A straight boundary through `place`; `normal` is its unit normal into the room."""
+    """A straight boundary through `place`; `normal` is its unit normal into the free area."""
 
     place: Point
     normal: Point
@@ -46,7 +46,7 @@ class _Line:
         return (points - self.place) @ np.array(self.normal)
 
     def at(self, s: Array) -> Array:
-        """Points at the lengths s from `place`, walking with the room on the left."""
+        """Points at the lengths s from `place`, walking with the free area on the left."""
         direction = np.array((self.normal[1], -self.normal[0]))
         return np.array(self.place) + s[:, None] * direction
 
@@ -70,7 +70,7 @@ class _Line:
 
 @dataclass(frozen=True)
 class _Circle:
-    """A round boundary: the room is inside of it (a container), or outside (a post)."""
+    """A round boundary: the free area is inside of it (a container), or outside (a post)."""
 
     place: Point
     radius: float
@@ -90,7 +90,7 @@ class _Circle:
         return 0.1, 0.1 + 2.0 * math.pi
 
     def green(self, s: float, s_1: float) -> float:
-        """As for a line; around a post the room is on the left clockwise."""
+        """As for a line; around a post the free area is on the left clockwise."""
         (x, y), r = self.place, self.radius
         turn = x * (math.sin(s_1) - math.sin(s)) - y * (math.cos(s_1) - math.cos(s))
         return (0.5 if self.inside else -0.5) * r * (r * (s_1 - s) + turn)
@@ -138,7 +138,7 @@ def _meetings(one: _Boundary, other: _Boundary) -> list[float]:
 
 
 @dataclass(frozen=True)
-class Room:
+class FreeArea:
     """Area that disks can be in, in a box between walls, at one time."""
 
     box: Box  # sides that are not periodic are walls too
@@ -156,7 +156,7 @@ class Room:
         return np.min(gaps, axis=0) if gaps else np.full(len(position), np.inf)
 
     def area(self, inset: float = 0.0) -> float:
-        """Area of the room [length^2], or of what is at least `inset` [length] from every wall: 0 if nothing is.
+        """Free area [length^2], or that of what is at least `inset` [length] from every wall: 0 if nothing is.
 
         An inset leaves segments aside. An open box has an infinite one.
         """
@@ -165,7 +165,7 @@ class Room:
         return self._area(self._boundaries(inset))
 
     def strips(self, axis: int, edges: Array, inset: float = 0.0) -> Array:
-        """Areas of the room [length^2] between lines across `axis` at `edges` [length], shape (edges - 1,).
+        """Free areas [length^2] between lines across `axis` at `edges` [length], shape (edges - 1,).
 
         With an `inset` [length], of what is so far from every wall; as in `area`.
         """
@@ -177,11 +177,11 @@ class Room:
         return np.array(found)
 
     def packing_fraction(self, radius: Array) -> float:
-        """Fraction of the room that disks of these radii [length], shape (n,), cover."""
-        return self.covered_part(math.pi * float(slices.total(np.square(radius))))
+        """Fraction of the free area that disks of these radii [length], shape (n,), cover."""
+        return self.covered_part(math.pi * float(distribution.total(np.square(radius))))
 
     def covered_part(self, covered: float) -> float:
-        """Fraction of the room that disks of such an area [length^2] in all cover."""
+        """Fraction of the free area that disks of such an area [length^2] in all cover."""
         area = self.area() if self.all_walls else self.box.area
         return covered / area if area > 0.0 else math.inf
 
@@ -201,7 +201,7 @@ class Room:
         return walls
 
     def bounds(self) -> tuple[Array, Array]:
-        """Lower left and upper right corner of a rectangle around the room [length]; the box if there is none."""
+        """Lower left and upper right corner of a rectangle around the free area [length]; the box if there is none."""
         lengths = np.array(self.box.lengths)
         pieces = self._pieces(self._boundaries(0.0)) if self.walls else ()
         points = [piece.at(np.array(piece.extremes(s, s_1))) for piece, s, s_1 in pieces]
@@ -212,7 +212,7 @@ class Room:
         for corners, inside in self._polygons:
             if inside:
                 low, high = np.maximum(low, corners.min(axis=0)), np.minimum(high, corners.max(axis=0))
-        # Across a periodic side the room goes on, where it reaches it.
+        # Across a periodic side the free area goes on, where it reaches it.
         open_ = (low <= ROUNDING * lengths) | (high >= (1.0 - ROUNDING) * lengths)
         open_ &= np.array(self.box.periodic)
         return np.where(open_, 0.0, low), np.where(open_, lengths, high)
@@ -229,7 +229,7 @@ class Room:
         return _line(np.array(self.box.lengths) * end * np.eye(2)[axis], normal)
 
     def _boundaries(self, inset: float) -> list[_Boundary]:
-        """The boundary of the room is made of parts of these; walls first."""
+        """The boundary of the free area is made of parts of these; walls first."""
         found: list[_Boundary] = []
         for wall in self.all_walls:
             place = wall.carried(np.array([wall.place]), self.time)[0]
@@ -255,7 +255,7 @@ class Room:
         return [(wall.outline(self.time), wall.holds == "inside") for wall in held]
 
     def _scanned(self, boundaries: Sequence[_Boundary]) -> float:
-        """Area by its width along lines: between the places where boundaries cross one, all of it is room or none."""
+        """Area by its width along lines: between the places where boundaries cross one, all of it is free or none."""
         width, height = self.box.lengths
         area = 0.0
         polygons = self._polygons
@@ -283,7 +283,7 @@ class Room:
         return area
 
     def _pieces(self, boundaries: Sequence[_Boundary]) -> Iterator[_Piece]:
-        """Those parts of the boundaries that bound the room, each with where it begins and ends."""
+        """Those parts of the boundaries that bound the free area, each with where it begins and ends."""
         size = max(self.box.lengths)
         same = ROUNDING * size
         for i, one in enumerate(boundaries):

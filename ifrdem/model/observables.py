@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..kernels.columns import READOUT
-from ..tools import slices
+from ..mpi import distribution
 from ..tools.checked import Array, Comm, Integer, Numbers, Real, validated
 from .state import Disks, State
 
@@ -179,7 +179,7 @@ def sums(disks: Disks, state: State, gravity: tuple[Real, Real] = (0.0, 0.0), co
         mass * (v_x**2 + v_y**2), inertia * state.spin**2, mass * v_x, mass * v_y, mass * v_x * v_y,
         mass * (state.position @ np.array(gravity)), state.collisions.astype(np.int64) + state.wall_hits, mass,
     ]  # fmt: skip
-    found = [float(slices.total(each, comm)) for each in columns]
+    found = [float(distribution.total(each, comm)) for each in columns]
     return np.array([0.5 * found[0], 0.5 * found[1], *found[2:-1], 0.0, found[-1]])
 
 

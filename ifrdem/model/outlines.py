@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..kernels.limits import MOST_WALLS
+from ..kernels.columns import MOST_WALLS
 from ..tools import checked
 from ..tools.checked import Array
 

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
-from ..tools import checked, slices, world
+from ..mpi import communicator, distribution
+from ..tools import checked
 from ..tools.checked import Array
 from .box import Box
-from .free_area import Room
+from .free_area import FreeArea
 
 TOLERANCE = 1e-9
 """Overlap, as a part of the contact distance, that counts as rounding.
@@ -45,10 +46,10 @@ def refuse_wider_than_box(box: Box, radius: Array, first: int = 0) -> None:
         )
 
 
-def refuse_no_room(room: Room, radius: Array, first: int = 0) -> None:
+def refuse_no_free_area(free_area: FreeArea, radius: Array, first: int = 0) -> None:
     """Raise InputError if walls leave no room for some disk, wherever it stands; numbers as above."""
     i = int(np.argmax(radius)) if len(radius) else 0
-    if len(radius) and room.all_walls and room.area(float(radius[i])) <= 0.0:
+    if len(radius) and free_area.all_walls and free_area.area(float(radius[i])) <= 0.0:
         raise InputError(f"the walls leave no room for disk {first + i}, of diameter {2.0 * radius[i]:.6g}")
 
 
@@ -131,8 +132,8 @@ def check_no_overlap(
             raise InputError(f"position has shape {centres.shape}: {(len(radii), 2)} is needed")
         return radii, centres
 
-    radii, centres = world.together(comm, looked_at)
-    first = slices.numbered(len(radii), comm)[0].start
+    radii, centres = communicator.run_on_all(comm, looked_at)
+    first = distribution.numbered(len(radii), comm)[0].start
 
     def refuse_single_ones() -> None:
         finite = np.isfinite(centres).all(axis=1)
@@ -141,9 +142,9 @@ def check_no_overlap(
             raise InputError(f"position[{first + i}] = {centres[i]}: every value must be finite")
         refuse_wider_than_box(box, radii, first)
 
-    world.together(comm, refuse_single_ones)
+    communicator.run_on_all(comm, refuse_single_ones)
     own, numbers, radii, centres = _beside_in_box(box, radii, centres, comm, 0.0, time)
-    rows, told = world.together(
+    rows, told = communicator.run_on_all(
         comm, lambda: _overlapping(box, radii, box.wrap(centres, time), tolerance, time)
     )
     pairs, count = np.sort((numbers if ids is None else np.asarray(ids))[rows]), len(rows)
@@ -208,8 +209,8 @@ def _beside_in_box(
     """
     if comm is None:
         return np.ones(len(radius), dtype=bool), np.arange(len(radius)), radius, position
-    ids, _ = slices.numbered(len(radius), comm)
-    width = 2.0 * world.largest(comm, float(radius.max(initial=0.0))) * (1.0 + 2.0 * TOLERANCE) + gap
+    ids, _ = distribution.numbered(len(radius), comm)
+    width = 2.0 * communicator.largest(comm, float(radius.max(initial=0.0))) * (1.0 + 2.0 * TOLERANCE) + gap
     height = box.lengths[1]
     y = box.wrap(position, time)[:, 1]
     bands = _BANDS * comm.size
@@ -230,7 +231,7 @@ def _beside_in_box(
     target = np.concatenate(to) if to else rows
     numbers = np.arange(ids.start, ids.stop)
     own = rank[band][rows] == target
-    there = slices.exchange(comm, target, [own, *(each[rows] for each in (numbers, radius, position))])
+    there = distribution.exchange(comm, target, [own, *(each[rows] for each in (numbers, radius, position))])
     return there[0], there[1], there[2], there[3]
 
 
@@ -252,7 +253,7 @@ def close_ones(
     rows = np.union1d(i[near], j[near])
     found = ids[rows], radii[rows], places[rows]
     if also is not None:
-        own, _ = slices.numbered(len(radius), comm)
+        own, _ = distribution.numbered(len(radius), comm)
         more = own.start + np.flatnonzero(also), radius[also], position[also]
         found = tuple(map(np.concatenate, zip(found, more, strict=True)))  # type: ignore[assignment]
     gathered = [found] if comm is None else comm.gather(found)
@@ -265,7 +266,7 @@ def close_ones(
 
 def put_back(position: Array, ids: NDArray[np.int64], moved: Array, comm: Any = None) -> Array:
     """Positions with those of some ids replaced; of ranks, in their slices, the first one's `moved`."""
-    own, _ = slices.numbered(len(position), comm)
+    own, _ = distribution.numbered(len(position), comm)
     found = position.copy()
     here = (ids >= own.start) & (ids < own.stop)
     found[ids[here] - own.start] = moved[here]
@@ -305,7 +306,7 @@ def relax(
         Centres without overlaps.
     """
     radii, begun = checked_radii(radius), np.asarray(position, dtype=np.float64)
-    largest = world.largest(comm, float(radii.max(initial=0.0)))
+    largest = communicator.largest(comm, float(radii.max(initial=0.0)))
     most = tolerance * (1.0 + 1e-6) + _APART * largest
     # No other disk can be met within these displacements.
     near = close_ones(box, radii, begun, 2.0 * most, comm, time=time)
@@ -314,7 +315,7 @@ def relax(
         assert near is not None  # on the first rank
         return near[0], _relaxed(box, *near, tolerance, most, time)
 
-    return put_back(begun, *world.from_first(comm, moved), comm)
+    return put_back(begun, *communicator.root_result(comm, moved), comm)
 
 
 def _relaxed(

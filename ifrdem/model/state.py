@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..kernels.columns import MECHANISM
-from ..kernels.limits import MOST_IDS
-from ..tools import checked, slices
+from ..kernels.columns import MECHANISM, MOST_IDS
+from ..mpi import distribution
+from ..tools import checked
 from ..tools.checked import Array, Integer, Numbers, validated
 from ..tools.pictured import Pictured
 from ..tools.reprs import Brief
@@ -92,12 +92,12 @@ class Disks(Brief):
     @functools.cached_property
     def covered(self) -> float:
         """Area that all of them cover [length^2]."""
-        return float(np.pi * slices.total(self.radius**2))
+        return float(np.pi * distribution.total(self.radius**2))
 
     @functools.cached_property
     def mean_radius(self) -> float:
         """Mean radius [length]; nan without disks."""
-        return float(slices.total(self.radius) / self.n) if self.n else math.nan
+        return float(distribution.total(self.radius) / self.n) if self.n else math.nan
 
 
 COLUMNS = ("mass", "radius", "k", "material")
@@ -121,9 +121,9 @@ class DiskKinds(Disks):
         rows, every = kinds_among([getattr(disks, name) for name in COLUMNS])
         n, movable = disks.n, disks.n_movable
         if comm is not None:
-            rows, every = united(comm.allgather((rows, every)))
+            rows, every = merge_kinds(comm.allgather((rows, every)))
             n, movable = comm.allreduce(n), comm.allreduce(movable)
-        squares, radii = (slices.total(each, comm) for each in (np.square(disks.radius), disks.radius))
+        squares, radii = (distribution.total(each, comm) for each in (np.square(disks.radius), disks.radius))
         return cls.made((rows, every), n, movable, squares, radii)
 
     @classmethod
@@ -155,7 +155,7 @@ def kinds_among(columns: Sequence[NDArray[Any]]) -> Kinds:
     return rows, True
 
 
-def united(found: Sequence[Kinds]) -> Kinds:
+def merge_kinds(found: Sequence[Kinds]) -> Kinds:
     """The same of several such sets of disks together, however they are divided into them."""
     columns = [np.concatenate(each) for each in zip(*(rows for rows, _ in found), strict=True)]
     return kinds_among(columns) if all(every for _, every in found) else (extremes(columns), False)
@@ -328,22 +328,22 @@ OF_STATE = tuple(each.name for each in fields(State) if each.name not in ("time"
 """Names of what a state has of each disk, beside the flow, which the box gives."""
 
 
-def dealt(comm: Any, disks: Disks | None, state: State | None) -> tuple[Disks, State]:
+def scatter_state(comm: Any, disks: Disks | None, state: State | None) -> tuple[Disks, State]:
     """Disks and state of the own slice, of those that the first rank has; what the others give is not looked at."""
     arrays, n, time = None, None, None
     if comm.rank == 0:
         assert disks is not None
         assert state is not None
         n, time = disks.n, float(state.time)
-        arrays = [thin(getattr(disks, name)) for name in COLUMNS]
-        arrays += [thin(getattr(state, name)) for name in OF_STATE]
+        arrays = [broadcast_constant_rows(getattr(disks, name)) for name in COLUMNS]
+        arrays += [broadcast_constant_rows(getattr(state, name)) for name in OF_STATE]
     n, time = comm.bcast((n, time))
-    found = slices.scatter(comm, n, arrays)
-    own = Disks(len(slices.slice_of(n, comm)), *found[: len(COLUMNS)])
+    found = distribution.scatter(comm, n, arrays)
+    own = Disks(len(distribution.slice_of(n, comm)), *found[: len(COLUMNS)])
     return own, State(time=time, **dict(zip(OF_STATE, found[len(COLUMNS) :], strict=True)))
 
 
-def thin(array: NDArray[Any]) -> NDArray[Any]:
+def broadcast_constant_rows(array: NDArray[Any]) -> NDArray[Any]:
     """The same array, in the memory of one row where all are equal to the bit."""
     if len(array) < 2 or array.strides[0] == 0 or array[-1:].tobytes() != array[:1].tobytes():
         return array

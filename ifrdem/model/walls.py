@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError, nearest
-from ..kernels.columns import WALL, named
-from ..kernels.limits import MOST_WALLS
-from ..tools import slices
+from ..kernels.columns import MOST_WALLS, WALL, named
+from ..mpi import distribution
 from ..tools.checked import Array, Integer, Number, Numbers, validated
 from . import outlines
 from .box import Box
@@ -931,7 +930,7 @@ def check(
     if (count := pieces(walls)) > MOST_WALLS:
         most = f"{MOST_WALLS} at most are supported, pieces of polylines and the sides of the box included"
         raise InputError(f"{count} walls: {most}")
-    ids, n = slices.numbered(len(position), comm)
+    ids, n = distribution.numbered(len(position), comm)
     for w, wall in enumerate(walls):
         name = f"wall {w} ({wall.shape})"
         if materials is not None and not 0 <= wall.material < materials:

@@ -110,7 +110,7 @@ def pairs(axes: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> Non
     plateau = float(g[far].mean())
     of_plateau = float(np.sqrt(np.sum(error[far] ** 2)) / np.count_nonzero(far))
     if plateau - 1.0 > max(CLEARLY, 4.0 * of_plateau):
-        why = "walls" if trajectory is not None and trajectory.room.all_walls else "clusters"
+        why = "walls" if trajectory is not None and trajectory.free_area.all_walls else "clusters"
         text = f"{plateau:.3g}: above 1, as the density varies ({why})"
         axes.plot(r[far][[0, -1]] / unit, [plateau, plateau], "--", color=ROTATION, lw=1.5, label=text)
     for row in outcome.rows:
@@ -346,7 +346,7 @@ class Panels(NamedTuple):
 
 TWO: dict[str, Any] = {"ncols": 2}
 PANELS = {
-    "velocity": Panels(velocity, TWO), "g": Panels(pairs), "S": Panels(structure), "msd": Panels(msd),
+    "velocity": Panels(velocity, TWO), "rdf": Panels(pairs), "structure-factor": Panels(structure), "msd": Panels(msd),
     "vacf": Panels(vacf), "fields": Panels(fields, TWO), "clusters": Panels(clusters, TWO),
     "psi6": Panels(psi6, TWO | {"width_ratios": (1.3, 1.0)}), "cooling": Panels(cooling, TWO),
     "impact": Panels(impact, TWO | {"width_ratios": (1.4, 1.0)}),

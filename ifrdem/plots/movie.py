@@ -53,9 +53,9 @@ class Scene:
         trajectory: Trajectory,
         frames: Sequence[int],
         size: tuple[int, int] | None = None,
-        colour: str = "spin",
+        color: str = "spin",
     ) -> None:
-        self._trajectory, self._colour = trajectory, plot_disks.colour_of(colour, "--colour")
+        self._trajectory, self._colour = trajectory, plot_disks.colour_of(color, "--color")
         self._is_map = trajectory.n > plot_disks.MOST_DISKS
         trajectory.require("position")
         if self._colour is not None:
@@ -203,14 +203,14 @@ def write(
     *,
     fps: int = 25,
     size: tuple[int, int] | None = None,
-    colour: str = "spin",
+    color: str = "spin",
     quality: int = 70,
     progress: Callable[[Sequence[int]], Iterable[int]] = iter,
 ) -> int:
     """Write a movie, a picture for each of `frames` in their order, `fps` a second; returns its bytes.
 
     H.264 in MP4, or an animation that web pages show, by the ending: .mp4 (or none), .webp, .gif. The file appears
-    whole or not at all, and replaces one that is there. `size` and `colour` as for `Scene`, both sides even; `quality`
+    whole or not at all, and replaces one that is there. `size` and `color` as for `Scene`, both sides even; `quality`
     of WebP, 1 to 100; `progress` wraps the frames, to show how far it is. InputError if the ending is another one,
     imageio-ffmpeg is not installed (.mp4), there is nothing to draw, or the file cannot be written: a folder, a device,
     the trajectory.
@@ -222,7 +222,7 @@ def write(
         raise InputError(f"{trajectory.path}: no {'disks' if len(frames) else 'frames'} to draw")
     check_apart(place, trajectory.path)
     encode = _ffmpeg(fps) if kind == FORMATS[0] else _pillow(kind[1:], fps, quality)
-    scene = Scene(trajectory, frames, size, colour)
+    scene = Scene(trajectory, frames, size, color)
 
     def whole(aside: Path) -> None:
         encode(aside, scene.size, (scene.draw(index) for index in progress(frames)))

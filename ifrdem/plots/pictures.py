@@ -25,8 +25,8 @@ PICTURES = {
     "piston": "displacement and velocity of each piston against time",
     "dissipation": "a map of the energy that collisions take, and its mechanisms (field dissipated)",
     "velocity": "distributions of velocities and spins beside Gaussians",
-    "g": "pair correlation g(r) and its contact value",
-    "S": "structure factor S(k)",
+    "rdf": "pair correlation g(r) and its contact value",
+    "structure-factor": "structure factor S(k)",
     "msd": "mean-square displacement and the diffusion coefficient",
     "vacf": "velocity autocorrelation",
     "fields": "maps of density, flow and thermal temperature",
@@ -76,7 +76,7 @@ def figure(
     >>> import ifrdem
     >>> from ifrdem import plots
     >>> with ifrdem.Trajectory("cooling.h5") as run:  # of `ifrdem run cooling`
-    ...     plots.figure(run, "g").savefig("g.png")
+    ...     plots.figure(run, "rdf").savefig("rdf.png")
     ...
     """
     from matplotlib.figure import Figure
@@ -155,7 +155,7 @@ def _layout(trajectory: Trajectory, what: str) -> dict[str, Any]:
     if len(trajectory) == 0:
         raise InputError(f"{trajectory.path}: no frame to draw")
     if what == "temperatures":
-        return {} if trajectory.room.all_walls else UPPER_AND_LOWER
+        return {} if trajectory.free_area.all_walls else UPPER_AND_LOWER
     if what == "ledger":  # only runs that count every collision have a residual
         known = "ledger_residual" in {*trajectory.series, *trajectory.observables}
         return UPPER_AND_LOWER if known else {}

@@ -56,7 +56,7 @@ def of(trajectory: Trajectory) -> Strips | None:
     axis = _axis(trajectory)
     frames = trajectory[len(trajectory) // 2 :]
     disks = trajectory.disks
-    low, high = (float(corner[axis]) for corner in trajectory.room.bounds())
+    low, high = (float(corner[axis]) for corner in trajectory.free_area.bounds())
     some = frames[:: max(1, len(frames) // 10)]
     top = max(float(np.max(frame.position[:, axis] + disks.radius)) for frame in some)
     span = min(high, 1.05 * top) - low
@@ -78,14 +78,14 @@ def of(trajectory: Trajectory) -> Strips | None:
         )
         for row, weight in zip(sums, (np.ones(disks.n), disks.mass, *moving), strict=True):
             row += np.bincount(strip[inside], weight[inside], minlength=strips)
-    room = trajectory.room.strips(axis, edges)
+    free_area = trajectory.free_area.strips(axis, edges)
     number, mass, momentum, square, spins = sums[0], sums[1], sums[2:4], sums[4:6], sums[6]
     with np.errstate(divide="ignore", invalid="ignore"):
         number = np.where(number >= FEWEST, number, np.nan)
         velocity = momentum / np.where(np.isnan(number), np.nan, mass)
         # M <u^2> = T in sum m (v - u)^2 = sum m v^2 - M u^2, whatever the masses: N - 1 degrees of freedom.
         temperature = (square - velocity**2 * mass) / (number - 1.0)
-        fraction = np.where(room > 1e-9 * trajectory.box.area, covered / (len(used) * room), np.nan)
+        fraction = np.where(free_area > 1e-9 * trajectory.box.area, covered / (len(used) * free_area), np.nan)
     return Strips(
         axis, edges, fraction, velocity.T, temperature.T, spins / number, (used[0].time, used[-1].time)
     )

@@ -95,7 +95,7 @@ def walled(run: Run, path_png: Place = None) -> Figure:
         right = 7.0 / max(min(height / width, 2.0), 1.0)
         figure.set_size_inches(8.2 + right, 7.5)
         grid = figure.add_gridspec(2, 2, width_ratios=(8.2, right), height_ratios=(1.0, 1.5))
-        turns = "gravity_turns" in trajectory.parameters
+        turns = "gravity_rotation_rate" in trajectory.parameters
         found = None if turns else profiles.of(trajectory)
         temperatures.draw(trajectory, "t", figure.add_subplot(grid[:, 0] if turns else grid[0, 0]))
         if found is not None:
@@ -153,10 +153,10 @@ def gas(trajectory: Trajectory) -> str:
     if trajectory.missing:
         where = f"{len(trajectory.missing)} of its {len(trajectory.parts or ())} parts missing"
     elif not trajectory.box.is_open:
-        where = f"packing fraction {trajectory.room.packing_fraction(trajectory.disks.radius):.3g}"
+        where = f"packing fraction {trajectory.free_area.packing_fraction(trajectory.disks.radius):.3g}"
     if (part := trajectory.part) is not None:  # whose disks are no gas of their own
         where = f"part {part.number} of a trajectory (disks {part.first} to {part.first + n - 1})"
-    if trajectory.room.all_walls:
+    if trajectory.free_area.all_walls:
         where = where.replace("packing fraction", "packing fraction between walls")
     return f"{name}: {n} disks, {where}"
 

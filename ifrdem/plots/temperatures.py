@@ -101,7 +101,7 @@ def _gas(trajectory: Trajectory) -> _Gas | str:
     disks = trajectory.disks
     kinds = len(np.unique(np.stack([disks.mass, disks.radius, disks.k, disks.material]), axis=1).T)
     for wrong, text in (
-        (trajectory.room.all_walls, "walls"),
+        (trajectory.free_area.all_walls, "walls"),
         (trajectory.parameters.get("collapse", "none") != "none", "elastic exceptions against collapse"),
         (trajectory.box.is_open, "open box"),
         (not disks.movable.all(), "immovable disks"),
@@ -200,7 +200,7 @@ def draw(trajectory: Trajectory, over: str, upper: Axes, lower: Axes | None = No
     theory; where a tenth of the positive temperatures there are below a hundredth of the highest one, the axis is
     logarithmic and leaves out zeros, that is disks at rest.
     """
-    walled = bool(trajectory.room.all_walls)
+    walled = bool(trajectory.free_area.all_walls)
     cools = not (walled or trajectory.box.shear_rate or trajectory.record("forces", bool, "[]"))
     T, T_rot = (trajectory.observables[name] for name in ("temperature", "rotational_temperature"))
     known = np.concatenate((T[T > 0.0], T_rot[T_rot > 0.0]))

@@ -71,7 +71,7 @@ def _gas(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
         shapes = Counter(wall.shape for wall in trajectory.walls)
         yield "walls", ", ".join(f"{count} {shape}" for shape, count in shapes.items())
     if not box.is_open and part is None and not trajectory.missing:
-        yield "packing fraction", f"{trajectory.room.packing_fraction(trajectory.disks.radius):.4f}"
+        yield "packing fraction", f"{trajectory.free_area.packing_fraction(trajectory.disks.radius):.4f}"
 
 
 def _describe_fields(trajectory: Trajectory) -> list[str]:
@@ -145,7 +145,7 @@ def _describe_beside(trajectory: Trajectory) -> list[str]:
     stale = views.stale(path)
     for view in views.paths(path):
         if view.exists():
-            old = ", older than the trajectory: `ifrdem views` renews it" if view in stale else ""
+            old = ", older than the trajectory: `ifrdem link` renews it" if view in stale else ""
             lines.append(f"  view              {view.name}{old}")
     return ["beside it", *lines] if lines else []
 

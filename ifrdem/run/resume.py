@@ -20,18 +20,19 @@ from ..case.file import CaseFile
 from ..case.gas import CaseGas
 from ..case.objects import device_of
 from ..errors import InputError
+from ..mpi import communicator
 from ..simulation import backend, checkpoint
 from ..simulation.schedule import Course
 from ..simulation.tracking import Events
-from ..tools import text_file, world
+from ..tools import text_file
 from ..tools.files import CHECKPOINT, checkpoint_of
 from ..trajectory import parts
 from ..trajectory.background import QueuedWriter
 from ..trajectory.parts_writer import PartsWriter
 from ..trajectory.writer import TrajectoryWriter
-from .job import Job, accompany, cores_of, drive, finish, how, stored
 from .outputs import Outputs, only
 from .recorder import Ledger
+from .run import Run, cores_of, finish, how, run_root, run_worker, stored
 
 
 def find(place: str | os.PathLike[str]) -> Path:
@@ -77,13 +78,13 @@ def resume(
 
     `place` is the trajectory, its checkpoint, or the folder that holds the only one. `ignore_case_changes` goes on as
     the run began though its case file has changed since. `threads` may be another number of CPU threads than before:
-    the result does not depend on it. A picture is drawn at the end, if the case wants it. Others as for `job.run`;
+    the result does not depend on it. A picture is drawn at the end, if the case wants it. Others as for `run.run`;
     the number of ranks may be another one, too.
 
     Raises InputError if there is no checkpoint, it belongs to another version, case or trajectory, or the device is not
-    there; Stopped or KeyboardInterrupt or EngineError or TrajectoryError as `job.run`.
+    there; Stopped or KeyboardInterrupt or EngineError or TrajectoryError as `run.run`.
     """
-    cores, share = cores_of(comm), world.share_here(comm)
+    cores, share = cores_of(comm), communicator.share_here(comm)
     began = time.perf_counter()
 
     def prepared() -> tuple[Any, ...]:
@@ -114,7 +115,7 @@ def resume(
             case = case.model_copy(update={"run": case.run.model_copy(update={"threads": threads})})
         backend.check(device_of(case.run))
         n = sum(each.number for each in case.species)
-        summary.refuse_beyond_memory(n, case.run.arch, share=share, ranks=comm.size if comm else 1)
+        summary.refuse_beyond_memory(n, case.run.device, share=share, ranks=comm.size if comm else 1)
         try:
             gas = CaseGas.from_case(case, begun[0].parent, start=False, comm=comm)
         except InputError as error:
@@ -127,9 +128,9 @@ def resume(
         moved, tracked = arrays["state_pistons"][:, 0].tolist(), arrays["tracked"]
         return (path, file, outputs, course, seen, in_parts, moved, tracked), writer, ledger, arrays
 
-    found = world.on_first(comm, prepared)
+    found = communicator.run_on_root(comm, prepared)
     told, writer, ledger, arrays = found or (None, None, Ledger(), {})
-    path, file, outputs, course, seen, in_parts, pistons, tracked = world.told(comm, told)
+    path, file, outputs, course, seen, in_parts, pistons, tracked = communicator.bcast(comm, told)
     rows_in_parts, fields_in_parts = in_parts
     gas, case = file.gas, file.case
     rows = checkpoint.read_parts(path, comm)[0] if rows_in_parts else arrays
@@ -147,8 +148,8 @@ def resume(
             queue = PartsWriter.resume(writer, simulation.disks_here, gas.box, comm=comm, **options)
         elif writer is not None:
             queue = QueuedWriter(writer)
-        if not world.is_first(comm):
-            accompany(case, simulation, course, queue)
+        if not communicator.is_root(comm):
+            run_worker(case, simulation, course, queue)
             return
         stack.enter_context(queue)
         later = len(queue) - ledger.frames
@@ -156,10 +157,10 @@ def resume(
         begun_at = f"t = {simulation.time:.6g}{case.unit('time')}, after {simulation.collisions} collisions"
         frames = f"{ledger.frames} frames, on {how(case, cores, comm)}{more}"
         say(f"{case.run.name}: {gas.n} disks go on at {begun_at} and {frames}")
-        job = Job(file, outputs, simulation, course, ledger, queue, pending)
+        running = Run(file, outputs, simulation, course, ledger, queue, pending)
         before = simulation.collisions
-        rate = drive(job, began, max_hours=max_hours, say=say, warn=warn)
-    finish(job, began, before, rate, say)
+        rate = run_root(running, began, max_hours=max_hours, say=say, warn=warn)
+    finish(running, began, before, rate, say)
 
 
 def _events(arrays: Mapping[str, NDArray[Any]]) -> Events | None:

@@ -21,7 +21,7 @@ SIGNALS: list[signal.Signals] = [signal.SIGINT, signal.SIGTERM, *WARNINGS]
 
 INTERRUPTED = 130  # what shells use for SIGINT
 TERMINATED = 143
-TIME_IS_UP = 3  # --maxh, or the warning of a batch system; as `cli.UNFINISHED`
+TIME_IS_UP = 3  # --max-hours, or the warning of a batch system; as `cli.UNFINISHED`
 
 
 class Stops:
@@ -66,7 +66,7 @@ class Stops:
     def check(self) -> None:
         """Raise `Stopped` if there is a reason to."""
         if self._limit is not None and time.monotonic() - self._began >= self._limit and self._reason is None:
-            self._reason = Stopped(f"{self._max_hours:g} hours are up (--maxh)", TIME_IS_UP)
+            self._reason = Stopped(f"{self._max_hours:g} hours are up (--max-hours)", TIME_IS_UP)
         if self._reason is not None:
             raise self._reason
 

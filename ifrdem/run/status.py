@@ -241,15 +241,15 @@ def line(content: dict[str, Any]) -> str:
     return ", ".join([*(text.format(value) for text, value in values if value is not None), ending])
 
 
-def tail(
+def show(
     path: str | os.PathLike[str],
     say: Callable[[str], object] = print,
     *,
-    follow: bool = True,
+    follow: bool = False,
     interval: float = 1.0,
     sleep: Callable[[float], None] = time.sleep,
 ) -> str:
-    """Print a line at each news of a run until it ends; without `follow`, one line.
+    """Print how far a run is; with `follow`, a line at each change until it ends.
 
     `path` is as for `find`; `interval` are the seconds between two looks. Returns the run's state at last: "running",
     "done", "dead", ...

@@ -18,10 +18,15 @@ from numpy.typing import NDArray
 from ..errors import EngineError
 from ..kernels import layout as k
 from ..kernels.columns import (
+    ADDRESSABLE,
+    CONTACTS_PER_DISK,
     KIND,
+    MOST_DISKS,
     MOST_MOMENTS,
     PISTON_STATE,
     REAL,
+    SINGLE_TILE,
+    SNAPSHOT_DISKS,
     TABLES,
     TALLY,
     TOTAL,
@@ -33,7 +38,6 @@ from ..kernels.columns import (
     named,
 )
 from ..kernels.language import ti, view
-from ..kernels.limits import ADDRESSABLE, ALONE, MOST_DISKS, TOLD_DISKS, TOUCHES_OF_DISK
 from ..kernels.readout import exchange
 from ..kernels.shear import displacement
 from ..kernels.walls import FREE, GONE
@@ -41,7 +45,7 @@ from ..kernels.windows import sum_shared
 from ..model.box import Box
 from ..model.state import COLUMNS, Disks, State, codes
 from ..model.walls import Wall
-from ..tools import slices
+from ..mpi import distribution
 from . import backend
 from .checks import MANTISSA, position_spacing
 
@@ -61,13 +65,13 @@ ROOM = 0.5  # around an open gas, in extents of what it fills: beyond, its cells
 SLACK = 1.3  # of the scratch space of a lane, beyond what the densest tile needed
 
 
-def chi(packing_fraction: float) -> float:
+def contact_value(packing_fraction: float) -> float:
     """Pair distribution at contact of hard disks, D. Henderson, Mol. Phys. 30, 971 (1975), bounded for crystals."""
     phi = min(packing_fraction, 0.8)
     return (1.0 - 7.0 * phi / 16.0) / (1.0 - phi) ** 2
 
 
-def division(packing_fraction: float) -> tuple[float, int]:
+def tile_parameters(packing_fraction: float) -> tuple[float, int]:
     """Collisions that a disk has in a window, and disks of a tile: what took least time at this density."""
     collisions = np.interp(packing_fraction, [0.0, 0.1, 0.3, 0.6], [0.5, 0.7, 1.3, 1.5])
     return float(collisions), 5000
@@ -115,15 +119,15 @@ def tiles_along(sides: NDArray[np.float64], area: float, least: float) -> tuple[
 
 
 def tiles_on_ranks(disks: Disks, box: Box) -> tuple[int, int]:
-    """Numbers of tiles along x and y of a box that is on several ranks (`DeviceArrays.lay`)."""
-    if disks.n <= ALONE and box.shear_rate == 0.0:
+    """Numbers of tiles along x and y of a box that is on several ranks (`DeviceArrays.load`)."""
+    if disks.n <= SINGLE_TILE and box.shear_rate == 0.0:
         return 1, 1
-    _, tile_disks = division(min(disks.covered / box.area, 0.85))
+    _, tile_disks = tile_parameters(min(disks.covered / box.area, 0.85))
     widest = 2.0 * float(disks.radius.max(initial=0.0))
     return tiles_along(np.array(box.lengths), tile_disks * box.area / max(disks.n, 1), LEAST_TILE * widest)
 
 
-def stretches(first: NDArray[np.integer], count: NDArray[np.integer]) -> NDArray[np.intp]:
+def concatenated_ranges(first: NDArray[np.integer], count: NDArray[np.integer]) -> NDArray[np.intp]:
     """Numbers of stretches that begin at `first` and are so long, one stretch after another."""
     before = np.cumsum(count) - count
     found: NDArray[np.intp] = np.repeat(first - before, count) + np.arange(int(count.sum()))
@@ -238,7 +242,7 @@ class DeviceArrays:
         self.watched: Any
         self._make("watched", n if uses.watched else 1)
         self.scratch(0, 0, 0, 0)
-        self.claims(0)
+        self.make_ghosts(0)
         self.events(0)
 
     # ------------------------------------------------------------------ room
@@ -297,7 +301,7 @@ class DeviceArrays:
 
         And for so many `notes` of each, if there is need of them (`kernels/layout.py`).
         """
-        most = max(1, min(MOST_MOMENTS, TOLD_DISKS // max(self.n, 1)))
+        most = max(1, min(MOST_MOMENTS, SNAPSHOT_DISKS // max(self.n, 1)))
         moments = max(self.parts - 2, 1 if needed == 1 else most)
         if moments > self.parts - 2 or notes * moments > self.grid.notes:
             if notes * moments > self.grid.notes:
@@ -320,18 +324,18 @@ class DeviceArrays:
                 f"{ADDRESSABLE // 24} disks"
             )
 
-    def scratch(self, places: int, cells: int, bins: int, items: int) -> None:
+    def scratch(self, lane_slots: int, cells: int, bins: int, items: int) -> None:
         """Scratch space of the lanes: disks, cells, bins (a power of two) and walls near cells of a region."""
         lanes, uses = int(self.grid.lanes), self.uses
-        rows = lanes * places
+        rows = lanes * lane_slots
         self._check_addresses(2 * rows)
         grid = self.grid
-        grid.places, grid.cells, grid.bins, grid.items = places, cells, bins, items
+        grid.lane_slots, grid.cells, grid.bins, grid.items = lane_slots, cells, bins, items
         for name in ("motion", "event_info", "image_info", "start_position"):
             self._make(name, rows)
         self._make("rest", rows if uses.rests else 1)
         self._make("residual_acceleration", rows if uses.rests else 1)
-        self._make("contact", TOUCHES_OF_DISK * rows if uses.rests else 1)
+        self._make("contact", CONTACTS_PER_DISK * rows if uses.rests else 1)
         self._make("cached_force", rows if uses.rests else 1)
         self._make("candidates", rows)
         self._make("since", rows if uses.remembers else 1)
@@ -342,8 +346,8 @@ class DeviceArrays:
         self._make("wall_start", lanes * (cells + 1) if uses.walled else 1)
         self._make("wall_item", lanes * items if uses.walled else 1)
 
-    def claims(self, most: int) -> None:
-        """Room for so many claims."""
+    def make_ghosts(self, most: int) -> None:
+        """Allocate so many ghost records."""
         self._check_addresses(most)
         self.grid.most_ghosts = most
         self._make("ghost", most)
@@ -415,7 +419,7 @@ class DeviceArrays:
         """Add up again what tiles have added up."""
         self.launch(sum_shared, self.found.shape[0], 1)
 
-    def lay(self, disks: Disks, options: Any, state: State) -> None:
+    def load(self, disks: Disks, options: Any, state: State) -> None:
         """Divide the box, or what an open gas fills, into tiles, and begin a window from a state."""
         n, box = self.n, self.box
         low, high = np.zeros(2), np.array(box.lengths) if not box.is_open else np.ones(2)
@@ -430,18 +434,18 @@ class DeviceArrays:
         self.area: float = float(np.prod(high - low))
         phi = min(disks.covered / self.area, 0.85)
         self.packing_fraction: float = phi
-        collisions, tile_disks = division(phi)
+        collisions, tile_disks = tile_parameters(phi)
         if self.on_gpu:
             collisions, tile_disks = min(collisions, GPU_COLLISIONS), GPU_TILE
         free = self.area / max(n, 1)  # of a disk
-        few = n <= ALONE
+        few = n <= SINGLE_TILE
         sheared = self.uses.sheared
         if few and not sheared and not self.on_gpu:
             collisions *= FEWER_WINDOWS
         if options.device.window_collisions is not None:  # whatever the device: windows decide the bits
             collisions = options.device.window_collisions
         mean = 2.0 * disks.mean_radius if n else 1.0
-        self.clock.path = collisions * free / (math.sqrt(2.0 * math.pi) * mean * chi(phi))
+        self.clock.path = collisions * free / (math.sqrt(2.0 * math.pi) * mean * contact_value(phi))
         # A gas in one tile: nobody goes round the box in a window, for the grid of places.
         own = float((high - low).min())
         if options.device.window_collisions is not None:
@@ -459,11 +463,11 @@ class DeviceArrays:
         if self.uses.layered:
             self.grid.coarse = math.ceil(CELL * self.widest / side)
         tiles = (1, 1)
-        self.alone = options.order == "alone" or (
+        self.single_tile = options.order == "serial" or (
             options.order is None and few and options.device.name == "cpu"
         )
-        self.alone = self.alone and not sheared
-        if not self.alone:
+        self.single_tile = self.single_tile and not sheared
+        if not self.single_tile:
             least_tile = GPU_LEAST_TILE if self.on_gpu else LEAST_TILE
             tiles = tiles_along(
                 high - low, (options.tile_disks or tile_disks) * free, least_tile * self.widest
@@ -476,24 +480,26 @@ class DeviceArrays:
             self.clock.path *= shorter
             collisions *= shorter
         self.clock.free_path, self.clock.in_window = self.clock.path, 0.5 * n * collisions
-        lanes = 1 if self.alone else min(backend.lanes(), self.tiles)
-        self.grid.lanes, self.grid.single_tile = lanes, int(self.alone)
+        lanes = 1 if self.single_tile else min(backend.lanes(), self.tiles)
+        self.grid.lanes, self.grid.single_tile = lanes, int(self.single_tile)
         spread = min(max(GPU_THREADS // self.tiles, 1), k.TEAM)
         self.grid.stride = 1 << (spread.bit_length() - 1)
         self.batch = lanes if self.on_gpu else self.tiles  # tiles that one launch runs at most
         # Windows that follow one another without a look by the host, which would cost a GPU as long as a small gas.
-        self.burst = BURST if self.alone else 1
+        self.burst = BURST if self.single_tile else 1
         if self.on_gpu:
-            followed = sheared or self.alone or self.uses.shared  # by something that the host does
+            followed = sheared or self.single_tile or self.uses.shared  # by something that the host does
             self.burst = 1 if followed else min(BURST, 1 + GPU_BURST // max(n, 1))
         self.scale.chain = self.widest * ((GPU_CHAINS if self.on_gpu else CHAINS) + 3.0 * phi)
-        if self.alone:
-            places, cells = n, int(1.3 * np.prod(np.maximum((high - low) / side, 1.0))) + 64
+        if self.single_tile:
+            lane_slots, cells = n, int(1.3 * np.prod(np.maximum((high - low) / side, 1.0))) + 64
         else:
-            places, cells = min(2 * n // self.tiles + 64, 9 * n), 64
-        if places > self.grid.places or cells > self.grid.cells or lanes != self._lanes:
+            lane_slots, cells = min(2 * n // self.tiles + 64, 9 * n), 64
+        if lane_slots > self.grid.lane_slots or cells > self.grid.cells or lanes != self._lanes:
             self._lanes = lanes
-            self.scratch(places, cells, 1 << max(places - 1, 1).bit_length(), 256 if self.uses.walled else 0)
+            self.scratch(
+                lane_slots, cells, 1 << max(lane_slots - 1, 1).bit_length(), 256 if self.uses.walled else 0
+            )
         self.put(state)
 
     def open_walls(self, gone: NDArray[np.bool_]) -> None:
@@ -515,14 +521,14 @@ class DeviceArrays:
     def lists(self, part: int) -> dict[str, NDArray[Any]]:
         """Rows of the state at a part, by array and in order of ids; and `listed`, the tile and the place in its list.
 
-        Of ranks, those of the own slice (`slices.py`).
+        Of ranks, those of the own slice (`mpi/distribution.py`).
         """
         held, tile = self.rows_held(part)
         held.pop("kind", None)
         place = np.arange(len(tile)) - np.searchsorted(tile, tile)
         held["listed"] = np.stack([tile, place], axis=1).astype(np.int32)
         ids = named(held["meta"], "meta").id.astype(np.int64) - self.first_id
-        return dict(zip(held, slices.by_id(self.comm, self.n, ids, list(held.values())), strict=True))
+        return dict(zip(held, distribution.by_id(self.comm, self.n, ids, list(held.values())), strict=True))
 
     def _kept(self) -> list[str]:
         """Names of the arrays of a state that this gas keeps, beside the kinds of disks, which ids tell."""
@@ -633,7 +639,7 @@ class DeviceArrays:
         index = np.clip(np.stack(columns, axis=1), 0, counts - 1)
         tile = index[:, 0] * counts[1] + index[:, 1]
         local = position - np.stack([self.edges[a][index[:, a]] for a in (0, 1)], axis=1)
-        events, ids = state.collisions + state.wall_hits, slices.slice_of(self.n, self.comm)
+        events, ids = state.collisions + state.wall_hits, distribution.slice_of(self.n, self.comm)
         kept: dict[str, Callable[[], NDArray[Any]]] = {
             "disk": lambda: np.column_stack([local, velocity, state.spin]),
             "meta": lambda: np.column_stack(
@@ -647,8 +653,8 @@ class DeviceArrays:
             "hits": lambda: np.column_stack([state.wall_hits, state.last_partner]),
             "spent": lambda: state.dissipated,
             # Either is to be judged.
-            "slept": lambda: np.where(state.asleep, k.SAID_ASLEEP, k.WOKEN),
-            "held": lambda: np.full((state.n, TABLES["held"].width), k.NOBODY),
+            "slept": lambda: np.where(state.asleep, k.ASLEEP_UNVERIFIED, k.WOKEN),
+            "held": lambda: np.full((state.n, TABLES["held"].width), k.NO_PARTNER),
         }
         types = {"real": self.real, "f64": np.float64, "i32": np.int32}
         found: dict[str, NDArray[Any]] = {
@@ -696,15 +702,15 @@ class DeviceArrays:
     def rows_held(self, part: int) -> tuple[dict[str, NDArray[Any]], NDArray[np.intp]]:
         """Rows of the state at a part, by array, list after list; and the tile that lists each."""
         rows, tile = self.rows_of(part)
-        return {name: self._told_rows(name, rows) for name in self._names()}, tile
+        return {name: self.state_rows(name, rows) for name in self._names()}, tile
 
     def rows_of(self, part: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Rows of a part in the arrays of the state, list after list, and the tile that lists each; own ones only."""
         tile = named(self._values("tile"), "tile")
         first, count = tile.start[self.own, part], tile.count[self.own, part]
-        return part * self.room + stretches(first, count), np.repeat(self.own, count)
+        return part * self.room + concatenated_ranges(first, count), np.repeat(self.own, count)
 
-    def _told_rows(self, name: str, at: slice | NDArray[np.integer]) -> NDArray[Any]:
+    def state_rows(self, name: str, at: slice | NDArray[np.integer]) -> NDArray[Any]:
         """Some rows of the state."""
         return self._values(name)[at]
 

@@ -267,7 +267,7 @@ def check(device: Device | str) -> None:
     absence = cuda_absence() if device.name == "cuda" else None  # a run on the CPU asks no driver
     if absence is not None:
         raise InputError(
-            f"device = '{device.name}': no such device on this machine; present: cpu (see `ifrdem backends`): {absence}"
+            f"device = '{device.name}': no such device on this machine; present: cpu (see `ifrdem devices`): {absence}"
         )
     # More threads than cores wait for each other at the end of every parallel loop.
     if device.threads is not None and device.threads > cores():

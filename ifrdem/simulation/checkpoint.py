@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from ..errors import DamageError, InputError
 from ..kernels.columns import named
 from ..model.state import State
-from ..tools import files, slices, world
+from ..mpi import communicator, distribution
+from ..tools import files
 from ..tools.versions import package_versions
 from ..trajectory import damage
 
@@ -57,8 +58,8 @@ def write_parts(
     with the rows of its slice of the disks. The files of one checkpoint bear a mark of their own, and those of the one
     before are there until NAME.checkpoint.h5 names the new ones: whenever a rank is killed, one of both is whole.
 
-    `arrays` have a row for each disk of this rank's slice (`tools/slices.py`); the path, `small` ones and the record
-    are those of the first rank. InputError on all, if a file cannot be written; the old checkpoint is kept then.
+    `arrays` have a row for each disk of this rank's slice; the path, `small` ones and the record are those of the first
+    rank. InputError on all, if a file cannot be written; the old checkpoint is kept then.
     """
     counts = comm.allgather(len(next(iter(arrays.values()))))
 
@@ -71,22 +72,22 @@ def write_parts(
             raise InputError(f"checkpoint {parts_of(place)} cannot be made: {error.strerror}") from error
         return place, secrets.token_hex(8)
 
-    place, mark = world.from_first(comm, begin)
+    place, mark = communicator.root_result(comm, begin)
     own, error = _part(place, mark, comm.rank), None
     try:
         _write(own, arrays, {"mark": mark, "part": comm.rank})
     except InputError as raised:
         error = raised
     try:
-        world.agree(comm, error)
+        communicator.raise_collectively(comm, error)
         first = [0, *np.cumsum(counts).tolist()]
-        world.on_first(
+        communicator.run_on_root(
             comm, lambda: _write(place, small, {**record, "parts": {"mark": mark, "first": first}})
         )
     except InputError:
         own.unlink(missing_ok=True)
         raise
-    world.on_first(comm, lambda: _remove_parts(place, but=mark))
+    communicator.run_on_root(comm, lambda: _remove_parts(place, but=mark))
 
 
 def _check_unused(place: Path) -> None:
@@ -203,7 +204,7 @@ def read_parts(
     def first() -> tuple[Path, dict[str, NDArray[Any]], dict[str, Any]]:
         return Path(path), *_read(path)
 
-    found = world.on_first(comm, first)
+    found = communicator.run_on_root(comm, first)
     in_parts = found is not None and "parts" in found[2]
     if comm is not None:
         in_parts = comm.bcast(in_parts)
@@ -217,7 +218,7 @@ def read_parts(
         rows = _rows(place, record, comm)
     except InputError as raised:
         error = raised
-    world.agree(comm, error)
+    communicator.raise_collectively(comm, error)
     return arrays | rows, record, in_parts
 
 
@@ -227,7 +228,7 @@ def _rows(path: str | os.PathLike[str], record: Mapping[str, Any], comm: Any) ->
         return {}
     with reading(path, "its parts"):
         mark, first = str(record["parts"]["mark"]), [int(each) for each in record["parts"]["first"]]
-    own, pieces = slices.slice_of(first[-1], comm), []
+    own, pieces = distribution.slice_of(first[-1], comm), []
     for number, (start, end) in enumerate(itertools.pairwise(first)):
         low, high = max(start, own.start), min(end, own.stop)
         if low < high:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..kernels.limits import ADDRESSABLE, ALONE, MOST_DISKS, MOST_IDS
+from ..kernels.columns import ADDRESSABLE, MOST_DISKS, MOST_IDS, SINGLE_TILE
 from ..model.box import Box
 from ..model.collapse import Collapse, ContactTime, Rest, VelocityCutoff
 from ..model.gravity import RotatingGravity
@@ -80,9 +80,9 @@ def position_spacing(extent: float, precision: str) -> float:
 def check_resolved(n: int, radius: float, box: Box, precision: str) -> None:
     """Refuse a box so large that its grid of positions is too coarse for disks of the smallest `radius` [length].
 
-    In single precision positions of more than ALONE disks are relative to a tile, which other rules keep small.
+    In single precision positions of more than SINGLE_TILE disks are relative to a tile, which other rules keep small.
     """
-    if box.is_open or not n or (precision == "f32" and n > ALONE):
+    if box.is_open or not n or (precision == "f32" and n > SINGLE_TILE):
         return
     spacing = position_spacing(max(box.lengths), precision)
     if spacing > COARSEST * radius:
@@ -270,9 +270,10 @@ def check_resting(
     name = f"collapse = {collapse}"
     if device.name != "cpu" or device.precision != "f64":
         raise InputError(f'{name}: must be on a CPU in double precision (device "cpu", precision "f64")')
-    if disks.n > ALONE:
+    if disks.n > SINGLE_TILE:
         raise InputError(
-            f"{name}: {disks.n} disks, but only gases that one thread computes as a whole can rest, of up to {ALONE}"
+            f"{name}: {disks.n} disks, but only gases that one thread computes as a whole can rest, of up to "
+            f"{SINGLE_TILE}"
         )
     if not any(gravity):
         raise InputError(
@@ -307,9 +308,9 @@ def check_pistons(walls: Sequence[Wall], n: int, options: EngineOptions, ranks: 
     refused = {
         f'device = "{options.device.name}"': options.device.name != "cpu",
         f'precision = "{options.device.precision}"': options.device.precision != "f64",
-        f'order = "{options.order}"': options.order == "tiles",
+        f'order = "{options.order}"': options.order == "tiled",
         f"several ranks (here are {ranks})": ranks > 1,
-        f"{n} disks, more than {ALONE},": n > ALONE,
+        f"{n} disks, more than {SINGLE_TILE},": n > SINGLE_TILE,
         f"collapse = {options.collapse}": isinstance(options.collapse, Rest),
     }
     for w, wall in enumerate(walls):
@@ -323,7 +324,7 @@ def check_pistons(walls: Sequence[Wall], n: int, options: EngineOptions, ranks: 
             if there:
                 raise InputError(
                     f"wall {w} is a piston: {what} not supported: every disk looks for it after each of its hits; run "
-                    f"it on a CPU in double precision, with up to {ALONE} disks that do not rest"
+                    f"it on a CPU in double precision, with up to {SINGLE_TILE} disks that do not rest"
                 )
 
 
@@ -331,7 +332,7 @@ def check_ranks(size: int, box: Box, options: EngineOptions, tracked: bool) -> N
     """Refuse what cannot be on several ranks of MPI (`ranks.py`)."""
     refused = {
         f"precision = '{options.device.precision}'": options.device.precision != "f64",
-        "order = 'alone'": options.order == "alone",
+        "order = 'serial'": options.order == "serial",
         "tracked disks (histories)": tracked,
         "an open box": box.is_open,
         f"collapse = {options.collapse}": isinstance(options.collapse, Rest),

@@ -512,11 +512,11 @@ class DSMC(Sealed):
         count = int(chance.poisson(rate * duration))
         if count > self._room:
             raise EngineError(f"t = {self.time:.9g}: {count} pairs drawn, with room for {self._room}")
-        cut = self._settle(count, batch)
+        cut = self._resolve(count, batch)
         if cut < count:
             # Until then no disk was too fast, and all that came before has been settled as it should be.
             self._kernels.restore(self._disk, self._before, self._hits, self._hits_before, self._first)
-            self._settle(cut + 1, batch)
+            self._resolve(cut + 1, batch)
             # The candidate is the (cut + 1)th of `count` that came at uniform times.
             duration *= float(chance.beta(cut + 1, count - cut))
             self._set(cut_for_speed=self.cut_for_speed + 1)
@@ -528,14 +528,14 @@ class DSMC(Sealed):
         )
         return duration
 
-    def _settle(self, count: int, batch: int) -> int:
+    def _resolve(self, count: int, batch: int) -> int:
         """Settle the first candidates of a batch; which of them first made a disk too fast, or `kernels.NONE`."""
         kernels, counter, key = self._kernels, self._counter, self._key(batch)
         counter[:] = (count, 0, 0, kernels.NONE)
         if count:
             kernels.draw(count, self._disk, self._pair, self._todo, key)
         if self._alone:
-            kernels.settle_in_order(
+            kernels.resolve_pairs_serially(
                 self._uses, count, self._disk, self._hits, self._pair, counter, self._law, self._scale,
                 self._crowding, key,
             )  # fmt: skip
@@ -543,7 +543,7 @@ class DSMC(Sealed):
         now = 0
         while counter[now]:
             for _ in range(_ROUNDS):
-                kernels.settle(
+                kernels.resolve_pairs(
                     self._uses, now, self._disk, self._hits, self._first, self._pair, self._todo, counter,
                     self._law, self._scale, self._crowding, key,
                 )  # fmt: skip

@@ -3,7 +3,7 @@
 Time advances in *windows*, short enough that disks collide about once in each. In a window every tile of the box runs
 all events of its own disks and those in a halo around it, by itself and in order (`kernels/events.py`); then it is
 verified that no tile missed anything, and tiles that may have are run again with wider halos (`kernels/tiles.py`, which
-has the proof). A gas of up to ALONE disks is one tile that is the whole box.
+has the proof). A gas of up to SINGLE_TILE disks is one tile that is the whole box.
 
 Guarantee. The collisions are those of consistent hard disks from the given start, which is unique: what a serial
 event-driven code produces, up to rounding. Exact ties in time fall to the smaller pair of ids. And all bits of the
@@ -45,10 +45,11 @@ from ..model.ifr import IFRLaw
 from ..model.law import CollisionLaw, compiled
 from ..model.observables import from_totals
 from ..model.overlaps import TOLERANCE
-from ..model.state import DiskKinds, Disks, State, dealt, thin
+from ..model.state import DiskKinds, Disks, State, broadcast_constant_rows, scatter_state
 from ..model.walls import Wall, free_directions, rows_of, sides, smooth_materials
 from ..model.walls import check as check_walls
-from ..tools import checked, seeds, slices, world
+from ..mpi import communicator, distribution
+from ..tools import checked, seeds
 from . import backend, checks
 from .device import Device
 from .record import validate as validate_record
@@ -63,7 +64,7 @@ if TYPE_CHECKING:
     from .windows import Windows
 
 PATIENCE = 1000  # usual times between collisions without one, after which a run by collisions gives up
-ORDERS = ("alone", "tiles")
+ORDERS = ("serial", "tiled")
 # Windows of an open gas after which it is looked at: how far it has spread, and whether anybody can meet.
 OPEN_WINDOWS = 32
 
@@ -78,7 +79,7 @@ class EngineOptions:
 
     Attributes
     ----------
-    order : {"alone", "tiles"} or None
+    order : {"serial", "tiled"} or None
         One tile that is the whole box, by one thread; or many; by default as the number of disks suggests. The same
         bits.
     tile_disks : int or None
@@ -150,7 +151,7 @@ class CollisionTimes:
     pair: NDArray[np.int64]
 
 
-def nobody_meets(state: State, disks: Disks) -> bool:
+def no_pair_approaches(state: State, disks: Disks) -> bool:
     """True if no two disks of an open gas approach each other in a way that they could touch: the rest is one flight.
 
     Every pair is looked at, until one is found; up to MOST_COMPARED disks. Imports the kernels.
@@ -237,19 +238,19 @@ class Engine:
                 collisions=self._before[0], tolerance=TOLERANCE * float(disks.radius.max(initial=0.0)),
             )  # fmt: skip
 
-        count = (world.together if self.sliced else world.on_first)(self.comm, counted)
+        count = (communicator.run_on_all if self.sliced else communicator.run_on_root)(self.comm, counted)
         counts = [count] if self.comm is None else self.comm.allgather(count)
         numbers, speeds, met, hits, slept = map(list, zip(*(each for each in counts if each), strict=True))
         n = self.n = sum(numbers)
         self._before, self._slept = [sum(met) // 2, sum(hits)], sum(slept)
-        (slices.judged if self.sliced else world.on_first)(self.comm, judged)
+        (distribution.run_on_slices if self.sliced else communicator.run_on_root)(self.comm, judged)
         if self.sliced:
-            world.check_alike(self.comm, repr(state.time), "times of the start")
+            communicator.check_alike(self.comm, repr(state.time), "times of the start")
         whole = self.comm is not None and not self.sliced
         self.disks_here: Disks
-        self.disks_here, begin = dealt(self.comm, disks, state) if whole else (disks, state)
+        self.disks_here, begin = scatter_state(self.comm, disks, state) if whole else (disks, state)
         self.kinds: Disks = disks if self.comm is None else DiskKinds.of(self.disks_here, self.comm)
-        self.disks: Disks = disks if whole and world.is_first(self.comm) else self.kinds
+        self.disks: Disks = disks if whole and communicator.is_root(self.comm) else self.kinds
         self._materials = np.unique(self.kinds.material)
         time = float(begin.time)
         self.turning = TurningGravity(given.gravity, time)
@@ -262,17 +263,17 @@ class Engine:
         self.last_collisions: CollisionTimes | None = None
         self.tracking = tracking
         self._resting = 0
-        self._parted = False  # nobody can meet anybody any more
+        self._no_future_collisions = False
         self._collided_at = time
         threads = given.device.threads
         if self.comm is not None:
             checks.check_ranks(ranks, box, given, tracking is not None)
             self._check_alike(forces)
-            threads = threads or world.cores_here(self.comm, backend.cores())
+            threads = threads or communicator.cores_here(self.comm, backend.cores())
             if given.device.name == "cuda":
-                number = world.number_here(self.comm)
-                world.together(self.comm, lambda: backend.show_gpu(number))
-        world.together(self.comm, lambda: backend.start(replace(given.device, threads=threads)))
+                number = communicator.number_here(self.comm)
+                communicator.run_on_all(self.comm, lambda: backend.show_gpu(number))
+        communicator.run_on_all(self.comm, lambda: backend.start(replace(given.device, threads=threads)))
         from .arrays import DeviceArrays
         from .force_steps import ForceSteps
         from .windows import Windows
@@ -323,27 +324,27 @@ class Engine:
             "asleep": begin.asleep,
         }  # fmt: skip
         if self.comm is not None:
-            self.past = {name: thin(value) for name, value in self.past.items()}
+            self.past = {name: broadcast_constant_rows(value) for name, value in self.past.items()}
         of_ranks = Windows if self.comm is None else RankWindows
         self.windows: Windows = of_ranks(self.arrays, self.statistics, time)
         self.set_gates(np.array([not wall.stands(time, self._before[0]) for wall in self.walls], dtype=bool))
-        self._lay(begin)
+        self._load(begin)
         self.force_steps: ForceSteps = ForceSteps(forces, self.arrays, self.disks, given.seed, self.time)
         # Kinetic energy in the frames of rows of tiles beyond that in the flow, at the start.
         self._flow_excess = 0.0
         if box.shear_rate:
             self._flow_excess = self._excess()
 
-    def _lay(self, state: State) -> None:
+    def _load(self, state: State) -> None:
         """Divide the box into tiles and lay a state into them, from which a window begins."""
-        self.arrays.lay(self.disks, self.options, state)
+        self.arrays.load(self.disks, self.options, state)
         self._until_looked = OPEN_WINDOWS
-        self._parted = self._is_parted(state)
+        self._no_future_collisions = self._all_separate(state)
 
-    def _is_parted(self, state: State) -> bool:
+    def _all_separate(self, state: State) -> bool:
         """True if no disk can collide: all fly apart in an open box, or at one velocity in a box without walls."""
         if self.box.is_open:
-            return nobody_meets(state, self.disks)
+            return no_pair_approaches(state, self.disks)
         if self.walls or self.box.shear_rate or self.n < 2:
             return False
         return checks.fly_alike(state.velocity, self.comm)
@@ -465,7 +466,7 @@ class Engine:
 
     def switch_ledger(self, on: bool) -> None:
         """Go on without adding up what takes energy, or with it again: to time what the ledger costs."""
-        with self.changing():
+        with self.exclusive_update():
             self.windows.switch(self.arrays.uses._replace(tallied=on))
 
     # ------------------------------------------------------------------ changes between runs
@@ -478,7 +479,7 @@ class Engine:
                 self.tracking.drop_after(state.time)
             self._lay_anew(state)
         else:
-            self.windows.settle()
+            self.windows.commit()
 
     def _lay_anew(self, state: State, *, wakes: bool = False) -> None:
         """Begin a window with a state at the present time, in which disks that sleep are woken if it `wakes`."""
@@ -486,8 +487,8 @@ class Engine:
             self._slept -= self.asleep
             state.asleep = np.zeros_like(state.asleep)
         excess = self._excess()
-        self.windows.settle_at(state.time)
-        self._lay(state)
+        self.windows.commit_at(state.time)
+        self._load(state)
         # Of energies in the frames of rows of tiles: what they are then is none of the flow's doing.
         self._flow_excess += self._excess() - excess
 
@@ -502,7 +503,7 @@ class Engine:
             (type(force).__name__, getattr(force, "parameters", None), getattr(force, "step", None))
             for force in given
         ]
-        world.check_alike(self.comm, repr(told), "box, law, walls, forces or options")
+        communicator.check_alike(self.comm, repr(told), "box, law, walls, forces or options")
 
     def _check_resting(
         self, gravity: tuple[float, float], forces: Sequence[Force], law: type[CollisionLaw]
@@ -536,7 +537,7 @@ class Engine:
         """Collide by another law from now on; arguments as for the engine."""
         self._check_resting(self.gravity, (), law)
         self._check_rebound(law_table, law, self.gravity)
-        with self.changing():
+        with self.exclusive_update():
             self._end_window()
             self._wake()
             self._law_table, self._law = np.ascontiguousarray(law_table, dtype=np.float64), law
@@ -556,10 +557,10 @@ class Engine:
             self._check_resting(self.gravity, steps.forces, self._law)
             return steps
 
-        steps = world.together(self.comm, checked)
+        steps = communicator.run_on_all(self.comm, checked)
         if self.comm is not None:
             self._check_alike(steps.forces)
-        with self.changing():
+        with self.exclusive_update():
             self._end_window()
             self.force_steps = steps
             self._begin_anew()
@@ -575,7 +576,7 @@ class Engine:
         checks.check_between_collisions(self.disks, self.box, gravity, self.force_steps.forces)
         self._check_resting(gravity, (), self._law)
         self._check_rebound(self._law_table, self._law, gravity)
-        with self.changing():
+        with self.exclusive_update():
             self._end_window()
             self._wake()
             self.gravity = gravity
@@ -591,7 +592,7 @@ class Engine:
         wall = self.walls[number]
         assert wall.piston is not None
         changed = replace(wall, piston=replace(wall.piston, force=force))
-        with self.changing():
+        with self.exclusive_update():
             self._end_window()
             self.walls = (*self.walls[:number], changed, *self.walls[number + 1 :])
             self.arrays.change_wall(number, changed)
@@ -626,8 +627,8 @@ class Engine:
             checks.check_motion(self.disks_here, state)
             checks.check_magnitudes(self.disks_here, self.box, speed, self.precision, hottest)
 
-        world.together(self.comm, judge)
-        with self.changing():
+        communicator.run_on_all(self.comm, judge)
+        with self.exclusive_update():
             present = self._state()
             before = self._snapshot(present)
             present.velocity, present.spin = state.velocity, state.spin
@@ -646,7 +647,7 @@ class Engine:
         """Take note that a gas has been changed: what is known of its collisions and rest does not hold any more."""
         self._resting = 0
         self._collided_at = self.time
-        self._parted = self._is_parted(self._state())
+        self._no_future_collisions = self._all_separate(self._state())
 
     # ------------------------------------------------------------------ running
 
@@ -669,7 +670,7 @@ class Engine:
         to which later calls will go: those of the same window are told with it.
         Raises NoMoreCollisions, InelasticCollapse or EngineError as `Simulation.run`.
         """
-        with self.changing():
+        with self.exclusive_update():
             self.last_collisions = None
             kick = self.next_kick
             gate = self._next_gate()
@@ -686,10 +687,10 @@ class Engine:
     def check_duration(self, t_end: float) -> None:
         """Refuse a run to `t_end` [time] that is too long for this gas (`checks.check_duration`)."""
         self.check_whole()
-        lone = not self.box.is_open and (self._parted or self._is_alone)
+        lone = not self.box.is_open and (self._no_future_collisions or self._is_alone)
         speed = float(np.hypot(*self._state().velocity.T).max(initial=0.0)) if lone else 0.0
         radius = float(self.kinds.radius.min(initial=math.inf))
-        speed = world.largest(self.comm, speed)
+        speed = communicator.largest(self.comm, speed)
         checks.check_duration(self.time, t_end, radius, self.box, speed)
 
     @property
@@ -710,7 +711,7 @@ class Engine:
 
     def _nothing_happens(self) -> bool:
         """Tell if no disk meets another one or a wall before something else sets it in motion."""
-        if self._parted or self._is_alone:
+        if self._no_future_collisions or self._is_alone:
             return True
         self.windows.go_on(self.next_kick)
         walls_move = self.arrays.clock.wall_speed > 0.0 or self.arrays.uses.pistons
@@ -787,8 +788,8 @@ class Engine:
     def _look_around(self) -> None:
         """Lay an open gas anew once it has spread, in wider cells, and see whether anybody can still meet anybody."""
         state = self._state()
-        self.windows.settle()
-        self._lay(state)
+        self.windows.commit()
+        self._load(state)
 
     def _take_watched(self, watching: int, was: float) -> None:
         windows = self.windows
@@ -829,7 +830,7 @@ class Engine:
             )
 
     @contextmanager
-    def changing(self) -> Iterator[None]:
+    def exclusive_update(self) -> Iterator[None]:
         """Refuse to begin unless the engine is whole, and delay Ctrl-C until it is whole again."""
         self.check_whole()
         with backend.sole_use(), backend.deferred_interrupts():
@@ -846,11 +847,11 @@ class Engine:
         before = self._snapshot(self._state()) if followed is not None else None
         for index in due:
             self.windows.add_flow_work(self.force_steps.apply(index, self.time, self.free))
-        self.windows.settle()
+        self.windows.commit()
         if followed is not None and before is not None:
             followed.kick(self.time, before, self._snapshot(self._state()))
-        if self._parted:
-            self._parted = self.n < 2
+        if self._no_future_collisions:
+            self._no_future_collisions = self.n < 2
 
     # ------------------------------------------------------------------ rest
 
@@ -869,22 +870,22 @@ class Engine:
         patience = max(PATIENCE, self.turning.steps_per_turn)  # after a whole turn all is as it was
         if not math.isfinite(ends) and (not math.isfinite(next_motion) or self._resting > patience):
             how = "have flown apart" if self.box.is_open else "all fly at one velocity"
-            apart = f"the disks {how}, and none" if self._parted and moving else "no disk"
+            apart = f"the disks {how}, and none" if self._no_future_collisions and moving else "no disk"
             raise NoMoreCollisions(
                 f"t = {self.time:.6g}: {apart} can meet another one any more, but collisions are asked for"
             )
         stop = min(stop, rest_at)
         if resting:
             self.force_steps.skip_to(stop)
-        parted, self._parted = self._parted, False
+        parted, self._no_future_collisions = self._no_future_collisions, False
         state.position = state.position + state.velocity * (stop - self.time)
         state.angle = (
             state.angle + state.spin * (stop - self.time) if "angle" in self.options.record else state.angle
         )
         state.time = stop
-        self.windows.settle_at(stop)
-        self.arrays.lay(self.disks, self.options, state)
-        self._parted = parted
+        self.windows.commit_at(stop)
+        self.arrays.load(self.disks, self.options, state)
+        self._no_future_collisions = parted
 
     def _thermal_part(self) -> float:
         """Thermal speed over the rms speed, which includes a drift; 1 if all velocities are equal, to rounding."""
@@ -905,14 +906,14 @@ class Engine:
 
     def state(self) -> State:
         """The present state, in id order; of a gas that is told in slices, that of the own one."""
-        with self.changing():
+        with self.exclusive_update():
             if self.sliced:
                 return self._state()
-            return world.told(self.comm, self._checked(self._read_out(whole=True)[0]))
+            return communicator.bcast(self.comm, self._checked(self._read_out(whole=True)[0]))
 
     def state_here(self) -> State:
         """The present state of the own slice, in id order; without ranks, of all disks."""
-        with self.changing():
+        with self.exclusive_update():
             return self._state()
 
     def _state(self) -> State:
@@ -930,7 +931,7 @@ class Engine:
                 )
             return state
 
-        return world.together(self.comm, check)
+        return communicator.run_on_all(self.comm, check)
 
     def _read_out(
         self, stored: Collection[str] | None = None, whole: bool = False
@@ -944,12 +945,12 @@ class Engine:
 
         With the fields that a file in single precision has (`stored`) it is one for that (`StoredState`).
         """
-        with self.changing():
+        with self.exclusive_update():
             return self._read_out(stored, not self.sliced)
 
     def totals(self) -> NDArray[np.float64]:
         """Sums over all disks (`kernels/readout.py`). Less costly than a copy of the state."""
-        with self.changing():
+        with self.exclusive_update():
             return self._totals()
 
     def _totals(self) -> NDArray[np.float64]:

@@ -32,10 +32,10 @@ added up (360 bytes a tile) does in each round.
 What each rank holds: its disks and those of its ring (198 bytes each), with their kinds where there are several: a
 table of all kinds, or, if these are more than 1000, of those of the disks that are here; 450
 bytes for each tile of the whole box; in a window that is left to the whole box, all disks. Whenever a state is put
-together, at the start, for frames and for checkpoints, each has its slice (`tools/slices.py`): rows go there from the
-owners of tiles, and back, in one exchange of all with all.
+together, at the start, for frames and for checkpoints, each has its slice (`mpi/distribution.py`): rows go there from
+the owners of tiles, and back, in one exchange of all with all.
 
-Blocks move (`divide_anew`) between windows: whole lists of tiles go to other ranks, in their order. No bit depends on
+Blocks move (`rebalance`) between windows: whole lists of tiles go to other ranks, in their order. No bit depends on
 who owns a tile, so none changes.
 
 Imports Taichi: import this module only after `backend.start`. Needs mpi4py.
@@ -53,15 +53,14 @@ from numpy.typing import NDArray
 
 from ..errors import EngineError, InputError
 from ..kernels import layout as k
-from ..kernels.columns import named
+from ..kernels.columns import ADDRESSABLE, named
 from ..kernels.language import ti, view
-from ..kernels.limits import ADDRESSABLE
 from ..kernels.readout import put_rows, take_rows
-from ..kernels.windows import WIDEN, sum_shared, survey, verify
+from ..kernels.windows import HALO_GROWTH, sum_shared, survey, verify
 from ..model.box import Box
 from ..model.state import COLUMNS, DiskKinds, Disks
-from ..tools import slices, world
-from .arrays import DeviceArrays, kind_rows, kinds_of, stretches, sums_of_blocks, tiles_on_ranks
+from ..mpi import communicator, distribution
+from .arrays import DeviceArrays, concatenated_ranges, kind_rows, kinds_of, sums_of_blocks, tiles_on_ranks
 from .windows import Windows, _Again
 
 # Windows between looks at who has more to do than others, and how much more is too much.
@@ -72,7 +71,7 @@ STEPS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
 
 
 @dataclass
-class Traffic:
+class CommunicationStats:
     """Bytes and messages that a rank has sent so far.
 
     Attributes
@@ -88,7 +87,7 @@ class Traffic:
     whole : int
         Windows that began again with whole lists of the ring, because halos had to be wider than was foreseen.
     moved : int
-        Tiles that went to another owner (`divide_anew`).
+        Tiles that went to another owner (`rebalance`).
     """
 
     messages: int = 0
@@ -161,7 +160,7 @@ def owners(count: NDArray[np.number], tiles: tuple[int, int], size: int) -> NDAr
 def check_tiles(disks: Disks, box: Box, size: int) -> None:
     """Refuse more ranks than a gas has tiles for, before it is made: InputError as of `owners`."""
     tiles = tiles_on_ranks(disks, box)
-    owners(np.diff(slices.bounds(disks.n, tiles[0] * tiles[1])), tiles, size)
+    owners(np.diff(distribution.bounds(disks.n, tiles[0] * tiles[1])), tiles, size)
 
 
 def counted_tiles(tiles: tuple[int, int]) -> str:
@@ -173,7 +172,7 @@ def counted_tiles(tiles: tuple[int, int]) -> str:
 class RankArrays(DeviceArrays):
     """The arrays of one rank: own tiles, and the ring around them.
 
-    `disks` are those of the own slice (`tools/slices.py`); the others as for `DeviceArrays`, `kinds` for its `disks`.
+    `disks` are those of the own slice; the others as for `DeviceArrays`, `kinds` for its `disks`.
 
     Where there are too many kinds for each rank to know all (`kinds.every` is False), the table `kinds` has rows for
     the disks that are here, and their `kind` is a row of this table. Its columns, not that number, go with a disk to
@@ -185,8 +184,8 @@ class RankArrays(DeviceArrays):
 
     def __init__(self, comm: Any, disks: Disks, kinds: DiskKinds, *given: Any) -> None:
         self.comm = comm
-        self.traffic: Traffic = Traffic()
-        self.lost: int = 0  # listed disks that no rank has run
+        self.communication: CommunicationStats = CommunicationStats()
+        self.unassigned: int = 0  # listed disks that no rank has run
         self._graph: Any = None
         self._adding: Any = None
         self._partners: list[int] = []
@@ -217,7 +216,7 @@ class RankArrays(DeviceArrays):
         self._around_for = -1
         self._plan_sums()
 
-    def divide_anew(self) -> None:
+    def rebalance(self) -> None:
         """Divide the tiles anew where some ranks have more to do than others: their lists go to new owners as they are.
 
         What a tile has to do is told by its disks, and by what happened to them in the last window; MOST_EVENTS a disk
@@ -241,7 +240,7 @@ class RankArrays(DeviceArrays):
         if UNEVEN * np.bincount(after, weights=told[:, 0]).max() > shares.max():
             return
         held, listed = self.rows_held(part)
-        self.traffic.moved += int(np.count_nonzero(after != self.owner))
+        self.communication.moved += int(np.count_nonzero(after != self.owner))
         with self.written("reach") as (reach,):
             named(reach, "reach").halo_factor = told[:, 2]
         self.assign(told[:, 0])
@@ -263,7 +262,7 @@ class RankArrays(DeviceArrays):
             found.append(np.where(there, to_x % wide * high + to_y % high, -1))
         return np.array(found)
 
-    def _meet(self) -> None:
+    def build_neighbors(self) -> None:
         """Find the neighbours, whose tiles are in this rank's ring, and in whose rings its tiles are."""
         aside = int(self.grid.tiles_aside)
         if self._around_for == aside:
@@ -279,9 +278,9 @@ class RankArrays(DeviceArrays):
             self._graph.Free()
         self._graph = self.comm.Create_dist_graph_adjacent(self._partners, self._partners)
 
-    def _swap(self, messages: list[tuple[NDArray[Any], ...]]) -> list[tuple[NDArray[Any], ...]]:
+    def exchange(self, messages: list[tuple[NDArray[Any], ...]]) -> list[tuple[NDArray[Any], ...]]:
         """Send a message to each neighbour, and get one from each."""
-        self.traffic.messages += len(messages)
+        self.communication.messages += len(messages)
         found: list[tuple[NDArray[Any], ...]] = self._graph.neighbor_alltoall(messages)
         return found
 
@@ -307,13 +306,13 @@ class RankArrays(DeviceArrays):
         elif len(rows):
             put_rows(array, numbers_of(at), np.ascontiguousarray(rows.reshape(len(rows), -1)))
 
-    def _told_rows(self, name: str, at: slice | NDArray[np.integer]) -> NDArray[Any]:
+    def state_rows(self, name: str, at: slice | NDArray[np.integer]) -> NDArray[Any]:
         """Some rows of the state for another rank; of `kind` the columns, where each has a table of its own."""
         rows = self._rows(name, at)
         return self._rows("kinds", rows) if name == "kind" and self._of_here else rows
 
     def _take_rows(self, name: str, at: slice | NDArray[np.integer], rows: NDArray[Any]) -> None:
-        """Write rows of the state as `_told_rows` tells them; columns of kinds are added to the own table."""
+        """Write rows of the state as `state_rows` tells them; columns of kinds are added to the own table."""
         if name == "kind" and self._of_here:
             new = slice(self._in_table, self._in_table + len(rows))
             self._put_rows("kinds", new, rows)
@@ -333,7 +332,7 @@ class RankArrays(DeviceArrays):
         own = self.rows_here(part := int(self.grid.part))
         if self._in_table + more > min(self.kinds.shape[0], own + more + own // 2 + 64):
             slots = self.rows_of(part)[0]
-            rows = self._told_rows("kind", slots)
+            rows = self.state_rows("kind", slots)
             self._empty_table(own, more)
             self._take_rows("kind", slots, rows)
 
@@ -365,8 +364,8 @@ class RankArrays(DeviceArrays):
 
     def bands(self) -> NDArray[np.float64]:
         """Halo that each own tile begins with, and what it may grow to when it runs again for the first time."""
-        wider = np.maximum(k.NARROWER * self._halo_factor[self.own], 1.0)
-        halo = WIDEN * wider * float(self.scale.usual_halo)
+        wider = np.maximum(k.HALO_DECAY * self._halo_factor[self.own], 1.0)
+        halo = HALO_GROWTH * wider * float(self.scale.usual_halo)
         return np.minimum(halo, float(self.scale.most_halo))
 
     def _near(
@@ -398,7 +397,7 @@ class RankArrays(DeviceArrays):
 
     def fetch(self, whole: bool = False) -> None:
         """Get the lists of the ring, or what may matter of them."""
-        self._meet()
+        self.build_neighbors()
         part, names = int(self.grid.part), self._names()
         lists = named(self._values("tile"), "tile")
         first, count = lists.start[:, part], lists.count[:, part]
@@ -406,24 +405,24 @@ class RankArrays(DeviceArrays):
         self.band: NDArray[np.float64] = np.full(self.tiles, np.inf)
         if not whole:  # owners say how wide the halos of their tiles are
             self.band[self.own] = self.bands()
-            told = self._swap([(self.band[tiles],) for tiles in self._given_tiles])
+            told = self.exchange([(self.band[tiles],) for tiles in self._given_tiles])
             for tiles, (band,) in zip(self._taken_tiles, told, strict=True):
                 self.band[tiles] = band
         self._given = []
         messages: list[tuple[NDArray[Any], ...]] = []
         for q, tiles in zip(self._partners, self._given_tiles, strict=True):
             counts = count[tiles]
-            slots = stretches(first[tiles], counts)
+            slots = concatenated_ranges(first[tiles], counts)
             if not whole:
                 near = self._near(q, tiles, slots, counts)
                 slots, listed = slots[near], np.repeat(np.arange(len(tiles)), counts)[near]
                 counts = np.bincount(listed, minlength=len(tiles))
             self._given.append(slots)
-            rows = (self._told_rows(name, part * self.room + slots) for name in names)
+            rows = (self.state_rows(name, part * self.room + slots) for name in names)
             messages.append((counts.astype(np.int32), *rows))
-        self.traffic.windows += 1
-        self.traffic.ghosts += sum(each.nbytes for message in messages for each in message)
-        self._lay_beside(list(zip(self._taken_tiles, self._swap(messages), strict=True)))
+        self.communication.windows += 1
+        self.communication.ghosts += sum(each.nbytes for message in messages for each in message)
+        self._lay_beside(list(zip(self._taken_tiles, self.exchange(messages), strict=True)))
         self._sent: list[tuple[NDArray[Any], NDArray[Any]] | None] = [None] * len(self._partners)
 
     def fetch_all(self) -> None:
@@ -431,7 +430,7 @@ class RankArrays(DeviceArrays):
         part, names = int(self.grid.part), self._names()
         count = named(self._values("tile"), "tile").count[self.own, part]
         rows, _listed = self.rows_of(part)
-        lists = (count, *(self._told_rows(name, rows) for name in names))
+        lists = (count, *(self.state_rows(name, rows) for name in names))
         found = self.comm.allgather(lists)
         self._lay_beside([
             (np.flatnonzero(self.owner == q), found[q]) for q in range(self.comm.size) if q != self.comm.rank
@@ -470,10 +469,10 @@ class RankArrays(DeviceArrays):
             for slots, ran in zip(self._taken, self._ran, strict=True)
         ]
         size = sum(each.nbytes for message in messages for each in message)
-        for given, (ran, hashes, ways) in zip(self._given, self._swap(messages), strict=True):
+        for given, (ran, hashes, ways) in zip(self._given, self.exchange(messages), strict=True):
             self._put_rows("history_hash", given[ran], hashes)
             self._put_rows("displacement", given[ran], ways)
-        self.lost = int(np.count_nonzero(self._values("displacement")[: self.used] < 0.0))
+        self.unassigned = int(np.count_nonzero(self._values("displacement")[: self.used] < 0.0))
         messages = []
         reach = self._values("reach")
         for q, (given, tiles) in enumerate(zip(self._given, self._given_tiles, strict=True)):
@@ -484,7 +483,7 @@ class RankArrays(DeviceArrays):
             self._sent[q] = hashes, ways
             messages.append((changed, hashes[changed], ways[changed], reach[tiles]))
         size += sum(each.nbytes for message in messages for each in message)
-        told = self._swap(messages)
+        told = self.exchange(messages)
         with self.written("reach") as (reach,):
             for slots, tiles, (changed, hashes, ways, reached) in zip(
                 self._taken, self._taken_tiles, told, strict=True
@@ -492,8 +491,8 @@ class RankArrays(DeviceArrays):
                 self._put_rows("history_hash", slots.start + changed, hashes)
                 self._put_rows("displacement", slots.start + changed, ways)
                 reach[tiles] = reached
-        self.traffic.trails += size
-        self.traffic.rounds += 1
+        self.communication.trails += size
+        self.communication.rounds += 1
 
     def n_short(self, bad: int) -> int:
         """Number of the tiles that have to run again whose halo will be wider than what was fetched."""
@@ -539,8 +538,8 @@ class RankArrays(DeviceArrays):
         for each in rows:
             each[heard] = got[:, at : at + each.shape[1]]
             at += each.shape[1]
-        self.traffic.sums += sent.nbytes
-        self.traffic.messages += len(self._adders)
+        self.communication.sums += sent.nbytes
+        self.communication.messages += len(self._adders)
 
     def _all_blocks(self, blocks: NDArray[np.float64]) -> NDArray[np.float64]:
         """Sums of all blocks, of which this rank knows its own ones."""
@@ -548,7 +547,7 @@ class RankArrays(DeviceArrays):
         gathered, found = np.empty_like(blocks), np.empty_like(blocks)
         self.comm.Allgatherv(own, [gathered, self._n_blocks * blocks.shape[1]])
         found[self._blocks_by_rank] = gathered
-        self.traffic.sums += own.nbytes
+        self.communication.sums += own.nbytes
         return found
 
     def sums_of(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -597,8 +596,10 @@ class RankArrays(DeviceArrays):
         self, rows: dict[str, NDArray[Any]], tile: NDArray[np.integer], place: NDArray[np.integer]
     ) -> None:
         """List rows in their tiles, by `place`, on the ranks that own these: at the beginning of a window."""
-        tile, place, *values = slices.exchange(self.comm, self.owner[tile], [tile, place, *rows.values()])
-        self.traffic.messages += self.comm.size - 1
+        tile, place, *values = distribution.exchange(
+            self.comm, self.owner[tile], [tile, place, *rows.values()]
+        )
+        self.communication.messages += self.comm.size - 1
         order, part = np.lexsort((place, tile)), int(self.grid.part)
         self.make_room(len(order))
         if self._of_here:
@@ -609,14 +610,14 @@ class RankArrays(DeviceArrays):
 
     def rows_here(self, part: int) -> int:
         """Number of disks that this rank has at the beginning or end of a window, or at a moment in it."""
-        lists = 1 - int(self.grid.part) if part >= k.TOLD else part
+        lists = 1 - int(self.grid.part) if part >= k.SNAPSHOT else part
         return int(named(self._values("tile"), "tile").count[self.own, lists].sum())
 
     def by_id(self, part: int, arrays: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
         """Rows of disks here, in the order of slots, as rows of the own slice in order of ids."""
         here = slice(part * self.room, part * self.room + self.rows_here(part))
         ids = named(self._rows("meta", here), "meta").id.astype(np.int64) - self.first_id
-        return slices.by_id(self.comm, self.n, ids, arrays)
+        return distribution.by_id(self.comm, self.n, ids, arrays)
 
 
 class RankWindows(Windows):
@@ -642,11 +643,11 @@ class RankWindows(Windows):
             self._since_look += 1
             if self._since_look >= BETWEEN:
                 self._since_look = 0
-                a.divide_anew()
+                a.rebalance()
             a.fetch()
         elif short := self._short:
             a.fetch(whole=True)
-            a.traffic.whole += 1
+            a.communication.whole += 1
         error, ran = None, time.perf_counter()
         try:
             if alone:
@@ -666,7 +667,7 @@ class RankWindows(Windows):
         except Exception as raised:
             error = raised
         ran = time.perf_counter() - ran
-        world.agree(a.comm, error)
+        communicator.raise_collectively(a.comm, error)
         if not alone:
             a.exchange_trails(again=bool(again) and not short)
             a.share()
@@ -674,7 +675,9 @@ class RankWindows(Windows):
             a.launch(verify)
         self._bad = int(a.counter.n_bad)
         n_short = 0 if alone else a.n_short(self._bad)
-        flags = np.array([self._bad, a.counter.stuck, a.counter.resting, a.lost, n_short], dtype=np.int64)
+        flags = np.array(
+            [self._bad, a.counter.stuck, a.counter.resting, a.unassigned, n_short], dtype=np.int64
+        )
         a.comm.Allreduce(flags.copy(), flags)
         if flags[3] and not alone:
             raise EngineError(
@@ -682,7 +685,7 @@ class RankWindows(Windows):
             )
         a.counter.n_bad, a.counter.stuck, a.counter.resting = flags[:3]
         self._short = bool(flags[4])  # what is needed was not fetched
-        a.traffic.seconds += time.perf_counter() - began - ran
+        a.communication.seconds += time.perf_counter() - began - ran
         self.rests |= bool(flags[2])
 
     def _run_own(self, again: int = 0) -> None:
@@ -691,7 +694,7 @@ class RankWindows(Windows):
         while True:
             a.list_tiles(a.own)
             if again:
-                self._watched, self._claimed = [], 0
+                self._watched, self._n_ghosts = [], 0
             try:
                 return super()._launch(len(a.own), 1, again)
             except _Again:

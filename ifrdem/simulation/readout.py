@@ -16,7 +16,7 @@ from ..kernels.columns import HITS_OUT, INT_OUT, MECHANISM, PAST, READOUT, REAL_
 from ..kernels.readout import read_out
 from ..model.box import below
 from ..model.state import State, StoredState
-from ..tools import slices
+from ..mpi import distribution
 
 if TYPE_CHECKING:
     from .engine import Engine
@@ -68,7 +68,7 @@ def read(
     columns = arrays.by_id(part, columns)
     past_before = [np.asarray(each) for each in engine.past.values()]
     if whole:
-        gathered = slices.gather(engine.comm, engine.n, [*columns, *past_before])
+        gathered = distribution.gather(engine.comm, engine.n, [*columns, *past_before])
         if gathered is None:
             return None, sums
         columns, past_before = gathered[: len(columns)], gathered[len(columns) :]
@@ -93,7 +93,7 @@ def read(
         told["last_partner"] = counts_of.last_partner.copy()
     if uses.remembers:
         # Since the window's beginning; at its end, since that.
-        told["latest_collision"] = np.minimum(engine.windows.told_from + dates.latest, time)
+        told["latest_collision"] = np.minimum(engine.windows.time_origin + dates.latest, time)
     if uses.turned:
         told["angle"] = dates.angle.copy()
     if uses.itemised:

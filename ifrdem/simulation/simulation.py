@@ -23,9 +23,10 @@ from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.law import CollisionLaw, check_energy, checked_class, coefficient_table, law_table, try_on
 from ..model.observables import Measure, from_totals, sums
 from ..model.overlaps import check_no_overlap
-from ..model.state import DiskKinds, Disks, State, dealt
+from ..model.state import DiskKinds, Disks, State, scatter_state
 from ..model.walls import Wall, WallSums, check_types, sides
-from ..tools import checked, slices, world
+from ..mpi import communicator, distribution
+from ..tools import checked
 from ..tools.checked import LATER, Comm, Seed, validated
 from ..tools.pictured import PicturedDisks
 from ..tools.progress import Progress as Bar
@@ -51,7 +52,7 @@ from .tracking import Events, Tracking, checked_ids
 
 if TYPE_CHECKING:
     from ..model.forces import Force
-    from .ranks import Traffic
+    from .ranks import CommunicationStats
     from .tracking import Statistics
 
 
@@ -74,7 +75,7 @@ def _callables(name: str, given: Iterable[Called]) -> list[Called]:
 def _refuse_other_slices(n: int, comm: Any) -> None:
     """Raise InputError unless each rank has as many disks as its slice."""
     given = comm.allgather(n)
-    wanted = np.diff(slices.bounds(sum(given), comm.size)).tolist()
+    wanted = np.diff(distribution.bounds(sum(given), comm.size)).tolist()
     if given != wanted:
         raise InputError(
             f"sliced = True: the ranks give {given} disks, and their slices of {sum(given)} have {wanted}: "
@@ -219,23 +220,23 @@ class Simulation(Sealed, PicturedDisks):
 
         kinds: Disks = disks
         if sliced:
-            begin = slices.judged(comm, typed)
+            begin = distribution.run_on_slices(comm, typed)
             _refuse_other_slices(disks.n, comm)
             kinds = DiskKinds.of(disks, comm)
-            world.together(comm, judged)
+            communicator.run_on_all(comm, judged)
             check_no_overlap(box, disks.radius, begin.position, time=begin.time, comm=comm)
         else:
-            begin = world.on_first(comm, typed) or state
-            world.on_first(comm, judged)
+            begin = communicator.run_on_root(comm, typed) or state
+            communicator.run_on_root(comm, judged)
             if comm is not None:
-                told: Any = world.told(comm, DiskKinds.of(disks) if comm.rank == 0 else None)
+                told: Any = communicator.bcast(comm, DiskKinds.of(disks) if comm.rank == 0 else None)
                 kinds = disks if comm.rank == 0 else told
         self._laws = law_table(law, kinds, max((wall.material for wall in walls), default=0))
         law_class, table = checked_class(self._laws), coefficient_table(self._laws)
         self._tracking = self._follow_disks(tracked, kinds, box, walls)
         self._stopping = False
-        self._foreseen = False
-        self._given = 0.0  # energy that changes between runs put in
+        self._pinches_checked = False
+        self._external_energy = 0.0  # from changes between runs
         with backend.sole_use():
             self._engine = Engine(
                 disks, box, begin, table, walls=walls, gravity=gravity, forces=forces, collapse=collapse,
@@ -246,7 +247,7 @@ class Simulation(Sealed, PicturedDisks):
             whole = comm is not None and not sliced  # the first rank has all of the start
             known = box.shear_rate == 0.0 and not whole
             if whole and not box.shear_rate:
-                self._first = world.from_first(comm, lambda: self._energy_of(begin, whole=True))
+                self._first = communicator.root_result(comm, lambda: self._energy_of(begin, whole=True))
             else:
                 self._first = self._energy_of(begin if known else self._engine.state_here())
             self._judged = law_class is IFRLaw  # whether it is known not to add energy
@@ -317,7 +318,7 @@ class Simulation(Sealed, PicturedDisks):
         """
         put_in = math.fsum(self._engine.force_steps.energy_inputs)
         self._engine.set_forces(forces)
-        self._given += put_in
+        self._external_energy += put_in
 
     @validated
     def set_gravity(self, gravity: tuple[float, float]) -> None:
@@ -369,13 +370,15 @@ class Simulation(Sealed, PicturedDisks):
         before = self.measure()
         comm = self._engine.comm
         if comm is not None and not self.sliced:
-            state = dealt(comm, self.disks, state)[1]
+            state = scatter_state(comm, self.disks, state)[1]
         self._engine.set_velocities(state)
         self._count_change(before)
 
     def _count_change(self, before: Measure) -> None:
         after = self.measure()
-        self._given += after.energy + after.potential_energy - before.energy - before.potential_energy
+        self._external_energy += (
+            after.energy + after.potential_energy - before.energy - before.potential_energy
+        )
 
     def _try_on(self, kind: type[CollisionLaw], table: NDArray[np.float64], state: State) -> None:
         """Try a law that nobody has judged."""
@@ -385,7 +388,7 @@ class Simulation(Sealed, PicturedDisks):
             fastest = max(comm.allgather(fastest))
             disks = disks.rows if isinstance(disks, DiskKinds) else disks
         of_walls = [wall.material for wall in self._engine.walls]
-        world.on_first(comm, lambda: try_on(kind, table, disks, of_walls, fastest or 1.0))
+        communicator.run_on_root(comm, lambda: try_on(kind, table, disks, of_walls, fastest or 1.0))
 
     @property
     def tracked(self) -> NDArray[np.int32]:
@@ -407,9 +410,9 @@ class Simulation(Sealed, PicturedDisks):
         return self._engine.comm
 
     @property
-    def traffic(self) -> Traffic | None:
+    def communication(self) -> CommunicationStats | None:
         """Messages and bytes that this rank has sent to others so far; None if one rank has all of the gas."""
-        found: Traffic | None = getattr(self._engine.arrays, "traffic", None)
+        found: CommunicationStats | None = getattr(self._engine.arrays, "communication", None)
         return found
 
     @property
@@ -525,7 +528,7 @@ class Simulation(Sealed, PicturedDisks):
         act no more and the change of potential energy where gravity turns count too.
         """
         done = self._engine.force_steps.energy_inputs
-        return math.fsum((*done, self.shear_work, self._engine.turning.work, self._given))
+        return math.fsum((*done, self.shear_work, self._engine.turning.work, self._external_energy))
 
     @property
     def dissipated_energy(self) -> float:
@@ -581,14 +584,14 @@ class Simulation(Sealed, PicturedDisks):
         found |= {f"state_{name}": getattr(state, name) for name in ("position", "velocity", "spin")}
         found["state_pistons"] = self.pistons
         meta: dict[str, Any] = {"fingerprint": snapshot.fingerprint(self._engine)}
-        meta |= {"first": self._first, "given": self._given, "extra": dict(extra or {})}
+        meta |= {"first": self._first, "given": self._external_energy, "extra": dict(extra or {})}
         own, small = snapshot.divided(found)
         small |= arrays or {}
         if self.sliced:
             checkpoint.write_parts(path, comm, own, small, meta)
             return
-        rows = slices.gather(comm, n, list(own.values()))
-        world.on_first(
+        rows = distribution.gather(comm, n, list(own.values()))
+        communicator.run_on_root(
             comm, lambda: checkpoint.write(path, small | dict(zip(own, rows or (), strict=True)), meta)
         )
 
@@ -620,11 +623,11 @@ class Simulation(Sealed, PicturedDisks):
             )
         if not in_parts and comm is not None:  # the first rank has all of it
             own, small = snapshot.divided(found)
-            names, small = world.told(comm, (list(own), small))
-            rows = slices.scatter(comm, self.disks.n, list(own.values()) if comm.rank == 0 else None)
+            names, small = communicator.bcast(comm, (list(own), small))
+            rows = distribution.scatter(comm, self.disks.n, list(own.values()) if comm.rank == 0 else None)
             found = small | dict(zip(names, rows, strict=True))
         snapshot.put_back(self._engine, found)
-        self._first, self._given = float(meta["first"]), float(meta["given"])
+        self._first, self._external_energy = float(meta["first"]), float(meta["given"])
         extra: dict[str, Any] = meta["extra"]
         return extra
 
@@ -704,14 +707,14 @@ class Simulation(Sealed, PicturedDisks):
         for cadence in (frames, series):
             if cadence is not None:
                 refuse_endless(cadence, span)
-        if span.is_over and world.is_first(self._engine.comm):
+        if span.is_over and communicator.is_root(self._engine.comm):
             warn_of_end(t_end=t_end, collisions_per_disk=collisions_per_disk)
-        self._foresee(span.end.time)
+        self._warn_of_pinches(span.end.time)
         bar, comm = None, self._engine.comm
         if progress is True or (progress is None and comm is None and seen()):
             series = Cadence(number=BAR_STEPS) if series is None else series  # pauses, which change no bit
             progress = None
-            if world.is_first(comm):
+            if communicator.is_root(comm):
                 progress = bar = Bar(
                     self.disks.n, t_end=t_end, collisions_per_disk=collisions_per_disk, unit="",
                     begin=(span.time, span.collisions), kernels=backend.kernels, brief=True,
@@ -724,13 +727,15 @@ class Simulation(Sealed, PicturedDisks):
                 progress=progress or None,
             )
 
-    def _foresee(self, t_end: float) -> None:
+    def _warn_of_pinches(self, t_end: float) -> None:
         """Warn, once, of walls that may crush a disk between them until `t_end` [time]; InputError if they must."""
-        if self._foreseen or not self.disks.n or self.box.is_open:
+        if self._pinches_checked or not self.disks.n or self.box.is_open:
             return
-        for text in crush.foreseen(self._engine.walls, self.box, self.disks.radius, self.time, t_end):
+        for text in crush.wall_pinch_warnings(
+            self._engine.walls, self.box, self.disks.radius, self.time, t_end
+        ):
             warnings.warn(text, crush.WallWarning, stacklevel=4)
-        self._foreseen = True
+        self._pinches_checked = True
 
     def switch_ledger(self, on: bool) -> None:
         """Go on without the energy ledger, or with it again; what it holds is then of the time with it only.
@@ -771,11 +776,11 @@ class Simulation(Sealed, PicturedDisks):
         self._stopping = False
         self._engine.check_duration(course.span.end.time)
         if (comm := self._engine.comm) is not None:
-            world.check_alike(comm, repr(course), "the end of a run, its frames or its series")
+            communicator.check_alike(comm, repr(course), "the end of a run, its frames or its series")
             if self.sliced:
-                world.check_alike(comm, str(len(observers)), "the numbers of observers")
-            numbers = world.told(comm, (len(observers), len(samplers)))
-            if not world.is_first(comm):  # where none is called, but all take part
+                communicator.check_alike(comm, str(len(observers)), "the numbers of observers")
+            numbers = communicator.bcast(comm, (len(observers), len(samplers)))
+            if not communicator.is_root(comm):  # where none is called, but all take part
                 nobody: list[Any] = [lambda *_: None]
                 samplers = nobody * numbers[1]
                 observers = observers if self.sliced else nobody * numbers[0]
@@ -830,7 +835,7 @@ class Simulation(Sealed, PicturedDisks):
                 if progress is not None:
                     progress(self.time, self.collisions)
                 slow = pace.trouble(self.time, self.collisions, self._engine.free_time)
-                if slow is not None and world.is_first(self.comm):
+                if slow is not None and communicator.is_root(self.comm):
                     warnings.warn(slow, SlowRunWarning, stacklevel=4)
                 if course.series is not None and row.reached(self.time, self.collisions):
                     course.next_row = rows.after(course.next_row, self.time, self.collisions)
@@ -901,14 +906,14 @@ class Simulation(Sealed, PicturedDisks):
         if not observers:
             return
         state, totals = self._engine.observed(stored)
-        measured = from_totals(self.disks, totals, self.time, self.wall_hits, **self._put_in())
+        measured = from_totals(self.disks, totals, self.time, self.wall_hits, **self._energy_terms())
 
         def tell() -> None:
             assert state is not None
             for observer in observers:
                 observer(state, measured)
 
-        (world.together if self.sliced else world.on_first)(self._engine.comm, tell)
+        (communicator.run_on_all if self.sliced else communicator.run_on_root)(self._engine.comm, tell)
         self._stop_if_asked()
 
     def _sample(self, samplers: list[Sampler]) -> None:
@@ -918,7 +923,7 @@ class Simulation(Sealed, PicturedDisks):
             for sampler in samplers:
                 sampler(measured)
 
-        world.on_first(self._engine.comm, tell)
+        communicator.run_on_root(self._engine.comm, tell)
 
     def measure(self) -> Measure:
         """Totals and averages of the present state: `observables.measure`, without copying it from the device."""
@@ -928,9 +933,9 @@ class Simulation(Sealed, PicturedDisks):
             ledger["dissipated"], ledger["regimes"] = self._engine.dissipated()
         if "wall" in self._engine.options.record:
             ledger["walls"] = self._engine.wall_sums
-        return from_totals(self.disks, totals, self.time, self.wall_hits, **self._put_in(), **ledger)
+        return from_totals(self.disks, totals, self.time, self.wall_hits, **self._energy_terms(), **ledger)
 
-    def _put_in(self) -> dict[str, Any]:
+    def _energy_terms(self) -> dict[str, Any]:
         """Arguments of `measure` that a state does not contain: sums since the start, directions of a free drift."""
         free = self._engine.free if self._engine.force_steps.keep_momentum else (False, False)
         return {

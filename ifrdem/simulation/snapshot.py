@@ -19,7 +19,7 @@ from ..kernels import layout as k
 from ..kernels.columns import WALL
 from ..model.gravity import RotatingGravity
 from ..model.state import COLUMNS
-from ..tools import slices
+from ..mpi import distribution
 from .tracking import Statistics
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def fingerprint(engine: Engine) -> str:
     walls = a.wall_rows.copy()
     walls[a.pistons[:, None], [WALL.now, WALL.speed]] = 0.0  # where a piston starts, as where disks do
     parts: list[Any] = [
-        *(slices.digest(getattr(disks, name), engine.comm) for name in COLUMNS),
+        *(distribution.digest(getattr(disks, name), engine.comm) for name in COLUMNS),
         np.array(box.lengths), np.array(box.periodic),
         np.array([
             box.shear_rate, *gravity, options.velocity_cutoff, options.contact_time, options.resting_speed,
@@ -65,13 +65,13 @@ def take(engine: Engine) -> Snapshot:
 
     Arrays of disks (`divided`) are in order of ids; of ranks each gets those of its slice, and the others whole.
     """
-    with engine.changing():
+    with engine.exclusive_update():
         a, windows, steps = engine.arrays, engine.windows, engine.force_steps
         if not engine._nothing_happens():
             windows.go_on(engine.next_kick)
         found: Snapshot = a.lists(int(a.grid.part))
         found["edge_x"], found["edge_y"] = a.edges
-        found["protrudes"] = np.array([windows.protrudes])
+        found["protrudes"] = np.array([windows.overhang])
         found["scales"] = np.array(
             [*(getattr(a.clock, name) for name in _LENGTHS), a.scale.cell_side, a.area], np.float64
         )
@@ -79,7 +79,13 @@ def take(engine: Engine) -> Snapshot:
         found["clock"] = np.array([engine.time, engine._collided_at, engine._flow_excess])
         found.update(windows.snapshot())
         found["counts"] = np.array(
-            [*engine._before, engine._slept, engine._resting, engine._parted, engine._until_looked],
+            [
+                *engine._before,
+                engine._slept,
+                engine._resting,
+                engine._no_future_collisions,
+                engine._until_looked,
+            ],
             dtype=np.int64,
         )
         found["statistics"] = np.array(list(asdict(engine.statistics).values()), dtype=np.int64)
@@ -112,7 +118,7 @@ def put_back(engine: Engine, found: Snapshot) -> None:
         If the snapshot is incomplete, or of another number of disks.
     """
     try:
-        with engine.changing():
+        with engine.exclusive_update():
             _put_back(engine, found)
     except KeyError as error:
         raise InputError(f"checkpoint: {error.args[0]} is missing") from None
@@ -120,7 +126,7 @@ def put_back(engine: Engine, found: Snapshot) -> None:
 
 def _put_back(engine: Engine, found: Snapshot) -> None:
     a, windows, steps = engine.arrays, engine.windows, engine.force_steps
-    n = len(slices.slice_of(engine.n, engine.comm))
+    n = len(distribution.slice_of(engine.n, engine.comm))
     if len(found["disk"]) != n:
         raise InputError(f"checkpoint: {len(found['disk'])} disks, here are {n}")
     low, high = (np.array([found["edge_x"][end], found["edge_y"][end]]) for end in (0, -1))
@@ -128,7 +134,7 @@ def _put_back(engine: Engine, found: Snapshot) -> None:
     for axis, name in enumerate(("edge_x", "edge_y")):
         a.edges[axis] = found[name]
         getattr(a, name).from_numpy(found[name])
-    a.alone = a.alone and a.tiles == 1
+    a.single_tile = a.single_tile and a.tiles == 1
     a.grid.part = 0
     a.take_lists(found)
     *lengths, a.scale.cell_side, a.area = found["scales"].tolist()
@@ -136,12 +142,12 @@ def _put_back(engine: Engine, found: Snapshot) -> None:
         setattr(a.clock, name, value)
     _time, engine._collided_at, engine._flow_excess = found["clock"].tolist()
     *before, engine._resting, parted, engine._until_looked = found["counts"].tolist()
-    engine._before, engine._slept, engine._parted = before[:2], before[2], bool(parted)
+    engine._before, engine._slept, engine._no_future_collisions = before[:2], before[2], bool(parted)
     if engine.turning.rotation:
         step, engine.turning.work = found["turning"].tolist()
         engine.turning.next_step = int(step)
         engine.put_gravity()
-    windows.protrudes = float(found["protrudes"].max())
+    windows.overhang = float(found["protrudes"].max())
     engine.set_gates(found["gates"])
     windows.put_back(found, k.TRACKED if engine.tracking is not None else 0)
     if engine.tracking is not None:

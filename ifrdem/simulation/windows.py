@@ -17,11 +17,11 @@ from ..errors import EngineError, InelasticCollapse
 from ..kernels import layout as k
 from ..kernels.columns import EVENT, EVENT_INT, TALLY, TOTAL, named
 from ..kernels.events import TOO_FAR
-from ..kernels.readout import settle
+from ..kernels.readout import interpolate_snapshot
 from ..kernels.walls import piston_speed
 from ..kernels.windows import (
-    LARGEST_WAY,
     LEAST_HALO,
+    MAX_TRAVEL,
     least_square,
     path_from,
     run_windows,
@@ -77,7 +77,7 @@ class Windows:
         self.begin: float = time
         self.end: float = time
         self.now: float = time
-        self._ahead = False  # the window has been run to its end
+        self._completed = False  # the window has been run to its end
         self._surveyed = False
         self._ready = False  # the present window has an end, and has not been run
         # It has been run to the moment that was told; the scratch space holds the rest of it.
@@ -95,11 +95,11 @@ class Windows:
         self._noted = 0  # notes
         self._before: tuple[float, float, float] | None = None  # collisions, length, speed of the last window
         # How far disks are beyond the sides of the tiles that list them, at the beginning.
-        self.protrudes: float = 0.0
+        self.overhang: float = 0.0
         # Of all collisions in the window that begins at a time: several frames at numbers of collisions may lie in it.
         self._times: tuple[float, NDArray[np.float64]] | None = None
         self._burst = 1  # windows of a GPU that went well one after another
-        self._claimed = 0  # claims of the tiles that ran last
+        self._n_ghosts = 0  # ghost records of the tiles that ran last
         self._bad = 0  # tiles that did not pass then
         self._counted = math.nan  # beginning of the window that the statistics have counted
         self._watched: list[tuple[NDArray[Any], NDArray[Any]]] = []
@@ -113,7 +113,7 @@ class Windows:
     @property
     def inside(self) -> bool:
         """The present time lies within a window, which has to be kept."""
-        return self._ahead and (self._paused or self.begin < self.now < self.end)
+        return self._completed and (self._paused or self.begin < self.now < self.end)
 
     @property
     def sleepers(self) -> int:
@@ -140,7 +140,7 @@ class Windows:
     @property
     def sums(self) -> NDArray[np.float64]:
         """Sums over all windows so far, to the present time; columns of `tally`."""
-        if self._ahead and self.now == self.end:
+        if self._completed and self.now == self.end:
             return self._done + self._at_end
         if self.now == self.begin and not self._paused:
             return self._done.copy()
@@ -150,37 +150,37 @@ class Windows:
     def part(self) -> int:
         """Part of the arrays that holds the present state."""
         part = int(self.arrays.grid.part)
-        if self._ahead and self.now == self.end:
+        if self._completed and self.now == self.end:
             return 1 - part
         if self.now == self.begin and not self._paused:
             return part
-        return k.TOLD + self._tell(self._moment_now)
+        return k.SNAPSHOT + self.snapshot_at(self._moment_now)
 
     @property
-    def told_from(self) -> float:
+    def time_origin(self) -> float:
         """From when on times that the present state holds count [time]."""
-        return self.end if self._ahead and self.now == self.end else self.begin
+        return self.end if self._completed and self.now == self.end else self.begin
 
-    def settle(self) -> None:
+    def commit(self) -> None:
         """Have a window begin at the present time, which is no moment within one."""
         part = self.part
         self._done = self.sums
-        if self._ahead and self.now == self.end:
-            self.protrudes = self._most(TOTAL.overhang)
+        if self._completed and self.now == self.end:
+            self.overhang = self._most(TOTAL.overhang)
         self.arrays.grid.part = part
         self.begin = self.end = self.now
         self._forget()
 
-    def settle_at(self, time: float) -> None:
+    def commit_at(self, time: float) -> None:
         """Have a window begin at a time at which a state is laid into the arrays anew."""
         self._done = self.sums
-        self.protrudes = 0.0
+        self.overhang = 0.0
         self.begin = self.end = self.now = time
         self._forget()
 
     def _forget(self) -> None:
         self._times = None
-        self._ahead = self._surveyed = self._ready = self._paused = False
+        self._completed = self._surveyed = self._ready = self._paused = False
         self._moments, self._before = [], None
         self._moment_now = 0.0
 
@@ -192,7 +192,7 @@ class Windows:
             self.end,
             self.now,
             self._moment_now,
-            float(self._ready or self._ahead),
+            float(self._ready or self._completed),
             self.fastest,
         ]
         return {"window": np.array([*length, a.clock.square_unit]), "sums": self._done.copy()}
@@ -234,7 +234,7 @@ class Windows:
         a.clock.speed = math.sqrt(mean_square)
         if a.uses.sheared:  # rows of tiles move against each other
             most = math.sqrt(fastest2) + 2.0 * abs(float(a.scale.drift))
-            length = min(length, LARGEST_WAY * float(a.clock.tile_side) / most)
+            length = min(length, MAX_TRAVEL * float(a.clock.tile_side) / most)
         self.begin = self.now
         self.end = min(self.begin + length, kick)
         self.fastest = math.sqrt(fastest2)
@@ -268,20 +268,20 @@ class Windows:
 
     def go_on(self, kick: float) -> None:
         """At the end of a window, begin the next one."""
-        if self._ahead and self.now == self.end:
+        if self._completed and self.now == self.end:
             self._done += self._at_end
             self.arrays.grid.part = 1 - self.arrays.grid.part
-            self._ahead, self._surveyed, self._moments, self._moment_now = False, True, [], 0.0
+            self._completed, self._surveyed, self._moments, self._moment_now = False, True, [], 0.0
             self._times = None
             a = self.arrays
             self._before = self._at_end[TALLY.collisions], self.end - self.begin, float(a.clock.speed)
-            self.protrudes = self._most(TOTAL.overhang)
+            self.overhang = self._most(TOTAL.overhang)
             a.clock.path = path_from(
                 a.clock.path, a.clock.free_path, a.clock.in_window,
                 a.clock.speed * (self.end - self.begin), self._at_end[TALLY.collisions],
             )  # fmt: skip
-        if not self._ahead and not self._ready:
-            if not self.arrays.box.is_open and not self.protrudes <= TOO_FAR * self._least_side():
+        if not self._completed and not self._ready:
+            if not self.arrays.box.is_open and not self.overhang <= TOO_FAR * self._least_side():
                 raise _unbounded(self.now)
             self._list_anew()
             self.plan(kick)
@@ -290,9 +290,9 @@ class Windows:
     def _list_anew(self) -> None:
         """List disks anew where some are so far beyond their tiles that halos would be too narrow."""
         a = self.arrays
-        if not a.alone and not a.uses.sheared and self._widest_halo() < LEAST_HALO * self._least_side():
+        if not a.single_tile and not a.uses.sheared and self._widest_halo() < LEAST_HALO * self._least_side():
             a.list_anew()
-            self.protrudes = 0.0
+            self.overhang = 0.0
 
     # ------------------------------------------------------------------ running
 
@@ -313,17 +313,17 @@ class Windows:
         """
         a, (stop, wanted) = self.arrays, until
         self.go_on(kick)
-        if self._ahead and watching and self._watching != watching:
+        if self._completed and watching and self._watching != watching:
             # From its beginning, to see what happened in it.
             self._compute([known(self._moment_now)], 1, watching)
-        if self._paused or not self._ahead:
-            pausing = a.alone and not a.on_gpu and watching != k.TRACKED
+        if self._paused or not self._completed:
+            pausing = a.single_tile and not a.on_gpu and watching != k.TRACKED
             if pausing or (a.on_gpu and math.isfinite(stop)):
                 a.make_moments()
                 moments = [known(stop - self.begin)] if stop < self.end else []
             else:
                 self._asked = [until, *ahead()]
-                moments = self._foresee(self.now)
+                moments = self.plan_snapshots(self.now)
             (a.clock.stop, a.clock.wanted), (a.clock.pause, a.clock.pause_after) = until, pause
             a.clock.kick = kick
             self._compute(
@@ -345,9 +345,9 @@ class Windows:
             if count + reached[TALLY.collisions] >= wanted:
                 self._moment_now = self._time_of(int(wanted - count))
                 self.now = self.begin + self._moment_now
-                self._tell(self._moment_now)
+                self.snapshot_at(self._moment_now)
 
-    def _foresee(self, begin: float, first: float | None = None) -> list[Moment]:
+    def plan_snapshots(self, begin: float, first: float | None = None) -> list[Moment]:
         """Moments of the present window, after `begin` [time], that have been asked for, and the `first` one of all.
 
         In order, the first ones for which there is room. Of a collision the time is known, or is expected after the
@@ -391,7 +391,7 @@ class Windows:
             found = [known(first), *(each for each in found if each.begin > first)]
         return found[: a.make_moments(len(found), math.ceil(notes))] if found else []
 
-    def _tell(self, moment: float) -> int:
+    def snapshot_at(self, moment: float) -> int:
         """See to it that the state at a moment of the window is told: as which."""
         for m, each in enumerate(self._moments):
             if each.at == moment:
@@ -399,18 +399,18 @@ class Windows:
         for m, each in enumerate(self._moments):
             if math.isnan(each.at) and each.begin <= moment <= each.until:
                 a = self.arrays
-                a.launch(settle, m, moment, self._noted, a.rows_here(k.TOLD))
+                a.launch(interpolate_snapshot, m, moment, self._noted, a.rows_here(k.SNAPSHOT))
                 a.share()
                 each.at, each.sums = moment, self._tally(k.AT_MOMENT + m)
                 return m
         kept = self._watched, self.fresh, self._watching
-        self._compute(self._foresee(self.begin + moment, moment), 1, 0)
+        self._compute(self.plan_snapshots(self.begin + moment, moment), 1, 0)
         self._watched, self.fresh, self._watching = kept
         return 0
 
     def _sums_to(self, moment: float) -> NDArray[np.float64]:
         """Sums over the tiles from the window's beginning to a moment of it."""
-        m = self._tell(moment)
+        m = self.snapshot_at(moment)
         return self._moments[m].sums
 
     def _time_of(self, count: int) -> float:
@@ -473,7 +473,7 @@ class Windows:
         if watching:
             self._watched = []
             self.fresh = True
-        alone = a.grid.single_tile = int(a.alone)
+        alone = a.grid.single_tile = int(a.single_tile)
         if a.uses.sheared:
             a.displace_rows(begin)
         if not alone:
@@ -494,7 +494,7 @@ class Windows:
         self.begin, self.end = float(a.clock.begin), float(a.clock.end)
         if not alone:
             if self.begin != begin:
-                self.protrudes = self._least_side() - float(a.scale.most_halo)
+                self.overhang = self._least_side() - float(a.scale.most_halo)
             kept = replace(self.statistics)
             halvings = 0
             while True:
@@ -524,7 +524,7 @@ class Windows:
         for m, each in enumerate(moments):
             each.sums = self._tally(k.AT_MOMENT + m)
         self._moments = moments
-        self._ahead, self._ready = True, False
+        self._completed, self._ready = True, False
 
     def _agreed(self, well: bool) -> bool:
         """True if this holds: on all ranks, if there are several."""
@@ -563,7 +563,7 @@ class Windows:
             a.counter.again, a.counter.pausing, a.counter.resuming = again, pausing, resuming
             a.counter.resting = int(resuming and self.rests)
             if again:
-                a.counter.n_ghosts, a.counter.n_noted = self._claimed, self._noted
+                a.counter.n_ghosts, a.counter.n_noted = self._n_ghosts, self._noted
             a.sums[:] = self._done  # one window after another, so that sums do not depend on launches
             alone = bool(a.grid.single_tile)
             with a.sent() as launch:
@@ -572,7 +572,7 @@ class Windows:
                         launch(run_windows, first, min(first + a.batch, tiles), most)
                     if not alone:
                         self._check(launch)
-            self._claimed = int(a.counter.n_ghosts)
+            self._n_ghosts = int(a.counter.n_ghosts)
             noted = int(a.counter.n_noted)
             full, needed = int(a.counter.full), int(a.counter.needed)
             if a.counter.stalled == 2:
@@ -598,30 +598,30 @@ class Windows:
                     told.begin[0] = told.until[0] = clock.stop - clock.begin
             resuming = False  # from the beginning of the window
             a.clock.array[:], a.grid.part, a.scale.moment.array[:] = clock.array, part, told.array
-            places, cells, bins, items = self._room()
-            if full & k.FULL_CLAIMS:
+            lane_slots, cells, bins, items = self._room()
+            if full & k.FULL_GHOSTS:
                 # Threads of a CPU have stopped before the other tiles, which will have as many.
                 ran = tiles if a.on_gpu else max(int(a.counter.next_tile - a.grid.lanes), 1)
-                a.claims(int(SLACK * self._claimed * max(tiles / ran, 1.0)) + 64)
+                a.make_ghosts(int(SLACK * self._n_ghosts * max(tiles / ran, 1.0)) + 64)
                 if again:
                     raise _Again
             if full & k.FULL_WATCHED:
                 a.events(2 * int(a.counter.n_watched) + 64)
-            if full & (k.FULL_PLACES | k.FULL_CELLS | k.FULL_WALLS):
+            if full & (k.FULL_SLOTS | k.FULL_CELLS | k.FULL_WALLS):
                 grown = int(SLACK * needed) + 16
-                if full & k.FULL_PLACES:
-                    places = max(places, min(grown, a.n if a.grid.single_tile else 9 * a.n))
-                    bins = 1 << max(places - 1, 1).bit_length()
+                if full & k.FULL_SLOTS:
+                    lane_slots = max(lane_slots, min(grown, a.n if a.grid.single_tile else 9 * a.n))
+                    bins = 1 << max(lane_slots - 1, 1).bit_length()
                 if full & k.FULL_CELLS:
                     cells = max(cells, grown)
                 if full & k.FULL_WALLS:
                     items = max(items, grown)
-                a.scratch(places, cells, bins, items)
+                a.scratch(lane_slots, cells, bins, items)
 
     def _room(self) -> tuple[int, int, int, int]:
         """Slots for disks, cells, bins and walls of a lane."""
         grid = self.arrays.grid
-        return int(grid.places), int(grid.cells), int(grid.bins), int(grid.items)
+        return int(grid.lane_slots), int(grid.cells), int(grid.bins), int(grid.items)
 
     def _check(self, launch: Callable[..., Any]) -> None:
         """Verify the tiles that have just run."""
@@ -653,7 +653,7 @@ class Windows:
 
     def _widest_halo(self) -> float:
         """The same, of disks that have left the tiles that list them."""
-        return self._least_side() - self.protrudes
+        return self._least_side() - self.overhang
 
     def _verify(self, watching: int) -> None:
         """Run tiles again, with wider halos, until all are good; at last the whole box by one thread."""
@@ -678,13 +678,13 @@ class Windows:
         self.statistics.run_again += bad
 
     def _run_again(self, count: int) -> None:
-        """Run the listed tiles again; all of them, with the halos that they have, where claims did not fit."""
+        """Run the listed tiles again; all of them, with the halos that they have, where ghost records did not fit."""
         a = self.arrays
         while True:
             try:
                 return self._launch(count, 1, again=1)
             except _Again:
-                self._watched, self._claimed, count = [], 0, a.tiles
+                self._watched, self._n_ghosts, count = [], 0, a.tiles
                 a.listed.from_numpy(np.arange(a.tiles, dtype=np.int32))
 
     def _drop_watched(self, tiles: NDArray[np.int32]) -> None:
@@ -718,7 +718,7 @@ class _TooLong(Exception):
 
 
 class _Again(Exception):
-    """Claims did not fit: all tiles have to be run again."""
+    """Ghost records did not fit: all tiles have to be run again."""
 
 
 def _unbounded(time: float) -> EngineError:

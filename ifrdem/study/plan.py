@@ -83,9 +83,9 @@ seeds = 20
 # Rows of the time series after the first, evenly in what ends the run, or "log".
 series = 50
 # series_spacing = "log"
-# Analyses of every run, as in `ifrdem analyse`; those of frames (velocity, g, S, fields, clusters, psi6) at these
-# collisions per disk (times, where the run ends at a time).
-# analyses = ["velocity", "g"]
+# Analyses of every run, as in `ifrdem analyse`; those of frames (velocity, rdf, structure-factor, fields, clusters,
+# psi6) at these collisions per disk (times, where the run ends at a time).
+# analyses = ["velocity", "rdf"]
 # analyses_at = [5.0, 10.0, 20.0]
 # Keep the trajectory of every run.
 # trajectories = true

@@ -139,12 +139,12 @@ class Study:
             raise InputError(f"{self.folder}: is no folder; runs are kept there: another -o")
         place = self._place(workers, scheduler)
         if place.scheduler is None and place.kind is None:
-            for case in {each.run.arch: each for each in good.values()}.values():
+            for case in {each.run.device: each for each in good.values()}.values():
                 backend.check(device_of(case.run))
             processes, _ = self._processes(place)
             largest = max(sum(each.number for each in case.species) for case in good.values())
             case = next(iter(good.values()))
-            summary.refuse_beyond_memory(largest * max(processes, 1), case.run.arch, case.start.positions)
+            summary.refuse_beyond_memory(largest * max(processes, 1), case.run.device, case.start.positions)
         needed, free = self.bytes, shutil.disk_usage(self.output.parent).free
         if needed > MOST_OF_DISK * free:
             raise InputError(
@@ -385,7 +385,7 @@ class Study:
     def _processes(self, place: ClusterSection) -> tuple[int, int]:
         """Processes here, and threads of each: one, unless there are more cores than runs."""
         good = self._judged[0]
-        if any(case.run.arch != "cpu" for case in good.values()):
+        if any(case.run.device != "cpu" for case in good.values()):
             return (place.workers if place.workers is not None else 1), 1
         cores = backend.cores()
         if place.kind is not None or place.scheduler is not None:

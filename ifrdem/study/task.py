@@ -32,7 +32,7 @@ from ..tools.files import write_aside
 from ..trajectory.damage import FAULTS
 from ..trajectory.file import TrajectoryError
 
-PerFrame = Literal["velocity", "g", "S", "fields", "clusters", "psi6"]
+PerFrame = Literal["velocity", "rdf", "structure-factor", "fields", "clusters", "psi6"]
 """Analyses of single frames, at chosen places of a run."""
 OverTime = Literal["msd", "vacf", "pressure", "cooling", "impact"]
 OVER_TIME: tuple[str, ...] = get_args(OverTime)
@@ -109,7 +109,7 @@ class Task:
 
     def _long(self, threads: int) -> dict[str, Variable]:
         """The run with its trajectory, from its checkpoint if a worker was killed in it, and the analyses."""
-        from ..run import job, resume
+        from ..run import resume, run
         from ..run.outputs import Outputs
         from ..trajectory.reader import Trajectory
 
@@ -124,7 +124,7 @@ class Task:
             threaded: dict[str, Any] = {"ignore_case_changes": True, "threads": threads}
             resume.resume(outputs.trajectory, **threaded, say=silent, warn=silent)
         except InputError:  # of no checkpoint, or of one that does not fit: the run begins anew
-            job.run(file, outputs, force=True, say=silent, warn=silent)
+            run.run(file, outputs, force=True, say=silent, warn=silent)
         with Trajectory(outputs.trajectory) as trajectory:
             series = trajectory.series
             rows = {"time": series.time, **{name: series[name] for name in series}}

@@ -91,7 +91,7 @@ def prediction(
     if len(known) < len(drives):
         kinds = ", ".join(str(force.get("kind")) for force in forces)
         raise InputError(
-            f"forces = {kinds}: kinetic theory knows linear ones only (kicks, spin_kicks, drag, langevin)"
+            f"forces = {kinds}: kinetic theory knows linear ones only (random_force, random_torque, drag, langevin)"
         )
     found = mixtures.mixture_driven(mixture, known, T0, T_rot0, times)
     return Prediction("driven", *found.mean(mixture), found)

@@ -48,9 +48,9 @@ class Drive:
         for force in forces:
             given = {key: value for key, value in force.items() if value is not None}
             match given["kind"]:
-                case "kicks":
+                case "random_force":
                     found["power"] += given.get("power", 2.0 * mass * given.get("diffusion", 0.0))
-                case "spin_kicks":
+                case "random_torque":
                     found["spin_power"] += given.get("power", inertia * given.get("diffusion", 0.0))
                 case "drag" if not given.get("quadratic"):
                     found["rate"] += given.get("rate", 0.0)

@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, nearest
-from . import world
+from ..mpi import communicator
 
 Array = NDArray[np.float64]
 """An array of float64."""
@@ -569,7 +569,7 @@ def validated(function: F) -> F:
         if comm is None or not hasattr(comm, "allgather"):
             check_all(values, options)
         else:  # an error on one rank is one on all
-            world.together(comm, lambda: check_all(values, options))
+            communicator.run_on_all(comm, lambda: check_all(values, options))
         for name, (i, value) in made.items():
             if i >= len(values) and name not in options:
                 options[name] = value

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from . import slices
+from ..mpi import distribution
 
 POSITIONS, SITES, VELOCITIES, SPINS, RADII, AGITATION, HISTORIES = range(7)
 """Purposes of random numbers."""
@@ -37,12 +37,12 @@ def drawn(
 ) -> NDArray[Any]:
     """Random rows of some ids: those that they have in whatever range of ids is drawn.
 
-    `draw(random, count)` draws rows of so many ids, one after another. Each block of ids (`slices.BLOCK`) has a stream
+    `draw(random, count)` draws rows of so many ids, one after another. Each block of ids (`BLOCK`) has a stream
     of its own, the first one that of `stream`.
     """
     found = []
-    for block in slices.blocks(ids):
-        number, first = divmod(block.start, slices.BLOCK)
+    for block in distribution.blocks(ids):
+        number, first = divmod(block.start, distribution.BLOCK)
         found.append(draw(stream(seed, purpose, number), first + len(block))[first:])
     return np.concatenate(found) if found else draw(stream(seed, purpose), 0)
 
@@ -50,12 +50,12 @@ def drawn(
 def permuted(seed: int, purpose: int, n: int, ids: range) -> NDArray[np.int64]:
     """Numbers of some of n things, ids, in a random order of all: those that they have in whatever range is asked for.
 
-    Of more than a block (`slices.BLOCK`), a Feistel network of eight rounds permutes the numbers of so many bits (M.
+    Of more than a block (`BLOCK`), a Feistel network of eight rounds permutes the numbers of so many bits (M.
     Luby, C. Rackoff, doi:10.1137/0217022), again and again until one is below n (J. Black, P. Rogaway,
     doi:10.1007/3-540-45760-7_9); its rounds mix bits as `SplitMix64` does (doi:10.1145/2660193.2660195).
     """
     random = stream(seed, purpose)
-    if n <= slices.BLOCK:
+    if n <= distribution.BLOCK:
         return random.permutation(n)[ids.start : ids.stop]
     half = -(-(n - 1).bit_length() // 2)
     low = np.uint64((1 << half) - 1)

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError, TrajectoryError
 from ..model.box import Box
 from ..model.state import Disks, State
-from ..tools import slices, world
+from ..mpi import communicator, distribution
 from . import layout
 from . import parts as parted
 from .background import QueuedWriter
@@ -103,7 +103,7 @@ class PartsWriter:
 
         Raises InputError, on all ranks, as `TrajectoryWriter`, or if a rank has no disk; nothing is left behind then.
         """
-        given: Any = world.told(comm, None if path is None else (Path(path), box, fields, options))
+        given: Any = communicator.bcast(comm, None if path is None else (Path(path), box, fields, options))
         place, box, fields, options = given
 
         def begin() -> Parts:
@@ -117,7 +117,7 @@ class PartsWriter:
             except OSError as error:
                 raise InputError(f"output {folder}: cannot be made: {error.strerror}") from error
             count = number or (1 if comm is None else comm.size)
-            first = slices.bounds(disks.n, count).tolist()
+            first = distribution.bounds(disks.n, count).tolist()
             return Parts(folder.name, secrets.token_hex(16), tuple(first))
 
         def part(i: int, of: Disks) -> TrajectoryWriter:
@@ -131,9 +131,9 @@ class PartsWriter:
 
         with contextlib.ExitStack() as undo:
             undo.callback(_remove_empty, place)
-            parts = world.from_first(comm, begin)
+            parts = communicator.root_result(comm, begin)
             here = _each_part(parts, comm, own, part, undo)
-            first = world.on_first(comm, head)
+            first = communicator.run_on_root(comm, head)
             undo.pop_all()
         return cls(parts, here, first, fields, comm, place)
 
@@ -152,7 +152,7 @@ class PartsWriter:
         """
         options |= {"frames": frames}
         given: Any = None if head is None else (head.path, head.parts, box, fields, options)
-        place, parts, box, fields, options = world.told(comm, given)
+        place, parts, box, fields, options = communicator.bcast(comm, given)
 
         def part(i: int, of: Disks) -> TrajectoryWriter:
             return TrajectoryWriter.resume(place.parent / parts.name(i), of, box, fields=fields, **options)
@@ -212,9 +212,9 @@ class PartsWriter:
             for queue in self._own.values():
                 queue.flush()
 
-        world.together(self._comm, own)
+        communicator.run_on_all(self._comm, own)
         self.commit()
-        world.on_first(self._comm, self._head.flush if self._head is not None else lambda: None)
+        communicator.run_on_root(self._comm, self._head.flush if self._head is not None else lambda: None)
 
     def close(self) -> None:
         """Close the files of this rank; what is not committed does not count. May be called twice."""
@@ -283,7 +283,7 @@ def _each_part(
             undo.callback(found[number].close)
         return found
 
-    return world.together(comm, all_made)
+    return communicator.run_on_all(comm, all_made)
 
 
 def _dealt(
@@ -293,9 +293,9 @@ def _dealt(
     size, rank = (1, 0) if comm is None else (comm.size, comm.rank)
     present = {name: each for name, each in columns.items() if each is not None}
     rows = list(present.values())
-    if parts.first != tuple(slices.bounds(parts.n, size).tolist()) and comm is not None:
-        ids = np.array(slices.slice_of(parts.n, comm))
-        rows = slices.exchange(comm, (np.searchsorted(parts.first, ids, side="right") - 1) % size, rows)
+    if parts.first != tuple(distribution.bounds(parts.n, size).tolist()) and comm is not None:
+        ids = np.array(distribution.slice_of(parts.n, comm))
+        rows = distribution.exchange(comm, (np.searchsorted(parts.first, ids, side="right") - 1) % size, rows)
     found, at = {}, 0
     for number in range(rank, len(parts), size):
         end = at + parts.first[number + 1] - parts.first[number]

@@ -31,14 +31,14 @@ from ..errors import (
     there_are,
 )
 from ..model.box import Box
-from ..model.free_area import Room
+from ..model.free_area import FreeArea
 from ..model.state import Disks
 from ..model.walls import OF_PISTONS, Wall, at_displacements
 from ..model.walls import from_json as walls_from_json
+from ..mpi.distribution import GATHERED
 from ..tools import checked
 from ..tools.pictured import Pictured, PicturedDisks, plots, refuse_unknown
 from ..tools.sealed import Sealed
-from ..tools.slices import GATHERED
 from . import damage, history, layout, tables
 from . import parts as parted
 from .history import History
@@ -624,10 +624,10 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
             yield file
 
     @property
-    def room(self) -> Room:
+    def free_area(self) -> FreeArea:
         """The area that walls leave to the disks in the first frame; gates count as open."""
         walls, time = (self[0].walls, self[0].time) if len(self) else (self.walls, 0.0)
-        return Room(self.box, tuple(wall for wall in walls if not wall.gated), time)
+        return FreeArea(self.box, tuple(wall for wall in walls if not wall.gated), time)
 
     def close(self) -> None:
         """Close the file; its frames cannot be read any more."""
@@ -782,7 +782,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         self, what: str = "temperatures", ax: Any = None, *, frames: Sequence[int] | None = None, over: str = "t",
         color: str | None = None, **unknown: Any,
     ) -> Any:  # fmt: skip
-        """Draw a picture that `ifrdem plot --list` lists: temperatures, disks, energy, velocity, g, S, msd, ...
+        """Draw a picture that `ifrdem plot --list` lists: temperatures, disks, energy, velocity, rdf, ...
 
         Parameters
         ----------

@@ -26,7 +26,8 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from ..errors import InputError
-from ..tools import files, slices
+from ..mpi import distribution
+from ..tools import files
 from ..tools.files import NO_VALUES, VIEWS, check_apart, check_files
 from . import layout as layouts
 from .parts import SEE, as_source, nothing
@@ -126,7 +127,7 @@ def _holders(trajectory: Trajectory) -> Iterator[tuple[str, slice]]:
 def _number(group: h5py.Group, name: str, count: int, dtype: DTypeLike = np.int64) -> None:
     """Write 0, 1, ..., block by block: all of them may be more than the memory holds."""
     whole = group.create_dataset(name, (count,), dtype)
-    for each in slices.blocks(range(count)):
+    for each in distribution.blocks(range(count)):
         whole[each.start : each.stop] = np.arange(each.start, each.stop)
 
 

@@ -20,7 +20,7 @@ from ifrdem.plots import pictures
 N, FRAMES = 600, 21
 BOX = Box((40.0, 40.0))
 SI = {"length": "m", "time": "s", "mass": "kg", "energy": "J"}
-OF_FRAMES = ("velocity", "g", "S", "psi6")
+OF_FRAMES = ("velocity", "rdf", "structure-factor", "psi6")
 
 Moved = Callable[[NDArray[np.float64], int], NDArray[np.float64]]
 
@@ -80,8 +80,8 @@ def test_a_steady_gas_has_no_mark_and_one_that_changes_has_one_with_what_changed
     assert doubts["steady"] == {what: [] for what in OF_FRAMES}
     for what, quantity in (
         ("velocity", "a20 goes from "),
-        ("g", "the number of others whose centres are nearer"),
-        ("S", "S in the mean over the 32 longest waves"),
+        ("rdf", "the number of others whose centres are nearer"),
+        ("structure-factor", "S in the mean over the 32 longest waves"),
         ("psi6", "the mean of |psi_6|"),
     ):
         (doubt,) = doubts["changing"][what]
@@ -194,7 +194,7 @@ def test_rounding_is_no_change(tmp_path: Path) -> None:
     row, column = np.divmod(np.arange(100), 10)
     box = Box((10.0, 10.0 * np.sqrt(0.75)))
     lattice = np.stack((column + 0.5 * (row % 2), row * np.sqrt(0.75)), axis=1)
-    for name, position in (("S", np.array([[1.0, 2.0]])), ("psi6", lattice)):
+    for name, position in (("structure-factor", np.array([[1.0, 2.0]])), ("psi6", lattice)):
         path = tmp_path / f"{name}.h5"
         n = len(position)
         with TrajectoryWriter(path, Disks(n, mass=1.0, radius=0.4), box) as writer:

@@ -100,7 +100,7 @@ def test_shipped_case_is_the_main_job() -> None:
     assert (material.e_n, material.e_t, material.mu) == (0.87, -0.88, 0.21)
     assert (species.speed_rms, species.spin_rms) == (1.0, 0.0)
     assert (case.box.packing_fraction, case.run.collisions_per_disk) == (0.25, 50.0)
-    assert (case.run.name, case.run.units, case.run.arch) == ("cooling", "SI", "cpu")
+    assert (case.run.name, case.run.units, case.run.device) == ("cooling", "SI", "cpu")
 
 
 @pytest.mark.parametrize("kind", template.TEMPLATES)
@@ -161,7 +161,7 @@ def test_good_case_has_no_mistakes() -> None:
         ("run.seed=-1", "run.seed = -1", "greater than or equal to 0"),
         ("run.seed=true", "run.seed = true", "must be a whole number"),
         ("run.name=a/b", 'run.name = "a/b"', "characters that are not allowed"),
-        ("run.arch=cdua", 'run.arch = "cdua"', r"'cpu' or 'cuda' \(did you mean 'cuda'\?\)"),
+        ("run.device=cdua", 'run.device = "cdua"', r"'cpu' or 'cuda' \(did you mean 'cuda'\?\)"),
         ("run.units=SI units", 'run.units = "SI units"', "'SI' or 'reduced'"),
         ("run.threads=0", "run.threads = 0", "greater than or equal to 1"),
         ("run.collisions_per_disk=nan", "run.collisions_per_disk = nan", "must be a finite number"),
@@ -706,7 +706,7 @@ def test_estimate_counts_the_kicks_of_tracked_disks() -> None:
     text = SMALL.replace("collisions_per_disk = 5.0", "t_end = 1.0") + "[output]\nhistories_all = true\n"
     sizes = []
     for step in (1.0, 2e-3):
-        case = case_of(f'{text}[[force]]\nkind = "kicks"\nstep = {step}\npower = 1e-6\n')
+        case = case_of(f'{text}[[force]]\nkind = "random_force"\nstep = {step}\npower = 1e-6\n')
         sizes.append(RunEstimate.of(CaseGas.from_case(case)).file_bytes)
     assert sizes[1] - sizes[0] == pytest.approx(177 * 100 * 499, rel=0.05)
 

@@ -44,7 +44,7 @@ material = "coin"
 mass = 2.0
 radius = 0.5
 [[force]]
-kind = "kicks"
+kind = "random_force"
 step = 0.05
 power = 3.0
 [output]
@@ -74,12 +74,12 @@ def test_the_case_is_in_order() -> None:
 @pytest.mark.parametrize(
     ("overrides", "key", "says"),
     [
-        (["force[0].kind=kick"], 'force[0].kind = "kick"', "did you mean 'kicks'"),
+        (["force[0].kind=random_forc"], 'force[0].kind = "random_forc"', "did you mean 'random_force'"),
         (["force[0].powr=1.0"], "force[0].powr = 1.0", "did you mean 'power'"),
         (
             ["force[0].power="],
             "force[0]",
-            'kind = "kicks": exactly one of power or diffusion is needed; given: none',
+            'kind = "random_force": exactly one of power or diffusion is needed; given: none',
         ),
         (["force[0].diffusion=1.0"], "force[0]", "given: power, diffusion"),
         (["force[0].power=0"], "force[0].power = 0", "greater than 0"),
@@ -132,8 +132,8 @@ def test_mistakes_of_a_force_come_with_all_others() -> None:
 
 def test_every_kind_of_force_reaches_its_class() -> None:
     given = {
-        "kicks": ({"diffusion": 0.5}, forces.RandomKicks(0.1, diffusion=0.5)),
-        "spin_kicks": ({"power": 0.5}, forces.SpinKicks(0.1, power=0.5)),
+        "random_force": ({"diffusion": 0.5}, forces.RandomKicks(0.1, diffusion=0.5)),
+        "random_torque": ({"power": 0.5}, forces.SpinKicks(0.1, power=0.5)),
         "langevin": (
             {"temperature": 1.0, "spin_temperature": 2.0, "spin_rate": 0.5},
             forces.Langevin(0.1, temperature=1.0, spin_temperature=2.0, spin_rate=0.5),
@@ -159,15 +159,16 @@ def test_check_says_what_a_driven_gas_will_do(tmp_path: Path, capsys: pytest.Cap
     assert main(["check", str(case), "--set", "species[0].speed_rms=2.0"]) == 0
     shown = capsys.readouterr().out
     assert re.search(
-        r"force 1 +kicks: power = 3, every 0.05 \([\d.]+ of the shortest mean free time at the start\)", shown
+        r"force 1 +random_force: power = 3, every 0.05 \([\d.]+ of the shortest mean free time at the start\)",
+        shown,
     )
     T, T_rot = steady_state(IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21), 2.0, 0.5, 2.0, 0.1, Drive(power=3.0)) or (
         0,
         0,
     )
     assert re.search(rf"steady state +T = {T:.4g}, T_rot = {T_rot:.4g}, by kinetic theory", shown)
-    assert main(["check", str(case), "--set", "force[0].kind=kick"]) == 2
-    assert "did you mean 'kicks'" in capsys.readouterr().err
+    assert main(["check", str(case), "--set", "force[0].kind=random_forc"]) == 2
+    assert "did you mean 'random_force'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -198,7 +199,7 @@ def test_a_run_keeps_its_ledger(
     with Trajectory("kicked.h5") as trajectory:
         totals = {name: values[:] for name, values in trajectory.observables.items()}
         assert json.loads(str(trajectory.parameters["forces"])) == [
-            {"kind": "kicks", "step": 0.05, "power": 3.0}
+            {"kind": "random_force", "step": 0.05, "power": 3.0}
         ]
     assert totals["energy"][0] == 0.0
     # 200 disks get 3 x 2 each; work on velocities of T < 3 scatters by sqrt(200 x 2 x 6 x 3) = 85 at most.

@@ -17,7 +17,7 @@ from ifrdem.case.output_section import OutputSection
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
 from ifrdem.model.observables import MECHANISMS, measure
-from ifrdem.run import job
+from ifrdem.run import run
 from ifrdem.run.recorder import COLUMNS, Ledger
 from ifrdem.simulation.schedule import Cadence
 from ifrdem.tools import seeds
@@ -273,7 +273,7 @@ def test_the_file_is_as_large_as_the_estimate_says(folder, overrides):
     place = folder / "gas.h5"
     with TrajectoryWriter(
         place, gas.disks, gas.box, fields=output.fields, precision=output.precision,
-        parameters=job._record(file, "cpu"), units=UNITS["reduced"], walls=gas.walls,
+        parameters=run._record(file, "cpu"), units=UNITS["reduced"], walls=gas.walls,
     ) as writer:  # fmt: skip
         if expected.tracked:
             events = round(2.0 * expected.collisions / gas.disks.n * expected.tracked)

@@ -23,7 +23,7 @@ from ifrdem.case.walls_section import MotionSection, PistonSection, WallSection
 from ifrdem.cli.main import main
 from ifrdem.errors import InputError
 from ifrdem.model.collapse import ContactTime, Rest, VelocityCutoff
-from ifrdem.model.free_area import Room
+from ifrdem.model.free_area import FreeArea
 from ifrdem.model.observables import measure
 from ifrdem.model.walls import Motion, Piston, Turn, Wall, from_json, to_json
 from ifrdem.plots import profiles
@@ -168,7 +168,11 @@ def test_the_case_is_in_order() -> None:
             'collapse = "velocity_cutoff" needs it',
         ),
         (["species[0].number=500"], "box.lengths = 0.8585", "too dense for a random start"),
-        (["species[0].number=700"], "box.lengths = 1.2", "than the room between walls has: some 318 of them"),
+        (
+            ["species[0].number=700"],
+            "box.lengths = 1.2",
+            "than the free area between walls has: some 318 of them",
+        ),
         (["wall[0].material=coin", 'pair[1].materials=["coin", "stel"]'], "pair[1].materials", "no material"),
     ],
 )
@@ -390,7 +394,7 @@ def test_gravity_that_turns_reaches_the_engine_and_check_says_how_fast(
 ) -> None:
     given: dict[str, object] = {}
     monkeypatch.setattr(gas_module, "Simulation", lambda *args, **options: given.update(options))
-    overrides = ["box.gravity_turns=-0.05", "box.gravity_step=0.01"]
+    overrides = ["box.gravity_rotation_rate=-0.05", "box.gravity_rotation_step=0.01"]
     case = Case.model_validate(changed(*overrides))
     CaseGas.from_case(case).simulation()
     assert given["gravity"] == RotatingGravity((0.0, -1.0), rate=-0.05, step=0.01)
@@ -406,11 +410,14 @@ def test_gravity_that_turns_reaches_the_engine_and_check_says_how_fast(
 @pytest.mark.parametrize(
     ("override", "told"),
     [
-        (["box.gravity_turns=0.1", "box.gravity=[0.0, 0.0]"], "there is no gravity to turn"),
-        (["box.gravity_turns=0.1", "box.periodic=[true, false]"], "for ever where a side is periodic"),
-        (["box.gravity_step=0.01"], "gravity_step: only where gravity_turns"),
-        (["box.gravity_turns=0.1", "box.gravity_step=0.2"], "gravity_step"),
-        (["box.gravity_turns=0.1", "output.histories=[0]"], "not where gravity turns"),
+        (["box.gravity_rotation_rate=0.1", "box.gravity=[0.0, 0.0]"], "there is no gravity to turn"),
+        (
+            ["box.gravity_rotation_rate=0.1", "box.periodic=[true, false]"],
+            "for ever where a side is periodic",
+        ),
+        (["box.gravity_rotation_step=0.01"], "gravity_rotation_step: only where gravity_rotation_rate"),
+        (["box.gravity_rotation_rate=0.1", "box.gravity_rotation_step=0.2"], "gravity_rotation_step"),
+        (["box.gravity_rotation_rate=0.1", "output.histories=[0]"], "not where gravity turns"),
     ],
 )
 def test_gravity_that_cannot_turn_is_refused(
@@ -439,7 +446,7 @@ def test_check_says_what_walls_do(tmp_path: Path, capsys: pytest.CaptureFixture[
     area = 20.0 * 23.5 - 4.0 * math.pi
     assert "100 disks in a box of 20 x 24, between walls, reduced units" in shown
     assert re.search(rf"packing fraction +{100 * math.pi / 4 / area:.5g}\n", shown)
-    assert re.search(rf"room between walls +{area:.5g}, ", shown)
+    assert re.search(rf"free area +{area:.5g} ", shown)
     assert re.search(r"gravity +\(0, -1\): 2 lift the mean disk by its diameter", shown)  # m g d = 2 x 1 x 1
     assert re.search(r"sides +walls of glass across x and y", shown)
     # 2 pi f A = 6.283; m v^2 / 2 = 39.48; A (2 pi f)^2 / g = 78.96
@@ -509,7 +516,7 @@ def test_a_run_between_walls_stores_them_and_its_ledger(
         last = trajectory[-1]
         height = last.position[:, 1]
         for frame in trajectory:
-            assert np.all(Room(gas.box).gap(frame.position, gas.disks.radius) > -1e-9)
+            assert np.all(FreeArea(gas.box).gap(frame.position, gas.disks.radius) > -1e-9)
         assert theory(trajectory) == (None, None, "walls: no kinetic theory here")
     assert totals["potential_energy"][-1] == pytest.approx(2.0 * np.sum(height), rel=1e-12)  # m g y
     assert np.all(np.diff(totals["wall_hits"]) > 0)
@@ -523,7 +530,7 @@ def test_a_run_between_walls_stores_them_and_its_ledger(
     text = describe("shaken.h5")
     assert "between walls" in text
     assert "1 line, 1 post" in text
-    assert f"packing fraction  {gas.room.packing_fraction(gas.disks.radius):.4f}" in text
+    assert f"packing fraction  {gas.free_area.packing_fraction(gas.disks.radius):.4f}" in text
 
 
 def test_elastic_walls_are_hit_as_often_as_kinetic_theory_says(
@@ -601,11 +608,11 @@ def test_walls_are_where_they_are_at_the_start_time_of_a_state() -> None:
     assert gas.simulation(state).time == 0.375
 
 
-@pytest.mark.parametrize("way", ["growth", "hexagonal"])
+@pytest.mark.parametrize("way", ["lubachevsky_stillinger", "hexagonal"])
 def test_dense_starts_of_a_case_keep_off_walls(way: str) -> None:
     case = Case.model_validate(changed("species[0].number=300", f"start.positions={way}"))
     gas = CaseGas.from_case(case)
-    assert np.all(gas.room.gap(gas.start().position, gas.disks.radius) >= 0.0)
+    assert np.all(gas.free_area.gap(gas.start().position, gas.disks.radius) >= 0.0)
 
 
 def test_the_vibrated_layer_floats(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

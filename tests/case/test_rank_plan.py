@@ -16,9 +16,10 @@ from ifrdem.case.estimate import RankPlan, RunEstimate, strip_bytes
 from ifrdem.case.gas import CaseGas
 from ifrdem.errors import InputError
 from ifrdem.initial import placement
-from ifrdem.kernels import limits
+from ifrdem.kernels import columns
+from ifrdem.mpi import distribution
 from ifrdem.simulation import backend, checks
-from ifrdem.tools import seeds, slices
+from ifrdem.tools import seeds
 
 CASE = """
 [run]
@@ -145,7 +146,7 @@ def test_strips_that_a_rank_places_at_random_count(monkeypatch: pytest.MonkeyPat
     plan = RankPlan.of(lattice.gas, estimate, 16)
     assert plan.memory == pytest.approx(280e6 + halos + tiles, rel=1e-4)
     # A machine with one of the 16 ranks: 200 bytes of the writer, 198 of the engine, and a strip, or 300 for each.
-    needed = 68_750 * (200 + limits.BYTES_PER_DISK) + one
+    needed = 68_750 * (200 + columns.BYTES_PER_DISK) + one
     options = {"share": 1 / 16, "ranks": 16, "sliced": True}
     monkeypatch.setattr(backend, "memory_available", lambda: needed - 1)
     summary.refuse_beyond_memory(1_100_000, "cpu", **options)
@@ -156,7 +157,7 @@ def test_strips_that_a_rank_places_at_random_count(monkeypatch: pytest.MonkeyPat
 @pytest.mark.parametrize("n", [10**9, 2**31 - 1, 2 * 2**30 + 5, 2**32 - 1])
 def test_slices_and_lattices_of_up_to_2_to_the_32_disks_are_those_of_whole_numbers(n: int) -> None:
     """Bounds of slices, sites of disks, and their random order, by Python's whole numbers, which do not overflow."""
-    bounds = slices.bounds(n, 1000)
+    bounds = distribution.bounds(n, 1000)
     assert bounds.tolist() == [rank * n // 1000 for rank in range(1001)]
     ids = np.arange(n - 5, n)
     for sites in (n, n + 1, n + 200_000):
@@ -187,26 +188,28 @@ def test_disks_that_indices_of_32_bits_do_not_reach_are_refused(
 
 
 def test_growth_of_more_than_a_million_disks_is_for_one_process() -> None:
-    found = case_of("species[0].number=1000000", "species[1].number=1000000", "start.positions=growth")
+    found = case_of(
+        "species[0].number=1000000", "species[1].number=1000000", "start.positions=lubachevsky_stillinger"
+    )
     gas = found.gas
     text = summary.report(gas, RunEstimate.of(gas))
-    told = 'start.positions = "growth" grows all disks in one process'
+    told = 'start.positions = "lubachevsky_stillinger" grows all disks in one process'
     assert told in text
 
     def wrong(start: bool) -> list[str]:
         return [
             str(each)
-            for each in rules.wrong_on_ranks(found.case, gas.kinds, gas.box, 2, start=start, sound=False)
+            for each in rules.check_on_ranks(found.case, gas.kinds, gas.box, 2, start=start, sound=False)
         ]
 
     (refused,) = wrong(start=True)
-    assert refused.startswith(told.replace('"growth" ', '"growth": '))
+    assert refused.startswith(told.replace('"lubachevsky_stillinger" ', '"lubachevsky_stillinger": '))
     assert wrong(start=False) == []  # of a run that goes on
 
 
 def test_kinds_of_a_case_have_the_sums_of_its_disks(monkeypatch: pytest.MonkeyPatch) -> None:
     """To the bit, for blocks within a species and across two; radii whose squares do not add up exactly."""
-    monkeypatch.setattr(slices, "BLOCK", 64)
+    monkeypatch.setattr(distribution, "BLOCK", 64)
     radii = ["species[0].radius=0.1", "species[1].radius=0.3", "box.packing_fraction=0.2"]
     drawn = ["species[0].radius=", 'species[0].radii={distribution="uniform",low=0.1,high=0.2}']
     for numbers, more in (

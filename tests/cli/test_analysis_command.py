@@ -424,7 +424,7 @@ def test_every_picture_is_drawn_with_labels_and_legends(what: str, tmp_path: Pat
             assert axes.get_xlabel() or axes.get_ylabel()
         said = texts(figure)
         for word in {
-            "g": "at contact",
+            "rdf": "at contact",
             "velocity": "Gaussian",
             "impact": "molecular chaos",
             "msd": "free flight",
@@ -506,18 +506,18 @@ def test_plots_have_colours_styles_and_an_axis_of_collisions(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     write(tmp_path / "run.h5")
-    assert run("plot", "run.h5", "disks", "--colour", "speed", "--style", "dark_background") == 0
+    assert run("plot", "run.h5", "disks", "--color", "speed", "--style", "dark_background") == 0
     assert imread("run-disks.png")[0, 0, :3].max() < 0.1
     assert run("plot", "run.h5", "disks", "--color", "speed", "-o", "light") == 0
     assert imread("light.png")[0, 0, :3].min() > 0.9
     assert run("plot", "run.h5", "temperatures", "--over", "tau") == 0
     for words, said in (
-        (("disks", "--colour", "sped"), "--colour sped: allowed are spin, speed"),
-        (("energy", "--colour", "speed"), "color = speed: only of disks, not of energy"),
+        (("disks", "--color", "sped"), "--color sped: allowed are spin, speed"),
+        (("energy", "--color", "speed"), "color = speed: only of disks, not of energy"),
         (("disks", "--style", "dark_backgroud"), "(did you mean 'dark_background'?)"),
         (
-            ("g", "--over", "tau"),
-            "over = tau: only of temperatures, energy, ledger, mechanisms, walls, piston, not of g",
+            ("rdf", "--over", "tau"),
+            "over = tau: only of temperatures, energy, ledger, mechanisms, walls, piston, not of rdf",
         ),
     ):
         assert run("plot", "run.h5", *words, "-o", "no.png") == 2
@@ -609,7 +609,7 @@ def test_driven_gases_get_no_haff_law_and_walls_no_contact_value(tmp_path: Path)
             catalogue.ANALYSES["cooling"].of(trajectory, None)
         with pytest.raises(InputError, match="periodic box only"):
             catalogue.ANALYSES["pressure"].of(trajectory, None)
-        assert "no contact value" in catalogue.ANALYSES["g"].of(trajectory, None).notes[0]
+        assert "no contact value" in catalogue.ANALYSES["rdf"].of(trajectory, None).notes[0]
 
 
 def test_species_are_told_apart_and_immovable_disks_left_out(tmp_path: Path) -> None:
@@ -640,8 +640,8 @@ def test_every_kind_of_box_is_analysed_or_refused_with_a_reason(box: Box, tmp_pa
                 reasons.append(str(error))
         assert all("\n" not in reason and len(reason) > 20 for reason in reasons)
         assert {"velocity", "msd", "fields", "clusters", "psi6", "cooling"} <= set(done)
-        assert ("g" in done) != box.is_open
-        assert ("S" in done) == all(box.periodic)
+        assert ("rdf" in done) != box.is_open
+        assert ("structure-factor" in done) == all(box.periodic)
 
 
 def test_numbers_are_rounded_to_their_errors() -> None:

@@ -133,7 +133,7 @@ def test_module_can_be_run_and_a_wrong_case_ends_with_status_2(folder: Path) -> 
         (["rum", "tiny.toml"], r"unknown command 'rum' \(did you mean 'run'\?\); there are run, resume"),
         ([], "a command is needed: run, resume"),
         (["run"], r"CASE: a value is needed \(see `ifrdem run --help`\)"),
-        (["run", "tiny.toml", "--arch"], r"--arch: a value is needed \(see `ifrdem run --help`\)"),
+        (["run", "tiny.toml", "--device"], r"--device: a value is needed \(see `ifrdem run --help`\)"),
         (["--versoin"], r"unknown option --versoin \(did you mean '--version'\?\)"),
         (["run", "tiny.toml", "--quite"], r"unknown option --quite \(did you mean '--quiet'\?\)"),
         (["--quiet", "run", "tiny.toml", "--verbose"], "--quiet: not beside --verbose"),
@@ -194,8 +194,8 @@ def test_check_reports_every_error_at_once(folder: Path, capsys: pytest.CaptureF
         assert f"tiny.toml: {key.split('=')[0]} = " in line
 
 
-def test_backends_lists_the_cpu(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["backends"]) == 0
+def test_devices_lists_the_cpu(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["devices"]) == 0
     assert re.search(r"^cpu +\S+", capsys.readouterr().out, flags=re.MULTILINE)
 
 
@@ -229,7 +229,7 @@ def test_backends_lists_the_cpu(capsys: pytest.CaptureFixture[str]) -> None:
             ["--precision", "f46"],
             r"run\.precision = \"f46\": must be 'f64' or 'f32' \(did you mean 'f64'\?\)",
         ),
-        (["--arch", "gpu"], r"run\.arch = \"gpu\": must be 'cpu' or 'cuda'"),
+        (["--device", "gpu"], r"run\.device = \"gpu\": must be 'cpu' or 'cuda'"),
         (["-o", "nowhere/run"], "output folder nowhere: does not exist"),
         (["-o", "tiny.toml/run"], r"output folder tiny\.toml: is not a folder"),
     ],
@@ -254,7 +254,7 @@ def test_missing_device_is_refused_and_nothing_else_takes_over(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(backend, "cuda_absence", lambda: "no driver")
-    message = refused(["run", "tiny.toml", "--arch", "cuda"], folder, capsys)
+    message = refused(["run", "tiny.toml", "--device", "cuda"], folder, capsys)
     assert re.search("cuda.*no such device on this machine; present: cpu", message)
 
 
@@ -366,7 +366,7 @@ def test_the_precision_of_a_run_reaches_its_simulation(folder: Path, monkeypatch
 
 def test_options_override_the_case_and_set_the_place(folder: Path) -> None:
     (folder / "out").mkdir()
-    assert main(["run", "tiny.toml", "--no-picture", "-o", "out", "--seed", "5", "--arch", "cpu"]) == 0
+    assert main(["run", "tiny.toml", "--no-picture", "-o", "out", "--seed", "5", "--device", "cpu"]) == 0
     assert main(["run", "tiny.toml", "--no-picture", "-o", "out/b.1", "--set", "run.seed=5"]) == 0
     assert main(["run", "tiny.toml", "--no-picture", "-o", "out/c.h5", "--seed", "6"]) == 0
     assert [name for name in names(folder / "out") if name.endswith(".h5")] == ["b.1.h5", "c.h5", "tiny.h5"]

@@ -118,7 +118,7 @@ def test_every_regime_of_the_law_has_words():
 
 
 def test_views_and_info_go_together(run, capsys):
-    assert main(["views", str(run)]) == 0
+    assert main(["link", str(run)]) == 0
     assert capsys.readouterr().out.splitlines() == [
         f"wrote {run.with_suffix('.vtkhdf')}", f"wrote {run.with_suffix('.nc')}"
     ]  # fmt: skip
@@ -130,10 +130,10 @@ def test_views_and_info_go_together(run, capsys):
     later = run.with_suffix(".nc").stat().st_mtime_ns + 10**9
     os.utime(run, ns=(later, later))
     assert main(["info", str(run)]) == 0
-    assert "run.nc, older than the trajectory: `ifrdem views` renews it" in capsys.readouterr().out
+    assert "run.nc, older than the trajectory: `ifrdem link` renews it" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("verb", ["views", "history --id 0", "export --to csv", "movie", "info"])
+@pytest.mark.parametrize("verb", ["link", "history --id 0", "export --to csv", "movie", "info"])
 def test_files_that_are_not_ours_are_refused(tmp_path, capsys, verb):
     import h5py
 

@@ -38,10 +38,10 @@ PISTON = (
 )
 GASES = {
     "a shaken floor and gates": f"box = {{ {SIDES}, periodic = [true, false] }}\nwall = [{', '.join([FLOOR, *GATES])}]",
-    "gravity that turns": f"box = {{ {SIDES}, periodic = [false, false], gravity_turns = 0.7 }}",
+    "gravity that turns": f"box = {{ {SIDES}, periodic = [false, false], gravity_rotation_rate = 0.7 }}",
     "a piston": f"box = {{ {SIDES}, periodic = [true, false] }}\nwall = [{PISTON}]",
     "a flow, and kicks": "box = { lengths = [12.0, 12.0], shear_rate = 0.7 }\n"
-    'force = [{ kind = "kicks", step = 0.2, power = 0.1 }]',
+    'force = [{ kind = "random_force", step = 0.2, power = 0.1 }]',
 }  # fmt: skip
 """Cases with things that depend on the clock or on the number of collisions, or have a state besides the disks."""
 
@@ -84,7 +84,7 @@ def test_a_run_from_a_frame_is_the_second_half_of_the_whole_run(
         return
     # Stopped and resumed, it is to the bit what it is.
     stopped = set_(*goes_on(*own), "run.name=stopped")
-    assert main(["run", "gas.toml", "--quiet", "--maxh", "1e-9", *stopped]) == 3
+    assert main(["run", "gas.toml", "--quiet", "--max-hours", "1e-9", *stopped]) == 3
     assert main(["resume", "stopped.h5", "--quiet"]) == 0
     with Trajectory("half.h5") as half, Trajectory("stopped.h5") as resumed:
         for name in half.fields:
@@ -181,7 +181,7 @@ def test_a_csv_start_begins_at_its_time(tmp_path: Path) -> None:
         tmp_path, *two, "start.time=1.75", text=walls
     ).gas  # the floor is at 0.52, and the gate is open
     assert gas.simulation().time == gas.start().time == 1.75
-    assert gas.room.area() == pytest.approx(12.0 * (11.0 - 0.5 * np.sin(2.0 * np.pi * 0.4 * 1.75)))
+    assert gas.free_area.area() == pytest.approx(12.0 * (11.0 - 0.5 * np.sin(2.0 * np.pi * 0.4 * 1.75)))
 
 
 def test_disks_of_a_csv_file_are_moved_apart_through_sheared_images(tmp_path: Path) -> None:

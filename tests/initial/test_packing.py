@@ -129,7 +129,7 @@ coin = "1 pta"
 number = 300
 speed_rms = 1.0
 [start]
-positions = "growth"
+positions = "lubachevsky_stillinger"
 """
 
 
@@ -142,7 +142,8 @@ def test_a_case_starts_by_growth_and_refuses_by_key() -> None:
     raw["box"]["packing_fraction"] = 0.9
     case = Case.model_validate(raw)
     with pytest.raises(
-        InputError, match=r'^start\.positions = "growth": packing fraction = 0\.9000: growth ended at'
+        InputError,
+        match=r'^start\.positions = "lubachevsky_stillinger": packing fraction = 0\.9000: growth ended at',
     ):
         CaseGas.from_case(case).start()
 

@@ -20,7 +20,7 @@ from ifrdem.initial.placement import (
 )
 from ifrdem.model.box import Box
 from ifrdem.model.walls import Wall
-from ifrdem.tools import slices
+from ifrdem.mpi import distribution
 
 
 def pair_gaps(
@@ -312,7 +312,7 @@ def test_strips_of_a_random_start_have_one_density_and_all_kinds(
     walls: tuple[Wall, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Blocks of 200 disks: no border of a strip shows, and no overlap (it looks itself)."""
-    monkeypatch.setattr(slices, "BLOCK", 200)
+    monkeypatch.setattr(distribution, "BLOCK", 200)
     box, n = Box((120.0, 120.0)), 4000
     radius = np.where(np.arange(n) < n // 2, 0.6, 0.4)
     position = np.concatenate([random_positions(box, radius, seed=seed, walls=walls) for seed in range(4)])

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from ifrdem.kernels import columns, limits
+from ifrdem.kernels import columns
 from ifrdem.kernels.columns import Columns, Named, Several, named
 from ifrdem.simulation import backend
 
@@ -76,8 +76,8 @@ def test_bytes_of_disks_are_what_their_columns_take() -> None:
     Of one that may rest: three parts of a state and 4 contacts of an id and 4 forces, 3 integers, 3 reals, the forces
     again, and 8 contacts of 21 reals.
     """
-    assert limits.BYTES_PER_DISK == 3 * (5 * 8 + 4 * 4) + 4 * 4 + 14
-    assert limits.RESTING_BYTES == 3 * (4 + 20 * 8) + 3 * 4 + 3 * 8 + 20 * 8 + 8 * 21 * 8
+    assert columns.BYTES_PER_DISK == 3 * (5 * 8 + 4 * 4) + 4 * 4 + 14
+    assert columns.RESTING_BYTES == 3 * (4 + 20 * 8) + 3 * 4 + 3 * 8 + 20 * 8 + 8 * 21 * 8
 
 
 def test_kernels_read_and_write_columns_by_name() -> None:

@@ -22,7 +22,7 @@ from ifrdem.simulation import backend
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
 
-ORDERS = ("alone", "tiles")
+ORDERS = ("serial", "tiled")
 INELASTIC = (0.6, *ELASTIC[1:])
 
 
@@ -60,7 +60,9 @@ def test_collisions_by_the_tc_rule_are_those_of_the_serial_code(
     disks = equal_disks(500)
     box, state = equilibrated(disks, packing_fraction)
     contact_time = 0.1 if packing_fraction < 0.5 else 0.02
-    monkeypatch.setattr("ifrdem.simulation.arrays.ALONE", 100)  # short windows, as of gases that are divided
+    monkeypatch.setattr(
+        "ifrdem.simulation.arrays.SINGLE_TILE", 100
+    )  # short windows, as of gases that are divided
     engine = Engine(
         disks, box, state, np.array([[law]]), order=order, tile_disks=60, collapse=ContactTime(contact_time)
     )
@@ -98,7 +100,7 @@ def test_a_stored_state_knows_when_its_disks_collided_last() -> None:
 
 
 @pytest.mark.skipif(backend.cores() < 2, reason="needs two cores")
-@pytest.mark.parametrize("order", ["tiles"])
+@pytest.mark.parametrize("order", ["tiled"])
 def test_the_tc_rule_gives_the_same_bits_on_two_threads(order: str) -> None:
     disks = equal_disks(1000)
     box, state = equilibrated(disks, 0.6)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ifrdem.model.state import MOST_KINDS, kinds_among, united, unlike
+from ifrdem.model.state import MOST_KINDS, kinds_among, merge_kinds, unlike
 
 
 def columns_of(n: int) -> list[np.ndarray]:
@@ -28,7 +28,7 @@ def test_kinds_do_not_depend_on_how_disks_are_divided(n: int) -> None:
     rows, every = kinds_among(columns)
     assert every == (n < 1000)
     for size in (1, 2, 5):
-        found, same = united([kinds_among(part) for part in parted(columns, size)])
+        found, same = merge_kinds([kinds_among(part) for part in parted(columns, size)])
         assert same == every
         assert [each.tobytes() for each in found] == [each.tobytes() for each in rows]
 

@@ -31,7 +31,7 @@ def quiet(*arguments: Any, **options: Any) -> Simulation:
         return Simulation(*arguments, **options)
 
 
-@pytest.mark.parametrize("order", ["alone", "tiles"])
+@pytest.mark.parametrize("order", ["serial", "tiled"])
 def test_the_ifr_law_by_a_class_of_ones_own_is_the_ifr_law_to_the_last_bit(order: str) -> None:
     """Unequal rough disks that slide and stick; e_n = 1 - 0 g_n^(1/5) is 1 exactly."""
     disks = mixture(300)

@@ -11,7 +11,7 @@ import pytest
 from ifrdem.errors import InputError
 from ifrdem.model import outlines
 from ifrdem.model.box import Box
-from ifrdem.model.free_area import Room
+from ifrdem.model.free_area import FreeArea
 from ifrdem.model.walls import Turn, Wall, from_json, to_json
 
 
@@ -143,20 +143,20 @@ def test_rooms_with_polygons_have_their_area() -> None:
     hexagon = Wall.polygon(np.column_stack((2 + np.cos(angle), 2 + np.sin(angle))), "inside")
     area = 1.5 * math.sqrt(3.0)
     box = Box((4.0, 4.0), (False, False))
-    assert Room(box, (hexagon,)).area() == pytest.approx(area, rel=1e-12)
+    assert FreeArea(box, (hexagon,)).area() == pytest.approx(area, rel=1e-12)
     inside = (
         hexagon,
         Wall.post((2.0, 2.0), 0.3),
         Wall.polygon([(1.5, 2.2), (1.7, 2.2), (1.5, 2.6)], "outside"),
     )
-    assert Room(box, inside).area() == pytest.approx(area - math.pi * 0.09 - 0.04, rel=1e-4)
+    assert FreeArea(box, inside).area() == pytest.approx(area - math.pi * 0.09 - 0.04, rel=1e-4)
     np.testing.assert_allclose(
-        Room(box, (hexagon,)).bounds(), [[1.0, 2 - math.sqrt(0.75)], [3.0, 2 + math.sqrt(0.75)]]
+        FreeArea(box, (hexagon,)).bounds(), [[1.0, 2 - math.sqrt(0.75)], [3.0, 2 + math.sqrt(0.75)]]
     )
     turned = Wall.polygon(
         hexagon.points, "inside", turn=Turn("sine", (0.0, 0.0), amplitude=0.1, frequency=1.0, phase=0.5)
     )
-    assert Room(box, (turned,)).area() == pytest.approx(area, rel=1e-12)
+    assert FreeArea(box, (turned,)).area() == pytest.approx(area, rel=1e-12)
 
 
 def test_sides_of_polygons_that_hold_disks_have_signs() -> None:

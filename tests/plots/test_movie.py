@@ -153,7 +153,7 @@ def test_the_file_plays_with_as_many_pictures_as_frames(tmp_path, colour, capsys
 
     path = tmp_path / "run.h5"
     write(path, n=50, frames=6)
-    arguments = ["movie", str(path), "--frames", "1:", "--fps", "10", "--size", "320x300", "--colour", colour]
+    arguments = ["movie", str(path), "--frames", "1:", "--fps", "10", "--size", "320x300", "--color", colour]
     assert main(arguments) == 0
     place = tmp_path / "run.mp4"
     assert f"wrote {place}: 5 pictures, 0.5 s" in capsys.readouterr().out
@@ -181,8 +181,8 @@ def test_wrong_options_are_refused_before_work(tmp_path, capsys):
         (["--size", "big"], "such as 1280x720"),
         (["--fps", "0"], "--fps = 0: a whole number, 1 to 240"),
         (
-            ["--colour", "spni"],
-            "--colour spni: allowed are spin, speed, direction, temperature, radius, material",
+            ["--color", "spni"],
+            "--color spni: allowed are spin, speed, direction, temperature, radius, material",
         ),
         (["--frames", "7"], "names none of the 3 frames"),
     ):

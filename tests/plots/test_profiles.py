@@ -125,7 +125,7 @@ def test_strips_of_a_container_are_compared_with_its_own_room(tmp_path: Path) ->
         writer.write(State(position, np.zeros((n, 2)), np.zeros(n)))
     with Trajectory(tmp_path / "a.h5") as trajectory:
         found = profiles.of(trajectory)
-        phi = trajectory.room.packing_fraction(disks.radius)
+        phi = trajectory.free_area.packing_fraction(disks.radius)
     assert found is not None
     assert phi == pytest.approx(n * 0.05**2 / 81.0)
     np.testing.assert_allclose(

@@ -59,7 +59,7 @@ def test_views_replace_views_only(path: Path, make: Callable, said: str, name: s
     place, before = path.with_name(name), path.read_bytes()
     make(place, path)
     was = kind(place)
-    assert main(["views", str(path)]) == 2
+    assert main(["link", str(path)]) == 2
     assert said in capsys.readouterr().err
     assert kind(place) == was
     assert path.read_bytes() == before
@@ -139,7 +139,7 @@ def test_views_go_with_the_trajectory_that_they_show(path: Path) -> None:
     assert made[1].read_text() == "no view"
 
 
-@pytest.mark.parametrize("verb", ["info", "views", "repair", "repair --in-place", "export --to csv"])
+@pytest.mark.parametrize("verb", ["info", "link", "repair", "repair --in-place", "export --to csv"])
 def test_a_pipe_is_no_trajectory_and_is_not_waited_for(tmp_path: Path, verb: str, capsys) -> None:
     os.mkfifo(tmp_path / "run.h5")
     first, *rest = verb.split()

@@ -123,7 +123,7 @@ COMMANDS = {
     "plot": "plot other.h5 disks -o plot.png --force",
     "analyse": "analyse other.h5 velocity -o notes --force",
     "view": "view other.h5 --html gas.h5 --force",
-    "views": "views other.h5",
+    "link": "link other.h5",
     "repair": "repair other.h5 -o gas.h5 --force",
     "repair in place": "repair gas.h5 --in-place",
     "new": "new cooling -o gas.h5 --force",

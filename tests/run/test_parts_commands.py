@@ -138,7 +138,7 @@ def test_analyses_that_a_missing_part_prevents_are_no_success(runs, capsys, tmp_
     assert "velocity: not possible: " in capsys.readouterr().out
     record = json.loads((tmp_path / "out" / "gas.json").read_text())
     assert "cooling" in record["analyses"]
-    assert {"velocity", "g", "msd"} <= set(record["damaged"])
+    assert {"velocity", "rdf", "msd"} <= set(record["damaged"])
     (tmp_path / "0001.h5").rename(part)
     assert main(["analyse", str(path), *out]) == 0  # those that were not possible are
     assert "velocity: velocities and spins" in capsys.readouterr().out
@@ -150,7 +150,8 @@ def test_a_part_alone_is_told_from_the_gas(runs, capsys, tmp_path):
     with ifrdem.Trajectory(part) as file:
         title = run.title(file)
         doubts = {
-            name: ANALYSES[name].of(file, None).doubts for name in ("g", "S", "fields", "clusters", "psi6")
+            name: ANALYSES[name].of(file, None).doubts
+            for name in ("rdf", "structure-factor", "fields", "clusters", "psi6")
         }
         assert (file.part.number, file.part.first) == (1, 100)
     assert title == "0001: 100 disks, part 1 of a trajectory (disks 100 to 199)"

@@ -23,7 +23,7 @@ from ifrdem.cli import main as cli
 from ifrdem.errors import InputError, Stopped
 from ifrdem.model.observables import Measure
 from ifrdem.model.state import State
-from ifrdem.run import job as run
+from ifrdem.run import run
 from ifrdem.run.recorder import Recorder
 from ifrdem.run.signals import Stops
 from ifrdem.simulation import checkpoint
@@ -56,7 +56,7 @@ diameter = 1.0
 speed_rms = 1.4
 
 [[force]]
-kind = "kicks"
+kind = "random_force"
 step = 0.05
 power = 0.5
 
@@ -129,10 +129,10 @@ def save_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Only the first checkpoint is written: what comes after it is lost, as if the run were killed."""
     calls: list[int] = []
 
-    def first_only(job: run.Job, recorder: run.Recorder) -> None:
+    def first_only(running: run.Run, recorder: run.Recorder) -> None:
         calls.append(1)
         if len(calls) == 1:
-            SAVE(job, recorder)
+            SAVE(running, recorder)
 
     monkeypatch.setattr(run, "save", first_only)
 
@@ -298,8 +298,8 @@ def test_what_cannot_go_on_is_refused_with_the_reason(whole, tmp_path, capsys):
     assert cli.main(["resume", str(tmp_path / "a.h5")]) == 2
     assert "damaged, or no checkpoint" in capsys.readouterr().err
     for hours in ("0", "-1", "many", "inf"):
-        assert cli.main(["resume", str(tmp_path), "--maxh", hours]) == 2
-        assert f"--maxh {hours}" in capsys.readouterr().err
+        assert cli.main(["resume", str(tmp_path), "--max-hours", hours]) == 2
+        assert f"--max-hours {hours}" in capsys.readouterr().err
 
 
 def test_checkpoints_of_others_are_refused_before_anything_is_done(tmp_path, monkeypatch, capsys):
@@ -416,8 +416,8 @@ def test_a_killed_run_goes_on_to_the_same_file(whole, tmp_path):
 
 def test_max_hours_stop_a_run_that_can_go_on(whole, tmp_path, capsys):
     case = whole.parent / "gas.toml"
-    assert cli.main(["run", str(case), "-o", f"{tmp_path}/", "--maxh", "1e-9"]) == 3
-    assert "1e-09 hours are up (--maxh)" in capsys.readouterr().err
+    assert cli.main(["run", str(case), "-o", f"{tmp_path}/", "--max-hours", "1e-9"]) == 3
+    assert "1e-09 hours are up (--max-hours)" in capsys.readouterr().err
     assert cli.main(["resume", str(tmp_path)]) == 0
     same(tmp_path / "gas.h5", whole)
 
@@ -430,8 +430,8 @@ def test_max_hours_count_the_making_of_the_start(whole, tmp_path, capsys, monkey
         return made(*given)
 
     monkeypatch.setattr(CaseGas, "start", slowly)
-    assert cli.main(["run", str(case), "-o", f"{tmp_path}/", "--maxh", "1e-4"]) == 3  # 0.36 s
-    assert "0.0001 hours are up (--maxh)" in capsys.readouterr().err
+    assert cli.main(["run", str(case), "-o", f"{tmp_path}/", "--max-hours", "1e-4"]) == 3  # 0.36 s
+    assert "0.0001 hours are up (--max-hours)" in capsys.readouterr().err
     assert cli.main(["resume", str(tmp_path)]) == 0
     assert "go on at t = 0, after 0 collisions" in capsys.readouterr().out
     same(tmp_path / "gas.h5", whole)

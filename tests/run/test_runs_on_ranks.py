@@ -19,7 +19,7 @@ from support import mpi
 from support.manual import block
 
 import ifrdem
-from ifrdem.tools import world
+from ifrdem.mpi import communicator
 from ifrdem.tools.files import checkpoint_of
 from ifrdem.trajectory import layout
 
@@ -35,7 +35,7 @@ coin = "1 pta"
 number = 21000
 speed_rms = 1.0
 [[force]]
-kind = "kicks"
+kind = "random_force"
 step = 0.02
 power = 2.0e-3
 [[force]]
@@ -110,7 +110,7 @@ def differing(one: Path, other: Path) -> list[str]:
     return found
 
 
-MAXH = ["--maxh", "1e-6"]
+MAX_HOURS = ["--max-hours", "1e-6"]
 PARTS = ["--set", "output.parts=true"]
 ONE = ["--set", "run.threads=1"]  # of a process, as those of ranks here, which goes on with its kernels
 
@@ -145,15 +145,15 @@ def told(case: Path, plain: Path) -> dict[str, dict[str, Any]]:
 
     few = {"block": 4096}  # disks of a block, so that slices begin within blocks
     many = {"gathered": 1000}  # disks, of which more are too many for a rank
-    stopped = [*PARTS, *MAXH]
+    stopped = [*PARTS, *MAX_HOURS]
     steps: dict[str, tuple[int, dict[str, int], list[str]]] = {
-        "stopped": (3, {}, run("stopped", *MAXH)),
+        "stopped": (3, {}, run("stopped", *MAX_HOURS)),
         "stopped goes on": (2, {}, resume("stopped")),
         "4 parts": (4, {}, run("parts4", *PARTS)),
         "4 parts again": (2, {}, ["run", str(case), "-o", f"{folder / 'parts4'}/", *PARTS]),
         "radii stopped": (3, few, run("radii", *radii, *stopped)),
-        "radii stopped again": (2, few, resume("radii", *MAXH)),
-        "gathered stopped": (2, many, run("gathered", "--set", "output.parts=false", *MAXH)),
+        "radii stopped again": (2, few, resume("radii", *MAX_HOURS)),
+        "gathered stopped": (2, many, run("gathered", "--set", "output.parts=false", *MAX_HOURS)),
         "gathered goes on": (3, many, resume("gathered")),
         "from a frame on ranks": (2, {}, run("from_frame", *frame, *PARTS)),
         "from a frame": (1, {}, run("from_frame_alone", *frame, *ONE)),
@@ -185,7 +185,7 @@ def test_a_run_that_is_stopped_goes_on_with_other_ranks_to_the_bit(
     """Three ranks until time is up, then two: the file of one process."""
     stopped, goes_on = told["stopped"], told["stopped goes on"]
     assert stopped["status"] == 3, stopped["err"]
-    assert stopped["err"].count("hours are up (--maxh)") == 1  # told once
+    assert stopped["err"].count("hours are up (--max-hours)") == 1  # told once
     assert "used by each of 3 ranks" in stopped["out"]
     assert goes_on["status"] == 0, goes_on["err"]
     assert differing(plain, plain.parents[1] / "stopped" / "gas.h5") == []
@@ -333,7 +333,7 @@ def _counted(path: Path) -> int:
 def test_a_checkpoint_or_trajectory_that_lacks_a_part_is_refused_on_all_ranks(case: Path) -> None:
     folder = case.parent / "lacking"
     folder.mkdir()
-    words = mpi.ifrdem("run", case, "-o", f"{folder}/", "--set", "output.parts=true", "--maxh", "1e-6")
+    words = mpi.ifrdem("run", case, "-o", f"{folder}/", "--set", "output.parts=true", "--max-hours", "1e-6")
     assert mpi.on(2, *words).returncode == 3
     for part in (folder / "gas.parts" / "0001.h5", *sorted((folder / "gas.checkpoint.parts").iterdir())[1:]):
         part.rename(folder / "away")
@@ -367,7 +367,7 @@ def _descends(process: int, ancestor: int) -> bool:
 REFUSED = {
     'run.precision="f32"': 'run.precision = "f32": {}, or run.precision = "f64"',
     "box.gravity=[0.0, -1.0]": "",
-    "box.gravity_turns=0.1": "box.gravity_turns = 0.1: {}, or leave it out",
+    "box.gravity_rotation_rate=0.1": "box.gravity_rotation_rate = 0.1: {}, or leave it out",
     'run.collapse="rest"': 'run.collapse = "rest": {}, or another remedy for collapse',
     "run.resting_speed=0.01": "",
     "output.histories=[1]": "output.histories = [1]: {}, or leave histories out",
@@ -456,5 +456,5 @@ def test_calls_that_differ_from_rank_to_rank_end_on_all() -> None:
 def test_without_mpi4py_several_ranks_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PMI_SIZE", "2")
     monkeypatch.setitem(sys.modules, "mpi4py", None)
-    with pytest.raises(world.InputError, match=r"needs the extra mpi: pip install 'ifrdem\[mpi\]'"):
-        world.world()
+    with pytest.raises(communicator.InputError, match=r"needs the extra mpi: pip install 'ifrdem\[mpi\]'"):
+        communicator.world()

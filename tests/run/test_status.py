@@ -128,7 +128,7 @@ def test_a_dead_run_is_told_plainly(tmp_path):
     pid = dead_pid()
     changed(one.path, pid=pid)
     lines: list[str] = []
-    assert status.tail(tmp_path, lines.append) == "dead"
+    assert status.show(tmp_path, lines.append, follow=True) == "dead"
     assert lines[-1] == (
         f" 30.0 %, dead: process {pid} is gone without a word; gas.h5 holds the 12 frames it had committed"
     )
@@ -162,7 +162,9 @@ def test_tail_prints_a_line_at_each_news_until_the_run_ends(tmp_path):
         lambda: one.finish("done"),
     ]
     lines: list[str] = []
-    assert status.tail(tmp_path / "gas.h5", lines.append, sleep=lambda _: news.pop(0)()) == "done"
+    assert (
+        status.show(tmp_path / "gas.h5", lines.append, follow=True, sleep=lambda _: news.pop(0)()) == "done"
+    )
     assert news == []
     assert lines[0].startswith("gas: gas.h5, started 20")
     assert lines[1] == "ETA -"
@@ -181,10 +183,10 @@ def test_tail_prints_a_line_at_each_news_until_the_run_ends(tmp_path):
 def test_the_command_prints_once_and_tells_how_it_ended(tmp_path, capsys, state, ended):
     one = Status(tmp_path / "gas.h5", name="gas")
     one.finish(state)
-    assert main(["tail", str(tmp_path), "--once"]) == ended
+    assert main(["status", str(tmp_path)]) == ended
     assert len(capsys.readouterr().out.splitlines()) == 2
     for interval in ("0", "soon", "nan"):
-        assert main(["tail", str(tmp_path), "--interval", interval]) == 2
+        assert main(["status", str(tmp_path), "--follow", "--interval", interval]) == 2
         assert f"--interval {interval}: " in capsys.readouterr().err
 
 

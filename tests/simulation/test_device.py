@@ -23,7 +23,7 @@ def test_a_cpu_is_always_there() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arch", "threads", "message"),
+    ("device", "threads", "message"),
     [
         ("cdua", None, "device = 'cdua': must be one of 'cpu', 'cuda' .did you mean 'cuda'"),
         ("gpu", None, "device = 'gpu': must be"),
@@ -31,9 +31,9 @@ def test_a_cpu_is_always_there() -> None:
         ("cpu", backend.cores() + 1, f"must be from 1 to the {backend.cores()} cores"),
     ],
 )
-def test_what_is_not_there_is_refused(arch: str, threads: int | None, message: str) -> None:
+def test_what_is_not_there_is_refused(device: str, threads: int | None, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        backend.start(Device(arch, threads=threads))
+        backend.start(Device(device, threads=threads))
 
 
 @pytest.mark.skipif(len(backend.available()) > 1, reason="this machine has a CUDA device")
@@ -141,7 +141,7 @@ def test_a_driver_without_a_device_is_told_and_no_device(
             [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, env=environment
         )
 
-    listed = run("from ifrdem.cli.main import main; main(['backends'])").stdout
+    listed = run("from ifrdem.cli.main import main; main(['devices'])").stdout
     assert says in listed
     assert [line.split()[0] for line in listed.splitlines() if "not usable" not in line] == [
         "cpu",

@@ -75,7 +75,7 @@ def test_tiles_know_what_one_tile_knows():
     start = gas()
     state, table = start.state, coefficient_table(law_table(LAW, start.disks, 0))
     found = []
-    for order in ("alone", "tiles"):
+    for order in ("serial", "tiled"):
         engine = Engine(
             start.disks,
             start.box,

@@ -95,7 +95,7 @@ def test_a_run_ends_at_the_frame_of_the_observer_that_ends_it(
     np.testing.assert_array_equal(lost, at_once)
 
 
-@pytest.mark.parametrize("order", ["alone", "tiles"])
+@pytest.mark.parametrize("order", ["serial", "tiled"])
 def test_stopping_within_a_window_changes_no_bit_in_any_order_of_the_engine(
     order: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

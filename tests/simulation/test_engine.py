@@ -10,7 +10,7 @@ import ifrdem.simulation.engine
 from ifrdem import Device
 from ifrdem.errors import EngineError, InputError, NoMoreCollisions
 from ifrdem.initial import placement
-from ifrdem.kernels.limits import BYTES_PER_DISK
+from ifrdem.kernels.columns import BYTES_PER_DISK
 from ifrdem.model.box import Box
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
@@ -30,7 +30,7 @@ def advance(engine: Engine, per_disk: float) -> None:
 
 @pytest.mark.parametrize(("packing_fraction", "rate"), [(0.1, 0.5329), (0.3, 2.3996)])
 def test_elastic_gas_keeps_energy_and_momentum_and_collides_at_the_enskog_rate(
-    packing_fraction: float, rate: float, arch: str
+    packing_fraction: float, rate: float, device: str
 ) -> None:
     """A million collisions of 20,000 smooth elastic disks, T = m = sigma = 1.
 
@@ -38,7 +38,7 @@ def test_elastic_gas_keeps_energy_and_momentum_and_collides_at_the_enskog_rate(
     """
     disks = equal_disks(20_000)
     box, state = equilibrated(disks, packing_fraction)
-    engine = Engine(disks, box, state, np.array([[ELASTIC]]), device=arch)
+    engine = Engine(disks, box, state, np.array([[ELASTIC]]), device=device)
     advance(engine, 100)
     end = engine.state()
     energy = [0.5 * float(np.sum(s.velocity**2)) for s in (state, end)]
@@ -52,10 +52,10 @@ def test_elastic_gas_keeps_energy_and_momentum_and_collides_at_the_enskog_rate(
     assert int(end.collisions.sum()) == 2 * engine.collisions
 
 
-def test_frictional_gas_keeps_momentum_and_loses_energy_at_every_frame(arch: str) -> None:
+def test_frictional_gas_keeps_momentum_and_loses_energy_at_every_frame(device: str) -> None:
     disks = mixture(3000)
     box, state = start(disks, 0.4)
-    simulation = Simulation(disks, box, COIN_LAW, state, device=arch)
+    simulation = Simulation(disks, box, COIN_LAW, state, device=device)
     energies, momenta = [], []
     simulation.run(
         collisions_per_disk=20,
@@ -97,7 +97,7 @@ def test_trajectory_is_bitwise_the_same_on_one_and_two_threads() -> None:
             state,
             np.array([[COIN]]),
             device=Device(threads=threads),
-            order="tiles",
+            order="tiled",
             tile_disks=500,
         )
         advance(engine, 10)
@@ -122,12 +122,12 @@ def test_order_of_disks_in_memory_does_not_matter_for_where_they_go() -> None:
     np.testing.assert_allclose(box.minimum_image(ends[1].position - ends[0].position - shift), 0.0, atol=1e-8)
 
 
-def test_head_on_pair_meets_at_the_time_and_place_of_geometry(arch: str) -> None:
+def test_head_on_pair_meets_at_the_time_and_place_of_geometry(device: str) -> None:
     """Centres 4 apart, closing at 1.5, contact distance 1.1: they touch at t = 2.9 / 1.5 = 1.9333."""
     disks = Disks(2, mass=[2.0, 1.0], radius=[0.5, 0.6])
     box = Box((40.0, 40.0))
     state = State(np.array([[18.0, 20.0], [22.0, 20.0]]), np.array([[1.0, 0.0], [-0.5, 0.0]]), np.zeros(2))
-    simulation = Simulation(disks, box, IFRLaw(e_n=0.8, e_t=-1.0, mu=0.0), state, device=arch)
+    simulation = Simulation(disks, box, IFRLaw(e_n=0.8, e_t=-1.0, mu=0.0), state, device=device)
     found = simulation.collide_until(5.0)
     np.testing.assert_array_equal(found.pair, [[0, 1]])
     assert found.time[0] == pytest.approx(2.9 / 1.5, rel=1e-14)  # rounding
@@ -260,12 +260,12 @@ def test_inelastic_collapse_passes_in_finite_work() -> None:
 
 def test_tiles_go_through_a_collapse_like_the_whole_box_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
     """Thousands of collisions within a rounding of each other; those at one and the same time are not parted."""
-    monkeypatch.setattr("ifrdem.simulation.arrays.ALONE", 100)
+    monkeypatch.setattr("ifrdem.simulation.arrays.SINGLE_TILE", 100)
     disks = equal_disks(2000)
     box, state = start(disks, 0.75)
     law = np.array([[(0.05, -1.0, 0.0, 0.0, 0.0)]])
     ends = []
-    for order in ("tiles", "alone"):
+    for order in ("tiled", "serial"):
         engine = Engine(disks, box, state, law, order=order, tile_disks=250)
         advance(engine, 100)
         assert 0 <= engine.collisions - 50 * disks.n < 500

@@ -136,7 +136,7 @@ def test_a_driven_gas_is_bitwise_the_same_on_one_and_two_threads() -> None:
     forces = [RandomKicks(0.05, power=1.0), Langevin(0.1, temperature=1.0, rate=0.2, spin_rate=0.1)]
     ends: dict[str, tuple[State, NDArray[np.float64]]] = {}
     for threads in (2, 1):  # another number starts Taichi anew, which takes seconds
-        for order in ("alone", "tiles"):
+        for order in ("serial", "tiled"):
             engine = Engine(
                 disks, box, state, np.array([[COIN]]), device=Device(threads=threads), order=order, tile_disks=500,
                 forces=forces, seed=9,
@@ -149,7 +149,7 @@ def test_a_driven_gas_is_bitwise_the_same_on_one_and_two_threads() -> None:
             for name in ("position", "velocity", "spin", "collisions"):
                 np.testing.assert_array_equal(getattr(end, name), getattr(ends[order][0], name))
             np.testing.assert_array_equal(put_in, ends[order][1])
-    assert ends["alone"][0].collisions.sum() > 1000
+    assert ends["serial"][0].collisions.sum() > 1000
 
 
 def test_seed_disk_step_and_place_of_a_force_change_its_random_numbers() -> None:

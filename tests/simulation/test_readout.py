@@ -29,7 +29,7 @@ ALL_FIELDS = tuple(layout.FIELDS)
 Frames = list[tuple[State, Measure]]
 
 
-@pytest.fixture(params=["alone", "tiles"])
+@pytest.fixture(params=["serial", "tiled"])
 def order(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     """Every way of running windows."""
     chosen: str = request.param
@@ -155,7 +155,7 @@ def test_threads_do_not_matter() -> None:
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(
                 "ifrdem.simulation.simulation.Engine",
-                functools.partial(Engine, order="tiles", tile_disks=300),
+                functools.partial(Engine, order="tiled", tile_disks=300),
             )
             found.append(frames_of(gas(device=Device(threads=threads)), t_end=0.5, frames=9))
     for (one, measured_one), (other, measured_other) in zip(*found, strict=True):

@@ -26,7 +26,7 @@ from ifrdem.simulation.windows import Windows
 from ifrdem.theory import contact_value
 from ifrdem.theory.sheared_gas import steady_state
 
-ORDERS = ["alone", "tiles"]
+ORDERS = ["serial", "tiled"]
 # Times at which the image above lies where it began; somewhere; more than twelve boxes further. All negative shear too.
 BEGINNINGS = {"aligned": 0.0, "askew": 3.7, "boxes away": 61.3}
 
@@ -49,11 +49,11 @@ def made(
     box: Box,
     state: State,
     law: tuple[float, ...] = COIN,
-    order: str = "alone",
+    order: str = "serial",
     **options: object,
 ) -> Engine:
     """An engine of several tiles and rows of tiles; or of one tile, whose images are its neighbours."""
-    tile_disks = 30 if order == "tiles" else None
+    tile_disks = 30 if order == "tiled" else None
     return Engine(disks, box, state, np.array([[law]]), order=order, tile_disks=tile_disks, **options)  # type: ignore[arg-type]
 
 
@@ -128,7 +128,7 @@ def test_a_halo_is_too_narrow_if_the_flow_brings_disks_past_it(monkeypatch: pyte
         box,
         State(position, velocity, np.zeros(4)),
         np.array([[COIN]]),
-        order="tiles",
+        order="tiled",
         tile_disks=1,
     )
     assert engine.arrays.tiles == 4
@@ -242,7 +242,7 @@ def test_a_run_goes_on_from_a_state_with_the_same_collisions() -> None:
     middle = engine.state()
     assert box.shear_rate * box.lengths[1] * middle.time > 1.5 * box.lengths[0]
     expected = run(engine, 600)
-    found = run(made(disks, box, middle, order="tiles"), 600)
+    found = run(made(disks, box, middle, order="tiled"), 600)
     np.testing.assert_array_equal(partners(found.pair), partners(expected.pair))
     np.testing.assert_allclose(found.time, expected.time, atol=1e-7)
 

@@ -112,7 +112,7 @@ def test_a_pair_that_collides_underway_stops_where_it_should() -> None:
     assert worst[-1] < 0.02 * v0  # of the order of (1 - e) mu g step / 2 times the time to stop
 
 
-@pytest.mark.parametrize("order", ["alone", "tiles"])
+@pytest.mark.parametrize("order", ["serial", "tiled"])
 def test_a_gas_that_has_come_to_rest_goes_to_the_end_at_no_cost(order: str) -> None:
     """And the ledger is complete: friction and collisions have taken all there was."""
     disks = equal_disks(200)
@@ -181,10 +181,10 @@ def test_threads_orders_and_precisions_agree() -> None:
 
     # Another number of threads, or precision, starts Taichi anew.
     alone, two, one, single = (
-        end("alone"),
-        end("tiles"),
-        end("tiles", device=Device(threads=1)),
-        end("alone", device=Device(precision="f32")),
+        end("serial"),
+        end("tiled"),
+        end("tiled", device=Device(threads=1)),
+        end("serial", device=Device(precision="f32")),
     )
     np.testing.assert_allclose(single.position, alone.position, atol=1e-3)
     for name in ("position", "velocity", "spin"):

@@ -20,7 +20,7 @@ from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Wall
 from ifrdem.run.info import describe
-from ifrdem.simulation.engine import Engine, nobody_meets
+from ifrdem.simulation.engine import Engine, no_pair_approaches
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter
@@ -41,7 +41,7 @@ def run(engine: Engine, t_end: float) -> State:
     return engine.state()
 
 
-@pytest.mark.parametrize("order", ["alone", "tiles"])
+@pytest.mark.parametrize("order", ["serial", "tiled"])
 def test_collisions_are_those_in_a_huge_periodic_box(order: str) -> None:
     """The same pairs in the same order, until rounding separates the two; nobody comes near a side of the huge one."""
     disks, state = blob(150)
@@ -96,12 +96,12 @@ def test_no_pair_that_will_meet_is_taken_for_parted() -> None:
     velocity = np.vstack((velocity, [1.0 + 21.0 / 1e6, 0.0]))
     disks = Disks(n + 1, mass=1.0, radius=0.5)
     state = State(position, velocity, np.zeros(n + 1))
-    assert not nobody_meets(state, disks)
+    assert not no_pair_approaches(state, disks)
     simulation = Simulation(disks, Box.open(), LAW, state)
     found = simulation.collide_until(2e6)
     np.testing.assert_array_equal(found.pair, [[0, n]])
     assert found.time[0] == pytest.approx(1e6, rel=1e-9)
-    assert nobody_meets(simulation.state, disks)
+    assert no_pair_approaches(simulation.state, disks)
 
 
 def test_any_number_of_threads_gives_the_same_bits() -> None:
@@ -110,7 +110,7 @@ def test_any_number_of_threads_gives_the_same_bits() -> None:
     ends = [
         run(
             Engine(
-                disks, Box.open(), state, law, order="tiles", tile_disks=60, device=Device(threads=threads)
+                disks, Box.open(), state, law, order="tiled", tile_disks=60, device=Device(threads=threads)
             ),
             20.0,
         )

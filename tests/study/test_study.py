@@ -288,7 +288,7 @@ def test_parts_of_an_array_job_add_up(case, tmp_path):
 def test_a_study_is_followed_and_drawn(case, tmp_path, capsys, drawn):
     study = ifrdem.Study(case, vary=[VARY, "material[0].mu=0.1,0.5"], seeds=2, output=tmp_path / "t")
     study.run(workers=0)
-    assert cli.main(["tail", str(study.output)]) == 0
+    assert cli.main(["status", str(study.output), "--follow"]) == 0
     assert "8 of 8 runs" in capsys.readouterr().out
     assert cli.main(["plot", str(study.output), "T", "--over", "tau", "--by", "material[0].e_n"]) == 0
     panels = drawn[0].axes

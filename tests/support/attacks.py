@@ -371,7 +371,7 @@ def verbs(f: str, folder: Path) -> list[list[str]]:
     """Command lines that read a trajectory."""
     return [
         ["info", f], *(["plot", f, each, "-o", str(folder / f"{each}.png")] for each in PICTURES),
-        ["history", f, "--id", "2"], ["views", f], ["view", f, "--html", f"{folder}/page.html"],
+        ["history", f, "--id", "2"], ["link", f], ["view", f, "--html", f"{folder}/page.html"],
         *(["export", f, "--to", each, "-o", f"{folder}/o.{each}"] for each in ("csv", "extxyz", "gsd")),
         ["export", f, "--to", "h5", "-o", f"{folder}/copy.h5"], ["repair", f, "-o", f"{folder}/repaired.h5"],
         ["movie", f, "--frames", "0", "-o", f"{folder}/m.gif", "--size", "160x160"],
@@ -456,7 +456,7 @@ def read_only_folders(folder: Path, made: Mapping[str, bytes], chance: random.Ra
     with read_only(place, content):
         f, case = str(place / "heap.h5"), str(place / "gas.toml")
         writing = [
-            ["run", case, "-o", f"{place}/"], ["run", case, "-o", f"{place}/heap", "--force"], ["views", f],
+            ["run", case, "-o", f"{place}/"], ["run", case, "-o", f"{place}/heap", "--force"], ["link", f],
             ["repair", f, "--in-place"], ["study", case, "--seeds", "2", "-o", f"{place}/s.nc"],
             ["study", case, "-o", f"{place}/some.nc"],
             *(["export", f, "--to", each] for each in ("csv", "extxyz", "gsd")), ["movie", f, "-o", f"{place}/m.webp"],

@@ -1,19 +1,19 @@
 """A kernel that enters collisions into the history of a disk, for tests. Import only after `backend.start`."""
 
 import taichi as ti
+from ifrdem.kernels.lane_slots import update_history_hash
 
 from ifrdem.kernels.language import Rows, Table
-from ifrdem.kernels.places import remember
 from ifrdem.kernels.records import gas_of
 
 
 @ti.kernel
 def enter(time: Rows, partner: Rows, info: Rows):
-    """Enter collisions with partners at times, in this order, into the history of the disk at place 0."""
+    """Enter collisions with partners at times, in this order, into the history of the disk in slot 0."""
     gas = ti.static(gas_of(event_info=info))
     for _ in range(1):
         for m in range(time.shape[0]):
-            remember(0, time[m], partner[m], gas)
+            update_history_hash(0, time[m], partner[m], gas)
 
 
 @ti.kernel
@@ -22,4 +22,4 @@ def enter_each(time: Table, partner: Table, info: Rows):
     gas = ti.static(gas_of(event_info=info))
     for i in range(time.shape[0]):
         for m in range(time.shape[1]):
-            remember(i, time[i, m], partner[i, m], gas)
+            update_history_hash(i, time[i, m], partner[i, m], gas)

@@ -43,7 +43,7 @@ TESTS = {
     "kernels/readout.py": f"tests/simulation/test_readout.py {ENGINE}",
     "kernels/walls.py": "tests/simulation/walls",
     "kernels/events.py": f"{ENGINE} tests/simulation/walls/test_walls.py tests/simulation/test_tracking.py",
-    "kernels/places.py": TILES,
+    "kernels/particle.py": TILES,
     "kernels/tiles.py": f"{TILES} tests/simulation/test_shear.py",
     "kernels/windows.py": TILES,
 }

@@ -1,6 +1,6 @@
 """`mpiexec -n P python rank_commands.py STEPS.json`: commands of ifrdem one after another, each on some of the ranks.
 
-STEPS.json lists [ranks, BLOCK, GATHERED, words of the command] (constants of `tools/slices`, or null), or
+STEPS.json lists [ranks, BLOCK, GATHERED, words of the command] (constants of `mpi/distribution`, or null), or
 ["touch", path]. Prints a line of JSON for each command: its exit status, what all ranks said, and the files that there
 are then. Each process loads its kernels once, instead of at the start of each command.
 """
@@ -19,17 +19,17 @@ from typing import Any
 from mpi4py import MPI
 
 from ifrdem.cli.main import main
-from ifrdem.tools import slices, world
+from ifrdem.mpi import communicator, distribution
 
 COMM = MPI.COMM_WORLD
-USUAL = slices.BLOCK, slices.GATHERED
+USUAL = distribution.BLOCK, distribution.GATHERED
 
 
 def done(comm: Any, words: list[str]) -> dict[str, Any] | None:
     """The outcome of a command, on the first rank."""
-    for name in world.SIZES:
+    for name in communicator.SIZES:
         os.environ.pop(name, None)
-    world._world = comm if comm.size > 1 else None  # one rank is a process by itself
+    communicator._world = comm if comm.size > 1 else None  # one rank is a process by itself
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         status = main(words)
@@ -48,7 +48,7 @@ if __name__ == "__main__":
                 Path(step[1]).touch()
             continue
         ranks, block, gathered, words = step
-        slices.BLOCK, slices.GATHERED = block or USUAL[0], gathered or USUAL[1]
+        distribution.BLOCK, distribution.GATHERED = block or USUAL[0], gathered or USUAL[1]
         comm = COMM.Split(0 if COMM.rank < ranks else MPI.UNDEFINED)
         if comm != MPI.COMM_NULL and (found := done(comm, words)) is not None:
             found["files"] = sorted(str(each.relative_to(place.parent)) for each in place.parent.rglob("*"))

@@ -16,11 +16,11 @@ from mpi4py import MPI
 
 from ifrdem.case import file
 from ifrdem.errors import InputError
+from ifrdem.mpi import distribution
 from ifrdem.simulation import ranks
-from ifrdem.tools import slices
 
 PATH = Path(sys.argv[1])
-slices.BLOCK = 1 << 8  # so that sums are those of several blocks, and radii of the first species of one
+distribution.BLOCK = 1 << 8  # so that sums are those of several blocks, and radii of the first species of one
 ranks.check_tiles = lambda *_: None  # so few disks make one tile: nothing is run here
 ALL = MPI.COMM_WORLD
 TWO = ALL.Split(0 if ALL.rank < 2 else MPI.UNDEFINED)
@@ -32,7 +32,7 @@ def start(changes: list[str], comm: Any) -> Any:
         found = file.read(PATH, changes) if comm is None else file.read_on_ranks(lambda: PATH, changes, comm)
         assert found is not None
         assert found.gas.given is not None
-        assert len(found.gas.given.position) == len(slices.slice_of(found.gas.n, comm))
+        assert len(found.gas.given.position) == len(distribution.slice_of(found.gas.n, comm))
         gas = found.gas
         state = gas.start(comm=comm)
         speeds = np.array([(each.speed_rms, each.spin_rms) for each in gas.species])
@@ -56,7 +56,7 @@ for name, changes in json.loads(Path(sys.argv[2]).read_text()).items():
                 told[f"{name} {comm.size}"] = {*messages} == {alone} and own
             continue
         speeds = comm.gather(own[1])
-        rows = slices.gather(comm, comm.allreduce(len(own[0][2])), own[0])
+        rows = distribution.gather(comm, comm.allreduce(len(own[0][2])), own[0])
         if rows is not None:
             same = [
                 a.tobytes() == np.ascontiguousarray(b).tobytes() for a, b in zip(rows, alone[0], strict=True)

@@ -28,12 +28,12 @@ from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, RandomKicks, Rescale, SpinKicks, TableFriction
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
+from ifrdem.mpi import distribution
 from ifrdem.simulation import arrays, ranks
 from ifrdem.simulation.engine import Engine
-from ifrdem.tools import slices
 
 k.BLOCK_OF_TILES = windows.BLOCK_OF_TILES = 3  # so that blocks lie on several ranks
-arrays.ALONE = 100  # windows as short as those of gases that are divided
+arrays.SINGLE_TILE = 100  # windows as short as those of gases that are divided
 N = 3000
 COMM = MPI.COMM_WORLD
 Gas = tuple[Any, Box, State, tuple[float, ...], float, dict[str, Any]]
@@ -133,7 +133,7 @@ GASES: dict[str, Any] = {
 def after(gas: Gas, comm: Any) -> tuple[Engine, dict[str, Any]]:
     """A gas at its end, all numbers that it has."""
     disks, box, state, law, per_disk, more = gas
-    options = {"order": "tiles", "tile_disks": 150, "device": Device(threads=1)} | more
+    options = {"order": "tiled", "tile_disks": 150, "device": Device(threads=1)} | more
     if comm is not None and comm.rank:  # those of the first are taken
         disks, state = None, None  # type: ignore[assignment]
     engine = Engine(disks, box, state, np.array([[law]]), comm=comm, **options)
@@ -146,7 +146,7 @@ def after(gas: Gas, comm: Any) -> tuple[Engine, dict[str, Any]]:
     found = dict(vars(engine.state())) | {
         f"statistics {name}": n for name, n in vars(engine.statistics).items()
     }
-    past = slices.gather(engine.comm, N, [engine.past["angle"]]) or [None]
+    past = distribution.gather(engine.comm, N, [engine.past["angle"]]) or [None]
     found |= {"totals": engine.totals(), "sums": engine.windows.sums, "past": past[0]}
     found["inputs"] = engine.force_steps.energy_inputs
     engine.keep_collisions = True
@@ -186,28 +186,28 @@ def half_a_ring() -> None:
 def half_a_halo() -> None:
     """Neighbours send a quarter of what halos need."""
     whole = ranks.RankArrays.bands
-    ranks.RankArrays.bands = lambda self: whole(self) / ranks.WIDEN / 4.0  # type: ignore[method-assign]
+    ranks.RankArrays.bands = lambda self: whole(self) / ranks.HALO_GROWTH / 4.0  # type: ignore[method-assign]
     ranks.RankArrays.n_short = lambda self, bad: 0  # type: ignore[method-assign]
 
 
 def no_foresight() -> None:
     """Neighbours send what halos need at first. This is no fault: it costs time."""
     whole = ranks.RankArrays.bands
-    ranks.RankArrays.bands = lambda self: whole(self) / ranks.WIDEN  # type: ignore[method-assign]
+    ranks.RankArrays.bands = lambda self: whole(self) / ranks.HALO_GROWTH  # type: ignore[method-assign]
 
 
 def no_trails() -> None:
     """Neighbours tell nothing of the disks that they ran."""
-    whole, swap = ranks.RankArrays.exchange_trails, ranks.RankArrays._swap
+    whole, swap = ranks.RankArrays.exchange_trails, ranks.RankArrays.exchange
 
     def silent(self: Any, again: bool) -> None:
-        ranks.RankArrays._swap = (
+        ranks.RankArrays.exchange = (
             lambda self, messages: swap(  # type: ignore[method-assign]
                 self, [(*(each[:0] for each in message[:3]), *message[3:]) for message in messages]
             )
         )
         whole(self, again)
-        ranks.RankArrays._swap = swap  # type: ignore[method-assign]
+        ranks.RankArrays.exchange = swap  # type: ignore[method-assign]
 
     ranks.RankArrays.exchange_trails = silent  # type: ignore[method-assign]
 
@@ -296,8 +296,8 @@ def told(comm: Any, name: str) -> dict[str, Any]:
         "tables": COUNTED["_empty_table"],
     }
     if comm.size > 1:
-        counted["whole"] = engine.arrays.traffic.whole
-        counted["moved"] = engine.arrays.traffic.moved
+        counted["whole"] = engine.arrays.communication.whole
+        counted["moved"] = engine.arrays.communication.moved
     own = int(np.sum(np.asarray(getattr(engine.arrays, "own", [])) >= 0))
     differ = [each for each in differ if each != "statistics run_again"]  # depends on room for claims too
     return {"differ": differ, **counted, "tiles": engine.arrays.tiles, "own": own}

@@ -18,10 +18,10 @@ from mpi4py import MPI
 import ifrdem
 from ifrdem.case import file
 from ifrdem.initial.from_csv import Given
-from ifrdem.tools import slices
+from ifrdem.mpi import distribution
 
 COMM = MPI.COMM_WORLD
-slices.BLOCK = 1 << 11  # so that slices begin within blocks
+distribution.BLOCK = 1 << 11  # so that slices begin within blocks
 N = 24_000
 IDS = ifrdem.slice_of(N, COMM)
 FIELDS = ("position", "velocity", "spin", "collisions", "image", "last_partner", "angle", "dissipated")
@@ -63,7 +63,7 @@ def simulation(comm: Any, ids: range, change: Callable[..., None] = lambda *_: N
 def differing(own: Any, expected: Any, names: tuple[str, ...] = FIELDS) -> list[str]:
     """Fields of slices that are not, to the bit, those of a whole state, which the first rank has."""
     arrays = [np.asarray(getattr(own, name)) for name in names]
-    found = slices.gather(COMM, N, arrays)
+    found = distribution.gather(COMM, N, arrays)
     if found is None:
         return []
     return [

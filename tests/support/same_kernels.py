@@ -40,7 +40,7 @@ from ifrdem.simulation.tracking import Tracking
 from ifrdem.theory.driven_gas import Drive
 
 N = 700
-arrays.ALONE = 100  # windows as short as those of gases in tiles
+arrays.SINGLE_TILE = 100  # windows as short as those of gases in tiles
 ALL_SUMS: dict[str, Any] = {"record": ["disk_energy", "partner", "angle"]}
 RANK_GASES = ("2:walls", "2:fast sizes", "2:driven", "2:shear")
 
@@ -159,12 +159,12 @@ def of_own_law(**options: Any) -> Engine:
 
 
 GASES: dict[str, Callable[..., Engine]] = {
-    "plain": lambda **o: periodic(equal_disks(N), 0.3, COIN, order="alone", **o),
-    "plain, tiles": lambda **o: periodic(equal_disks(N), 0.5, COIN, order="tiles", tile_disks=60, **o),
-    "mixture": lambda **o: periodic(mixture(N), 0.4, ROLLING, order="tiles", tile_disks=60, **ALL_SUMS, **o),
+    "plain": lambda **o: periodic(equal_disks(N), 0.3, COIN, order="serial", **o),
+    "plain, tiles": lambda **o: periodic(equal_disks(N), 0.5, COIN, order="tiled", tile_disks=60, **o),
+    "mixture": lambda **o: periodic(mixture(N), 0.4, ROLLING, order="tiled", tile_disks=60, **ALL_SUMS, **o),
     "two sizes": two_sizes,
-    "walls": lambda **o: walled(order="alone", **o),
-    "walls, tiles": lambda **o: walled(order="tiles", tile_disks=100, **o),
+    "walls": lambda **o: walled(order="serial", **o),
+    "walls, tiles": lambda **o: walled(order="tiled", tile_disks=100, **o),
     "container": contained,
     "pistons": pistons,
     "resting": resting,
@@ -173,9 +173,9 @@ GASES: dict[str, Callable[..., Engine]] = {
     "driven": driven,
     "own law": of_own_law,
     "f32": lambda **o: periodic(
-        mixture(N), 0.4, COIN, device=Device(precision="f32"), order="tiles", tile_disks=60, **o
+        mixture(N), 0.4, COIN, device=Device(precision="f32"), order="tiled", tile_disks=60, **o
     ),
-    "walls, f32": lambda **o: walled(order="alone", device=Device(precision="f32"), **o),
+    "walls, f32": lambda **o: walled(order="serial", device=Device(precision="f32"), **o),
 }
 ON_GPU = ("plain, tiles", "mixture", "walls, tiles", "shear", "two sizes")
 

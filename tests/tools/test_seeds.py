@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ifrdem.tools import seeds, slices
+from ifrdem.mpi import distribution
+from ifrdem.tools import seeds
 
 
 def normal(random: np.random.Generator, count: int) -> np.ndarray:
@@ -13,7 +14,7 @@ def normal(random: np.random.Generator, count: int) -> np.ndarray:
 
 
 def test_what_a_disk_draws_does_not_depend_on_who_else_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(slices, "BLOCK", 64)
+    monkeypatch.setattr(distribution, "BLOCK", 64)
     whole = seeds.drawn(3, seeds.SPINS, range(500), normal)
     assert whole.shape == (500, 2)
     assert len(np.unique(whole)) == 1000  # no block repeats another one
@@ -36,7 +37,7 @@ def test_one_block_draws_what_its_stream_gives() -> None:
 def test_a_random_order_of_many_has_each_once_and_any_part_alone(
     n: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(slices, "BLOCK", 64)
+    monkeypatch.setattr(distribution, "BLOCK", 64)
     order = seeds.permuted(3, seeds.SITES, n, range(n))
     assert np.array_equal(np.sort(order), np.arange(n))
     assert np.array_equal(seeds.permuted(3, seeds.SITES, n, range(n // 3, n // 2)), order[n // 3 : n // 2])
@@ -48,7 +49,7 @@ def test_a_random_order_mixes_as_shuffling_does(monkeypatch: pytest.MonkeyPatch)
 
     Descents are (n - 1)/2, with variance (n + 1)/12. Five deviations of each are allowed.
     """
-    monkeypatch.setattr(slices, "BLOCK", 64)
+    monkeypatch.setattr(distribution, "BLOCK", 64)
     n = 100_000
     for seed in range(3):
         order = seeds.permuted(seed, seeds.SITES, n, range(n))

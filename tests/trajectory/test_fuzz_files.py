@@ -88,7 +88,7 @@ def read(path: Path) -> None:
             for name in series:
                 series[name]
         repr(trajectory)
-        for name in ("laws", "gravity", "room"):
+        for name in ("laws", "gravity", "free_area"):
             with contextlib.suppress(InputError):  # parameters that frames do not need
                 getattr(trajectory, name)
         for disk in trajectory.tracked:
@@ -103,7 +103,7 @@ def commands(path: Path) -> list[list[str]]:
         ["export", f, "--to", "csv", "-o", f"{folder}/o.csv"],
         ["export", f, "--to", "extxyz", "-o", f"{folder}/o.xyz"],
         ["export", f, "--to", "gsd", "-o", f"{folder}/o.gsd"],
-        ["views", f],
+        ["link", f],
         ["analyse", f, "velocity", "impact", "pressure", "-o", f"{folder}/analysis"],
     ]
     return [["info", f], others[next(TURN) % len(others)], ["repair", f, "-o", f"{folder}/repaired.h5"]]
@@ -375,7 +375,7 @@ def test_a_damaged_status_is_told(tmp_path, capsys, seed):
     else:
         one.path.write_text(text)
     with no_hang():
-        found = cli.main(["tail", str(tmp_path), "--once"])
+        found = cli.main(["status", str(tmp_path)])
     shown = capsys.readouterr()
     assert found in (0, 1, 2)
     assert found != 2 or shown.err.startswith("ifrdem: ")
@@ -385,7 +385,7 @@ def test_a_damaged_status_is_told(tmp_path, capsys, seed):
 @pytest.mark.parametrize("text", ["[" * 100_000, "[]", "3", "", '{"format": 1}', "\udce9"])
 def test_what_is_no_status_is_told(tmp_path, capsys, text):
     (tmp_path / "run.status.json").write_text(text, errors="surrogateescape")
-    assert cli.main(["tail", str(tmp_path), "--once"]) == 2
+    assert cli.main(["status", str(tmp_path)]) == 2
     assert "is not a status file of ifrdem" in capsys.readouterr().err
 
 
@@ -455,7 +455,7 @@ def test_a_checkpoint_with_another_record_is_refused(tmp_path, capsys, extra):
     assert str(path) in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("verb", ["info", "repair", "views"])
+@pytest.mark.parametrize("verb", ["info", "repair", "link"])
 def test_a_folder_stands_for_its_only_trajectory(tmp_path, capsys, monkeypatch, files, verb):
     monkeypatch.chdir(tmp_path)
     assert cli.main([verb, "."]) == 2
@@ -481,7 +481,7 @@ def test_text_of_a_file_does_nothing_to_a_terminal(tmp_path, capsys, files):
     one.finish("failed", "\x1b[31mred\x07")
     assert cli.main(["info", str(path)]) == 0
     assert cli.main(["history", str(path), "--id", "2"]) == 0
-    assert cli.main(["tail", str(path), "--once"]) == 1
+    assert cli.main(["status", str(path)]) == 1
     out = capsys.readouterr().out
     assert all(each.isprintable() or each == "\n" for each in out)
     assert r"\x1b]0;owned\x07" in out

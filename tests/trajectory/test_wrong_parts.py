@@ -58,7 +58,7 @@ WHOLE_GAS = ("info", "plot temperatures")
 """Commands that need no data of disks, and succeed."""
 OF_DISKS = (
     "export --to csv", "export --to extxyz", "export --to gsd", "export --to h5 -o whole.h5", "history --id 5",
-    "plot disks", "plot velocity", "plot msd", "plot g", "movie -o movie.webp", "view --html page.html",
+    "plot disks", "plot velocity", "plot msd", "plot rdf", "movie -o movie.webp", "view --html page.html",
     "analyse velocity msd", "repair",
 )  # fmt: skip
 

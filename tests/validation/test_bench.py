@@ -221,7 +221,7 @@ def test_a_case_at_rest_ends_with_a_message(case_file: str, capsys: pytest.Captu
         (["--n", "inf"], "--n inf: a whole number"),
         (["--phi", "1.2"], "--phi 1.2: a packing fraction from 1e-05 to 0.9068 is needed"),
         (["--phi", "nan"], "--phi nan: a packing fraction"),
-        (["--arch", "cdua"], "--device = 'cdua': must be one of 'cpu', 'cuda' (did you mean 'cuda'?)"),
+        (["--device", "cdua"], "--device = 'cdua': must be one of 'cpu', 'cuda' (did you mean 'cuda'?)"),
         (["--precision", "f23"], "--precision = 'f23': allowed are f64, f32 (did you mean 'f32'?)"),
         (["--threads", "0"], f"--threads 0: a whole number from 1 to {backend.cores()} is needed"),
         (["--runs", "none"], "--runs none: a whole number from 1 to 10000 is needed"),
@@ -243,7 +243,7 @@ def test_what_cannot_be_is_refused(
 
 
 def test_all_mistakes_are_told_at_once(capsys: pytest.CaptureFixture[str]) -> None:
-    text = refusal(["--n", "x", "--phi", "y", "--runs", "z", "--arch", "w"], capsys)
+    text = refusal(["--n", "x", "--phi", "y", "--runs", "z", "--device", "w"], capsys)
     assert [line.split()[1] for line in text.splitlines()] == ["--n", "--phi", "--runs", "--device"]
 
 
@@ -273,7 +273,7 @@ def test_a_gas_beyond_the_memory_is_refused_before_anything_runs(
     summary.refuse_beyond_memory(1000, "cpu")
     summary.refuse_beyond_memory(20_000, "cuda", "random")
     with pytest.raises(InputError, match=r"20000 disks need some 24 MB"):
-        summary.refuse_beyond_memory(20_000, "cuda", "growth")
+        summary.refuse_beyond_memory(20_000, "cuda", "lubachevsky_stillinger")
     # 300 bytes of the start, 200 of the writer and 198 of the engine, of which others of 8 ranks have seven parts.
     with pytest.raises(InputError, match=r"19000 disks need some 13.3 MB"):
         summary.refuse_beyond_memory(19_000, "cpu")

@@ -18,7 +18,7 @@ def test_tiles_of_few_disks_give_the_bits_of_one_tile_in_windows_of_one_length(n
     """The state that a GPU is compared by: the state in one tile, after windows as short as its own."""
     gas = bits.EXACT[name](600)
     alone = bits.after(gas, 4.0, "cpu")
-    tiles = bits.after(gas, 4.0, "cpu", order="tiles", tile_disks=60)
+    tiles = bits.after(gas, 4.0, "cpu", order="tiled", tile_disks=60)
     assert alone.arrays.tiles == 1
     assert tiles.arrays.tiles > 1
     assert alone.statistics.windows == tiles.statistics.windows > 4

@@ -122,7 +122,7 @@ def run(quick: bool, device: str = "cuda") -> Result:
             f"{what}, run twice", differing(state, after(gas, per_disk, device).state()), 0, 0.0, "bits", BITS
         )
         for tile in (30, 250):
-            other = after(gas, per_disk, device, order="tiles", tile_disks=tile).state()
+            other = after(gas, per_disk, device, order="tiled", tile_disks=tile).state()
             result.near(f"{what}, tiles of {tile}", differing(state, other), 0, 0.0, "bits", BITS)
         if "forces" not in gas[-1]:
             _keeps(result, name, gas, engine)

@@ -57,7 +57,8 @@ def _timed(result: Result, device: str, n: int, phi: float, precision: str) -> t
     windows = sum(each.done["windows"] for each in runs)
     tolerance = 1e-11 if precision == "f64" else 1e-3
     result.near(
-        f"energy after the measurement, {n} disks at {phi:g}, {precision}, {device}", simulation.measure().energy / begun,
+        f"energy after the measurement, {n} disks at {phi:g}, {precision}, {device}",
+        simulation.measure().energy / begun,
         1.0, tolerance, "rounding of each collision", "conservation",
     )  # fmt: skip
     window = 1e3 * sum(each.seconds for each in runs) / windows

@@ -3,8 +3,8 @@
 `random_case` draws cases that look like those of a user: walls of all shapes, at rest or moving, pistons, gates,
 thermal walls, gravity, forces, mixtures, shear, open boxes, remedies for collapse, starts of all kinds, and now and
 then a value that is 0 or many orders of magnitude off. Kernels are compiled for each set of features, so the sets are
-those of `KINDS`. Where `check` accepts a case the run begins (`--maxh` ends it after its first windows). It may end by
-itself where physics ends it: an inelastic collapse without a remedy, or disks that never meet.
+those of `KINDS`. Where `check` accepts a case the run begins (`--max-hours` ends it after its first windows). It may
+end by itself where physics ends it: an inelastic collapse without a remedy, or disks that never meet.
 
 By hand, `python -m ifrdem.validation.gas.cases FIRST LAST SEED` prints each disagreement of some of them.
 """
@@ -29,7 +29,7 @@ from ...case.file import CaseFile
 from ...case.objects import options_of
 from ...case.summary import REFUSED_HERE
 from ...errors import EngineError, InputError, Stopped
-from ...run import job
+from ...run import run as running
 from ...run.outputs import Outputs
 from ...simulation import checks
 from ...simulation.turning import check_turning
@@ -167,10 +167,12 @@ def piston(dice: Dice, lengths: list[float]) -> dict[str, Any]:
 
 def force(dice: Dice, kind: str | None = None) -> dict[str, Any]:
     """A force."""
-    kind = kind or dice.choice(("kicks", "spin_kicks", "langevin", "drag", "rescale", "table_friction"))
+    kind = kind or dice.choice(
+        ("random_force", "random_torque", "langevin", "drag", "rescale", "table_friction")
+    )
     values: dict[str, dict[str, Any]] = {
-        "kicks": {dice.choice(("power", "diffusion")): about(dice, 1.0)},
-        "spin_kicks": {dice.choice(("power", "diffusion")): about(dice, 1.0)},
+        "random_force": {dice.choice(("power", "diffusion")): about(dice, 1.0)},
+        "random_torque": {dice.choice(("power", "diffusion")): about(dice, 1.0)},
         "langevin": {"temperature": about(dice, 1.0), "rate": about(dice, 1.0)},
         "drag": {dice.choice(("rate", "quadratic", "spin_rate")): about(dice, 1.0)},
         "rescale": {dice.choice(("temperature", "energy")): about(dice, 1.0)},
@@ -258,7 +260,7 @@ def random_case(dice: Dice, kind: str | None = None) -> tuple[dict[str, Any], st
     if "material" in box and (kind == "rest" or seldom(dice, 0.6)):
         box["gravity"] = [0.0, -about(dice, 1.0)]
         if not any(box["periodic"]) and seldom(dice, 0.2):
-            box["gravity_turns"] = either(dice, 0.1)
+            box["gravity_rotation_rate"] = either(dice, 0.1)
     if kind == "rest":
         run |= {"collapse": "rest", "resting_speed": about(dice, 0.01)}
     elif kind == "tc":
@@ -287,7 +289,7 @@ def random_case(dice: Dice, kind: str | None = None) -> tuple[dict[str, Any], st
         case["force"] = [force(dice) for _ in range(dice.choice((1, 1, 2)))]
     case["output"] = output(dice, kind, n, lengths)
     file = None
-    way = dice.choice(("random", "random", "random", "growth", "hexagonal", "file"))
+    way = dice.choice(("random", "random", "random", "lubachevsky_stillinger", "hexagonal", "file"))
     if way == "file" and "radii" not in species[0]:
         file = start_file(dice, n, lengths, largest)
         case["start"] = {"file": "start.csv"}
@@ -326,7 +328,7 @@ def disagreement(case: dict[str, Any], rows: str | None, folder: Path) -> tuple[
     try:
         with _silence(), contextlib.suppress(Stopped):
             outputs = Outputs.plan(file.case, f"{folder}/", picture=False)
-            job.run(file, outputs, force=True, max_hours=1e-9, say=_ignore, warn=_ignore)
+            running.run(file, outputs, force=True, max_hours=1e-9, say=_ignore, warn=_ignore)
     except InputError as error:
         return ("refused here", None) if here else ("accepted", f"run: {error}")
     except Exception as error:
@@ -351,7 +353,7 @@ def _on_ranks(file: CaseFile) -> str | None:
     """Text on a disagreement between the rules of cases and of the engine on two ranks; None if they agree."""
     gas = file.gas
     case = gas.case
-    wrong = [*rules.wrong_on_ranks(case, gas.kinds, gas.box, 2, start=True, sound=False)]
+    wrong = [*rules.check_on_ranks(case, gas.kinds, gas.box, 2, start=True, sound=False)]
     options = options_of(case)
     try:
         checks.check_pistons(gas.walls, gas.n, options, ranks=2)

@@ -103,7 +103,7 @@ def turned_by_lammps(rate: float, seed: int, pieces: int, contact_time: float, f
     disks, _, begin = start(seed)
     time, position = soft_grains.run(
         folder, disks, BOX, LAW, begin, t_end=(BEGIN + pieces * PIECE) / rate, every=SAMPLE / rate,
-        walls=[(f"cylinder z {CENTRE} {CENTRE} {RADIUS} -1 1", "in")], gravity_turns=-rate,
+        walls=[(f"cylinder z {CENTRE} {CENTRE} {RADIUS} -1 1", "in")], gravity_rotation_rate=-rate,
         contact_time=contact_time,
     )  # fmt: skip
     return of_pieces(disks, rate, time, position, np.zeros(len(time)), pieces)

@@ -46,7 +46,7 @@ class Escape:
     least_gap: float  # between a disk and a wall in all of them [length]; below 0 it is an overlap
 
 
-def room(order: str = "alone", *, seed: int = 1) -> Engine:
+def room(order: str = "serial", *, seed: int = 1) -> Engine:
     """Twelve disks of diameter and mass 1 in the room."""
     rng = np.random.default_rng(seed)
     grid = np.arange(12)
@@ -73,7 +73,7 @@ def room(order: str = "alone", *, seed: int = 1) -> Engine:
     )  # fmt: skip
 
 
-def corners(order: str = "alone", *, seed: int = 1) -> Engine:
+def corners(order: str = "serial", *, seed: int = 1) -> Engine:
     """Forty disks of diameter 0.7 among corners, joints and ends; walls are nowhere less than a diameter apart."""
     middle, box = (15.0, 15.0), Box((30.0, 30.0), (False, False))
     star = [
@@ -113,7 +113,7 @@ def corners(order: str = "alone", *, seed: int = 1) -> Engine:
 ROOMS = {"kinds": room, "corners": corners}
 
 
-def run(hits: int, order: str = "alone", *, where: str = "kinds", seed: int = 1) -> Escape:
+def run(hits: int, order: str = "serial", *, where: str = "kinds", seed: int = 1) -> Escape:
     """Run in one of `ROOMS` until so many wall hits.
 
     Raises EngineError if a disk is found inside of a wall or beyond it.
@@ -137,7 +137,7 @@ def run(hits: int, order: str = "alone", *, where: str = "kinds", seed: int = 1)
     return Escape(engine.wall_hits, engine.collisions, engine.time, states, least)
 
 
-def escape(*, hits: str = "1e7", room: str = "kinds", order: str = "alone", seed: str = "1") -> None:
+def escape(*, hits: str = "1e7", room: str = "kinds", order: str = "serial", seed: str = "1") -> None:
     """Look for disks that get through walls, until so many wall hits.
 
     Parameters

@@ -29,7 +29,7 @@ CONTACT_TIME, STEPS = 0.03, 40  # time; steps in it
 
 def run(
     folder: Path, disks: Disks, box: Box, law: IFRLaw, start: State, *, t_end: float, every: float,
-    walls: Sequence[tuple[str, str]] = (), gravity_turns: float = 0.0, contact_time: float = CONTACT_TIME,
+    walls: Sequence[tuple[str, str]] = (), gravity_rotation_rate: float = 0.0, contact_time: float = CONTACT_TIME,
 ) -> tuple[Array, Array]:  # fmt: skip
     """Let LAMMPS run soft disks under g = 1, which points along -y at t = 0.
 
@@ -43,7 +43,7 @@ def run(
         End of the run, and time between two samples [time].
     walls : sequence of (str, str)
         Walls beside the sides of the box: arguments of LAMMPS's `region`, and "in" or "out", the side of the disks.
-    gravity_turns : float
+    gravity_rotation_rate : float
         Rate at which gravity turns, counter-clockwise [rad/time].
     contact_time : float
         Duration of a collision of two disks of mass 1, whose stiffness goes as 1 / contact_time^2 [time].
@@ -84,7 +84,7 @@ neighbor 0.3 bin
 neigh_modify every 1 delay 0 check yes
 fix move all nve/sphere disc
 fix flat all enforce2d
-variable a equal {gravity_turns!r}*step*{step!r}
+variable a equal {gravity_rotation_rate!r}*step*{step!r}
 variable gx equal sin(v_a)
 variable gy equal -cos(v_a)
 fix weight all gravity 1.0 vector v_gx v_gy 0.0

@@ -30,9 +30,9 @@ from ...case.case import UNITS, Case
 from ...case.gas import CaseGas
 from ...case.objects import device_of
 from ...errors import InputError
+from ...mpi import communicator
 from ...simulation import backend
 from ...simulation.simulation import Simulation
-from ...tools import world
 from ...tools.progress import Progress
 from ...tools.versions import __version__
 
@@ -310,9 +310,9 @@ def measure(
     return Benchmark(
         gas="elastic gas" if after is None else run.name,
         n=gas.n,
-        phi=gas.room.covered_part(gas.kinds.covered),
-        device=run.arch,
-        threads=_threads(run.threads, comm) if run.arch == "cpu" else 1,
+        phi=gas.free_area.covered_part(gas.kinds.covered),
+        device=run.device,
+        threads=_threads(run.threads, comm) if run.device == "cpu" else 1,
         precision=run.precision,
         seed=run.seed,
         collisions_before=before,
@@ -327,13 +327,13 @@ def measure(
 
 def _sent(simulation: Simulation) -> Any:
     """Counts of what this rank has sent so far, an array of `SENT`; None if it is the only one."""
-    traffic = simulation.traffic
+    traffic = simulation.communication
     return None if traffic is None else np.array([getattr(traffic, name) for name in SENT], dtype=float)
 
 
 def _threads(given: int | None, comm: Any) -> int:
     """Threads of a rank."""
-    return given or (world.cores_here(comm, backend.cores()) if comm else backend.cores())
+    return given or (communicator.cores_here(comm, backend.cores()) if comm else backend.cores())
 
 
 def prepared(
@@ -342,7 +342,7 @@ def prepared(
     """The gas of a case and its simulation, warm; arguments and errors as for `measure`."""
     run = case.run
     backend.check(device_of(run))
-    summary.refuse_beyond_memory(sum(each.number for each in case.species), run.arch, case.start.positions)
+    summary.refuse_beyond_memory(sum(each.number for each in case.species), run.device, case.start.positions)
     gas = CaseGas.from_case(case, folder)
     simulation = gas.simulation(comm=comm)
     if after is None:
@@ -352,7 +352,7 @@ def prepared(
         end = {"collisions_per_disk": after}
     if after != 0.0:
         unit = UNITS[run.units]["time"] if run.units == "SI" else ""
-        shown = Progress(gas.n, unit=unit, **end) if world.is_first(comm) else None
+        shown = Progress(gas.n, unit=unit, **end) if communicator.is_root(comm) else None
         with shown or contextlib.nullcontext():
             simulation.run(progress=shown or False, frames=PIECES, **end)
     warm_up(simulation)
@@ -385,7 +385,7 @@ def timed(simulation: Simulation, seconds: float) -> Run:
         marks.append(time.perf_counter())
         windows.append(simulation.statistics.windows)
         enough = marks[-1] - marks[0] >= seconds and len(marks) > LEAST_LAUNCHES
-        if world.told(simulation.comm, enough):
+        if communicator.bcast(simulation.comm, enough):
             raise LongEnough
 
     with contextlib.suppress(LongEnough):
@@ -451,7 +451,7 @@ def elastic_gas(
     seed: int = 1,
 ) -> Case:
     """The case of n equal, smooth, elastic disks at packing fraction phi: a hexagonal lattice, Maxwellian at T = 1."""
-    run = {"name": "elastic", "seed": seed, "units": "reduced", "arch": device, "precision": precision}
+    run = {"name": "elastic", "seed": seed, "units": "reduced", "device": device, "precision": precision}
     if threads is not None:
         run["threads"] = threads
     disk = {"mass": MASS, "radius": RADIUS, "speed_rms": math.sqrt(2.0 * TEMPERATURE / MASS)}

@@ -28,7 +28,7 @@ def start(
     the first progress of `ifrdem run`."""
     from ...case import template
 
-    flags = ["--arch", device, "--precision", precision, *(["--threads", str(threads)] if threads else [])]
+    flags = ["--device", device, "--precision", precision, *(["--threads", str(threads)] if threads else [])]
     with tempfile.TemporaryDirectory(prefix="ifrdem-start-") as folder:
         path = Path(folder) / "cooling.toml"
         path.write_text(template.write("cooling"), encoding="utf-8")

@@ -101,7 +101,7 @@ class Memory:
 
 def coins(n: int, phi: float, *, device: str, threads: int | None, **run: Any) -> Case:
     """Coins of 1 pta that cool from a random start."""
-    run |= {"name": "coins", "arch": device, "collisions_per_disk": AFTER} | (
+    run |= {"name": "coins", "device": device, "collisions_per_disk": AFTER} | (
         {} if threads is None else {"threads": threads}
     )
     species = {"name": "1 pta", "number": n, "coin": "1 pta", "speed_rms": 1.0}
@@ -117,7 +117,7 @@ def two_sizes(n: int, phi: float, **gas: Any) -> Case:
     share = round(n / (1.0 + BIG**2)) / n
     radii = {"low": bench.RADIUS, "high": BIG * bench.RADIUS, "large_fraction": share}
     disks["radii"] = {"distribution": "bidisperse", **radii}
-    return Case.model_validate(case | {"start": {"positions": "growth"}})
+    return Case.model_validate(case | {"start": {"positions": "lubachevsky_stillinger"}})
 
 
 def with_ledger(case: Case) -> Case:

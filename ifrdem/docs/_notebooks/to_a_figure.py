@@ -34,7 +34,7 @@ figure = pyplot.figure(figsize=(10.0, 8.0), layout="constrained")
 axes = figure.subplots(2, 2)
 run.plot("temperatures", ax=axes[0, 0], over="tau")
 run[-1].plot(ax=axes[0, 1], color="speed")
-run.plot("g", ax=axes[1, 0])
+run.plot("rdf", ax=axes[1, 0])
 run.plot("energy", ax=axes[1, 1])
 _ = axes[0, 0].set_title("bands: two standard errors", fontsize="medium")
 

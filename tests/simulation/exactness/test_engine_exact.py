@@ -34,9 +34,9 @@ GASES = [
     for law in LAWS
 ]
 WAYS = {
-    "alone": {"order": "alone"},
-    "tiles": {"order": "tiles", "tile_disks": 250},
-    "larger tiles": {"order": "tiles", "tile_disks": 1000},
+    "serial": {"order": "serial"},
+    "tiled": {"order": "tiled", "tile_disks": 250},
+    "larger tiles": {"order": "tiled", "tile_disks": 1000},
 }
 # Gases are prepared on all cores: the same number first, because changing it starts Taichi anew.
 THREADS = [t for t in (2, 1) if t <= backend.cores()]
@@ -74,7 +74,7 @@ def test_more_than_a_million_collisions_are_compared() -> None:
     assert sum(n_compared(phi, kind) for phi, kind, _ in GASES) * len(WAYS) * 2 > 1_000_000
 
 
-@pytest.mark.parametrize(("phi", "law", "order"), [(0.6, "elastic", "alone"), (0.7, "elastic", "tiles")])
+@pytest.mark.parametrize(("phi", "law", "order"), [(0.6, "elastic", "serial"), (0.7, "elastic", "tiled")])
 def test_no_disks_overlap_in_ten_million_collisions(phi: float, law: str, order: str) -> None:
     """Two runs of five million; contact may be short of the contact distance by the rounding of two positions."""
     disks = equal_disks(10_000)
@@ -87,7 +87,7 @@ def test_no_disks_overlap_in_ten_million_collisions(phi: float, law: str, order:
     assert engine.collisions == 5_000_000
 
 
-@pytest.mark.parametrize("order", ["alone", "tiles"])
+@pytest.mark.parametrize("order", ["serial", "tiled"])
 def test_a_run_repeats_to_the_last_bit(order: str) -> None:
     disks = mixture(3000)
     box, state = equilibrated(disks, 0.4)
@@ -111,7 +111,7 @@ def test_single_precision_keeps_energy_and_contacts_to_its_rounding() -> None:
     disks = equal_disks(4000)
     box, state = equilibrated(disks, 0.3)
     options: dict[str, dict[str, Any]] = {
-        order: {"order": order, "tile_disks": 1000} for order in ("alone", "tiles")
+        order: {"order": order, "tile_disks": 1000} for order in ("serial", "tiled")
     }
     double = {
         order: Engine(disks, box, state, np.array([[ELASTIC]]), **given).bytes_allocated

@@ -29,7 +29,7 @@ Serial = tuple[State, list[tuple[float, int, int]]]
 @pytest.fixture(autouse=True)
 def windows_of_tiles(monkeypatch: pytest.MonkeyPatch) -> None:
     """Windows as short as those of gases that are divided: few disks have longer ones, which would need wide halos."""
-    monkeypatch.setattr("ifrdem.simulation.arrays.ALONE", 100)
+    monkeypatch.setattr("ifrdem.simulation.arrays.SINGLE_TILE", 100)
 
 
 def assert_same_as_serial(
@@ -63,19 +63,19 @@ def equal_gas(packing_fraction: float, law: tuple[float, ...]) -> tuple[Disks, B
     return disks, box, state, per_disk, simulate(disks, box, law, state, max_collisions=int(per_disk * 500))
 
 
-@pytest.mark.parametrize("order", ["alone", "tiles"])
+@pytest.mark.parametrize("order", ["serial", "tiled"])
 @pytest.mark.parametrize("law", [ELASTIC, COIN, ROLLING], ids=["elastic", "coin", "rolling"])
 @pytest.mark.parametrize("packing_fraction", [0.1, 0.3, 0.6, 0.7])
 def test_collisions_are_those_of_the_serial_code(
-    packing_fraction: float, law: tuple[float, ...], order: str, arch: str
+    packing_fraction: float, law: tuple[float, ...], order: str, device: str
 ) -> None:
     disks, box, state, per_disk, by_serial = equal_gas(packing_fraction, law)
-    engine = Engine(disks, box, state, np.array([[law]]), device=arch, order=order, tile_disks=60)
+    engine = Engine(disks, box, state, np.array([[law]]), device=device, order=order, tile_disks=60)
     assert_same_as_serial(disks, box, state, law, engine, per_disk, by_serial)
     assert engine.statistics.in_order < engine.statistics.windows
 
 
-@pytest.mark.parametrize(("order", "n"), [("alone", 20_000), ("tiles", 50_000)])
+@pytest.mark.parametrize(("order", "n"), [("serial", 20_000), ("tiled", 50_000)])
 def test_none_of_many_disks_ever_overlap(order: str, n: int) -> None:
     """A pair that was missed meets without a collision: looked for among all pairs, several times per flight.
 
@@ -95,10 +95,10 @@ def test_none_of_many_disks_ever_overlap(order: str, n: int) -> None:
 
 
 @pytest.mark.parametrize("packing_fraction", [0.1, 0.3, 0.55])
-def test_collisions_of_a_mixture_are_those_of_the_serial_code(packing_fraction: float, arch: str) -> None:
+def test_collisions_of_a_mixture_are_those_of_the_serial_code(packing_fraction: float, device: str) -> None:
     disks = mixture(1000)
     box, state = equilibrated(disks, packing_fraction)
-    engine = Engine(disks, box, state, np.array([[COIN]]), device=arch)
+    engine = Engine(disks, box, state, np.array([[COIN]]), device=device)
     assert_same_as_serial(disks, box, state, COIN, engine, per_disk=4 if packing_fraction < 0.2 else PER_DISK)
 
 
@@ -110,7 +110,7 @@ def driven_by_heavy_disks(n: int) -> tuple[Disks, Box, State]:
     return disks, box, State(state.position, np.where(heavy[:, None], state.velocity, 0.0), np.zeros(n))
 
 
-@pytest.mark.parametrize("order", ["alone", "tiles"])
+@pytest.mark.parametrize("order", ["serial", "tiled"])
 def test_disks_that_become_fast_lose_no_collision(order: str) -> None:
     """Faster than any at the beginning of a window, after which its length and the halos were chosen."""
     disks, box, state = driven_by_heavy_disks(900)
@@ -139,7 +139,7 @@ def two_in_a_long_box() -> tuple[Disks, Box, State]:
     )
 
 
-@pytest.mark.parametrize("order", ["alone", "tiles"])
+@pytest.mark.parametrize("order", ["serial", "tiled"])
 @pytest.mark.parametrize("make", [small_box, two_in_a_long_box])
 def test_small_boxes_give_the_serial_collisions(
     make: Callable[[], tuple[Disks, Box, State]], order: str
@@ -160,7 +160,7 @@ def sequence(engine: Engine, t_end: float) -> list[tuple[int, int]]:
     return pairs
 
 
-@pytest.mark.parametrize("order", ["alone", "tiles"])
+@pytest.mark.parametrize("order", ["serial", "tiled"])
 def test_a_light_disk_flies_on_from_a_heavy_one_at_twice_its_speed(order: str) -> None:
     """And takes all of the box in the rest of the window."""
     disks = Disks(2, mass=np.array([1.0, 0.01]), radius=0.5)

@@ -51,11 +51,11 @@ def test_moments_are_told_with_their_window_as_the_whole_box_in_order_passes_the
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """At numbers of collisions, and at times halfway between them."""
-    alone, _, _ = looked_at(name, FRAMES, monkeypatch, order="alone")
+    alone, _, _ = looked_at(name, FRAMES, monkeypatch, order="serial")
     times = [0.5 * (one.time + two.time) for (one, *_), (two, *_) in itertools.pairwise(alone)]
     points = [*FRAMES, *(Due(time) for time in times)]
-    expected, _, _ = looked_at(name, points, monkeypatch, order="alone")
-    found, engine, again = looked_at(name, points, monkeypatch, order="tiles", tile_disks=250)
+    expected, _, _ = looked_at(name, points, monkeypatch, order="serial")
+    found, engine, again = looked_at(name, points, monkeypatch, order="tiled", tile_disks=250)
     assert len(found) == len(expected) == len(points)
     for (state, (lost, regimes), walls), (state_1, (lost_1, regimes_1), walls_1) in zip(
         found, expected, strict=True
@@ -90,9 +90,9 @@ def too_sure(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_moments_that_are_not_where_they_are_expected_are_found_by_another_run(
     fault: Callable[[pytest.MonkeyPatch], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    expected, _, _ = looked_at("phi = 0.3", FRAMES, monkeypatch, order="alone")
+    expected, _, _ = looked_at("phi = 0.3", FRAMES, monkeypatch, order="serial")
     fault(monkeypatch)
-    found, _, again = looked_at("phi = 0.3", FRAMES, monkeypatch, order="tiles", tile_disks=250)
+    found, _, again = looked_at("phi = 0.3", FRAMES, monkeypatch, order="tiled", tile_disks=250)
     assert again > 4
     assert len(found) == len(expected)
     for (state, *_), (state_1, *_) in zip(found, expected, strict=True):
@@ -101,9 +101,9 @@ def test_moments_that_are_not_where_they_are_expected_are_found_by_another_run(
 
 
 def test_notes_of_tiles_that_are_run_again_do_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
-    expected, _, _ = looked_at("phi = 0.6", FRAMES, monkeypatch, order="alone")
+    expected, _, _ = looked_at("phi = 0.6", FRAMES, monkeypatch, order="serial")
     narrowed(monkeypatch, NARROW)
-    found, engine, again = looked_at("phi = 0.6", FRAMES, monkeypatch, order="tiles", tile_disks=250)
+    found, engine, again = looked_at("phi = 0.6", FRAMES, monkeypatch, order="tiled", tile_disks=250)
     assert engine.statistics.run_again > engine.statistics.windows > 2 * engine.statistics.in_order
     assert again <= 4  # as above: a wrong time would be found out, and found by another run
     for (state, *_), (state_1, *_) in zip(found, expected, strict=True):

@@ -36,7 +36,7 @@ Gas = tuple[Disks, Box, State, tuple[float, ...], dict[str, Any]]
 @pytest.fixture(autouse=True)
 def windows_of_tiles(monkeypatch: pytest.MonkeyPatch) -> None:
     """Windows as short as those of gases that are divided: few disks have longer ones, which would need wide halos."""
-    monkeypatch.setattr("ifrdem.simulation.arrays.ALONE", 100)
+    monkeypatch.setattr("ifrdem.simulation.arrays.SINGLE_TILE", 100)
 
 
 def run_on(engine: Engine, collisions: int) -> State:
@@ -85,7 +85,7 @@ def clusters() -> Gas:
     """Coins that have cooled for 150 collisions each: dense clusters in a thin gas."""
     disks = equal_disks(N)
     box, state = equilibrated(disks, 0.3)
-    cooled = run_on(Engine(disks, box, state, np.array([[COIN]]), order="alone"), 75 * N)
+    cooled = run_on(Engine(disks, box, state, np.array([[COIN]]), order="serial"), 75 * N)
     count = np.histogram2d(*cooled.position.T, bins=12, range=[(0.0, length) for length in box.lengths])[0]
     assert count.var() > 3.0 * count.mean()  # of chance alone at this density: 0.4 times
     scale = np.sqrt(2.0 / np.mean(np.sum(cooled.velocity**2, axis=1)))
@@ -118,7 +118,7 @@ def after(name: str, per_disk: float | None = None, **options: Any) -> tuple[Eng
 @cache
 def in_order(name: str, per_disk: float | None = None) -> State:
     """By one thread, the whole box in one tile."""
-    engine, state = after(name, per_disk, order="alone")
+    engine, state = after(name, per_disk, order="serial")
     assert engine.arrays.tiles == 1
     return state
 
@@ -132,7 +132,7 @@ def same(one: State, other: State) -> bool:
 def test_tiles_and_threads_and_the_whole_box_in_order_give_the_same_bits(name: str, threads: int) -> None:
     expected = in_order(name)
     for tile_disks in TILES if threads > 1 or name.startswith("phi") else TILES[1:2]:
-        engine, state = after(name, order="tiles", tile_disks=tile_disks, device=Device(threads=threads))
+        engine, state = after(name, order="tiled", tile_disks=tile_disks, device=Device(threads=threads))
         for each in SEEN:
             assert np.array_equal(getattr(state, each), getattr(expected, each)), (tile_disks, each)
         assert engine.arrays.tiles > 1
@@ -165,7 +165,7 @@ def narrowed(monkeypatch: pytest.MonkeyPatch, part: float) -> None:
 
 
 def in_tiles() -> tuple[Engine, State]:
-    return after(**FAULTY, order="tiles", tile_disks=250)
+    return after(**FAULTY, order="tiled", tile_disks=250)
 
 
 @pytest.mark.parametrize("part", [NARROW, 0.3])
@@ -231,7 +231,7 @@ def test_a_pair_that_no_tile_sees_is_found_by_the_width_of_halos_alone(
     monkeypatch.setattr(Windows, "_set_halos", narrow)
     monkeypatch.setattr(Windows, "_run_again", count)
     monkeypatch.setattr("ifrdem.simulation.windows.window_length", lambda *_: 3.0)
-    engine = Engine(disks, Box((48.0, 48.0)), state, np.array([[ELASTIC]]), order="tiles", tile_disks=1)
+    engine = Engine(disks, Box((48.0, 48.0)), state, np.array([[ELASTIC]]), order="tiled", tile_disks=1)
     assert engine.arrays.tiles == 16
     engine.advance(t_end=3.0)
     found = engine.state()
@@ -346,7 +346,7 @@ def test_ids_up_to_the_last_of_32_bits_on_one_thread() -> None:
             box,
             state,
             np.array([[law]]),
-            order="tiles",
+            order="tiled",
             tile_disks=250,
             device=Device(threads=1),
             record=["partner"],

@@ -59,7 +59,7 @@ def expected(name: str) -> tuple[Disks, Box, State, np.ndarray, np.ndarray]:
     )
 
 
-@pytest.mark.parametrize("order", ["alone", "tiles"])
+@pytest.mark.parametrize("order", ["serial", "tiled"])
 @pytest.mark.parametrize("name", GASES)
 def test_collisions_of_very_unequal_disks_are_those_of_the_serial_code(name: str, order: str) -> None:
     disks, box, state, pairs, times = expected(name)
@@ -93,7 +93,7 @@ def test_small_disks_that_come_far_without_collisions_meet_a_large_one(along: tu
     disks, box = Disks(n, mass=radius**2, radius=radius), Box((48.0, 48.0))
     state = State(position, velocity, np.zeros(n))
     _, found = simulate(disks, box, COIN, state, max_collisions=3)
-    engine = Engine(disks, box, state, np.array([[COIN]]), order="alone")
+    engine = Engine(disks, box, state, np.array([[COIN]]), order="serial")
     assert int(48.0 / (engine.arrays.grid.coarse * engine.arrays.scale.cell_side)) == 4
     met = run(engine, 3)
     assert [tuple(sorted(pair)) for pair in met.pair] == [tuple(sorted(one[1:])) for one in found]

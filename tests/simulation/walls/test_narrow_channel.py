@@ -52,13 +52,13 @@ def test_a_narrow_channel_in_many_tiles_has_the_bits_of_one() -> None:
     disks, state = channel(150)
     box = Box((300.0, WIDTH), (True, False))
     ends = []
-    for order in ("alone", "tiles"):
+    for order in ("serial", "tiled"):
         engine = Engine(disks, box, state, np.array([[COIN]]), order=order, tile_disks=15)
         while engine.time < 4.0:
             engine.advance(t_end=4.0)
         assert engine.collisions > 75  # one of each disk
         ends.append(engine.state())
-        assert (engine.arrays.tiles > 5) == (order == "tiles")
+        assert (engine.arrays.tiles > 5) == (order == "tiled")
     for name in ("position", "velocity", "spin", "collisions", "image"):
         np.testing.assert_array_equal(*(getattr(end, name) for end in ends), err_msg=name)
 

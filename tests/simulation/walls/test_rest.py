@@ -13,7 +13,7 @@ from scipy.spatial.distance import pdist
 from ifrdem import Device, Rest
 from ifrdem.errors import InputError
 from ifrdem.initial import maxwellian, random_positions
-from ifrdem.kernels.limits import RESTING_BYTES
+from ifrdem.kernels.columns import RESTING_BYTES
 from ifrdem.model.box import Box
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.observables import MECHANISMS

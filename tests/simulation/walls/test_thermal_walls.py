@@ -23,7 +23,7 @@ from ifrdem.simulation import backend
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
 
-ORDERS = ("alone", "tiles")
+ORDERS = ("serial", "tiled")
 LAW = np.array([[ELASTIC]])
 ROUGH = np.array(
     [[(1.0, 1.0, 0.0, 0.0, 0.0)]]
@@ -134,12 +134,12 @@ def test_every_way_of_running_draws_the_same_numbers() -> None:
     """To the last bit. Tiles that were run again drew them again."""
     engines = {order: furnished(order) for order in ORDERS}
     ends = {order: run_to(engine, 3.0) for order, engine in engines.items()}
-    assert ends["alone"].wall_hits.sum() > 40
+    assert ends["serial"].wall_hits.sum() > 40
     for order in ORDERS[1:]:
         for name in ("position", "velocity", "spin", "collisions", "wall_hits"):
-            np.testing.assert_array_equal(getattr(ends[order], name), getattr(ends["alone"], name))
-    other = run_to(furnished("alone", seed=4), 3.0)
-    assert np.abs(other.velocity - ends["alone"].velocity).max() > 0.1
+            np.testing.assert_array_equal(getattr(ends[order], name), getattr(ends["serial"], name))
+    other = run_to(furnished("serial", seed=4), 3.0)
+    assert np.abs(other.velocity - ends["serial"].velocity).max() > 0.1
 
 
 @pytest.mark.skipif(backend.cores() < 2, reason="needs two cores")
@@ -164,20 +164,20 @@ def test_two_threads_give_the_same_bits() -> None:
 
 def test_a_run_from_a_stored_state_draws_on() -> None:
     """The numbers of hits and collisions stand in the state; without the hits, other numbers would be drawn."""
-    engine = furnished("alone")
+    engine = furnished("serial")
     half = run_to(engine, 2.0)
     end = run_to(engine, 3.5)
-    again = run_to(furnished("alone", state=half), 3.5)
+    again = run_to(furnished("serial", state=half), 3.5)
     np.testing.assert_array_equal(again.wall_hits, end.wall_hits)
     np.testing.assert_array_equal(again.collisions, end.collisions)
     np.testing.assert_allclose(again.velocity, end.velocity, atol=1e-6)  # windows begin elsewhere
-    forgot = run_to(furnished("alone", state=replace(half, wall_hits=None)), 3.5)
+    forgot = run_to(furnished("serial", state=replace(half, wall_hits=None)), 3.5)
     assert np.abs(forgot.velocity - end.velocity).max() > 0.1
 
 
 @pytest.mark.parametrize(("precision", "error"), [("f64", 1e-11), ("f32", 1e-4)])
 def test_heat_and_work_are_what_elastic_disks_gain(precision: str, error: float) -> None:
-    engine = furnished("tiles", law=ELASTIC, device=Device(precision=precision))
+    engine = furnished("tiled", law=ELASTIC, device=Device(precision=precision))
     begin = measure(engine.disks, engine.state(), gravity=engine.gravity)
     end = measure(
         engine.disks, run_to(engine, 12.0), gravity=engine.gravity, wall_work=engine.wall_work,

@@ -84,7 +84,7 @@ def same(one: State, other: State) -> None:
 def test_bits_do_not_depend_on_tiles_threads_looks_or_sums() -> None:
     """Gates end windows; that somebody looks, or that impulses are added up, does not change anything."""
     end = 9.0
-    expected = gas("alone")
+    expected = gas("serial")
     state = run_to(expected, end)
     assert expected.collisions > 300
     assert list(np.flatnonzero(expected.open_gates)) == [6, 7]
@@ -94,13 +94,13 @@ def test_bits_do_not_depend_on_tiles_threads_looks_or_sums() -> None:
         same(run_to(tiles, end), state)
         assert tiles.arrays.tiles == 4
         np.testing.assert_allclose(tiles.wall_sums, expected.wall_sums, rtol=0.0, atol=1e-10)
-    same(run_to(gas("alone", sums=False), end), state)
-    looked = gas("alone")
+    same(run_to(gas("serial", sums=False), end), state)
+    looked = gas("serial")
     for t in np.linspace(0.0, end, 41)[1:]:
         same_time = run_to(looked, float(t))
     same(same_time, state)
     np.testing.assert_array_equal(looked.wall_sums, expected.wall_sums)
-    same(run_to(gas("tiles", threads=1), end), state)
+    same(run_to(gas("tiled", threads=1), end), state)
 
 
 def test_bits_of_a_shaken_container_under_gravity_do_not_depend_on_tiles() -> None:
@@ -269,7 +269,7 @@ def test_walls_at_the_edges_of_cells_are_hit_as_elsewhere(order: str) -> None:
     state = State(np.stack((column + 0.5, row + 0.5), axis=1), np.stack((u, 0.0 * u), axis=1), 0.0 * u)
     box, disks = Box((side, side), (False, True)), Disks(side**2, mass=1.0, radius=radius)
     engine = Engine(disks, box, state, np.array([[ELASTIC]]), walls=walls, order=order, tile_disks=64)
-    assert engine.arrays.tiles == (1 if order == "alone" else 64)
+    assert engine.arrays.tiles == (1 if order == "serial" else 64)
     found = run_to(engine, end)
     w = 1.0 - 2.0 * radius
     turns, rest = np.divmod(0.5 * w + u * end, w)
@@ -285,7 +285,7 @@ def test_the_end_of_a_segment_is_a_point_and_nothing_is_beyond_it(above: float, 
     wall = Wall.segment((10.0, 8.0), (10.0, 12.0))
     start = State([[4.0, 12.0 + above]], [[1.0, 0.0]], [0.0])
     engine = Engine(
-        Disks(1, mass=1.0, radius=0.5), BOX, start, np.array([[ELASTIC]]), walls=[wall], order="alone"
+        Disks(1, mass=1.0, radius=0.5), BOX, start, np.array([[ELASTIC]]), walls=[wall], order="serial"
     )
     found = run_to(engine, 8.0)
     height = max(above, 0.0)

@@ -21,7 +21,7 @@ from ifrdem.model.walls import Motion, Wall
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
 
-ORDERS = ("alone", "tiles")
+ORDERS = ("serial", "tiled")
 LAW = np.array([[ELASTIC]])
 
 
@@ -230,7 +230,7 @@ def test_every_way_of_running_gives_the_same_shaken_gas() -> None:
     ends = {order: run_to(shaken(order), 4.0) for order in ORDERS}
     for order in ORDERS[1:]:
         for name in ("position", "velocity", "spin", "collisions", "wall_hits"):
-            np.testing.assert_array_equal(getattr(ends[order], name), getattr(ends["alone"], name))
+            np.testing.assert_array_equal(getattr(ends[order], name), getattr(ends["serial"], name))
 
 
 def test_a_shaken_gas_is_the_same_on_two_threads() -> None:
@@ -393,7 +393,7 @@ def test_a_gas_that_starts_at_rest_falls_alike_in_tiles_and_in_one(monkeypatch: 
     box = Box((1.3 * side, 1.3 * side + 5.0), (True, False))
     found = []
     for alone in (20_000, 100):
-        monkeypatch.setattr("ifrdem.simulation.arrays.ALONE", alone)
+        monkeypatch.setattr("ifrdem.simulation.arrays.SINGLE_TILE", alone)
         gas = Simulation(
             Disks(n, mass=1.0, radius=0.5), box, IFRLaw(e_n=0.9, e_t=-0.6, mu=0.3), start, gravity=(0.0, -1.0),
             device=Device(window_collisions=1.0),

@@ -85,13 +85,13 @@ def scene(name: str, seed: int) -> tuple[Disks, State, list[tuple[float, int, in
     return disks, state, Gas(disks, state, law, walls, (0.0, gravity)).run(PER_DISK * n // 2)
 
 
-@pytest.mark.parametrize("alone", [True, False])
+@pytest.mark.parametrize("serial", [True, False])
 @pytest.mark.parametrize("name", SCENES)
 def test_collisions_with_disks_and_walls_are_those_of_the_serial_code(
     name: str, alone: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if not alone:
-        monkeypatch.setattr("ifrdem.simulation.arrays.ALONE", 50)
+        monkeypatch.setattr("ifrdem.simulation.arrays.SINGLE_TILE", 50)
     walls, (e_n, e_t, mu, contact_point, rho), gravity = SCENES[name]
     sticking = "contact_point" if contact_point else "percussion_center"
     law = IFRLaw(e_n=e_n, e_t=e_t, mu=mu, sticking=sticking, rho=rho)

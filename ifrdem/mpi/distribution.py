@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import EngineError, InputError
-from . import world
-from .checked import Comm, Integer, validated
+from ..tools.checked import Comm, Integer, validated
+from . import communicator
 
 Result = TypeVar("Result")
 
@@ -211,7 +211,7 @@ def digest(rows: NDArray[Any], comm: Any = None) -> bytes:
     return hashlib.sha256(f"{rows.dtype.str} {rows.shape[1:]}".encode() + b"".join(parts)).digest()
 
 
-def judged(comm: Any, work: Callable[[], Result]) -> Result:
+def run_on_slices(comm: Any, work: Callable[[], Result]) -> Result:
     """Have each rank look at its slice. An InputError of one is raised on all, and tells whose disks it numbers."""
 
     def told() -> Result:
@@ -220,4 +220,4 @@ def judged(comm: Any, work: Callable[[], Result]) -> Result:
         except InputError as error:
             raise InputError(f"{error} (rank {comm.rank} numbers the disks of its slice from 0 on)") from None
 
-    return world.together(comm, told)
+    return communicator.run_on_all(comm, told)

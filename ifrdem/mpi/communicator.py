@@ -56,7 +56,7 @@ def is_alone() -> bool:
     return _world is None
 
 
-def is_first(comm: Any) -> bool:
+def is_root(comm: Any) -> bool:
     """Tell if this rank speaks and writes for all."""
     return comm is None or comm.rank == 0
 
@@ -86,7 +86,7 @@ def share_here(comm: Any) -> float:
     return 1.0 if comm is None else _here(comm)[1] / comm.size
 
 
-def agree(comm: Any, error: BaseException | None) -> None:
+def raise_collectively(comm: Any, error: BaseException | None) -> None:
     """Return if no rank has an error; else all ranks raise that of the lowest one."""
     if comm is None:
         if error is not None:
@@ -100,7 +100,7 @@ def agree(comm: Any, error: BaseException | None) -> None:
     raise _made(*told)
 
 
-def together(comm: Any, work: Callable[[], Result]) -> Result:
+def run_on_all(comm: Any, work: Callable[[], Result]) -> Result:
     """Have each rank do something, and give its own result. An error of one is raised on all."""
     if comm is None:
         return work()
@@ -109,11 +109,11 @@ def together(comm: Any, work: Callable[[], Result]) -> Result:
         result = work()
     except BaseException as raised:
         error = raised
-    agree(comm, error)
+    raise_collectively(comm, error)
     return result  # type: ignore[return-value]  # there was no error
 
 
-def on_first(comm: Any, work: Callable[[], Result]) -> Result | None:
+def run_on_root(comm: Any, work: Callable[[], Result]) -> Result | None:
     """Have the first rank do something, and give its result; None on the others. An error is raised on all."""
     if comm is None:
         return work()
@@ -131,14 +131,14 @@ def on_first(comm: Any, work: Callable[[], Result]) -> Result | None:
     return result
 
 
-def told(comm: Any, value: Result) -> Result:
+def bcast(comm: Any, value: Result) -> Result:
     """Value that the first rank gives."""
     return value if comm is None else comm.bcast(value)
 
 
-def from_first(comm: Any, work: Callable[[], Result]) -> Result:
+def root_result(comm: Any, work: Callable[[], Result]) -> Result:
     """Have the first rank do something, and give all its result. An error is raised on all."""
-    return told(comm, on_first(comm, work))  # type: ignore[return-value]  # it is the first one's that all get
+    return bcast(comm, run_on_root(comm, work))  # type: ignore[return-value]  # it is the first one's that all get
 
 
 def first_of_all(comm: Any, texts: Sequence[str], count: int, most: int) -> tuple[list[str], int]:

@@ -1,4 +1,4 @@
-"""`mpiexec -n P python rank_slices.py`: what functions of `tools/slices.py` give on P ranks, a line of JSON."""
+"""`mpiexec -n P python rank_distribution.py`: what `mpi/distribution.py` gives on P ranks, as JSON."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ import ifrdem
 from ifrdem import initial
 from ifrdem.errors import EngineError
 from ifrdem.model.overlaps import check_no_overlap
-from ifrdem.tools import slices
+from ifrdem.mpi import distribution
 
 COMM = MPI.COMM_WORLD
-slices.BLOCK = 8  # so that blocks lie on several ranks
+distribution.BLOCK = 8  # so that blocks lie on several ranks
 
 
 def rows_of(n: int) -> tuple[Any, Any]:
@@ -32,7 +32,7 @@ def anywhere(n: int) -> Any:
 
 def outcome(ids: Any, n: int) -> str:
     try:
-        slices.by_id(COMM, n, ids, [])
+        distribution.by_id(COMM, n, ids, [])
     except EngineError as error:
         return str(error)
     return ""
@@ -41,24 +41,24 @@ def outcome(ids: Any, n: int) -> str:
 found: dict[str, Any] = {}
 for n in (0, 1, 5, 100, 257):
     real, whole = rows_of(n)
-    ids, own = anywhere(n), slices.slice_of(n, COMM)
+    ids, own = anywhere(n), distribution.slice_of(n, COMM)
     mine = [real[own.start : own.stop], whole[own.start : own.stop]]
     right = {
-        "by_id": slices.by_id(COMM, n, ids, [real[ids], whole[ids]]),
-        "scatter": slices.scatter(COMM, n, [real, whole] if COMM.rank == 0 else None),
+        "by_id": distribution.by_id(COMM, n, ids, [real[ids], whole[ids]]),
+        "scatter": distribution.scatter(COMM, n, [real, whole] if COMM.rank == 0 else None),
     }
     for name, got in right.items():
         same = all(a.dtype == b.dtype and np.array_equal(a, b) for a, b in zip(got, mine, strict=True))
         found[f"{name} {n}"] = bool(COMM.allreduce(int(same), MPI.MIN))
-    whole_again = slices.gather(COMM, n, mine)
+    whole_again = distribution.gather(COMM, n, mine)
     if whole_again is not None:
         found[f"gather {n}"] = all(map(np.array_equal, whole_again, (real, whole)))
-    total = slices.total(mine[0], COMM)
-    found[f"total {n}"] = bool(COMM.allreduce(int(np.array_equal(total, slices.total(real))), MPI.MIN))
-    found[f"digest {n}"] = slices.digest(mine[1], COMM) == slices.digest(whole)
+    total = distribution.total(mine[0], COMM)
+    found[f"total {n}"] = bool(COMM.allreduce(int(np.array_equal(total, distribution.total(real))), MPI.MIN))
+    found[f"digest {n}"] = distribution.digest(mine[1], COMM) == distribution.digest(whole)
 thin = np.broadcast_to(np.float64(0.5), (50, 7))
-dealt = slices.scatter(COMM, 50, [thin] if COMM.rank == 0 else None)
-again = slices.gather(COMM, 50, dealt)
+dealt = distribution.scatter(COMM, 50, [thin] if COMM.rank == 0 else None)
+again = distribution.gather(COMM, 50, dealt)
 found["thin"] = dealt[0].strides[0] == 0 and (
     again is None or (again[0].strides[0] == 0 and len(again[0]) == 50)
 )

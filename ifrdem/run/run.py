@@ -27,11 +27,11 @@ from ..errors import EngineError, InputError, Stopped, TrajectoryError, counted,
 from ..model.observables import MECHANISMS, TANGENTIAL, Measure, drift_text
 from ..model.state import State
 from ..model.walls import wall_names
+from ..mpi import communicator, distribution
 from ..simulation import backend, checkpoint
 from ..simulation.schedule import Course, Span
 from ..simulation.simulation import Simulation
 from ..simulation.tracking import Events
-from ..tools import slices, world
 from ..tools.checked import Array
 from ..tools.progress import Progress, Stage
 from ..tools.versions import revision
@@ -47,7 +47,7 @@ from .status import Status
 
 
 @dataclass
-class Job:
+class Run:
     """A run that is under way, from its beginning or from a checkpoint."""
 
     file: CaseFile
@@ -83,10 +83,10 @@ def run(
     far: Stopped, with a checkpoint, by a signal or the limit of time; KeyboardInterrupt after a second Ctrl-C
     or one before it has begun; EngineError or TrajectoryError if the engine or the disk fails.
     """
-    cores, share = cores_of(comm), world.share_here(comm)
+    cores, share = cores_of(comm), communicator.share_here(comm)
     began = time.perf_counter()
     gas, case, ranks = file.gas, file.case, comm.size if comm else 1
-    sliced = gas.is_told_in_slices(comm) and gas.is_made_in_slices
+    sliced = gas.is_distributed(comm) and gas.is_made_in_slices
 
     def prepared() -> tuple[State | None, NDArray[np.int32]]:
         outputs.check(force=force)
@@ -94,7 +94,7 @@ def run(
         folder = outputs.trajectory.parent
         refuse(check.refused_here(gas, estimate, folder, share=share, ranks=ranks, sliced=sliced))
         check.refuse_cadences(gas, estimate)
-        crushes = gas.crushes()
+        crushes = gas.wall_pinch_warnings()
         say(check.summary(gas, estimate, how(case, cores, comm)))
         for text in (*gas.warnings, *crushes, *gas.cautions):
             warn(text)
@@ -102,7 +102,7 @@ def run(
         return begin, gas.tracked(begin)
 
     try:
-        state, tracked = world.on_first(comm, prepared) or (None, gas.tracked(None))
+        state, tracked = communicator.run_on_root(comm, prepared) or (None, gas.tracked(None))
         if gas.is_read_in_slices(comm):
             state = gas.start(comm=comm)
         simulation = gas.simulation(state, tracked=tracked, comm=comm)
@@ -126,7 +126,7 @@ def run(
         options["parameters"] = _record(file, cores, comm)
         return None if in_parts else TrajectoryWriter(outputs.trajectory, gas.disks, gas.box, **options)
 
-    writer = world.on_first(comm, begin)
+    writer = communicator.run_on_root(comm, begin)
     queue: Any = None
     if in_parts:
         queue = PartsWriter.create(
@@ -134,16 +134,16 @@ def run(
         )
     elif writer is not None:
         queue = QueuedWriter(writer)
-    if not world.is_first(comm):
-        accompany(case, simulation, course, queue)
+    if not communicator.is_root(comm):
+        run_worker(case, simulation, course, queue)
         return
     with queue:
         if start is not None:
             queue.begin_histories(tracked, start)
-        job = Job(file, outputs, simulation, course, Ledger(), queue)
+        running = Run(file, outputs, simulation, course, Ledger(), queue)
         before = simulation.collisions
-        rate = drive(job, began, max_hours=max_hours, say=say, warn=warn)
-    finish(job, began, before, rate, say)
+        rate = run_root(running, began, max_hours=max_hours, say=say, warn=warn)
+    finish(running, began, before, rate, say)
 
 
 def stored(gas: CaseGas) -> dict[str, Any]:
@@ -156,25 +156,25 @@ def stored(gas: CaseGas) -> dict[str, Any]:
 
 def cores_of(comm: Any) -> int:
     """Cores for each rank here; called by all."""
-    return world.cores_here(comm, backend.cores()) if comm else backend.cores()
+    return communicator.cores_here(comm, backend.cores()) if comm else backend.cores()
 
 
 def how(case: Case, cores: int, comm: Any = None) -> str:
     """Device of a case and its threads, for the summary of a run."""
     used = case.run.threads or cores
-    text = device_of(case) + (f", {used} used" if case.run.arch == "cpu" else "")
+    text = device_of(case) + (f", {used} used" if case.run.device == "cpu" else "")
     text += f" by each of {comm.size} ranks" if comm else ""
     return text + (f", computing in {case.run.precision}" if case.run.precision != "f64" else "")
 
 
 def device_of(case: Case) -> str:
     """The device of a case."""
-    device = backend.describe(case.run.arch)
+    device = backend.describe(case.run.device)
     return f"{device.name}: {device.description}"
 
 
-def drive(
-    job: Job,
+def run_root(
+    running: Run,
     began: float,
     *,
     max_hours: float | None,
@@ -187,15 +187,15 @@ def drive(
 
     Raises Stopped or KeyboardInterrupt or EngineError or TrajectoryError as `run`.
     """
-    gas, simulation = job.file.gas, job.simulation
+    gas, simulation = running.file.gas, running.simulation
     case, run = gas.case, gas.case.run
     take = simulation.take_events if case.output.tracks else None
-    named = wall_names(gas.room.all_walls, gas.box)
-    walls = zip(named, gas.room.all_walls, strict=True)
+    named = wall_names(gas.free_area.all_walls, gas.box)
+    walls = zip(named, gas.free_area.all_walls, strict=True)
     pistons = [name for name, wall in walls if wall.piston is not None]
-    recorder = Recorder(job.writer, job.ledger, take, job.pending, walls=named, pistons=pistons)
+    recorder = Recorder(running.writer, running.ledger, take, running.pending, walls=named, pistons=pistons)
     status = Status(
-        job.outputs.trajectory, name=run.name, t_end=run.t_end,
+        running.outputs.trajectory, name=run.name, t_end=run.t_end,
         collisions_per_disk_end=run.collisions_per_disk, device=device_of(case),
     )  # fmt: skip
     stops = Stops(
@@ -204,7 +204,7 @@ def drive(
     n, unit = gas.n, UNITS[run.units]["time"] if run.units == "SI" else ""
     progress = Progress(
         n, t_end=run.t_end, collisions_per_disk=run.collisions_per_disk,
-        begin=(job.course.span.time, job.course.span.collisions), unit=unit, kernels=backend.kernels,
+        begin=(running.course.span.time, running.course.span.collisions), unit=unit, kernels=backend.kernels,
     )  # fmt: skip
 
     def tell(time: float, collisions: int) -> None:
@@ -212,15 +212,15 @@ def drive(
         status.update(
             time=time, collisions=collisions, collisions_per_disk=2.0 * collisions / max(n, 1),
             fraction=progress.fraction, collisions_per_second=progress.collisions_per_second,
-            eta_seconds=progress.seconds_left, frames=len(job.writer), series_rows=job.writer.series_rows,
+            eta_seconds=progress.seconds_left, frames=len(running.writer), series_rows=running.writer.series_rows,
         )  # fmt: skip
 
     def frame(state: State, measure: Measure) -> None:
-        recorder.frame(_as_written(simulation, job.writer, state), measure)
+        recorder.frame(_as_written(simulation, running.writer, state), measure)
 
     def row(measure: Measure) -> None:
         recorder.row(measure)
-        ledger = job.ledger
+        ledger = running.ledger
         status.update(
             temperature=measure.temperature, rotational_temperature=measure.rotational_temperature,
             energy=measure.energy, dissipated_energy=ledger.dissipated(measure),
@@ -229,14 +229,14 @@ def drive(
 
     def between() -> None:
         _agree_to_go_on(simulation, stops, lambda: recorder.between(simulation.time))
-        job.writer.commit()
-        if world.told(simulation.comm, stops.checkpoint_due):
-            save(job, recorder)
+        running.writer.commit()
+        if communicator.bcast(simulation.comm, stops.checkpoint_due):
+            save(running, recorder)
             stops.stored()
 
     def count() -> None:
         """Write the numbers of stored frames and rows to the status."""
-        status.update(frames=len(job.writer), series_rows=job.writer.series_rows)
+        status.update(frames=len(running.writer), series_rows=running.writer.series_rows)
 
     worked = time.process_time()
     say(f"compiling kernels: {check.COMPILING}")
@@ -244,48 +244,50 @@ def drive(
         with stops, progress:
             with recorder:
                 simulation.follow(
-                    job.course, observers=[frame], samplers=[row], progress=tell, between=between,
+                    running.course, observers=[frame], samplers=[row], progress=tell, between=between,
                     stored=_single(case),
                 )  # fmt: skip
             # A signal that comes while the latest frames are written is that of a run that is about to end anyway.
-            job.writer.flush()
+            running.writer.flush()
     except Stopped as stop:
-        save(job, recorder)
-        text = _remains(job, str(stop))
+        save(running, recorder)
+        text = _remains(running, str(stop))
         count()
         status.finish("interrupted", _one_line(text))
         raise Stopped(text, stop.status) from None
     except KeyboardInterrupt:
         with contextlib.suppress(InputError, TrajectoryError):  # the interrupt is what is told
-            if isinstance(job.writer, QueuedWriter) or simulation.comm is None:  # else it takes all ranks
-                job.writer.flush()
-        text = _remains(job, "interrupted")
-        if len(job.writer):
+            if isinstance(running.writer, QueuedWriter) or simulation.comm is None:  # else it takes all ranks
+                running.writer.flush()
+        text = _remains(running, "interrupted")
+        if len(running.writer):
             count()
             status.finish("interrupted", _one_line(text))
         else:
             status.path.unlink(missing_ok=True)
-            checkpoint.remove(job.outputs.checkpoint)
+            checkpoint.remove(running.outputs.checkpoint)
         raise KeyboardInterrupt(text) from None
     except Exception as error:  # whatever it is, nobody must take the run for one that goes on
         known = isinstance(error, EngineError | TrajectoryError | InputError)
         count()
         status.finish("failed", _one_line(str(error) if known else repr(error)))
         raise
-    checkpoint.remove(job.outputs.checkpoint)
+    checkpoint.remove(running.outputs.checkpoint)
     count()
     status.finish("done")
-    job.output_share = (recorder.seconds + job.writer.seconds) / (time.process_time() - worked)
+    running.output_share = (recorder.seconds + running.writer.seconds) / (time.process_time() - worked)
     return progress.collisions_per_second
 
 
-def accompany(case: Case, simulation: Simulation, course: Course, writer: PartsWriter | None = None) -> None:
+def run_worker(case: Case, simulation: Simulation, course: Course, writer: PartsWriter | None = None) -> None:
     """Run to the end, on a rank that writes nothing, or only its part; the first one drives."""
     stops = Stops(warn=lambda _text: None)
     comm = simulation.comm
 
     def save_too() -> None:
-        world.on_first(comm, lambda: None)  # whether what comes before a checkpoint could be written
+        communicator.run_on_root(
+            comm, lambda: None
+        )  # whether what comes before a checkpoint could be written
         if writer is not None:
             writer.flush()
         try:
@@ -302,7 +304,7 @@ def accompany(case: Case, simulation: Simulation, course: Course, writer: PartsW
         _agree_to_go_on(simulation, stops, writer.tell if writer is not None else lambda: None)
         if writer is not None:
             writer.commit()
-        if world.told(comm, False):
+        if communicator.bcast(comm, False):
             save_too()
 
     with contextlib.nullcontext() if writer is None else writer:
@@ -325,7 +327,7 @@ def _as_written(simulation: Simulation, writer: QueuedWriter | PartsWriter | Non
     if not simulation.sliced:
         return state
     names = [name for name in sorted(State.assignable - {"time"}) if getattr(state, name) is not None]
-    rows = slices.gather(comm, simulation.disks.n, [getattr(state, name) for name in names])
+    rows = distribution.gather(comm, simulation.disks.n, [getattr(state, name) for name in names])
     if rows is None:
         return None
     whole = copy.copy(state)
@@ -347,60 +349,62 @@ def _agree_to_go_on(simulation: Simulation, stops: Stops, work: Callable[[], obj
         stops.check()
     except (Stopped, TrajectoryError, InputError) as raised:
         error = raised
-    world.agree(simulation.comm, error)
+    communicator.raise_collectively(simulation.comm, error)
 
 
-def save(job: Job, recorder: Recorder) -> None:
+def save(running: Run, recorder: Recorder) -> None:
     """Write a checkpoint, after all that was given to the trajectory is committed."""
 
     def commit() -> None:
         recorder.write()
-        if isinstance(job.writer, QueuedWriter):
-            job.writer.flush()
+        if isinstance(running.writer, QueuedWriter):
+            running.writer.flush()
 
-    world.on_first(job.simulation.comm, commit)
-    if isinstance(job.writer, PartsWriter):  # which all ranks have
-        job.writer.flush()
+    communicator.run_on_root(running.simulation.comm, commit)
+    if isinstance(running.writer, PartsWriter):  # which all ranks have
+        running.writer.flush()
     pending = recorder.pending
     arrays = {} if pending is None else {f"extra_{name}": each for name, each in pending.columns().items()}
-    arrays["tracked"] = job.simulation.tracked
+    arrays["tracked"] = running.simulation.tracked
     extra = {
-        "name": job.file.case.run.name,
-        "case": job.file.text,
-        "case_path": str(job.file.path.resolve()),
-        "overrides": list(job.file.overrides),
+        "name": running.file.case.run.name,
+        "case": running.file.text,
+        "case_path": str(running.file.path.resolve()),
+        "overrides": list(running.file.overrides),
         # Without defaults: keys that exclude each other must not stand side by side.
-        "case_as_set": job.file.case.model_dump_json(exclude_unset=True),
-        "trajectory": job.outputs.trajectory.name,
-        "course": job.course.to_record(),
-        "ledger": job.ledger.to_record(),
-        "seen": job.writer.seen,
+        "case_as_set": running.file.case.model_dump_json(exclude_unset=True),
+        "trajectory": running.outputs.trajectory.name,
+        "course": running.course.to_record(),
+        "ledger": running.ledger.to_record(),
+        "seen": running.writer.seen,
     }
     try:
-        job.simulation.save_checkpoint(job.outputs.checkpoint, extra, arrays)
+        running.simulation.save_checkpoint(running.outputs.checkpoint, extra, arrays)
     except InputError as error:  # a full disk is nobody's bad input
-        raise TrajectoryError(_remains(job, str(error))) from error
+        raise TrajectoryError(_remains(running, str(error))) from error
 
 
-def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str], None]) -> None:
+def finish(running: Run, began: float, before: int, rate: float, say: Callable[[str], None]) -> None:
     """Draw the picture, and say what the run did since it `began` (`perf_counter`), after so many collisions."""
     ran = time.perf_counter() - began
-    last, statistics, n = job.simulation.measure(), job.simulation.statistics, job.file.gas.n
-    if job.outputs.views:
-        write_views(job.outputs.trajectory)
-    if job.outputs.picture is not None:
-        _draw(job.file.case)(job.outputs.trajectory, job.outputs.picture)
+    last, statistics, n = running.simulation.measure(), running.simulation.statistics, running.file.gas.n
+    if running.outputs.views:
+        write_views(running.outputs.trajectory)
+    if running.outputs.picture is not None:
+        _draw(running.file.case)(running.outputs.trajectory, running.outputs.picture)
     overall = (last.collisions - before) / ran
-    first, done = job.ledger.first, f"done in {time.perf_counter() - began:.1f} s: "
+    first, done = running.ledger.first, f"done in {time.perf_counter() - began:.1f} s: "
     assert first is not None
     if before > first.collisions:
         done += f"{last.collisions - before} collisions since it was resumed, in all "
     collisions = last.collisions - first.collisions
     done += f"{collisions} collisions ({2.0 * collisions / n:.4g} per disk) to t = {last.time:.5g}"
-    say(f"{done}{job.file.case.unit('time')}; {rate:.3g} collisions/s once compiled, {overall:.3g} in all")
-    for line in _balance(job, last):
+    say(
+        f"{done}{running.file.case.unit('time')}; {rate:.3g} collisions/s once compiled, {overall:.3g} in all"
+    )
+    for line in _balance(running, last):
         say(f"  {line}")
-    resting_speed = job.file.case.run.resting_speed
+    resting_speed = running.file.case.run.resting_speed
     if elastic := statistics.elastic:
         what = (
             "were elastic, against inelastic collapse"
@@ -409,7 +413,7 @@ def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str]
         )
         say(f"  {elastic} collisions {what}")
     if resting_speed is not None:
-        say(f"  {job.simulation.asleep} of {n} disks sleep")
+        say(f"  {running.simulation.asleep} of {n} disks sleep")
         if unjudged := statistics.unjudged:
             part = 100.0 * unjudged / statistics.windows
             told = f"  in {unjudged} windows, {part:.2g} % of all, the forces in the heap were not found"
@@ -422,9 +426,11 @@ def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str]
                 f"  {jammed} times a disk jammed between others fell asleep at speed; if that is often beside its "
                 "collisions, look for a start that is too dense, or walls that close on disks"
             )
-    rows, frames = job.writer.series_rows, len(job.writer)
-    say(f"  output, {frames} frames and {rows} rows of series, took {100.0 * job.output_share:.2g} % of it")
-    for path, bytes_there in job.outputs.sizes().items():
+    rows, frames = running.writer.series_rows, len(running.writer)
+    say(
+        f"  output, {frames} frames and {rows} rows of series, took {100.0 * running.output_share:.2g} % of it"
+    )
+    for path, bytes_there in running.outputs.sizes().items():
         say(f"  {path} ({check.size(bytes_there)})")
 
 
@@ -448,15 +454,15 @@ def _one_line(text: str) -> str:
     return "; ".join(text.removeprefix("interrupted: ").splitlines())
 
 
-def _remains(job: Job, reason: str) -> str:
-    latest, trajectory = job.ledger.latest, job.outputs.trajectory
-    if len(job.writer) == 0 or latest is None:
+def _remains(running: Run, reason: str) -> str:
+    latest, trajectory = running.ledger.latest, running.outputs.trajectory
+    if len(running.writer) == 0 or latest is None:
         return f"{reason} before the first frame: nothing was written"
-    if why := job.writer.gone:
+    if why := running.writer.gone:
         return f"{reason}: {trajectory} is lost: {why}"
-    text = f"{reason}: {trajectory} holds the {counted(len(job.writer), 'frame')} so far, "
+    text = f"{reason}: {trajectory} holds the {counted(len(running.writer), 'frame')} so far, "
     text += f"to t = {latest.time:.6g} and {latest.collisions} collisions"
-    if job.outputs.checkpoint.exists():
+    if running.outputs.checkpoint.exists():
         place = str(trajectory)  # relative to where the user is, as it was given
         place = os.path.join(os.curdir, place) if place.startswith("-") else place
         text += f"\nto go on: ifrdem resume {shlex.quote(place)}"
@@ -475,9 +481,9 @@ def _mechanisms(dissipated: Array, energy: str) -> Iterator[str]:
         )
 
 
-def _balance(job: Job, last: Measure) -> Iterator[str]:
+def _balance(running: Run, last: Measure) -> Iterator[str]:
     """Lines on temperatures, energy and momentum at the end of a run, against its beginning."""
-    gas, case, ledger, first = job.file.gas, job.file.case, job.ledger, job.ledger.first
+    gas, case, ledger, first = running.file.gas, running.file.case, running.ledger, running.ledger.first
     energy = case.unit("energy")
     assert first is not None
     temperatures = []
@@ -487,7 +493,7 @@ def _balance(job: Job, last: Measure) -> Iterator[str]:
         temperatures.append(f"theta = T_rot/T = {last.rotational_temperature / last.temperature:.4g}")
     if temperatures:
         yield ", ".join(temperatures)
-    mass = sum(each.number * each.look.mass.mean for each in gas.species)
+    mass = sum(each.number * each.summary.mass.mean for each in gas.species)
     if gas.n > 1 and not gas.box.is_open and last.drift_energy > LEAST_DRIFT * last.translational_energy:
         where = drift_text(last.momentum / mass * gas.free)
         share = 100.0 * last.drift_energy / last.translational_energy
@@ -538,7 +544,11 @@ def _record(file: CaseFile, cores: int, comm: Any = None) -> dict[str, str | int
         "laws": json.dumps(laws),
         "forces": json.dumps([each.model_dump(exclude_none=True) for each in case.force]),
         "gravity": json.dumps(case.box.gravity),
-        **({"gravity_turns": case.box.gravity_turns} if case.box.gravity_turns else {}),
+        **(
+            {"gravity_rotation_rate": case.box.gravity_rotation_rate}
+            if case.box.gravity_rotation_rate
+            else {}
+        ),
         "collapse": case.run.collapse,
         "device": device_of(case) if comm is None else how(case, cores, comm),
         "threads": case.run.threads or cores,

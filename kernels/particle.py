@@ -26,7 +26,7 @@ def listed_kind(s, gas: ti.template()):
 
 @ti.func
 def kind_of(i, gas: ti.template()):
-    """Row of `kinds` of the disk at place i; without a look at it where there is but one."""
+    """Row of `kinds` of the disk in slot i; without a look at it where there is but one."""
     kind = 0
     if ti.static(gas.uses.mixed):
         kind = gas.event_info[i].kind
@@ -35,13 +35,13 @@ def kind_of(i, gas: ti.template()):
 
 @ti.func
 def radius_of(i, gas: ti.template()):
-    """Radius of the disk at place i."""
+    """Radius of the disk in slot i."""
     return gas.kinds[kind_of(i, gas)].radius
 
 
 @ti.func
-def remember(i, t, whom, gas: ti.template()):
-    """Enter a collision at time t into the hash of the history of the disk at place i: `whom` is an id, or a wall.
+def update_history_hash(i, t, partner, gas: ti.template()):
+    """Enter a collision at time t into the hash of the history of the disk in slot i: `partner` is an id, or a wall.
 
     Two hashes of 32 bits, by multiplication with odd constants.
     """
@@ -52,11 +52,11 @@ def remember(i, t, whom, gas: ti.template()):
     else:
         word = ti.bit_cast(t, ti.u64)
         low, high = ti.cast(word, ti.u32), ti.cast(word >> ti.u64(32), ti.u32)
-    partner = ti.cast(whom, ti.u32)
+    code = ti.cast(partner, ti.u32)
     one, two = ti.cast(info.hash_1, ti.u32), ti.cast(info.hash_2, ti.u32)
     one = (one ^ low) * ti.u32(0x9E3779B1) + high
-    one = (one ^ (one >> ti.u32(15)) ^ partner) * ti.u32(0x85EBCA77)
-    two = (two ^ high) * ti.u32(0xC2B2AE3D) + partner
+    one = (one ^ (one >> ti.u32(15)) ^ code) * ti.u32(0x85EBCA77)
+    two = (two ^ high) * ti.u32(0xC2B2AE3D) + code
     two = (two ^ (two >> ti.u32(13))) * ti.u32(0x27D4EB2F)
     two = (two ^ low) * ti.u32(0x165667B1)
     info.hash_1 = ti.cast(one ^ (one >> ti.u32(16)), ti.i32)
@@ -65,7 +65,7 @@ def remember(i, t, whom, gas: ti.template()):
 
 @ti.func
 def largest_speed(i, gas: ti.template()):
-    """Bound on the speed of the disk at place i in the window so far."""
+    """Bound on the speed of the disk in slot i in the window so far."""
     return ti.cast(
         ti.sqrt(ti.bit_cast(ti.cast(gas.event_info[i].max_speed_sq, ti.i64) << ti.i64(32), ti.f64)), float
     )
@@ -73,7 +73,7 @@ def largest_speed(i, gas: ti.template()):
 
 @ti.func
 def note_speed(i, gas: ti.template()):
-    """Keep the largest square of the speed of the disk at place i: the upper half of a double, rounded up."""
+    """Keep the largest square of the speed of the disk in slot i: the upper half of a double, rounded up."""
     vx, vy = ti.cast(gas.motion[i].vx, ti.f64), ti.cast(gas.motion[i].vy, ti.f64)
     square = ti.bit_cast(1.000001 * (vx * vx + vy * vy), ti.i64)
     gas.event_info[i].max_speed_sq = ti.max(
@@ -83,13 +83,13 @@ def note_speed(i, gas: ti.template()):
 
 @ti.func
 def just_collided(i, t, gas: ti.template()):
-    """1 if the latest collision of the disk at place i was less than the contact time before t, else 0."""
+    """1 if the latest collision of the disk in slot i was less than the contact time before t, else 0."""
     return ti.cast(t - gas.since[i] < gas.scale.contact_time, ti.i32)
 
 
 @ti.func
-def came_to(i, t, gas: ti.template()):
-    """Fly the disk at place i to its collision at time t."""
+def advance_to(i, t, gas: ti.template()):
+    """Fly the disk in slot i to its collision at time t."""
     motion = gas.motion[i]
     dt = t - motion.tau
     motion.x = motion.x + on_grid(motion.vx * dt, gas)
@@ -108,13 +108,13 @@ def add(tile, column, value, gas: ti.template()):
 
 @ti.func
 def charge(i, column, energy, gas: ti.template()):
-    """Note energy that a collision took as lost by the disk at place i."""
+    """Note energy that a collision took as lost by the disk in slot i."""
     gas.loss[i][column] = gas.loss[i][column] + energy
 
 
 @ti.func
 def watched_row(i, t, tile, region: ti.template(), gas: ti.template()):
-    """Begin a row of `event` for a collision of the disk at place i at time t; -1 if nobody watches it, or no room."""
+    """Begin a row of `event` for a collision of the disk in slot i at time t; -1 if nobody watches it, or no room."""
     info, image = gas.event_info[i], gas.image_info[i]
     row = -1
     if gas.grid.watching == TRACKED and info.own_rank > 0:

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from support import mpi
 
-from ifrdem.tools import slices
+from ifrdem.mpi import distribution
 
-SCRIPT = Path(__file__).parents[1] / "support" / "rank_slices.py"
+SCRIPT = Path(__file__).parents[1] / "support" / "rank_distribution.py"
 MISSING = "a disk is on no rank, or on two: please report this"
 
 
@@ -30,28 +30,29 @@ def test_slices_are_dealt_out_and_put_together_again(ranks: int) -> None:
 
 @pytest.mark.parametrize(("n", "size"), [(0, 3), (2, 3), (10, 1), (10**9, 1024), (2**31 + 5, 7)])
 def test_every_id_is_in_one_slice_of_nearly_equal_ones(n: int, size: int) -> None:
-    bounds = slices.bounds(n, size)
+    bounds = distribution.bounds(n, size)
     assert bounds[0] == 0
     assert bounds[-1] == n
     assert set(np.diff(bounds).tolist()) <= {n // size, -(-n // size)}
 
 
 def test_a_sum_of_one_block_has_the_bits_of_numpy_and_one_of_several_those_of_its_blocks() -> None:
-    rows = np.random.default_rng(1).normal(size=3 * slices.BLOCK // 2)
-    one = rows[: slices.BLOCK]
-    assert slices.total(one) == np.sum(one)
-    assert slices.total(rows) == np.sum(one) + np.sum(rows[slices.BLOCK :])
-    assert slices.total(np.zeros((0, 2))).tolist() == [0.0, 0.0]
+    rows = np.random.default_rng(1).normal(size=3 * distribution.BLOCK // 2)
+    one = rows[: distribution.BLOCK]
+    assert distribution.total(one) == np.sum(one)
+    assert distribution.total(rows) == np.sum(one) + np.sum(rows[distribution.BLOCK :])
+    assert distribution.total(np.zeros((0, 2))).tolist() == [0.0, 0.0]
 
 
 def test_blocks_of_ids_begin_at_multiples_of_their_length() -> None:
-    found = list(slices.blocks(range(slices.BLOCK - 1, 2 * slices.BLOCK + 1)))
+    block = distribution.BLOCK
+    found = list(distribution.blocks(range(block - 1, 2 * block + 1)))
     assert [(each.start, each.stop) for each in found] == [
-        (slices.BLOCK - 1, slices.BLOCK), (slices.BLOCK, 2 * slices.BLOCK), (2 * slices.BLOCK, 2 * slices.BLOCK + 1),
+        (block - 1, block), (block, 2 * block), (2 * block, 2 * block + 1),
     ]  # fmt: skip
-    assert list(slices.blocks(range(0))) == []
+    assert list(distribution.blocks(range(0))) == []
 
 
 def test_a_disk_that_is_missing_is_an_error_in_one_process_too() -> None:
-    with pytest.raises(slices.EngineError, match=MISSING):
-        slices.by_id(None, 3, np.array([0, 1, 1]), [])
+    with pytest.raises(distribution.EngineError, match=MISSING):
+        distribution.by_id(None, 3, np.array([0, 1, 1]), [])
