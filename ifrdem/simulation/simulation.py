@@ -184,7 +184,7 @@ class Simulation(Sealed, PicturedDisks):
         state: Annotated[State, LATER],
         *,
         walls: Sequence[Wall] = (),
-        gravity: Annotated[tuple[float, float] | RotatingGravity, LATER] = (0.0, 0.0),
+        gravity: tuple[float, float] | RotatingGravity = (0.0, 0.0),
         forces: Sequence[Force] = (),
         collapse: Annotated[Collapse | None, LATER] = None,
         device: Annotated[Device | str | None, LATER] = None,

@@ -222,7 +222,7 @@ def test_a_case_at_rest_ends_with_a_message(case_file: str, capsys: pytest.Captu
         (["--phi", "1.2"], "--phi 1.2: a packing fraction from 1e-05 to 0.9068 is needed"),
         (["--phi", "nan"], "--phi nan: a packing fraction"),
         (["--device", "cdua"], "--device = 'cdua': must be one of 'cpu', 'cuda' (did you mean 'cuda'?)"),
-        (["--precision", "f23"], "--precision = 'f23': allowed are f64, f32 (did you mean 'f32'?)"),
+        (["--precision", "f23"], "--precision = 'f23': must be one of 'f64', 'f32' (did you mean 'f32'?)"),
         (["--threads", "0"], f"--threads 0: a whole number from 1 to {backend.cores()} is needed"),
         (["--runs", "none"], "--runs none: a whole number from 1 to 10000 is needed"),
         (["--seconds", "-1"], "--seconds -1: a positive number of seconds is needed"),
