@@ -7,8 +7,8 @@
 `Rest`                                 remedies for inelastic collapse
 `Device`, `RotatingGravity`            device and precision; gravity whose direction rotates
 `Piston`, `WallSums`                   a wall with a mass; what walls gave to the disks
-`forces`                               forces between collisions
-`IFRLaw`, `coins`, `CollisionLaw`      the law, the coins of the paper, a law of your own
+`forces`, `laws`                       forces between collisions; collision laws
+`IFRLaw`, `coins`, `CollisionLaw`      the law, the coins of the paper, a custom law
 `collide`, `Regime`, `EnergyWarning`   a single collision, its regime; a law that could add energy
 `initial`                              positions, velocities, spins and radii to start from
 `Simulation`, `DSMC`                   collision by collision; the kinetic equation of a homogeneous gas

@@ -1,7 +1,10 @@
 from . import analysis as analysis
 from . import bullet as bullet
 from . import fit as fit
+from . import forces as forces
 from . import initial as initial
+from . import laws as laws
+from . import observables as observables
 from . import plots as plots
 from . import theory as theory
 from .errors import EngineError as EngineError
@@ -9,8 +12,6 @@ from .errors import InelasticCollapse as InelasticCollapse
 from .errors import InputError as InputError
 from .errors import NoMoreCollisions as NoMoreCollisions
 from .errors import RunWarning as RunWarning
-from .model import forces as forces
-from .model import observables as observables
 from .model.box import Box as Box
 from .model.coin_table import coins as coins
 from .model.collapse import ContactTime as ContactTime
@@ -31,7 +32,7 @@ from .model.walls import Turn as Turn
 from .model.walls import Wall as Wall
 from .model.walls import WallSums as WallSums
 from .mpi.distribution import slice_of as slice_of
-from .run.recorder import Ledger as Ledger
+from .runs.recorder import Ledger as Ledger
 from .simulation.device import Device as Device
 from .simulation.dsmc import DSMC as DSMC
 from .simulation.simulation import Simulation as Simulation

@@ -17,15 +17,14 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InelasticCollapse, InputError
 from .model.ifr import IFRLaw, collide
-from .tools import checked
-from .tools.checked import Array
+from .tools.checked import Array, Integer, NonNegative, Numbers, Positive, Real, validated
 
 LAST_PYTHON = (3, 11)  # PyBullet publishes wheels for Python 3.9 to 3.11
 
@@ -80,6 +79,19 @@ def load() -> ModuleType:
     return importlib.import_module("pybullet")
 
 
+Client = Annotated[int, Integer(0)]
+Body = Annotated[int, Integer(0)]
+Pair = Annotated[Sequence[float] | Array, Numbers((2,))]
+
+
+def _world(client: int) -> ModuleType:
+    """PyBullet, if it has a world of this number; InputError if not."""
+    p = load()
+    if not p.isConnected(physicsClientId=client):
+        raise InputError(f"client = {client}: must be a number that pybullet.connect returned")
+    return p
+
+
 UPRIGHT = 1e-6  # how far a cylinder's axis may lean, as the x and y of its quaternion
 
 
@@ -98,15 +110,16 @@ class WallBody(NamedTuple):
     normal: tuple[float, float]
 
 
+@validated
 def add_disk(
-    client: int,
-    mass: float,
-    radius: float,
+    client: Client,
+    mass: Positive,
+    radius: Positive,
     *,
-    k: float = 2.0,
-    height: float | None = None,
-    friction: float = 0.0,
-    restitution: float = 0.0,
+    k: Positive = 2.0,
+    height: Positive | None = None,
+    friction: NonNegative = 0.0,
+    restitution: NonNegative = 0.0,
 ) -> DiskBody:
     """Add a cylinder that moves in the plane z = 0 only, at the origin, at rest.
 
@@ -135,10 +148,8 @@ def add_disk(
     0.5
     >>> pybullet.disconnect(client)
     """
-    p = load()
+    p = _world(client)
     height = radius if height is None else height
-    for name, value in (("mass", mass), ("radius", radius), ("k", k), ("height", height)):
-        checked.finite(name, value, "a positive finite number is needed", 0.0, open_=True)
     shape = p.createCollisionShape(p.GEOM_CYLINDER, radius=radius, height=height, physicsClientId=client)
     body = p.createMultiBody(mass, shape, -1, [0.0] * 3, useMaximalCoordinates=1, physicsClientId=client)
     _surface(p, client, body, friction, restitution)
@@ -151,13 +162,14 @@ def add_disk(
     return DiskBody(body, radius)
 
 
+@validated
 def add_wall(
-    client: int,
-    point: tuple[float, float],
-    normal: tuple[float, float],
+    client: Client,
+    point: tuple[Real, Real],
+    normal: tuple[Real, Real],
     *,
-    friction: float = 0.0,
-    restitution: float = 0.0,
+    friction: NonNegative = 0.0,
+    restitution: NonNegative = 0.0,
 ) -> WallBody:
     """Add an immovable plane through `point` [length]; disks are on the side to which `normal` points.
 
@@ -173,10 +185,10 @@ def add_wall(
     (0.0, 1.0)
     >>> pybullet.disconnect(client)
     """
-    p = load()
+    p = _world(client)
     length = math.hypot(*normal)
-    if not (math.isfinite(length) and length > 0.0):
-        raise InputError(f"wall normal = {normal}: it has no direction")
+    if length == 0.0:
+        raise InputError(f"normal = {normal}: must have a direction")
     unit = (normal[0] / length, normal[1] / length)
     shape = p.createCollisionShape(p.GEOM_PLANE, planeNormal=[*unit, 0.0], physicsClientId=client)
     body = p.createMultiBody(0.0, shape, -1, [*point, 0.0], useMaximalCoordinates=1, physicsClientId=client)
@@ -191,15 +203,16 @@ def _surface(p: Any, client: int, body: int, friction: float, restitution: float
     )  # fmt: skip
 
 
+@validated
 def place(
-    client: int,
-    body: int,
-    position: Sequence[float] | Array,
-    velocity: Sequence[float] | Array,
-    spin: float,
+    client: Client,
+    body: Body,
+    position: Pair,
+    velocity: Pair,
+    spin: Real,
     *,
-    angle: float = 0.0,
-    z: float = 0.0,
+    angle: Real = 0.0,
+    z: Real = 0.0,
 ) -> None:
     """Put a body at a position [length] with a velocity [length/time], a spin [rad/time] and an angle [rad].
 
@@ -214,10 +227,13 @@ def place(
     (3.0, 0.0, 0.0)
     >>> pybullet.disconnect(client)
     """
-    p = load()
+    p = _world(client)
     turn = [0.0, 0.0, math.sin(0.5 * angle), math.cos(0.5 * angle)]
     x, y = float(position[0]), float(position[1])
-    p.resetBasePositionAndOrientation(body, [x, y, z], turn, physicsClientId=client)
+    try:
+        p.resetBasePositionAndOrientation(body, [x, y, z], turn, physicsClientId=client)
+    except p.error:
+        raise InputError(f"body = {body}: must be a body of this client") from None
     # In this order: resetting the position sets the velocity to zero.
     v = [float(velocity[0]), float(velocity[1]), 0.0]
     p.resetBaseVelocity(body, v, [0.0, 0.0, float(spin)], physicsClientId=client)
@@ -236,7 +252,8 @@ class Bodies:
     """mass, radius, k: masses [mass], infinite for a post, radii [length], shape numbers in I = m R^2 / k."""
 
     @classmethod
-    def read(cls, client: int, bodies: Sequence[DiskBody | WallBody | int]) -> Bodies:
+    @validated
+    def read(cls, client: Client, bodies: Sequence[DiskBody | WallBody | int]) -> Bodies:
         """Read masses and moments of inertia of disks and walls.
 
         A plain id will do for a body that was made without `useMaximalCoordinates`: of the other kind PyBullet does
@@ -245,7 +262,7 @@ class Bodies:
         Raises InputError if a body is not there, is neither cylinder nor plane, does not stand upright, or cannot
         turn.
         """
-        p = load()
+        p = _world(client)
         known = [_recognized(p, client, body) if isinstance(body, int) else body for body in bodies]
         disks = tuple(one for one in known if isinstance(one, DiskBody))
         walls = tuple(one for one in known if isinstance(one, WallBody))
@@ -262,9 +279,10 @@ class Bodies:
                 mass[i], k[i] = m, m * disk.radius**2 / inertia[2]
         return cls(disks, walls, mass, np.array([disk.radius for disk in disks]), k)
 
-    def state(self, client: int) -> tuple[Array, Array, Array, Array]:
+    @validated
+    def state(self, client: Client) -> tuple[Array, Array, Array, Array]:
         """Positions (n, 3) [length], velocities (n, 2) [length/time], spins and angles (n,) [rad/time, rad]."""
-        p = load()
+        p = _world(client)
         position, velocity = np.empty((len(self.disks), 3)), np.empty((len(self.disks), 2))
         spin, angle = np.empty(len(self.disks)), np.empty(len(self.disks))
         for i, disk in enumerate(self.disks):
@@ -327,7 +345,8 @@ class Hit(NamedTuple):
     P_t: float
 
 
-def step(client: int, bodies: Bodies | Sequence[DiskBody | WallBody | int], law: Laws) -> list[Hit]:
+@validated
+def step(client: Client, bodies: Bodies | Sequence[DiskBody | WallBody | int], law: Laws) -> list[Hit]:
     """Advance a PyBullet world by one step, in which `bodies` collide by the IFR law.
 
     Use it in place of `pybullet.stepSimulation`. Gravity and external forces act as in PyBullet: at the beginning of
@@ -378,7 +397,7 @@ def step(client: int, bodies: Bodies | Sequence[DiskBody | WallBody | int], law:
     (1, 0.75)
     >>> pybullet.disconnect(client)
     """
-    p = load()
+    p = _world(client)
     if not isinstance(bodies, Bodies):
         bodies = Bodies.read(client, bodies)
     return _Step(p, client, bodies, law).run()

@@ -299,6 +299,17 @@ HITS_OUT = Columns(**columns("wall_hits", "last_partner", "asleep"))
 
 # Coefficients of the IFR law (`IFRLaw.table_row`).
 LAW = Columns(**columns("e_n", "e_t", "mu", "contact_point", "rho"))
+TRIAL_TABLES: dict[str, Columns] = {
+    "law": LAW,
+    # Of disk i, which approaches disk j or a wall (inverse mass 0) along x.
+    "pairs": Columns(**columns(
+        "material_i", "material_j", "inverse_mass_i", "radius_i", "k_i", "inverse_mass_j", "radius_j", "k_j",
+        "vx_i", "vy_i", "spin_i", "spin_j",
+    )),
+    # Impulse along n, that below which the disks would overlap; velocities and spins after the collision.
+    "found": Columns(**columns("P_n", "least_P_n", "vx_i", "vy_i", "spin_i", "vx_j", "vy_j", "spin_j")),
+}  # fmt: skip
+"""Tables of the arrays of collisions by which a law is tried (`contact.try_law`)."""
 
 # ---------------------------------------------------------------------- steps of forces
 
@@ -349,6 +360,11 @@ TYPES: dict[str, str] = {
     "watched": I32, "event": REAL, "event_int": I32,
 }  # fmt: skip
 """Types of the numbers of arrays on the device."""
+AXES = {
+    "tile": 2, "reach": 2, "found": 2, "note": 2, "note_tally": 2, "tally": 3, "law": 3, "real_out": 2, "int_out": 2,
+    "past_out": 2, "hits_out": 2, "spent_out": 2, "totals": 2, "todo": 2, "pairs": 2,
+}  # fmt: skip
+"""Axes of arrays that have more than one, by the names that kernels give them; a vector of columns is none."""
 SINGLE = (
     "grid",
     "scale",
@@ -363,6 +379,8 @@ SINGLE = (
     "factors",
 )
 """Arrays of one row."""
+SMALL = ("grid", "scale", "clock", "sums", "counter", "total")
+"""Arrays that the host reads after every launch; a GPU gets them on one board (`readout.exchange`)."""
 
 
 def named(array: NDArray[Any], name: str) -> Named:

@@ -15,10 +15,10 @@ order of the two is a convention, their sum is not. The rolling torque takes wha
 depend on the frame, and their sum is what the pair loses, to rounding.
 """
 
-from .language import Cube, Table, ti
+from .columns import TRIAL_TABLES
+from .language import ti
 from .law import after_impulses, inverse_masses, relative_motion
-from .layout import Uses
-from .records import gas_of
+from .signature import Arrays, kernel
 
 # Columns of losses.
 BY_NORMAL, BY_RESTITUTION, BY_FRICTION, BY_ROLLING = range(4)
@@ -151,23 +151,19 @@ def collided(
     return vx_i_new, vy_i_new, w_i_new, vx_j_new, vy_j_new, w_j_new, how, lost
 
 
-@ti.kernel
-def try_law(collision_law: ti.template(), law: Cube, pairs: Table, found: Table):
-    """Collide each of c pairs, n along x and disk j at rest.
-
-    `pairs` (c, 12): materials p and q; inverse mass, radius, k of i and of j; velocity of i; spins of i and j. `found`
-    (c, 8) gets P_n, m_n g_n, and both velocities and spins after.
-    """
-    gas = ti.static(gas_of(law=law, uses=Uses(collision_law=collision_law)))
-    for c in range(pairs.shape[0]):
-        p, q = ti.cast(pairs[c, 0], ti.i32), ti.cast(pairs[c, 1], ti.i32)
+@kernel
+def try_law(gas: Arrays("uses law pairs found", TRIAL_TABLES)):
+    """Collide each of c pairs, n along x and disk j at rest: a row of `found` for each of `pairs`."""
+    for c in range(gas.pairs.shape[0]):
+        it, result = gas.pairs[c], gas.found[c]
+        p, q = ti.cast(it.material_i, ti.i32), ti.cast(it.material_j, ti.i32)
         P_n, P_t, T, _, _, _, g_n, pair = impulses_between(
-            p, q, 1.0, 0.0, pairs[c, 2], pairs[c, 3], pairs[c, 4], pairs[c, 8], pairs[c, 9], pairs[c, 10],
-            pairs[c, 5], pairs[c, 6], pairs[c, 7], 0.0, 0.0, pairs[c, 11], gas,
+            p, q, 1.0, 0.0, it.inverse_mass_i, it.radius_i, it.k_i, it.vx_i, it.vy_i, it.spin_i,
+            it.inverse_mass_j, it.radius_j, it.k_j, 0.0, 0.0, it.spin_j, gas,
         )  # fmt: skip
-        found[c, 0] = P_n
-        found[c, 1] = pair.m_n * g_n
-        found[c, 2], found[c, 3], found[c, 4], found[c, 5], found[c, 6], found[c, 7] = after_impulses(
-            P_n, P_t, T, 1.0, 0.0, pairs[c, 2], pairs[c, 3], pairs[c, 4], pairs[c, 8], pairs[c, 9],
-            pairs[c, 10], pairs[c, 5], pairs[c, 6], pairs[c, 7], 0.0, 0.0, pairs[c, 11],
+        result.P_n = P_n
+        result.least_P_n = pair.m_n * g_n
+        result.vx_i, result.vy_i, result.spin_i, result.vx_j, result.vy_j, result.spin_j = after_impulses(
+            P_n, P_t, T, 1.0, 0.0, it.inverse_mass_i, it.radius_i, it.k_i, it.vx_i, it.vy_i, it.spin_i,
+            it.inverse_mass_j, it.radius_j, it.k_j, 0.0, 0.0, it.spin_j,
         )  # fmt: skip

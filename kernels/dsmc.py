@@ -7,10 +7,10 @@ is drawn by counter (`random.py`), for candidate c of a batch. See `ifrdem.simul
 
 from .columns import BODY, DSMC_TABLES
 from .contact import collided
-from .language import Cube, Rows, Table, spread_of_loops, ti
+from .language import spread_of_loops, ti
 from .layout import BLOCK
 from .random import DRAWS, normals, unit, words
-from .records import gas_of
+from .signature import Arrays, kernel
 
 NONE = 1 << 30  # later than any candidate
 # In streams of random numbers, indices that no force has
@@ -26,50 +26,47 @@ def stream_of(item, place: ti.template(), gas: ti.template()):
     ], ti.u32)  # fmt: skip
 
 
-@ti.kernel
-def prepare(disk: Rows, before: Rows, hits: Rows, hits_before: Rows, first: Rows, fastest: Rows):
+@kernel
+def prepare(gas: Arrays("disk before hits hits_before first fastest", DSMC_TABLES)):
     """Keep the state before a batch, and find the square of the highest speed."""
-    gas = ti.static(gas_of(tables=DSMC_TABLES, disk=disk))
     for _ in range(1):
-        fastest[0] = 0.0
-    for d in range(disk.shape[0]):
-        before[d] = ti.Vector([gas.disk[d].vx, gas.disk[d].vy, gas.disk[d].spin])
-        hits_before[d] = hits[d]
-        first[d] = NONE
+        gas.fastest[0] = 0.0
+    for d in range(gas.disk.shape[0]):
+        gas.before[d] = ti.Vector([gas.disk[d].vx, gas.disk[d].vy, gas.disk[d].spin])
+        gas.hits_before[d] = gas.hits[d]
+        gas.first[d] = NONE
         speed2 = gas.disk[d].vx * gas.disk[d].vx + gas.disk[d].vy * gas.disk[d].vy
-        if speed2 > fastest[0]:
-            ti.atomic_max(fastest[0], speed2)
+        if speed2 > gas.fastest[0]:
+            ti.atomic_max(gas.fastest[0], speed2)
 
 
-@ti.kernel
-def restore(disk: Rows, before: Rows, hits: Rows, hits_before: Rows, first: Rows):
-    """Back to the state before the batch."""
-    gas = ti.static(gas_of(tables=DSMC_TABLES, disk=disk))
-    for d in range(disk.shape[0]):
+@kernel
+def restore(gas: Arrays("disk before hits hits_before first", DSMC_TABLES)):
+    """Return to the state before the batch."""
+    for d in range(gas.disk.shape[0]):
         for j in ti.static(range(3)):
-            gas.disk[d][j] = before[d][j]
-        hits[d] = hits_before[d]
-        first[d] = NONE
+            gas.disk[d][j] = gas.before[d][j]
+        gas.hits[d] = gas.hits_before[d]
+        gas.first[d] = NONE
 
 
-@ti.kernel
-def draw(count: ti.i32, disk: Rows, pair: Rows, todo: Table, key: Rows):
+@kernel
+def draw(count: ti.i32, gas: Arrays("disk pair todo key", DSMC_TABLES)):
     """Draw the pairs of `count` candidates, each of all ordered pairs with the same probability."""
-    gas = ti.static(gas_of(tables=DSMC_TABLES, disk=disk, key=key))
     for c in range(count):
-        n = disk.shape[0]
+        n = gas.disk.shape[0]
         w = words(stream_of(c, PAIRS, gas), 0)
         # 1 - (0, 1] is [0, 1); rounding can give n.
         i = ti.min(ti.cast((1.0 - unit(w[0], w[1])) * n, ti.i32), n - 1)
         j = ti.min(ti.cast((1.0 - unit(w[2], w[3])) * (n - 1), ti.i32), n - 2)
         if j >= i:
             j += 1
-        pair[c] = ti.Vector([i, j])
-        todo[0, c] = c
+        gas.pair[c] = ti.Vector([i, j])
+        gas.todo[0, c] = c
 
 
 @ti.func
-def meet(c, i, j, hits: ti.template(), gas: ti.template()):
+def meet(c, i, j, gas: ti.template()):
     """Collide the pair (i, j) of candidate c, with the probability that belongs to it, at a random place.
 
     Of all directions n in which j may lie, the rate of collisions is proportional to g_n > 0, g = v_i - v_j: the sine
@@ -94,64 +91,56 @@ def meet(c, i, j, hits: ti.template(), gas: ti.template()):
         )  # fmt: skip
         gas.disk[i].vx, gas.disk[i].vy, gas.disk[i].spin = vx_i, vy_i, w_i
         gas.disk[j].vx, gas.disk[j].vy, gas.disk[j].spin = vx_j, vy_j, w_j
-        hits[i] += 1
-        hits[j] += 1
+        gas.hits[i] += 1
+        gas.hits[j] += 1
         ti.atomic_add(gas.counter.collisions, 1)
         if ti.max(vx_i * vx_i + vy_i * vy_i, vx_j * vx_j + vy_j * vy_j) > gas.crowding.cap:
             ti.atomic_min(gas.counter.cut, c)
 
 
-@ti.kernel
+@kernel
 def resolve_pairs(
-    uses: ti.template(), now: ti.i32, disk: Rows, hits: Rows, first: Rows, pair: Rows, todo: Table,
-    counter: Rows, law: Cube, scale: Rows, crowding: Rows, key: Rows,
-):  # fmt: skip
+    now: ti.i32,
+    gas: Arrays("uses disk hits first pair todo counter law scale crowding key", DSMC_TABLES),
+):
     """Settle those of the open candidates, list `now`, that are the first of both their disks; list the others anew."""
-    gas = ti.static(gas_of(
-        tables=DSMC_TABLES, disk=disk, counter=counter, law=law, scale=scale, crowding=crowding, key=key, uses=uses,
-    ))  # fmt: skip
     for e in range(gas.counter[now]):
-        c = todo[now, e]
-        ti.atomic_min(first[pair[c][0]], c)
-        ti.atomic_min(first[pair[c][1]], c)
+        c = gas.todo[now, e]
+        ti.atomic_min(gas.first[gas.pair[c][0]], c)
+        ti.atomic_min(gas.first[gas.pair[c][1]], c)
     for _ in range(1):
         gas.counter[1 - now] = 0
     for e in range(gas.counter[now]):
-        c = todo[now, e]
-        i, j = pair[c][0], pair[c][1]
-        if first[i] == c and first[j] == c:
-            meet(c, i, j, hits, gas)
+        c = gas.todo[now, e]
+        i, j = gas.pair[c][0], gas.pair[c][1]
+        if gas.first[i] == c and gas.first[j] == c:
+            meet(c, i, j, gas)
             # No other candidate is c: that another thread may see this too early changes nothing for it.
-            first[i] = NONE
-            first[j] = NONE
+            gas.first[i] = NONE
+            gas.first[j] = NONE
         else:
-            todo[1 - now, ti.atomic_add(gas.counter[1 - now], 1)] = c
+            gas.todo[1 - now, ti.atomic_add(gas.counter[1 - now], 1)] = c
 
 
-@ti.kernel
+@kernel
 def resolve_pairs_serially(
-    uses: ti.template(), count: ti.i32, disk: Rows, hits: Rows, pair: Rows, counter: Rows, law: Cube,
-    scale: Rows, crowding: Rows, key: Rows,
-):  # fmt: skip
+    count: ti.i32, gas: Arrays("uses disk hits pair counter law scale crowding key", DSMC_TABLES)
+):
     """Settle all candidates one after the other: what one thread does fastest, to the same last bit."""
-    gas = ti.static(gas_of(
-        tables=DSMC_TABLES, disk=disk, counter=counter, law=law, scale=scale, crowding=crowding, key=key, uses=uses,
-    ))  # fmt: skip
     for _ in range(1):
         for c in range(count):
-            meet(c, pair[c][0], pair[c][1], hits, gas)
+            meet(c, gas.pair[c][0], gas.pair[c][1], gas)
 
 
-@ti.kernel
-def kick(disk: Rows, key: Rows, factors: Rows, gains: Rows):
+@kernel
+def kick(gas: Arrays("disk key factors gains", DSMC_TABLES)):
     """Linear friction and noise on every disk over a time; sums of the energy that they give, by blocks of disks."""
-    gas = ti.static(gas_of(tables=DSMC_TABLES, disk=disk, key=key, factors=factors))
     apart = ti.static(spread_of_loops())
-    for item in range(apart * ((disk.shape[0] + BLOCK - 1) // BLOCK)):
+    for item in range(apart * ((gas.disk.shape[0] + BLOCK - 1) // BLOCK)):
         if item % apart == 0:
             b = item // apart
             gain = ti.cast(0.0, ti.f64)
-            for d in range(b * BLOCK, ti.min(disk.shape[0], (b + 1) * BLOCK)):
+            for d in range(b * BLOCK, ti.min(gas.disk.shape[0], (b + 1) * BLOCK)):
                 body = gas.disk[d]
                 stream = stream_of(d, KICKS, gas)
                 along, turn = normals(stream, 0), normals(stream, 1)
@@ -167,4 +156,4 @@ def kick(disk: Rows, key: Rows, factors: Rows, gains: Rows):
                     + inertia * (spin - body.spin) * (spin + body.spin), ti.f64,
                 )  # fmt: skip
                 body.vx, body.vy, body.spin = vx, vy, spin
-            gains[b] = gain
+            gas.gains[b] = gain

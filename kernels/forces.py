@@ -6,9 +6,9 @@ from .language import Rows, Table, spread_of_loops, ti, vector_of
 from .layout import plain
 from .particle import listed_kind, round_products
 from .random import DRAWS
-from .records import gas_of
 from .readout import placed
 from .shear import flow_at
+from .signature import Arrays, kernel
 from .windows import is_owned
 
 LEVELS = 3
@@ -79,16 +79,12 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any, Any]:
     )
     n_totals = force.totals
 
-    @ti.kernel
+    @kernel
     def sum_totals(
-        uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, disk: Rows, kind: Rows, kinds: Rows,
-        meta: Rows, tile: Table, edge_x: Rows, edge_y: Rows, when: Rows, counter_words: Rows, parameters: Rows,
-        tile_sums: Table, rounders: Table,
+        gas: Arrays("uses grid scale clock disk kind kinds meta tile edge_x edge_y when counter_words"),
+        parameters: Rows, tile_sums: Table, rounders: Table,
     ):  # fmt: skip
-        gas = ti.static(gas_of(
-            grid=grid, scale=scale, clock=clock, disk=disk, kind=kind, kinds=kinds, meta=meta, tile=tile,
-            edge_x=edge_x, edge_y=edge_y, when=when, counter_words=counter_words, uses=uses,
-        ))  # fmt: skip
+        """Sum the force's terms over the disks of each tile."""
         spread = ti.static(spread_of_loops())
         for item in range(spread * gas.grid.tiles_x * gas.grid.tiles_y):
             round_products(gas)
@@ -117,16 +113,12 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any, Any]:
                 for j in ti.static(range(n_totals * (1 + LEVELS))):
                     tile_sums[b, j] = found[j]
 
-    @ti.kernel
+    @kernel
     def apply_force(
-        uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, disk: Rows, kind: Rows, kinds: Rows,
-        meta: Rows, tile: Table, edge_x: Rows, edge_y: Rows, when: Rows, counter_words: Rows, parameters: Rows,
-        tile_sums: Table, totals: Rows,
+        gas: Arrays("uses grid scale clock disk kind kinds meta tile edge_x edge_y when counter_words"),
+        parameters: Rows, tile_sums: Table, totals: Rows,
     ):  # fmt: skip
-        gas = ti.static(gas_of(
-            grid=grid, scale=scale, clock=clock, disk=disk, kind=kind, kinds=kinds, meta=meta, tile=tile,
-            edge_x=edge_x, edge_y=edge_y, when=when, counter_words=counter_words, uses=uses,
-        ))  # fmt: skip
+        """Apply the force to every disk; sum what each tile gains."""
         spread = ti.static(spread_of_loops())
         for item in range(spread * gas.grid.tiles_x * gas.grid.tiles_y):
             round_products(gas)

@@ -3,12 +3,12 @@
 And how the host gets small arrays, and rows of others, from a GPU and back.
 """
 
-from .columns import MECHANISM, READOUT, REAL_OUT
-from .language import Cube, Rows, Table, has_numbers, spread_of_loops, ti, width
+from .columns import MECHANISM, READOUT, REAL_OUT, SMALL
+from .language import Rows, Table, has_numbers, spread_of_loops, ti, width
 from .layout import ASLEEP, ASLEEP_UNVERIFIED, AT_MOMENT, SNAPSHOT
 from .particle import listed_kind, round_products
-from .records import gas_of
 from .shear import flow_at, frame_speed
+from .signature import Arrays, kernel
 from .tiles import fly
 
 
@@ -69,13 +69,16 @@ def placed(s, tile, time, gas: ti.template()):
     return x, y, boxes_x, boxes_y, frame, flow
 
 
-@ti.kernel
+@kernel
 def read_out(
-    part: ti.i32, time: ti.f64, filled: ti.i32, uses: ti.template(), grid: Rows, scale: Rows, clock: Rows,
-    disk: Rows, meta: Rows, past: Rows, hits: Rows, spent: Rows, slept: Rows, kind: Rows, kinds: Rows,
-    tile: Table, edge_x: Rows, edge_y: Rows, real_out: Table, int_out: Table, past_out: Table, hits_out: Table,
-    spent_out: Table, totals: Table,
-):  # fmt: skip
+    part: ti.i32,
+    time: ti.f64,
+    filled: ti.i32,
+    gas: Arrays(
+        "uses grid scale clock disk meta past hits spent slept kind kinds tile edge_x edge_y real_out int_out "
+        "past_out hits_out spent_out totals"
+    ),
+):
     """Write disks by id (of one rank of several, by slot), unless `filled` is 0, and the sums of each tile.
 
     `real_out` (n, 5): x, y, vx, vy, spin; `int_out` (n, 3): collisions with disks and walls, boxes travelled;
@@ -83,11 +86,6 @@ def read_out(
     with walls, latest partner, 1 for disks asleep; `spent_out` (n, mechanisms): energy that collisions took; `totals`
     (tiles, sums).
     """
-    gas = ti.static(gas_of(
-        grid=grid, scale=scale, clock=clock, disk=disk, meta=meta, past=past, hits=hits, spent=spent,
-        slept=slept, kind=kind, kinds=kinds, tile=tile, edge_x=edge_x, edge_y=edge_y, real_out=real_out,
-        int_out=int_out, past_out=past_out, hits_out=hits_out, spent_out=spent_out, totals=totals, uses=uses,
-    ))  # fmt: skip
     spread = ti.static(spread_of_loops())
     for item in range(spread * gas.grid.tiles_x * gas.grid.tiles_y):
         round_products(gas)
@@ -113,7 +111,7 @@ def read_out(
                     vx = ti.cast(listed_disk.vx, ti.f64) + frame
                     row = ti.Vector([x, y, vx, listed_disk.vy, listed_disk.spin], ti.f64)
                     for column in ti.static(range(REAL_OUT.width)):
-                        if ti.static(has_numbers(real_out, ti.f32)):
+                        if ti.static(has_numbers(gas.real_out.array, ti.f32)):
                             gas.real_out[i][column] = ti.cast(row[column], ti.f32)
                         else:
                             gas.real_out[i][column] = row[column]
@@ -136,20 +134,18 @@ def read_out(
                 gas.totals[k][c] = total[c]
 
 
-@ti.kernel
+@kernel
 def interpolate_snapshot(
-    m: ti.i32, time: ti.f64, n_notes: ti.i32, n_slots: ti.i32, uses: ti.template(), grid: Rows, scale: Rows,
-    tile: Table, disk: Rows, meta: Rows, past: Rows, hits: Rows, spent: Rows, snapshot_time: Rows, note: Table,
-    note_at: Rows, note_tally: Table, tally: Cube,
-):  # fmt: skip
+    m: ti.i32,
+    time: ti.f64,
+    n_notes: ti.i32,
+    n_slots: ti.i32,
+    gas: Arrays("uses grid scale tile disk meta past hits spent snapshot_time note note_at note_tally tally"),
+):
     """Bring moment m of a window, the time of which was not known, to a time since the window's beginning.
 
     Latest notes first, then flights. Notes of a disk stand in the order of time, for one tile took them.
     """
-    gas = ti.static(gas_of(
-        grid=grid, scale=scale, tile=tile, disk=disk, meta=meta, past=past, hits=hits, spent=spent,
-        snapshot_time=snapshot_time, note=note, note_at=note_at, note_tally=note_tally, tally=tally, uses=uses,
-    ))  # fmt: skip
     for _ in range(1):
         first = gas.scale.moment[m].begin
         for n in range(n_notes):
@@ -179,14 +175,12 @@ def interpolate_snapshot(
         )  # fmt: skip
 
 
-@ti.kernel
-def exchange(
-    board: Rows, sending: ti.i32, grid: Rows, scale: Rows, clock: Rows, sums: Rows, counter: Rows, total: Rows,
-):  # fmt: skip
+@kernel
+def exchange(board: Rows, sending: ti.i32, arrays: Arrays(" ".join(SMALL), {})):
     """Copy the small arrays, one after another, from the `board` if `sending`, else to it, for the host."""
     for _ in range(1):
         at = 0
-        for array in ti.static((grid, scale, clock, sums, counter, total)):
+        for array in ti.static(arrays):
             for i in range(array.shape[0]):
                 if sending == 1:
                     if ti.static(has_numbers(array, ti.i32)):

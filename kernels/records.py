@@ -5,10 +5,10 @@ program. Only this module calls the subscript function of Taichi.
 """
 
 from collections import namedtuple
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from .columns import SINGLE, TABLES, Columns, Several
+from .columns import SINGLE, Columns, Several
 from .language import ti
 
 _subscript = ti.lang.impl.subscript
@@ -59,21 +59,21 @@ class NamedRow:
 
 
 class Records:
-    """An array whose rows have columns with names: `array[i]` is one of them, or `array[i, j]` with more axes."""
+    """An `array` whose rows have columns with names: `records[i]` is one of them, or `records[i, j]` with more axes."""
 
     _data_oriented = True
-    __slots__ = ("_array", "_columns")
+    __slots__ = ("_columns", "array")
 
     def __init__(self, array: Any, columns: Columns) -> None:
-        self._array, self._columns = array, columns
+        self.array, self._columns = array, columns
 
     @property
     def shape(self) -> Any:
         """Shape of the array."""
-        return self._array.shape
+        return self.array.shape
 
     def __getitem__(self, index: Any) -> NamedRow:
-        return NamedRow(self._array, index if isinstance(index, tuple) else (index,), self._columns)
+        return NamedRow(self.array, index if isinstance(index, tuple) else (index,), self._columns)
 
 
 class _Group:
@@ -110,14 +110,14 @@ class _Other:
         return self._row[self._first + 1 - m]
 
 
-def gas_of(tables: Mapping[str, Columns] = TABLES, **arrays: Any) -> Any:
-    """The arrays that a kernel was given, by the names of their columns, and `uses`: a bundle while it is compiled."""
-    found = {}
-    for name, array in arrays.items():
+def gas_of(tables: Mapping[str, Columns], names: Sequence[str], *arrays: Any) -> Any:
+    """A bundle, while a kernel is compiled, of its arrays by these names, with the columns of `tables`."""
+    found = []
+    for name, array in zip(names, arrays, strict=True):
         if name not in tables:
-            found[name] = array
+            found.append(array)
         else:
-            found[name] = (
+            found.append(
                 NamedRow(array, (), tables[name]) if name in SINGLE else Records(array, tables[name])
             )
-    return namedtuple("Gas", found)(**found)
+    return namedtuple("Gas", names)(*found)

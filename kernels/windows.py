@@ -6,11 +6,11 @@ where places and velocities are rounded.
 
 from .columns import MOST_MOMENTS, REACH, SCALE, TALLY, TOTAL
 from .events import predict, run_events
-from .language import Cube, Rows, Table, on_gpu, spread_of_loops, ti
+from .language import on_gpu, spread_of_loops, ti
 from .layout import AT_END, BLOCK_OF_TILES, FAR, FULL_CELLS, FULL_SLOTS
 from .particle import round_products
-from .records import gas_of
 from .rest import update_resting
+from .signature import Arrays, kernel
 from .tiles import (
     begin, cells_of, count_chunk, gather, is_too_narrow, is_wrong, link_cells, link_cells_of_layers, load, order,
     region_of, team_of, write,
@@ -295,35 +295,25 @@ def sum_blocks(column, gas: ti.template()):
     gas.total[column] = total
 
 
-@ti.kernel
+@kernel
 def run_windows(
-    first: ti.i32, n_listed: ti.i32, most_windows: ti.i32, uses: ti.template(), grid: Rows, scale: Rows,
-    clock: Rows, sums: Rows, counter: Rows, disk: Rows, meta: Rows, past: Rows, hits: Rows, spent: Rows,
-    slept: Rows, held: Rows, snapshot_time: Rows, note: Table, note_at: Rows, note_tally: Table, kind: Rows,
-    kinds: Rows, history_hash: Rows, displacement: Rows, slot_before: Rows, tile: Table, listed: Rows,
-    reach: Table, edge_x: Rows, edge_y: Rows, tally: Cube, ghost: Rows, ghost_position: Rows, motion: Rows,
-    event_info: Rows, image_info: Rows, start_position: Rows, rest: Rows, residual_acceleration: Rows,
-    contact: Rows, cached_force: Rows, candidates: Rows, since: Rows, turn: Rows, loss: Rows, head: Rows,
-    bin: Rows, wall_start: Rows, wall_item: Rows, walls: Rows, law: Cube, watched: Rows, event: Rows,
-    event_int: Rows, found: Table, total: Rows,
-):  # fmt: skip
+    first: ti.i32,
+    n_listed: ti.i32,
+    most_windows: ti.i32,
+    gas: Arrays(
+        "uses grid scale clock sums counter disk meta past hits spent slept held snapshot_time note note_at "
+        "note_tally kind kinds history_hash displacement slot_before tile listed reach edge_x edge_y tally "
+        "ghost ghost_position motion event_info image_info start_position rest residual_acceleration contact "
+        "cached_force candidates since turn loss head bin wall_start wall_item walls law watched event "
+        "event_int found total"
+    ),
+):
     """The window of tiles `first` to `n_listed`, and sums over all; or `most_windows` windows of a gas in one tile.
 
     The first launch runs the window that the host has set, each further one the next, if there may be one. On a CPU
     each thread takes tile after tile. On a GPU, where there is a lane for each tile, teams of threads share all the
     work but the events.
     """
-    gas = ti.static(gas_of(
-        grid=grid, scale=scale, clock=clock, sums=sums, counter=counter, disk=disk, meta=meta, past=past,
-        hits=hits, spent=spent, slept=slept, held=held, snapshot_time=snapshot_time, note=note, note_at=note_at,
-        note_tally=note_tally, rest=rest, residual_acceleration=residual_acceleration, contact=contact,
-        cached_force=cached_force, kind=kind, kinds=kinds, history_hash=history_hash, displacement=displacement,
-        slot_before=slot_before, tile=tile, listed=listed, reach=reach, edge_x=edge_x, edge_y=edge_y,
-        tally=tally, ghost=ghost, ghost_position=ghost_position, motion=motion, event_info=event_info,
-        image_info=image_info, start_position=start_position, candidates=candidates, since=since, turn=turn,
-        loss=loss, head=head, bin=bin, wall_start=wall_start, wall_item=wall_item, walls=walls, law=law,
-        watched=watched, event=event, event_int=event_int, found=found, total=total, uses=uses,
-    ))  # fmt: skip
     for _ in range(1):
         round_products(gas)
         if (gas.grid.single_tile == 0 or ti.static(on_gpu())) and first == 0:
@@ -408,18 +398,14 @@ def run_windows(
             sum_blocks(column, gas)
 
 
-@ti.kernel
+@kernel
 def verify(
-    uses: ti.template(), grid: Rows, scale: Rows, counter: Rows, disk: Rows, history_hash: Rows,
-    displacement: Rows, slot_before: Rows, tile: Table, listed: Rows, reach: Table, edge_x: Rows, edge_y: Rows,
-    ghost: Rows, ghost_position: Rows,
-):  # fmt: skip
+    gas: Arrays(
+        "uses grid scale counter disk history_hash displacement slot_before tile listed reach edge_x edge_y "
+        "ghost ghost_position"
+    ),
+):
     """Find the tiles whose windows may not be exact: into `listed`, `counter.n_bad` of them; widen their halos."""
-    gas = ti.static(gas_of(
-        grid=grid, scale=scale, counter=counter, disk=disk, history_hash=history_hash,
-        displacement=displacement, slot_before=slot_before, tile=tile, listed=listed, reach=reach,
-        edge_x=edge_x, edge_y=edge_y, ghost=ghost, ghost_position=ghost_position, uses=uses,
-    ))  # fmt: skip
     team = ti.static(team_of(gas.uses))
     spread = ti.static(spread_of_loops())
     for item in range(spread * gas.grid.tiles_x * gas.grid.tiles_y):
@@ -442,16 +428,9 @@ def verify(
             gas.reach[k].halo_factor = HALO_GROWTH * gas.reach[k].halo_factor
 
 
-@ti.kernel
-def survey(
-    uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, disk: Rows, tile: Table, tally: Cube,
-    reach: Table, found: Table, total: Rows,
-):  # fmt: skip
+@kernel
+def survey(gas: Arrays("uses grid scale clock disk tile tally reach found total")):
     """The largest square of a speed and the sum of all, as a window's end tells, of disks moved by something else."""
-    gas = ti.static(gas_of(
-        grid=grid, scale=scale, clock=clock, disk=disk, tile=tile, tally=tally, reach=reach, found=found,
-        total=total, uses=uses,
-    ))  # fmt: skip
     spread = ti.static(spread_of_loops())
     for item in range(spread * gas.grid.tiles_x * gas.grid.tiles_y):
         round_products(gas)
@@ -475,14 +454,10 @@ def survey(
             sum_blocks(column, gas)
 
 
-@ti.kernel
-def sum_shared(
-    n_blocks: ti.i32, last: ti.i32, uses: ti.template(), grid: Rows, tally: Cube, reach: Table, found: Table,
-    total: Rows, blocks: Rows,
-):  # fmt: skip
+@kernel
+def sum_shared(n_blocks: ti.i32, last: ti.i32, gas: Arrays("uses grid tally reach found total blocks")):
     """The last step of `run_windows` and `survey` on ranks: sums of `n_blocks` blocks of tiles; of all, if `last`."""
-    gas = ti.static(gas_of(grid=grid, tally=tally, reach=reach, found=found, total=total, uses=uses))
     for item in range(n_blocks * gas.found.shape[1]):
-        sum_up(blocks[item // gas.found.shape[1]], item % gas.found.shape[1], gas)
+        sum_up(gas.blocks[item // gas.found.shape[1]], item % gas.found.shape[1], gas)
     for column in range(last * gas.total.shape[0]):
         sum_blocks(column, gas)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import inspect
 import itertools
+import json
 import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping
@@ -15,9 +17,12 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from support.layout_files import add_histories
+from support.layout_files import write as write_layout
 
 import ifrdem
-from ifrdem import Device, InputError, analysis, theory
+from ifrdem import Device, InputError, analysis, bullet, theory
+from ifrdem.plots import impact_angles
 from ifrdem.theory.driven_gas import Drive
 
 LAW = ifrdem.IFRLaw(e_n=0.9, e_t=-0.8, mu=0.2)
@@ -193,6 +198,8 @@ IFRDEM: dict[str, dict[str, Any]] = {
     "Box.minimum_image": {"self": SMALL, "difference": POINTS, "time": 1.0},
     "Box.unwrap": {"self": SMALL, "position": POINTS, "image": np.zeros((400, 2), dtype=int), "time": 1.0},
     "CollisionLaw": {},
+    "ContactTime": {"time": 0.1},
+    "Device": {"name": "cpu", "threads": 1, "precision": "f64", "window_collisions": 0.4},
     "Disks": {"n": 2, "mass": [1.0, 2.0], "radius": 0.5, "k": 2.0, "material": [0, 1]},
     "IFRLaw": {"e_n": 0.9, "e_t": -0.8, "mu": 0.2, "sticking": "contact_point", "rho": 0.0, "k": 2.0},
     "IFRLaw.admissibility": {"self": LAW, "k_i": 2.0, "k_j": 2.0, "m_i": 1.0, "m_j": 1.0},
@@ -206,6 +213,8 @@ IFRDEM: dict[str, dict[str, Any]] = {
     "Piston": {"mass": 1.0, "force": 0.1, "spring": 0.1, "displacement": 0.1, "velocity": 0.1, "low": -1.0,
                "high": 1.0},
     "Piston.energy": {"self": ifrdem.Piston(1.0), "displacement": 1.0, "velocity": 1.0, "pull": 0.0},
+    "Rest": {"speed": 0.1},
+    "RotatingGravity": {"start": (0.0, -1.0), "rate": 0.1, "step": 0.01},
     "State": {"position": np.ones((2, 2)), "velocity": np.ones((2, 2)), "spin": [0.0, 0.0], "time": 0.0,
               "collisions": [0, 0], "image": np.zeros((2, 2), dtype=int), "wall_hits": [0, 0],
               "latest_collision": [0.0, 0.0], "last_partner": [-1, -1], "angle": [0.0, 0.0],
@@ -213,6 +222,7 @@ IFRDEM: dict[str, dict[str, Any]] = {
     "Study": {"path": "cooling", "vary": (), "set": (), "seeds": 2, "output": None},
     "Turn": {"kind": "sine", "center": (0.0, 0.0), "rate": 1.0, "amplitude": 1.0, "frequency": 1.0, "phase": 0.0},
     "Turn.angle": {"self": ifrdem.Turn("steady", rate=1.0), "t": 1.0},
+    "VelocityCutoff": {"speed": 0.1},
     "Wall": {"shape": "arc", "place": (1.0, 1.0), "towards": (0.0, 1.0), "radius": 1.0, "angles": (0.0, 1.0),
              "points": (), "holds": "both", **WALLS},
     "Wall.line": {"point": (0.0, 0.0), "normal": (0.0, 1.0), **WALLS},
@@ -227,12 +237,57 @@ IFRDEM: dict[str, dict[str, Any]] = {
                 "velocity": [[1.0, 0.0], [0.0, 0.0]], "spin": [0.0, 0.0]},
     "slice_of": {"n": 10, "comm": None},
 }  # fmt: skip
+ANGLES = np.array([10.0, 20.0, 30.0, 40.0, 50.0, 60.0])
+IMPACTS = ifrdem.fit.Data(
+    psi=ANGLES,
+    measured={"delta_1": 1.5 * ANGLES, "delta_2": 0.2 * ANGLES},
+    errors={"psi": 0.7, "delta_1": 0.7, "delta_2": 0.7},
+)
+MOTION = {
+    "vx_1": [1.0, 0.7],
+    "vy_1": [0.2, 0.7],
+    "vx_1_after": [-0.9, -0.63],
+    "nx": [1.0, 1.0],
+    "ny": [0.0, 0.0],
+}
+COIN = ifrdem.fit.Disk(mass=1.0, radius=0.5)
+
+
+@functools.cache
+def fitted() -> ifrdem.fit.Fit:
+    """Impacts fitted by a law of two coefficients."""
+    return ifrdem.fit.fit(IMPACTS, M=1.0, model=["ifr-percussion"], profile=False)
+
+
+def of_fits() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
+    """Calls that need a fit, by name."""
+    found = fitted()
+    return {
+        "Fit.law": (found.law, {"name": "ifr-percussion"}),
+        "Fitted.draw": (found.laws[found.best].draw, {"number": 2, "seed": 1}),
+        "Fitted.ifr": (found.laws[found.best].ifr, {"k": 2.0}),
+        "as_json": (ifrdem.fit.as_json, {"fit": found}),
+        "design": (ifrdem.fit.design, {"fit": found, "number": 5, "psi": ANGLES}),
+        "draws": (ifrdem.fit.draws, {"fit": found, "number": 2, "seed": 1}),
+        "material": (ifrdem.fit.material, {"fit": found, "name": "coins"}),
+        "table": (ifrdem.fit.table, {"fit": found}),
+    }
+
+
 FIT: dict[str, dict[str, Any]] = {
+    "Collisions": {"disk_1": COIN, "disk_2": ifrdem.fit.WALL, "measured": MOTION, "source": "data", "line": [2, 3],
+                   "errors": {"vx_1": 0.01, "vy_1": 0.01, "vx_1_after": 0.01, "normal": 0.01},
+                   "covariance": {("vx_1", "vy_1"): 1e-6}, "notes": ()},
+    "Data": {"psi": ANGLES, "measured": {"delta_1": 1.5 * ANGLES}, "errors": {"psi": 0.7, "delta_1": 0.7},
+             "source": "data", "line": [2, 3, 4, 5, 6, 7], "notes": ()},
     "Disk": {"mass": [1.0, 2.0], "radius": 0.5, "k": 2.0},
     "Form": {"columns": {}, "units": {}, "known": {}, "delimiter": ",", "decimal": "."},
     "Pair": {"M": 0.5, "k_1": 2.0, "k_2": 2.0, "R_1": 1.0, "R_2": 1.0},
     "Walton": {"e_n": 0.9, "beta": 0.5, "mu": 0.2},
     "example": {"seed": 1},
+    "fit": {"data": IMPACTS, "M": 1.0, "k_1": 2.0, "k_2": 2.0, "R_1": 1.0, "R_2": 1.0, "model": ["brach"], "own": (),
+            "fix": {"mu": 0.2}, "rolling": False, "robust": False, "level": 0.95, "profile": False,
+            "cross_validate": False, "bootstrap": 0, "seed": 1, "progress": lambda _: None},
     "own": {"kind": Elastic, "ranges": {"e_n": (0.0, 1.0)}},
 }  # fmt: skip
 MODULES: dict[ModuleType, dict[str, dict[str, Any]]] = {
@@ -246,12 +301,11 @@ OTHERS: dict[ModuleType, set[str]] = {
     analysis: {"Clusters", "ContactValue", "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic", "Impacts",
                "PairCorrelation", "Pressure", "RatioFit", "SonineCoefficients", "StructureFactor",
                "VelocityDistribution"},
-    ifrdem.forces: {"normals", "number", "uniforms"},
+    ifrdem.forces: {"normals", "uniforms"},
     ifrdem.observables: {"Measure"},
-    # Tables of data are checked line by line, and what takes a fit by its own tests (`tests/fit`).
-    ifrdem.fit: {"Collisions", "Data", "Design", "Estimate", "Fit", "Fitted", "Interval", "Law", "as_json", "design",
-                 "draws", "fit", "material", "read", "table"},
-    # Of files and gases below; the writer of parts has options of the writer.
+    # Functions of fits, files and gases are below.
+    ifrdem.fit: {"Design", "Estimate", "Fit", "Fitted", "Interval", "Law", "as_json", "design", "draws", "material",
+                 "read", "table"},
     ifrdem: {"DSMC", "History", "PartsWriter", "Regime", "Simulation", "Trajectory", "TrajectoryWriter", "concat",
              "view"},
 }  # fmt: skip
@@ -281,7 +335,7 @@ def numbers(result: Any) -> Iterator[float]:
             yield from np.abs(np.asarray(result)).ravel().tolist()
     elif isinstance(result, float | complex | np.number):
         yield abs(result)
-    elif dataclasses.is_dataclass(result):
+    elif dataclasses.is_dataclass(result) and not isinstance(result, type):
         yield from numbers([getattr(result, each.name) for each in dataclasses.fields(result)])
     elif isinstance(result, Mapping):
         yield from numbers(list(result.values()))
@@ -336,6 +390,13 @@ def test_nonsense_is_refused_by_the_name_of_its_argument(module: str, name: str)
     assert wrong_answers(public(found, name), MODULES[found][name]) == []
 
 
+@pytest.mark.parametrize(
+    "name", ["Fit.law", "Fitted.draw", "Fitted.ifr", "as_json", "design", "draws", "material", "table"]
+)
+def test_nonsense_for_a_fit_is_refused_by_the_name_of_its_argument(name: str) -> None:
+    assert wrong_answers(*of_fits()[name]) == []
+
+
 def public_names(module: ModuleType) -> set[str]:
     """Names of public functions and classes, but errors and warnings."""
     given = getattr(module, "__all__", None) if module is not ifrdem else dir(ifrdem)
@@ -372,8 +433,24 @@ def small_file(folder: Path) -> str:
         for time in (0.0, 1.0, 2.0):
             state = dataclasses.replace(STATE, time=time)
             measure = ifrdem.observables.measure(DISKS, state)
-            names = ("temperature", "rotational_temperature", "energy", "collisions")
+            names = (
+                "temperature", "rotational_temperature", "energy", "collisions", "translational_energy",
+                "rotational_energy",
+            )  # fmt: skip
             file.write(state, {name: getattr(measure, name) for name in names})
+    return path
+
+
+def scan(folder: Path) -> Path:
+    """A trajectory of one impact: disk 0 on disk 1, at rest."""
+    law = {"e_n": 0.9, "e_t": -1.0, "mu": 0.0, "sticking": "contact_point", "rho": 0.0}
+    parameters = {"laws": json.dumps([[law]])}
+    path, disks = folder / "scan.h5", ifrdem.Disks(2, mass=1.0, radius=0.5)
+    with ifrdem.TrajectoryWriter(path, disks, SMALL, parameters=parameters) as file:
+        for time in (0.0, 1.0):
+            position = [[2.0 + 0.5 * time, 2.0], [4.0, 2.3]]
+            velocity = [[1.0, 0.0], [0.0, 0.0]] if time == 0.0 else [[0.1, -0.3], [0.9, 0.3]]
+            file.write(ifrdem.State(position, velocity, [0.0, 0.0], time, [int(time)] * 2))
     return path
 
 
@@ -382,6 +459,17 @@ def of_files(folder: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]
     path = small_file(folder)
     run = ifrdem.Trajectory(path)
     names = itertools.count()
+    data = folder / "data.csv"
+    data.write_text(ifrdem.fit.example(1), encoding="utf-8")
+    write_layout(tracked := folder / "tracked.h5", n=7)
+    start = {
+        "time": 0.0, "position": np.ones((3, 2)), "velocity": np.ones((3, 2)), "spin": np.ones(3),
+        "image": np.zeros((3, 2)),
+    }  # fmt: skip
+    add_histories(tracked, [1, 4, 6], start, [], [(0, 2.0)])
+    paths = ifrdem.Trajectory(tracked)
+    history = paths.history(4)
+    frame = run[0]
 
     def written(**arguments: Any) -> None:
         arguments.setdefault("path", folder / f"{next(names)}.h5")
@@ -398,7 +486,48 @@ def of_files(folder: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]
         "disks": DISKS, "box": SMALL, "fields": ("position",), "parameters": {"a": 1}, "units": None,
         "precision": "f4", "compression": "none", "force": False, "walls": (), "within": None,
     }  # fmt: skip
+
+    def parts(**arguments: Any) -> None:
+        arguments.setdefault("path", folder / f"{next(names)}.h5")
+        with ifrdem.PartsWriter.create(**arguments):
+            pass
+
+    in_parts = {"disks": DISKS, "own": DISKS, "box": SMALL, "number": 2, "force": False, "parameters": {"a": 1},
+                "fields": ("position",), "comm": None}  # fmt: skip
+    pictures = {
+        name: (getattr(ifrdem.plots, name), {"run": run, "path_png": None})
+        for name in ("cooling", "driven", "sheared", "table", "walled")
+    }
+    pictures["impact_scan"] = (
+        ifrdem.plots.impact_scan,
+        {"run": ifrdem.Trajectory(scan(folder)), "path_png": None},
+    )
     return {
+        **{f"plots.{name}": call for name, call in pictures.items()},
+        "fit.read": (ifrdem.fit.read, {"path": data, "errors": {"angles": 0.7}, "disk_1": COIN, "disk_2": None,
+                                       "form": ifrdem.fit.Form()}),
+        **{f"History.{name}": (getattr(history, name), {"t": [0.5, 1.0]})
+           for name in ("angle", "position", "spin", "unwrapped", "velocity")},
+        "History.__getitem__": (lambda name: history[name], {"name": "psi"}),
+        "Frame.__getitem__": (lambda name: frame[name], {"name": "position"}),
+        "Frame.field": (frame.field, {"name": "position"}),
+        "Frame.plot": (frame.plot, {"ax": None, "color": "spin"}),
+        "DiskPath.__getitem__": (lambda name: run.disk(0)[name], {"name": "position"}),
+        "Series.__getitem__": (lambda name: run.observables[name], {"name": "energy"}),
+        "Series.columns": (run.observables.columns, {"name": "energy"}),
+        "PartsWriter.create": (parts, in_parts),
+        "Trajectory.constants": (run.constants, {"name": "mass", "disks": slice(0, 2)}),
+        "Trajectory.dataset": (run.dataset, {"name": "position"}),
+        "Trajectory.dtype": (run.dtype, {"name": "position"}),
+        "Trajectory.history": (paths.history, {"disk": 4}),
+        "Trajectory.plot": (run.plot, {"what": "temperatures", "ax": None, "frames": [0, 1], "over": "t",
+                                       "color": None}),
+        "Trajectory.read": (run.read, {"name": "position", "selection": 1}),
+        "Trajectory.read_events": (paths.read_events, {"name": "time", "rows": 0}),
+        "Trajectory.record": (lambda name, use: run.record(name, use, "[]"), {"name": "gravity", "use": list}),
+        "Trajectory.require": (run.require, {"name": "position"}),
+        "Trajectory.shape": (run.shape, {"name": "position"}),
+        "Trajectory.with_unit": (run.with_unit, {"text": "1", "quantity": "time"}),
         "Trajectory": (ifrdem.Trajectory, {"path": path}),
         "Trajectory.__getitem__": (lambda frame: run[frame], {"frame": 0}),
         "Trajectory.disk": (run.disk, {"disk": 0}),
@@ -412,12 +541,28 @@ def of_files(folder: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", [
-    "Trajectory", "Trajectory.__getitem__", "Trajectory.disk", "Trajectory.to_pandas", "TrajectoryWriter",
-    "TrajectoryWriter.write", "concat", "plots.figure", "view",
-])  # fmt: skip
-def test_nonsense_for_files_is_refused_by_the_name_of_its_argument(name: str, tmp_path: Path) -> None:
-    assert wrong_answers(*of_files(tmp_path)[name]) == []
+PICTURES = ("cooling", "driven", "impact_scan", "sheared", "table", "walled")
+FILES = [
+    *(f"plots.{name}" for name in (*PICTURES, "figure")), "fit.read",
+    *(f"History.{name}" for name in ("__getitem__", "angle", "position", "spin", "unwrapped", "velocity")),
+    "Frame.__getitem__", "Frame.field", "Frame.plot", "DiskPath.__getitem__", "Series.__getitem__", "Series.columns",
+    "PartsWriter.create", "Trajectory", "TrajectoryWriter", "TrajectoryWriter.write", "concat", "view",
+    *(f"Trajectory.{name}" for name in (
+        "__getitem__", "constants", "dataset", "disk", "dtype", "history", "plot", "read", "read_events", "record",
+        "require", "shape", "to_pandas", "with_unit")),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_nonsense_for_files_is_refused_by_the_name_of_its_argument(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for module in (ifrdem.plots.run, impact_angles):
+        monkeypatch.setattr(module, "save", lambda figure, path: None)
+    calls = of_files(tmp_path)
+    assert set(calls) == set(FILES)
+    assert wrong_answers(*calls[name]) == []
 
 
 def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
@@ -446,6 +591,13 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         return ifrdem.DSMC(**{**given, **options})
 
     made = gas()
+
+    @functools.cache
+    def driven() -> ifrdem.Simulation:
+        """A gas under a piston."""
+        walls = [ifrdem.Wall.line((0.0, 0.0), (0.0, 1.0), piston=ifrdem.Piston(1.0))]
+        return gas(box=ifrdem.Box((10.0, 10.0), (True, False)), walls=walls)
+
     simulation: dict[str, Any] = {
         "disks": DISKS, "box": SMALL, "law": law, "state": STATE, "walls": (), "gravity": (0.0, 0.0),
         "forces": (), "collapse": None, "device": Device(threads=1), "record": (), "tracked": (), "seed": 0,
@@ -459,6 +611,13 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "Simulation.run": (lambda **given: gas().run(**given), {
             "t_end": 0.0, "frames": 1, "observers": (), "series": None, "samplers": (), "progress": None,
         }),
+        "DSMC.run": (lambda **given: dsmc().run(**given), {"t_end": 0.0, "samples": [0.0]}),
+        "Simulation.collide": (made.collide, {"count": 0}),
+        "Simulation.collide_until": (made.collide_until, {"t_end": 0.0}),
+        "Simulation.save_checkpoint": (made.save_checkpoint, {"path": "saved.npz", "extra": None, "arrays": None}),
+        "Simulation.set_piston_force": (lambda **given: driven().set_piston_force(**given),
+                                        {"wall": 0, "force": 1.0}),
+        "Simulation.switch_ledger": (gas(ledger=True).switch_ledger, {"on": True}),
         "Simulation.set_law": (made.set_law, {"law": law}),
         "Simulation.set_forces": (made.set_forces, {"forces": ()}),
         "Simulation.set_gravity": (made.set_gravity, {"gravity": (0.0, 0.0)}),
@@ -467,12 +626,22 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", [
-    "DSMC", "Simulation", "Simulation.run", "Simulation.set_law", "Simulation.set_forces",
-    "Simulation.set_gravity", "Simulation.set_velocities", "Simulation.load_checkpoint",
-])  # fmt: skip
-def test_nonsense_for_gases_is_refused_by_the_name_of_its_argument(name: str) -> None:
-    call, arguments = of_gases()[name]
+GASES = [
+    "DSMC", "DSMC.run", "Simulation",
+    *(f"Simulation.{name}" for name in (
+        "collide", "collide_until", "load_checkpoint", "run", "save_checkpoint", "set_forces", "set_gravity", "set_law",
+        "set_piston_force", "set_velocities", "switch_ledger")),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", GASES)
+def test_nonsense_for_gases_is_refused_by_the_name_of_its_argument(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    calls = of_gases()
+    assert set(calls) == set(GASES)
+    call, arguments = calls[name]
     wrong = []
     for key in arguments:
         for kind, value in nonsense():
@@ -486,6 +655,35 @@ def test_nonsense_for_gases_is_refused_by_the_name_of_its_argument(name: str) ->
             except Exception as error:  # reported: only InputError is an answer to nonsense
                 wrong.append(f"{key} = {kind}: {type(error).__name__}")
     assert wrong == []
+
+
+def of_bullet(client: int) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
+    """Calls of the adapter to PyBullet, by name."""
+    disk = bullet.add_disk(client, mass=1.0, radius=0.5)
+    bodies = bullet.Bodies.read(client, [disk])
+    surface = {"friction": 0.1, "restitution": 0.5}
+    law = ifrdem.IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
+    return {
+        "Bodies.read": (bullet.Bodies.read, {"client": client, "bodies": [disk]}),
+        "Bodies.state": (bodies.state, {"client": client}),
+        "add_disk": (bullet.add_disk, {"client": client, "mass": 1.0, "radius": 0.5, "k": 2.0, "height": 0.5,
+                                       **surface}),
+        "add_wall": (bullet.add_wall, {"client": client, "point": (0.0, 0.0), "normal": (0.0, 1.0), **surface}),
+        "place": (bullet.place, {"client": client, "body": disk.body, "position": (0.0, 0.0), "velocity": (0.0, 0.0),
+                                 "spin": 0.0, "angle": 0.0, "z": 0.0}),
+        "step": (bullet.step, {"client": client, "bodies": bodies, "law": law}),
+    }  # fmt: skip
+
+
+@pytest.mark.skipif(bullet.absence() is not None, reason="PyBullet is absent")
+@pytest.mark.parametrize("name", ["Bodies.read", "Bodies.state", "add_disk", "add_wall", "place", "step"])
+def test_nonsense_for_pybullet_is_refused_by_the_name_of_its_argument(name: str) -> None:
+    p = bullet.load()
+    client = p.connect(p.DIRECT)
+    try:
+        assert wrong_answers(*of_bullet(client)[name]) == []
+    finally:
+        p.disconnect(client)
 
 
 @pytest.mark.parametrize(

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import importlib
 import subprocess
 import sys
 
 import pytest
+
+import ifrdem
 
 
 @pytest.mark.parametrize(
@@ -22,3 +25,21 @@ def test_taichi_prints_neither_its_banner_nor_a_line_on_notebooks(use: str) -> N
         [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=120
     )
     assert (done.stdout, done.stderr) == ("", "")
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["forces", "laws", "observables", "initial", "theory", "analysis", "plots", "fit", "bullet"],
+)
+def test_modules_that_the_manual_lists_can_be_imported_by_their_names(name: str) -> None:
+    module = importlib.import_module(f"ifrdem.{name}")
+    assert getattr(ifrdem, name) is module
+    assert module.__doc__
+
+
+def test_import_alone_loads_neither_taichi_nor_numpy_nor_pydantic() -> None:
+    program = "import sys, ifrdem; print({'taichi', 'numpy', 'pydantic', 'h5py'} & set(sys.modules))"
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=120
+    )
+    assert done.stdout == "set()\n"

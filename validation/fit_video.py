@@ -18,7 +18,7 @@ import numpy as np
 import ifrdem
 from ifrdem.case.shipped import find
 from ifrdem.fit.tabular import Form
-from ifrdem.run import compare
+from ifrdem.runs import compare
 
 FITTED = {
     "e_n": (0.8702, 8.0e-4),

@@ -618,7 +618,7 @@ def compare(
     wrong.end()
 
     from ..case import shipped
-    from ..run import compare as of_runs
+    from ..runs import compare as of_runs
 
     seen = of_runs.read(measured, given, form)
     laws = [] if draws is None else of_runs.read_draws(draws)

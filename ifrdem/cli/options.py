@@ -37,7 +37,7 @@ def flag(text: str, *names: str, **more: Any) -> Parameter:
 
 def one_trajectory(place: str) -> str:
     """A trajectory as the command line names it: itself, or the only one of a folder."""
-    from ..run.outputs import trajectory_in
+    from ..runs.outputs import trajectory_in
 
     if place.endswith(".nc"):
         raise InputError(

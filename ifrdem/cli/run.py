@@ -67,7 +67,7 @@ def run(
     # Which files there will be is known only from the case, so a wrong case comes first.
     from ..case import file as case_file
     from ..case import shipped
-    from ..run.outputs import Outputs
+    from ..runs.outputs import Outputs
 
     comm = ranks()
     file = case_file.read_on_ranks(lambda: shipped.find(case), changes, comm)
@@ -79,7 +79,7 @@ def run(
 
     outputs = communicator.root_result(comm, planned)
 
-    from ..run import run as running
+    from ..runs import run as running
 
     return _ended(
         lambda: running.run(file, outputs, force=force, max_hours=hours, say=note, warn=warn, comm=comm)
@@ -108,7 +108,7 @@ def resume(
     hours = hours_of(max_hours)
     if threads is not None and not (threads.isdecimal() and int(threads) > 0):
         raise InputError(f"--threads {threads}: a whole number, 1 or more, is needed")
-    from ..run import resume as resuming
+    from ..runs import resume as resuming
 
     comm = ranks()
     communicator.run_on_root(comm, lambda: resuming.find(place))  # before anything takes a second
@@ -154,7 +154,7 @@ def status(
     """
     need = "a number of seconds from 0.01 to 3600"
     seconds = number("--interval", interval, need, lambda value: 0.01 <= value <= 3600.0)
-    from ..run import status as of_run
+    from ..runs import status as of_run
 
     ends = {of_run.RUNNING: 0, of_run.DONE: 0, of_run.INTERRUPTED: UNFINISHED}
     return ends.get(of_run.show(path, say, follow=follow, interval=seconds), FAILED)

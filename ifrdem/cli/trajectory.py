@@ -38,7 +38,7 @@ LEAST, MOST = 160, 7680
 
 def info(file: File, /) -> None:
     """Say what a trajectory holds."""
-    from ..run.info import describe
+    from ..runs.info import describe
 
     say(describe(file))
 

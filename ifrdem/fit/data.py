@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any
 
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, listed, nearest, refuse
-from ..tools.checked import LEAST, Numbers, PositivePerDisk, Seed, validated
+from ..tools.checked import LEAST, Lines, Measurements, Number, Numbers, PositivePerDisk, Seed, validated
 from . import tabular
 from .laws import LAWS
 from .model import MEASURED, AngleProblem, CollisionProblem, Pair, Problem, RowError
@@ -71,6 +71,7 @@ EXAMPLE_LAW = {"e_n": 0.87, "e_t": -0.88, "mu": 0.21}
 EXAMPLE_ERROR = 0.7  # [deg]
 
 
+@validated
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Data:
     """Impacts of disk 1 on disk 2 or on a wall: nothing spins before, and disk 2 is at rest.
@@ -79,17 +80,17 @@ class Data:
     length.
     """
 
-    psi: Array
+    psi: Measurements
     """Impact angles from the line of centres [deg], from 0 to below 90; shape (n,)."""
-    measured: Mapping[str, Array]
+    measured: Mapping[str, Measurements]
     """Values after the impact, by the names of `model.MEASURED`; angles in degrees; NaN where one is missing; shape
     (n,)."""
-    errors: Mapping[str, Array]
+    errors: Mapping[str, Measurements]
     """Standard errors (one sigma, Gaussian), positive, of "psi" and of each measured quantity, in its unit. A single
     number stands for all impacts; NaN for an error that the residuals are to tell; shape (n,)."""
     source: str = "data"
     """Their source, for messages and titles."""
-    line: NDArray[np.int64] | None = field(default=None)
+    line: Lines | None = field(default=None)
     """Lines of the file they come from; without it messages count the impacts from 1; shape (n,)."""
     notes: tuple[str, ...] = ()
     """Values that are missing and columns that are not used."""
@@ -134,6 +135,8 @@ class Data:
         return AngleProblem(names, y, s, [_group(name) for name in names], pair)
 
 
+Size = Annotated[float, Number(-math.inf, math.inf, "a number; nan for one to be estimated", gaps=True)]
+
 _Mass = Annotated[
     ArrayLike, Numbers(("n",), LEAST, math.inf, f"positive, from {LEAST:g}, or inf", scalar=True)
 ]
@@ -170,6 +173,7 @@ WALL = Disk(mass=math.inf, radius=1.0)
 """A wall or a fixed disk as disk 2."""
 
 
+@validated
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Collisions:
     """Whole collisions of two disks, or of a disk with a wall, in any frame of reference.
@@ -191,18 +195,18 @@ class Collisions:
     disk_1: Disk
     disk_2: Disk
     """disk_1, disk_2: the disks; `WALL` as disk 2."""
-    measured: Mapping[str, Array]
+    measured: Mapping[str, Measurements]
     """Values by the names of `COLLISION_COLUMNS`: places of the centres x_1 ... y_2 [length], or the normal nx, ny
     from disk 1 to disk 2 [any length]; velocities vx_1 ... [length/time] and spins, counter-clockwise [rad/time],
     before and, with _after, after. Any subset; NaN where a value is missing. Of a wall, velocities are 0 unless
     given, and exact; shape (n,)."""
-    errors: Mapping[str, Array]
+    errors: Mapping[str, Measurements]
     """Standard errors, positive; a single number stands for all. NaN for one that the residuals are to tell, 0 for a
     value that is known exactly. Those of nx, ny may be of `normal` [rad] instead; shape (n,)."""
-    covariance: Mapping[tuple[str, str], Array] = field(default_factory=dict)
+    covariance: Mapping[tuple[str, str], Measurements] = field(default_factory=dict)
     """Covariances of two quantities of the motion, or of one and "normal" [rad]; shape (n,)."""
     source: str = "data"
-    line: NDArray[np.int64] | None = field(default=None)
+    line: Lines | None = field(default=None)
     notes: tuple[str, ...] = ()
     """source, line, notes: as in `Data`."""
 
@@ -220,8 +224,8 @@ class Collisions:
             wrong.append(f"{unused[0]}; --column {MOTION[0]}='HEADER' says what one is")
         wrong += _wrong_names(self.measured, (*given, *turned))
         wrong += [
-            f"covariance of {a} and {b}: both must be velocities or spins that were measured, or one the normal"
-            for a, b in self.covariance
+            f"covariance: {a} and {b} must both be velocities or spins that were measured, or one the normal"
+            for a, b in _pairs(self.covariance)
             if not {a, b} <= {"normal", *({*MOTION, *AFTER} & set(self.measured))} or a == b
         ]
         refuse(wrong, self.source)
@@ -315,9 +319,10 @@ class Collisions:
         return CollisionProblem(names, y, s, [_group(name) for name in names], disks, walls, covariance)
 
 
+@validated
 def read(
-    path: Path | str,
-    errors: Mapping[str, float] | None = None,
+    path: str | os.PathLike[str],
+    errors: Mapping[str, Size] | None = None,
     *,
     disk_1: Disk | None = None,
     disk_2: Disk | None = None,
@@ -438,10 +443,9 @@ def _given_errors(
         elif rest is not None:
             given[name] = np.full(n, rest)
         else:
-            wrong.append(f"{name}: no error is given; {_how_to_give(name)}")
+            wrong.append(f"{name}: missing from errors: {_how_to_give(name)}")
     wrong += [
-        f"an error of {name} is given, and the file has no column {name}{nearest(name, quantities)}; it "
-        f"has {', '.join(quantities)}"
+        f"errors: the file has no column {name}{nearest(name, quantities)}; there are {', '.join(quantities)}"
         for name in errors
         if name not in quantities and not set(quantities) & set({**GROUPS, "normal": NORMAL}.get(name, ()))
     ]
@@ -491,6 +495,14 @@ def _group(name: str) -> str:
     return next((group for group, names in GROUPS.items() if name in names), name)
 
 
+def _pairs(covariance: Iterable[Any]) -> list[tuple[str, str]]:
+    """Keys of covariances; InputError for one that does not name two quantities."""
+    for each in covariance:
+        if not (isinstance(each, tuple) and len(each) == 2):
+            raise InputError(f"covariance: key {each!r} must be a pair of names")
+    return list(covariance)
+
+
 def _per_collision(disk: Disk, n: int) -> dict[str, Array]:
     """Mass, radius and k of a disk for each of n collisions, (n,)."""
     of = {key: np.asarray(getattr(disk, key), dtype=np.float64) for key in ("mass", "radius", "k")}
@@ -506,16 +518,16 @@ def _unknown(names: Iterable[str], known: Collection[str]) -> list[str]:
 
 
 def _wrong_names(values: Collection[str], errors: Collection[str]) -> list[str]:
-    wrong = [f"{name}: no error is given; {_how_to_give(name)}" for name in values if name not in errors]
+    wrong = [f"{name}: missing from errors: {_how_to_give(name)}" for name in values if name not in errors]
     others = [name for name in errors if name not in values]
-    return wrong + [f"error of {name}: {name} was not measured{nearest(name, values)}" for name in others]
+    return wrong + [f"errors: {name} was not measured{nearest(name, values)}" for name in others]
 
 
 def _how_to_give(name: str) -> str:
     group = "normal" if name in NORMAL else _group(name)
     of_groups = {"angles": "DEGREES for all angles", "normal": "normal=RADIANS"}
     all_of = f" (or --error {of_groups.get(group, f'{group}=VALUE')})" if group != name else ""
-    return f"a column {name}_error or --error {name}=VALUE{all_of} is needed, or --error estimate"
+    return f"give a column {name}_error, --error {name}=VALUE{all_of}, or --error estimate"
 
 
 def _column(source: str, name: str, value: ArrayLike, n: int) -> Array:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from scipy.optimize import brentq, least_squares
 from scipy.special import chdtrc, chdtri, fdtri  # chdtrc: tail of the chi-square distribution
 
 from ..errors import InputError, counted, refuse
+from ..tools.checked import Integer, NonNegative, Number, Positive, Seed, validated
 from . import laws as of_laws
 from .data import Collisions, Data
 from .laws import IFR, Law, Range
@@ -29,6 +31,8 @@ from .result import (
 )
 
 Progress = Callable[[int], object]
+Confidence = Annotated[float, Number(1e-6, 1.0 - 1e-6, "a number between 0 and 1, such as 0.95")]
+Draws = Annotated[int, Integer(0, 10**7)]
 
 SPINNING = ("Rw_1", "Rw_2", "e_t_apparent", "rebound_contact", "spin_1_after", "spin_2_after")
 """Quantities that tell rolling friction."""
@@ -43,24 +47,25 @@ _SUSPICIOUS = 0.01  # probability, among all impacts, of one as far off
 _FOLDS = 10
 
 
+@validated
 def fit(
     data: Data | Collisions,
     *,
-    M: float | None = None,
-    k_1: float = 2.0,
-    k_2: float = 2.0,
-    R_1: float | None = None,
-    R_2: float | None = None,
+    M: NonNegative | None = None,
+    k_1: Positive = 2.0,
+    k_2: Positive = 2.0,
+    R_1: Positive | None = None,
+    R_2: Positive | None = None,
     model: Iterable[str] = IFR,
     own: Iterable[Law] = (),
     fix: Mapping[str, float] | None = None,
     rolling: bool = False,
     robust: bool = False,
-    level: float = CONFIDENCE,
+    level: Confidence = CONFIDENCE,
     profile: bool = True,
     cross_validate: bool = False,
-    bootstrap: int = 0,
-    seed: int = 1,
+    bootstrap: Draws = 0,
+    seed: Seed = 1,
     progress: Progress | None = None,
 ) -> Fit:
     """Fit the coefficients of laws to measured impacts.
@@ -126,9 +131,7 @@ def fit(
         r = float(np.max(of_laws.reach(problem.probe())))
         chosen = {name: _rolling(law, r) if "rho" in law.ranges else law for name, law in chosen.items()}
     if bootstrap != 0 and bootstrap < 40:
-        wrong.append(f"bootstrap = {bootstrap}: 0, or 40 data sets and more, are needed for intervals")
-    if not 0.0 < level < 1.0:
-        wrong.append(f"level = {level:g}: a number between 0 and 1 is needed, such as 0.95")
+        wrong.append(f"bootstrap = {bootstrap}: must be 0, or 40 or more for intervals")
     refuse(wrong)
     nu = NU if robust else None
     found = {}

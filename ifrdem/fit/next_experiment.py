@@ -4,12 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from ..tools.checked import Count, Numbers, validated
 from .likelihood import Array, Likelihood
 from .maximum import covariance_of
 from .result import Fit, Fitted
+
+Angles = Annotated[
+    ArrayLike, Numbers(("n",), 1e-3, 90.0 - 1e-3, "an angle between 0 and 90 degrees", least=1)
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +55,8 @@ class Design:
         return "\n".join(lines)
 
 
-def design(fit: Fit, number: int = 10, psi: Array | None = None) -> Design:
+@validated
+def design(fit: Fit, number: Count = 10, psi: Angles | None = None) -> Design:
     """Expected information of `number` further impacts at each angle of incidence psi.
 
     Parameters

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..tools.checked import Count, Seed, validated
 from .data import Data
 from .model import MEASURED
 from .result import Fit, Fitted, Interval
@@ -21,6 +22,7 @@ _UNITS = {"psi_transit": "deg", "rho": "length"}
 _DIGITS = 6  # of the coefficients in a material, after the point
 
 
+@validated
 def table(fit: Fit) -> str:
     """The figures of every law as text.
 
@@ -215,6 +217,7 @@ def figures(fit: Fit) -> dict[str, Any]:
     )
 
 
+@validated
 def as_json(fit: Fit) -> str:
     """`figures` as JSON text.
 
@@ -237,6 +240,7 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
+@validated
 def material(fit: Fit, name: str) -> str:
     """A `[[material]]` table of the best law, for a case file; `name` is that of the material.
 
@@ -290,7 +294,8 @@ def _material(name: str, fitted: Fitted) -> list[str]:
     return [*lines, f'sticking = "{fitted.law.sticking}"']
 
 
-def draws(fit: Fit, number: int, seed: int = 1) -> str:
+@validated
+def draws(fit: Fit, number: Count, seed: Seed = 1) -> str:
     """A CSV table of coefficients of the best law, drawn from their joint distribution: a line a draw.
 
     Raises InputError as `Fitted.draw`.

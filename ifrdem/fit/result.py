@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..model.ifr import Admissibility, IFRLaw, Regime
+from ..tools.checked import Count, Positive, Seed, one_of, validated
 from .data import Collisions, Data
 from .laws import Law, ifr_law
 from .likelihood import Array
@@ -142,7 +143,8 @@ class Fitted:
         kinds = list(Regime)[3:] if self.coefficients.get("rho", 0.0) > 0.0 else list(Regime)[1:3]
         return {kind.name.lower(): int(np.sum(self.regimes == kind)) for kind in kinds}
 
-    def ifr(self, k: float = 2.0) -> IFRLaw:
+    @validated
+    def ifr(self, k: Positive = 2.0) -> IFRLaw:
         """The fitted law for disks of shape number k.
 
         Raises InputError if it is another law, or can add energy in collisions of the fitted disks.
@@ -153,7 +155,8 @@ class Fitted:
             raise InputError(self.admissibility.message)
         return ifr_law(self.coefficients, self.law.sticking, k)
 
-    def draw(self, number: int, seed: int = 1) -> list[dict[str, float]]:
+    @validated
+    def draw(self, number: Count, seed: Seed = 1) -> list[dict[str, float]]:
         """`number` draws of the coefficients from their joint distribution, within what the law allows.
 
         The distribution is Gaussian with the covariance. Raises InputError if the likelihood is flat, or one draw in a
@@ -201,12 +204,14 @@ class Fit:
     warnings: tuple[str, ...] = ()
     """Those of the data and of the choice between laws."""
 
+    @validated
     def law(self, name: str | None = None) -> IFRLaw:
         """The fitted IFR law, the best one unless told.
 
         Raises InputError if it is another law, or can add energy in collisions of these disks.
         """
-        return self.laws[self.best if name is None else name].ifr(self.smallest_k)
+        chosen = self.best if name is None else one_of("name", name, self.laws)
+        return self.laws[chosen].ifr(self.smallest_k)
 
     @property
     def smallest_k(self) -> float:

@@ -195,6 +195,7 @@ def try_on(kind: type[CollisionLaw], table: Array, disks: Disks, walls: Sequence
     from taichi.lang.exception import TaichiCompilationError
 
     from ..kernels.contact import try_law
+    from ..kernels.layout import Uses
 
     movable = np.flatnonzero(disks.movable)
     if not len(movable):
@@ -218,7 +219,7 @@ def try_on(kind: type[CollisionLaw], table: Array, disks: Disks, walls: Sequence
     found = np.zeros((PAIRS, 8))
     law: Any = kind  # mypy does not take a class for hashable
     try:
-        try_law(compiled(law), np.ascontiguousarray(table), pairs, found)
+        try_law(Uses(collision_law=compiled(law)), np.ascontiguousarray(table), pairs, found)
     except TaichiCompilationError as error:
         known = {"law": kind.coefficients or ("no coefficients",), "pair": OF_PAIR}
         raise InputError(

@@ -14,12 +14,13 @@ from ..errors import InputError
 from ..initial import impact_scan as scan
 from ..model.ifr import IFRLaw, Regime, collide
 from ..model.state import Disks
-from ..tools.checked import Array
+from ..tools.checked import Array, validated
 from ..trajectory.reader import Trajectory
 from .run import Place, Run, save
 from .style import OPEN, RATIO, ROTATION, TRANSLATION, grid
 
 
+@validated
 def impact_scan(run: Run, path_png: Place = None) -> Figure:
     """Draw the disks that were hit: the tangent of their angle from the line of centres against that of the impact.
 

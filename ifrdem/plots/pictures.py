@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError, there_are
+from ..tools.checked import instance, validated
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,6 +47,7 @@ LAYOUTS: dict[str, dict[str, Any]] = {
 """Arguments of `Figure.subplots`, beside those of analyses, and of pictures of which they depend on the trajectory."""
 
 
+@validated
 def figure(
     trajectory: Trajectory, what: str, *, frames: Sequence[int] | None = None, over: str = "t",
     color: str | None = None, make: Callable[..., Any] | None = None,
@@ -82,19 +84,12 @@ def figure(
     from matplotlib.figure import Figure
 
     from ..analysis.result import span_text
-    from ..tools import checked
     from ..trajectory.reader import Trajectory
     from .disks import figure_size
     from .run import title
     from .style import ROTATION
 
-    checked.instance("trajectory", trajectory, Trajectory)
-    for name, value, kind in (
-        ("what", what, str), ("frames", frames, Sequence[int] | None), ("over", over, str),
-        ("color", color, str | None), ("make", make, Callable | None),
-    ):  # fmt: skip
-        if check := checked.check_of(kind):
-            check(name, value)
+    instance("trajectory", trajectory, Trajectory)
     layout, frames = _layout(trajectory, what), _numbers(trajectory, frames)
     wide = layout.get("ncols", 1) > 1
     size = (12.0, 8.0) if what == "walls" else (12.0, 5.2) if wide else (7.5, 6.2)
@@ -135,9 +130,9 @@ def checked_axes(what: str, axes: Any, most: int, least: int) -> list[Axes]:
     from matplotlib.axes import Axes
 
     given = list(np.ravel(np.asarray(axes, dtype=object)))
-    wrong = next((one for one in given if not isinstance(one, Axes)), None)
-    if wrong is not None:
-        raise InputError(f"ax = {wrong!r}: Axes of Matplotlib are needed")
+    for one in given:
+        if not isinstance(one, Axes):
+            raise InputError(f"ax = {one!r}: must be Axes of Matplotlib")
     if not least <= len(given) <= most:
         needed = (
             "ax=(left, right)" if least == 2 else "ax=axes" if most == 1 else "ax=axes or ax=(upper, lower)"

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
+from ..tools.checked import validated
 from ..tools.files import write_aside
 from ..trajectory.reader import Trajectory
 from . import disks, profiles, temperatures
@@ -23,6 +24,7 @@ FORMATS = ("png", "svg", "pdf")
 """Of pictures, by their endings."""
 
 
+@validated
 def cooling(run: Run, path_png: Place = None) -> Figure:
     """Draw a cooling gas: its temperatures against time beside kinetic theory, and its disks at the end.
 
@@ -51,6 +53,7 @@ def cooling(run: Run, path_png: Place = None) -> Figure:
     return _draw(run, path_png)
 
 
+@validated
 def driven(run: Run, path_png: Place = None) -> Figure:
     """Draw a driven gas: its temperatures against time beside kinetic theory, and its disks at the end.
 
@@ -65,6 +68,7 @@ def driven(run: Run, path_png: Place = None) -> Figure:
     return _draw(run, path_png)
 
 
+@validated
 def sheared(run: Run, path_png: Place = None) -> Figure:
     """Draw a sheared gas: its temperatures against time beside kinetic theory, its flow, and its disks at the end.
 
@@ -79,6 +83,7 @@ def sheared(run: Run, path_png: Place = None) -> Figure:
     return _draw(run, path_png, flow=True)
 
 
+@validated
 def walled(run: Run, path_png: Place = None) -> Figure:
     """Draw a gas between walls: temperatures against time, profiles across it (`profiles.py`), and its last frame.
 

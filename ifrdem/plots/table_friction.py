@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from ..analysis import catalogue
 from ..errors import InputError
-from ..tools.checked import Array
+from ..tools.checked import Array, validated
 from ..trajectory.reader import Trajectory
 from .disks import shown_region
 from .run import Place, Run, drawing
@@ -19,6 +19,7 @@ MOST_PATHS = 2000
 """Above this many disks, their paths are a grey haze: only the final places are drawn."""
 
 
+@validated
 def table(run: Run, path_png: Place = None) -> Figure:
     """Draw disks on a table: energies (logarithmic) and moving disks against time; paths and final places.
 

@@ -6,7 +6,6 @@ only after `backend.start`.
 
 from __future__ import annotations
 
-import inspect
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -26,6 +25,7 @@ from ..kernels.columns import (
     PISTON_STATE,
     REAL,
     SINGLE_TILE,
+    SMALL,
     SNAPSHOT_DISKS,
     TABLES,
     TALLY,
@@ -40,6 +40,7 @@ from ..kernels.columns import (
 from ..kernels.language import ti, view
 from ..kernels.readout import exchange
 from ..kernels.shear import displacement
+from ..kernels.signature import parameters_of
 from ..kernels.walls import FREE, GONE
 from ..kernels.windows import sum_shared
 from ..model.box import Box
@@ -743,12 +744,12 @@ class DeviceArrays:
             yield self.launch
             return
         if not self._twins:
-            for name in _SMALL:
+            for name in SMALL:
                 kind = {np.dtype(np.int32): ti.i32, np.dtype(np.float32): ti.f32}.get(
                     self._raw(name).dtype, ti.f64
                 )
                 self._twins[name] = self._array(kind, len(self._raw(name)))
-        own = [self._raw(name) for name in _SMALL]
+        own = [self._raw(name) for name in SMALL]
         board = np.concatenate(own).astype(np.float64)
         exchange(board, 1, *self._twins.values())
         yield lambda kernel, *numbers, **given: self._call(kernel, numbers, given | self._twins)
@@ -760,7 +761,7 @@ class DeviceArrays:
 
     def _call(self, kernel: Callable[..., Any], numbers: tuple[float, ...], given: dict[str, Any]) -> Any:
         if kernel not in self._arguments:
-            self._arguments[kernel] = list(inspect.signature(kernel).parameters)
+            self._arguments[kernel] = parameters_of(kernel)
         names = self._arguments[kernel][len(numbers) :]
         return kernel(*numbers, *(given[name] if name in given else self._raw(name) for name in names))
 
@@ -814,6 +815,3 @@ class DeviceArrays:
             setattr(self, name, None)
         for value in self._twins.values():
             backend.free_array(value)
-
-
-_SMALL = ("grid", "scale", "clock", "sums", "counter", "total")

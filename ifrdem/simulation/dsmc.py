@@ -12,6 +12,7 @@ Seen: 20,000 coins of 1 pta at packing fraction 0.02, 8 collisions per disk afte
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -296,10 +297,12 @@ class DSMC(Sealed):
 
     def _make_arrays(self, start: State, law: Any, table: NDArray[np.float64]) -> None:
         from ..kernels import dsmc as kernels  # imports Taichi, which `backend.start` has set going
+        from ..kernels.signature import parameters_of
 
         import taichi as ti  # isort: skip
 
         self._kernels: Any = kernels
+        self._parameters_of: Any = functools.cache(parameters_of)
         self._uses = Uses(collision_law=law)
         n, disks = self.disks.n, self.disks
         real = ti.f32 if self._real is np.float32 else ti.f64
@@ -326,6 +329,15 @@ class DSMC(Sealed):
         self._fastest = np.zeros(1, dtype=self._real)
         self._gains = np.zeros(n // kernels.BLOCK + 1)
         backend.register(self)
+
+    def _launch(self, kernel: Any, *numbers: int, **given: Any) -> None:
+        """Run a kernel: its first arguments are `numbers`, the others arrays, `given` or attributes of their names."""
+        names = self._parameters_of(kernel)
+        arrays = {
+            name: given[name] if name in given else getattr(self, f"_{name}")
+            for name in names[len(numbers) :]
+        }
+        kernel(*numbers, *arrays.values())
 
     def release(self) -> None:
         """Give all device memory back; the gas cannot be used any more."""
@@ -476,9 +488,7 @@ class DSMC(Sealed):
     def _rate(self) -> float:
         """Candidates per time [1/time] that are enough for the present speeds; keeps the present state."""
         self._check_alive()
-        self._kernels.prepare(
-            self._disk, self._before, self._hits, self._hits_before, self._first, self._fastest
-        )
+        self._launch(self._kernels.prepare)
         cap = MARGIN * math.sqrt(float(self._fastest[0]))
         if cap == 0.0:
             raise NoMoreCollisions(f"t = {self.time:.9g}: nothing moves; there will be no more collisions")
@@ -515,7 +525,7 @@ class DSMC(Sealed):
         cut = self._resolve(count, batch)
         if cut < count:
             # Until then no disk was too fast, and all that came before has been settled as it should be.
-            self._kernels.restore(self._disk, self._before, self._hits, self._hits_before, self._first)
+            self._launch(self._kernels.restore)
             self._resolve(cut + 1, batch)
             # The candidate is the (cut + 1)th of `count` that came at uniform times.
             duration *= float(chance.beta(cut + 1, count - cut))
@@ -533,20 +543,14 @@ class DSMC(Sealed):
         kernels, counter, key = self._kernels, self._counter, self._key(batch)
         counter[:] = (count, 0, 0, kernels.NONE)
         if count:
-            kernels.draw(count, self._disk, self._pair, self._todo, key)
+            self._launch(kernels.draw, count, key=key)
         if self._alone:
-            kernels.resolve_pairs_serially(
-                self._uses, count, self._disk, self._hits, self._pair, counter, self._law, self._scale,
-                self._crowding, key,
-            )  # fmt: skip
+            self._launch(kernels.resolve_pairs_serially, count, key=key)
             return int(Named(counter, DSMC_TABLES["counter"]).cut)
         now = 0
         while counter[now]:
             for _ in range(_ROUNDS):
-                kernels.resolve_pairs(
-                    self._uses, now, self._disk, self._hits, self._first, self._pair, self._todo, counter,
-                    self._law, self._scale, self._crowding, key,
-                )  # fmt: skip
+                self._launch(kernels.resolve_pairs, now, key=key)
                 now = 1 - now
         return int(Named(counter, DSMC_TABLES["counter"]).cut)
 
@@ -567,7 +571,7 @@ class DSMC(Sealed):
             math.exp(-drive.rate * duration), math.exp(-drive.spin_rate * duration),
             given(drive.power, drive.rate), given(drive.spin_power, drive.spin_rate),
         ])  # fmt: skip
-        self._kernels.kick(self._disk, self._key(self._kicks), factors, self._gains)
+        self._launch(self._kernels.kick, key=self._key(self._kicks), factors=factors)
         self._kicks += 1
         self._set(energy_input=self.energy_input + math.fsum(self._gains))
 

@@ -27,7 +27,7 @@ from ..model.state import DiskKinds, Disks, State, scatter_state
 from ..model.walls import Wall, WallSums, check_types, sides
 from ..mpi import communicator, distribution
 from ..tools import checked
-from ..tools.checked import LATER, Comm, Seed, validated
+from ..tools.checked import LATER, Comm, Integer, Real, Seed, validated
 from ..tools.pictured import PicturedDisks
 from ..tools.progress import Progress as Bar
 from ..tools.progress import seen
@@ -336,7 +336,8 @@ class Simulation(Sealed, PicturedDisks):
         self._engine.set_gravity(gravity)
         self._count_change(before)
 
-    def set_piston_force(self, wall: int, force: float) -> None:
+    @validated
+    def set_piston_force(self, wall: Annotated[int, Integer(0)], force: Real) -> None:
         """Have another constant force [mass length/time^2] act on a piston from now on; `wall` is its number.
 
         Raises
@@ -873,7 +874,8 @@ class Simulation(Sealed, PicturedDisks):
         self._engine.check_duration(t_end)
         return self._recorded(lambda: self.time < t_end, t_end=t_end)
 
-    def collide(self, count: int) -> CollisionTimes:
+    @validated
+    def collide(self, count: Annotated[int, Integer(0, 2**53)]) -> CollisionTimes:
         """Run for `count` collisions and return them, in order.
 
         More come back only where several happen at one and the same time, as at the end of an inelastic collapse.
@@ -883,7 +885,6 @@ class Simulation(Sealed, PicturedDisks):
         InputError
             If `count` is not a whole number, 0 or more.
         """
-        count = checked.whole("count", count, 0)
         target = self.collisions + count
         return self._recorded(lambda: self.collisions < target, collisions=target)
 

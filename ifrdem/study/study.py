@@ -19,8 +19,8 @@ from ..case.estimate import RunEstimate
 from ..case.gas import CaseGas
 from ..case.objects import device_of
 from ..errors import DamageError, DamageWarning, InputError, listed
-from ..run.signals import Stopped, Stops
-from ..run.status import Status
+from ..runs.signals import Stopped, Stops
+from ..runs.status import Status
 from ..simulation import backend
 from ..tools import files
 from ..tools.checked import validated

@@ -26,7 +26,7 @@ from ..case.case import Case
 from ..case.file import CaseFile
 from ..case.gas import CaseGas
 from ..errors import DamageError, EngineError, InputError
-from ..run.recorder import COLUMNS, Ledger
+from ..runs.recorder import COLUMNS, Ledger
 from ..simulation.schedule import Schedule, Span
 from ..tools.files import write_aside
 from ..trajectory.damage import FAULTS
@@ -109,8 +109,8 @@ class Task:
 
     def _long(self, threads: int) -> dict[str, Variable]:
         """The run with its trajectory, from its checkpoint if a worker was killed in it, and the analyses."""
-        from ..run import resume, run
-        from ..run.outputs import Outputs
+        from ..runs import resume, run
+        from ..runs.outputs import Outputs
         from ..trajectory.reader import Trajectory
 
         def silent(_text: str) -> None:

@@ -210,18 +210,26 @@ def _is_number(value: Any) -> bool:
 
 @dataclass(frozen=True)
 class Number:
-    """Check of a real number from `low` to `high`, or 0 where `zero`, which passes as a float."""
+    """Check of a real number from `low` to `high`, or 0 where `zero`, or NaN where `gaps`; it passes as a float."""
 
     low: float
     high: float
     needed: str
     zero: bool = False
+    gaps: bool = False
 
     def __call__(self, name: str, value: Any) -> float:
         if type(value) is float and self.low <= value <= self.high:
             return value
         number = _number_in(value)
-        if not (_is_number(number) and (self.low <= number <= self.high or (self.zero and number == 0))):
+        if not (
+            _is_number(number)
+            and (
+                self.low <= number <= self.high
+                or (self.zero and number == 0)
+                or (self.gaps and number != number)
+            )
+        ):
             raise must_be(name, value, self.needed)
         try:
             return float(number)
@@ -252,7 +260,7 @@ class Numbers:
     """Check of an array of real numbers from `low` to `high`, or 0 where `zero`; it passes as one of float64.
 
     `shape` has a number or a letter for each axis, "..." first for any number of them; None allows any shape, `scalar`
-    a number as well. There are `least` values or more.
+    a number as well. There are `least` values or more; with `gaps`, NaN marks one that is missing.
     """
 
     shape: tuple[int | str, ...] | None = None
@@ -262,6 +270,7 @@ class Numbers:
     scalar: bool = False
     least: int = 0
     zero: bool = False
+    gaps: bool = False
 
     @property
     def needed(self) -> str:
@@ -281,6 +290,7 @@ class Numbers:
         found = np.asarray(found, dtype=np.float64, order="C")
         if found.size and not (found.min() >= self.low and found.max() <= self.high):
             wrong = ~((found >= self.low) & (found <= self.high) | (self.zero & (found == 0.0)))
+            wrong &= ~(self.gaps & np.isnan(found))
             if wrong.any():
                 where = tuple(int(i) for i in np.argwhere(wrong)[0])
                 place = f"[{', '.join(map(str, where))}]" if where else ""
@@ -307,6 +317,25 @@ class Numbers:
 
 
 @dataclass(frozen=True)
+class Integers(Numbers):
+    """Check of an array of whole numbers; it passes as one of int64."""
+
+    low: float = -(2.0**31)
+    high: float = 2.0**31 - 1.0
+
+    @property
+    def needed(self) -> str:
+        return super().needed.replace("real numbers", "integers").replace("real number", "integer")
+
+    def __call__(self, name: str, value: Any) -> Any:
+        found = super().__call__(name, value)
+        wrong = found != np.floor(found)
+        if wrong.any():
+            raise InputError(f"{name} has {found[wrong][0]}: must be {self.needed}")
+        return found.astype(np.int64)
+
+
+@dataclass(frozen=True)
 class Instance:
     """Check of an object of one of some classes."""
 
@@ -316,7 +345,7 @@ class Instance:
     def needed(self) -> str:
         if bool in self.kinds:
             return "True or False"
-        names = [_NAMES.get(kind, kind.__name__) for kind in self.kinds]
+        names = list(dict.fromkeys(_NAMES.get(kind, kind.__name__) for kind in self.kinds))
         return " or ".join(f"a{'n' * (name[0] in 'AEIOaeio')} {name}" for name in names)
 
     def __call__(self, name: str, value: Any) -> Any:
@@ -455,6 +484,10 @@ NonNegativeColumn = Annotated[ArrayLike, Numbers(("n",), **_NOT_NEGATIVE)]
 Places = Annotated[NDArray[np.float64], Numbers(("...", 2))]
 Images = Annotated[NDArray[np.int32], Numbers(("...", 2))]
 Vectors = Annotated[ArrayLike, Numbers(("n", 2))]
+Measurements = Annotated[
+    NDArray[np.float64], Numbers(("n",), -math.inf, math.inf, "a number", scalar=True, gaps=True)
+]
+Lines = Annotated[NDArray[np.int64], Integers(("n",), 0)]
 PositivePerDisk = Annotated[ArrayLike, Numbers(("n",), scalar=True, **_POSITIVE)]
 NonNegativePerDisk = Annotated[ArrayLike, Numbers(("n",), scalar=True, **_NOT_NEGATIVE)]
 """Arrays as public functions need them; "per disk" is an array (n,), or a number for all."""

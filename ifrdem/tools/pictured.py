@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError, nearest
+from .checked import validated
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,6 +35,7 @@ class Pictured:
 class PicturedDisks(Pictured):
     """Disks at one time, which can be drawn."""
 
+    @validated
     def plot(self, ax: Axes | None = None, *, color: str = "spin", **unknown: Any) -> Axes:
         """Draw the disks and walls to scale; of more than 1e5 disks a map of where they are.
 

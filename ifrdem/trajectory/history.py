@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 import h5py
 import numpy as np
@@ -11,9 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, NameMissing, nearest, there_are
 from ..model.box import Box
+from ..tools.checked import Numbers, validated
 from . import damage
 from .layout import EVENT_COLUMNS, START_COLUMNS
 from .layout import HISTORIES as GROUP
+
+Times = Annotated[ArrayLike, Numbers(None, -np.inf, np.inf, gaps=True)]
 
 KICK = -1
 """Partner of an event that is no collision: a force changed the disk's velocity or spin."""
@@ -73,6 +76,7 @@ class History:
     # Where flights begin, at the start of tracking and after each event: time, position, velocity, spin, image, angle.
     _flights: dict[str, NDArray[Any]] = field(repr=False)
 
+    @validated
     def __getitem__(self, name: str) -> NDArray[Any]:
         if name not in self.columns:
             raise NameMissing(f"a history has no column {name!r}{there_are(str(name), self.columns)}")
@@ -111,7 +115,8 @@ class History:
         times = self.free_times
         return float(times.mean()) if len(times) else float("nan")
 
-    def position(self, t: ArrayLike) -> NDArray[np.float64]:
+    @validated
+    def position(self, t: Times) -> NDArray[np.float64]:
         """Centre at times t [time] of any shape (...): inside the box [length], shape (..., 2). Exact.
 
         Raises InputError if a time is not between `start` and `end`.
@@ -119,12 +124,14 @@ class History:
         at, _, place = self._flight(t)
         return self._box.wrap(place, at)
 
-    def unwrapped(self, t: ArrayLike) -> NDArray[np.float64]:
+    @validated
+    def unwrapped(self, t: Times) -> NDArray[np.float64]:
         """The same on a path without jumps: what `Box.unwrap` makes of position and image."""
         at, begun, place = self._flight(t)
         return self._box.unwrap(place, begun["image"], at)
 
-    def velocity(self, t: ArrayLike) -> NDArray[np.float64]:
+    @validated
+    def velocity(self, t: Times) -> NDArray[np.float64]:
         """Velocity in the lab at times t [length/time], shape (..., 2); after the event at the time of one."""
         at, begun, place = self._flight(t)
         velocity = begun["velocity"] + (at - begun["time"])[..., None] * self._gravity
@@ -133,11 +140,13 @@ class History:
             velocity[..., 0] -= np.floor(place[..., 1] / height) * self._box.shear_rate * height
         return velocity
 
-    def spin(self, t: ArrayLike) -> NDArray[np.float64]:
+    @validated
+    def spin(self, t: Times) -> NDArray[np.float64]:
         """Spin at times t [rad/time], shape (...); after the event at the time of one."""
         return self._begun(t)[1]["spin"]
 
-    def angle(self, t: ArrayLike) -> NDArray[np.float64]:
+    @validated
+    def angle(self, t: Times) -> NDArray[np.float64]:
         """Angle by which the disk has turned since tracking began, at times t [rad], shape (...)."""
         at, begun = self._begun(t)
         return begun["angle"] + begun["spin"] * (at - begun["time"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import copy
+import os
 import secrets
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -19,6 +20,7 @@ from ..errors import InputError, TrajectoryError
 from ..model.box import Box
 from ..model.state import Disks, State
 from ..mpi import communicator, distribution
+from ..tools.checked import Comm, Count, validated
 from . import layout
 from . import parts as parted
 from .background import QueuedWriter
@@ -81,15 +83,16 @@ class PartsWriter:
         self._told = 0 if self._head is None else int(self._head.seen["frames"])
 
     @classmethod
+    @validated
     def create(
         cls,
-        path: str | Path | None,
+        path: str | os.PathLike[str] | None,
         disks: Disks,
         own: Disks,
         box: Box | None,
         *,
-        comm: Any = None,
-        number: int | None = None,
+        comm: Comm = None,
+        number: Count | None = None,
         force: bool = False,
         parameters: Mapping[str, str | int | float] | None = None,
         fields: Sequence[str] = DEFAULT_FIELDS,

@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, overload
 
 import h5py
 import numpy as np
@@ -37,6 +37,7 @@ from ..model.walls import OF_PISTONS, Wall, at_displacements
 from ..model.walls import from_json as walls_from_json
 from ..mpi.distribution import GATHERED
 from ..tools import checked
+from ..tools.checked import Integer, validated
 from ..tools.pictured import Pictured, PicturedDisks, plots, refuse_unknown
 from ..tools.sealed import Sealed
 from . import damage, history, layout, tables
@@ -89,6 +90,7 @@ class Frame(Sealed, PicturedDisks):
             f"t = {trajectory.with_unit(f'{self.time:.6g}', 'time')}>"
         )
 
+    @validated
     def __getitem__(self, name: str) -> NDArray[Any]:
         """The same as `field`."""
         return self.field(name)
@@ -106,6 +108,7 @@ class Frame(Sealed, PicturedDisks):
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *self.trajectory.fields})
 
+    @validated
     def field(self, name: str) -> NDArray[Any]:
         """A stored field by its name in the file, shape (n,) or (n, 2).
 
@@ -223,6 +226,7 @@ class Series(Sealed, Mapping[str, NDArray[Any]]):
                 )
         self._set(time=time)
 
+    @validated
     def __getitem__(self, name: str) -> NDArray[Any]:
         whole, _, column = str(name).partition("/")
         columns = self.columns(whole)
@@ -247,6 +251,7 @@ class Series(Sealed, Mapping[str, NDArray[Any]]):
     def __contains__(self, name: object) -> bool:
         return name in self._columns
 
+    @validated
     def columns(self, name: str) -> tuple[str, ...]:
         """Names of the columns of a quantity; empty if it has none."""
         if name not in self._columns:
@@ -281,6 +286,7 @@ class DiskPath:
     position: NDArray[np.float64]
     unwrapped: bool
 
+    @validated
     def __getitem__(self, name: str) -> NDArray[Any]:
         name = SPIN if name == "spin" else name
         if name not in self.fields:
@@ -398,6 +404,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         with damage.reading(self.path, "its content"):
             return act()
 
+    @validated
     def read(self, name: str, selection: Any = ()) -> NDArray[Any]:
         """A part of a stored field, such as `read("position", 3)` of a frame; see `dataset`.
 
@@ -504,15 +511,14 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
             self._disks = self._again(made)
         return self._disks
 
-    def constants(self, name: str, disks: slice = slice(None)) -> NDArray[Any]:
+    @validated
+    def constants(self, name: str, disks: slice | int = slice(None)) -> NDArray[Any]:
         """Radii, masses, k or materials of some disks: "radius", "mass", "k", "material".
 
         Raises InputError if there is no such constant, or it cannot be read (`DamageError`).
         """
         if name not in layout.STATIC:
             raise NameMissing(f"there is no constant {name!r}{there_are(str(name), layout.STATIC)}")
-        if not isinstance(disks, slice | int | np.integer):
-            raise InputError(f"disks = {disks!r}: a slice is needed, such as slice(0, 10)")
         return self._again(lambda: self._constants(name, disks))
 
     def _constants(self, name: str, disks: slice = slice(None)) -> NDArray[Any]:
@@ -553,6 +559,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
             self._unreadable[text] = error
             warnings.warn(f"{error}; the parameter is left out", DamageWarning, stacklevel=2)
 
+    @validated
     def record(self, name: str, use: Callable[[Any], Result], default: str | None = None) -> Result:
         """Return `use` of a parameter that holds JSON (`default` where the run stored none).
 
@@ -662,6 +669,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         """Names of the per-disk fields in the file."""
         return self._fields
 
+    @validated
     def require(self, name: str) -> str:
         """The name of a stored field in the file ("angular_velocity" of "spin").
 
@@ -673,6 +681,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
             raise NameMissing(f"{self.path} holds no field {field!r}{there_are(str(field), self.fields)}")
         return field
 
+    @validated
     def shape(self, name: str) -> tuple[int, ...]:
         """Shape of a stored field over the committed frames, (frames, n) or (frames, n, 2), also if parts are missing.
 
@@ -680,6 +689,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         """
         return (self._frames, self.n, *layout.FIELDS[self.require(name)].tail)
 
+    @validated
     def dtype(self, name: str) -> np.dtype[Any]:
         """Type in which a field or a constant of the disks is stored, also if parts are missing.
 
@@ -691,6 +701,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
                 return np.dtype(file[f"{layout.PARTICLES}/{name}"].dtype)
             return np.dtype(layout.field_dataset(file, self.require(name)).dtype)
 
+    @validated
     def dataset(self, name: str) -> h5py.Dataset:
         """The data of a field, to read across frames: `dataset("position")[:, 7]` is a disk's path.
 
@@ -734,7 +745,8 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         """
         return self._again(lambda: history.committed(self._opened(), str(self.path)))
 
-    def read_events(self, name: str, rows: int) -> NDArray[Any]:
+    @validated
+    def read_events(self, name: str, rows: Annotated[int, Integer(0, 2**62)]) -> NDArray[Any]:
         """A column of the first events of all tracked disks."""
         return self._again(
             lambda: damage.read(self._opened()[f"{history.GROUP}/events/{name}"], slice(0, rows))
@@ -778,6 +790,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         """
         return tables.to_xarray(self)
 
+    @validated
     def plot(
         self, what: str = "temperatures", ax: Any = None, *, frames: Sequence[int] | None = None, over: str = "t",
         color: str | None = None, **unknown: Any,
@@ -838,6 +851,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         """
         return tables.universe(self)
 
+    @validated
     def with_unit(self, text: str, quantity: str) -> str:
         """A text with the unit of a quantity behind it; unchanged in reduced units."""
         return f"{text} {self.units[quantity]}" if quantity in self.units else text

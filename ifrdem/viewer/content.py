@@ -17,7 +17,7 @@ from ..model.ifr import regime_name
 from ..plots import disks as plot_disks
 from ..plots.run import title
 from ..plots.style import unit_of
-from ..run import status
+from ..runs import status
 from ..tools.checked import Array
 from ..trajectory.export import kinds
 from ..trajectory.history import KICK

@@ -17,8 +17,8 @@ from ifrdem.case.output_section import OutputSection
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
 from ifrdem.model.observables import MECHANISMS, measure
-from ifrdem.run import run
-from ifrdem.run.recorder import COLUMNS, Ledger
+from ifrdem.runs import run
+from ifrdem.runs.recorder import COLUMNS, Ledger
 from ifrdem.simulation.schedule import Cadence
 from ifrdem.tools import seeds
 from ifrdem.trajectory import layout

@@ -10,7 +10,7 @@ import pytest
 
 from ifrdem.cli.main import main
 from ifrdem.errors import Stopped
-from ifrdem.run.signals import Stops
+from ifrdem.runs.signals import Stops
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.viewer.content import Content
 

@@ -28,7 +28,7 @@ from ifrdem.model.observables import measure
 from ifrdem.model.walls import Motion, Piston, Turn, Wall, from_json, to_json
 from ifrdem.plots import profiles
 from ifrdem.plots.temperatures import theory
-from ifrdem.run.info import describe
+from ifrdem.runs.info import describe
 from ifrdem.trajectory.reader import Trajectory
 
 ROOT = Path(__file__).parents[2]

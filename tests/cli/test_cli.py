@@ -21,7 +21,7 @@ from ifrdem.cli.main import main
 from ifrdem.errors import EngineError, TrajectoryError
 from ifrdem.model.observables import Measure
 from ifrdem.model.state import State
-from ifrdem.run.recorder import Recorder
+from ifrdem.runs.recorder import Recorder
 from ifrdem.simulation import backend
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.tools import progress

@@ -150,7 +150,7 @@ def test_other_names_units_delimiters_and_decimals_are_read(tmp_path: Path) -> N
 def test_missing_errors_are_named_for_each_quantity(tmp_path: Path) -> None:
     lines = complaint(tmp_path, "psi,delta_2,Rw_2\n10,4,0.2\n", {})
     assert [line.split(":")[0] for line in lines] == ["psi", "delta_2", "Rw_2"]
-    assert "a column Rw_2_error or --error Rw_2=VALUE is needed" in lines[2]
+    assert "give a column Rw_2_error, --error Rw_2=VALUE" in lines[2]
     assert "--error DEGREES for all angles" in lines[0]
     (line,) = complaint(tmp_path, GOOD, {"angles": 0.7, "delta_1": 0.5})
     assert "the file has no column delta_1 (did you mean 'delta_2'?)" in line
@@ -170,7 +170,7 @@ def test_arrays_are_checked_as_files_are() -> None:
         Data(psi=psi, measured={"delta_2": np.zeros(3)}, errors={"psi": 1.0, "delta_2": 1.0})
     with pytest.raises(InputError, match=r"delta2: no such quantity \(did you mean 'delta_2'\?\)"):
         Data(psi=psi, measured={"delta2": psi}, errors={"psi": 1.0})
-    with pytest.raises(InputError, match=r"delta_2: no error is given"):
+    with pytest.raises(InputError, match=r"delta_2: missing from errors"):
         Data(psi=psi, measured={"delta_2": psi}, errors={"psi": 1.0})
 
 

@@ -225,7 +225,7 @@ def test_wrong_axes_are_refused(tmp_path: Path, gas: ifrdem.Simulation) -> None:
             InputError, match=r"no picture is called 'temperature'.*did you mean 'temperatures'"
         ):
             run.plot("temperature")
-    with pytest.raises(InputError, match="ax = 3: Axes of Matplotlib are needed"):
+    with pytest.raises(InputError, match="ax = 3: must be Axes of Matplotlib"):
         gas.plot(3)  # type: ignore[arg-type]
 
 

@@ -13,7 +13,7 @@ import taichi as ti
 
 import ifrdem
 from ifrdem import Device, InputError, theory
-from ifrdem.run.run import _mechanisms
+from ifrdem.runs.run import _mechanisms
 
 DISKS = ifrdem.Disks(2, mass=1.0, radius=0.5)
 BOX = ifrdem.Box((10.0, 10.0))

@@ -19,7 +19,7 @@ from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Wall
-from ifrdem.run.info import describe
+from ifrdem.runs.info import describe
 from ifrdem.simulation.engine import Engine, no_pair_approaches
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.trajectory.reader import Trajectory

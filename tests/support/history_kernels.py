@@ -1,25 +1,21 @@
 """A kernel that enters collisions into the history of a disk, for tests. Import only after `backend.start`."""
 
-import taichi as ti
-from ifrdem.kernels.lane_slots import update_history_hash
-
 from ifrdem.kernels.language import Rows, Table
-from ifrdem.kernels.records import gas_of
+from ifrdem.kernels.particle import update_history_hash
+from ifrdem.kernels.signature import Arrays, kernel
 
 
-@ti.kernel
-def enter(time: Rows, partner: Rows, info: Rows):
+@kernel
+def enter(time: Rows, partner: Rows, gas: Arrays("event_info")):
     """Enter collisions with partners at times, in this order, into the history of the disk in slot 0."""
-    gas = ti.static(gas_of(event_info=info))
     for _ in range(1):
         for m in range(time.shape[0]):
             update_history_hash(0, time[m], partner[m], gas)
 
 
-@ti.kernel
-def enter_each(time: Table, partner: Table, info: Rows):
+@kernel
+def enter_each(time: Table, partner: Table, gas: Arrays("event_info")):
     """Enter collisions with partners at times, a row of them for each disk, into the histories of the disks."""
-    gas = ti.static(gas_of(event_info=info))
     for i in range(time.shape[0]):
         for m in range(time.shape[1]):
             update_history_hash(i, time[i, m], partner[i, m], gas)

@@ -2,14 +2,12 @@
 
 import taichi as ti
 
-from ifrdem.kernels.language import Rows, Table
-from ifrdem.kernels.records import gas_of
+from ifrdem.kernels.signature import Arrays, kernel
 
 
-@ti.kernel
-def move(disk: Rows, tile: Table, scale: Rows):
+@kernel
+def move(gas: Arrays("disk tile scale")):
     """Fly disks along x until the end of moment 2; count them in part 1 of a tile, and let its part 0 begin at 3."""
-    gas = ti.static(gas_of(disk=disk, tile=tile, scale=scale))
     for i in range(gas.disk.shape[0]):
         body, m = gas.disk[i], 2
         body.x += gas.scale.moment[m].until * body.vx
@@ -18,9 +16,20 @@ def move(disk: Rows, tile: Table, scale: Rows):
         gas.tile[0].start[part] = 3
 
 
-@ti.kernel
-def wrong(disk: Rows):
+@kernel
+def wrong(gas: Arrays("disk")):
     """Ask for a column that is not there."""
-    gas = ti.static(gas_of(disk=disk))
     for i in range(gas.disk.shape[0]):
         gas.disk[i].mass = 1.0
+
+
+def shifting(shift: float):  # type: ignore[no-untyped-def]
+    """A kernel that moves disks along x by so much, a constant of it."""
+
+    @kernel
+    def move_by(gas: Arrays("disk")):
+        """Move all disks."""
+        for i in range(gas.disk.shape[0]):
+            gas.disk[i].x += shift
+
+    return move_by

@@ -13,7 +13,7 @@ from test_reader import child
 
 from ifrdem.errors import DamageError, InputError
 from ifrdem.model.box import Box
-from ifrdem.run.info import describe
+from ifrdem.runs.info import describe
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter
 

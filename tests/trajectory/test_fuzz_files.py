@@ -21,7 +21,7 @@ from support.layout_files import BOX, add_histories, add_series, some_disks, som
 
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError, TrajectoryError
-from ifrdem.run import status
+from ifrdem.runs import status
 from ifrdem.simulation import checkpoint
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter

@@ -25,7 +25,7 @@ from test_writer_resume import content
 from ifrdem.cli.main import main
 from ifrdem.errors import DamageError, DamageWarning, InputError, TrajectoryError
 from ifrdem.model.state import Disks, State
-from ifrdem.run.info import describe
+from ifrdem.runs.info import describe
 from ifrdem.trajectory import parts as parted
 from ifrdem.trajectory.parts_writer import PartsWriter
 from ifrdem.trajectory.reader import Trajectory

@@ -16,7 +16,7 @@ from ifrdem.errors import InputError
 from ifrdem.fit.tabular import Form
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
-from ifrdem.run import compare
+from ifrdem.runs import compare
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter
 

@@ -19,7 +19,7 @@ from ifrdem.case.case import UNITS
 from ifrdem.errors import DamageError, InputError, TrajectoryError
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
-from ifrdem.run.info import describe
+from ifrdem.runs.info import describe
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.rows import Rows
 from ifrdem.trajectory.writer import TrajectoryWriter
@@ -110,13 +110,13 @@ REFUSED = {
     "a frame beyond": (lambda run: run.read("position", 3), "selection 3 of position: there are 3"),
     "a disk beyond": (lambda run: run.read("position", (0, -6)), "selection -6 of position: there are 5"),
     "slice of text": (lambda run: run.read("spin", slice("a", None)), "whole numbers and slices are needed"),
-    "number for a field": (lambda run: run.read(5, 0), "no field 5"),
+    "number for a field": (lambda run: run.read(5, 0), "name = 5: must be a text"),
     "text for a frame": (lambda run: run["a"], "frame = 'a': a whole number"),
     "half a frame": (lambda run: run[1.5], "frame = 1.5: a whole number"),
     "list of disks": (lambda run: run.disk([1, 2]), r"disk = \[1, 2\]: a whole number"),
     "text for a history": (lambda run: run.history("x"), "disk = 'x': a whole number"),
-    "list of constants": (lambda run: run.constants("mass", [1]), r"disks = \[1\]: a slice"),
-    "number for a constant": (lambda run: run.constants(5), "no constant 5"),
+    "list of constants": (lambda run: run.constants("mass", [1]), r"disks = \[1\]: must be a slice"),
+    "number for a constant": (lambda run: run.constants(5), "name = 5: must be a text"),
     "number for frames": (lambda run: run.plot("disks", frames=5), "frames = 5: must be a sequence"),
     "text for frames": (
         lambda run: run.plot("disks", frames=["a"]),

@@ -16,7 +16,7 @@ from ifrdem.errors import InputError, TrajectoryError
 from ifrdem.model.box import Box
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
-from ifrdem.run.info import describe
+from ifrdem.runs.info import describe
 from ifrdem.trajectory.layout import EVENT_COLUMNS
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter

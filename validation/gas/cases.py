@@ -29,8 +29,8 @@ from ...case.file import CaseFile
 from ...case.objects import options_of
 from ...case.summary import REFUSED_HERE
 from ...errors import EngineError, InputError, Stopped
-from ...run import run as running
-from ...run.outputs import Outputs
+from ...runs import run as running
+from ...runs.outputs import Outputs
 from ...simulation import checks
 from ...simulation.turning import check_turning
 from ..report.registry import Result

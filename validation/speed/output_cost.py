@@ -21,7 +21,7 @@ from scipy.stats import quantile_test
 
 from ...case.gas import CaseGas
 from ...case.output_section import ROWS_PER_FRAME
-from ...run.recorder import Ledger, Recorder
+from ...runs.recorder import Ledger, Recorder
 from ...simulation.schedule import Cadence, Course, Span
 from ...tools.arguments import script
 from ...trajectory.writer import TrajectoryWriter

@@ -16,8 +16,8 @@ import pytest
 
 from ifrdem.cli.main import main
 from ifrdem.errors import InputError
-from ifrdem.run import status
-from ifrdem.run.status import Status
+from ifrdem.runs import status
+from ifrdem.runs.status import Status
 
 
 def dead_pid() -> int:

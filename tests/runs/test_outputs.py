@@ -13,7 +13,7 @@ from support.layout_files import write
 from ifrdem.cli.main import main
 from ifrdem.errors import InputError
 from ifrdem.plots import movie, run
-from ifrdem.run.outputs import Outputs
+from ifrdem.runs.outputs import Outputs
 from ifrdem.tools.files import write_aside
 from ifrdem.trajectory import export, repair, views
 from ifrdem.trajectory.reader import Trajectory

@@ -23,9 +23,9 @@ from ifrdem.cli import main as cli
 from ifrdem.errors import InputError, Stopped
 from ifrdem.model.observables import Measure
 from ifrdem.model.state import State
-from ifrdem.run import run
-from ifrdem.run.recorder import Recorder
-from ifrdem.run.signals import Stops
+from ifrdem.runs import run
+from ifrdem.runs.recorder import Recorder
+from ifrdem.runs.signals import Stops
 from ifrdem.simulation import checkpoint
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.tools.versions import package_versions
@@ -162,7 +162,7 @@ def test_frames_after_the_checkpoint_are_kept_and_compared(whole, tmp_path, monk
     case = whole.parent / "gas.toml"
     stopping += [60]
     save_once(monkeypatch)
-    monkeypatch.setattr("ifrdem.run.recorder.WAIT", 0.0)  # every row is committed at once
+    monkeypatch.setattr("ifrdem.runs.recorder.WAIT", 0.0)  # every row is committed at once
     assert cli.main(["run", str(case), "-o", f"{tmp_path}/"]) == 130
     with h5py.File(tmp_path / "gas.h5") as file:
         frames = len(file["particles/all/box/edges/step"])

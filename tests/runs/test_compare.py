@@ -14,7 +14,7 @@ from ifrdem.cli.main import main
 from ifrdem.errors import InputError
 from ifrdem.fit.tabular import Form
 from ifrdem.model.state import State
-from ifrdem.run import compare
+from ifrdem.runs import compare
 from ifrdem.trajectory.writer import TrajectoryWriter
 
 CASE = """\

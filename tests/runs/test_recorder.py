@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import ifrdem
-from ifrdem.run.recorder import BYTES_AT_ONCE, WAIT, Recorder
+from ifrdem.runs.recorder import BYTES_AT_ONCE, WAIT, Recorder
 
 
 class Calls:

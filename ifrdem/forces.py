@@ -1,0 +1,20 @@
+"""Forces between collisions: random forces, heat baths, drag, thermostats, friction on a table, and custom ones.
+
+`Force` is the base class of custom forces. The module imports Taichi.
+"""
+
+from .model.forces import (
+    Drag,
+    Force,
+    Langevin,
+    RandomKicks,
+    Rescale,
+    SpinKicks,
+    TableFriction,
+    normals,
+    uniforms,
+)
+
+__all__ = [
+    "Drag", "Force", "Langevin", "RandomKicks", "Rescale", "SpinKicks", "TableFriction", "normals", "uniforms",
+]  # fmt: skip

@@ -1,0 +1,65 @@
+"""Kernels get a parameter for each array that their annotation names."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ifrdem.kernels import columns
+from ifrdem.simulation import device
+
+
+def test_each_array_is_a_parameter_in_the_order_of_the_names() -> None:
+    device.start()
+    from ifrdem.kernels.readout import exchange
+    from ifrdem.kernels.signature import parameters_of
+    from ifrdem.kernels.windows import sum_shared
+
+    expected = ["n_blocks", "last", "uses", "grid", "tally", "reach", "found", "total", "blocks"]
+    assert parameters_of(sum_shared) == expected
+    assert parameters_of(exchange) == ["board", "sending", *columns.SMALL]
+
+
+def test_small_arrays_go_to_one_board_and_back() -> None:
+    """Whole numbers too, one array after another, as a GPU gets them."""
+    device.start()
+    from ifrdem.kernels.readout import exchange
+
+    lengths = (2, 1, 3, 1, 2, 1)
+    kinds = (np.int32, np.float64, np.float64, np.float64, np.int32, np.float64)
+    arrays = [np.zeros(n, kind) for n, kind in zip(lengths, kinds, strict=True)]
+    board = np.arange(1.0, 11.0)
+    exchange(board, 1, *arrays)
+    assert [array.tolist() for array in arrays] == [[1, 2], [3.0], [4.0, 5.0, 6.0], [7.0], [8, 9], [10.0]]
+    for array in arrays:
+        array += 1
+    exchange(board, 0, *arrays)
+    assert board.tolist() == np.arange(2.0, 12.0).tolist()
+
+
+def test_variables_around_a_kernel_are_known_in_it() -> None:
+    device.start()
+    import taichi as ti
+    from support.record_kernels import shifting
+
+    for shift in (2.0, 3.0):
+        disk = ti.Vector.ndarray(5, ti.f64, 2)
+        disk.fill(1.0)
+        shifting(shift)(disk)
+        assert disk.to_numpy()[:, 0].tolist() == [1.0 + shift] * 2
+
+
+def test_an_error_in_a_kernel_names_its_file_and_line() -> None:
+    device.start()
+    import taichi as ti
+    from support import record_kernels
+
+    disk = ti.Vector.ndarray(5, ti.f64, 2)
+    with pytest.raises(ti.TaichiCompilationError) as caught:
+        record_kernels.wrong(disk)
+    path = Path(record_kernels.__file__)
+    line = 1 + path.read_text().splitlines().index("        gas.disk[i].mass = 1.0")
+    assert re.search(rf'{re.escape(str(path))} \(kernel wrong\)", line {line}, in wrong', str(caught.value))
