@@ -617,7 +617,7 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "Simulation.save_checkpoint": (made.save_checkpoint, {"path": "saved.npz", "extra": None, "arrays": None}),
         "Simulation.set_piston_force": (lambda **given: driven().set_piston_force(**given),
                                         {"wall": 0, "force": 1.0}),
-        "Simulation.switch_ledger": (gas(ledger=True).switch_ledger, {"on": True}),
+        "Simulation.switch_ledger": (gas(record=["energy"]).switch_ledger, {"on": True}),
         "Simulation.set_law": (made.set_law, {"law": law}),
         "Simulation.set_forces": (made.set_forces, {"forces": ()}),
         "Simulation.set_gravity": (made.set_gravity, {"gravity": (0.0, 0.0)}),

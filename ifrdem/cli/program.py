@@ -5,6 +5,7 @@ from __future__ import annotations
 import json as json_format
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -107,7 +108,7 @@ def bench(
     chosen["device"], chosen["precision"] = device or "cpu", precision or "f64"
     comm = ranks()
     try:
-        backend.check(Device(chosen["device"], precision=chosen["precision"]))
+        backend.check(replace(Device.of(chosen["device"]), precision=chosen["precision"]))
     except InputError as error:
         wrong.append(f"--{error}")
     wrong.end()

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 from ..errors import InputError
 from ..tools import checked
+from ..tools.checked import LEAST, Number, validated
 
 DEFAULT_STEP, MAX_STEP = 0.005, 0.1  # rad
 
 
+@validated
 @dataclass(frozen=True)
 class RotatingGravity:
     """Gravity that rotates at a constant rate, as in the frame of a slow drum (`ifrdem docs heaps`).
@@ -39,20 +41,15 @@ class RotatingGravity:
 
     start: tuple[float, float]
     rate: float = field(kw_only=True)
-    step: float = field(default=DEFAULT_STEP, kw_only=True)
+    step: Annotated[float, Number(LEAST, MAX_STEP, f"an angle above 0 and up to {MAX_STEP} rad")] = field(
+        default=DEFAULT_STEP, kw_only=True
+    )
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "start", checked.finite_pair("start", self.start))
         if not any(self.start):
             raise InputError(f"start = {self.start}: must not be (0, 0), which has no direction to rotate")
-        rate = checked.finite("rate", self.rate, needed := "must be a finite number other than 0 [rad/time]")
-        if rate == 0.0:
-            raise InputError(f"rate = {rate:g}: {needed}; for constant gravity give {self.start} itself")
-        needed = f"must be an angle above 0 and up to {MAX_STEP} rad"
-        if not 0.0 < (step := checked.real("step", self.step, needed)) <= MAX_STEP:
-            raise InputError(f"step = {step:g}: {needed}")
-        object.__setattr__(self, "rate", rate)
-        object.__setattr__(self, "step", step)
+        if self.rate == 0.0:
+            raise InputError(f"rate = 0: must not be 0; for constant gravity give {self.start} itself")
 
     @property
     def steps_per_turn(self) -> float:

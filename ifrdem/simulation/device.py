@@ -10,10 +10,6 @@ from ..tools.checked import Count, Number, OneOf, must_be, validated
 NAMES = ("cpu", "cuda")
 
 
-def _name(_key: str, value: Any) -> Any:
-    return OneOf(NAMES)("device", value)
-
-
 @validated
 @dataclass(frozen=True)
 class Device:
@@ -43,7 +39,7 @@ class Device:
     'f64'
     """
 
-    name: Annotated[str, _name] = "cpu"
+    name: Literal["cpu", "cuda"] = "cpu"
     threads: Count | None = field(default=None, kw_only=True)
     precision: Literal["f64", "f32"] = field(default="f64", kw_only=True)
     window_collisions: Annotated[float, Number(1e-3, 10.0, "a number from 0.001 to 10")] | None = field(
@@ -56,5 +52,5 @@ class Device:
         if device is None or isinstance(device, Device):
             return device or cls()
         if isinstance(device, str):
-            return cls(device)
+            return cls(OneOf(NAMES)("device", device))
         raise must_be("device", device, 'a Device, or its name, "cpu" or "cuda"')

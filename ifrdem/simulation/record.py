@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
-from typing import Any
+from collections.abc import Iterable
 
 from ..errors import InputError, nearest
 
@@ -16,14 +15,11 @@ RECORDABLE = {
 }
 
 
-def validate(record: Any) -> frozenset[str]:
+def validate(record: Iterable[str]) -> frozenset[str]:
     """Names of what is recorded, with those that others need: InputError for an unknown name."""
     known = ", ".join(RECORDABLE)
-    if isinstance(record, str) or not isinstance(record, Iterable):
-        raise InputError(f"record = {record!r}: must be a list of names, of {known}")
-    names: Collection[Any] = list(record)
+    names = list(record)
     for name in names:
-        if not isinstance(name, str) or name not in RECORDABLE:
-            spelling = nearest(name, RECORDABLE) if isinstance(name, str) else ""
-            raise InputError(f"record: unknown name {name!r}{spelling}; must be of {known}")
+        if name not in RECORDABLE:
+            raise InputError(f"record: unknown name {name!r}{nearest(name, RECORDABLE)}; must be of {known}")
     return frozenset(names) | ({"energy"} if "disk_energy" in names else set())

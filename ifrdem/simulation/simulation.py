@@ -188,7 +188,7 @@ class Simulation(Sealed, PicturedDisks):
         forces: Sequence[Force] = (),
         collapse: Annotated[Collapse | None, LATER] = None,
         device: Annotated[Device | str | None, LATER] = None,
-        record: Annotated[Collection[str], LATER] = (),
+        record: Iterable[str] = (),
         tracked: Annotated[Sequence[int] | NDArray[np.integer], LATER] = (),
         seed: Seed = 0,
         comm: Comm = None,
