@@ -2,11 +2,12 @@
 
 from typing import Any
 
-from .language import Rows, Table, spread_of_loops, ti, vector_of
+from .language import Rows, Table, spread_of_loops, ti
 from .layout import plain
 from .particle import listed_kind, round_products
 from .random import DRAWS
 from .readout import placed
+from .records import NamedNumbers
 from .shear import flow_at
 from .signature import Arrays, kernel
 from .windows import is_owned
@@ -64,8 +65,8 @@ def step_of(time: Any, dt: Any, free: Any, random: Any, totals: list[Any]) -> tu
     return (ti.Struct(time=time, dt=dt, free=free, random=random, **given),)
 
 
-def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any, Any]:
-    """Kernels of a class of forces with so many parameters: (sum its totals, apply it, try it on one disk).
+def kernels_of(force: Any) -> tuple[Any, Any, Any]:
+    """Kernels of a class of forces: (sum its totals, apply it, compile it for one disk).
 
     The first two leave the sums of each tile, of this rank's where there are several, in `tile_sums`. Totals change the
     motion, so their bits may not depend on the order of the disks: the largest size of a term comes first, for each
@@ -77,7 +78,7 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any, Any]:
         function if hasattr(function, "_is_taichi_function") else ti.func(plain(function))
         for function in (force.act, force.measure)
     )
-    n_totals = force.totals
+    n_totals, names = force.totals, tuple(force.parameters)
 
     @kernel
     def sum_totals(
@@ -85,6 +86,7 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any, Any]:
         parameters: Rows, tile_sums: Table, rounders: Table,
     ):  # fmt: skip
         """Sum the force's terms over the disks of each tile."""
+        given = ti.static((NamedNumbers(parameters, names),))[0]
         spread = ti.static(spread_of_loops())
         for item in range(spread * gas.grid.tiles_x * gas.grid.tiles_y):
             round_products(gas)
@@ -99,9 +101,6 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any, Any]:
                     step = ti.static(step_of(
                         ti.cast(gas.when.time, float), ti.cast(gas.when.dt, float), free_of(gas), stream_of(s, gas), [],
                     ))[0]  # fmt: skip
-                    given = ti.static(vector_of([
-                        ti.cast(parameters[j], float) for j in ti.static(range(n_parameters))
-                    ]))[0]  # fmt: skip
                     terms = measure(particle_view(s, b, gas.when.time, gas), step, given)
                     for j in ti.static(range(n_totals)):
                         rest = ti.cast(terms[j], ti.f64)
@@ -119,6 +118,7 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any, Any]:
         parameters: Rows, tile_sums: Table, totals: Rows,
     ):  # fmt: skip
         """Apply the force to every disk; sum what each tile gains."""
+        given = ti.static((NamedNumbers(parameters, names),))[0]
         spread = ti.static(spread_of_loops())
         for item in range(spread * gas.grid.tiles_x * gas.grid.tiles_y):
             round_products(gas)
@@ -132,9 +132,6 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any, Any]:
                         ti.cast(gas.when.time, float), ti.cast(gas.when.dt, float), free_of(gas), stream_of(s, gas),
                         [totals[j] for j in ti.static(range(n_totals))],
                     ))[0]  # fmt: skip
-                    given = ti.static(vector_of([
-                        ti.cast(parameters[j], float) for j in ti.static(range(n_parameters))
-                    ]))[0]  # fmt: skip
                     body = particle_view(s, b, gas.when.time, gas)
                     before = energy(body.mass, body.inertia, body.vx, body.vy, body.spin)
                     new_vx, new_vy, new_spin = act(body, step, given)
@@ -153,15 +150,15 @@ def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any, Any]:
                 tile_sums[b, 0] = gain
 
     @ti.kernel
-    def try_force(numbers: Rows):
+    def try_force(numbers: Rows, parameters: Rows):
         """Compile the force for one disk with placeholder numbers."""
+        given = ti.static((NamedNumbers(parameters, names),))[0]
         for s in range(1):
             body = ti.Struct(
                 x=numbers[s], y=numbers[s], vx=numbers[s], vy=numbers[s], spin=numbers[s], mass=numbers[s],
                 radius=numbers[s], k=numbers[s], inertia=numbers[s],
             )  # fmt: skip
             random = ti.Vector([ti.cast(s, ti.u32) for _ in ti.static(range(6))], ti.u32)
-            given = ti.static(vector_of([numbers[s] for _ in ti.static(range(n_parameters))]))[0]
             free = ti.Vector([numbers[s], numbers[s]])
             first = ti.static(step_of(numbers[s], numbers[s], free, random, []))[0]
             if ti.static(n_totals > 0):

@@ -63,7 +63,7 @@ finally:
     inspect.getframeinfo = _whole
 
 __all__ = [
-    "Cube", "Rows", "Table", "has_numbers", "on_gpu", "round_products_by", "spread_of_loops", "ti", "vector_of", "view",
+    "Cube", "Rows", "Table", "has_numbers", "on_gpu", "round_products_by", "spread_of_loops", "ti", "view",
     "width",
 ]  # fmt: skip
 
@@ -184,11 +184,6 @@ def _check_index(value: Any, index: Any) -> None:
 
 def _below(length: int) -> str:
     return "0" if length == 1 else f"from 0 to {length - 1}"
-
-
-def vector_of(entries: list[Any]) -> tuple[Any]:
-    """A vector of these entries, or an empty list, which no vector can be; in a tuple, as `ti.static` lets it pass."""
-    return (ti.Vector(entries) if entries else [],)
 
 
 def view(array: Any) -> NDArray[Any]:

@@ -76,6 +76,24 @@ class Records:
         return NamedRow(self.array, index if isinstance(index, tuple) else (index,), self._columns)
 
 
+class NamedNumbers:
+    """Numbers of an array by name, in the precision of the run."""
+
+    _data_oriented = True
+    __slots__ = ("_array", "_names")
+
+    def __init__(self, array: Any, names: Sequence[str]) -> None:
+        self._array, self._names = array, names
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in self._names:
+            raise AttributeError(f"no number {name!r}; there are {', '.join(self._names) or 'none'}")
+        return ti.cast(_at(self._array, self._names.index(name)), float)
+
+    def __getitem__(self, index: Any) -> Any:
+        raise KeyError(index)
+
+
 class _Group:
     """Several columns of a row: by number, or those of a table by name."""
 

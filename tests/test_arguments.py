@@ -140,11 +140,11 @@ RADII: dict[str, dict[str, Any]] = {
     "of_ids": {"distribution": "uniform", "n": 4, "ids": range(2), "seed": 1, "low": 0.5, "high": 0.7},
     "sample": {"distribution": "uniform", **SAMPLED, "low": 0.5, "high": 0.7},
     "uniform": {**SAMPLED, "low": 0.5, "high": 0.7},
-    "wrong_parameters": {"distribution": "uniform", "given": {"low": 0.5}},
+    "parameter_problem": {"distribution": "uniform", "given": {"low": 0.5}},
 }
 FORCES: dict[str, dict[str, Any]] = {
     "Drag": {"step": 0.1, "rate": 0.1, "quadratic": 0.1, "spin_rate": 0.1},
-    "Force": {"step": 0.1, "parameters": [1.0]},
+    "Force": {"step": 0.1},
     "Langevin": {"step": 0.1, "temperature": 1.0, "rate": 0.1, "spin_temperature": 1.0, "spin_rate": 0.1},
     "RandomKicks": {"step": 0.1, "power": 0.1, "diffusion": None},
     "Rescale": {"step": 0.1, "temperature": 1.0, "energy": None},
@@ -281,7 +281,7 @@ FIT: dict[str, dict[str, Any]] = {
     "Data": {"psi": ANGLES, "measured": {"delta_1": 1.5 * ANGLES}, "errors": {"psi": 0.7, "delta_1": 0.7},
              "source": "data", "line": [2, 3, 4, 5, 6, 7], "notes": ()},
     "Disk": {"mass": [1.0, 2.0], "radius": 0.5, "k": 2.0},
-    "Form": {"columns": {}, "units": {}, "known": {}, "delimiter": ",", "decimal": "."},
+    "TableFormat": {"columns": {}, "units": {}, "known": {}, "delimiter": ",", "decimal": "."},
     "Pair": {"M": 0.5, "k_1": 2.0, "k_2": 2.0, "R_1": 1.0, "R_2": 1.0},
     "Walton": {"e_n": 0.9, "beta": 0.5, "mu": 0.2},
     "example": {"seed": 1},
@@ -505,7 +505,7 @@ def of_files(folder: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]
     return {
         **{f"plots.{name}": call for name, call in pictures.items()},
         "fit.read": (ifrdem.fit.read, {"path": data, "errors": {"angles": 0.7}, "disk_1": COIN, "disk_2": None,
-                                       "form": ifrdem.fit.Form()}),
+                                       "form": ifrdem.fit.TableFormat()}),
         **{f"History.{name}": (getattr(history, name), {"t": [0.5, 1.0]})
            for name in ("angle", "position", "spin", "unwrapped", "velocity")},
         "History.__getitem__": (lambda name: history[name], {"name": "psi"}),

@@ -17,7 +17,7 @@ import numpy as np
 
 import ifrdem
 from ifrdem.case.shipped import find
-from ifrdem.fit.tabular import Form
+from ifrdem.fit.tabular import TableFormat
 from ifrdem.runs import compare
 
 FITTED = {
@@ -111,7 +111,7 @@ def ellipses(folder: Path, tables: int = 20, members: int = 12) -> str:
         command = [sys.executable, "-m", "ifrdem", "run", str(case), "--quiet", "--no-picture", "--force"]
         subprocess.run([*command, "-o", str(folder / "run")], check=True)
         names = {"id": "coin", "x": "rest x (mm)", "y": "rest y (mm)"}
-        measured = compare.read(folder / "rest.csv", {"positions": PLACE}, Form(names))
+        measured = compare.read(folder / "rest.csv", {"positions": PLACE}, TableFormat(names))
         rng = np.random.default_rng(seed)
         laws = [
             dict(zip(FITTED, rng.normal(*zip(*FITTED.values(), strict=True)), strict=True))

@@ -16,7 +16,7 @@ from ..tools.reprs import Brief
 from ..trajectory.reader import Trajectory
 from . import common, cooling, displacement, fields, impact, pressure, steadiness, structure, velocities
 from . import result as stored
-from .result import NOT_STEADY, Columns, Evaluation, Reading, every, kinds, latest, times, unit
+from .result import NOT_STEADY, Columns, Evaluation, Reading, all_frames, kinds, second_half, times, unit
 
 GAP = 0.1
 """Of the mean diameter: the gap below which disks are of one cluster."""
@@ -29,8 +29,10 @@ Indices = NDArray[np.intp]
 
 
 def of_velocity(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
-    stored.need(trajectory, "velocity", "angular_velocity", *["position"] * bool(trajectory.box.shear_rate))
-    used, disks = latest(trajectory, chosen), trajectory.disks
+    stored.require_fields(
+        trajectory, "velocity", "angular_velocity", *["position"] * bool(trajectory.box.shear_rate)
+    )
+    used, disks = second_half(trajectory, chosen), trajectory.disks
     results: dict[str, velocities.VelocityDistribution] = {}
     rows: list[Reading] = []
     table: Columns = {}
@@ -67,7 +69,7 @@ def of_velocity(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluat
         raise InputError("; ".join(left_out))
     notes = [f"of {name}" for name in results if "together" in name] + left_out
     notes += ["c = v_x or v_y over sqrt(2 T / m), w = omega over sqrt(2 T_rot / I); 0 for Gaussians"]
-    notes += stored.drift(trajectory, every(trajectory, None)).said(
+    notes += stored.drift(trajectory, all_frames(trajectory, None)).notes(
         trajectory, "c and T are about its mean velocity"
     )
     doubts = steadiness.doubts(changes)
@@ -79,8 +81,8 @@ def _positions(trajectory: Trajectory, used: Sequence[int]) -> Iterator[Array]:
 
 
 def of_pairs(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
-    stored.need(trajectory, "position")
-    used = latest(trajectory, chosen)
+    stored.require_fields(trajectory, "position")
+    used = second_half(trajectory, chosen)
     box, radius, when = trajectory.box, trajectory.disks.radius, trajectory.times[used]
     diameter = 2.0 * float(radius.mean())
     reach = min(6.0 * diameter, 0.45 * min(box.lengths))
@@ -99,7 +101,7 @@ def of_pairs(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation
     highest = float(found.r[np.argmax(found.g)])
     rows.append(Reading("r of the highest g", highest, unit=unit(trajectory, "length")))
     table = {"r": found.r, "g": found.g, "error": found.g_error}
-    doubts = stored.of_a_part(trajectory) + _neighbours_change(trajectory, used, min(NEAR * diameter, reach))
+    doubts = stored.part_doubt(trajectory) + _neighbours_change(trajectory, used, min(NEAR * diameter, reach))
     return Evaluation(found, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
 
 
@@ -119,8 +121,8 @@ def _neighbours_change(trajectory: Trajectory, used: Sequence[int], reach: float
 
 
 def of_structure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
-    stored.need(trajectory, "position")
-    used = latest(trajectory, chosen)
+    stored.require_fields(trajectory, "position")
+    used = second_half(trajectory, chosen)
     k_max, when = 10.0 / float(trajectory.disks.radius.mean()), trajectory.times[used]
     found = structure.structure_factor(_positions(trajectory, used), trajectory.box, k_max=k_max, time=when)
     high = int(np.argmax(found.S))
@@ -135,7 +137,7 @@ def of_structure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evalua
     notes = ["errors by the scatter over modes, each averaged over the frames"]
     if trajectory.box.shear_rate:
         notes = ["errors as if frames were independent"]
-    doubts = stored.of_a_part(trajectory) + _modes_change(trajectory, used)
+    doubts = stored.part_doubt(trajectory) + _modes_change(trajectory, used)
     return Evaluation(found, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
 
 
@@ -157,8 +159,8 @@ def _modes_change(trajectory: Trajectory, used: Sequence[int]) -> list[str]:
 
 
 def of_fields(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
-    stored.need(trajectory, "position", "velocity")
-    used = latest(trajectory, chosen)[-1]
+    stored.require_fields(trajectory, "position", "velocity")
+    used = second_half(trajectory, chosen)[-1]
     disks, frame, box = trajectory.disks, trajectory[used], trajectory.box
     movable = np.isfinite(disks.mass)
     position = frame.position[movable]
@@ -190,10 +192,10 @@ def of_fields(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluatio
     }  # fmt: skip
     table = {name: column.ravel() for name, column in columns.items()}
     notes = [f"frame {used}; temperatures relative to the mean velocity of the cell"]
-    notes += stored.drift(trajectory, every(trajectory, None)).said(trajectory, "the flow contains it")
+    notes += stored.drift(trajectory, all_frames(trajectory, None)).notes(trajectory, "the flow contains it")
     if box.shear_rate:
         notes.append("velocities relative to the flow that the box imposes")
-    doubts = stored.of_a_part(trajectory)
+    doubts = stored.part_doubt(trajectory)
     return Evaluation(found, rows, {"": table}, notes, times(trajectory, [used]), doubts, 1)
 
 
@@ -206,8 +208,8 @@ class ClusterSeries(Brief):
 
 
 def of_clusters(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
-    stored.need(trajectory, "position")
-    used, box, radius = latest(trajectory, chosen), trajectory.box, trajectory.disks.radius
+    stored.require_fields(trajectory, "position")
+    used, box, radius = second_half(trajectory, chosen), trajectory.box, trajectory.disks.radius
     gap = GAP * 2.0 * float(radius.mean())
     found = ClusterSeries()
     for i in used:
@@ -235,13 +237,13 @@ def of_clusters(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluat
     notes = [f"disks whose surfaces are nearer than {words} ({GAP:g} mean diameters) are joined"]
     if last.spans[:1].any():
         notes.append("the largest spans the box: it has no radius of gyration")
-    doubts = stored.of_a_part(trajectory)
+    doubts = stored.part_doubt(trajectory)
     return Evaluation(found, rows, tables, notes, times(trajectory, used), doubts, len(used))
 
 
 def of_psi6(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
-    stored.need(trajectory, "position")
-    used = latest(trajectory, chosen)
+    stored.require_fields(trajectory, "position")
+    used = second_half(trajectory, chosen)
     where, box, when = list(_positions(trajectory, used)), trajectory.box, trajectory.times[used]
     found = [structure.hexatic(x, box, time=float(t)) for x, t in zip(where, when, strict=True)]
     local, whole = ([getattr(one, name) for one in found] for name in ("local", "whole"))
@@ -250,7 +252,7 @@ def of_psi6(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
         Reading("|mean of psi_6|", *common.mean_with_error(whole)),
     ]
     table = {"time": when, "local": np.array(local), "whole": np.array(whole)}
-    notes, doubts = ["of the six nearest neighbours"], stored.of_a_part(trajectory)
+    notes, doubts = ["of the six nearest neighbours"], stored.part_doubt(trajectory)
     if len(used) > 1:
         notes.append("errors by the scatter over frames")
         values = [np.abs(one.psi6) for one in found]
@@ -266,22 +268,22 @@ def _motion(
     A gas that cools or heats up has no mean over origins. All frames if the gas is steady, else their second half if it
     is steady there, else all from the first one on.
     """
-    used = every(trajectory, chosen)
+    used = all_frames(trajectory, chosen)
     if len(used) < 4:
         raise InputError(f"{trajectory.path}: {len(used)} frames are too few for what changes with time")
     T, middle = _temperatures(trajectory, used), len(used) // 2
     notes, doubts = [], []
     if T is None:
         notes.append("the file holds no temperatures or velocities that tell if the gas is steady")
-    if T is not None and not _keeps(T):
-        doubts = [f"{_unsteady(trajectory, T)}{consequence}less than a tenth, or drive the gas"]
+    if T is not None and not _is_stationary(T):
+        doubts = [f"{_stationarity_doubt(trajectory, T)}{consequence}less than a tenth, or drive the gas"]
     step = np.diff(trajectory.times[used])
     if np.ptp(step) > displacement.EVEN * np.mean(step):
         notes.append("frames are not evenly spaced in time: from the first frame only")
         return used, "first", notes, doubts
     if not doubts:
         return used, "all", [*notes, "mean over all origins of time"], []
-    if chosen is None and len(used) - middle >= 8 and T is not None and _keeps(T[middle:]):
+    if chosen is None and len(used) - middle >= 8 and T is not None and _is_stationary(T[middle:]):
         told = "mean over all origins of time in the second half, where the gas is steady"
         return used[middle:], "all", [told], []
     return used, "first", ["the temperature changes: from the first frame only"], doubts
@@ -300,18 +302,18 @@ def _temperatures(trajectory: Trajectory, used: list[int]) -> Array | None:
     return np.array([0.5 * np.sum(mass * each) for each in speeds2]) / max(np.count_nonzero(movable), 1)
 
 
-def _of_drift(trajectory: Trajectory) -> tuple[list[str], list[str]]:
+def _drift_remarks(trajectory: Trajectory) -> tuple[list[str], list[str]]:
     """Notes and doubts on temperatures of a gas that drifts: files of earlier versions have the drift's energy in T."""
-    moving = stored.drift(trajectory, every(trajectory, None))
+    moving = stored.drift(trajectory, all_frames(trajectory, None))
     if moving and "temperature" in trajectory.observables:
         T, energy = (trajectory.observables[name][0] for name in ("temperature", "translational_energy"))
         inside = float(T) * np.count_nonzero(trajectory.disks.movable) - float(energy) + moving.energy
         if inside > 1e-6 * moving.energy:
-            return [], moving.said(trajectory, "the temperatures of this file include it")
-    return moving.said(trajectory, "temperatures are about its mean velocity"), []
+            return [], moving.notes(trajectory, "the temperatures of this file include it")
+    return moving.notes(trajectory, "temperatures are about its mean velocity"), []
 
 
-def _keeps(T: Array) -> bool:
+def _is_stationary(T: Array) -> bool:
     """True if temperatures of the later half differ by less than a tenth from those of the earlier, in the mean."""
     if len(T) < 2:
         return True
@@ -319,7 +321,7 @@ def _keeps(T: Array) -> bool:
     return abs(late - early) <= 0.1 * max(early, late)
 
 
-def _unsteady(trajectory: Trajectory, T: Array) -> str:
+def _stationarity_doubt(trajectory: Trajectory, T: Array) -> str:
     first, last = (trajectory.with_unit(f"{one:.4g}", "energy") for one in (T[0], T[-1]))
     return f"{NOT_STEADY}: T goes from {first} to {last} in that time"
 
@@ -347,7 +349,7 @@ def unwrapped(trajectory: Trajectory, used: Sequence[int]) -> Iterator[Array]:
 
 
 def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
-    stored.need(trajectory, "position")
+    stored.require_fields(trajectory, "position")
     words = ", and D with it, as sqrt(T): no single D. Choose --frames over which T changes by "
     used, origins, notes, doubts = _motion(trajectory, chosen, words)
     box, when = trajectory.box, trajectory.times[used]
@@ -356,7 +358,7 @@ def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
             'no "image" in the file: between frames disks are taken to move by the shortest way (minimum image)'
         )
     moving = stored.drift(trajectory, used)
-    notes += moving.said(trajectory, "displacements are about its mean path")
+    notes += moving.notes(trajectory, "displacements are about its mean path")
 
     def paths() -> Iterator[Array]:
         for path in unwrapped(trajectory, used):
@@ -364,7 +366,7 @@ def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
                 path = path - (when - when[0])[:, None, None] * moving.velocity
             yield path if axis is None else path[:, :, axis : axis + 1]
 
-    bounded, axis, steady = _bounded(trajectory), None, not doubts
+    bounded, axis, steady = _confined_axes(trajectory), None, not doubts
     if box.shear_rate:
         axis = 1
         notes.append("across the flow only")
@@ -388,7 +390,7 @@ def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     return Evaluation((found, fit), rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
 
 
-def _bounded(trajectory: Trajectory) -> list[bool]:
+def _confined_axes(trajectory: Trajectory) -> list[bool]:
     """True for x and y if walls keep the disks from diffusing far along it, for ever."""
     walls = trajectory.free_area.all_walls
     if any(wall.shape == "container" for wall in walls):
@@ -399,7 +401,7 @@ def _bounded(trajectory: Trajectory) -> list[bool]:
 
 
 def of_vacf(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
-    stored.need(trajectory, "velocity")
+    stored.require_fields(trajectory, "velocity")
     if trajectory.box.shear_rate:
         text = "velocities in the lab of a sheared gas say little"
         raise InputError(f"{text}: the displacement across the flow is `msd`")
@@ -409,7 +411,7 @@ def of_vacf(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     )
     used, origins, notes, doubts = _motion(trajectory, chosen, words)
     moving = stored.drift(trajectory, used)
-    notes += moving.said(trajectory, "velocities are about its mean velocity")
+    notes += moving.notes(trajectory, "velocities are about its mean velocity")
     parts = (part - moving.velocity if moving else part for part in _parts(trajectory, used, "velocity"))
     found = displacement.velocity_autocorrelation(trajectory.times[used], parts, origins=origins)  # type: ignore[arg-type]
     scale = found.value[0] if found.value[0] > 0.0 else np.nan
@@ -434,19 +436,19 @@ def of_pressure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluat
     if box.is_open or trajectory.free_area.all_walls:
         text = "pressure of a homogeneous gas in a periodic box only"
         raise InputError(f"{text}: this one has walls or no sides")
-    used = every(trajectory, chosen)
+    used = all_frames(trajectory, chosen)
     span = times(trajectory, used)
     when, (T, count) = stored.series(trajectory, "temperature", "collisions")
     inside = (when >= span[0]) & (when <= span[1])
     when, T, count = when[inside], T[inside], count[inside]
     rows: list[Reading] = []
-    notes, doubts = _of_drift(trajectory)
+    notes, doubts = _drift_remarks(trajectory)
     result = None
-    if not _keeps(T):
+    if not _is_stationary(T):
         doubts.append(
-            f"{_unsteady(trajectory, T)}, and the pressure with it: pressures are means over that time. Z is that "
-            "mean over the mean of N T / A, which is Z at each moment as long as the gas stays homogeneous. For a "
-            "pressure at one temperature choose --frames over which T changes by less than a tenth"
+            f"{_stationarity_doubt(trajectory, T)}, and the pressure with it: pressures are means over that time. "
+            "Z is that mean over the mean of N T / A, which is Z at each moment as long as the gas stays homogeneous. "
+            "For a pressure at one temperature choose --frames over which T changes by less than a tenth"
         )
     try:
         found = stored.collisions(trajectory)
@@ -526,7 +528,7 @@ def of_cooling(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluati
         Reading("t_H", haff.t_H, haff.t_H_error, time),
         Reading("rms of what is left of ln T", haff.rms),
     ]
-    notes, doubts = _of_drift(trajectory)
+    notes, doubts = _drift_remarks(trajectory)
     notes += ["Haff: T = T0 / (1 + (t - t_first) / t_H)^2; errors with the autocorrelation of what is left"]
     doubts += [] if haff.describes else [_misfit("Haff's law", haff.misfit, n, "ln T", n**-0.5)]
     tau = 2.0 * count / n
@@ -567,13 +569,13 @@ def _misfit(law: str, misfit: float, n: int, quantity: str, scatter: float) -> s
 
 def of_impact(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     found = stored.collisions(trajectory)
-    seen = found.once
+    seen = found.first_of_pair
     span = found.span
     if chosen is not None:
         span = times(trajectory, list(chosen))
         seen &= (found.time >= span[0]) & (found.time <= span[1])
     result = impact.impacts(found.psi[seen], found.regime[seen])
-    counts = None if np.any(found.regime[seen] < 0) else _counted_regimes(trajectory, span)
+    counts = None if np.any(found.regime[seen] < 0) else _regime_counts(trajectory, span)
     of_whom = f"of {len(found.tracked)} tracked disks"
     if counts is not None:
         result = replace(result, regimes=impact.regime_shares(counts), regime_collisions=sum(counts.values()))
@@ -591,7 +593,7 @@ def of_impact(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluatio
     return Evaluation(result, rows, {"": table}, notes, span)
 
 
-def _counted_regimes(trajectory: Trajectory, span: tuple[float, float]) -> dict[str, int] | None:
+def _regime_counts(trajectory: Trajectory, span: tuple[float, float]) -> dict[str, int] | None:
     """Collisions of the whole gas by regime within a span of time; None if the file does not tell."""
     name, time = "collisions_by_regime", trajectory.series.time
     inside = np.flatnonzero((time >= span[0]) & (time <= span[1]))
@@ -654,7 +656,7 @@ def number(row: Reading) -> str:
     return f"{row.value:.{more}e} +- {row.error:.1e}{unit}"
 
 
-def plain(value: float) -> float | None:
+def json_number(value: float) -> float | None:
     """A number as JSON has it: counts and seeds are whole, and there is no nan."""
     if isinstance(value, numbers.Integral):
         return int(value)

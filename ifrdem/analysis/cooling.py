@@ -51,11 +51,16 @@ def fit(
 ) -> tuple[Array, Array, Goodness]:
     """Fit a law by least squares, and test it against smooth deviations from it.
 
-    A law that holds leaves noise; one that does not leaves slow waves. What is left, r, is split by linear least
-    squares into what changed parameters can make of it, what up to `MODES` Legendre polynomials of `along` can make
-    beyond that, B z with B orthonormal, and a rest. The rest, which a misfit does not reach, tells the noise: variance
-    s^2 and correlations rho^|lag|, with rho from its correlation to the next point (less by what the modes took of it,
-    `_memory`), or from its integrated autocorrelation time if that is longer. If r is such noise, z has the covariance
+    The residuals of a law that holds are noise; those of one that does not hold are slow waves. Linear least squares
+    split the residuals r into three parts:
+
+    - what changed parameters explain;
+    - what up to `MODES` Legendre polynomials of `along` explain beyond that: B z, with B orthonormal;
+    - the rest, which a misfit does not reach. It gives the noise: variance s^2 and correlations rho^|lag|. rho is from
+      the correlation of successive points, corrected for the modes (`_autoregression`), or from the integrated
+      autocorrelation time if that is longer.
+
+    If r is such noise, z has the covariance
     s^2 B' R B, R_ij = rho^|i - j|, and of n points n (1 - rho) / (1 + rho) are as good as independent, so that
 
         F = z' (s^2 B' R B)^-1 z / q
@@ -83,7 +88,7 @@ def fit(
     beyond = _basis(waves - own @ (own.T @ waves))
     coefficients = beyond.T @ left
     misfit = float(np.sqrt(coefficients @ coefficients / n))
-    p_value = _chance(left - own @ (own.T @ left), own, beyond)
+    p_value = _p_value(left - own @ (own.T @ left), own, beyond)
     allowed = max(scatter, ROUNDING * float(np.sqrt(np.mean(data**2))))
     describes = not (
         (p_value < CHANCE and misfit > allowed) or (scatter > 0.0 and misfit > OUTRIGHT * allowed)
@@ -102,7 +107,7 @@ def _basis(columns: Array) -> Array:
     return np.asarray(basis[:, weight > 1e-8])
 
 
-def _chance(left: Array, own: Array, beyond: Array) -> float:
+def _p_value(left: Array, own: Array, beyond: Array) -> float:
     """Probability that noise has waves along `beyond` as large as what is left has; nan if that cannot be told."""
     from scipy.stats import f as f_distribution
 
@@ -110,7 +115,7 @@ def _chance(left: Array, own: Array, beyond: Array) -> float:
     all_modes = np.column_stack((own, beyond))
     coefficients = beyond.T @ left
     rest = left - beyond @ coefficients
-    rho, kept = _memory(rest, all_modes)
+    rho, kept = _autoregression(rest, all_modes)
     freedom = max(2.0, n * (1.0 - rho) / (1.0 + rho) - all_modes.shape[1])
     if modes == 0 or n < FEWEST:
         return float("nan")
@@ -129,7 +134,7 @@ def _correlated(columns: Array, rho: float) -> Array:
     return np.asarray(later + earlier - columns)
 
 
-def _memory(rest: Array, modes: Array) -> tuple[float, float]:
+def _autoregression(rest: Array, modes: Array) -> tuple[float, float]:
     """rho of noise of which the modes were taken off, and how many times its variance the rest's square has.
 
     With M = (1 - B B') R (1 - B B'), the square of the rest has the mean trace M, and its product with itself one point

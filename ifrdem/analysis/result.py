@@ -33,12 +33,12 @@ class TrackedCollisions(Brief):
     span: tuple[float, float]  # the time that is known [time]
 
     @property
-    def once(self) -> NDArray[np.bool_]:
+    def first_of_pair(self) -> NDArray[np.bool_]:
         """True for those to take so that each collision is there once, shape (c,)."""
         return (self.id < self.partner) | ~np.isin(self.partner, self.tracked)
 
 
-def need(trajectory: Trajectory, *fields: str) -> None:
+def require_fields(trajectory: Trajectory, *fields: str) -> None:
     """Raise InputError that says which keys of the case would have stored these fields, unless they are there."""
     missing = [name for name in fields if name not in trajectory.fields]
     if missing:
@@ -107,7 +107,7 @@ class Drift(NamedTuple):
         """True if it is more than rounding."""
         return self.share > LEAST_DRIFT
 
-    def said(self, trajectory: Trajectory, what: str) -> list[str]:
+    def notes(self, trajectory: Trajectory, what: str) -> list[str]:
         """A note on it that says `what` it means; none without a drift."""
         if not self:
             return []
@@ -177,9 +177,9 @@ class Evaluation(Brief):
     frames: int = 0  # how many were used; 0 if what was used is no frames
 
 
-def latest(trajectory: Trajectory, chosen: Sequence[int] | None) -> list[int]:
+def second_half(trajectory: Trajectory, chosen: Sequence[int] | None) -> list[int]:
     """The frames chosen, or some of the second half, evenly, so that the last is among them."""
-    used = every(trajectory, chosen)
+    used = all_frames(trajectory, chosen)
     if chosen is not None:
         return used
     last = used[-1]
@@ -188,7 +188,7 @@ def latest(trajectory: Trajectory, chosen: Sequence[int] | None) -> list[int]:
     return sorted({round(i) for i in np.linspace(last, last // 2, count)}) if count > 1 else [last]
 
 
-def every(trajectory: Trajectory, chosen: Sequence[int] | None) -> list[int]:
+def all_frames(trajectory: Trajectory, chosen: Sequence[int] | None) -> list[int]:
     """The frames chosen, or all of them."""
     if len(trajectory) == 0:
         raise InputError(f"{trajectory.path}: no frame to analyse")
@@ -213,7 +213,7 @@ def span_text(trajectory: Trajectory, outcome: Evaluation) -> str:
     return f"{frames}{trajectory.with_unit(span, 'time')}"
 
 
-def of_a_part(trajectory: Trajectory) -> list[str]:
+def part_doubt(trajectory: Trajectory) -> list[str]:
     """Doubt of an analysis of neighbours or densities in a file that is one part of a trajectory; none of others."""
     if (part := trajectory.part) is None:
         return []

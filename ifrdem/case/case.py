@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from ..errors import InputError, nearest, there_are
-from ..fit.tabular import Form
+from ..fit.tabular import TableFormat
 from ..initial import radii
 from ..kernels.columns import MOST_IDS
 from ..model.box import Box
@@ -260,7 +260,7 @@ class RadiiSection(Section):
         if not isinstance(name, str) or name not in radii.PARAMETERS:
             return []  # which the key itself reports
         known = [key for key in data if key in cls.model_fields and key != "distribution"]
-        wrong = radii.wrong_parameters(name, dict.fromkeys(known))
+        wrong = radii.parameter_problem(name, dict.fromkeys(known))
         return [] if wrong is None else [wrong]
 
     @model_validator(mode="after")
@@ -454,11 +454,13 @@ class StartSection(Section):
         return self.positions if is_trajectory(self.positions) else None
 
     @property
-    def form(self) -> Form | None:
+    def form(self) -> TableFormat | None:
         """Form of the CSV file, where it differs."""
         if (self.columns, self.units, self.delimiter, self.decimal) == (None,) * 4:
             return None
-        return Form(self.columns or {}, self.units or {}, {}, self.delimiter or ",", self.decimal or ".")
+        return TableFormat(
+            self.columns or {}, self.units or {}, {}, self.delimiter or ",", self.decimal or "."
+        )
 
     @property
     def psi_range(self) -> tuple[float, float]:

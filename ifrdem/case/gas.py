@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, listed, refuse
 from ..initial import impact_scan, packing, placement
-from ..initial.from_csv import Given
+from ..initial.from_csv import StartData
 from ..model import crush
 from ..model.box import Box
 from ..model.collapse import Rest
@@ -61,7 +61,7 @@ class CaseGas:
     walls: tuple[Wall, ...] = ()  # beside those at the sides of the box
     start_region: Box | None = None  # where disks are placed: the box, or the rectangle of an open one
     # The start, if the case names a file or a trajectory with it; on ranks that read it in slices, that of the slice.
-    given: Given | None = None
+    given: StartData | None = None
     # Mean velocity, weighted by mass, with which the whole gas starts and keeps moving [length/time], and its part of
     # the kinetic energy of velocities; 0 along directions in which walls stop it.
     drift: tuple[float, float] = (0.0, 0.0)
@@ -558,7 +558,7 @@ class CaseGas:
 
     @property
     def _walls_at_start(self) -> tuple[Wall, ...]:
-        return self.walls if self.given is None else self.given.moved(self.walls)
+        return self.walls if self.given is None else self.given.with_pistons(self.walls)
 
     def tracked(self, start: State | None) -> NDArray[np.int32]:
         """Disks that have histories, ascending; none of a start that only ranks know, which have no histories.

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, there_are
 from ..initial import from_csv, from_trajectory, placement
-from ..initial.from_csv import Given
+from ..initial.from_csv import StartData
 from ..kernels.columns import MOST_IDS, MOST_WALLS
 from ..model.box import Box
 from ..model.free_area import FreeArea
@@ -116,15 +116,17 @@ def check_clock(case: Case, time: float = 0.0, collisions: int = 0) -> Iterator[
     The number of collisions is that of all disks, each of two.
     """
     t_end, per_disk = case.run.t_end, case.run.collisions_per_disk
-    goes_on = "" if case.start.trajectory is None else "; start.time = 0 begins a new clock"
+    continues = "" if case.start.trajectory is None else "; start.time = 0 begins a new clock"
     if t_end is not None and t_end <= time:
         yield _at(
-            case, "run.t_end", f"must be after {time:.9g}, the time of the run's clock at the start{goes_on}"
+            case,
+            "run.t_end",
+            f"must be after {time:.9g}, the time of the run's clock at the start{continues}",
         )
         return
     if per_disk is not None and collisions and 0.5 * per_disk * _disks(case) <= collisions:
         already = f"{2.0 * collisions / _disks(case):.6g}, the collisions per disk until the frame"
-        yield _at(case, "run.collisions_per_disk", f"must be above {already}{goes_on}")
+        yield _at(case, "run.collisions_per_disk", f"must be above {already}{continues}")
     for i, force in enumerate(case.force):
         if t_end is not None and time_of(first_after(time, force.step), force.step) > t_end:
             text = f"must have its middle, when the force acts, before run.t_end = {t_end:g}"
@@ -378,7 +380,7 @@ def _check_speeds(case: Case, beside: str) -> Iterator[Problem]:
                 yield _at(case, f"species[{i}].{speed}", f"cannot stand beside {beside}")
 
 
-def _check_pistons(case: Case, given: Given) -> Iterator[Problem]:
+def _check_pistons(case: Case, given: StartData) -> Iterator[Problem]:
     """Displacements and velocities of pistons that are given although a frame has them."""
     pistons = [(i, each.piston) for i, each in enumerate(case.wall) if each.piston is not None]
     if given.pistons is None or len(given.pistons) != len(pistons):
@@ -397,7 +399,7 @@ def given_start(
     folder: Path,
     found: list[Problem],
     comm: Any = None,
-) -> Given | None:
+) -> StartData | None:
     """The start that a file or a trajectory gives; what is wrong with it is added to `found`.
 
     Of ranks of MPI (`comm`), each gives the radii of its slice and gets its rows; what is wrong is told to all.

@@ -186,13 +186,13 @@ def _begun(trajectory: Trajectory, summary: Path, *, force: bool) -> dict[str, A
 
     Raises InputError if the summary that is there is of another trajectory, or none of ours.
     """
-    from ..analysis.catalogue import plain
+    from ..analysis.catalogue import json_number
 
     run = {key: trajectory.parameters[key] for key in RUN if key in trajectory.parameters}
     new: dict[str, Any] = {
         "file": str(trajectory.path),
         "disks": trajectory.n,
-        "run": {key: value if isinstance(value, str) else plain(value) for key, value in run.items()},
+        "run": {key: value if isinstance(value, str) else json_number(value) for key, value in run.items()},
         "analyses": {},
         "not_possible": {},
         "damaged": {},  # analyses that need a part of the file that cannot be read; it may be mended
@@ -228,13 +228,13 @@ def _wanted(
 
 
 def _record(outcome: Evaluation, files: list[str]) -> dict[str, Any]:
-    from ..analysis.catalogue import plain
+    from ..analysis.catalogue import json_number
 
     return {
         "frames": outcome.frames,
         "times": list(outcome.times),
         "values": {
-            row.name: {"value": plain(row.value), "error": plain(row.error), "unit": row.unit}
+            row.name: {"value": json_number(row.value), "error": json_number(row.error), "unit": row.unit}
             for row in outcome.rows
         },
         "doubts": outcome.doubts,

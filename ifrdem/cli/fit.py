@@ -398,17 +398,17 @@ def _ranges(texts: list[str] | None, wrong: Wrong) -> dict[str, tuple[float, flo
 
 def form_of(table: TableOptions, wrong: Wrong, known: list[str] | None = None) -> Any:
     """The writing of the table, of which each line has some `known` values."""
-    from ..fit.tabular import Form
+    from ..fit.tabular import TableFormat
 
     given = table.delimiter or ","
     separator = {"tab": "\t", "\\t": "\t"}.get(given, given)
     columns, units = _split("--column", table.column, wrong), _split("--unit", table.unit, wrong)
     values = _pairs("--set", known, wrong)
     try:
-        return Form(columns, units, values, separator, table.decimal or ".")
+        return TableFormat(columns, units, values, separator, table.decimal or ".")
     except InputError as error:
         wrong += [f"--{line}" for line in str(error).splitlines()]
-        return Form()
+        return TableFormat()
 
 
 def _errors(texts: list[str], wrong: Wrong) -> dict[str, float]:

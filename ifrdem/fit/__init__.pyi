@@ -22,4 +22,4 @@ from .result import Estimate as Estimate
 from .result import Fit as Fit
 from .result import Fitted as Fitted
 from .result import Interval as Interval
-from .tabular import Form as Form
+from .tabular import TableFormat as TableFormat

@@ -17,7 +17,7 @@ from ..tools.checked import LEAST, Lines, Measurements, Number, Numbers, Positiv
 from . import tabular
 from .laws import LAWS
 from .model import MEASURED, AngleProblem, CollisionProblem, Pair, Problem, RowError
-from .tabular import Form
+from .tabular import TableFormat
 
 Array = NDArray[np.float64]
 
@@ -326,7 +326,7 @@ def read(
     *,
     disk_1: Disk | None = None,
     disk_2: Disk | None = None,
-    form: Form = Form(),  # noqa: B008  (frozen)
+    form: TableFormat = TableFormat(),  # noqa: B008  (frozen)
 ) -> Data | Collisions:
     """Read a table of measured impacts.
 
@@ -348,7 +348,7 @@ def read(
         comes first, then the error by name, then that of the group.
     disk_1, disk_2 : Disk, optional
         Of whole collisions, unless columns mass_1, radius_1, k_1, ... give them.
-    form : Form, optional
+    form : TableFormat, optional
         Names, units and signs of the file.
 
     Examples
@@ -422,7 +422,11 @@ def read(
 
 
 def _given_errors(
-    quantities: Sequence[str], columns: Mapping[str, Array], errors: dict[str, float], form: Form, n: int
+    quantities: Sequence[str],
+    columns: Mapping[str, Array],
+    errors: dict[str, float],
+    form: TableFormat,
+    n: int,
 ) -> tuple[dict[str, Array], list[str]]:
     """The error of each quantity, and what is wrong."""
     rest = errors.pop("rest", None)

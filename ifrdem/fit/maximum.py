@@ -26,8 +26,8 @@ from .result import (
     Interval,
     Suspect,
     admissibility,
-    doubts,
-    doubts_of_all,
+    general_warnings,
+    law_warnings,
 )
 
 Progress = Callable[[int], object]
@@ -136,12 +136,12 @@ def fit(
     nu = NU if robust else None
     found = {}
     for name, law in chosen.items():
-        climb = _Climb(data, problem, law, nu, level, profile)
+        climb = _LawFit(data, problem, law, nu, level, profile)
         found[name] = climb.fitted(bootstrap, seed, progress, cross_validate)
     lowest = min(each.AIC for each in found.values())
     near = [name for name, each in found.items() if each.AIC - lowest < TELLING]
     best = near[0]
-    return Fit(data, pair, found, best, len(near) == 1, level, nu, tuple(doubts_of_all(data, found)))
+    return Fit(data, pair, found, best, len(near) == 1, level, nu, tuple(general_warnings(data, found)))
 
 
 def _rolling(law: Law, r: float) -> Law:
@@ -295,7 +295,7 @@ class Search:
 
 
 @dataclass
-class _Climb:
+class _LawFit:
     """The way to the fit of one law."""
 
     data: Data | Collisions
@@ -362,7 +362,7 @@ class _Climb:
             admissibility=verdict,
         )
         others = search.others(loss, ends, rise)
-        return replace(found, warnings=tuple(doubts(found, others, robust=self.robust is not None)))
+        return replace(found, warnings=tuple(law_warnings(found, others, robust=self.robust is not None)))
 
     def _search(self) -> tuple[Problem, Search]:
         """The problem, with errors as its residuals tell them, and a search that has found the minimum."""

@@ -235,7 +235,7 @@ def admissibility(
     return min((made.admissibility(*pair) for pair in pairs), key=lambda each: each[:2])
 
 
-def doubts(fitted: Fitted, others: Sequence[tuple[Array, float]], *, robust: bool) -> list[str]:
+def law_warnings(fitted: Fitted, others: Sequence[tuple[Array, float]], *, robust: bool) -> list[str]:
     """Warnings for one law.
 
     `others` are coefficients (p,) and loss of solutions outside of the intervals, the best one first.
@@ -356,7 +356,7 @@ def _outliers(fitted: Fitted, robust: bool) -> list[str]:
     return found
 
 
-def doubts_of_all(data: Data | Collisions, laws: Mapping[str, Fitted]) -> list[str]:
+def general_warnings(data: Data | Collisions, laws: Mapping[str, Fitted]) -> list[str]:
     """Warnings of the data and of the choice between laws."""
     found = list(data.notes)
     angles = isinstance(data, Data)

@@ -61,7 +61,7 @@ class ReadTable:
 
 @validated
 @dataclass(frozen=True)
-class Form:
+class TableFormat:
     """The writing of a file, where it differs from commas, points and the standard names.
 
     Examples
@@ -69,7 +69,7 @@ class Form:
     >>> from ifrdem import fit
     >>> from pathlib import Path
     >>> _ = Path("winkel.csv").write_text("Winkel;delta_1\\n12,5;40,1\\n60;70,5\\n")
-    >>> form = fit.Form(columns={"psi": "Winkel"}, delimiter=";", decimal=",")
+    >>> form = fit.TableFormat(columns={"psi": "Winkel"}, delimiter=";", decimal=",")
     >>> fit.read("winkel.csv", {"angles": 0.5}, form=form).psi
     array([12.5, 60. ])
     """
@@ -99,7 +99,7 @@ def read(
     path: Path | str,
     kinds: Mapping[str, str],
     spellings: Mapping[str, str],
-    form: Form = Form(),
+    form: TableFormat = TableFormat(),
     *,
     most: int = MOST_BYTES,
     most_wrong: int = 100,
@@ -119,7 +119,7 @@ def read(
         Kind of unit, a key of `UNITS`, of each standard name.
     spellings : mapping of str to str
         Standard name of other spellings, in small letters and without signs and blanks.
-    form : Form, optional
+    form : TableFormat, optional
         The writing of the file.
     most : int
         Largest size of the file [bytes].
@@ -133,7 +133,7 @@ def read(
     """
     path = Path(path)
     source = str(path)
-    _check_form(source, form, kinds)
+    _check_format(source, form, kinds)
     own = distribution.slice_of(n, comm)
     last = comm is None or comm.rank == comm.size - 1
 
@@ -173,7 +173,7 @@ def read(
 
 def _add(
     row: Sequence[str], header: Sequence[str], names: Sequence[str], factors: Sequence[float],
-    values: Mapping[str, array[float]], form: Form, *, gaps: bool,
+    values: Mapping[str, array[float]], form: TableFormat, *, gaps: bool,
 ) -> tuple[list[str], int]:  # fmt: skip
     """Add a row to the values; tells what is wrong with it, and how many values are missing."""
     if len(row) != len(names):
@@ -201,7 +201,7 @@ def _add(
     return wrong, missing
 
 
-def _check_form(source: str, form: Form, kinds: Mapping[str, str]) -> None:
+def _check_format(source: str, form: TableFormat, kinds: Mapping[str, str]) -> None:
     names = [each for each in kinds if ":" not in each]
     wrong = [
         f"{what} {name}: no such quantity{nearest(name, kinds)}; there are {', '.join(names)}"
@@ -234,7 +234,7 @@ def _header(
     header: Sequence[str],
     kinds: Mapping[str, str],
     spellings: Mapping[str, str],
-    form: Form,
+    form: TableFormat,
 ) -> tuple[list[str], list[float], list[str]]:
     """Standard names ("" for an unused one) and factors of the columns, and those that are not used."""
     if all(csv_rows.is_number(text) for text in header):

@@ -24,7 +24,7 @@ from scipy.optimize import least_squares
 from ..errors import InputError, refuse
 from . import tabular
 from .data import NORMAL, Disk
-from .tabular import Form
+from .tabular import TableFormat
 
 Array = NDArray[np.float64]
 Wall = tuple[float, float, float, float]
@@ -84,7 +84,7 @@ class FoundCollisions:
         return head + "\n".join((",".join(names), *lines)) + "\n"
 
 
-def read(path: Path | str, *, fps: float | None = None, form: Form = Form()) -> Tracks:  # noqa: B008  (frozen)
+def read(path: Path | str, *, fps: float | None = None, form: TableFormat = TableFormat()) -> Tracks:  # noqa: B008  (frozen)
     """Read tracks: a line a frame and disk, with columns id, x, y, and t or frame; angle if disks were seen to turn.
 
     `fps`, frames per time, is needed with a column frame; `form` tells other names, units and signs of the file.
@@ -163,7 +163,7 @@ def find(
     wrong += [f"disk {one}: its mass and radius are not given" for one, disk in of.items() if disk is None]
     refuse(wrong)
     known = {one: disk for one, disk in of.items() if disk is not None}
-    meetings = _meetings(tracks, known, wall)
+    meetings = _encounters(tracks, known, wall)
     begun: dict[int, list[float]] = {}
     for meeting in meetings:
         for one in meeting.ids:
@@ -206,7 +206,7 @@ def find(
 
 
 @dataclass(frozen=True)
-class _Meeting:
+class _Encounter:
     ids: tuple[int, ...]
     time: float
 
@@ -215,7 +215,7 @@ class _Meeting:
         return f"disks {' and '.join(map(str, self.ids))}"
 
 
-def _meetings(tracks: Tracks, disks: Mapping[int, Disk], wall: Wall | None) -> list[_Meeting]:
+def _encounters(tracks: Tracks, disks: Mapping[int, Disk], wall: Wall | None) -> list[_Encounter]:
     """Minima of the distance that are near contact."""
     found = []
     ids = sorted(tracks.time)
@@ -247,7 +247,7 @@ def _meetings(tracks: Tracks, disks: Mapping[int, Disk], wall: Wall | None) -> l
         for first, last in zip(begin, end, strict=True):
             k = first + int(np.argmin(gap[first:last]))
             if 0 < k < len(gap) - 1:
-                found.append(_Meeting(pair, float(times[k])))
+                found.append(_Encounter(pair, float(times[k])))
     return sorted(found, key=lambda each: each.time)
 
 
@@ -264,7 +264,7 @@ def _wall_line(wall: Sequence[float], places: Array) -> tuple[Array, float]:
 class _Flights:
     """Flights of the disks of one meeting: t_c, then x_c, y_c, v_x, v_y, v_x', v_y' of each disk; angles apart."""
 
-    meeting: _Meeting
+    meeting: _Encounter
     disks: tuple[Disk, ...]
     parameters: Array
     jacobian: Array
@@ -340,7 +340,7 @@ class _Flights:
 def _fit(
     tracks: Tracks,
     disks: Mapping[int, Disk],
-    meeting: _Meeting,
+    meeting: _Encounter,
     begun: Mapping[int, Sequence[float]],
     wall: Wall | None,
     window: int,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, listed, nearest
 from ..fit import tabular
-from ..fit.tabular import Form
+from ..fit.tabular import TableFormat
 from ..model.box import Box
 from ..model.walls import Wall, at_displacements
 from ..mpi import communicator, distribution
@@ -38,7 +38,7 @@ MOST_REPORTED = 5  # wrong lines that are listed one by one
 
 
 @dataclass(frozen=True, eq=False)
-class Given:
+class StartData:
     """A start of n disks that a file gives; of ranks, each has the rows of its slice."""
 
     position: Array  # centres [length], inside the box, shape (n, 2)
@@ -53,14 +53,16 @@ class Given:
     # Displacement [length] and velocity [length/time] of each piston, (pistons, 2), if given.
     pistons: Array | None = None
 
-    def moved(self, walls: Sequence[Wall]) -> tuple[Wall, ...]:
+    def with_pistons(self, walls: Sequence[Wall]) -> tuple[Wall, ...]:
         """The walls with their pistons at the start; unchanged if the file has another number of pistons."""
         if self.pistons is None or len(self.pistons) != sum(wall.piston is not None for wall in walls):
             return tuple(walls)
         return at_displacements(walls, *self.pistons.T.tolist())
 
 
-def read(path: Path, n: int, box: Box | None = None, form: Form | None = None, *, comm: Any = None) -> Given:
+def read(
+    path: Path, n: int, box: Box | None = None, form: TableFormat | None = None, *, comm: Any = None
+) -> StartData:
     """Read a start file.
 
     The first line names the columns: x and y [length], and either all or none of vx, vy [length/time] and spin
@@ -77,7 +79,7 @@ def read(path: Path, n: int, box: Box | None = None, form: Form | None = None, *
     try:
         table = tabular.read(
             path, KINDS, {tabular.plain(key): name for name in KINDS for key in (name, EXPORTED.get(name, name))},
-            form or Form(), most=MOST_BYTES, most_wrong=MOST_REPORTED, gaps=False, n=n, comm=comm,
+            form or TableFormat(), most=MOST_BYTES, most_wrong=MOST_REPORTED, gaps=False, n=n, comm=comm,
         )  # fmt: skip
     except InputError as error:
         lines = [_as_keys(line.removeprefix(f"{path}: ")) for line in str(error).splitlines()]
@@ -130,7 +132,7 @@ def read(path: Path, n: int, box: Box | None = None, form: Form | None = None, *
     if wrong:
         raise InputError("\n".join(wrong))
     moving = set(MOTION) <= set(names)
-    return Given(
+    return StartData(
         position=position,
         velocity=np.column_stack([columns[key] for key in MOTION[:2]]) if moving else None,
         spin=columns[MOTION[2]] if moving else None,

@@ -18,7 +18,7 @@ from ..mpi import communicator, distribution
 from ..tools.checked import Array
 from ..trajectory.reader import Frame, Trajectory
 from . import packing
-from .from_csv import Given
+from .from_csv import StartData
 
 ROUNDING = 2.0**-22
 """Overlap, as a part of the box's longer side, that single precision explains: twice sqrt(2) times 2^-24, and some."""
@@ -33,7 +33,7 @@ COUNTS = ("collisions", "image", "angle", "last_partner")
 def read(
     path: Path, frame: int | None, radius: Array, box: Box | None = None, *, motion: bool = False,
     time: float | None = None, walls: Sequence[Wall] = (), comm: Any = None,
-) -> Given:  # fmt: skip
+) -> StartData:  # fmt: skip
     """Read a start from a trajectory.
 
     InputError if the file cannot be read, or holds no such frame or field, another number of disks or another box; or
@@ -52,7 +52,7 @@ def read(
     """
     ids, n = distribution.numbered(len(radius), comm)
 
-    def rows() -> tuple[Given, str, bool, float, Box]:
+    def rows() -> tuple[StartData, str, bool, float, Box]:
         if not path.exists():
             names = [each.name for each in path.parent.glob("*.h5")] if path.parent.is_dir() else []
             raise InputError(f"there is no such file{nearest(path.name, names)}")
@@ -60,9 +60,9 @@ def read(
             _check_whole(trajectory, n, box)
             at = trajectory[-1 if frame is None else frame]
             where = f"frame {at.index} of {len(trajectory)}"
-            begin, goes_on = _clock(trajectory.box, box, at.time, time)
+            begin, continues = _clock(trajectory.box, box, at.time, time)
             own = slice(ids.start, ids.stop)
-            given = of_frame(at, own, motion=motion, time=begin, goes_on=goes_on)
+            given = of_frame(at, own, motion=motion, time=begin, continues=continues)
             single = trajectory.dtype("position") == np.float32
             return given, where, single, max(trajectory.box.lengths), trajectory.box
 
@@ -78,7 +78,7 @@ def read(
     overlap, into = TOLERANCE, TOLERANCE * largest  # that is taken as rounding, with others and with walls
     if single:
         overlap, into = ROUNDING * size / (2.0 * smallest), ROUNDING * side
-    moved = given.moved(walls)
+    moved = given.with_pistons(walls)
 
     def check(times: float = 1.0) -> None:
         check_no_overlap(box, radius, given.position, tolerance=times * overlap, time=given.time, comm=comm)
@@ -100,7 +100,7 @@ def read(
         why = _other_radii(path, radius, ids, comm)
         if not why and time is not None and any(wall.changes_with_time for wall in walls):
             why = ". At another start.time the walls stand elsewhere"
-        elif not why and single and _passes(check):
+        elif not why and single and _passes_nearly(check):
             why = '. Positions in single precision are rounded: output.precision = "f8" keeps them'
         raise InputError(f"{where}: {error}{why}") from None
     velocity = given.velocity
@@ -109,7 +109,7 @@ def read(
     return replace(given, position=position, velocity=velocity)
 
 
-def _passes(check: Callable[[float], None]) -> bool:
+def _passes_nearly(check: Callable[[float], None]) -> bool:
     """True if a check passes with `NEARLY` times its tolerance."""
     try:
         check(NEARLY)
@@ -124,12 +124,12 @@ def of_frame(
     *,
     motion: bool = True,
     time: float | None = None,
-    goes_on: bool = True,
-) -> Given:
+    continues: bool = True,
+) -> StartData:
     """Start of some disks from a frame.
 
     InputError if the file does not hold the field. The `time` [time] is that of the frame, or another one; counts
-    continue if the clock `goes_on`, else they begin at 0 (`COUNTS`).
+    continue if the clock `continues`, else they begin at 0 (`COUNTS`).
     """
     trajectory = frame.trajectory
 
@@ -139,7 +139,7 @@ def of_frame(
 
     position = trajectory.box.wrap(field("position"), frame.time)
     velocity, spin = (field("velocity"), field("angular_velocity")) if motion else (None, None)
-    kept = [*(COUNTS if goes_on else ()), *(("asleep",) if motion else ())]
+    kept = [*(COUNTS if continues else ()), *(("asleep",) if motion else ())]
     past = {name: field(name) for name in kept if name in trajectory.fields}
     names = [f"{OF_PISTONS}{name}" for name in ("displacement", "velocity")]
     pistons = None
@@ -147,7 +147,7 @@ def of_frame(
         pistons = np.column_stack([trajectory.observables[name][frame.index] for name in names])
         pistons[:, 1] *= motion
     begin = frame.time if time is None else time
-    return Given(position, velocity, spin, time=begin, past=past, pistons=pistons)
+    return StartData(position, velocity, spin, time=begin, past=past, pistons=pistons)
 
 
 def _clock(there: Box, box: Box | None, frame_time: float, time: float | None) -> tuple[float, bool]:

@@ -13,7 +13,7 @@ import numpy as np
 from ..model.state import Disks
 from ..tools import seeds
 from ..tools.checked import Array
-from .from_csv import Given
+from .from_csv import StartData
 
 PATCH = 8.0  # side of a pair's patch, in largest contact distances
 APPROACH = 0.5  # flight before the contact, in contact distances
@@ -24,7 +24,7 @@ def angles(n: int, psi: tuple[float, float]) -> Array:
     return np.radians(np.linspace(*psi, n))
 
 
-def start(disks: Disks, psi: tuple[float, float], speed: float, *, seed: int) -> Given:
+def start(disks: Disks, psi: tuple[float, float], speed: float, *, seed: int) -> StartData:
     """Places and velocities of the pairs: disk p hits disk n/2 + p, of an even number n.
 
     `psi` are the first and last angle of impact [degrees], `speed` [length/time] is of those that hit, and the
@@ -41,7 +41,7 @@ def start(disks: Disks, psi: tuple[float, float], speed: float, *, seed: int) ->
     hit = (place + 0.5) * side
     # All at the same distance from contact along their flights, so that all touch at the time APPROACH sigma / speed.
     hitting = hit - sigma[:, None] * normal - (APPROACH * float(sigma.min(initial=1.0)) / speed) * velocity
-    return Given(
+    return StartData(
         position=np.concatenate([hitting, hit]),
         velocity=np.concatenate([velocity, np.zeros_like(velocity)]),
         spin=np.zeros(2 * n),

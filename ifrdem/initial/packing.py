@@ -153,10 +153,12 @@ def separate(
     free_area = FreeArea(box, tuple(walls), time)
     free = free_area.gap(centres, radii)  # from walls
     near = close_ones(box, radii, centres, 0.0, comm, free < 0.0)
-    gap = 4.0 * communicator.root_result(comm, lambda: _deepest(free_area, near)) + SEPARATED * largest
+    gap = (
+        4.0 * communicator.root_result(comm, lambda: _largest_overlap(free_area, near)) + SEPARATED * largest
+    )
     while True:
         near = close_ones(box, radii, centres, gap, comm, free < gap)
-        ids, moved, way = communicator.root_result(comm, lambda near=near: _moved_apart(free_area, near))  # type: ignore[misc]
+        ids, moved, way = communicator.root_result(comm, lambda near=near: _separated(free_area, near))  # type: ignore[misc]
         if 2.0 * way < gap or len(ids) == n or gap > largest:  # others cannot be met
             break
         gap *= 4.0
@@ -168,7 +170,7 @@ Near = tuple[NDArray[np.int64], Array, Array] | None
 """Ids, radii and places of disks, on the first rank."""
 
 
-def _deepest(free_area: FreeArea, near: Near) -> float:
+def _largest_overlap(free_area: FreeArea, near: Near) -> float:
     """Largest overlap [length] of these disks."""
     assert near is not None
     _, radius, place = near
@@ -179,7 +181,7 @@ def _deepest(free_area: FreeArea, near: Near) -> float:
     return float(np.max(overlaps, initial=0.0))
 
 
-def _moved_apart(free_area: FreeArea, near: Near) -> tuple[NDArray[np.int64], Array, float]:
+def _separated(free_area: FreeArea, near: Near) -> tuple[NDArray[np.int64], Array, float]:
     """Ids of these disks, places at which they do not overlap, and the longest way [length]."""
     assert near is not None
     ids, radius, place = near

@@ -77,11 +77,11 @@ def sites(
             high = middle
     here = best.off_walls(distribution.slice_of(best.points, comm))
     own, found = distribution.numbered(len(here), comm)
-    wanted = _spread(np.arange(n) if numbers is None else numbers, found, n)
-    return here[wanted] if comm is None else _asked_for(comm, own.start, here, wanted)
+    wanted = _site_numbers(np.arange(n) if numbers is None else numbers, found, n)
+    return here[wanted] if comm is None else _rows_by_number(comm, own.start, here, wanted)
 
 
-def _asked_for(comm: Any, first: int, rows: Array, wanted: NDArray[np.int64]) -> Array:
+def _rows_by_number(comm: Any, first: int, rows: Array, wanted: NDArray[np.int64]) -> Array:
     """Rows of some numbers that are anywhere; those here are numbered from `first` on, rank by rank."""
     firsts = np.array(comm.allgather(first if len(rows) else -1))
     firsts[firsts < 0] = np.iinfo(np.int64).max  # ranks without rows own none
@@ -164,7 +164,7 @@ ATTEMPTS_PER_DISK = 400
 """Attempts of random sequential addition for each disk on average before it gives up."""
 
 
-def _clear_of(
+def _overlaps_none(
     box: Box, candidate: Array, radius: Array, placed: Array, placed_radius: Array
 ) -> NDArray[np.bool_]:
     """Mask of candidates, of these radii, that overlap none of the placed disks; shape (candidates,)."""
@@ -186,7 +186,7 @@ def _clear_of(
     return clear
 
 
-def _one_by_one(box: Box, candidate: Array, radius: Array, owner: NDArray[np.intp]) -> NDArray[np.intp]:
+def _accepted(box: Box, candidate: Array, radius: Array, owner: NDArray[np.intp]) -> NDArray[np.intp]:
     """Attempts that succeed when they are made one after the other, in order; shape (successes,).
 
     Attempt c puts disk `owner[c]`, of radius `radius[c]`, at `candidate[c]`. It fails if an earlier success
@@ -271,7 +271,7 @@ def random_positions(
     (100, 2)
     """
 
-    radii, ids, n = _told(box, radius, comm)
+    radii, ids, n = _radii_of_rank(box, radius, comm)
     if n == 0:
         return np.empty((0, 2))
     seeds.stream(seed, seeds.POSITIONS)  # refuses what is no seed
@@ -311,7 +311,7 @@ def random_positions(
     def fill(parity: int) -> None:
         for each in own:
             if each % 2 == parity:
-                position[rows[each]] = _added(
+                position[rows[each]] = _fill_strip(
                     free_area, radii_there[rows[each]], seeds.stream(seed, seeds.POSITIONS, each), wanted,
                     (axis, edges[each], edges[each + 1]), float(shares[each]),
                     beside.get(each, (np.empty((0, 2)), np.empty(0))),
@@ -319,7 +319,7 @@ def random_positions(
 
     communicator.run_on_all(comm, lambda: fill(0))
     if count > 1:
-        beside = _beside(comm, axis, edges, owner, rows, position, radii_there)
+        beside = _neighbors_of_strips(comm, axis, edges, owner, rows, position, radii_there)
         communicator.run_on_all(comm, lambda: fill(1))
     (found,) = distribution.by_id(comm, n, who, [position])
     if comm is None:
@@ -347,7 +347,7 @@ def _edges(free_area: FreeArea, axis: int, shares: Array, inset: float) -> Array
     return np.concatenate([[low], np.interp(parts * below[-1], below, scanned), [high]])
 
 
-def _beside(
+def _neighbors_of_strips(
     comm: Any, axis: int, edges: Array, owner: NDArray[np.intp], rows: dict[int, slice], position: Array,
     radius: Array,
 ) -> dict[int, tuple[Array, Array]]:  # fmt: skip
@@ -372,7 +372,7 @@ def _beside(
     }
 
 
-def _added(
+def _fill_strip(
     free_area: FreeArea, radii: Array, rng: np.random.Generator, wanted: float, strip: tuple[int, float, float],
     share: float, beside: tuple[Array, Array],
 ) -> Array:  # fmt: skip
@@ -409,11 +409,11 @@ def _added(
                 owner, candidate = owner[clear], candidate[clear]
             if len(placed) + len(beside[1]):
                 there = np.concatenate((beside[0], position[placed]))
-                clear = _clear_of(
+                clear = _overlaps_none(
                     box, candidate, radii[owner], there, np.concatenate((beside[1], radii[placed]))
                 )
                 owner, candidate = owner[clear], candidate[clear]
-            success = _one_by_one(box, candidate, radii[owner], owner)
+            success = _accepted(box, candidate, radii[owner], owner)
             position[owner[success]] = candidate[success]
             placed = np.concatenate((placed, owner[success]))
             todo = np.setdiff1d(todo, owner[success], assume_unique=True)
@@ -471,7 +471,7 @@ def lattice(box: Box, n: int, diameter: float) -> tuple[int, int, bool]:
     return best[1:]
 
 
-def _told(box: Box, radius: ArrayLike, comm: Any) -> tuple[Array, range, int]:
+def _radii_of_rank(box: Box, radius: ArrayLike, comm: Any) -> tuple[Array, range, int]:
     """Radii of this rank's slice, which fit into the box, its ids, and the number of all disks."""
 
     radii = communicator.run_on_all(comm, lambda: checked_radii(radius))
@@ -480,7 +480,7 @@ def _told(box: Box, radius: ArrayLike, comm: Any) -> tuple[Array, range, int]:
     return radii, ids, n
 
 
-def _spread(number: NDArray[np.int64], sites: int, n: int) -> NDArray[np.int64]:
+def _site_numbers(number: NDArray[np.int64], sites: int, n: int) -> NDArray[np.int64]:
     """Sites of the disks with these numbers, of n that leave some free: number sites // n, in 64 bits for 2^32 too."""
     found: NDArray[np.int64] = number + number * (sites - n) // n
     return found
@@ -513,7 +513,7 @@ def hexagonal_positions(
     (12, 2)
     """
 
-    radii, ids, n = _told(box, radius, comm)
+    radii, ids, n = _radii_of_rank(box, radius, comm)
     if n == 0:
         return np.empty((0, 2))
     largest = communicator.largest(comm, float(radii.max(initial=0.0)))
@@ -525,7 +525,7 @@ def hexagonal_positions(
     else:
         columns, rows, upright = lattice(box, n, 2.0 * largest)
         lengths = box.lengths[::-1] if upright else box.lengths
-        row, column = np.divmod(_spread(number, columns * rows, n), columns)
+        row, column = np.divmod(_site_numbers(number, columns * rows, n), columns)
         # A quarter column from the side: both kinds of row then have the same margin.
         x = (column + 0.25 + 0.5 * (row % 2)) * (lengths[0] / columns)
         y = (row + 0.5) * (lengths[1] / rows)

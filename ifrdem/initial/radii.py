@@ -203,7 +203,7 @@ def check(distribution: Distribution, **parameters: Positive | None) -> None:
     ifrdem.errors.InputError: low = 0.6: must lie below high = 0.4
     """
     given = {name: value for name, value in parameters.items() if value is not None}
-    wrong = wrong_parameters(distribution, given)
+    wrong = parameter_problem(distribution, given)
     if wrong is not None:
         raise InputError(wrong)
     if given.get("large_fraction", 0.5) >= 1.0:
@@ -226,13 +226,13 @@ def check(distribution: Distribution, **parameters: Positive | None) -> None:
 
 
 @validated
-def wrong_parameters(distribution: Distribution, given: Mapping[str, object]) -> str | None:
+def parameter_problem(distribution: Distribution, given: Mapping[str, object]) -> str | None:
     """Parameters that a known distribution lacks, or that are foreign to it, in words; None if there are none.
 
     Examples
     --------
     >>> from ifrdem.initial import radii
-    >>> radii.wrong_parameters("uniform", {"low": 0.4})
+    >>> radii.parameter_problem("uniform", {"low": 0.4})
     '"uniform" needs low, high; missing: high'
     """
     needed, also = PARAMETERS[distribution]

@@ -13,7 +13,6 @@ The module imports Taichi: `act` and `measure` are compiled to run on the device
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from ..errors import InputError
@@ -22,6 +21,7 @@ from ..kernels.random import normals, uniforms
 from ..kernels.table_friction import advance, step_tolerance
 from ..tools import checked
 from ..tools.checked import NonNegative, Positive, validated
+from .coefficients import named_numbers
 from .state import Disks
 
 __all__ = [
@@ -33,20 +33,36 @@ OF_STEP = ("time", "dt", "free", "random")
 """Names of what a force gets of a disk and of a step; in `act` a step has totals too, if the force has some."""
 
 
+class _Parameter:
+    """A parameter of a force as an attribute, which can be assigned between runs."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def __get__(self, force: Force | None, _kind: type[Force]) -> Any:
+        return self if force is None else force._values[self._name]
+
+    def __set__(self, force: Force, value: float) -> None:
+        force._values[self._name] = number(self._name, value, negative=True)
+
+
 class Force:
     """A force on every disk; subclasses say in `act` what it does to one of them during a step.
 
-    InputError if the step is not a positive finite number or a parameter is not finite.
+    InputError if the step is not a positive finite number, or a parameter is missing, unknown or not finite.
 
     Parameters
     ----------
     step : float
         Time between two applications [time].
-    parameters : sequence of float
-        Numbers that `act` and `measure` get, to change at will between runs: they are not compiled in.
+    **values : float
+        A finite number for each of the names in `parameters`. Attributes of these names can be assigned between runs:
+        the numbers are not compiled in.
 
     Attributes
     ----------
+    parameters : tuple of str
+        Names of the numbers that `act` and `measure` get.
     totals : int
         How many sums over all disks `act` needs; `measure` gives each disk's share of them.
     keeps_rest : bool
@@ -70,18 +86,31 @@ class Force:
     --------
     >>> import ifrdem
     >>> class Uniform(ifrdem.forces.Force):
+    ...     parameters = ("acceleration",)
     ...     @staticmethod
-    ...     def act(disk, step, parameters):
-    ...         return disk.vx + parameters[0] * step.dt, disk.vy, disk.spin
+    ...     def act(disk, step, p):
+    ...         return disk.vx + p.acceleration * step.dt, disk.vy, disk.spin
     ...
-    >>> Uniform(step=0.05, parameters=[0.3]).step
-    0.05
+    >>> force = Uniform(step=0.05, acceleration=0.3)
+    >>> force.acceleration = 0.4
+    >>> force.values
+    {'acceleration': 0.4}
     """
 
-    __slots__ = ("_parameters", "_step")  # a misspelt attribute is refused; classes of one's own may have any
+    __slots__ = ("_step", "_values")  # a misspelt attribute is refused; custom classes may have any
 
+    parameters: ClassVar[tuple[str, ...]] = ()
     totals: ClassVar[int] = 0
     keeps_rest: ClassVar[bool] = False
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        for name in cls.__dict__.get("parameters", ()):
+            if not isinstance(name, str) or not name.isidentifier() or hasattr(Force, name):
+                raise InputError(
+                    f"{cls.__name__}: parameters = {cls.parameters!r}: must be names that a force has not already"
+                )
+            setattr(cls, name, _Parameter(name))
 
     @property
     def keeps_momentum(self) -> bool:
@@ -89,10 +118,11 @@ class Force:
         return False
 
     @validated
-    def __init__(self, step: Positive, parameters: Sequence[float] = ()) -> None:
+    def __init__(self, step: Positive, **values: float) -> None:
         self._step = number("step", step, positive=True)
-        self._parameters: tuple[float, ...] = ()
-        self.parameters = tuple(parameters)
+        self._values: dict[str, float] = named_numbers(
+            type(self).__name__, "parameter", self.parameters, values
+        )
 
     @property
     def step(self) -> float:
@@ -100,22 +130,15 @@ class Force:
         return self._step
 
     @property
-    def parameters(self) -> tuple[float, ...]:
-        """Numbers that `act` and `measure` get; as many others can be assigned between runs."""
-        return self._parameters
-
-    @parameters.setter
-    def parameters(self, values: Sequence[float]) -> None:
-        found = tuple(number(f"parameters[{i}]", value, negative=True) for i, value in enumerate(values))
-        if self._parameters and len(found) != len(self._parameters):
-            raise InputError(f"parameters = {values}: {len(self._parameters)} numbers are needed")
-        self._parameters = found
+    def values(self) -> dict[str, float]:
+        """The parameters by name."""
+        return self._values.copy()
 
     def check(self, disks: Disks) -> None:
         """Raise InputError if the force cannot act on these disks."""
 
     @staticmethod
-    def act(disk: Any, step: Any, parameters: Any) -> tuple[Any, Any, Any]:
+    def act(disk: Any, step: Any, p: Any) -> tuple[Any, Any, Any]:
         """The new (vx, vy, spin) of one disk after the force has acted on it for `step.dt`.
 
         Parameters
@@ -126,14 +149,14 @@ class Force:
         step : struct
             time of the step's middle, dt its length [time]; random, for `normals` and `uniforms`; totals, a vector;
             free, a vector: 1 for x and y where the whole gas can drift, because no walls hold it, else 0.
-        parameters : vector
-            The force's parameters.
+        p : struct
+            The force's parameters, by name.
         """
         # Abstract: `ForceSteps` refuses a force without its own, by name, before anything is compiled.
         raise NotImplementedError
 
     @staticmethod
-    def measure(disk: Any, step: Any, parameters: Any) -> Any:
+    def measure(disk: Any, step: Any, p: Any) -> Any:
         """Share of one disk in the `totals`, a vector of so many entries; called before `act`, with its arguments."""
         # Abstract for forces with totals, of which `ForceSteps` refuses those without their own; others need none.
         raise NotImplementedError
@@ -157,30 +180,31 @@ class RandomKicks(Force):
     Examples
     --------
     >>> import ifrdem
-    >>> [float(value) for value in ifrdem.forces.RandomKicks(step=0.05, power=0.1).parameters]
-    [0.1, 0.0]
+    >>> ifrdem.forces.RandomKicks(step=0.05, power=0.1).values
+    {'power': 0.1, 'diffusion': 0.0}
     """
 
     __slots__ = ()
+    parameters = ("power", "diffusion")
     totals = 4
     keeps_momentum = True
 
     @validated
     def __init__(self, step: Positive, *, power: float | None = None, diffusion: float | None = None) -> None:
-        super().__init__(step, _strength(power, diffusion))
+        super().__init__(step, **_strength(power, diffusion))
 
     def check(self, disks: Disks) -> None:
         if disks.n < 2:
             raise InputError(f"random kicks keep the total momentum: 2 disks at least, not {disks.n}")
 
     @staticmethod
-    def measure(disk: Any, step: Any, parameters: Any) -> Any:
-        kick = _velocity_kick(disk, step, parameters)
+    def measure(disk: Any, step: Any, p: Any) -> Any:
+        kick = _velocity_kick(disk, step, p)
         return ti.Vector([disk.mass * kick[0], disk.mass * kick[1], disk.mass, 1.0])
 
     @staticmethod
-    def act(disk: Any, step: Any, parameters: Any) -> tuple[Any, Any, Any]:
-        kick = _velocity_kick(disk, step, parameters)
+    def act(disk: Any, step: Any, p: Any) -> tuple[Any, Any, Any]:
+        kick = _velocity_kick(disk, step, p)
         n = step.totals[3]
         scale = ti.sqrt(n / (n - 1.0))
         vx = disk.vx + scale * (kick[0] - step.totals[0] / step.totals[2])
@@ -203,21 +227,22 @@ class SpinKicks(Force):
     Examples
     --------
     >>> import ifrdem
-    >>> [float(value) for value in ifrdem.forces.SpinKicks(step=0.05, power=0.1).parameters]
-    [0.1, 0.0]
+    >>> ifrdem.forces.SpinKicks(step=0.05, power=0.1).values
+    {'power': 0.1, 'diffusion': 0.0}
     """
 
     __slots__ = ()
+    parameters = ("power", "diffusion")
     keeps_momentum = True
 
     @validated
     def __init__(self, step: Positive, *, power: float | None = None, diffusion: float | None = None) -> None:
-        super().__init__(step, _strength(power, diffusion))
+        super().__init__(step, **_strength(power, diffusion))
 
     @staticmethod
-    def act(disk: Any, step: Any, parameters: Any) -> tuple[Any, Any, Any]:
+    def act(disk: Any, step: Any, p: Any) -> tuple[Any, Any, Any]:
         # Energy I d omega^2 / 2: one degree of freedom, so that D = power / I.
-        spread = ti.sqrt(2.0 * (parameters[0] / disk.inertia + parameters[1]) * step.dt)
+        spread = ti.sqrt(2.0 * (p.power / disk.inertia + p.diffusion) * step.dt)
         return disk.vx, disk.vy, disk.spin + spread * normals(step.random, 0)[0]
 
 
@@ -238,11 +263,12 @@ class Langevin(Force):
     Examples
     --------
     >>> import ifrdem
-    >>> [float(value) for value in ifrdem.forces.Langevin(step=0.05, temperature=1.0, rate=0.2).parameters]
-    [1.0, 0.2, 1.0, 0.0]
+    >>> ifrdem.forces.Langevin(step=0.05, temperature=1.0, rate=0.2).values
+    {'temperature': 1.0, 'rate': 0.2, 'spin_temperature': 1.0, 'spin_rate': 0.0}
     """
 
     __slots__ = ()
+    parameters = ("temperature", "rate", "spin_temperature", "spin_rate")
 
     @validated
     def __init__(
@@ -255,23 +281,21 @@ class Langevin(Force):
         spin_rate: NonNegative = 0.0,
     ) -> None:
         _some(rate=rate, spin_rate=spin_rate)
-        names = ("temperature", "rate", "spin_temperature", "spin_rate")
         of_spins = temperature if spin_temperature is None else spin_temperature
-        values = zip(names, (temperature, rate, of_spins, spin_rate), strict=True)
-        super().__init__(step, [number(name, value) for name, value in values])
+        values = (temperature, rate, of_spins, spin_rate)
+        given = zip(self.parameters, values, strict=True)
+        super().__init__(step, **{name: number(name, value) for name, value in given})
 
     @property
     def keeps_momentum(self) -> bool:
         """True if it acts on spins only."""
-        return self.parameters[1] == 0.0
+        return self._values["rate"] == 0.0
 
     @staticmethod
-    def act(disk: Any, step: Any, parameters: Any) -> tuple[Any, Any, Any]:
-        temperature, rate = parameters[0], parameters[1]
-        spin_temperature, spin_rate = parameters[2], parameters[3]
-        left, spin_left = ti.exp(-rate * step.dt), ti.exp(-spin_rate * step.dt)
-        spread = ti.sqrt(temperature / disk.mass * (1.0 - left * left))
-        spin_spread = ti.sqrt(spin_temperature / disk.inertia * (1.0 - spin_left * spin_left))
+    def act(disk: Any, step: Any, p: Any) -> tuple[Any, Any, Any]:
+        left, spin_left = ti.exp(-p.rate * step.dt), ti.exp(-p.spin_rate * step.dt)
+        spread = ti.sqrt(p.temperature / disk.mass * (1.0 - left * left))
+        spin_spread = ti.sqrt(p.spin_temperature / disk.inertia * (1.0 - spin_left * spin_left))
         kick, spin_kick = normals(step.random, 0), normals(step.random, 1)
         return (
             left * disk.vx + spread * kick[0],
@@ -296,11 +320,12 @@ class Drag(Force):
     Examples
     --------
     >>> import ifrdem
-    >>> [float(value) for value in ifrdem.forces.Drag(step=0.05, rate=0.2).parameters]
-    [0.2, 0.0, 0.0]
+    >>> ifrdem.forces.Drag(step=0.05, rate=0.2).values
+    {'rate': 0.2, 'quadratic': 0.0, 'spin_rate': 0.0}
     """
 
     __slots__ = ()
+    parameters = ("rate", "quadratic", "spin_rate")
     keeps_rest = True
 
     @validated
@@ -314,23 +339,22 @@ class Drag(Force):
     ) -> None:
         given = {"rate": rate, "quadratic": quadratic, "spin_rate": spin_rate}
         _some(**given)
-        super().__init__(step, [number(name, value) for name, value in given.items()])
+        super().__init__(step, **{name: number(name, value) for name, value in given.items()})
 
     @property
     def keeps_momentum(self) -> bool:
         """True if it acts on spins only."""
-        return self.parameters[:2] == (0.0, 0.0)
+        return self._values["rate"] == self._values["quadratic"] == 0.0
 
     @staticmethod
-    def act(disk: Any, step: Any, parameters: Any) -> tuple[Any, Any, Any]:
-        rate, quadratic, spin_rate = parameters[0], parameters[1], parameters[2]
-        left = ti.exp(-rate * step.dt)
+    def act(disk: Any, step: Any, p: Any) -> tuple[Any, Any, Any]:
+        left = ti.exp(-p.rate * step.dt)
         tau = step.dt
-        if rate > 0.0:
-            tau = (1.0 - left) / rate
+        if p.rate > 0.0:
+            tau = (1.0 - left) / p.rate
         speed = ti.sqrt(disk.vx * disk.vx + disk.vy * disk.vy)
-        factor = left / (1.0 + quadratic * speed * tau)
-        return factor * disk.vx, factor * disk.vy, disk.spin * ti.exp(-spin_rate * step.dt)
+        factor = left / (1.0 + p.quadratic * speed * tau)
+        return factor * disk.vx, factor * disk.vy, disk.spin * ti.exp(-p.spin_rate * step.dt)
 
 
 class TableFriction(Force):
@@ -360,22 +384,24 @@ class TableFriction(Force):
     Examples
     --------
     >>> import ifrdem
-    >>> [float(value) for value in ifrdem.forces.TableFriction(step=1e-3, mu=0.2, gravity=10.0).parameters]
-    [2.0]
+    >>> ifrdem.forces.TableFriction(step=1e-3, mu=0.2, gravity=10.0).values
+    {'deceleration': 2.0}
     """
 
     __slots__ = ()
+    parameters = ("deceleration",)
     keeps_rest = True
 
     @validated
     def __init__(self, step: Positive, *, mu: Positive, gravity: Positive = 9.81) -> None:
-        super().__init__(step, [number("mu", mu, positive=True) * number("gravity", gravity, positive=True)])
+        deceleration = number("mu", mu, positive=True) * number("gravity", gravity, positive=True)
+        super().__init__(step, deceleration=deceleration)
 
     @staticmethod
-    def act(disk: Any, step: Any, parameters: Any) -> tuple[Any, Any, Any]:
+    def act(disk: Any, step: Any, p: Any) -> tuple[Any, Any, Any]:
         speed = ti.sqrt(disk.vx * disk.vx + disk.vy * disk.vy)
         v, u, _x, _t, _eps = advance(
-            speed, disk.radius * disk.spin, disk.k, parameters[0], step.dt, ti.static(step_tolerance())
+            speed, disk.radius * disk.spin, disk.k, p.deceleration, step.dt, ti.static(step_tolerance())
         )
         left = 0.0 * speed
         if speed > 0.0:
@@ -407,11 +433,12 @@ class Rescale(Force):
     Examples
     --------
     >>> import ifrdem
-    >>> [float(value) for value in ifrdem.forces.Rescale(step=0.05, temperature=1.0).parameters]
-    [1.0, 0.0]
+    >>> ifrdem.forces.Rescale(step=0.05, temperature=1.0).values
+    {'target': 1.0, 'with_spins': 0.0}
     """
 
     __slots__ = ()
+    parameters = ("target", "with_spins")
     totals = 6
     keeps_rest = True
     keeps_momentum = True  # where the gas can drift
@@ -424,11 +451,11 @@ class Rescale(Force):
             raise InputError("rescale: exactly one of temperature and energy is needed")
         name, value = ("temperature", temperature) if energy is None else ("energy", energy)
         wanted = number(name, value, positive=True)
-        super().__init__(step, (wanted, 0.0 if energy is None else 1.0))
+        super().__init__(step, target=wanted, with_spins=0.0 if energy is None else 1.0)
 
     # In double precision whatever the run computes in: the energy of a drift is subtracted.
     @staticmethod
-    def measure(disk: Any, step: Any, parameters: Any) -> Any:
+    def measure(disk: Any, step: Any, p: Any) -> Any:
         vx, vy, spin = ti.cast(disk.vx, ti.f64), ti.cast(disk.vy, ti.f64), ti.cast(disk.spin, ti.f64)
         mass, inertia = ti.cast(disk.mass, ti.f64), ti.cast(disk.inertia, ti.f64)
         return ti.Vector([
@@ -437,26 +464,25 @@ class Rescale(Force):
         ])  # fmt: skip
 
     @staticmethod
-    def act(disk: Any, step: Any, parameters: Any) -> tuple[Any, Any, Any]:
-        wanted, with_spins = parameters[0], parameters[1]
+    def act(disk: Any, step: Any, p: Any) -> tuple[Any, Any, Any]:
         mean_x = step.free[0] * step.totals[3] / step.totals[5]
         mean_y = step.free[1] * step.totals[4] / step.totals[5]
         drift = 0.5 * (step.totals[3] * mean_x + step.totals[4] * mean_y) / step.totals[2]
-        present = (step.totals[0] + with_spins * step.totals[1]) / step.totals[2] - drift
+        present = (step.totals[0] + p.with_spins * step.totals[1]) / step.totals[2] - drift
         factor = ti.cast(1.0, ti.f64)
         if drift + present / 64.0 > drift:  # more than rounding of the drift's energy
-            factor = ti.sqrt(wanted / present)
+            factor = ti.sqrt(p.target / present)
         spin_factor = ti.cast(1.0, ti.f64)
-        if with_spins > 0.0:
+        if p.with_spins > 0.0:
             spin_factor = factor
         vx, vy = mean_x + factor * (disk.vx - mean_x), mean_y + factor * (disk.vy - mean_y)
         return vx, vy, spin_factor * disk.spin
 
 
 @ti.func
-def _velocity_kick(disk, step, parameters):
+def _velocity_kick(disk, step, p):
     """Independent kick of one disk, before the mean of all is taken off."""
-    spread = ti.sqrt((parameters[0] / disk.mass + 2.0 * parameters[1]) * step.dt)
+    spread = ti.sqrt((p.power / disk.mass + 2.0 * p.diffusion) * step.dt)
     return spread * normals(step.random, 0)
 
 
@@ -468,13 +494,13 @@ def number(name: str, value: float | None, *, positive: bool = False, negative: 
     return checked.finite(name, value, f"{kind} is needed", -math.inf if negative else 0.0, open_=positive)
 
 
-def _strength(power: float | None, diffusion: float | None) -> tuple[float, float]:
-    """Strength of kicks as (power, diffusion), one of them 0."""
+def _strength(power: float | None, diffusion: float | None) -> dict[str, float]:
+    """Parameters of kicks, of which one is 0."""
     if (power is None) == (diffusion is None):
         raise InputError("kicks: exactly one of power and diffusion is needed")
     if power is not None:
-        return number("power", power, positive=True), 0.0
-    return 0.0, number("diffusion", diffusion, positive=True)
+        return {"power": number("power", power, positive=True), "diffusion": 0.0}
+    return {"power": 0.0, "diffusion": number("diffusion", diffusion, positive=True)}
 
 
 def _some(**given: float) -> None:

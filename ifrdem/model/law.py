@@ -15,8 +15,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import InputError, nearest
-from ..tools import checked
 from ..tools.checked import Array
+from .coefficients import named_numbers
 from .state import Disks
 
 PAIRS = 4096
@@ -76,19 +76,8 @@ class CollisionLaw:
     coefficients: ClassVar[tuple[str, ...]] = ()
 
     def __init__(self, **values: float) -> None:
-        name = type(self).__name__
-        for key in values:
-            if key not in self.coefficients:
-                allowed = ", ".join(self.coefficients) or "none"
-                raise InputError(
-                    f"{name}: unknown coefficient '{key}'{nearest(key, self.coefficients)}; it has: {allowed}"
-                )
-        row = []
-        for key in self.coefficients:
-            if key not in values:
-                raise InputError(f"{name}: {key} is missing; it has: {', '.join(self.coefficients)}")
-            row.append(checked.finite(f"{name}: {key}", values[key]))
-        self._row = tuple(row)
+        row = named_numbers(type(self).__name__, "coefficient", self.coefficients, values)
+        self._row = tuple(row.values())
 
     @staticmethod
     def collide(pair: Any, law: Any) -> tuple[Any, Any, Any]:
@@ -239,7 +228,7 @@ def why_not_compiled(error: Exception, known: Mapping[str, Sequence[str]]) -> st
     """Reason of Taichi's error; for an unknown name or an index, the names that each argument has (`known`)."""
     reason = str(error).strip().splitlines()[-1].strip()
     there = "; ".join(f"{owner} has {', '.join(names)}" for owner, names in known.items())
-    if missing := re.search(r"'Struct\d*' object has no attribute '(\w+)'", reason):
+    if missing := re.search(r"(?:'Struct\d*' object has no attribute|no number) '(\w+)'", reason):
         others = [name for names in known.values() for name in names if name != missing[1]]
         return f"there is no '{missing[1]}'{nearest(missing[1], others)}; {there}"
     if missing := re.fullmatch(r"KeyError: (.*)", reason):

@@ -238,7 +238,7 @@ Encoder = Callable[[Path, tuple[int, int], Iterable[NDArray[np.uint8]]], None]
 
 def _ffmpeg(fps: int) -> Encoder:
     """H.264 in MP4."""
-    ffmpeg: Any = tables.needed("imageio_ffmpeg", "movie")
+    ffmpeg: Any = tables.optional_import("imageio_ffmpeg", "movie")
 
     def encode(aside: Path, size: tuple[int, int], pictures: Iterable[NDArray[np.uint8]]) -> None:
         file = ffmpeg.write_frames(

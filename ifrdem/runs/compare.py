@@ -20,7 +20,7 @@ from ..case.gas import CaseGas
 from ..errors import InputError, refuse
 from ..fit import tabular
 from ..fit.figure import save
-from ..fit.tabular import Form
+from ..fit.tabular import TableFormat
 from ..initial import from_trajectory
 from ..model.box import Box
 from ..model.ifr import EnergyWarning
@@ -59,7 +59,7 @@ class Measured:
     angle_error: Array  # (m,): [rad]
 
 
-def read(path: Path | str, errors: Mapping[str, float], form: Form) -> Measured:
+def read(path: Path | str, errors: Mapping[str, float], form: TableFormat) -> Measured:
     """Read measured places: a line a disk, with columns id, x, y; t if not of the end; angle; NAME_error.
 
     Raises InputError with a line for each thing that is wrong.
@@ -413,7 +413,7 @@ def read_draws(path: Path | str) -> list[dict[str, float]]:
     Raises InputError if a column is unknown, a coefficient missing, or a value no number.
     """
     kinds = dict.fromkeys(_COEFFICIENTS, "number")
-    table = tabular.read(path, kinds, {tabular.plain(name): name for name in kinds}, Form())
+    table = tabular.read(path, kinds, {tabular.plain(name): name for name in kinds}, TableFormat())
     missing = [name for name in _COEFFICIENTS[:3] if name not in table.columns]
     if missing:
         raise InputError(f"{path}: missing column {', '.join(missing)}; there are {', '.join(table.columns)}")

@@ -77,14 +77,14 @@ def _gas(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
 def _describe_fields(trajectory: Trajectory) -> list[str]:
     lines = ["fields (per disk and frame)"]
     for name in trajectory.fields:
-        with damage.reading(trajectory.path, name):
+        with damage.as_damage_error(trajectory.path, name):
             if trajectory.missing:
                 lines.append(f"  {name:<18}{trajectory.dtype(name)}")
                 continue
             dataset = trajectory.dataset(name)
             held = [
                 (file[dataset.name].id.get_storage_size(), damage.compression(file[dataset.name]))
-                for file in trajectory.holders()
+                for file in trajectory.data_files()
             ]
             filters = f", {held[0][1]}" if held[0][1] else ""
             stored = size(sum(each for each, _ in held))

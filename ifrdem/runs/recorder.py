@@ -18,7 +18,7 @@ from ..model.state import State
 from ..model.walls import OF_PISTONS, PISTONS, SUMS
 from ..simulation.tracking import Events, joined
 from ..tools.checked import Integer, validated
-from ..trajectory.background import QueuedWriter
+from ..trajectory.background import AsyncWriter
 from ..trajectory.parts_writer import PartsWriter, Shares
 
 ROWS_AT_ONCE, BYTES_AT_ONCE, WAIT = 256, 4 << 20, 2.0
@@ -139,7 +139,7 @@ class Recorder:
 
     def __init__(
         self,
-        writer: QueuedWriter | PartsWriter,
+        writer: AsyncWriter | PartsWriter,
         ledger: Ledger,
         take_events: Callable[[], Events] | None = None,
         pending: Events | None = None,

@@ -27,7 +27,7 @@ from ..simulation.tracking import Events
 from ..tools import text_file
 from ..tools.files import CHECKPOINT, checkpoint_of
 from ..trajectory import parts
-from ..trajectory.background import QueuedWriter
+from ..trajectory.background import AsyncWriter
 from ..trajectory.parts_writer import PartsWriter
 from ..trajectory.writer import TrajectoryWriter
 from .outputs import Outputs, only
@@ -90,7 +90,7 @@ def resume(
     def prepared() -> tuple[Any, ...]:
         path = find(place)
         arrays, record = checkpoint.read(path, rows=False)
-        with checkpoint.reading(path, "its record"):
+        with checkpoint.as_damage_error(path, "its record"):
             checkpoint.check_versions(record, path)
             extra: Mapping[str, Any] = record["extra"]
             if "course" not in extra:
@@ -147,7 +147,7 @@ def resume(
             options = {**stored(gas), "frames": seen["frames"]}
             queue = PartsWriter.resume(writer, simulation.disks_here, gas.box, comm=comm, **options)
         elif writer is not None:
-            queue = QueuedWriter(writer)
+            queue = AsyncWriter(writer)
         if not communicator.is_root(comm):
             run_worker(case, simulation, course, queue)
             return

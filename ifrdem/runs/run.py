@@ -36,7 +36,7 @@ from ..tools.checked import Array
 from ..tools.progress import Progress, Stage
 from ..tools.versions import revision
 from ..trajectory import parts
-from ..trajectory.background import QueuedWriter
+from ..trajectory.background import AsyncWriter
 from ..trajectory.parts_writer import PartsWriter
 from ..trajectory.views import write_views
 from ..trajectory.writer import TrajectoryWriter
@@ -55,7 +55,7 @@ class Run:
     simulation: Simulation
     course: Course
     ledger: Ledger
-    writer: QueuedWriter | PartsWriter
+    writer: AsyncWriter | PartsWriter
     pending: Events | None = None
     output_share: float = 0.0
     """Processor time of writing over that of all, when the run is done."""
@@ -133,7 +133,7 @@ def run(
             outputs.trajectory, simulation.disks, simulation.disks_here, gas.box, comm=comm, **options
         )
     elif writer is not None:
-        queue = QueuedWriter(writer)
+        queue = AsyncWriter(writer)
     if not communicator.is_root(comm):
         run_worker(case, simulation, course, queue)
         return
@@ -207,7 +207,7 @@ def run_root(
         begin=(running.course.span.time, running.course.span.collisions), unit=unit, kernels=backend.kernels,
     )  # fmt: skip
 
-    def tell(time: float, collisions: int) -> None:
+    def report(time: float, collisions: int) -> None:
         progress(time, collisions)
         status.update(
             time=time, collisions=collisions, collisions_per_disk=2.0 * collisions / max(n, 1),
@@ -244,7 +244,7 @@ def run_root(
         with stops, progress:
             with recorder:
                 simulation.follow(
-                    running.course, observers=[frame], samplers=[row], progress=tell, between=between,
+                    running.course, observers=[frame], samplers=[row], progress=report, between=between,
                     stored=_single(case),
                 )  # fmt: skip
             # A signal that comes while the latest frames are written is that of a run that is about to end anyway.
@@ -257,7 +257,7 @@ def run_root(
         raise Stopped(text, stop.status) from None
     except KeyboardInterrupt:
         with contextlib.suppress(InputError, TrajectoryError):  # the interrupt is what is told
-            if isinstance(running.writer, QueuedWriter) or simulation.comm is None:  # else it takes all ranks
+            if isinstance(running.writer, AsyncWriter) or simulation.comm is None:  # else it takes all ranks
                 running.writer.flush()
         text = _remains(running, "interrupted")
         if len(running.writer):
@@ -301,7 +301,7 @@ def run_worker(case: Case, simulation: Simulation, course: Course, writer: Parts
             writer.write_frames([(shares, None)])
 
     def between() -> None:
-        _agree_to_go_on(simulation, stops, writer.tell if writer is not None else lambda: None)
+        _agree_to_go_on(simulation, stops, writer.raise_error if writer is not None else lambda: None)
         if writer is not None:
             writer.commit()
         if communicator.bcast(comm, False):
@@ -319,7 +319,7 @@ def run_worker(case: Case, simulation: Simulation, course: Course, writer: Parts
     simulation.measure()  # after which the first one reads what was written
 
 
-def _as_written(simulation: Simulation, writer: QueuedWriter | PartsWriter | None, state: State) -> Any:
+def _as_written(simulation: Simulation, writer: AsyncWriter | PartsWriter | None, state: State) -> Any:
     """A state as the writer takes it: shares of the parts of this rank, or all disks, on the first one (else None)."""
     comm = simulation.comm
     if isinstance(writer, PartsWriter):
@@ -357,7 +357,7 @@ def save(running: Run, recorder: Recorder) -> None:
 
     def commit() -> None:
         recorder.write()
-        if isinstance(running.writer, QueuedWriter):
+        if isinstance(running.writer, AsyncWriter):
             running.writer.flush()
 
     communicator.run_on_root(running.simulation.comm, commit)
@@ -376,7 +376,7 @@ def save(running: Run, recorder: Recorder) -> None:
         "trajectory": running.outputs.trajectory.name,
         "course": running.course.to_record(),
         "ledger": running.ledger.to_record(),
-        "seen": running.writer.seen,
+        "seen": running.writer.written_counts,
     }
     try:
         running.simulation.save_checkpoint(running.outputs.checkpoint, extra, arrays)
@@ -458,7 +458,7 @@ def _remains(running: Run, reason: str) -> str:
     latest, trajectory = running.ledger.latest, running.outputs.trajectory
     if len(running.writer) == 0 or latest is None:
         return f"{reason} before the first frame: nothing was written"
-    if why := running.writer.gone:
+    if why := running.writer.replaced_or_removed:
         return f"{reason}: {trajectory} is lost: {why}"
     text = f"{reason}: {trajectory} holds the {counted(len(running.writer), 'frame')} so far, "
     text += f"to t = {latest.time:.6g} and {latest.collisions} collisions"

@@ -226,7 +226,7 @@ def _rows(path: str | os.PathLike[str], record: Mapping[str, Any], comm: Any) ->
     """Rows of this rank's slice of the disks, from the parts of a checkpoint; none if it has no parts."""
     if "parts" not in record:
         return {}
-    with reading(path, "its parts"):
+    with as_damage_error(path, "its parts"):
         mark, first = str(record["parts"]["mark"]), [int(each) for each in record["parts"]["first"]]
     own, pieces = distribution.slice_of(first[-1], comm), []
     for number, (start, end) in enumerate(itertools.pairwise(first)):
@@ -251,7 +251,7 @@ def _read(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dict[s
         raise InputError(f"{path}: there is no such file")
     if not h5py.is_hdf5(path):
         raise InputError(f"{path} is damaged, or no checkpoint of ifrdem: it is not an HDF5 file")
-    with reading(path), h5py.File(path, "r") as file:
+    with as_damage_error(path), h5py.File(path, "r") as file:
         damage.check_links(file, os.fspath(path))
         if not np.array_equal(file.attrs.get("kind"), np.bytes_(_KIND)):
             raise InputError(f"{path} is no checkpoint of ifrdem")
@@ -269,9 +269,9 @@ def _read(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dict[s
     return arrays, record
 
 
-def reading(path: str | os.PathLike[str], part: str = "it") -> AbstractContextManager[None]:
-    """As `damage.reading`, of a checkpoint."""
-    return damage.reading(path, part, BEGIN_ANEW)
+def as_damage_error(path: str | os.PathLike[str], part: str = "it") -> AbstractContextManager[None]:
+    """As `damage.as_damage_error`, of a checkpoint."""
+    return damage.as_damage_error(path, part, BEGIN_ANEW)
 
 
 def state_of(arrays: Mapping[str, NDArray[Any]]) -> State:

@@ -109,9 +109,9 @@ class ForceSteps:
         EngineError if it makes a velocity or spin that is not finite.
         """
         force, step, k = self.forces[index], self._steps[index], self.next_steps[index]
-        parameters = np.array([*force.parameters, 0.0])  # one entry at least
+        parameters = np.array([*force.values.values(), 0.0])  # one entry at least
         kind: Any = type(force)  # mypy does not take a class for hashable
-        sum_totals, apply_force, _ = _kernels(kind, len(force.parameters))
+        sum_totals, apply_force, _ = _kernels(kind)
         given: dict[str, Any] = {
             "when": np.array([time_of(k, step), step, *free]),
             "counter_words": _words(k, index, self._seed),
@@ -150,15 +150,15 @@ def _check_compiles(i: int, force: Force) -> None:
     if kind.__module__ == Force.__module__:
         return
     try:
-        _kernels(kind, len(force.parameters))[2](np.ones(2))
+        _kernels(kind)[2](np.ones(2), np.ones(len(force.parameters) + 1))
     except TaichiCompilationError as error:
-        known = {"disk": OF_DISK, "step": OF_STEP}
+        known = {"disk": OF_DISK, "step": OF_STEP, "parameters": force.parameters or ("no names",)}
         if force.totals:
             known["in act, step also"] = ("totals",)
         reason = why_not_compiled(error, known)
         raise InputError(
             f"forces[{i}] = {kind.__name__}: Taichi cannot compile its act or measure: {reason}; it has "
-            f"{counted(len(force.parameters), 'parameter')} and {counted(force.totals, 'total')}"
+            f"{counted(force.totals, 'total')}"
         ) from error
 
 

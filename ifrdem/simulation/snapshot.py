@@ -51,7 +51,7 @@ def fingerprint(engine: Engine) -> str:
     if rotation:
         parts.append((rotation.rate, rotation.step))
     for force in engine.force_steps.forces:
-        parts += [type(force).__name__, np.array(force.parameters), force.step]
+        parts += [type(force).__name__, np.array([*force.values.values()]), force.step]
     for part in parts:
         if isinstance(part, np.ndarray):
             digest.update(str(part.shape).encode() + np.ascontiguousarray(part).tobytes())

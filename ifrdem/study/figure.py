@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, nearest
 from ..trajectory.reader import Trajectory
-from ..trajectory.tables import PER_DISK, QUANTITIES, joined
+from ..trajectory.tables import PER_DISK, QUANTITIES, at_equal_collisions
 from .results import Results
 from .task import Variable
 
@@ -44,7 +44,7 @@ def of_trajectories(trajectories: Sequence[Trajectory]) -> Results:
 
     Raises InputError as `ifrdem.concat`.
     """
-    found = joined(trajectories)
+    found = at_equal_collisions(trajectories)
     units = trajectories[0].units
     names = np.array([one.path.stem for one in trajectories])
     variables = {FILE: Variable((FILE,), names), PER_DISK: Variable((PER_DISK,), found.pop(PER_DISK))}

@@ -224,7 +224,7 @@ class Plan:
         swept = [one for axis, i in zip(self.axes, point, strict=True) for one in axis.assignments(i)]
         return [*self.overrides, *swept, f"run.seed={seed}"]
 
-    def judged(self) -> tuple[dict[tuple[int, ...], Case], list[str]]:
+    def checked_cases(self) -> tuple[dict[tuple[int, ...], Case], list[str]]:
         """Cases of the points that are in order, and a line for each thing that `check` refuses of the others."""
         good: dict[tuple[int, ...], Case] = {}
         wrong: dict[str, list[str]] = {}

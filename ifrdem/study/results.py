@@ -28,7 +28,7 @@ from ..theory.sheared_gas import TheoryWarning
 from ..tools import files
 from ..tools.files import NO_VALUES
 from ..tools.versions import __version__
-from ..trajectory.tables import needed
+from ..trajectory.tables import optional_import
 from . import reading
 from .plan import Plan
 from .task import AT, Task, Variable, along, grown, load
@@ -114,7 +114,7 @@ class Results:
 
     def to_xarray(self) -> xarray.Dataset:
         """The same as a data set of xarray (extra `analysis`), units in `attrs["units"]`."""
-        xarray = needed("xarray", "analysis")
+        xarray = optional_import("xarray", "analysis")
         swept = {name for names in self.axes.values() for name in names}
         made = {
             name: xarray.Variable(one.dims, one.values, {"units": one.unit} if one.unit else {})

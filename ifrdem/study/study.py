@@ -103,13 +103,13 @@ class Study:
         self.folder: Path = self.output.with_name(self.output.name.removesuffix(ENDING) + RUNS)
 
     @cached_property
-    def _judged(self) -> tuple[dict[tuple[int, ...], Any], list[str]]:
-        return self.plan.judged()
+    def _checked_cases(self) -> tuple[dict[tuple[int, ...], Any], list[str]]:
+        return self.plan.checked_cases()
 
     @cached_property
     def tasks(self) -> list[Task]:
         """The runs of the points that `check` does not refuse."""
-        return list(self.plan.tasks(self._judged[0], self.folder))
+        return list(self.plan.tasks(self._checked_cases[0], self.folder))
 
     @property
     def runs(self) -> int:
@@ -124,7 +124,7 @@ class Study:
         Raises InputError if a point is refused (unless `keep_going`), there is no room, or the results cannot be
         written.
         """
-        good, wrong = self._judged
+        good, wrong = self._checked_cases
         if wrong and not (keep_going and good):
             more = "" if not good else "\n--keep-going runs the other points"
             raise InputError(listed([f"{self.plan.path}: {line}" for line in wrong]) + more)
@@ -158,7 +158,7 @@ class Study:
         """Room on the disk that the study needs, about."""
         rows, columns = 0, 40
         trajectories = 0
-        for case in self._judged[0].values():
+        for case in self._checked_cases[0].values():
             rows += (case.output.series_cadence.number or 0) + 1
             if self.plan.output.trajectories:
                 gas = CaseGas.from_case(case, self.plan.path.parent)
@@ -172,7 +172,9 @@ class Study:
         if done:
             spent, work = sum(seconds for _, seconds in done), sum(task.weight for task, _ in done)
             return spent / work * sum(task.weight for task in missing)
-        rows = self._judged[0][missing[0].index[:-1]].output.series_cadence.number or 0 if missing else 0
+        rows = (
+            self._checked_cases[0][missing[0].index[:-1]].output.series_cadence.number or 0 if missing else 0
+        )
         return sum(0.5 * task.weight / RATE + rows * ROW_SECONDS + RUN_SECONDS for task in missing)
 
     def _state(self, tasks: Sequence[Task]) -> tuple[list[tuple[Task, float]], list[Task], list[str]]:
@@ -299,7 +301,7 @@ class Study:
                 work.close()  # ends the processes
             progress.close()
             if part is None and any(task.result.exists() for task in tasks):
-                collect(self.plan, self._judged[0], self.tasks, failed).write(self.output)
+                collect(self.plan, self._checked_cases[0], self.tasks, failed).write(self.output)
         status.finish("done", f"{len(failed)} runs failed" if failed else "")
         return {self._name(task): failed[task.key] for task in tasks if task.key in failed}
 
@@ -344,7 +346,7 @@ class Study:
             warnings.warn(
                 f"{text}; Study.run() or `ifrdem study` makes it again", DamageWarning, stacklevel=2
             )
-        return collect(self.plan, self._judged[0], self.tasks, {})
+        return collect(self.plan, self._checked_cases[0], self.tasks, {})
 
     def dataset(self) -> xarray.Dataset:
         """The same as a data set of xarray (extra `analysis`), with means and standard errors over seeds.
@@ -384,7 +386,7 @@ class Study:
 
     def _processes(self, place: ClusterSection) -> tuple[int, int]:
         """Processes here, and threads of each: one, unless there are more cores than runs."""
-        good = self._judged[0]
+        good = self._checked_cases[0]
         if any(case.run.device != "cpu" for case in good.values()):
             return (place.workers if place.workers is not None else 1), 1
         cores = backend.cores()
@@ -396,7 +398,7 @@ class Study:
     def _work(self, missing: list[Task], place: ClusterSection, say: Callable[[str], None]) -> workers.Done:
         processes, threads = self._processes(place)
         if place.workers == 0:
-            return workers.here(missing, threads)
+            return workers.in_process(missing, threads)
         processes = max(1, min(processes, len(missing)))
         if place.scheduler is None and place.kind is None and not workers.has_dask():
             return workers.pool(missing, processes, threads)

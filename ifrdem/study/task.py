@@ -128,7 +128,7 @@ class Task:
         with Trajectory(outputs.trajectory) as trajectory:
             series = trajectory.series
             rows = {"time": series.time, **{name: series[name] for name in series}}
-            found = _on_rows(file.case, trajectory.n, rows)
+            found = _at_rows(file.case, trajectory.n, rows)
             axis = "time" if file.case.run.t_end else "collisions_per_disk"
             for name in self.analyses:
                 found |= _analysed(trajectory, name, self.at, axis)
@@ -146,7 +146,7 @@ def _series_alone(file: CaseFile) -> dict[str, Variable]:
         rows.append({"time": measure.time, **ledger.row(measure)})
 
     _advance(file.gas, [row])
-    return _on_rows(file.case, file.gas.n, {name: np.array([one[name] for one in rows]) for name in rows[0]})
+    return _at_rows(file.case, file.gas.n, {name: np.array([one[name] for one in rows]) for name in rows[0]})
 
 
 def _advance(gas: CaseGas, samplers: list[Any], *, short: bool = False) -> None:
@@ -171,7 +171,7 @@ def along(case: Case) -> tuple[str, NDArray[np.float64]]:
     return name, np.array([0.0, *(schedule.due(k + 1).time for k in range(cadence.number))])
 
 
-def _on_rows(case: Case, n: int, found: dict[str, NDArray[Any]]) -> dict[str, Variable]:
+def _at_rows(case: Case, n: int, found: dict[str, NDArray[Any]]) -> dict[str, Variable]:
     """Series at the places where the study has them: where two fall on one collision, one row is both."""
     name, places = along(case)
     span = Span.to(n, 0.0, 0, t_end=case.run.t_end, collisions_per_disk=case.run.collisions_per_disk)

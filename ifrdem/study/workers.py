@@ -31,7 +31,7 @@ ANSWER = 10.0
 COMMANDS = {"slurm": "sbatch", "pbs": "qsub", "sge": "qsub", "lsf": "bsub"}
 
 
-def here(tasks: Sequence[Task], threads: int) -> Done:
+def in_process(tasks: Sequence[Task], threads: int) -> Done:
     """One run after another in this process."""
     for task in tasks:
         yield task, task.perform(threads)

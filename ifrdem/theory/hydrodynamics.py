@@ -212,7 +212,7 @@ def clustering_length(e_n: Fraction, radius: Positive, packing_fraction: _Packed
     return 2.0 * math.pi * math.sqrt(kappa / (n * z * nu * drive))
 
 
-class _Course(NamedTuple):
+class _CoolingPath(NamedTuple):
     """A homogeneous gas that cools, at collisions per disk tau (steps,): see the module's text."""
 
     tau: Array
@@ -223,7 +223,7 @@ class _Course(NamedTuple):
     @classmethod
     def of(
         cls, law: IFRLaw, radius: float, packing_fraction: float, k: float, theta0: float, end: float
-    ) -> _Course:
+    ) -> _CoolingPath:
         """Until tau = end, or earlier until T0 / T is 1e200."""
         from scipy.integrate import solve_ivp
 
@@ -307,9 +307,9 @@ def shear_mode_energy(
 def _mode_energy(
     law: IFRLaw, radius: float, packing_fraction: float, box: tuple[float, float], k: float,
     theta0: float | None, end: float,
-) -> tuple[_Course, Array]:  # fmt: skip
+) -> tuple[_CoolingPath, Array]:  # fmt: skip
     """The course of the gas until tau = end, and `shear_mode_energy` at its times."""
-    course = _Course.of(law, radius, packing_fraction, k, _theta(law, theta0, "theta0"), end)
+    course = _CoolingPath.of(law, radius, packing_fraction, k, _theta(law, theta0, "theta0"), end)
     n = packing_fraction * box[0] * box[1] / (math.pi * radius**2)
     most = math.sqrt(max(float(np.max(course.lost[1:] / course.spread[1:])), 0.0))
     found = np.unique(waves(box, most), return_counts=True)

@@ -17,7 +17,7 @@ WAITING = 2
 """Calls that may wait, and so frames: they bound the memory."""
 
 
-class QueuedWriter:
+class AsyncWriter:
     """Hands what is given to the methods of a `TrajectoryWriter` to a thread, in order; other attributes are its own.
 
     What is given must not change afterwards: it is written later, without a copy. Two calls can wait; one more waits
@@ -34,7 +34,7 @@ class QueuedWriter:
         self._closed = False
         self.seconds: float = 0.0
         self._error: BaseException | None = None
-        self._told = False
+        self._error_raised = False
         # A daemon: a run that dies without closing is not held up by it, and the file stays whole.
         self._thread = threading.Thread(target=self._work, name="trajectory", daemon=True)
         self._thread.start()
@@ -49,7 +49,7 @@ class QueuedWriter:
             return found
         return lambda *given, **options: self._put(functools.partial(found, *given, **options))
 
-    def __enter__(self) -> QueuedWriter:
+    def __enter__(self) -> AsyncWriter:
         return self
 
     def __exit__(self, kind: object, error: object, trace: object) -> None:
@@ -63,7 +63,7 @@ class QueuedWriter:
     def flush(self) -> None:
         """Wait until all that was given is committed."""
         self._jobs.join()
-        self.tell()
+        self.raise_error()
 
     def close(self) -> None:
         """Write all that waits, and close the file. May be called twice."""
@@ -72,19 +72,19 @@ class QueuedWriter:
             self._jobs.put(None)
         self._thread.join()
         self._writer.close()
-        if not self._told:
-            self.tell()
+        if not self._error_raised:
+            self.raise_error()
 
     def _put(self, job: Callable[[], None]) -> None:
         if self._closed:
             raise TrajectoryError(f"{self._writer.path} is closed: nothing can be added")
-        self.tell()
+        self.raise_error()
         self._jobs.put(job)
 
-    def tell(self) -> None:
+    def raise_error(self) -> None:
         """Raise what has gone wrong so far."""
         if self._error is not None:
-            self._told = True
+            self._error_raised = True
             raise self._error
 
     def _work(self) -> None:

@@ -28,7 +28,7 @@ HEAPS = 1 << 24
 
 
 @contextlib.contextmanager
-def reading(path: str | os.PathLike[str], part: str, hint: str = HINT) -> Iterator[None]:
+def as_damage_error(path: str | os.PathLike[str], part: str, hint: str = HINT) -> Iterator[None]:
     """Turn every fault of a file's content inside into a DamageError that names the file and its part.
 
     Only for what reads and checks; faults of a computation are not the file's.
@@ -56,10 +56,10 @@ def read(dataset: h5py.Dataset, selection: Any = ()) -> NDArray[Any]:
     Raises DamageError if HDF5 cannot read it, there are no numbers, or more than the file has room for; the message
     names the file and the dataset.
     """
-    with reading(dataset.file.filename, str(dataset.name)):
+    with as_damage_error(dataset.file.filename, str(dataset.name)):
         if dataset.dtype.kind not in "biuf":
             raise TypeError(f"it holds {dataset.dtype}, and numbers are needed")
-        chosen = _chosen(dataset, selection)
+        chosen = _selected_indices(dataset, selection)
         size = dataset.dtype.itemsize
         for one in chosen:
             size *= len(one)
@@ -67,7 +67,7 @@ def read(dataset: h5py.Dataset, selection: Any = ()) -> NDArray[Any]:
         if size > most:
             raise ValueError(f"{size} bytes of it are asked for, and the file can hold no more than {most}")
         value = dataset[selection]
-        if _lacks(dataset, chosen, value):
+        if _lacks_chunk(dataset, chosen, value):
             raise ValueError("a chunk is missing")
     return value
 
@@ -94,7 +94,7 @@ def parameter(dataset: h5py.Dataset) -> str | int | float:
 
     Raises DamageError if it is neither, or cannot be read.
     """
-    with reading(dataset.file.filename, str(dataset.name)):
+    with as_damage_error(dataset.file.filename, str(dataset.name)):
         if dataset.shape != ():
             raise TypeError(f"its shape is {dataset.shape}, and one text or number is needed")
         value = dataset[()]
@@ -105,12 +105,12 @@ def parameter(dataset: h5py.Dataset) -> str | int | float:
         return value.item()
 
 
-def expect(dataset: h5py.Dataset, shape: tuple[int | None, ...], kinds: str = "iuf") -> None:
+def require_shape(dataset: h5py.Dataset, shape: tuple[int | None, ...], kinds: str = "iuf") -> None:
     """Refuse a dataset of another shape (None: any length) or of other kinds of numbers (NumPy's letters).
 
     Raises DamageError with what is there and what is needed.
     """
-    with reading(dataset.file.filename, str(dataset.name)):
+    with as_damage_error(dataset.file.filename, str(dataset.name)):
         found = dataset.shape
         fits = len(found) == len(shape) and all(
             b is None or a == b for a, b in zip(found, shape, strict=True)
@@ -137,13 +137,13 @@ def check_links(
     allowed = views or {}
 
     links: list[tuple[bytes, int]] = []  # looked at later: h5py loses exceptions in here
-    with reading(path, "its list of contents"):
+    with as_damage_error(path, "its list of contents"):
         # A file that is opened by an object of Python has no name of its own.
         _check_heaps(file.filename if os.path.exists(file.filename) else path)
         file.id.links.visit(lambda name, info: links.append((name, info.type)), info=True)
     for name, kind in links:
         try:
-            wrong = _elsewhere(file, name, kind, allowed)
+            wrong = _external_target(file, name, kind, allowed)
         except FAULTS:  # what cannot be opened leads nowhere; who reads it is told
             continue
         if wrong is not None:
@@ -183,7 +183,7 @@ def text_of(name: bytes | str) -> str:
     return name if isinstance(name, str) else name.decode(errors="backslashreplace")
 
 
-def _elsewhere(
+def _external_target(
     file: h5py.File, name: bytes, kind: int, views: Mapping[str, Collection[tuple[str, str]]]
 ) -> str | None:
     """Description of a link to other files, or of a dataset whose numbers lie elsewhere."""
@@ -208,7 +208,7 @@ def _elsewhere(
     return None if fits else "is a virtual dataset of another place"
 
 
-def _chosen(dataset: h5py.Dataset, selection: Any) -> list[range]:
+def _selected_indices(dataset: h5py.Dataset, selection: Any) -> list[range]:
     """Selected indices along each axis."""
     parts = selection if isinstance(selection, tuple) else (selection,)
     chosen = []
@@ -218,7 +218,7 @@ def _chosen(dataset: h5py.Dataset, selection: Any) -> list[range]:
     return chosen
 
 
-def _lacks(dataset: h5py.Dataset, chosen: list[range], value: NDArray) -> bool:
+def _lacks_chunk(dataset: h5py.Dataset, chosen: list[range], value: NDArray) -> bool:
     """True if a chunk of the selected part is not in the file; only one that reads as zeros can be."""
     if dataset.chunks is None or dataset.is_virtual or 0 in map(len, chosen):
         return False

@@ -172,7 +172,7 @@ def _extxyz(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
 
 
 def _gsd(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
-    hoomd = tables.needed("gsd.hoomd", "export")
+    hoomd = tables.optional_import("gsd.hoomd", "export")
     place.touch()  # GSD makes files that others cannot read, whatever the umask allows
     with hoomd.open(str(place), "w") as file:
         for index in frames:

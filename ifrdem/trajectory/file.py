@@ -95,7 +95,7 @@ class OrderedFile:
         view = memoryview(buffer).cast("B")
         old = max(0, min(len(view), self._in_use - self._at))
         if old:
-            self._wait(self._at, bytes(view[:old]))
+            self._defer(self._at, bytes(view[:old]))
         if old < len(view):
             self._write(view[old:], self._at + old)
         self._at += len(view)
@@ -125,7 +125,7 @@ class OrderedFile:
         files.unlock(self.fileno())
         self._raw.close()
 
-    def _wait(self, start: int, data: bytes) -> None:
+    def _defer(self, start: int, data: bytes) -> None:
         """Keep a change of space in use; one piece of all that overlap, the new one above."""
         end = start + len(data)
         for place, held in list(self._waiting.items()):
@@ -262,7 +262,7 @@ class OutputFile:
         return cls(file, raw, path, path, replaces=False, new=False)
 
     @property
-    def gone(self) -> str | None:
+    def replaced_or_removed(self) -> str | None:
         """Reason why the open file is not at its place any more; None if it is."""
         if not self.file:
             return None
@@ -304,7 +304,7 @@ class OutputFile:
         if self.failed or not self.file:
             raise TrajectoryError(f"{self.path} is closed: {what} cannot be added")
         try:
-            if reason := self.gone:
+            if reason := self.replaced_or_removed:
                 raise FileNotFoundError(reason)
             yield
         except TrajectoryError as error:
@@ -312,7 +312,7 @@ class OutputFile:
             raise TrajectoryError(f"{self.path}: {error}") from error
         except (OSError, RuntimeError) as error:
             self.failed = True
-            if self.gone:
+            if self.replaced_or_removed:
                 left = "its frames are no longer there"
             elif self._present != self.path:
                 left = "nothing of it is kept; the file that was there before stays"

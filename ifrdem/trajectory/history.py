@@ -143,15 +143,15 @@ class History:
     @validated
     def spin(self, t: Times) -> NDArray[np.float64]:
         """Spin at times t [rad/time], shape (...); after the event at the time of one."""
-        return self._begun(t)[1]["spin"]
+        return self._flight_start(t)[1]["spin"]
 
     @validated
     def angle(self, t: Times) -> NDArray[np.float64]:
         """Angle by which the disk has turned since tracking began, at times t [rad], shape (...)."""
-        at, begun = self._begun(t)
+        at, begun = self._flight_start(t)
         return begun["angle"] + begun["spin"] * (at - begun["time"])
 
-    def _begun(self, t: ArrayLike) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
+    def _flight_start(self, t: ArrayLike) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
         """Times, and the beginnings of the flights that the disk is on then."""
         at = np.asarray(t, dtype=np.float64)
         wrong = ~((at >= self.start) & (at <= self.end))
@@ -166,7 +166,7 @@ class History:
         self, t: ArrayLike
     ) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]], NDArray[np.float64]]:
         """The same, and the places in the plane of which the latest event's box is a part."""
-        at, begun = self._begun(t)
+        at, begun = self._flight_start(t)
         since = (at - begun["time"])[..., None]
         return at, begun, begun["position"] + since * (begun["velocity"] + 0.5 * since * self._gravity)
 

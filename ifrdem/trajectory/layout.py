@@ -424,13 +424,13 @@ def check_layout(
     Raises InputError that says what is missing or wrong unless the file has this layout, and it or its parts hold all
     data.
     """
-    with damage.reading(path, "its version"):
+    with damage.as_damage_error(path, "its version"):
         if version_of(file)[0] > LAYOUT_VERSION[0]:
             raise InputError(newer(file, path))
     parts = parted.of(file, path)
     damage.check_links(file, path, views_of(parts))
     load_compression(file, path)
-    with damage.reading(path, "its layout"):
+    with damage.as_damage_error(path, "its layout"):
         _check_frames(file, path, parts)
         if TIMESERIES in file:
             _check_series(file[TIMESERIES], path)
@@ -503,12 +503,12 @@ def _check_frames(file: h5py.File, path: str, parts: Parts | None) -> None:
     for name in stored_fields(file) if parts is None else ():
         if (held := len(field_dataset(file, name))) < steps:
             raise InputError(f"{path} is damaged: {name} holds {held} of {steps} frames")
-    _expect(file, expected | own if parts is None else expected)  # parts have their own shapes
+    _require_shapes(file, expected | own if parts is None else expected)  # parts have their own shapes
 
 
-def _expect(group: h5py.Group, expected: Expected) -> None:
+def _require_shapes(group: h5py.Group, expected: Expected) -> None:
     for name, (shape, kinds) in expected.items():
-        damage.expect(group[name], shape, kinds)
+        damage.require_shape(group[name], shape, kinds)
 
 
 def _check_series(group: h5py.Group, path: str) -> None:
@@ -536,7 +536,7 @@ def _check_histories(group: h5py.Group, path: str) -> None:
     }
     if missing := [name for name in expected if name not in group]:
         raise InputError(f"{path} is damaged: its histories lack {', '.join(missing)}")
-    _expect(group, expected)
+    _require_shapes(group, expected)
     commits = len(group["committed/events"])
     if not 0 < commits <= len(group["committed/time"]):
         raise InputError(f"{path} is damaged: its histories have no commit")

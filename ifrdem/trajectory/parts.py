@@ -257,17 +257,17 @@ def of(file: h5py.File, path: str | os.PathLike[str] = "") -> Parts | None:
     """
     if GROUP not in file:
         return None
-    with damage.reading(path or file.filename, GROUP):
+    with damage.as_damage_error(path or file.filename, GROUP):
         group = file[GROUP]
         folder, run = group.attrs["folder"].decode(), group.attrs["run"].decode()
         if not re.fullmatch(r"[^/\\]*" + re.escape(FOLDER), folder):
             raise ValueError(f"{folder!r} is no folder beside it")
         first = damage.read(group["first"])
-        damage.expect(group["first"], (None,), "i")
+        damage.require_shape(group["first"], (None,), "i")
         return Parts(folder, run, tuple(int(one) for one in first))
 
 
-def holders(
+def data_files(
     file: h5py.File, parts: Parts | None, path: str | os.PathLike[str], n: int
 ) -> Iterator[tuple[slice, h5py.File]]:
     """The files that hold the fields of n disks, open one after another, with numbers of the disks of each."""

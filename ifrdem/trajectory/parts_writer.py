@@ -23,7 +23,7 @@ from ..mpi import communicator, distribution
 from ..tools.checked import Comm, Count, validated
 from . import layout
 from . import parts as parted
-from .background import QueuedWriter
+from .background import AsyncWriter
 from .parts import Parts
 from .writer import DEFAULT_FIELDS, TrajectoryWriter
 
@@ -38,7 +38,7 @@ class Shares:
 
 
 class PartsWriter:
-    """Writes a trajectory in parts, in threads of its own as `QueuedWriter`, of which it has the methods.
+    """Writes a trajectory in parts, in threads of its own as `AsyncWriter`, of which it has the methods.
 
     Each of P ranks writes its part, with the disks that it has (r n // P and following of n), as a trajectory of its
     own; the first one also writes NAME.h5. A frame counts when NAME.h5 has it: it gets there in `commit`, when all
@@ -76,11 +76,11 @@ class PartsWriter:
         self.parts = parts
         self.path = path
         self._comm = comm
-        self._own = {number: QueuedWriter(each) for number, each in own.items()}
-        self._head = None if head is None else QueuedWriter(head)
+        self._own = {number: AsyncWriter(each) for number, each in own.items()}
+        self._head = None if head is None else AsyncWriter(head)
         self._attributes = {"position", "spin", *(layout.FIELDS[name].attribute for name in fields)}
         self._waiting: list[tuple[Any, Mapping[str, ArrayLike] | None]] = []
-        self._told = 0 if self._head is None else int(self._head.seen["frames"])
+        self._told = 0 if self._head is None else int(self._head.written_counts["frames"])
 
     @classmethod
     @validated
@@ -178,7 +178,7 @@ class PartsWriter:
     def write(self, state: State, observables: Mapping[str, ArrayLike] | None = None) -> None:
         """Append a frame of this rank's disks; called by all ranks, of which the first one's `observables` are kept.
 
-        Raises InputError and TrajectoryError as `QueuedWriter`: what went wrong with an earlier frame.
+        Raises InputError and TrajectoryError as `AsyncWriter`: what went wrong with an earlier frame.
         """
         self.write_frames([(self.shares(state), observables)])
         self.commit()
@@ -193,7 +193,7 @@ class PartsWriter:
 
     def commit(self) -> None:
         """Let the frames count that are whole in all parts; called by all ranks."""
-        done = min((int(queue.seen["frames"]) for queue in self._own.values()), default=sys.maxsize)
+        done = min((int(queue.written_counts["frames"]) for queue in self._own.values()), default=sys.maxsize)
         if self._comm is not None:
             from mpi4py import MPI
 
@@ -203,10 +203,10 @@ class PartsWriter:
             frames, self._waiting = self._waiting[:new], self._waiting[new:]
             self._head.write_frames(frames)
 
-    def tell(self) -> None:
+    def raise_error(self) -> None:
         """Raise what has gone wrong in a thread of this rank."""
         for queue in self._queues:
-            queue.tell()
+            queue.raise_error()
 
     def flush(self) -> None:
         """Wait until all that was given is committed; called by all ranks, which raise what one has to."""
@@ -245,7 +245,7 @@ class PartsWriter:
                 self.close()
 
     @property
-    def _queues(self) -> list[QueuedWriter]:
+    def _queues(self) -> list[AsyncWriter]:
         return [*([] if self._head is None else [self._head]), *self._own.values()]
 
     def __len__(self) -> int:
@@ -259,9 +259,9 @@ class PartsWriter:
         return getattr(self._head, name)
 
     @property
-    def gone(self) -> str | None:
+    def replaced_or_removed(self) -> str | None:
         """Reason why a file of this rank is not at its place any more; None if all are."""
-        return next((why for queue in self._queues if (why := queue.gone)), None)
+        return next((why for queue in self._queues if (why := queue.replaced_or_removed)), None)
 
     @property
     def seconds(self) -> float:

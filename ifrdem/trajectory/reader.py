@@ -375,7 +375,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         self._set(path=checked.path("path", path))
         self._open()
         try:
-            self._again(self._read_head)
+            self._reopening(self._read_head)
             for error in self._missing.values():
                 text = f"{error}; radii, masses and fields of its disks cannot be read, all else can"
                 warnings.warn(text, DamageWarning, stacklevel=2)
@@ -391,17 +391,17 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
     def _open(self) -> None:
         self._file, self._written_to = _open(self.path)
 
-    def _again(self, act: Callable[[], Result]) -> Result:
+    def _reopening(self, act: Callable[[], Result]) -> Result:
         """Do it; while a run writes, open the file again if only half of what it did is seen, and do it again."""
         for _ in range(_ATTEMPTS - 1 if self._written_to else 0):
             try:
-                with damage.reading(self.path, "its content"):
+                with damage.as_damage_error(self.path, "its content"):
                     return act()
             except DamageError:
                 time.sleep(_PAUSE)
                 self._file.close()
                 self._open()
-        with damage.reading(self.path, "its content"):
+        with damage.as_damage_error(self.path, "its content"):
             return act()
 
     @validated
@@ -440,7 +440,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
                 forward.append(int(each) % length)
             else:
                 raise refused
-        value = np.flip(self._again(lambda: self._read_field(name, tuple(forward))), axis=tuple(turned))
+        value = np.flip(self._reopening(lambda: self._read_field(name, tuple(forward))), axis=tuple(turned))
         if value.dtype.kind == "f" and not np.isfinite(value).all():  # no writer of ours stores such
             raise DamageError(f"{self.path} is damaged: {name} holds numbers that are not finite")
         return value
@@ -458,13 +458,13 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
 
         def act() -> NDArray[Any]:
             dataset = self._opened()[name]
-            damage.expect(dataset, (None, columns) if columns else (None, *dataset.shape[1:]))
+            damage.require_shape(dataset, (None, columns) if columns else (None, *dataset.shape[1:]))
             value = damage.read(dataset, slice(0, rows))
             if len(value) < rows:
                 raise DamageError(f"{self.path} is damaged: {name} holds {len(value)} of {rows} rows")
             return value
 
-        return self._again(act)
+        return self._reopening(act)
 
     def _opened(self) -> h5py.File:
         if not self._file:
@@ -482,7 +482,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         self._frames = len(file[f"{layout.clock(file)}/step"])
         particles, rows = file[layout.PARTICLES], file.get(layout.TIMESERIES)
         self._set(n=len(particles["mass"]) if self._parts is None else self._parts.n)
-        with damage.reading(self.path, f"{layout.PARTICLES}/box"):
+        with damage.as_damage_error(self.path, f"{layout.PARTICLES}/box"):
             self._set(box=_box(particles["box"].attrs))
         self._set(times=self._moments(file[layout.clock(file)]), parameters={})
         self._unreadable: dict[str, DamageError] = {}
@@ -490,7 +490,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         file["parameters"].visit(names.append)
         for name in names:
             self._read_parameter(file["parameters"], name)
-        with damage.reading(self.path, "parameter walls"):
+        with damage.as_damage_error(self.path, "parameter walls"):
             self._set(walls=walls_from_json(self._text("walls", "[]")))
         moments = np.zeros(0) if rows is None else self._moments(rows)
         self._set(
@@ -505,10 +505,10 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
 
             def made() -> Disks:
                 columns = {name: self._constants(name) for name in layout.STATIC}
-                with damage.reading(self.path, layout.PARTICLES):
+                with damage.as_damage_error(self.path, layout.PARTICLES):
                     return Disks(len(columns["mass"]), **columns)
 
-            self._disks = self._again(made)
+            self._disks = self._reopening(made)
         return self._disks
 
     @validated
@@ -519,7 +519,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         """
         if name not in layout.STATIC:
             raise NameMissing(f"there is no constant {name!r}{there_are(str(name), layout.STATIC)}")
-        return self._again(lambda: self._constants(name, disks))
+        return self._reopening(lambda: self._constants(name, disks))
 
     def _constants(self, name: str, disks: slice = slice(None)) -> NDArray[Any]:
         place = f"{layout.PARTICLES}/{name}"
@@ -545,13 +545,13 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         before = self._frames
         self._file.close()
         self._open()
-        self._again(self._read_head)
+        self._reopening(self._read_head)
         return self._frames - before
 
     def _read_parameter(self, group: h5py.Group, name: bytes | str) -> None:
         text = damage.text_of(name)
         try:
-            with damage.reading(self.path, f"parameter {text}"):
+            with damage.as_damage_error(self.path, f"parameter {text}"):
                 item = group[name]
                 if isinstance(item, h5py.Dataset):
                     self.parameters[text] = damage.parameter(item)
@@ -566,7 +566,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         Raises InputError if there is none and no default, it cannot be read, or `use` cannot do with what it says.
         """
         text = self._text(name, default)
-        with damage.reading(self.path, f"parameter {name}"):
+        with damage.as_damage_error(self.path, f"parameter {name}"):
             return use(json.loads(text))
 
     def _text(self, name: str, default: str | None) -> str:
@@ -617,7 +617,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
     def part(self) -> Part | None:
         """Mark of the part of a trajectory that the file is, with some of its disks only; None of a whole one."""
         file = self._opened()
-        with damage.reading(self.path, parted.PART):
+        with damage.as_damage_error(self.path, parted.PART):
             return Part.of(file) if self._parts is None and parted.PART in file else None
 
     @property
@@ -625,9 +625,9 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         """Numbers of the parts that are missing: what needs their disks cannot be read (`DamageError`)."""
         return tuple(self._missing)
 
-    def holders(self) -> Iterator[h5py.File]:
+    def data_files(self) -> Iterator[h5py.File]:
         """The files that hold the fields, open one after another: this one, or its parts."""
-        for _, file in parted.holders(self._opened(), self._parts, self.path, self.n):
+        for _, file in parted.data_files(self._opened(), self._parts, self.path, self.n):
             yield file
 
     @property
@@ -696,7 +696,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         Raises InputError if the file holds neither, it is closed or damaged.
         """
         file = self._opened()
-        with damage.reading(self.path, name):
+        with damage.as_damage_error(self.path, name):
             if name in layout.STATIC:
                 return np.dtype(file[f"{layout.PARTICLES}/{name}"].dtype)
             return np.dtype(layout.field_dataset(file, self.require(name)).dtype)
@@ -735,7 +735,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
     @property
     def tracked(self) -> NDArray[np.int32]:
         """Ids of the disks that have a `history`, ascending; none if the run tracked none."""
-        return self._again(lambda: history.tracked(self._opened()))
+        return self._reopening(lambda: history.tracked(self._opened()))
 
     @property
     def tracked_events(self) -> tuple[int, float, float]:
@@ -743,12 +743,12 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
 
         Raises InputError if the file has no histories, or they are damaged.
         """
-        return self._again(lambda: history.committed(self._opened(), str(self.path)))
+        return self._reopening(lambda: history.committed(self._opened(), str(self.path)))
 
     @validated
     def read_events(self, name: str, rows: Annotated[int, Integer(0, 2**62)]) -> NDArray[Any]:
         """A column of the first events of all tracked disks."""
-        return self._again(
+        return self._reopening(
             lambda: damage.read(self._opened()[f"{history.GROUP}/events/{name}"], slice(0, rows))
         )
 
@@ -759,7 +759,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         damaged.
         """
         disk, radius, path = self.checked_disk(disk), self.disks.radius, str(self.path)
-        return self._again(
+        return self._reopening(
             lambda: history.read(
                 self._opened(), path, disk, box=self.box, radius=radius, gravity=self.gravity
             )

@@ -61,10 +61,10 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
         if place == path and parted.GROUP in file:
             raise InputError(f"{path} is in parts: --in-place cannot put them together; -o writes one file")
         try:
-            with damage.reading(path, "its bookkeeping"):
-                kept = _Kept(file, path, whole, say)
+            with damage.as_damage_error(path, "its bookkeeping"):
+                kept = _Salvage(file, path, whole, say)
         except DamageError as error:
-            raise _in_vain(path, error) from error
+            raise _unrepairable(path, error) from error
         if not kept.wrong and whole is None:
             try:
                 _read_through(path)
@@ -77,7 +77,7 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
                     kept.write(copy)
                 _read_through(new)
         except InputError as error:
-            raise _in_vain(path, error, new) from error
+            raise _unrepairable(path, error, new) from error
         except OSError as error:
             raise InputError(f"output {place}: cannot be written: {error.strerror or error}") from error
     say(f"  {len(kept.frames)} of {kept.committed} frames are kept")
@@ -89,17 +89,17 @@ def write_whole(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> N
 
     Raises InputError if something cannot be read.
     """
-    kept = _Kept(trajectory.file, trajectory.path, None, lambda _: None)
+    kept = _Salvage(trajectory.file, trajectory.path, None, lambda _: None)
     kept.frames = kept.frames[np.isin(kept.frames, list(frames))]
     with h5py.File(place, "w", **ON_PAGES) as new:
         kept.write(new, part=False)
 
 
-def _in_vain(path: Path, error: InputError, copy: Path | None = None) -> DamageError:
+def _unrepairable(path: Path, error: InputError, copy: Path | None = None) -> DamageError:
     reason = str(error).removesuffix(damage.HINT)
     if copy is not None:
         reason = reason.replace(str(copy), "its copy")
-    return DamageError(f"{path}: nothing can be kept ({reason}){_otherwise(path)}")
+    return DamageError(f"{path}: nothing can be kept ({reason}){_alternatives(path)}")
 
 
 def _read_through(path: Path) -> None:
@@ -115,7 +115,7 @@ def _read_through(path: Path) -> None:
             trajectory.history(int(disk))
 
 
-class _Kept:
+class _Salvage:
     """The readable part of a trajectory; `write` makes a trajectory of it.
 
     Attributes
@@ -143,16 +143,16 @@ class _Kept:
         self._fields = layout.stored_fields(file)
         self._n = len(file[static[0]]) if self._parts is None else self._parts.n
         good = np.ones(self.committed, dtype=bool)
-        self._look(file, times, good)
+        self._scan(file, times, good)
         if self._parts is not None:
-            self._look_at_parts(self._parts)
+            self._scan_parts(self._parts)
         columns: dict[str, list[NDArray[Any]]] = {name: [] for name in layout.STATIC}
-        for own, held in parted.holders(file, self._parts, path, self._n):
+        for own, held in parted.data_files(file, self._parts, path, self._n):
             layout.load_compression(held, str(path))
             fields = [layout.field_dataset(held, name) for name in self._fields]
             self._dtypes = [field.dtype for field in fields]
             self._compression = next((damage.compression(field) for field in fields), None) or "none"
-            self._look(held, [field.name for field in fields], good, own)
+            self._scan(held, [field.name for field in fields], good, own)
             good[len(held[times[0]]) :] = False  # of a part that is too short
             for name, found in columns.items():
                 found.append(self._all_of(held[f"{layout.PARTICLES}/{name}"]))
@@ -161,41 +161,45 @@ class _Kept:
         self.frames = np.flatnonzero(good)
         if len(self.frames) == 0:
             none = f"no frame of {self.committed} is whole: nothing can be kept"
-            raise InputError(f"{path}: {none}{_otherwise(path)}")
+            raise InputError(f"{path}: {none}{_alternatives(path)}")
         self._disks = Disks(self._n, **{name: np.concatenate(found) for name, found in columns.items()})
         self._box = box_of(file[f"{layout.PARTICLES}/box"].attrs)
         self._parameters: dict[str, str | int | float] = {}
         names: list[bytes | str] = []
         file["parameters"].visit(names.append)
         for each in names:
-            with self._or_lost(f"parameters/{damage.text_of(each)}"):
+            with self._noting_loss(f"parameters/{damage.text_of(each)}"):
                 if isinstance(item := file["parameters"][each], h5py.Dataset):
                     self._parameters[damage.text_of(each)] = damage.parameter(item)
         self._observables: dict[str, h5py.Dataset] = {}
         if "observables" not in file:
             self._note("observables: missing; the copy has none")
         for name in file.get("observables", ()):
-            with self._or_lost(f"observables/{damage.text_of(name)}"):
+            with self._noting_loss(f"observables/{damage.text_of(name)}"):
                 dataset = file["observables"][name]["value"]
-                if not self._good(dataset, self.committed)[self.frames].all():
+                if not self._readable_rows(dataset, self.committed)[self.frames].all():
                     raise DamageError(f"{path} is damaged: {dataset.name}")
                 self._observables[damage.text_of(name)] = dataset
         self._cut: dict[str, dict[str, int]] = {}  # groups that are copied, and the rows of their datasets
         if layout.TIMESERIES in file:
-            with self._or_lost(layout.TIMESERIES):
+            with self._noting_loss(layout.TIMESERIES):
                 group = file[layout.TIMESERIES]
                 series = [name for name in group if name not in ("step", "time")]
                 for name in series:
                     "".join(map(damage.text_of, group[name].attrs.get("columns", ()))).encode()
                 rows = ["step", "time", *(f"{name}/value" for name in series)]
-                self._cut[layout.TIMESERIES] = self._leading(group, rows, len(group["step"]), "row")
+                self._cut[layout.TIMESERIES] = self._readable_rows_of_all(
+                    group, rows, len(group["step"]), "row"
+                )
         if history.GROUP in file:
-            with self._or_lost(history.GROUP):
+            with self._noting_loss(history.GROUP):
                 group = file[history.GROUP]
                 for one in (group["tracked"], *group["start"].values()):
                     self._all_of(one)
                 events = [f"events/{name}" for name in group["events"]]
-                cut = self._leading(group, events, history.committed(file, str(path))[0], "event")
+                cut = self._readable_rows_of_all(
+                    group, events, history.committed(file, str(path))[0], "event"
+                )
                 commits = int(np.count_nonzero(damage.read(group["committed/events"]) <= min(cut.values())))
                 if not commits:
                     raise DamageError(f"{path} is damaged: no commit of its histories is whole")
@@ -222,7 +226,7 @@ class _Kept:
         if "value" in clock:  # older layouts had other edges
             clock["value"].resize(len(self.frames), axis=0)
             clock["value"][:] = np.stack([self._box.cell(time) for time in clock["time"][()].tolist()])
-        for own, one in parted.holders(old, self._parts, self._path, self._n):
+        for own, one in parted.data_files(old, self._parts, self._path, self._n):
             for name in self._fields:
                 field = layout.field_dataset(one, name)
                 _append(layout.field_dataset(new, name), field, self.frames, (own,))
@@ -230,7 +234,7 @@ class _Kept:
             sample = np.empty(dataset.shape[1:], dataset.dtype)
             _append(layout.add_observable(new, name, sample), dataset, self.frames)
         for name, cut in self._cut.items():
-            with damage.reading(self._path, name):
+            with damage.as_damage_error(self._path, name):
                 old.copy(name, new)
             for dataset, rows in cut.items():
                 held = new[name][dataset]
@@ -241,7 +245,7 @@ class _Kept:
                     del new[name][dataset]
                     new[name].create_dataset(dataset, data=values)
 
-    def _look(
+    def _scan(
         self, file: h5py.File, names: Sequence[str], good: NDArray[np.bool_], own: slice | None = None
     ) -> None:
         """Note frames that cannot be read in some datasets; with disks (`own`), of another number of these."""
@@ -252,13 +256,13 @@ class _Kept:
                 raise DamageError(
                     f"{self._path} is damaged: {name} has {dataset.shape[1]} disks instead of {own.stop - own.start}"
                 )
-            here = self._good(dataset, self.committed, 1)
+            here = self._readable_rows(dataset, self.committed, 1)
             if not here.all():
                 self._note(f"{name}: {_numbers(np.flatnonzero(~here))} cannot be read")
-            self._beyond(name, dataset, self.committed, "frame")
+            self._past_end(name, dataset, self.committed, "frame")
             good &= here
 
-    def _look_at_parts(self, parts: Parts) -> None:
+    def _scan_parts(self, parts: Parts) -> None:
         """Note each part that is missing or wrong; InputError if one cannot be used at all."""
         unusable = 0
         for number in range(len(parts)):
@@ -278,26 +282,26 @@ class _Kept:
         self.wrong = True
         self._say(f"  {text}")
 
-    def _beyond(self, name: str, dataset: h5py.Dataset, rows: int, unit: str) -> None:
+    def _past_end(self, name: str, dataset: h5py.Dataset, rows: int, unit: str) -> None:
         if len(dataset) > rows:
             self._note(f"{name}: {len(dataset) - rows} uncommitted behind the last {unit}")
 
     @contextmanager
-    def _or_lost(self, name: str) -> Iterator[None]:
+    def _noting_loss(self, name: str) -> Iterator[None]:
         """Note that a part is lost if it cannot be read."""
         try:
-            with damage.reading(self._path, name):
+            with damage.as_damage_error(self._path, name):
                 yield
         except DamageError:
             self._note(f"{name}: cannot be read; the copy lacks it")
 
     def _all_of(self, dataset: h5py.Dataset) -> NDArray[Any]:
         """All numbers of a dataset, none of them behind the end of the file."""
-        if dataset.shape and self._behind_end(dataset).any():
+        if dataset.shape and self._rows_past_end(dataset).any():
             raise DamageError(f"{self._path} is damaged: {dataset.name} is behind its end")
         return damage.read(dataset)
 
-    def _good(self, dataset: h5py.Dataset, rows: int, step: int = 0) -> NDArray[np.bool_]:
+    def _readable_rows(self, dataset: h5py.Dataset, rows: int, step: int = 0) -> NDArray[np.bool_]:
         """The first rows that can be read, looked at in steps of whole chunks; of frames and times, finite ones."""
         finite = step == 1 or str(dataset.name).endswith("/time")
         good = np.zeros(rows, dtype=bool)
@@ -308,10 +312,10 @@ class _Kept:
             with suppress(DamageError):
                 value = damage.read(dataset, part)
                 good[part] = not (finite and value.dtype.kind == "f") or np.isfinite(value).all()
-        good[:held] &= ~self._behind_end(dataset)[:held]
+        good[:held] &= ~self._rows_past_end(dataset)[:held]
         return good
 
-    def _behind_end(self, dataset: h5py.Dataset) -> NDArray[np.bool_]:
+    def _rows_past_end(self, dataset: h5py.Dataset) -> NDArray[np.bool_]:
         """The rows of which something was stored behind the end of a file that is too short."""
         lost = np.zeros(len(dataset), dtype=bool)
         whole = self._whole
@@ -329,15 +333,17 @@ class _Kept:
         dataset.id.chunk_iter(look)
         return lost
 
-    def _leading(self, group: h5py.Group, names: list[str], rows: int, unit: str) -> dict[str, int]:
+    def _readable_rows_of_all(
+        self, group: h5py.Group, names: list[str], rows: int, unit: str
+    ) -> dict[str, int]:
         """Rows of each of these datasets: those before the first that cannot be read in one of them."""
         kept, what = rows, str(group.name)[1:]
         for name in names:
             if group[name].chunks is None and rows:
                 raise DamageError(f"{self._path} is damaged: {group[name].name} cannot grow")
-            good = self._good(group[name], rows)
+            good = self._readable_rows(group[name], rows)
             kept = min(kept, rows if good.all() else int(np.argmin(good)))
-            self._beyond(f"{what}/{name}", group[name], rows, unit)
+            self._past_end(f"{what}/{name}", group[name], rows, unit)
         if kept < rows:
             self._note(f"{what}: only the first {kept} of {rows} {unit}s can be read")
         return dict.fromkeys(names, kept)
@@ -369,13 +375,13 @@ def _openable(path: Path, say: Callable[[str], object]) -> Iterator[tuple[Path, 
             raise InputError(f"{path} cannot be read: {os.strerror(error.errno)}") from error
         if not h5py.is_hdf5(path):
             raise InputError(
-                f"{path} is not an HDF5 file, or its very beginning is lost: nothing can be kept{_otherwise(path)}"
+                f"{path} is not an HDF5 file, or its very beginning is lost: nothing can be kept{_alternatives(path)}"
             ) from error
         told = re.search(r"truncated file: eof = (\d+).*stored_eof = (\d+)", str(error))
         if told is None:
             raise InputError(
                 f"{path}: HDF5 cannot open it ({error}): nothing can be kept by this program; `h5clear -s` of the HDF5 "
-                f"tools helps if only a flag was left set{_otherwise(path)}"
+                f"tools helps if only a flag was left set{_alternatives(path)}"
             ) from error
     if told is None:
         yield path, None
@@ -391,7 +397,7 @@ def _openable(path: Path, say: Callable[[str], object]) -> Iterator[tuple[Path, 
         except OSError as error:
             raise InputError(
                 f"{path}: HDF5 cannot open it, even with its end filled up ({error}): nothing can be kept"
-                f"{_otherwise(path)}"
+                f"{_alternatives(path)}"
             ) from error
         yield filled, present
     finally:
@@ -405,7 +411,7 @@ def _numbers(frames: NDArray[np.intp]) -> str:
     return f"{len(frames)} frames ({some})"
 
 
-def _otherwise(path: Path) -> str:
+def _alternatives(path: Path) -> str:
     """Other places from which the run may be continued."""
     checkpoint = checkpoint_of(path)
     if checkpoint.exists():

@@ -16,7 +16,7 @@ from .file import OutputFile, drop_staged
 from .layout import EVENT_COLUMNS, HISTORIES, START_COLUMNS, TIMESERIES
 
 
-class Rows:
+class CommitLog:
     """Datasets with the same number of rows (first axis), and a marker that grows last: the commit.
 
     Rows beyond the marker do not count. A resumed run gives rows again that are committed: they are compared with the
@@ -120,7 +120,7 @@ class SeriesWriter:
 
     def __init__(self, output: OutputFile, at: int = 0) -> None:
         self._output = output
-        self.rows: Rows | None = None
+        self.rows: CommitLog | None = None
         self._like: dict[str, NDArray[Any]] = {}
         self._columns: dict[str, tuple[str, ...]] = {}
         if layout.committed_rows(output.file) == 0:
@@ -133,10 +133,10 @@ class SeriesWriter:
             if "columns" in each.attrs
         }
 
-    def _open(self, names: Sequence[str], committed: int = 0, at: int | None = None) -> Rows:
+    def _open(self, names: Sequence[str], committed: int = 0, at: int | None = None) -> CommitLog:
         group = self._output.file[TIMESERIES]
         datasets = {"time": group["time"], **{name: group[f"{name}/value"] for name in names}}
-        self.rows = Rows("row of the series", group["step"], datasets, committed, at)
+        self.rows = CommitLog("row of the series", group["step"], datasets, committed, at)
         self._like = samples({name: datasets[name] for name in names})
         return self.rows
 
@@ -195,7 +195,7 @@ class HistoryWriter:
     def __init__(self, output: OutputFile, n: int, at: int = 0) -> None:
         self._output = output
         self._n = n
-        self.events: Rows | None = None
+        self.events: CommitLog | None = None
         if HISTORIES in output.file:
             self._open(at)
 
@@ -203,10 +203,10 @@ class HistoryWriter:
         group = self._output.file[HISTORIES]
         marks, times = group["committed/events"], group["committed/time"]
         self._tracked: NDArray[np.int32] = group["tracked"][()]
-        self._commits = Rows("commit of histories", marks, {"time": times}, len(marks))
+        self._commits = CommitLog("commit of histories", marks, {"time": times}, len(marks))
         columns = {name: group[f"events/{name}"] for name in EVENT_COLUMNS}
         # The events have no marker of their own: the commits count them.
-        self.events = Rows("event of the histories", None, columns, int(marks[len(marks) - 1]), at)
+        self.events = CommitLog("event of the histories", None, columns, int(marks[len(marks) - 1]), at)
 
     def begin(self, ids: ArrayLike, state: State) -> None:
         """Begin to track disks; see `TrajectoryWriter.begin_histories`."""

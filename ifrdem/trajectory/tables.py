@@ -29,7 +29,7 @@ PER_DISK = "collisions_per_disk"
 WHICH = ("series", "observables", "frame")
 
 
-def needed(package: str, extra: str) -> Any:
+def optional_import(package: str, extra: str) -> Any:
     """Import an optional package; InputError names the extra that installs it."""
     try:
         return importlib.import_module(package)
@@ -65,7 +65,7 @@ def frame_columns(trajectory: Trajectory, index: int) -> dict[str, NDArray[Any]]
 def to_pandas(trajectory: Trajectory, which: str, index: int) -> pandas.DataFrame:
     """As `Trajectory.to_pandas`."""
     checked.one_of("which", which, WHICH)
-    pandas = needed("pandas", "analysis")
+    pandas = optional_import("pandas", "analysis")
     if which == "frame":
         found = frame_columns(trajectory, index)
         return pandas.DataFrame(found, index=pandas.RangeIndex(trajectory.n, name="id"))
@@ -78,7 +78,7 @@ def to_pandas(trajectory: Trajectory, which: str, index: int) -> pandas.DataFram
 
 def to_xarray(trajectory: Trajectory) -> xarray.Dataset:
     """As `Trajectory.to_xarray`."""
-    xarray = needed("xarray", "analysis")
+    xarray = optional_import("xarray", "analysis")
     data: dict[str, Any] = {}
     for name in trajectory.fields:
         dims = ("time", "disk", "mechanism" if name == "dissipated" else "axis")[
@@ -131,7 +131,7 @@ def whole_gas(trajectory: Trajectory) -> dict[str, NDArray[np.float64]]:
     return {"time": source.time, PER_DISK: 2.0 * found["collisions"] / max(trajectory.n, 1), **found}
 
 
-def joined(trajectories: Sequence[Trajectory]) -> dict[str, NDArray[np.float64]]:
+def at_equal_collisions(trajectories: Sequence[Trajectory]) -> dict[str, NDArray[np.float64]]:
     """Quantities that all have with equal columns, shape (trajectories, rows, ...), at the same collisions per disk.
 
     The rows are those of the first trajectory, as far as all go; the others are interpolated linearly between theirs.
@@ -191,7 +191,7 @@ def concat(trajectories: _OfFiles) -> xarray.Dataset:
     """
     from .reader import Trajectory
 
-    xarray = needed("xarray", "analysis")
+    xarray = optional_import("xarray", "analysis")
     with contextlib.ExitStack() as stack:
         opened = [
             one
@@ -201,7 +201,7 @@ def concat(trajectories: _OfFiles) -> xarray.Dataset:
         ]
         if not opened:
             raise InputError("trajectories: one at least is needed")
-        found = joined(opened)
+        found = at_equal_collisions(opened)
         units = {name: opened[0].units.get(quantity) for name, quantity in QUANTITIES.items()}
         names = [one.path.stem for one in opened]
     coordinates = {"run": names, PER_DISK: found.pop(PER_DISK)}
@@ -266,7 +266,7 @@ def _lazy(xarray: Any, trajectory: Trajectory, name: str) -> Any:
 
 def universe(trajectory: Trajectory) -> MDAnalysis.Universe:
     """See `Trajectory.universe`."""
-    mda: Any = needed("MDAnalysis", "readers")
+    mda: Any = optional_import("MDAnalysis", "readers")
     trajectory.dataset("position")  # raises if it, or a part of it, is missing
     disks = trajectory.disks
     made = mda.Universe.empty(disks.n, trajectory=True, velocities="velocity" in trajectory.fields)

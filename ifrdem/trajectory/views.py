@@ -98,7 +98,7 @@ def _view(
     place_of = f"/{layouts.PARTICLES}/{source}" + (f"/{layouts.FIELDS[source].dataset}" if field else "")
     layout = h5py.VirtualLayout(shape=shape, dtype=dtype)
     vector = tail == (2,)
-    for place, disks in _holders(trajectory):
+    for place, disks in _data_files(trajectory):
         count = disks.stop - disks.start
         held = (frames, count, *tail) if field else (count,)
         origin = h5py.VirtualSource(as_source(place), place_of, shape=held, dtype=dtype)
@@ -115,7 +115,7 @@ def _view(
     return group.create_virtual_dataset(name, layout, fillvalue=nothing(dtype))
 
 
-def _holders(trajectory: Trajectory) -> Iterator[tuple[str, slice]]:
+def _data_files(trajectory: Trajectory) -> Iterator[tuple[str, slice]]:
     """Files that hold the data, and numbers of the disks that each has."""
     if trajectory.parts is None:
         yield trajectory.path.name, slice(0, trajectory.n)

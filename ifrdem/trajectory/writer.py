@@ -26,7 +26,7 @@ from . import damage, layout
 from . import parts as parted
 from .file import OutputFile
 from .parts import Part, Parts
-from .rows import HistoryWriter, Rows, SeriesWriter, check_name, samples, stored
+from .rows import CommitLog, HistoryWriter, SeriesWriter, check_name, samples, stored
 from .rows import checked as checked_row
 
 DEFAULT_FIELDS = ("position", "velocity", "angular_velocity", "collisions", "image")
@@ -218,7 +218,7 @@ class TrajectoryWriter(Sealed):
         self._observables = samples(observables)
         edges = {"edges": clock["value"]} if "value" in clock else {}
         rows = {"time": clock["time"], **edges, **fields, **_prefixed(observables)}
-        self._rows = Rows("frame", step, rows, committed, frames, parted.first_of(file))
+        self._rows = CommitLog("frame", step, rows, committed, frames, parted.first_of(file))
         # Views of no disks do not grow by themselves.
         views = [name for name in fields if n == 0 and layout.FIELDS[name].components == 2]
         self._rows.blank = [
@@ -237,9 +237,9 @@ class TrajectoryWriter(Sealed):
         return self._parts
 
     @property
-    def gone(self) -> str | None:
+    def replaced_or_removed(self) -> str | None:
         """Reason why the file is not at its place any more; None if it is."""
-        return self._output.gone
+        return self._output.replaced_or_removed
 
     @property
     def series_rows(self) -> int:
@@ -252,7 +252,7 @@ class TrajectoryWriter(Sealed):
         return self._histories.events.committed if self._histories.events else 0
 
     @property
-    def seen(self) -> dict[str, int]:
+    def written_counts(self) -> dict[str, int]:
         """Counts that a checkpoint keeps for `resume`: frames, series_rows and events that the run has written."""
         rows = {"frames": self._rows, "series_rows": self._series.rows, "events": self._histories.events}
         return {name: each.at if each else 0 for name, each in rows.items()}

@@ -41,7 +41,7 @@ def test_sums_over_correlated_noise_are_those_of_its_matrix() -> None:
     np.testing.assert_allclose(cooling._correlated(modes, rho), rho**lag @ modes, rtol=1e-12, atol=1e-14)
     project = np.eye(n) - modes @ modes.T
     rest = project @ noise(3, n, rho)
-    found, kept = cooling._memory(rest, modes)
+    found, kept = cooling._autoregression(rest, modes)
     M = project @ found**lag @ project
     assert kept == pytest.approx(np.trace(M), rel=1e-12)
     # rho is found to 1e-6, and the ratio changes by about as much.

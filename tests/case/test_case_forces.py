@@ -148,7 +148,7 @@ def test_every_kind_of_force_reaches_its_class() -> None:
     made = forces_of(Case.model_validate(raw))
     for one, (_, other) in zip(made, given.values(), strict=True):
         assert type(one) is type(other)
-        assert (one.step, one.parameters) == (other.step, other.parameters)
+        assert (one.step, one.values) == (other.step, other.values)
     keys = {key for each in ForceSection.kinds.values() for key in each.all}
     assert keys | {"kind", "step"} == set(ForceSection.model_fields)
 

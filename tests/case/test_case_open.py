@@ -52,10 +52,10 @@ def test_coins_on_a_table_come_to_rest_and_are_drawn(
 def test_keys_of_table_friction_make_the_force() -> None:
     case = case_file.read(CASE, ["force[0].gravity=1.62"]).case
     (force,) = forces_of(case)
-    assert force.parameters == (0.2 * 1.62,)
+    assert force.deceleration == 0.2 * 1.62
     assert ForceSection.kinds["table_friction"].needed == ("mu",)
     (earth,) = forces_of(case_file.read(CASE).case)
-    assert earth.parameters == (0.2 * 9.81,)
+    assert earth.deceleration == 0.2 * 9.81
 
 
 @pytest.mark.parametrize(

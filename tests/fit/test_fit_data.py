@@ -136,15 +136,17 @@ def test_missing_values_are_left_out_and_counted(tmp_path: Path) -> None:
 def test_other_names_units_delimiters_and_decimals_are_read(tmp_path: Path) -> None:
     path = tmp_path / "lab.csv"
     path.write_text("# film 3\nnr;impact angle;delta_2 (rad)\n1;10,5;0,1\n2;50;0,2\n", encoding="utf-8")
-    form = fit.Form({"psi": "impact angle"}, {}, {}, ";", ",")
+    form = fit.TableFormat({"psi": "impact angle"}, {}, {}, ";", ",")
     data = fit.read(path, {"angles": 0.7}, form=form)
     np.testing.assert_array_equal(data.psi, [10.5, 50.0])
     np.testing.assert_allclose(data.measured["delta_2"], np.degrees([0.1, 0.2]), rtol=1e-15)
     assert data.notes == ("columns not used: nr",)
     with pytest.raises(InputError, match=r"column psi='impact angel': .*did you mean 'impact angle'"):
-        fit.read(path, {"angles": 0.7}, form=fit.Form({"psi": "impact angel"}, {}, {}, ";", ","))
+        fit.read(path, {"angles": 0.7}, form=fit.TableFormat({"psi": "impact angel"}, {}, {}, ";", ","))
     with pytest.raises(InputError, match=r"unit psi=dge: .*did you mean 'deg'"):
-        fit.read(path, {"angles": 0.7}, form=fit.Form({"psi": "impact angle"}, {"psi": "dge"}, {}, ";", ","))
+        fit.read(
+            path, {"angles": 0.7}, form=fit.TableFormat({"psi": "impact angle"}, {"psi": "dge"}, {}, ";", ",")
+        )
 
 
 def test_missing_errors_are_named_for_each_quantity(tmp_path: Path) -> None:

@@ -50,7 +50,7 @@ def set_(*changes: str) -> list[str]:
     return [word for each in changes for word in ("--set", each)]
 
 
-def goes_on(*more: str) -> list[str]:
+def continues(*more: str) -> list[str]:
     return ["run.name=half", "species[0].speed_rms=", "start.positions=whole.h5", "start.frame=1", "start.motion=true",
             *more]  # fmt: skip
 
@@ -65,7 +65,7 @@ def test_a_run_from_a_frame_is_the_second_half_of_the_whole_run(
     Path("gas.toml").write_text(GAS + GASES[gas])
     assert main(["run", "gas.toml", "--quiet"]) == 0
     own = ["wall[0].piston.displacement=", "wall[0].piston.velocity="] if gas == "a piston" else []
-    assert main(["run", "gas.toml", "--quiet", *set_(*goes_on(*own))]) == 0
+    assert main(["run", "gas.toml", "--quiet", *set_(*continues(*own))]) == 0
     with Trajectory("whole.h5") as whole, Trajectory("half.h5") as half:
         assert whole.times.tolist() == [0.0, 1.5, 3.0]
         assert half.times.tolist() == [1.5, 3.0]
@@ -83,7 +83,7 @@ def test_a_run_from_a_frame_is_the_second_half_of_the_whole_run(
     if "wall" not in GASES[gas]:
         return
     # Stopped and resumed, it is to the bit what it is.
-    stopped = set_(*goes_on(*own), "run.name=stopped")
+    stopped = set_(*continues(*own), "run.name=stopped")
     assert main(["run", "gas.toml", "--quiet", "--max-hours", "1e-9", *stopped]) == 3
     assert main(["resume", "stopped.h5", "--quiet"]) == 0
     with Trajectory("half.h5") as half, Trajectory("stopped.h5") as resumed:
@@ -115,8 +115,8 @@ def test_the_clock_of_the_frame_goes_on_or_a_new_one_begins(
         counted, image = whole[1].collisions, whole[1].image
     assert collisions > 0
     assert np.any(image)
-    still = [each for each in goes_on() if "motion" not in each and "speed" not in each]
-    for changes in (goes_on(), still):
+    still = [each for each in continues() if "motion" not in each and "speed" not in each]
+    for changes in (continues(), still):
         gas = case(old, *changes).gas
         state = gas.start()
         assert (gas.begin, state.time) == ((1.5, collisions), 1.5)
@@ -128,12 +128,12 @@ def test_the_clock_of_the_frame_goes_on_or_a_new_one_begins(
         assert not state.collisions.any()
         assert not state.image.any()
     gas_toml = str(old / "gas.toml")
-    assert main(["check", gas_toml, *set_(*goes_on())]) == 0
+    assert main(["check", gas_toml, *set_(*continues())]) == 0
     shown = capsys.readouterr().out
     assert f"from t = 1.5, after {collisions / 10:.4g} collisions per disk, to t = 3: " in shown
     # Half the time from the same motion: half of the collisions, and more by what cooling takes from the second half.
     half = float(re.search(r"to t = 3: ([\d.]+) collisions", shown)[1])  # type: ignore[index]
-    assert main(["check", gas_toml, *set_(*goes_on("start.time=0"))]) == 0
+    assert main(["check", gas_toml, *set_(*continues("start.time=0"))]) == 0
     whole_run = re.search(r"run {20}to t = 3: ([\d.]+) collisions", capsys.readouterr().out)
     assert 0.5 * float(whole_run[1]) < half < 0.6 * float(whole_run[1])  # type: ignore[index]
 
@@ -158,10 +158,10 @@ def test_the_clock_of_the_frame_goes_on_or_a_new_one_begins(
 def test_ends_that_are_over_are_refused(old: Path, changes: list[str], says: str | None) -> None:
     """A force of step 2 acts at t = 1 and 3; of step 2.8 at 1.4, which is over, and at 4.2, which never comes."""
     if says is None:
-        case(old, *goes_on(), *changes)
+        case(old, *continues(), *changes)
         return
     with pytest.raises(InputError, match=says):
-        case(old, *goes_on(), *changes)
+        case(old, *continues(), *changes)
 
 
 def test_a_csv_start_begins_at_its_time(tmp_path: Path) -> None:
@@ -278,7 +278,7 @@ def test_gates_and_pistons_of_a_frame_are_where_it_says(tmp_path: Path) -> None:
 
 
 def test_a_start_warns_of_what_a_frame_does_not_store(old: Path) -> None:
-    moving, hot = goes_on(), '{shape="line",temperature=1.0,point=[0.0,0.0],normal=[0.0,1.0]}'
+    moving, hot = continues(), '{shape="line",temperature=1.0,point=[0.0,0.0],normal=[0.0,1.0]}'
     assert case(old, *moving).gas.cautions == []
     (text,) = case(old, *moving, "run.collapse=tc", "run.contact_time=0.01").gas.cautions
     assert (
@@ -299,6 +299,6 @@ def test_a_study_begins_at_0(old: Path) -> None:
     """Its runs share one time axis."""
     for more, wrong in (((), ["start.time = 1.5: must be 0 in a study, whose runs share one time axis "
                               "(without the key it is the time of the frame)"]), (("start.time=0",), [])):  # fmt: skip
-        changes = [each for each in goes_on(*more) if "name" not in each]
+        changes = [each for each in continues(*more) if "name" not in each]
         plan = ifrdem.Study(old / "gas.toml", vary=["material[0].e_n=0.8,0.9"], set=changes).plan
-        assert plan.judged()[1] == wrong
+        assert plan.checked_cases()[1] == wrong

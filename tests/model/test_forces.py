@@ -51,7 +51,7 @@ def test_a_force_of_ones_own_that_depends_on_velocity_is_of_second_order() -> No
     """The velocity turns at the rate c w = 0.6: a circle of radius |v| / 0.6."""
     errors = []
     for step in (0.25, 0.125, 0.0625):
-        end = one_disk([Magnus(step, [0.3])], 4.0)
+        end = one_disk([Magnus(step, c=0.3)], 4.0)
         way = (1.0 + 0.5j) * (np.exp(2.4j) - 1.0) / 0.6j
         errors.append(float(np.hypot(*(end.position[0] - 20.0 - [way.real, way.imag]))))
     assert 1.9 < slope(errors) < 2.1
@@ -61,7 +61,7 @@ def test_a_force_that_depends_on_place_is_of_second_order() -> None:
     """A harmonic oscillator of frequency 0.8 about (19, 20.5), from (20, 20) with velocity (1, 0.5)."""
     errors = []
     for step in (0.25, 0.125, 0.0625):
-        end = one_disk([Trap(step, [0.64, 19.0, 20.5, 0.0])], 3.0)
+        end = one_disk([Trap(step, stiffness=0.64, x=19.0, y=20.5, frequency=0.0)], 3.0)
         c, s = math.cos(2.4), math.sin(2.4)
         exact = [19.0 + 1.0 * c + 1.0 / 0.8 * s, 20.5 - 0.5 * c + 0.5 / 0.8 * s]
         errors.append(float(np.hypot(*(end.position[0] - exact))))
@@ -70,7 +70,7 @@ def test_a_force_that_depends_on_place_is_of_second_order() -> None:
 
 def test_a_force_knows_the_time() -> None:
     """Far from the middle, dv = -pull D cos(w t) dt with D = 1e6: the sum over midpoints, steps 0.1 from t = 3.7 on."""
-    force = Trap(0.1, [1e-6, 20.0 - 1e6, 20.0, 1.5])
+    force = Trap(0.1, stiffness=1e-6, x=20.0 - 1e6, y=20.0, frequency=1.5)
     end = one_disk([force], 5.0, time=3.7)
     expected = 1.0 - 0.1 * sum(math.cos(1.5 * (k + 0.5) * 0.1) for k in range(37, 50))
     assert end.velocity[0, 0] == pytest.approx(expected, abs=1e-5)  # the disk moves a little
@@ -84,7 +84,7 @@ def test_forces_that_do_not_commute_are_of_second_order_together() -> None:
     for ratio in (1, 3):
         errors = []
         for step in (0.25, 0.125, 0.0625):
-            end = one_disk([Push(step, [1.0]), Drag(step / ratio, rate=1.0)], 3.0)
+            end = one_disk([Push(step, acceleration=1.0), Drag(step / ratio, rate=1.0)], 3.0)
             # v_x starts at 1, where it would stay; v_y at 0.5 has no push.
             errors.append(abs(end.velocity[0, 0] - 1.0))
             assert end.velocity[0, 1] == pytest.approx(0.5 * math.exp(-3.0), rel=1e-12)
@@ -93,7 +93,7 @@ def test_forces_that_do_not_commute_are_of_second_order_together() -> None:
 
 def test_a_run_in_parts_is_the_run_as_a_whole() -> None:
     """Forces act at times counted from 0: neither the frames of a run nor a restart shifts them."""
-    forces = [Langevin(0.3, temperature=2.0, rate=0.7, spin_rate=0.4), Push(0.1, [1.0])]
+    forces = [Langevin(0.3, temperature=2.0, rate=0.7, spin_rate=0.4), Push(0.1, acceleration=1.0)]
     whole = one_disk(forces, 6.0)
     disks = Disks(1, mass=2.0, radius=0.5)
     state = State(np.array([[20.0, 20.0]]), np.array([[1.0, 0.5]]), np.array([2.0]))
@@ -218,6 +218,6 @@ def test_rescaling_keeps_temperature_or_energy_to_rounding() -> None:
         for k in range(4):
             simulation.run(t_end=(k + 0.5) * 0.1)  # right after the force
             found = measure(disks, simulation.state)
-            energy = found.translational_energy if force.parameters[1] == 0.0 else found.energy
+            energy = found.translational_energy if force.with_spins == 0.0 else found.energy
             assert energy / disks.n == pytest.approx(1.7, rel=1e-14)
         assert simulation.collisions > 100

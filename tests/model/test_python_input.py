@@ -175,11 +175,11 @@ class Spring(forces.Force):
     """A force of one's own, with an attribute of its own."""
 
     def __init__(self, stiffness: float) -> None:
-        super().__init__(0.1, [stiffness])
+        super().__init__(0.1)
         self.stiffness = stiffness
 
     @staticmethod
-    def act(disk, step, parameters):
+    def act(disk, step, p):
         return disk.vx, disk.vy, disk.spin
 
 
@@ -281,12 +281,11 @@ def test_a_refused_attribute_names_what_to_use_instead(things: dict[str, Any]) -
 
 def test_what_is_said_to_be_assignable_is() -> None:
     drag = forces.Drag(0.1, rate=1.0)
-    drag.parameters = (2.0, 0.0, 0.0)
-    assert drag.parameters == (2.0, 0.0, 0.0)
-    with pytest.raises(InputError, match="3 numbers"):
-        drag.parameters = (2.0,)
-    with pytest.raises(InputError, match=r"parameters\[0\]"):
-        drag.parameters = ("a", 0.0, 0.0)
+    drag.rate = 2.0
+    assert drag.values == {"rate": 2.0, "quadratic": 0.0, "spin_rate": 0.0}
+    with pytest.raises(InputError, match="rate = 'a'"):
+        drag.rate = "a"
+    assert drag.rate == 2.0
     spring = Spring(2.0)
     spring.stiffness = 3.0
     own = Own(e=0.5)

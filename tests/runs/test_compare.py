@@ -12,7 +12,7 @@ from support.layout_files import some_disks
 import ifrdem
 from ifrdem.cli.main import main
 from ifrdem.errors import InputError
-from ifrdem.fit.tabular import Form
+from ifrdem.fit.tabular import TableFormat
 from ifrdem.model.state import State
 from ifrdem.runs import compare
 from ifrdem.trajectory.writer import TrajectoryWriter
@@ -55,7 +55,7 @@ def test_places_distances_and_spread_are_those_of_the_mechanics(
     run: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     Path("rest.csv").write_text("id,x,y,t\n0,1.1,0.3,\n1,2.9,0,\n0,0.5,0,0.5\n", encoding="utf-8")
-    seen = compare.read("rest.csv", {"positions": 0.1}, Form())
+    seen = compare.read("rest.csv", {"positions": 0.1}, TableFormat())
     found = compare.compare(
         run,
         seen,
@@ -103,7 +103,7 @@ def test_ellipses_hold_the_part_of_the_places_that_they_say(members: int, error:
 def test_start_errors_spread_the_runs(run: Path) -> None:
     """Of 0.1 m/s: disk 0 flies 1 s at v, then a second or so at 0.1 v; disk 1 takes 0.9 v: spreads follow by differences."""  # noqa: E501
     Path("rest.csv").write_text("id,x,y,t\n0,0.5,0,0.5\n", encoding="utf-8")
-    seen = compare.read("rest.csv", {}, Form())
+    seen = compare.read("rest.csv", {}, TableFormat())
     found = compare.compare(run, seen, errors={"velocities": 0.1}, members=6, seed=3)
     assert 0.02 < found.spread[0, 0] < 0.1  # 0.05 for 0.5 s, from six draws
 
@@ -121,7 +121,7 @@ def test_start_errors_spread_the_runs(run: Path) -> None:
 def test_wrong_places_are_refused(run: Path, text: str, says: str) -> None:
     Path("rest.csv").write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=says):
-        compare.compare(run, compare.read("rest.csv", {}, Form()))
+        compare.compare(run, compare.read("rest.csv", {}, TableFormat()))
 
 
 @pytest.mark.parametrize(
@@ -133,7 +133,7 @@ def test_units_are_those_that_the_file_states(tmp_path: Path, units: dict[str, s
     with ifrdem.TrajectoryWriter(tmp_path / "one.h5", disks, box, units=units) as file:
         file.write(ifrdem.State([[1.0, 2.0]], [[0.0, 0.0]], [0.0]))
     (tmp_path / "seen.csv").write_text("id,x,y,t\n0,1,2,0\n", encoding="utf-8")
-    seen = compare.read(tmp_path / "seen.csv", {"positions": 0.1}, Form())
+    seen = compare.read(tmp_path / "seen.csv", {"positions": 0.1}, TableFormat())
     table = compare.compare(tmp_path / "one.h5", seen, members=0).table()
     assert table.splitlines()[0] == f"1 places; {says}angles in degrees"
 

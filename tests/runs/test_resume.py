@@ -29,7 +29,7 @@ from ifrdem.runs.signals import Stops
 from ifrdem.simulation import checkpoint
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.tools.versions import package_versions
-from ifrdem.trajectory.background import QueuedWriter
+from ifrdem.trajectory.background import AsyncWriter
 
 CASE = """
 [run]
@@ -214,15 +214,15 @@ def test_rates_after_a_resume_are_those_of_what_was_done_since(
 def test_a_signal_while_the_last_frames_are_written_leaves_a_run_that_is_done(
     whole, tmp_path, monkeypatch, capsys
 ):
-    flush, sent = QueuedWriter.flush, []
+    flush, sent = AsyncWriter.flush, []
 
-    def signalled(self: QueuedWriter) -> None:
+    def signalled(self: AsyncWriter) -> None:
         if self.series_rows and not sent:
             sent.append(1)
             os.kill(os.getpid(), signal.SIGTERM)
         flush(self)
 
-    monkeypatch.setattr(QueuedWriter, "flush", signalled)
+    monkeypatch.setattr(AsyncWriter, "flush", signalled)
     assert cli.main(["run", str(whole.parent / "gas.toml"), "-o", f"{tmp_path}/"]) == 0
     assert sent
     assert "terminated" in capsys.readouterr().err

@@ -156,7 +156,7 @@ def test_seed_disk_step_and_place_of_a_force_change_its_random_numbers() -> None
     disks, box, state = still(100)
 
     def numbers(place: int, seed: int, t: float) -> NDArray[np.float64]:
-        forces: list[Force] = [Push(1.0, [0.0])] * place + [Noise(1.0)]
+        forces: list[Force] = [Push(1.0, acceleration=0.0)] * place + [Noise(1.0)]
         simulation = Simulation(disks, box, SMOOTH, state, forces=forces, seed=seed)
         simulation.run(t_end=t)
         end = simulation.state
@@ -189,7 +189,9 @@ def test_seed_disk_step_and_place_of_a_force_change_its_random_numbers() -> None
         (lambda: Langevin(0.1, temperature=1.0, rate=0.0), "rate, spin_rate: one of them above 0"),
         (lambda: Rescale(0.1), "exactly one of temperature and energy"),
         (lambda: Rescale(0.1, energy=0.0), r"energy = 0\.0: a positive finite number"),
-        (lambda: Push(0.1, [math.inf]), r"parameters\[0\] = inf"),
+        (lambda: Push(0.1, acceleration=math.inf), "acceleration = inf"),
+        (lambda: Push(0.1, accelleration=1.0), r"Push: unknown parameter 'acc.*'.* it has: acceleration"),
+        (lambda: Push(0.1), "Push: acceleration is missing; it has: acceleration"),
     ],
 )  # fmt: skip
 def test_a_force_that_cannot_be_is_refused(make: object, text: str) -> None:
@@ -203,7 +205,7 @@ def test_a_force_that_cannot_act_is_refused() -> None:
         (RandomKicks(0.1, power=1.0), "2 disks at least"),
         (Force(0.1), "with a method act"),
         ("drag", "with a method act"),
-        (Summing(0.1), "needs a method measure"),
+        (Summing(0.1, acceleration=1.0), "needs a method measure"),
     ):
         with pytest.raises(InputError, match=text):
             Simulation(disks, box, SMOOTH, state, forces=[force])  # type: ignore[list-item]
@@ -217,7 +219,7 @@ def test_a_force_that_makes_a_velocity_infinite_stops_the_run() -> None:
     with pytest.raises(
         EngineError, match=r"t = 0.05: force 1, Push, made a velocity or spin that is not finite"
     ):
-        one_disk([Push(0.1, [1e200]), Push(0.1, [1e200])], 1.0)
+        one_disk([Push(0.1, acceleration=1e200), Push(0.1, acceleration=1e200)], 1.0)
 
 
 def test_a_gas_at_rest_waits_for_a_force_but_not_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:

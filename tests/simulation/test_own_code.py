@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib
 import re
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -54,72 +56,112 @@ def test_a_coefficient_that_a_law_has_not_is_refused(law: ifrdem.CollisionLaw, m
         gas(law)
 
 
-def force(act: Any, measure: Any = None, totals: int = 0) -> type[ifrdem.forces.Force]:
+def force(act: Any, measure: Any = None, totals: int = 0, names: tuple[str, ...] = ()) -> Any:
     """A class of forces."""
-    members: dict[str, Any] = {"act": staticmethod(act), "totals": totals}
+    members: dict[str, Any] = {"act": staticmethod(act), "totals": totals, "parameters": names}
     members |= {} if measure is None else {"measure": staticmethod(measure)}
     return type("Mine", (ifrdem.forces.Force,), members)
 
 
-def second_parameter(disk, step, parameters):
-    return disk.vx * parameters[1], disk.vy, disk.spin
+def misspelt_parameter(disk, step, p):
+    return disk.vx * p.rat, disk.vy, disk.spin
 
 
-def any_total(disk, step, parameters):
+def second_parameter(disk, step, p):
+    return disk.vx * p[1], disk.vy, disk.spin
+
+
+def any_total(disk, step, p):
     return disk.vx * step.totals[0], disk.vy, disk.spin
 
 
-def second_total(disk, step, parameters):
+def second_total(disk, step, p):
     return disk.vx * step.totals[1], disk.vy, disk.spin
 
 
-def misspelt_spin(disk, step, parameters):
+def misspelt_spin(disk, step, p):
     return disk.vx, disk.vy, disk.spn
 
 
-def misspelt_time(disk, step, parameters):
+def misspelt_time(disk, step, p):
     return ti.Vector([disk.mass * step.dtt])
 
 
-def time_as_spin(disk, step, parameters):
+def time_as_spin(disk, step, p):
     return disk.vx, disk.vy, step.spin
 
 
-def mass_alone(disk, step, parameters):
+def mass_alone(disk, step, p):
     return ti.Vector([disk.mass])
 
 
-@pytest.mark.parametrize(
-    ("kind", "parameters", "message"),
-    [
-        (
-            force(second_parameter),
-            [1.0],
-            "index 1 does not exist: must be 0; it has 1 parameter and 0 totals",
-        ),
-        (force(second_parameter), [], "out of range; it has 0 parameters"),
-        (force(any_total), [1.0], "there is no 'totals'; disk has .* and 0 totals"),
-        (force(second_total, mass_alone, 1), [], "index 1 does not exist: must be 0; it has .* 1 total"),
-        (force(second_total, mass_alone, 2), [], "index 1 does not exist: must be 0; it has .* 2 totals"),
-        (
-            force(misspelt_spin),
-            [],
-            r"there is no 'spn' \(did you mean 'spin'\?\); disk has x, y, vx, vy, spin, mass, radius, k, inertia; "
-            "step has time, dt, free, random; it has 0 parameters",
-        ),
-        (
-            force(any_total, misspelt_time, 1),
-            [],
-            r"there is no 'dtt' \(did you mean 'dt'\?\); .* in act, step also has totals",
-        ),
-        (force(time_as_spin), [], "there is no 'spin'; disk has x, y, vx, vy, spin"),
-    ],
-)
-def test_a_parameter_or_total_that_a_force_has_not_is_refused(
-    kind: type[ifrdem.forces.Force], parameters: list[float], message: str
-) -> None:
+WRONG_FORCES: dict[str, tuple[Any, dict[str, float], str]] = {
+    "misspelt parameter": (
+        force(misspelt_parameter, names=("rate", "b")), {"rate": 1.0, "b": 2.0},
+        r"there is no 'rat' \(did you mean 'rate'\?\); .*; parameters has rate, b",
+    ),
+    "parameter without names": (
+        force(misspelt_parameter), {}, "there is no 'rat'; .*; parameters has no names"
+    ),
+    "parameter by number": (
+        force(second_parameter, names=("rate",)), {"rate": 1.0},
+        r"\[1\]: must be a name after a dot; .*; parameters has rate",
+    ),
+    "no totals": (force(any_total), {}, "there is no 'totals'; disk has .*; it has 0 totals"),
+    "second of one total": (
+        force(second_total, mass_alone, 1), {}, "index 1 does not exist: must be 0; it has 1 total"
+    ),
+    "second of one term": (
+        force(second_total, mass_alone, 2), {}, "index 1 does not exist: must be 0; it has 2 totals"
+    ),
+    "misspelt quantity of a disk": (
+        force(misspelt_spin), {},
+        r"there is no 'spn' \(did you mean 'spin'\?\); disk has x, y, vx, vy, spin, mass, radius, k, inertia; "
+        "step has time, dt, free, random; parameters has no names; it has 0 totals",
+    ),
+    "misspelt quantity of a step": (
+        force(any_total, misspelt_time, 1), {},
+        r"there is no 'dtt' \(did you mean 'dt'\?\); .* in act, step also has totals",
+    ),
+    "quantity of something else": (force(time_as_spin), {}, "there is no 'spin'; disk has x, y, vx, vy, spin"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRONG_FORCES)
+def test_what_a_force_has_not_is_one_error_that_lists_what_there_is(name: str) -> None:
+    kind, values, message = WRONG_FORCES[name]
     with pytest.raises(InputError, match=rf"forces\[0\] = Mine: .*{message}"):
-        gas(forces=[kind(0.1, parameters)])
+        gas(forces=[kind(0.1, **values)])
+
+
+def test_a_wrong_parameter_of_a_force_does_not_end_the_process() -> None:
+    """In a process of its own, which Taichi's compiler would abort."""
+    names = [name for name in WRONG_FORCES if "parameter" in name]
+    script = (
+        "import sys; sys.path.insert(0, 'tests/simulation')\n"
+        "from test_own_code import WRONG_FORCES, InputError, gas\n"
+        f"for name in {names!r}:\n"
+        "    kind, values, _ = WRONG_FORCES[name]\n"
+        "    try:\n"
+        "        gas(forces=[kind(0.1, **values)])\n"
+        "    except InputError as error:\n"
+        "        print(error)\n"
+    )
+    root = Path(__file__).parents[2]
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, cwd=root, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert len(lines) == len(names), done.stdout
+    for line, name in zip(lines, names, strict=True):
+        assert re.search(WRONG_FORCES[name][2], line), line
+
+
+def test_a_parameter_cannot_have_the_name_of_something_else() -> None:
+    for names in (("step",), ("totals",), ("a b",), (1,)):
+        with pytest.raises(InputError, match=r"Mine: parameters = .*: must be names"):
+            force(mass_alone, names=names)  # type: ignore[arg-type]
 
 
 def test_a_run_that_does_nothing_says_so() -> None:

@@ -21,35 +21,41 @@ SMOOTH = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
 class Push(Force):
     """A constant acceleration along x."""
 
+    parameters = ("acceleration",)
+
     @staticmethod
-    def act(disk, step, parameters):  # type: ignore[no-untyped-def]
-        return disk.vx + parameters[0] * step.dt, disk.vy, disk.spin
+    def act(disk, step, p):  # type: ignore[no-untyped-def]
+        return disk.vx + p.acceleration * step.dt, disk.vy, disk.spin
 
 
 class Magnus(Force):
     """A side force on what spins and moves, dv/dt = c w (-v_y, v_x): the velocity turns at the rate c w."""
 
+    parameters = ("c",)
+
     @staticmethod
     @ti.func
-    def act(disk, step, parameters):  # type: ignore[no-untyped-def]
-        c, s = ti.cos(parameters[0] * disk.spin * step.dt), ti.sin(parameters[0] * disk.spin * step.dt)
+    def act(disk, step, p):  # type: ignore[no-untyped-def]
+        c, s = ti.cos(p.c * disk.spin * step.dt), ti.sin(p.c * disk.spin * step.dt)
         return c * disk.vx - s * disk.vy, s * disk.vx + c * disk.vy, disk.spin
 
 
 class Trap(Force):
-    """Springs to the middle of a box: an acceleration that depends on the place and, through a factor, on time."""
+    """Springs to a point: an acceleration that depends on the position and, through a factor, on time."""
+
+    parameters = ("stiffness", "x", "y", "frequency")
 
     @staticmethod
-    def act(disk, step, parameters):  # type: ignore[no-untyped-def]
-        pull = parameters[0] * ti.cos(parameters[3] * step.time) * step.dt
-        return disk.vx - pull * (disk.x - parameters[1]), disk.vy - pull * (disk.y - parameters[2]), disk.spin
+    def act(disk, step, p):  # type: ignore[no-untyped-def]
+        pull = p.stiffness * ti.cos(p.frequency * step.time) * step.dt
+        return disk.vx - pull * (disk.x - p.x), disk.vy - pull * (disk.y - p.y), disk.spin
 
 
 class Noise(Force):
     """Uniform random velocities and spins between -1 and 1, from two draws."""
 
     @staticmethod
-    def act(disk, step, parameters):  # type: ignore[no-untyped-def]
+    def act(disk, step, p):  # type: ignore[no-untyped-def]
         a, b = uniforms(step.random, 0), uniforms(step.random, 1)
         return 2.0 * a[0] - 1.0, 2.0 * a[1] - 1.0, 2.0 * b[0] - 1.0
 

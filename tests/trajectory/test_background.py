@@ -15,7 +15,7 @@ from test_reader import BOX, some_disks, some_state
 from test_writer_resume import N, begun, content, go_on
 
 from ifrdem.errors import InputError, TrajectoryError
-from ifrdem.trajectory.background import WAITING, QueuedWriter
+from ifrdem.trajectory.background import WAITING, AsyncWriter
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter
 
@@ -39,19 +39,19 @@ class Gate(TrajectoryWriter):
 
 def test_a_queued_file_is_that_of_a_plain_writer(tmp_path):
     begun(tmp_path / "plain.h5", 20)
-    with QueuedWriter(TrajectoryWriter(tmp_path / "run.h5", some_disks(N), BOX)) as writer:
+    with AsyncWriter(TrajectoryWriter(tmp_path / "run.h5", some_disks(N), BOX)) as writer:
         writer.begin_histories(TRACKED, some_state(N, 0))
         go_on(writer, 0, 20)
         writer.flush()
         assert (len(writer), writer.series_rows, writer.events) == (20, 20, 1000)
-        assert writer.seen == {"frames": 20, "series_rows": 20, "events": 1000}
+        assert writer.written_counts == {"frames": 20, "series_rows": 20, "events": 1000}
     assert content(tmp_path / "run.h5") == content(tmp_path / "plain.h5")
 
 
 def test_at_most_two_frames_wait(tmp_path):
     """One is being written and two wait; the fourth call waits until the first is done."""
     inner = Gate(tmp_path / "run.h5", some_disks(3), BOX)
-    writer = QueuedWriter(inner)
+    writer = AsyncWriter(inner)
     for frame in range(1 + WAITING):
         writer.write(some_state(3, frame))
     returned = threading.Event()
@@ -77,7 +77,7 @@ def test_closing_writes_what_waits(tmp_path):
     inner = Gate(tmp_path / "run.h5", some_disks(3), BOX)
     for _ in range(3):
         inner.gate.release()
-    with QueuedWriter(inner) as writer:
+    with AsyncWriter(inner) as writer:
         for frame in range(3):
             writer.write(some_state(3, frame))
     with Trajectory(tmp_path / "run.h5") as trajectory:
@@ -91,7 +91,7 @@ def test_closing_writes_what_waits(tmp_path):
 def test_an_error_surfaces_at_the_next_call_and_the_file_keeps_what_is_committed(tmp_path, next_call):
     inner = Gate(tmp_path / "run.h5", some_disks(3), BOX)
     inner.fail_at = 2
-    writer = QueuedWriter(inner)
+    writer = AsyncWriter(inner)
     for frame in range(3):
         inner.gate.release()
         writer.write(some_state(3, frame))
@@ -109,7 +109,7 @@ def test_an_error_surfaces_at_the_next_call_and_the_file_keeps_what_is_committed
 
 
 def test_a_frame_that_does_not_fit_is_an_input_error_of_the_next_call(tmp_path):
-    writer = QueuedWriter(TrajectoryWriter(tmp_path / "run.h5", some_disks(3), BOX))
+    writer = AsyncWriter(TrajectoryWriter(tmp_path / "run.h5", some_disks(3), BOX))
     writer.write(some_state(3, 0))
     writer.write(some_state(4, 1))
     with pytest.raises(InputError, match="4 disks: 3 are needed"):
@@ -120,7 +120,7 @@ def test_a_frame_that_does_not_fit_is_an_input_error_of_the_next_call(tmp_path):
 
 
 def test_an_error_of_the_run_itself_is_not_hidden_by_one_of_the_queue(tmp_path):
-    with pytest.raises(ZeroDivisionError), QueuedWriter(Gate(tmp_path / "run.h5", some_disks(3), BOX)):
+    with pytest.raises(ZeroDivisionError), AsyncWriter(Gate(tmp_path / "run.h5", some_disks(3), BOX)):
         1 / 0  # noqa: B018 any error of a run
     assert not (tmp_path / "run.h5").exists()
 
@@ -146,7 +146,7 @@ def test_a_file_can_be_read_while_the_queue_writes_it(tmp_path):
     """A reader sees only whole frames, and ever more of them."""
     path = tmp_path / "run.h5"
     n, seen = 3000, []
-    with QueuedWriter(TrajectoryWriter(path, some_disks(n), BOX)) as writer:
+    with AsyncWriter(TrajectoryWriter(path, some_disks(n), BOX)) as writer:
         for frame in range(60):
             writer.write(some_state(n, frame))
             writer.write_series(0.1 * frame, row(frame))
@@ -168,8 +168,8 @@ def test_what_went_wrong_first_is_told_and_not_what_closing_adds(tmp_path):
             super().close()
             raise TrajectoryError("closing failed, too")
 
-    with pytest.raises(ZeroDivisionError), QueuedWriter(Torn(tmp_path / "a.h5", some_disks(3), BOX)):
+    with pytest.raises(ZeroDivisionError), AsyncWriter(Torn(tmp_path / "a.h5", some_disks(3), BOX)):
         raise ZeroDivisionError
     with pytest.raises(TrajectoryError, match="closing failed"):  # noqa: SIM117 closing is what is looked at
-        with QueuedWriter(Torn(tmp_path / "b.h5", some_disks(3), BOX)):
+        with AsyncWriter(Torn(tmp_path / "b.h5", some_disks(3), BOX)):
             pass

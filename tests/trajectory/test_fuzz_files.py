@@ -508,7 +508,7 @@ def test_frames_of_a_file_that_is_gone_are_not_said_to_be_kept(tmp_path, harm):
     path = tmp_path / "run.h5"
     writer = TrajectoryWriter(path, some_disks(N), BOX, fields=("position",))
     writer.write(some_state(N, 0))
-    assert writer.gone is None
+    assert writer.replaced_or_removed is None
     path.unlink()
     if harm == "replaced":
         path.write_bytes(b"another")
@@ -517,5 +517,5 @@ def test_frames_of_a_file_that_is_gone_are_not_said_to_be_kept(tmp_path, harm):
     ) as caught:
         writer.write(some_state(N, 1))
     assert "kept" not in str(caught.value)
-    assert harm in str(writer.gone)
+    assert harm in str(writer.replaced_or_removed)
     writer.close()

@@ -23,7 +23,7 @@ from test_reader import BOX, some_disks
 from test_reader import some_state as new_state
 
 from ifrdem.errors import TrajectoryError
-from ifrdem.trajectory.background import QueuedWriter
+from ifrdem.trajectory.background import AsyncWriter
 from ifrdem.trajectory.file import OrderedFile
 from ifrdem.trajectory.layout import EVENT_COLUMNS
 from ifrdem.trajectory.reader import Trajectory
@@ -71,7 +71,7 @@ def write(path: str, told: str, compression: str, how: str, n: int, limit: int) 
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
     voice = os.open(told, os.O_CREAT | os.O_WRONLY | os.O_APPEND)
     plain = TrajectoryWriter(path, some_disks(n), BOX, compression=compression)
-    writer = plain if how == "plain" else QueuedWriter(plain)
+    writer = plain if how == "plain" else AsyncWriter(plain)
     said = {"f": 0, "s": 0, "e": 0}
     try:
         writer.begin_histories(TRACKED, some_state(n, 0))
@@ -258,7 +258,7 @@ def test_a_file_that_is_deleted_or_replaced_meanwhile_is_said(tmp_path, queued):
     path = tmp_path / "run.h5"
     for replace in (False, True):
         plain = TrajectoryWriter(path, some_disks(3), BOX, force=True)
-        writer = QueuedWriter(plain) if queued else plain
+        writer = AsyncWriter(plain) if queued else plain
         writer.write(some_state(3, 0))
         if queued:
             writer.flush()

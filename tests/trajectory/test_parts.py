@@ -518,7 +518,7 @@ def test_a_resumed_trajectory_is_that_of_an_uninterrupted_run(tmp_path, seen, op
         go_on(writer, seen, 9)
         writer.flush()
         assert len(writer) == 9
-        assert writer.seen == {"frames": 9, "series_rows": 9, "events": 450}
+        assert writer.written_counts == {"frames": 9, "series_rows": 9, "events": 450}
     assert shown(tmp_path / "run.h5") == shown(tmp_path / "whole.h5")
 
 

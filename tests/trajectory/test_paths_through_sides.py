@@ -13,7 +13,7 @@ from ifrdem.analysis import catalogue
 from ifrdem.case.case import Case
 from ifrdem.cli.main import main
 from ifrdem.errors import InputError
-from ifrdem.fit.tabular import Form
+from ifrdem.fit.tabular import TableFormat
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.runs import compare
@@ -110,17 +110,17 @@ def test_a_place_between_two_frames_is_on_the_way_through_the_side(
     fields = ["position", "velocity", "angular_velocity"]
     run = written(Path("run.h5"), path, velocity, [*fields, "image"])
     Path("seen.csv").write_text("id,x,y,t\n0,0.6,5,2.5\n0,9.9,5,2.25\n0,5,5,\n")
-    found = compare.compare(run, compare.read("seen.csv", {}, Form()))
+    found = compare.compare(run, compare.read("seen.csv", {}, TableFormat()))
     np.testing.assert_allclose(found.distance, [0.1, 0.15, 0.0], atol=1e-12)
     np.testing.assert_allclose(found.position[:, 0], [0.5, 9.75, 5.0], atol=1e-12)
     found.draw([Path("seen.png")])
     bare = written(Path("bare.h5"), path, velocity, fields)
-    np.testing.assert_allclose(compare.compare(bare, compare.read("seen.csv", {}, Form())).distance,
+    np.testing.assert_allclose(compare.compare(bare, compare.read("seen.csv", {}, TableFormat())).distance,
                                [0.1, 0.15, 0.0], atol=1e-12)  # fmt: skip
     Path("soon.csv").write_text("id,x,y,t\n0,6,5,0.5\n")
     fast = written(Path("fast.h5"), path[::2], 2.0 * velocity[::2], fields)
     with pytest.raises(InputError, match=r"a disk moves 0\.6 of the box along x"):
-        compare.compare(fast, compare.read("soon.csv", {}, Form()))
+        compare.compare(fast, compare.read("soon.csv", {}, TableFormat()))
 
 
 def test_the_picture_of_a_table_draws_no_paths_that_it_does_not_know(tmp_path: Path) -> None:

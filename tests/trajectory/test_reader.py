@@ -21,7 +21,7 @@ from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.runs.info import describe
 from ifrdem.trajectory.reader import Trajectory
-from ifrdem.trajectory.rows import Rows
+from ifrdem.trajectory.rows import CommitLog
 from ifrdem.trajectory.writer import TrajectoryWriter
 
 BOX = Box((30.0, 20.0))
@@ -761,7 +761,7 @@ def test_a_frame_without_its_step_does_not_count(tmp_path):
 @pytest.mark.parametrize("interrupted", ["time", "angular_velocity/value", "energy/value", "step"])
 def test_an_interrupted_write_leaves_no_trace(tmp_path, monkeypatch, interrupted):
     path = tmp_path / "run.h5"
-    append = Rows._append
+    append = CommitLog._append
 
     def interrupt(rows, dataset):
         if rows.committed == 2 and dataset.name.endswith(interrupted):
@@ -772,7 +772,7 @@ def test_an_interrupted_write_leaves_no_trace(tmp_path, monkeypatch, interrupted
         interrupt(self, dataset)
 
     with TrajectoryWriter(path, some_disks(3), BOX) as writer:
-        monkeypatch.setattr(Rows, "_append", append_and_interrupt)
+        monkeypatch.setattr(CommitLog, "_append", append_and_interrupt)
         for frame in range(2):
             writer.write(some_state(3, frame), {"energy": 0.5 * frame})
         with pytest.raises(KeyboardInterrupt):

@@ -65,11 +65,11 @@ def test_a_resumed_file_is_that_of_an_uninterrupted_run(tmp_path, seen, options)
     begun(tmp_path / "run.h5", 5, **options)
     with resume(tmp_path / "run.h5", seen, **options) as writer:
         assert len(writer) == 5
-        assert writer.seen == {"frames": seen, "series_rows": seen, "events": 50 * seen}
+        assert writer.written_counts == {"frames": seen, "series_rows": seen, "events": 50 * seen}
         writer.begin_histories(TRACKED, some_state(N, 0))  # as it began: taken note of, not begun again
         go_on(writer, seen, 9)
         assert (len(writer), writer.series_rows, writer.events) == (9, 9, 450)
-        assert writer.seen == {"frames": 9, "series_rows": 9, "events": 450}
+        assert writer.written_counts == {"frames": 9, "series_rows": 9, "events": 450}
     assert content(tmp_path / "run.h5") == content(tmp_path / "whole.h5")
 
 

@@ -22,7 +22,7 @@ def test_each_turn_times_the_same_time_bare_with_the_ledger_and_with_all(
     lengths: list[float] = []
     follow = Simulation.follow
 
-    def watched(self: Simulation, course: Course, *, observers=(), **options) -> None:  # type: ignore[no-untyped-def]
+    def sampled_run(self: Simulation, course: Course, *, observers=(), **options) -> None:  # type: ignore[no-untyped-def]
         if course.next_frame == 0:  # a warming up
             follow(self, course, observers=observers, **options)
             return
@@ -36,7 +36,7 @@ def test_each_turn_times_the_same_time_bare_with_the_ledger_and_with_all(
         pieces.append((after.regimes.sum() > before.regimes.sum(), len(frames)))
         lengths.append(after.time - before.time)
 
-    monkeypatch.setattr(Simulation, "follow", watched)
+    monkeypatch.setattr(Simulation, "follow", sampled_run)
     arguments = ["--n", "300", "--phi", "0.3", "--every", "1", "--threads", "1", "--turns", "2"]
     assert script(output_cost.output_cost, arguments) == 0
     own = json.loads(capsys.readouterr().out)

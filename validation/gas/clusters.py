@@ -47,7 +47,7 @@ from ...theory.sheared_gas import relaxation
 from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result
-from .sample import ELASTIC, Mean, anew, compare, equal_disks, scattered, seeds_of
+from .sample import ELASTIC, Mean, compare, equal_disks, restarted, scattered, seeds_of
 from .waves import streams
 
 QUESTION = "Does a large cooling gas grow shear modes as theory says, and then clusters?"
@@ -112,7 +112,7 @@ def cooled(n: int, end: float, seed: int) -> tuple[Box, list[Look]]:
     gas = Simulation(disks, box, ELASTIC, scattered(disks, box, seed, temperature=1.0))
     gas.run(collisions_per_disk=5.0)
     soon = 1e-3 / theory.collision_rate(PHI, 1.0, 1.0, 0.5)
-    gas = anew(gas, LAW, collapse=ContactTime(soon))
+    gas = restarted(gas, LAW, collapse=ContactTime(soon))
     looks: list[Look] = []
     for tau in sorted({0.0, 2.0, *EARLY, *np.linspace(10.0, end, int(end / 5.0) - 1)}):
         if tau:

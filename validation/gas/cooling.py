@@ -35,7 +35,7 @@ from ...simulation.dsmc import DSMC
 from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result, Row, Table
-from .sample import Mean, compare, fluid, ratio, seeds_of, thermal, together
+from .sample import Mean, add_chi_square, compare, fluid, ratio, seeds_of, thermal
 from .waves import MOST_SHARE, streams
 
 QUESTION = "Do gases of all six materials cool as theory says at first, and as DSMC says for longer?"
@@ -111,7 +111,9 @@ def run(quick: bool, seed: int) -> Result:
         for what, (when, text) in itertools.product(("T", "theta"), whens.items()):
             group = [gas.rows[what, when] for gas in gases if (what, when) in gas.rows]
             if len(group) > 1:
-                together(result, f"{what} {text}, phi = {phi}, against DSMC", group, "DSMC of the same law")
+                add_chi_square(
+                    result, f"{what} {text}, phi = {phi}, against DSMC", group, "DSMC of the same law"
+                )
         result.pictures.append(_picture(phi, size, names, gases))
         lines += [gas.line for gas in gases]
     result.tables.append(

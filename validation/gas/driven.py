@@ -37,7 +37,7 @@ from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result
 from . import state as gas_state
-from .sample import ELASTIC, Mean, compare, equal_disks, fluid, scattered, seeds_of, thermal, watched
+from .sample import ELASTIC, Mean, compare, equal_disks, fluid, sampled_run, scattered, seeds_of, thermal
 from .waves import driven_streams
 
 QUESTION = "Do driven, sheared and falling gases settle where kinetic theory and hydrostatics say?"
@@ -71,7 +71,7 @@ def run(quick: bool, seed: int) -> Result:
 def _means(gas: Simulation, span: float, frames: int) -> tuple[float, float]:
     """T and T_rot over the next `span` collisions per disk."""
     begin = 2.0 * gas.collisions / gas.disks.n
-    _, rows = watched(gas, frames, collisions_per_disk=begin + span)
+    _, rows = sampled_run(gas, frames, collisions_per_disk=begin + span)
     T, T_rot = ([getattr(one, name) for one in rows] for name in ("temperature", "rotational_temperature"))
     return float(np.mean(T)), float(np.mean(T_rot))
 
@@ -279,7 +279,7 @@ def _fallen(seed: int, T: float, mean_height: float, edges: Array, frames: int) 
     )  # fmt: skip
     every = 2.0 * math.sqrt(T) / GRAVITY
     gas.run(t_end=8.0 * every)
-    states, _ = watched(gas, frames, t_end=(8.0 + frames) * every)
+    states, _ = sampled_run(gas, frames, t_end=(8.0 + frames) * every)
     heights = np.array([state.position[:, 1] for state in states])
     counts = np.histogram(heights, edges)[0]
     return counts / counts.sum(), float(heights.mean(axis=1).mean())

@@ -31,7 +31,7 @@ from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result
 from .rough import changes
-from .sample import Mean, compare, fluid, seeds_of, thermal, watched
+from .sample import Mean, compare, fluid, sampled_run, seeds_of, thermal
 
 QUESTION = (
     "Do perfectly rough disks keep their energy, relax at the rate of kinetic theory, and share it equally?"
@@ -153,13 +153,13 @@ def _compare(
 def _replica(law: IFRLaw, seed: int, span: tuple[float, float]) -> tuple[Array, float, float]:
     """(T - T_rot) relative to the start at `TAU`, the relative change of the energy, and T_rot / T later on."""
     gas = fluid(N, PHI, seed, law, melting=3.0, T=T, T_rot=T_ROT)
-    _, rows = watched(gas, len(TAU) - 1, collisions_per_disk=TAU[-1])
+    _, rows = sampled_run(gas, len(TAU) - 1, collisions_per_disk=TAU[-1])
     apart = np.array([one.temperature - one.rotational_temperature for one in rows])
     gas = fluid(FEW, PHI, seed, law, melting=5.0, T=T, T_rot=T_ROT)
     # By time: at the moment of a collision its pair has more energy of motion than others, T / 2 in the mean.
     first, last = (tau / collision_rate(PHI, 1.0, 1.0, 0.5) for tau in span)
     gas.run(t_end=first)
-    _, later = watched(gas, round((span[1] - span[0]) / 2.0), t_end=last)
+    _, later = sampled_run(gas, round((span[1] - span[0]) / 2.0), t_end=last)
     drifts = [abs(run[-1].energy / run[0].energy - 1.0) for run in (rows, later)]
     moving = np.mean([one.temperature for one in later]) * FEW / (FEW - 1.0)
     shares = float(np.mean([one.rotational_temperature for one in later]) / moving)

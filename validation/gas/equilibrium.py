@@ -56,7 +56,18 @@ from ...theory.collisions import collision_rate, mean_free_path
 from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result
-from .sample import CHANCE, ELASTIC, anew, compare, equal_disks, fluid, ratio, scattered, seeds_of, watched
+from .sample import (
+    CHANCE,
+    ELASTIC,
+    compare,
+    equal_disks,
+    fluid,
+    ratio,
+    restarted,
+    sampled_run,
+    scattered,
+    seeds_of,
+)
 from .state import SOURCE as EQUATION
 from .state import compressibility, log_structure
 
@@ -236,7 +247,7 @@ def _displaced(phi: float, seed: int, spans: int) -> tuple[float, Array, Array]:
     """D by the slope of the displacement over `FIT`, and lags [collisions per disk] and displacements."""
     gas = fluid(DIFFUSING, phi, seed, melting=5.0)
     mean_time = 1.0 / collision_rate(phi, 1.0, 1.0, 0.5, g=_chi(phi))
-    states, _ = watched(gas, round(2 * spans * FIT[1]), t_end=spans * FIT[1] * mean_time)
+    states, _ = sampled_run(gas, round(2 * spans * FIT[1]), t_end=spans * FIT[1] * mean_time)
     path = analysis.unwrap(np.array([state.position for state in states]), gas.box)
     times = [state.time for state in states]
     found = analysis.mean_square_displacement(times, path, most_lags=round(2 * FIT[1]) + 1)
@@ -297,7 +308,7 @@ def _pushed(phi: float, seed: int, long: float) -> tuple[float, float, float]:
     gas = Simulation(disks, box, ELASTIC, scattered(disks, box, seed, temperature=1.0))
     gas.run(collisions_per_disk=20.0)
     T = 0.5 * float(np.sum(gas.state.velocity**2)) / (n - 0.5)  # the momentum along the walls is kept
-    gas = anew(gas, record=["wall"])
+    gas = restarted(gas, record=["wall"])
     gas.run(collisions_per_disk=long)
     mean, sums = math.sqrt(2.0 * math.pi * T), gas.wall_sums
     given = float(np.abs(sums.momentum[:, 1]).sum())  # lower and upper wall

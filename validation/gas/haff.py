@@ -27,7 +27,7 @@ from ...model.observables import Measure
 from ...simulation.dsmc import DSMC
 from ..report import style
 from ..report.registry import Picture, Result
-from .sample import Mean, compare, fluid, seeds_of, thermal, watched
+from .sample import Mean, compare, fluid, sampled_run, seeds_of, thermal
 from .sonine_series import cooling_sonine
 from .waves import streams
 
@@ -179,7 +179,7 @@ def _engine_cumulant(result: Result, right: Mean, seed: int, axes: Any) -> None:
     for one in seeds:
         gas = fluid(n, phi, one, smooth(E_N), melting=5.0)
         gas.run(collisions_per_disk=SETTLING[0])
-        states, _ = watched(gas, 16, collisions_per_disk=SETTLING[1])
+        states, _ = sampled_run(gas, 16, collisions_per_disk=SETTLING[1])
         found.append(np.mean([theory.sonine_coefficient(state.velocity) for state in states]))
     compare(
         result, f"a_2 of cooling disks, e_n = {E_N}, phi = {phi}, 6 to 14 collisions per disk, against DSMC", found,

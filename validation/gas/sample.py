@@ -116,7 +116,7 @@ def compare(
     result.rows.append(Row(quantity, found.value, right, tolerance, text, source, sampling=sampling))
 
 
-def together(result: Result, quantity: str, rows: Sequence[Row], source: str) -> None:
+def add_chi_square(result: Result, quantity: str, rows: Sequence[Row], source: str) -> None:
     """Add a row: chi-square of rows that are independent of each other.
 
     Of each row, what its deviation exceeds the systematic tolerance by, in standard errors; a value of Student's t
@@ -182,16 +182,16 @@ def fluid(
     place = placement.random_positions if packing_fraction <= LOOSE else placement.hexagonal_positions
     gas = Simulation(disks, box, ELASTIC, State(place(box, disks.radius, seed=seed), velocity, spin))
     gas.run(collisions_per_disk=melting)
-    return anew(gas, law, seed=seed, **options)
+    return restarted(gas, law, seed=seed, **options)
 
 
-def anew(gas: Simulation, law: IFRLaw = ELASTIC, **options: Any) -> Simulation:
+def restarted(gas: Simulation, law: IFRLaw = ELASTIC, **options: Any) -> Simulation:
     """A simulation from the present state of another one in a box without walls, time and counts at 0."""
     now = gas.state
     return Simulation(gas.disks, gas.box, law, State(now.position, now.velocity, now.spin), **options)
 
 
-def watched(gas: Simulation, frames: int, **end: Any) -> tuple[list[State], list[Measure]]:
+def sampled_run(gas: Simulation, frames: int, **end: Any) -> tuple[list[State], list[Measure]]:
     """States and measures of a run to an end (`t_end`, `collisions_per_disk`): at its start, and at even times."""
     seen: list[tuple[State, Measure]] = []
     gas.run(frames=frames, observers=[lambda *one: seen.append(one)], **end)

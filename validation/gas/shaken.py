@@ -49,7 +49,7 @@ from ...simulation.simulation import Simulation
 from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result
-from .sample import ELASTIC, compare, equal_disks, ratio, scattered, seeds_of, watched
+from .sample import ELASTIC, compare, equal_disks, ratio, sampled_run, scattered, seeds_of
 from .state import compressibility
 
 QUESTION = "Does a shaken layer float and swing on its gas, and do large disks rise or sink by their mass?"
@@ -133,7 +133,7 @@ def _bed(strength: float, layers: int, seed: int, long: float) -> Bed:
         disks, box, SHAKEN, start, walls=[floor], gravity=(0.0, -1.0), collapse=VelocityCutoff(1e-3),
     )  # fmt: skip
     bed.run(t_end=0.2 * long)
-    states, _ = watched(bed, round(1.6 * long), t_end=long)
+    states, _ = sampled_run(bed, round(1.6 * long), t_end=long)
     edges = np.arange(0.0, 200.0 + 0.5 * STRIP, STRIP)
     y = np.array([state.position[:, 1] for state in states])
     phi = np.histogram(y, edges)[0] * 0.25 * math.pi / (len(y) * BED * STRIP)
@@ -266,7 +266,7 @@ def _settled(mass: float, seed: int, collisions: float) -> tuple[float, float, A
     start = scattered(disks, Box((ROOM[0], 7.5 * WARM), (True, False)), seed, temperature=0.5 * WARM)
     gas = Simulation(disks, box, ELASTIC, start, walls=[floor], gravity=(0.0, -1.0), seed=seed)
     gas.run(collisions_per_disk=0.25 * collisions)
-    states, _ = watched(gas, round(0.1 * collisions), collisions_per_disk=collisions)
+    states, _ = sampled_run(gas, round(0.1 * collisions), collisions_per_disk=collisions)
     y = np.array([state.position[:, 1] for state in states])
     strips = np.arange(0.0, ROOM[1] + 0.5, 1.0)
     both = (y[:, :small], y[:, small:])

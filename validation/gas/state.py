@@ -32,7 +32,7 @@ from ... import analysis, theory
 from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result
-from .sample import LOOSE, Mean, anew, compare, fluid, seeds_of, together, watched
+from .sample import LOOSE, Mean, add_chi_square, compare, fluid, restarted, sampled_run, seeds_of
 
 QUESTION = "Do elastic disks have the pressure, collision rate and contact value of the literature?"
 REFERENCE = (
@@ -99,7 +99,9 @@ def run(quick: bool, seed: int) -> Result:
         found[phi] = measured(phi, N, seeds, impulses=not quick)
         _compare(result, phi, seeds, found[phi])
     for way in () if quick else ("impulses", "the collision rate"):
-        together(result, f"Z by {way}", [row for row in result.rows if f"Z by {way}" in row.quantity], SOURCE)
+        add_chi_square(
+            result, f"Z by {way}", [row for row in result.rows if f"Z by {way}" in row.quantity], SOURCE
+        )
     dense = None
     if not quick:
         phi, n, P, error = LI
@@ -138,7 +140,7 @@ def _replica(
     # By time: a frame at the moment of a collision has a pair in contact, and g there would be too large.
     expected = theory.collision_rate(phi, T, 1.0, 0.5, g=(of_few(phi, n) - 1.0) / (2.0 * phi))
     both = phi <= BY_IMPULSES
-    states, _ = watched(gas, 100 if phi < 0.25 else 40, t_end=span / expected)
+    states, _ = sampled_run(gas, 100 if phi < 0.25 else 40, t_end=span / expected)
     maxwellian = 1.0 + 1.0 / (8.0 * (n - 1))
     rate = 2.0 * gas.collisions / n / gas.time / maxwellian
     chi = analysis.contact_from_rate(rate, packing_fraction=phi, temperature=T, mass=1.0, radius=0.5)
@@ -147,7 +149,7 @@ def _replica(
     contact = analysis.contact_value([state.position for state in states], gas.box, radius=0.5).g
     if not tracked:
         return np.nan, analysis.compressibility(phi, chi), contact
-    gas = anew(gas, tracked=range(n))
+    gas = restarted(gas, tracked=range(n))
     gas.run(collisions_per_disk=tracked)
     events = gas.take_events()
     pressure = analysis.pressure_from_impulses(

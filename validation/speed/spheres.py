@@ -89,7 +89,7 @@ def edmd(program: Path, folder: Path, box: Box, state: State) -> SpheresRun:
     (folder / "init.sph").write_text("\n".join(lines) + "\n", encoding="ascii")
     end = folder / "snapshot_end.sph"
     end.unlink(missing_ok=True)
-    told, status = _told([str(program)], folder, "--edmd")
+    told, status = _timed_output([str(program)], folder, "--edmd")
     text = "\n".join(line for _, line in told)
     layers = re.search(r"^Cells: \d+, \d+, (\d+)$", text, re.MULTILINE)
     progress = r"Simtime: (\S+), Collisions: (\d+), .*\bT: (\S+),"
@@ -132,7 +132,7 @@ def dynamo(program: Path, folder: Path, box: Box, e_n: float, state: State, coll
     output = folder / "output.xml"
     output.unlink(missing_ok=True)
     options = ["-c", str(collisions), "-o", "end.xml", "--out-data-file", output.name]
-    told, status = _told([str(program), *options, "config.xml"], folder, "--dynamo")
+    told, status = _timed_output([str(program), *options, "config.xml"], folder, "--dynamo")
     try:
         if status != 0:
             raise ValueError("it failed")
@@ -195,7 +195,7 @@ def _write_configuration(path: Path, box: Box, e_n: float, state: State) -> None
     )
 
 
-def _told(command: Sequence[str], folder: Path, option: str) -> tuple[list[tuple[float, str]], int]:
+def _timed_output(command: Sequence[str], folder: Path, option: str) -> tuple[list[tuple[float, str]], int]:
     """Lines that a program prints, each with the time when it came, and its exit status."""
     if sys.platform == "win32":
         raise InputError(f"{option}: not on Windows, where a program's lines cannot be timed as they come")
