@@ -338,7 +338,7 @@ def test_units_do_not_matter_to_the_last_bit(precision: str) -> None:
 
 @pytest.mark.parametrize("value", [0, 1e-4, 10.1, float("nan"), "1", [1], True])
 def test_lengths_of_windows_that_are_none_are_refused(value: object) -> None:
-    with pytest.raises(InputError, match=r"window_collisions = .*: a number from 0\.001 to 10 is needed"):
+    with pytest.raises(InputError, match=r"window_collisions = .*: must be a number from 0\.001 to 10"):
         EngineOptions(device=Device(window_collisions=value))  # type: ignore[arg-type]
 
 
