@@ -4,6 +4,7 @@ from . import fit as fit
 from . import forces as forces
 from . import initial as initial
 from . import laws as laws
+from . import mpi as mpi
 from . import observables as observables
 from . import plots as plots
 from . import theory as theory
@@ -31,7 +32,7 @@ from .model.walls import Piston as Piston
 from .model.walls import Turn as Turn
 from .model.walls import Wall as Wall
 from .model.walls import WallSums as WallSums
-from .mpi.distribution import slice_of as slice_of
+from .mpi.communicator import slice_of as slice_of
 from .runs.recorder import Ledger as Ledger
 from .simulation.device import Device as Device
 from .simulation.dsmc import DSMC as DSMC

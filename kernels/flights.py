@@ -5,13 +5,13 @@ are multiples of a grid q, and so are the corners that they are measured from. S
 from either disk, finds the same bits.
 """
 
-from .language import Rows, Table, ti
+from .language import Rows, Table, is_single_precision, ti
 from .layout import FAR
 
 
 def rounding() -> float:
     """Relative error that a velocity may carry: some 50 units in its last place."""
-    return 6.0e-6 if ti.lang.impl.get_runtime().default_fp == ti.f32 else 1.0e-14
+    return 6.0e-6 if is_single_precision() else 1.0e-14
 
 
 @ti.func

@@ -1,13 +1,13 @@
 """A disk in the scratch space of a tile: what it is, how it comes to a collision, and the hash of its history."""
 
 from .flights import on_grid
-from .language import on_gpu, round_products_by, ti
+from .language import is_single_precision, on_gpu, round_products_by, ti
 from .layout import AT_END, FULL_WATCHED, TRACKED
 
 
 @ti.func
 def round_products(gas: ti.template()):
-    """Round products by themselves in the loop that begins with this, on a GPU (`language.py`)."""
+    """Round products by themselves in the loop that begins with this, on a GPU (`taichi_fixes.py`)."""
     if ti.static(on_gpu()):
         zero = ti.cast(gas.grid.opaque_zero, ti.u64)
         ti.static(round_products_by(zero))
@@ -47,7 +47,7 @@ def update_history_hash(i, t, partner, gas: ti.template()):
     """
     info = gas.event_info[i]
     low, high = ti.u32(0), ti.u32(0)
-    if ti.static(ti.lang.impl.get_runtime().default_fp == ti.f32):
+    if ti.static(is_single_precision()):
         low = ti.bit_cast(t, ti.u32)
     else:
         word = ti.bit_cast(t, ti.u64)

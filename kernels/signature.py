@@ -12,6 +12,7 @@ import functools
 import inspect
 import linecache
 import textwrap
+import types
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -41,6 +42,11 @@ class Arrays:
 def parameters_of(kernel: Callable[..., Any]) -> list[str]:
     """Names of the parameters of a kernel, in order."""
     return list(inspect.signature(kernel).parameters)
+
+
+def _code_in(code: types.CodeType) -> types.CodeType:
+    """The code of the one function that another code defines."""
+    return next(each for each in code.co_consts if isinstance(each, types.CodeType))
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -74,10 +80,12 @@ def kernel(function: Callable[..., Any]) -> Any:
     ])  # fmt: skip
     file = f"{inspect.getsourcefile(function)} (kernel {function.__qualname__})"
     linecache.cache[file] = (len(text), None, text.splitlines(keepends=True), file)
-    made: dict[str, Any] = {}
-    exec(compile(text, file, "exec"), function.__globals__, made)
-    cells = (cell.cell_contents for cell in function.__closure__ or ())
-    declared = made["make"](*cells, ti.static, functools.partial(gas_of, arrays.tables, arrays.names))
+    cells = dict(zip(free, function.__closure__ or (), strict=True))
+    cells["static"] = types.CellType(ti.static)
+    cells["bundle"] = types.CellType(functools.partial(gas_of, arrays.tables, arrays.names))
+    code = _code_in(_code_in(compile(text, file, "exec")))
+    closure = tuple(cells[name] for name in code.co_freevars)
+    declared = types.FunctionType(code, function.__globals__, function.__name__, None, closure)
     declared.__annotations__ = parameters
     for name in ("__doc__", "__module__", "__qualname__"):
         setattr(declared, name, getattr(function, name))

@@ -29,7 +29,7 @@ with D = (K - E)/m and C = (2 D - K)/m, which the arithmetic-geometric mean give
 (M. Abramowitz, I. A. Stegun, Handbook of Mathematical Functions, 17.6); E = K - m D.
 """
 
-from .language import Rows, ti
+from .language import Rows, is_single_precision, ti
 
 AGM_STEPS = 9  # halve the digits that are missing; enough for 1 - m as small as TINY
 TINY = 1.0e-30  # least 1 - m: K has a logarithm there, which enters multiplied by 1 - m
@@ -39,7 +39,7 @@ NEVER = 1.0e30  # a time to fly that ends at rest
 
 def step_tolerance() -> float:
     """Error of a step that suits the precision that kernels compute in (`advance`)."""
-    return 1.0e-5 if ti.lang.impl.get_runtime().default_fp == ti.f32 else 1.0e-11
+    return 1.0e-5 if is_single_precision() else 1.0e-11
 
 
 @ti.func

@@ -122,16 +122,16 @@ RADIUS = [0.5] * 4
 STATE = ifrdem.State([[1.0, 1.0], [3.0, 1.0], [1.0, 3.0], [3.0, 3.0]], np.zeros((4, 2)), np.zeros(4))
 SMALL = ifrdem.Box((10.0, 10.0))
 WALL = ifrdem.Wall.line((0.0, 0.0), (0.0, 1.0))
-PLACED = {"box": SMALL, "radius": RADIUS, "walls": (), "comm": None}
+PLACED = {"box": SMALL, "radius": RADIUS, "walls": ()}
 INITIAL: dict[str, dict[str, Any]] = {
-    "gaussian_spins": {"n": 4, "spin_rms": 1.0, "seed": 1, "comm": None},
+    "gaussian_spins": {"n": 4, "spin_rms": 1.0, "seed": 1},
     "grow": {"box": SMALL, "radius": RADIUS, "seed": 1, "walls": (), "progress": lambda _: None},
     "hexagonal_positions": {**PLACED, "seed": 1},
-    "maxwellian": {"mass": [1.0] * 4, "speed_rms": 1.0, "temperature": None, "seed": 1, "comm": None},
+    "maxwellian": {"mass": [1.0] * 4, "speed_rms": 1.0, "temperature": None, "seed": 1},
     "random_positions": {**PLACED, "seed": 1},
     "separate": {**PLACED, "position": STATE.position, "time": 0.0},
 }
-SAMPLED = {"n": 4, "seed": 1, "comm": None}
+SAMPLED = {"n": 4, "seed": 1}
 RADII: dict[str, dict[str, Any]] = {
     "bidisperse": {**SAMPLED, "low": 0.5, "high": 0.7, "large_fraction": 0.5},
     "check": {"distribution": "uniform", "low": 0.5, "high": 0.7},
@@ -159,7 +159,7 @@ OBSERVABLES: dict[str, dict[str, Any]] = {
     "measure": {"disks": DISKS, "state": STATE, "energy_input": 0.0, "wall_work": 0.0, "wall_heat": 0.0,
                 "gravity": (0.0, 0.0), "dissipated": np.zeros(7), "regimes": np.zeros(5, dtype=int),
                 "about_mean": (True, True)},
-    "sums": {"disks": DISKS, "state": STATE, "gravity": (0.0, 0.0), "comm": None},
+    "sums": {"disks": DISKS, "state": STATE, "gravity": (0.0, 0.0)},
 }  # fmt: skip
 WALLS: dict[str, Any] = {
     "material": 0,
@@ -189,8 +189,7 @@ class Elastic(ifrdem.CollisionLaw):
 
 IFRDEM: dict[str, dict[str, Any]] = {
     "Box": {"lengths": (3.0, 2.0), "periodic": (True, True), "shear_rate": 0.0},
-    "Box.from_packing_fraction": {"radius": RADIUS, "packing_fraction": 0.2, "aspect": 1.0, "shear_rate": 0.0,
-                                  "comm": None},
+    "Box.from_packing_fraction": {"radius": RADIUS, "packing_fraction": 0.2, "aspect": 1.0, "shear_rate": 0.0},
     "Box.packing_fraction": {"self": SMALL, "radius": RADIUS},
     "Box.flow": {"self": SMALL, "position": POINTS},
     "Box.image_above": {"self": SMALL, "time": 1.0},
@@ -601,7 +600,7 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
     simulation: dict[str, Any] = {
         "disks": DISKS, "box": SMALL, "law": law, "state": STATE, "walls": (), "gravity": (0.0, 0.0),
         "forces": (), "collapse": None, "device": Device(threads=1), "record": (), "tracked": (), "seed": 0,
-        "comm": None, "sliced": False,
+        "comm": None,
     }  # fmt: skip
     return {
         "DSMC": (dsmc, {"disks": DISKS, "law": law, "packing_fraction": 0.1, "velocity": np.ones((4, 2)),

@@ -177,7 +177,8 @@ def test_bullet_extra_asks_for_pybullet_only_where_it_has_wheels():
 
 # --- kernels compute; they do not talk, read, write or start anything
 
-# os for its environ alone: Taichi's banner can only be silenced there. The others are what language.py needs.
+# os for its environ alone: Taichi's banner can only be silenced there. The others are what `signature.py` and the
+# corrections and patches of Taichi need.
 IMPORTS_OF_KERNELS = {
     "taichi",
     "math",
@@ -186,8 +187,10 @@ IMPORTS_OF_KERNELS = {
     "typing",
     "ast",
     "collections",
+    "contextlib",
     "ctypes",
     "functools",
+    "importlib",
     "inspect",
     "itertools",
     "linecache",

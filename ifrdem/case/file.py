@@ -14,7 +14,7 @@ from typing import Any, get_args, get_origin
 from pydantic import ValidationError
 
 from ..errors import InputError, listed, nearest
-from ..mpi import communicator
+from ..mpi import Communicator
 from ..tools import text_file
 from .case import IMPACT_SCAN, Case
 from .gas import CaseGas, judge
@@ -81,30 +81,29 @@ def load(path: Path) -> tuple[str, dict[str, Any]]:
         raise InputError(f"{path}: {error}") from None
 
 
-def read_on_ranks(find: Callable[[], Path], overrides: Sequence[str], comm: Any) -> CaseFile:
-    """As `read`, by the first of several ranks of MPI (`find` gives it the path), which all call this.
+def read_on_ranks(find: Callable[[], Path], overrides: Sequence[str], comm: Communicator) -> CaseFile:
+    """As `read`, by the root of some ranks of MPI (`find` gives it the path), which all call this.
 
-    All have the case; of a start that a file gives each reads its slice (`CaseGas.is_read_in_slices`), or else the
-    first one has all of it.
+    All have the case. Of a start that a file gives each reads its slice (`CaseGas.is_read_in_slices`), or else the root
+    has all of it.
     """
 
     def first() -> CaseFile:
         path = find()
-        return of_text(load(path)[0], path, overrides, comm)
+        return of_text(load(path)[0], path, overrides, comm.size)
 
-    whole = communicator.run_on_root(comm, first)
-    file = communicator.bcast(
-        comm, None if whole is None else replace(whole, gas=replace(whole.gas, given=None))
-    )
+    whole = comm.run_on_root(first)
+    file = comm.bcast(None if whole is None else replace(whole, gas=replace(whole.gas, given=None)))
     assert file is not None
-    if not file.gas.is_read_in_slices(comm):
+    if not file.gas.is_read_in_slices(comm.size):
         return whole or file
-    gas, found = file.gas.with_start(file.folder, comm)
-    _refuse(found, file.path, overrides)
-    return replace(file, gas=gas.ready(comm))
+    with file.gas.communicator(comm):
+        gas, found = file.gas.with_start(file.folder)
+        _refuse(found, file.path, overrides)
+        return replace(file, gas=gas.ready())
 
 
-def of_text(text: str, path: Path, overrides: Sequence[str] = (), comm: Any = None) -> CaseFile:
+def of_text(text: str, path: Path, overrides: Sequence[str] = (), ranks: int = 1) -> CaseFile:
     """The case file of which this is the text, as `read`; files that it names are looked for beside `path`."""
     try:
         raw = _parsed(text)
@@ -114,7 +113,7 @@ def of_text(text: str, path: Path, overrides: Sequence[str] = (), comm: Any = No
         raise InputError(f"{path}: is a study, not a case: `ifrdem study {path}` runs it")
     for assignment in overrides:
         override(raw, assignment)
-    gas, found = judged(raw, path.parent, comm)
+    gas, found = judged(raw, path.parent, ranks)
     _refuse(found, path, overrides)
     assert gas is not None  # else something was wrong
     if gas.case.start.positions == IMPACT_SCAN:  # of which all places are made here
@@ -124,7 +123,7 @@ def of_text(text: str, path: Path, overrides: Sequence[str] = (), comm: Any = No
             refuse_beyond_memory(gas.n, gas.case.run.device)
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
-    return CaseFile(path, text, tuple(overrides), gas if gas.is_read_in_slices(comm) else gas.ready())
+    return CaseFile(path, text, tuple(overrides), gas if gas.is_read_in_slices(ranks) else gas.ready())
 
 
 def _refuse(found: Sequence[Problem], path: Path, overrides: Sequence[str]) -> None:
@@ -135,7 +134,7 @@ def _refuse(found: Sequence[Problem], path: Path, overrides: Sequence[str]) -> N
         raise InputError(listed([f"{path}: {text}" for text in texts]))
 
 
-def judged(raw: Mapping[str, Any], folder: Path, comm: Any = None) -> tuple[CaseGas | None, list[Problem]]:
+def judged(raw: Mapping[str, Any], folder: Path, ranks: int = 1) -> tuple[CaseGas | None, list[Problem]]:
     """The gas of a parsed case, and everything wrong: keys, types and ranges first; if these are in order, rules.
 
     Unknown keys alone do not hide what the rules forbid.
@@ -143,7 +142,7 @@ def judged(raw: Mapping[str, Any], folder: Path, comm: Any = None) -> tuple[Case
     case, found = _validated(raw)
     if case is None:
         return None, found
-    gas, problems = judge(case, folder, comm=comm)
+    gas, problems = judge(case, folder, ranks=ranks)
     return gas, found + problems
 
 

@@ -26,7 +26,7 @@ from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.observables import drift_text
 from ..model.state import DiskKinds, Disks, State, merge_kinds, scatter_state
 from ..model.walls import Wall, at_displacements, free_directions, smooth_materials, wall_names
-from ..mpi import communicator, distribution
+from ..mpi import SERIAL, Communicator, current, distribution
 from ..simulation import checks
 from ..simulation.simulation import Simulation
 from ..simulation.turning import FASTEST_DRUM
@@ -70,37 +70,36 @@ class CaseGas:
     drawn: tuple[Species, ...] = ()
 
     @classmethod
-    def from_case(
-        cls, case: Case, folder: Path | str = ".", *, start: bool = True, comm: Any = None
-    ) -> CaseGas:
+    def from_case(cls, case: Case, folder: Path | str = ".", *, start: bool = True) -> CaseGas:
         """The gas of a case; a start file's path begins at `folder`. Without `start`, it is looked at no more.
 
         Raises InputError with a line for each thing that is wrong, what is too large or too small for the engine
         included.
         """
-        gas, problems = judge(case, Path(folder), start=start, comm=comm)
+        gas, problems = judge(case, Path(folder), start=start)
         if problems:
             raise InputError(listed([str(problem) for problem in problems]))
         return gas.ready() if start else gas
 
-    def with_start(self, folder: Path, comm: Any) -> tuple[CaseGas, list[Problem]]:
+    def with_start(self, folder: Path) -> tuple[CaseGas, list[Problem]]:
         """The gas with the slice of a start that each rank reads (`is_read_in_slices`), and all that is wrong with it.
 
-        All ranks call this, and find the same wrong.
+        All ranks call this, in a `with` block of their communicator, and find the same wrong.
         """
         found: list[Problem] = []
-        radius = self.rows(distribution.slice_of(self.n, comm)).radius
-        given = rules.given_start(self.case, radius, self.free_area, folder, found, comm)
+        radius = self.rows(current().slice_of(self.n)).radius
+        given = rules.given_start(self.case, radius, self.free_area, folder, found)
         return replace(self, given=given), found
 
     def __getstate__(self) -> dict[str, Any]:
         """Its fields: what is computed from them, such as all disks, is not sent to other ranks and processes."""
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
-    def ready(self, comm: Any = None) -> CaseGas:
+    def ready(self) -> CaseGas:
         """The gas as it starts: its motion known, its magnitudes such that the engine and the trajectory take them.
 
-        Raises InputError if they do not. Ranks that have read slices of the start call this together.
+        Raises InputError if they do not. Ranks that have read slices of the start call this together
+        (`Communicator`).
         """
         case, given = self.case, self.given
         if case.start.positions == IMPACT_SCAN:
@@ -108,10 +107,10 @@ class CaseGas:
             given = impact_scan.start(self.disks, case.start.psi_range, speed, seed=case.run.seed)
         gas = replace(self, given=given)
         if given is not None and given.velocity is not None and given.spin is not None:
-            gas = gas._as_moving(given.velocity - self.box.flow(given.position), given.spin, comm)
+            gas = gas._as_moving(given.velocity - self.box.flow(given.position), given.spin)
         elif self._has_lone and 1 < self.n <= distribution.GATHERED:
-            gas = replace(gas._as_moving(*self._drawn_motion(comm), comm), drawn=self.species)
-        gas._check_magnitudes(comm)
+            gas = replace(gas._as_moving(*self._drawn_motion()), drawn=self.species)
+        gas._check_magnitudes()
         return gas
 
     @functools.cached_property
@@ -291,19 +290,19 @@ class CaseGas:
             texts.append(f"{name} which disks sleep (output.fields, asleep): all are awake at first")
         return texts
 
-    def start(self, progress: Callable[[float], None] = lambda _: None, comm: Any = None) -> State:
+    def start(self, progress: Callable[[float], None] = lambda _: None) -> State:
         """The state at the start, without overlaps; `progress` gets the part of growing that is done.
 
-        Of ranks, each gets its slice of a start that is made so (`is_made_in_slices`).
+        Of ranks (`Communicator`), each gets its slice of a start that is made so (`is_made_in_slices`).
 
         Raises InputError if the disks do not fit into the box in the way the case wants: a line with the key.
         """
         given = self.given
-        position = self._placed(progress, comm) if given is None else given.position
+        position = self._placed(progress) if given is None else given.position
         past: dict[str, Any] = {} if given is None else {"time": given.time, **given.past}
         if given is not None and given.velocity is not None and given.spin is not None:
             return State(position=position, velocity=given.velocity, spin=given.spin, **past)
-        velocity, spin = self._drawn_motion(comm)
+        velocity, spin = self._drawn_motion()
         return State(position=position, velocity=velocity + self.box.flow(position), spin=spin, **past)
 
     def try_start(self) -> None:
@@ -330,31 +329,39 @@ class CaseGas:
         """
         return self.case.start.file is not None or self.case.start.positions not in (GROWN, IMPACT_SCAN)
 
-    def is_read_in_slices(self, comm: Any) -> bool:
-        """True if each of these ranks reads its rows of the file that gives the start."""
+    def is_read_in_slices(self, ranks: int) -> bool:
+        """True if each of so many ranks reads its rows of the file that gives the start."""
         start = self.case.start
-        return (start.file or start.trajectory) is not None and self.is_distributed(comm)
+        return (start.file or start.trajectory) is not None and self.is_distributed(ranks)
 
-    def is_distributed(self, comm: Any) -> bool:
-        """True if a run on these ranks tells its states in slices: of many disks, or for a file in parts."""
-        if comm is None:
-            return False
-        return self.n > distribution.GATHERED or self.case.output.in_parts(self.n, comm.size)
+    def is_distributed(self, ranks: int) -> bool:
+        """True if each of so many ranks has the states of its slice only: of many disks, or for a file in parts."""
+        many = self.n > distribution.GATHERED or self.case.output.in_parts(self.n, ranks)
+        return ranks > 1 and many and self.usable_ranks(ranks)[0] == ranks
 
-    def _drawn_motion(self, comm: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def usable_ranks(self, ranks: int) -> tuple[int, str]:
+        """How many of so many ranks can share this gas, and why not all; the reason is "" if all can."""
+        return (1, "") if ranks == 1 else rules.usable_ranks(self.case, self.kinds, self.box, ranks)
+
+    def communicator(self, given: Communicator) -> Communicator:
+        """The ranks as they share this gas: distributed where `is_distributed` says so."""
+        if given.is_distributed or not self.is_distributed(given.size):
+            return given
+        return Communicator(given, distributed=True)
+
+    def _drawn_motion(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Velocities relative to the flow, shape (n, 2), and spins, (n,), that are drawn; of ranks, of the slice."""
-        seed = self.case.run.seed
         velocity, spin, masses, lone = [], [], [], self._has_lone
-        for i, own in enumerate(self._of_species(distribution.slice_of(self.n, comm))):
-            each, options = (self.drawn or self.species)[i], {"seed": seeds.of_species(seed, i), "comm": comm}
+        for i, own in enumerate(self._of_species(current().slice_of(self.n))):
+            each, seed = (self.drawn or self.species)[i], seeds.of_species(self.case.run.seed, i)
             mass = each.columns(own)[0]
-            velocity.append(placement.maxwellian(mass, speed_rms=each.speed_rms, **options))
-            spin.append(placement.gaussian_spins(len(own), spin_rms=each.spin_rms, **options))
+            velocity.append(placement.maxwellian(mass, speed_rms=each.speed_rms, seed=seed))
+            spin.append(placement.gaussian_spins(len(own), spin_rms=each.spin_rms, seed=seed))
             if lone:
                 masses.append(mass if each.speed_rms > 0.0 else np.zeros_like(mass))
         drawn = np.concatenate(velocity)
         if lone:
-            drawn = self._without_drift(np.concatenate(masses), drawn, comm)
+            drawn = self._without_drift(np.concatenate(masses), drawn)
         return drawn, np.concatenate(spin)
 
     @functools.cached_property
@@ -373,42 +380,40 @@ class CaseGas:
         lone = (each.number == 1 and each.speed_rms > 0.0 for each in self.drawn or self.species)
         return any(lone) and any(self.free)
 
-    def _without_drift(
-        self, mass: NDArray[np.float64], velocity: NDArray[np.float64], comm: Any
-    ) -> NDArray[np.float64]:
+    def _without_drift(self, mass: NDArray[np.float64], velocity: NDArray[np.float64]) -> NDArray[np.float64]:
         """Drawn velocities (n, 2) less their mean, where the gas can drift, with the energy that they had.
 
         The mean is weighted by `mass` (n,), which is 0 for species at rest: they stay there. If only one disk moves, it
         keeps its velocity.
         """
-        if distribution.total((mass > 0.0).astype(np.int64), comm) < 2:
+        comm = current()
+        if comm.total((mass > 0.0).astype(np.int64)) < 2:
             return velocity
-        mean = distribution.total(mass[:, None] * velocity, comm) / distribution.total(mass, comm)
+        mean = comm.total(mass[:, None] * velocity) / comm.total(mass)
         moved = velocity - np.where(mass[:, None] > 0.0, mean * self.free, 0.0)
-        before, after = (
-            distribution.total(mass * np.sum(each**2, axis=1), comm) for each in (velocity, moved)
-        )
+        before, after = (comm.total(mass * np.sum(each**2, axis=1)) for each in (velocity, moved))
         return moved * math.sqrt(before / after) if after > 0.0 else velocity
 
-    def _as_moving(self, velocity: NDArray[np.float64], spin: NDArray[np.float64], comm: Any) -> CaseGas:
+    def _as_moving(self, velocity: NDArray[np.float64], spin: NDArray[np.float64]) -> CaseGas:
         """The gas with its drift, and its species with their speeds relative to it and their spins.
 
         Velocities (n, 2) are relative to the flow; of ranks, each gives those of its slice. One disk alone is no gas
         that drifts, and in an open box, where nothing is estimated from speeds, they are those in the lab.
         """
-        ids = distribution.slice_of(self.n, comm)
+        comm = current()
+        ids = comm.slice_of(self.n)
         drift = np.zeros(2)
         share = 0.0
         if self.n > 1 and not self.box.is_open:
             mass = self.rows(ids).mass
-            whole = float(distribution.total(mass, comm))
-            drift = distribution.total(mass[:, None] * velocity, comm) / whole * self.free
-            energy = float(distribution.total(mass * np.sum(velocity**2, axis=1), comm))
+            whole = float(comm.total(mass))
+            drift = comm.total(mass[:, None] * velocity) / whole * self.free
+            energy = float(comm.total(mass * np.sum(velocity**2, axis=1)))
             share = whole * float(drift @ drift) / energy if energy > 0.0 else 0.0
         squares = np.column_stack((np.sum((velocity - drift) ** 2, axis=1), spin**2))
         moving, first = [], 0
         for each, own in zip(self.species, self._of_species(ids), strict=True):
-            mean = distribution.total(squares[first : first + len(own)], comm) / each.number
+            mean = comm.total(squares[first : first + len(own)]) / each.number
             first += len(own)
             moving.append(replace(each, speed_rms=float(np.sqrt(mean[0])), spin_rms=float(np.sqrt(mean[1]))))
         return replace(
@@ -423,7 +428,7 @@ class CaseGas:
         ]
         return 12.0 * max(speeds), 12.0 * max(each.spin_rms for each in self.species)
 
-    def _check_magnitudes(self, comm: Any) -> None:
+    def _check_magnitudes(self) -> None:
         """Refuse what the engine or the trajectory's precision would refuse when the run begins."""
         case = self.case
         flow = 0.5 * abs(self.box.shear_rate) * self.box.lengths[1] if self.box.shear_rate else 0.0
@@ -433,10 +438,11 @@ class CaseGas:
             fast, turning = self._fastest_drawn()
             velocity, spin = np.full((len(self.kinds.mass), 2), fast), np.full(len(self.kinds.mass), turning)
         else:
-            velocity, spin = self._drawn_motion(comm)
-        own = distribution.slice_of(self.n, comm)
+            velocity, spin = self._drawn_motion()
+        comm = current()
+        own = comm.slice_of(self.n)
         disks = self.rows(own) if len(spin) == len(own) else self.kinds
-        speed = communicator.largest(comm, checks.fastest(disks, velocity, spin))
+        speed = comm.largest(checks.fastest(disks, velocity, spin))
         hottest = max((wall.temperature or 0.0 for wall in self.walls), default=0.0)
         checks.check_magnitudes(self.kinds, self.box, speed + flow, case.run.precision, hottest)
         if isinstance(collapse := collapse_of(case.run), Rest):
@@ -445,15 +451,15 @@ class CaseGas:
                 [each.kind for each in case.force], IFRLaw, device_of(case.run),
             )  # fmt: skip
         largest = {
-            "a velocity": communicator.largest(comm, float(np.abs(velocity).max(initial=0.0))) + flow,
-            "a spin": communicator.largest(comm, float(np.abs(spin).max(initial=0.0))),
+            "a velocity": comm.largest(float(np.abs(velocity).max(initial=0.0))) + flow,
+            "a spin": comm.largest(float(np.abs(spin).max(initial=0.0))),
             "a side of the box": 0.0 if self.box.is_open else max(self.box.lengths),
         }
         checks.check_stored(largest, case.output.precision)
         given = self.given is not None and self.given.velocity is not None
-        self._check_engine(velocity, given or self.n <= distribution.GATHERED, comm)
+        self._check_engine(velocity, given or self.n <= distribution.GATHERED)
 
-    def _check_engine(self, velocity: NDArray[np.float64], known: bool, comm: Any) -> None:
+    def _check_engine(self, velocity: NDArray[np.float64], known: bool) -> None:
         """Refuse what the engine would refuse, with the keys of the case.
 
         `velocity` (n, 2) is relative to the flow; unless `known`, those of many disks are not.
@@ -465,8 +471,8 @@ class CaseGas:
         materials = [self.materials.index(each.material) for each in self.species]
         meets_none = known and not walls and not self.box.is_open and self.box.shear_rate == 0.0
         alone = 0.0
-        if meets_none and (self.n == 1 or checks.fly_alike(velocity, comm)):
-            alone = communicator.largest(comm, float(np.hypot(*velocity.T).max(initial=0.0)))
+        if meets_none and (self.n == 1 or checks.fly_alike(velocity)):
+            alone = current().largest(float(np.hypot(*velocity.T).max(initial=0.0)))
         refused = {
             ("box", size): lambda: checks.check_resolved(self.n, smallest, self.box, run.precision),
             ("run", "t_end"): lambda: checks.check_duration(
@@ -476,7 +482,7 @@ class CaseGas:
                 e_n, materials, walls, self.box, gravity, collapse_of(run), run.precision
             ),
         }
-        found = self._lying(velocity, walls, gravity, comm) if known else []
+        found = self._lying(velocity, walls, gravity) if known else []
         for (section, key), check in refused.items():
             try:
                 check()
@@ -491,15 +497,15 @@ class CaseGas:
         velocity: NDArray[np.float64],
         walls: Sequence[Wall],
         gravity: tuple[float, float],
-        comm: Any,
     ) -> list[str]:
         """Problem about disks that a start file places at rest on walls, where only resting contacts hold them."""
         if self.given is None or self.case.run.collapse == "rest":
             return []
-        ids, start = distribution.slice_of(self.n, comm), self.case.start
+        comm, start = current(), self.case.start
+        ids = comm.slice_of(self.n)
         rests = checks.at_rest_on_walls(self.given.position, velocity, self.rows(ids).radius, walls, gravity)
         here = None if rests is None else (ids.start + rests[0], rests[1])
-        of_ranks = [here] if comm is None else comm.allgather(here)
+        of_ranks = comm.allgather(here)
         if not any(of_ranks):
             return []
         rests = min(each for each in of_ranks if each)
@@ -514,35 +520,34 @@ class CaseGas:
         state: State | None = None,
         *,
         tracked: NDArray[np.int32] | None = None,
-        comm: Any = None,
+        comm: Communicator = SERIAL,
         pistons: Sequence[float] | None = None,
-        sliced: bool | None = None,
     ) -> Simulation:
         """The simulation of this gas on the case's device, from its start or from another `state`.
 
         What `warnings` says is not said again. `tracked` disks, which have histories, else come from the case and the
         start. All ranks of MPI (`comm`) that share it call this; `pistons` are displacements [length], by default those
-        of the start. `sliced` says if states are in slices, whatever the number of disks (`is_distributed`). A
-        `state` of ranks is that of all disks, on the first one, or then that of the slice, on each.
+        of the start. A `state` of ranks is that of all disks, on the root; or that of the slice, on each rank, where
+        they are distributed.
         """
         run = self.case.run
-        in_slices = comm is not None and (self.is_distributed(comm) if sliced is None else sliced)
+        comm = self.communicator(comm)
+        distributed = comm.is_distributed
 
         def begun() -> State | None:
-            drawn = in_slices and self.given is None and self.is_made_in_slices
+            drawn = distributed and self.given is None and self.is_made_in_slices
             return self.start() if state is None and not drawn else state
 
-        begin = communicator.run_on_root(comm, begun)
-        disks = self.disks if communicator.is_root(comm) and not in_slices else None
-        if in_slices:
-            way = communicator.bcast(
-                comm, "drawn" if begin is None else "whole" if begin.n == self.n else "slices"
-            )
+        begin = comm.run_on_root(begun)
+        disks = self.disks if comm.is_root and not distributed else None
+        if distributed:
+            way = comm.bcast("drawn" if begin is None else "whole" if begin.n == self.n else "slices")
             if way == "whole":
                 disks, begin = scatter_state(comm, None if begin is None else self.disks, begin)
             else:
-                disks = self.rows(distribution.slice_of(self.n, comm))
-                begin = self.start(comm=comm) if way == "drawn" else state
+                disks = self.rows(comm.slice_of(self.n))
+                with comm:
+                    begin = self.start() if way == "drawn" else state
         any_law = self.law()  # stands where two walls would meet, which never happens
         given: dict[str, Any] = {
             "disks": disks, "box": self.box, "state": begin,
@@ -550,7 +555,7 @@ class CaseGas:
             "walls": self._walls_at_start if pistons is None else at_displacements(self.walls, pistons),
             "gravity": gravity_of(self.case.box), "collapse": collapse_of(run),
             "forces": forces_of(self.case), "seed": run.seed, "record": record_of(self.case),
-            "tracked": self.tracked(begin) if tracked is None else tracked, "comm": comm, "sliced": in_slices,
+            "tracked": self.tracked(begin) if tracked is None else tracked, "comm": comm,
         }  # fmt: skip
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", EnergyWarning)
@@ -574,28 +579,29 @@ class CaseGas:
             raise InputError(str(Problem("output.histories_region", region, "no disk starts there")))
         return found
 
-    def _placed(self, progress: Callable[[float], None], comm: Any) -> NDArray[np.float64]:
+    def _placed(self, progress: Callable[[float], None]) -> NDArray[np.float64]:
         way, seed = self.case.start.positions, self.case.run.seed
         assert self.start_region is not None  # the rules have seen to it
-        disks = self.disks if comm is None else self.rows(distribution.slice_of(self.n, comm))
+        comm = current()
+        disks = self.disks if comm.size == 1 else self.rows(comm.slice_of(self.n))
         radius, options = disks.radius, dict[str, Any](seed=seed, walls=self.walls)
         try:
             if way == "hexagonal":
                 # Several species would lie in layers else.
                 options["seed"] = seed if len(self.species) > 1 or not self.species[0].equal else None
-                return placement.hexagonal_positions(self.start_region, radius, comm=comm, **options)
+                return placement.hexagonal_positions(self.start_region, radius, **options)
             if way == GROWN:
                 return packing.grow(self.start_region, radius, progress=progress, **options)
-            return placement.random_positions(self.start_region, radius, comm=comm, **options)
+            return placement.random_positions(self.start_region, radius, **options)
         except InputError as error:
             raise InputError(str(Problem("start.positions", f'"{way}"', str(error)))) from None
 
 
-def judge(case: Case, folder: Path, *, start: bool = True, comm: Any = None) -> tuple[CaseGas, list[Problem]]:
+def judge(case: Case, folder: Path, *, start: bool = True, ranks: int = 1) -> tuple[CaseGas, list[Problem]]:
     """Apply every rule to a case: its gas, and all that is wrong; the gas holds as far as nothing is.
 
-    A start file's path begins at `folder`; without `start`, in a run that has begun, it is looked at no more. On ranks
-    of MPI (`comm`), of which the first one calls this, they read it later, if in slices (`with_start`).
+    A start file's path begins at `folder`; without `start`, in a run that has begun, it is looked at no more. If so
+    many `ranks` of MPI read it in slices, they do so later (`with_start`).
     """
     species = species_of(case)
     verdicts = (*pair_rules.verdicts(case, species), *pair_rules.wall_verdicts(case, species))
@@ -630,11 +636,9 @@ def judge(case: Case, folder: Path, *, start: bool = True, comm: Any = None) -> 
             found += [*rules.check_open(case, start_region), *rules.check_scan(case)]
             if case.start.file is None and case.start.trajectory is None:
                 found += rules.check_clock(case)
-            elif not gas.is_read_in_slices(comm):
+            elif not gas.is_read_in_slices(ranks):
                 given = rules.given_start(case, gas.disks.radius, FreeArea(box, standing), folder, found)
     found += rules.check_output(case, kinds.n, box)
-    if comm is not None:
-        found += rules.check_on_ranks(case, kinds, box, comm.size, start=start, sound=not found)
     return replace(gas, box=box, start_region=start_region, given=given), found
 
 

@@ -24,8 +24,8 @@ from ..model.overlaps import check_no_overlap, relax
 from ..model.state import DiskKinds
 from ..model.walls import Wall, check_place, pieces
 from ..model.walls import check as check_free_of_walls
-from ..mpi import communicator, distribution
-from ..simulation.checks import check_number, check_pistons
+from ..mpi import current, distribution
+from ..simulation.checks import check_pistons
 from ..simulation.schedule import first_after, time_of
 from .case import GROWN, IMPACT_SCAN, Case
 from .objects import options_of
@@ -249,43 +249,31 @@ NOT_GROWN_ON_RANKS = (
 )
 
 
-def check_on_ranks(
-    case: Case, kinds: DiskKinds, box: Box, ranks: int, *, start: bool, sound: bool
-) -> Iterator[Problem]:
-    """Problems about what several ranks of MPI cannot do, `start` or not; of a `sound` case, too few tiles too."""
-    run, keys = case.run, dict[str, str]()
+def usable_ranks(case: Case, kinds: DiskKinds, box: Box, ranks: int) -> tuple[int, str]:
+    """How many of so many ranks of MPI can share a gas, and why not all; the reason is "" if all can."""
+    run, keys = case.run, list[str]()
     if run.precision != "f64":
-        keys["run.precision"] = 'run.precision = "f64"'
-    if case.output.tracks:
-        tracking = ("histories", "histories_all", "histories_sample", "histories_region")
-        keys |= {f"output.{key}": f"leave {key} out" for key in tracking if getattr(case.output, key)}
+        keys.append(f'run.precision = "{run.precision}"')
     if case.box.open:
-        keys["box.open"] = "a box that is not open"
+        keys.append("box.open = true")
     if case.box.gravity_rotation_rate:
-        keys["box.gravity_rotation_rate"] = "leave it out"
+        keys.append(f"box.gravity_rotation_rate = {case.box.gravity_rotation_rate:g}")
     if run.resting_speed is not None:
-        keys["run.collapse"] = "another remedy for collapse"
-    keys |= {
-        f"wall[{i}].piston.mass": "leave the piston out" for i, each in enumerate(case.wall) if each.piston
-    }
-    for key, instead in keys.items():
-        text = f"not supported on several ranks (here are {ranks}): run it without mpiexec, or {instead}"
-        yield _at(case, key, text)
-    if (
-        start
-        and case.start.positions == GROWN
-        and case.start.file is None
-        and kinds.n > distribution.GATHERED
-    ):
-        yield _at(case, "start.positions", NOT_GROWN_ON_RANKS)
-    try:
-        check_number(kinds.n, ranks)
-        if sound and not keys and run.device == "cpu":  # a GPU's engine has other tiles, and tells itself
-            from ..simulation.ranks import check_tiles  # imports Taichi
+        keys.append('run.collapse = "rest"')
+    keys += [f"wall[{i}].piston" for i, each in enumerate(case.wall) if each.piston]
+    grown = case.start.positions == GROWN and case.start.file is None
+    if grown and kinds.n > distribution.GATHERED:
+        keys.append(f'start.positions = "{GROWN}" of more than {distribution.GATHERED} disks')
+    if keys:
+        return 1, f"{' and '.join(keys)} cannot be divided among ranks"
+    if run.device != "cpu":  # the engine of a GPU has other, smaller tiles
+        return ranks, ""
+    from ..simulation.arrays import tiles_on_ranks
+    from ..simulation.ranks import counted_tiles, most_ranks  # imports Taichi
 
-            check_tiles(kinds, box, ranks)
-    except InputError as error:
-        yield Problem("species[0].number", None if len(case.species) > 1 else str(kinds.n), str(error))
+    tiles = tiles_on_ranks(kinds, box)
+    found = most_ranks(tiles, ranks)
+    return found, "" if found == ranks else f"{kinds.n} disks make {counted_tiles(tiles)}"
 
 
 def check_room(
@@ -398,13 +386,12 @@ def given_start(
     free_area: FreeArea,
     folder: Path,
     found: list[Problem],
-    comm: Any = None,
 ) -> StartData | None:
     """The start that a file or a trajectory gives; what is wrong with it is added to `found`.
 
-    Of ranks of MPI (`comm`), each gives the radii of its slice and gets its rows; what is wrong is told to all.
+    Of ranks of MPI (`Communicator`), each gives the radii of its slice and gets its rows; all find the same wrong.
     """
-    start, box = case.start, free_area.box
+    comm, start, box = current(), case.start, free_area.box
     key, name = "start.positions", start.trajectory
     if name is None:
         key, name = "start.file", start.file
@@ -417,15 +404,12 @@ def given_start(
                 "motion": start.motion,
                 "time": start.time,
                 "walls": free_area.walls,
-                "comm": comm,
             }
             given = from_trajectory.read(folder / name, start.frame, radius, box, **options)
         else:
-            given = from_csv.read(
-                folder / name, distribution.numbered(len(radius), comm)[1], box, start.form, comm=comm
-            )
+            given = from_csv.read(folder / name, comm.number(len(radius))[1], box, start.form)
             given = replace(given, time=start.time or 0.0)
-            at: Any = {"time": given.time, "comm": comm}
+            at: Any = {"time": given.time}
             if start.relax is not None:
                 given = replace(given, position=relax(box, radius, given.position, start.relax, **at))
             check_no_overlap(box, radius, given.position, **at)
@@ -443,7 +427,7 @@ def given_start(
         ]  # fmt: skip
     drawn = any(each.speed_rms for each in case.species)
     fastest = 0.0 if given.velocity is None else float(np.abs(given.velocity).max(initial=0.0))
-    moving = drawn if given.velocity is None else communicator.largest(comm, fastest) > 0.0
+    moving = drawn if given.velocity is None else comm.largest(fastest) > 0.0
     wanted = case.run.collisions_per_disk
     if wanted is not None and _disks(case) > 1 and not moving and not case.sets_in_motion:
         if given.velocity is None:

@@ -11,7 +11,8 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from ..errors import printable
-from ..mpi import communicator
+from ..mpi import Communicator
+from ..mpi.communicator import world
 
 if TYPE_CHECKING:
     from cyclopts.help import HelpPanel
@@ -89,15 +90,15 @@ def set_level(*, quiet: bool, verbose: bool) -> None:
     LOG.setLevel(logging.WARNING if quiet else logging.DEBUG if verbose else logging.INFO)
 
 
-def ranks() -> Any:
-    """Ranks of MPI that share the gas, of which the first one speaks; None if this process was not started as one."""
-    comm = communicator.world()
-    if not communicator.is_root(comm):
+def ranks() -> Communicator:
+    """Ranks of MPI that share the gas, of which the first one speaks; of size 1 without a launcher of MPI."""
+    comm = world()
+    if not comm.is_root:
         LOG.setLevel(logging.ERROR)
-    if comm is not None:
+    if comm.size > 1:
         from ..simulation import backend
 
-        backend.show_gpu(communicator.number_here(comm))
+        backend.show_gpu(comm.local_rank)
     return comm
 
 

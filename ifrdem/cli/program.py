@@ -12,7 +12,6 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from ..errors import InputError, there_are
-from ..mpi import communicator
 from .console import progress, ranks, say
 from .options import Precision, Set, Wrong, flag, number, option, overrides, whole
 
@@ -115,7 +114,7 @@ def bench(
     if case is not None:
         chosen["overrides"] = overrides(set, device=device, seed=seed, threads=threads, precision=precision)
     found = timing.bench(case, comm=comm, **chosen)
-    if not communicator.is_root(comm):
+    if not comm.is_root:
         return
     say(json_format.dumps(found.figures(), indent=2) if json else found.report())
 

@@ -77,7 +77,7 @@ def run(
         outputs.check(force=force)  # before the imports below, which take a second
         return outputs
 
-    outputs = communicator.root_result(comm, planned)
+    outputs = comm.root_result(planned)
 
     from ..runs import run as running
 
@@ -111,7 +111,7 @@ def resume(
     from ..runs import resume as resuming
 
     comm = ranks()
-    communicator.run_on_root(comm, lambda: resuming.find(place))  # before anything takes a second
+    comm.run_on_root(lambda: resuming.find(place))  # before anything takes a second
     return _ended(
         lambda: resuming.resume(
             place, ignore_case_changes=ignore_case_changes, threads=int(threads) if threads else None, max_hours=hours,
@@ -253,16 +253,18 @@ def check(case: Case, /, *, set: Set = None) -> None:
 
     comm = ranks()
     gas = case_file.read_on_ranks(lambda: shipped.find(case), set or [], comm).gas
-    share, count = communicator.share_here(comm), comm.size if comm else 1
-    sliced = gas.is_distributed(comm) and gas.is_made_in_slices
+    share, sliced = comm.local_share, gas.is_distributed(comm.size) and gas.is_made_in_slices
 
     def report() -> None:
+        count, why = gas.usable_ranks(comm.size)
         text, warnings = summary.check(gas, Path(), share=share, ranks=count, sliced=sliced)
         say(text)
+        if count < comm.size:
+            say(f"  {'ranks':<22} {count} of {comm.size} compute, the others wait: {why}")
         for each in warnings:
             warn(each)
 
-    communicator.run_on_root(comm, report)
+    comm.run_on_root(report)
 
 
 KIND = (

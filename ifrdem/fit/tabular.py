@@ -10,13 +10,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, counted, nearest, printable, refuse
-from ..mpi import communicator, distribution
+from ..mpi import current
 from ..tools import csv as csv_rows
 from ..tools.checked import validated
 
@@ -105,7 +104,6 @@ def read(
     most_wrong: int = 100,
     gaps: bool = True,
     n: int = 0,
-    comm: Any = None,
 ) -> ReadTable:
     """Read a table.
 
@@ -128,14 +126,14 @@ def read(
     gaps : bool
         Values may be missing (empty, nan, NA, ...); else such a one is wrong.
     n : int
-        With `comm`: the number of rows that are needed. Each rank of MPI gets those of its slice
-        (`mpi/distribution.py`), and the last one also what is there beyond; all ranks get the mistakes.
+        Of ranks of MPI: the number of rows that are needed. Each gets those of its slice (`Communicator`), and the last
+        one also what is there beyond; all raise the same.
     """
     path = Path(path)
     source = str(path)
     _check_format(source, form, kinds)
-    own = distribution.slice_of(n, comm)
-    last = comm is None or comm.rank == comm.size - 1
+    comm = current()
+    own, last = comm.slice_of(n), comm.rank == comm.size - 1
 
     def parsed() -> tuple[ReadTable, list[str], int]:
         rows = csv_rows.each(path, most=most, delimiter=form.delimiter)
@@ -163,10 +161,10 @@ def read(
         return ReadTable(columns, numbers, total, missing, tuple(unused), source), wrong, count
 
     try:
-        table, wrong, count = communicator.run_on_all(comm, parsed)
+        table, wrong, count = comm.run_on_all(parsed)
     except InputError as error:
         raise InputError("\n".join(f"{source}: {line}" for line in str(error).splitlines())) from None
-    wrong, count = communicator.first_of_all(comm, wrong, count, most_wrong)
+    wrong, count = comm.first_texts(wrong, count, most_wrong)
     refuse(wrong, source, most_wrong, count)
     return table
 

@@ -17,7 +17,7 @@ from ..fit import tabular
 from ..fit.tabular import TableFormat
 from ..model.box import Box
 from ..model.walls import Wall, at_displacements
-from ..mpi import communicator, distribution
+from ..mpi import current
 from ..tools.checked import Array
 from ..trajectory.export import CSV_KEYS, csv_names
 from ..trajectory.layout import FIELDS
@@ -60,9 +60,7 @@ class StartData:
         return at_displacements(walls, *self.pistons.T.tolist())
 
 
-def read(
-    path: Path, n: int, box: Box | None = None, form: TableFormat | None = None, *, comm: Any = None
-) -> StartData:
+def read(path: Path, n: int, box: Box | None = None, form: TableFormat | None = None) -> StartData:
     """Read a start file.
 
     The first line names the columns: x and y [length], and either all or none of vx, vy [length/time] and spin
@@ -73,18 +71,18 @@ def read(
     lines that begin with #, are skipped. InputError with a line for each thing that is wrong: a column, a value (by
     line and column), the number of disks.
 
-    There must be `n` disks, in the `box` (lower sides included), if there is one. Of ranks of MPI (`comm`), each reads
-    all lines, and keeps the values of its slice (`slice_of`); what is wrong is told to all.
+    There must be `n` disks, in the `box` (lower sides included), if there is one. Of ranks of MPI, each reads all
+    lines, and keeps the values of its slice (`Communicator`); all raise the same.
     """
     try:
         table = tabular.read(
             path, KINDS, {tabular.plain(key): name for name in KINDS for key in (name, EXPORTED.get(name, name))},
-            form or TableFormat(), most=MOST_BYTES, most_wrong=MOST_REPORTED, gaps=False, n=n, comm=comm,
+            form or TableFormat(), most=MOST_BYTES, most_wrong=MOST_REPORTED, gaps=False, n=n,
         )  # fmt: skip
     except InputError as error:
         lines = [_as_keys(line.removeprefix(f"{path}: ")) for line in str(error).splitlines()]
         raise InputError("\n".join(lines)) from None
-    columns = table.columns
+    comm, columns = current(), table.columns
     names = [name for name in columns if not name.endswith("_error")]
     unused = table.unused
     if set(CSV_KEYS) <= {*unused, *names}:
@@ -104,7 +102,7 @@ def read(
         for axis, side in zip(POSITION, box.lengths, strict=True):
             inside[axis] = f"must lie inside the box, from 0 to below {side:.6g}"
             bad[axis] |= (columns[axis] < 0.0) | (columns[axis] >= side)
-    expected = distribution.slice_of(n, comm).start + np.arange(len(table))
+    expected = comm.slice_of(n).start + np.arange(len(table))
     if "id" in columns and table.rows == n:
         bad["id"] |= columns["id"] != expected
     rows = np.flatnonzero(np.any(list(bad.values()), axis=0))
@@ -120,9 +118,7 @@ def read(
         for i in rows[:MOST_REPORTED]
         for name, value in ((name, columns[name][i]) for name in columns if bad[name][i])
     ]
-    texts, count = communicator.first_of_all(
-        comm, texts, sum(map(np.count_nonzero, bad.values())), MOST_REPORTED
-    )
+    texts, count = comm.first_texts(texts, sum(map(np.count_nonzero, bad.values())), MOST_REPORTED)
     wrong = listed(texts, MOST_REPORTED, count).splitlines()
     if table.rows != n:
         more = "; `ifrdem export` writes one frame with --frames=-1" if "id" in columns else ""

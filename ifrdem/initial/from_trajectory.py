@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from ..model.box import Box
 from ..model.overlaps import TOLERANCE, check_no_overlap
 from ..model.walls import OF_PISTONS, Wall, sides
 from ..model.walls import check as check_walls
-from ..mpi import communicator, distribution
+from ..mpi import current
 from ..tools.checked import Array
 from ..trajectory.reader import Frame, Trajectory
 from . import packing
@@ -32,7 +31,7 @@ COUNTS = ("collisions", "image", "angle", "last_partner")
 
 def read(
     path: Path, frame: int | None, radius: Array, box: Box | None = None, *, motion: bool = False,
-    time: float | None = None, walls: Sequence[Wall] = (), comm: Any = None,
+    time: float | None = None, walls: Sequence[Wall] = (),
 ) -> StartData:  # fmt: skip
     """Read a start from a trajectory.
 
@@ -42,15 +41,16 @@ def read(
     `frame` counts from 0, or from -1 backwards; None is the last one. The radii (n,) [length] are those of the disks
     that start there, which must fit; the box must be that of the trajectory. With `motion`, velocities and spins are
     taken too, and which disks sleep. Disks that touch in a file in single precision overlap by its rounding, some 1e-7
-    of the box: these are moved apart by as much (`packing.separate`). Of ranks of MPI (`comm`), each gives the radii of
-    its slice (`slice_of`), and reads its rows.
+    of the box: these are moved apart by as much (`packing.separate`). Of ranks of MPI (`Communicator`), each gives
+    the radii of its slice, and reads its rows.
 
     By default the clock continues: time and walls are those of the frame, and counts of collisions and boxes travelled
     continue too (`COUNTS`). With a `time` [time] a new clock begins there, and all counts begin at 0. In a sheared box
     the images above are displaced by shear_rate Ly t. So the frame's box must have the same shear rate, and the clock
     continues; or it has none, and the clock begins at 0.
     """
-    ids, n = distribution.numbered(len(radius), comm)
+    comm = current()
+    ids, n = comm.number(len(radius))
 
     def rows() -> tuple[StartData, str, bool, float, Box]:
         if not path.exists():
@@ -66,38 +66,38 @@ def read(
             single = trajectory.dtype("position") == np.float32
             return given, where, single, max(trajectory.box.lengths), trajectory.box
 
-    given, where, single, side, there = communicator.run_on_all(comm, rows)
+    given, where, single, side, there = comm.run_on_all(rows)
     if "collisions" in given.past:
-        given = replace(given, collisions=int(distribution.total(given.past["collisions"], comm)) // 2)
+        given = replace(given, collisions=int(comm.total(given.past["collisions"])) // 2)
     if box is None:
         return given
     position = given.position
-    size = communicator.largest(comm, float(np.abs(position).max(initial=0.0))) if box.is_open else side
-    largest = communicator.largest(comm, float(radius.max(initial=0.0)))
-    smallest = -communicator.largest(comm, -float(radius.min(initial=np.inf)))
+    size = comm.largest(float(np.abs(position).max(initial=0.0))) if box.is_open else side
+    largest = comm.largest(float(radius.max(initial=0.0)))
+    smallest = -comm.largest(-float(radius.min(initial=np.inf)))
     overlap, into = TOLERANCE, TOLERANCE * largest  # that is taken as rounding, with others and with walls
     if single:
         overlap, into = ROUNDING * size / (2.0 * smallest), ROUNDING * side
     moved = given.with_pistons(walls)
 
     def check(times: float = 1.0) -> None:
-        check_no_overlap(box, radius, given.position, tolerance=times * overlap, time=given.time, comm=comm)
+        check_no_overlap(box, radius, given.position, tolerance=times * overlap, time=given.time)
         check_walls(
             (*moved, *sides(box)), box, given.position, radius, time=given.time, tolerance=times * into,
-            collisions=given.collisions, comm=comm,
+            collisions=given.collisions,
         )  # fmt: skip
 
     try:
         check()
         if single and box.shear_rate and box.image_above(given.time) != 0.0:
             check_no_overlap(
-                box, radius, position, time=given.time, comm=comm
+                box, radius, position, time=given.time
             )  # `separate` does not know sheared images
         elif single:
             standing = [wall for wall in moved if wall.stands(given.time, given.collisions)]
-            position = packing.separate(box, radius, position, walls=standing, time=given.time, comm=comm)
+            position = packing.separate(box, radius, position, walls=standing, time=given.time)
     except InputError as error:
-        why = _other_radii(path, radius, ids, comm)
+        why = _other_radii(path, radius, ids)
         if not why and time is not None and any(wall.changes_with_time for wall in walls):
             why = ". At another start.time the walls stand elsewhere"
         elif not why and single and _passes_nearly(check):
@@ -184,10 +184,10 @@ def _check_whole(trajectory: Trajectory, n: int, box: Box | None) -> None:
         )
 
 
-def _other_radii(path: Path, radius: Array, ids: range, comm: Any) -> str:
+def _other_radii(path: Path, radius: Array, ids: range) -> str:
     """Likely cause of an overlap: disks of the trajectory have other radii; the first one is named."""
 
-    def told() -> str:
+    def found() -> str:
         with Trajectory(path) as trajectory:
             there = trajectory.constants("radius", slice(ids.start, ids.stop))
         other = np.abs(there - radius) > 1e-6 * radius  # more than rounding
@@ -199,5 +199,5 @@ def _other_radii(path: Path, radius: Array, ids: range, comm: Any) -> str:
             f"{radius[i]:.6g} in this case"
         )
 
-    found = communicator.run_on_all(comm, told)
-    return found if comm is None else next(filter(None, comm.allgather(found)), "")
+    comm = current()
+    return next(filter(None, comm.allgather(comm.run_on_all(found))), "")

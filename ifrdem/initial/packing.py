@@ -33,9 +33,9 @@ from ..model.overlaps import (
     refuse_wider_than_box,
 )
 from ..model.walls import Wall
-from ..mpi import communicator, distribution
+from ..mpi import collective, current
 from ..tools import seeds
-from ..tools.checked import Array, Comm, PositiveColumn, Seed, Vectors, validated
+from ..tools.checked import Array, PositiveColumn, Seed, Vectors, validated
 
 MARGIN = 1e-4
 """Part by which radii are made larger while overlaps are removed: what is left then is still a gap."""
@@ -125,15 +125,15 @@ def grow(
 
 
 @validated
+@collective
 def separate(
     box: Box, radius: PositiveColumn, position: Vectors, *, walls: Sequence[Wall] = (), time: float = 0.0,
-    comm: Comm = None,
 ) -> Array:  # fmt: skip
     """Positions [length], shape (n, 2), near the given ones, without overlaps of disks or with walls at a `time`.
 
     For positions that were rounded, as those of a trajectory in single precision: disks that touched overlap then. Only
     disks that overlap, and those near them, are moved. InputError if overlaps remain: names the worst of them. Of ranks
-    of MPI (`comm`), each gives the disks of its slice, and the first one moves those that almost touch.
+    of MPI (`Communicator`), each gives the disks of its slice, and the root moves those that almost touch.
 
     Examples
     --------
@@ -146,24 +146,20 @@ def separate(
     radii, centres = checked_radii(radius), np.asarray(position, dtype=np.float64)
     if len(centres) != len(radii):
         raise InputError(f"position has {len(centres)} disks, radius {len(radii)}: must be the same number")
-    n, largest = (
-        distribution.numbered(len(radii), comm)[1],
-        communicator.largest(comm, float(radii.max(initial=0.0))),
-    )
+    comm = current()
+    n, largest = comm.number(len(radii))[1], comm.largest(float(radii.max(initial=0.0)))
     free_area = FreeArea(box, tuple(walls), time)
     free = free_area.gap(centres, radii)  # from walls
-    near = close_ones(box, radii, centres, 0.0, comm, free < 0.0)
-    gap = (
-        4.0 * communicator.root_result(comm, lambda: _largest_overlap(free_area, near)) + SEPARATED * largest
-    )
+    near = close_ones(box, radii, centres, 0.0, free < 0.0)
+    gap = 4.0 * comm.root_result(lambda: _largest_overlap(free_area, near)) + SEPARATED * largest
     while True:
-        near = close_ones(box, radii, centres, gap, comm, free < gap)
-        ids, moved, way = communicator.root_result(comm, lambda near=near: _separated(free_area, near))  # type: ignore[misc]
+        near = close_ones(box, radii, centres, gap, free < gap)
+        ids, moved, way = comm.root_result(lambda near=near: _separated(free_area, near))  # type: ignore[misc]
         if 2.0 * way < gap or len(ids) == n or gap > largest:  # others cannot be met
             break
         gap *= 4.0
-    communicator.run_on_root(comm, lambda: check_no_overlap(box, near[1], moved, tolerance=0.0, ids=ids))  # type: ignore[index]
-    return put_back(centres, ids, moved, comm)
+    comm.run_on_root(lambda: check_no_overlap(box, near[1], moved, tolerance=0.0, ids=ids))  # type: ignore[index]
+    return put_back(centres, ids, moved)
 
 
 Near = tuple[NDArray[np.int64], Array, Array] | None

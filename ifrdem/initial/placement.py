@@ -27,9 +27,9 @@ from ..model.overlaps import (
     size_classes,
 )
 from ..model.walls import Wall
-from ..mpi import communicator, distribution
+from ..mpi import collective, current, distribution
 from ..tools import seeds
-from ..tools.checked import Array, Comm, Integer, Number, PositiveColumn, Seed, validated
+from ..tools.checked import Array, Integer, Number, PositiveColumn, Seed, validated
 
 # Of the diameter among sites, of the radius at walls: room for rounding.
 CLOSER, CLEAR = 1.0 - 1e-9, 1.0 + 1e-9
@@ -37,14 +37,13 @@ HALVINGS = 40
 AT_ONCE = 1 << 18  # sites that are looked at together
 
 
-def check_sites(free_area: FreeArea, n: int, radius: float, comm: Any = None) -> bool:
+def check_sites(free_area: FreeArea, n: int, radius: float) -> bool:
     """Tell if rows of sites are along y, of those at contact, of which n find room between the walls.
 
     InputError if fewer do; the message says how many. Sites are counted block by block, by each rank some of them.
     """
     most = {
-        upright: _free(free_area, radius, 2.0 * radius * CLOSER, upright).count(comm)
-        for upright in (False, True)
+        upright: _free(free_area, radius, 2.0 * radius * CLOSER, upright).count() for upright in (False, True)
     }
     upright = most[True] > most[False]
     if most[upright] < n:
@@ -56,9 +55,7 @@ def check_sites(free_area: FreeArea, n: int, radius: float, comm: Any = None) ->
     return upright
 
 
-def sites(
-    free_area: FreeArea, n: int, radius: float, numbers: NDArray[np.int64] | None = None, comm: Any = None
-) -> Array:
+def sites(free_area: FreeArea, n: int, radius: float, numbers: NDArray[np.int64] | None = None) -> Array:
     """Sites [length], shape (n, 2), for disks of this radius [length] that overlap neither each other nor a wall.
 
     Rows along x or along y, which continue across periodic sides. What sites are left over are spread evenly.
@@ -66,31 +63,30 @@ def sites(
     are returned; of ranks, each asks for its own, and tests some of all sites.
     """
     low, high = 2.0 * radius * CLOSER, max(free_area.box.lengths)
-    best = _free(free_area, radius, low, check_sites(free_area, n, radius, comm))
+    best = _free(free_area, radius, low, check_sites(free_area, n, radius))
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         wider = [_free(free_area, radius, middle, upright) for upright in (False, True)]
-        counts = [each.count(comm) for each in wider]
+        counts = [each.count() for each in wider]
         if max(counts) >= n:
             low, best = middle, wider[counts[1] > counts[0]]
         else:
             high = middle
-    here = best.off_walls(distribution.slice_of(best.points, comm))
-    own, found = distribution.numbered(len(here), comm)
+    comm = current()
+    here = best.off_walls(comm.slice_of(best.points))
+    own, found = comm.number(len(here))
     wanted = _site_numbers(np.arange(n) if numbers is None else numbers, found, n)
-    return here[wanted] if comm is None else _rows_by_number(comm, own.start, here, wanted)
+    return here[wanted] if comm.size == 1 else _rows_by_number(own.start, here, wanted)
 
 
-def _rows_by_number(comm: Any, first: int, rows: Array, wanted: NDArray[np.int64]) -> Array:
+def _rows_by_number(first: int, rows: Array, wanted: NDArray[np.int64]) -> Array:
     """Rows of some numbers that are anywhere; those here are numbered from `first` on, rank by rank."""
+    comm = current()
     firsts = np.array(comm.allgather(first if len(rows) else -1))
     firsts[firsts < 0] = np.iinfo(np.int64).max  # ranks without rows own none
     order = np.argsort(firsts, kind="stable")
     owner = order[np.searchsorted(firsts[order], wanted, side="right") - 1]
-    asker, number = distribution.exchange(comm, owner, [np.full(len(wanted), comm.rank), wanted])
-    (answers,) = distribution.exchange(comm, asker, [rows[number - first]])  # in the order of who answers
-    found = np.empty((len(wanted), 2))
-    found[np.argsort(owner, kind="stable")] = answers
+    (found,) = comm.asked(owner, wanted, first, [rows])
     return found
 
 
@@ -125,11 +121,10 @@ class _Sites:
             position[:, across] = self.origin[1] + row * self.rise
             yield position[self.free_area.gap(position, np.full(len(position), self.radius)) >= 0.0]
 
-    def count(self, comm: Any = None) -> int:
+    def count(self) -> int:
         """Number of sites at which a disk overlaps no wall."""
-        numbers = distribution.slice_of(self.points, comm)
-        own = sum(map(len, self._blocks_off_walls(numbers)))
-        return own if comm is None else int(comm.allreduce(own))
+        comm = current()
+        return comm.allreduce(sum(map(len, self._blocks_off_walls(comm.slice_of(self.points)))))
 
 
 def _free(free_area: FreeArea, radius: float, distance: float, upright: bool) -> _Sites:
@@ -228,9 +223,8 @@ def strips(free_area: FreeArea, n: int, radius: float) -> tuple[int, int]:
 
 
 @validated
-def random_positions(
-    box: Box, radius: PositiveColumn, *, seed: Seed, walls: Sequence[Wall] = (), comm: Comm = None
-) -> Array:
+@collective
+def random_positions(box: Box, radius: PositiveColumn, *, seed: Seed, walls: Sequence[Wall] = ()) -> Array:
     """Place disks by random sequential addition: uniformly at random, each where it overlaps nothing before it.
 
     Attempts are drawn and tested in bulk, with the outcome of making them one by one. Large disks go first (in size
@@ -245,6 +239,9 @@ def random_positions(
     strips that are filled first stand within one diameter of their edges a little denser, those in the others thinner,
     the more the nearer to the limit. A few collisions per disk forget the latter.
 
+    Of ranks of MPI (`Communicator`), each gives the radii of its slice, and gets its places. Each fills some strips, to
+    the bit as one process does. `Simulation` looks for overlaps then.
+
     Parameters
     ----------
     radius : array_like (n,)
@@ -253,9 +250,6 @@ def random_positions(
         Seed of the random positions.
     walls : sequence of Wall
         What they must not overlap either, at t = 0, beside the sides of the box that are not periodic.
-    comm : mpi4py.MPI.Comm, optional
-        Ranks of MPI, of which each gives the radii of its slice (`slice_of`), and gets its places; each fills some
-        strips, to the bit as one process does. `Simulation` looks for overlaps then.
 
     Returns
     -------
@@ -271,15 +265,16 @@ def random_positions(
     (100, 2)
     """
 
-    radii, ids, n = _radii_of_rank(box, radius, comm)
+    comm = current()
+    radii, ids, n = _radii_of_rank(box, radius)
     if n == 0:
         return np.empty((0, 2))
     seeds.stream(seed, seeds.POSITIONS)  # refuses what is no seed
-    smallest = -communicator.largest(comm, -float(radii.min(initial=np.inf)))
-    largest = communicator.largest(comm, float(radii.max(initial=0.0)))
+    smallest = -comm.largest(-float(radii.min(initial=np.inf)))
+    largest = comm.largest(float(radii.max(initial=0.0)))
     free_area = FreeArea(box, tuple(walls))
-    communicator.run_on_all(comm, lambda: refuse_no_free_area(free_area, radii, ids.start))
-    wanted = free_area.covered_part(math.pi * float(distribution.total(np.square(radii), comm)))
+    comm.run_on_all(lambda: refuse_no_free_area(free_area, radii, ids.start))
+    wanted = free_area.covered_part(math.pi * float(comm.total(np.square(radii))))
     # Few disks have no sharp limit: 4 of them in a box that just holds a square of them reach 0.785.
     if wanted > SATURATION + 0.5 / math.sqrt(n) and smallest == largest:
         limit = f"random positions of equal disks end at {SATURATION}"
@@ -289,21 +284,21 @@ def random_positions(
     if count > 1:
         number = seeds.permuted(seed, seeds.SITES, n, ids)
     firsts = distribution.bounds(n, count)
-    size, rank = (1, 0) if comm is None else (comm.size, comm.rank)
-    owner = np.arange(count) * size // count
-    own = [int(each) for each in np.flatnonzero(owner == rank)]
+    owner = np.arange(count) * comm.size // count
+    own = [int(each) for each in np.flatnonzero(owner == comm.rank)]
     there: list[NDArray[Any]] = [number, np.arange(ids.start, ids.stop), radii]
-    if comm is not None:
-        there = distribution.exchange(comm, owner[np.searchsorted(firsts, number, side="right") - 1], there)
+    if comm.size > 1:
+        there = comm.exchange(owner[np.searchsorted(firsts, number, side="right") - 1], there)
     order = np.argsort(there[0])
     who, radii_there = there[1][order], there[2][order]
     # Of the disks here, those of each strip.
     rows = {each: slice(firsts[each] - firsts[own[0]], firsts[each + 1] - firsts[own[0]]) for each in own}
     covered = {each: float(np.sum(np.square(radii_there[rows[each]]))) for each in own}
-    told = [covered] if comm is None else comm.allgather(covered)
-    areas = np.array([each for some in told for each in some.values()])  # ranks own strips in order
+    areas = np.array(
+        [each for some in comm.allgather(covered) for each in some.values()]
+    )  # ranks own strips in order
     shares = areas / areas.sum()
-    edges = _edges(free_area, axis, shares, float(distribution.total(radii, comm)) / n)
+    edges = _edges(free_area, axis, shares, float(comm.total(radii)) / n)
 
     position = np.empty((len(who), 2))
     beside: dict[int, tuple[Array, Array]] = {}
@@ -317,12 +312,12 @@ def random_positions(
                     beside.get(each, (np.empty((0, 2)), np.empty(0))),
                 )  # fmt: skip
 
-    communicator.run_on_all(comm, lambda: fill(0))
+    comm.run_on_all(lambda: fill(0))
     if count > 1:
-        beside = _neighbors_of_strips(comm, axis, edges, owner, rows, position, radii_there)
-        communicator.run_on_all(comm, lambda: fill(1))
-    (found,) = distribution.by_id(comm, n, who, [position])
-    if comm is None:
+        beside = _neighbors_of_strips(axis, edges, owner, rows, position, radii_there)
+        comm.run_on_all(lambda: fill(1))
+    (found,) = comm.by_id(n, who, [position])
+    if comm.size == 1:  # on several ranks, `Simulation` looks for overlaps
         check_no_overlap(box, radii, found)
     return found
 
@@ -348,12 +343,13 @@ def _edges(free_area: FreeArea, axis: int, shares: Array, inset: float) -> Array
 
 
 def _neighbors_of_strips(
-    comm: Any, axis: int, edges: Array, owner: NDArray[np.intp], rows: dict[int, slice], position: Array,
+    axis: int, edges: Array, owner: NDArray[np.intp], rows: dict[int, slice], position: Array,
     radius: Array,
 ) -> dict[int, tuple[Array, Array]]:  # fmt: skip
     """Places and radii of disks of strips 0, 2, ... near the strips beside them, by these, on their owners."""
     count, reach = len(edges) - 1, 2.0 * float(radius.max(initial=0.0)) * (1.0 + 2.0 * TOLERANCE)
-    reach = communicator.largest(comm, reach)
+    comm = current()
+    reach = comm.largest(reach)
     strips, places, radii = [np.empty(0, np.int64)], [np.empty((0, 2))], [np.empty(0)]
     for each, own in rows.items():
         if each % 2:
@@ -365,8 +361,7 @@ def _neighbors_of_strips(
             places.append(position[own][near])
             radii.append(radius[own][near])
     found = [np.concatenate(each) for each in (strips, places, radii)]
-    if comm is not None:
-        found = distribution.exchange(comm, owner[found[0]], found)
+    found = comm.exchange(owner[found[0]], found)
     return {
         int(each): (found[1][found[0] == each], found[2][found[0] == each]) for each in np.unique(found[0])
     }
@@ -471,12 +466,13 @@ def lattice(box: Box, n: int, diameter: float) -> tuple[int, int, bool]:
     return best[1:]
 
 
-def _radii_of_rank(box: Box, radius: ArrayLike, comm: Any) -> tuple[Array, range, int]:
+def _radii_of_rank(box: Box, radius: ArrayLike) -> tuple[Array, range, int]:
     """Radii of this rank's slice, which fit into the box, its ids, and the number of all disks."""
 
-    radii = communicator.run_on_all(comm, lambda: checked_radii(radius))
-    ids, n = distribution.numbered(len(radii), comm)
-    communicator.run_on_all(comm, lambda: refuse_wider_than_box(box, radii, ids.start))
+    comm = current()
+    radii = comm.run_on_all(lambda: checked_radii(radius))
+    ids, n = comm.number(len(radii))
+    comm.run_on_all(lambda: refuse_wider_than_box(box, radii, ids.start))
     return radii, ids, n
 
 
@@ -487,13 +483,13 @@ def _site_numbers(number: NDArray[np.int64], sites: int, n: int) -> NDArray[np.i
 
 
 @validated
+@collective
 def hexagonal_positions(
     box: Box,
     radius: PositiveColumn,
     *,
     seed: Seed | None = None,
     walls: Sequence[Wall] = (),
-    comm: Comm = None,
 ) -> Array:
     """Place disks on a hexagonal lattice, stretched so that it continues across the periodic sides.
 
@@ -503,8 +499,8 @@ def hexagonal_positions(
     many disks of that size would.
 
     Arguments and what is returned as for `random_positions`; a `seed` deals the disks to the sites in a random order
-    (for mixtures), without it disk by disk, row by row. Of ranks of MPI (`comm`), each gives the radii of its slice
-    (`slice_of`) and gets its places; `Simulation` looks for overlaps then.
+    (for mixtures), without it disk by disk, row by row. Of ranks of MPI (`Communicator`), each gives the radii of its
+    slice and gets its places; `Simulation` looks for overlaps then.
 
     Examples
     --------
@@ -513,15 +509,16 @@ def hexagonal_positions(
     (12, 2)
     """
 
-    radii, ids, n = _radii_of_rank(box, radius, comm)
+    comm = current()
+    radii, ids, n = _radii_of_rank(box, radius)
     if n == 0:
         return np.empty((0, 2))
-    largest = communicator.largest(comm, float(radii.max(initial=0.0)))
+    largest = comm.largest(float(radii.max(initial=0.0)))
     free_area = FreeArea(box, tuple(walls))
     number = np.arange(ids.start, ids.stop) if seed is None else seeds.permuted(seed, seeds.SITES, n, ids)
     if free_area.all_walls:
-        communicator.run_on_all(comm, lambda: refuse_no_free_area(free_area, radii, ids.start))
-        found = sites(free_area, n, largest, number, comm)
+        comm.run_on_all(lambda: refuse_no_free_area(free_area, radii, ids.start))
+        found = sites(free_area, n, largest, number)
     else:
         columns, rows, upright = lattice(box, n, 2.0 * largest)
         lengths = box.lengths[::-1] if upright else box.lengths
@@ -530,7 +527,7 @@ def hexagonal_positions(
         x = (column + 0.25 + 0.5 * (row % 2)) * (lengths[0] / columns)
         y = (row + 0.5) * (lengths[1] / rows)
         found = np.column_stack((y, x) if upright else (x, y))
-    if comm is None:
+    if comm.size == 1:  # on several ranks, `Simulation` looks for overlaps
         check_no_overlap(box, radii, found)
     return found
 
@@ -540,14 +537,15 @@ _Number = Annotated[int, Integer(0, MOST_IDS)]
 
 
 @validated
+@collective
 def maxwellian(
     mass: PositiveColumn, *, speed_rms: _Size | None = None, temperature: _Size | None = None, seed: Seed,
-    comm: Comm = None,
 ) -> Array:  # fmt: skip
     """Draw velocities from a Maxwell distribution, with no total momentum and exactly the wanted energy.
 
     Disks of different masses get the same mean energy: each component has variance T / m. The total momentum of the
-    sample is then removed, and the rest scaled. InputError if not exactly one of `speed_rms` and `temperature` is
+    sample is then removed, and the rest scaled. Of ranks of MPI (`Communicator`), each gives the masses of its slice,
+    and gets its velocities. InputError if not exactly one of `speed_rms` and `temperature` is
     given, or a value is negative or not finite.
 
     Parameters
@@ -556,8 +554,6 @@ def maxwellian(
         Masses m [mass].
     speed_rms, temperature : float
         One of them: sqrt(<v^2>) over all disks [length/time], or T = <m v^2> / 2 [energy].
-    comm : mpi4py.MPI.Comm, optional
-        Ranks of MPI, of which each gives the masses of its slice (`slice_of`), and gets its velocities.
 
     Returns
     -------
@@ -580,24 +576,26 @@ def maxwellian(
         raise InputError(
             f"speed_rms = {speed_rms}, temperature = {temperature}: exactly one of them must be given"
         )
-    ids, n = distribution.numbered(len(masses), comm)
+    comm = current()
+    ids, n = comm.number(len(masses))
     velocity = seeds.drawn(
         seed, seeds.VELOCITIES, ids, lambda random, count: random.standard_normal((count, 2))
     )
     velocity /= np.sqrt(masses)[:, None]
     if n > 1:
-        velocity -= distribution.total(masses[:, None] * velocity, comm) / distribution.total(masses, comm)
+        velocity -= comm.total(masses[:, None] * velocity) / comm.total(masses)
     if n > 0:
-        mean = distribution.total(weight * np.sum(velocity**2, axis=1), comm) / n
+        mean = comm.total(weight * np.sum(velocity**2, axis=1)) / n
         velocity *= math.sqrt(wanted / mean)
     return velocity
 
 
 @validated
-def gaussian_spins(n: _Number, *, spin_rms: _Size, seed: Seed, comm: Comm = None) -> Array:
+@collective
+def gaussian_spins(n: _Number, *, spin_rms: _Size, seed: Seed) -> Array:
     """Draw spins [rad/time], shape (n,), from a normal distribution with mean 0 and exactly this rms value.
 
-    Of ranks of MPI (`comm`), each gives the number of disks in its slice (`slice_of`), and gets their spins.
+    Of ranks of MPI (`Communicator`), each gives the number of disks in its slice, and gets their spins.
     InputError if `spin_rms` is negative or not finite.
 
     Examples
@@ -607,6 +605,7 @@ def gaussian_spins(n: _Number, *, spin_rms: _Size, seed: Seed, comm: Comm = None
     >>> round(float((spin**2).mean()), 12)
     9.0
     """
-    ids, number = distribution.numbered(n, comm)
+    comm = current()
+    ids, number = comm.number(n)
     spin = seeds.drawn(seed, seeds.SPINS, ids, lambda random, count: random.standard_normal(count))
-    return spin * (spin_rms / math.sqrt(distribution.total(spin**2, comm) / number)) if number else spin
+    return spin * (spin_rms / math.sqrt(comm.total(spin**2) / number)) if number else spin

@@ -1,9 +1,9 @@
 """Radii of disks that are not all equal: samples of a distribution, reproducible by a seed.
 
 Every function returns an array of shape (n,) [length]. Masses that follow the radii are `density * pi * radius**2`
-with the mass per area of the disks, `density` [mass/length^2]. With ranks of MPI (`comm`), each gives the number of
-disks in its slice (`ifrdem.slice_of`), and gets their radii: to the bit those that one process draws, for each block of
-262,144 disks has random numbers of its own.
+with the mass per area of the disks, `density` [mass/length^2]. Of ranks of MPI (`Communicator`), each gives the number
+of disks in its slice (`ifrdem.slice_of`), and gets their radii: to the bit those that one process draws, for each block
+of 262,144 disks has random numbers of its own.
 """
 
 from __future__ import annotations
@@ -16,10 +16,9 @@ import numpy as np
 
 from ..errors import InputError
 from ..kernels.columns import MOST_IDS
-from ..mpi import communicator
-from ..mpi.distribution import numbered
+from ..mpi import collective, current
 from ..tools import seeds
-from ..tools.checked import Array, Comm, Integer, OneOf, Positive, Seed, validated
+from ..tools.checked import Array, Integer, OneOf, Positive, Seed, validated
 
 TRUNCATION = 3.0
 """Standard deviations from the mean at which a Gaussian is cut off where the case does not say."""
@@ -41,7 +40,8 @@ _Number = Annotated[int, Integer(0, MOST_IDS)]
 
 
 @validated
-def uniform(n: _Number, *, low: Positive, high: Positive, seed: Seed, comm: Comm = None) -> Array:
+@collective
+def uniform(n: _Number, *, low: Positive, high: Positive, seed: Seed) -> Array:
     """Radii that are equally frequent between `low` and `high` [length].
 
     InputError if not 0 < low < high, or a number is not finite.
@@ -53,10 +53,11 @@ def uniform(n: _Number, *, low: Positive, high: Positive, seed: Seed, comm: Comm
     >>> round(float(radius.mean()), 2)
     0.5
     """
-    return sample("uniform", n, seed=seed, comm=comm, low=low, high=high)
+    return sample("uniform", n, seed=seed, low=low, high=high)
 
 
 @validated
+@collective
 def gaussian(
     n: _Number,
     *,
@@ -65,7 +66,6 @@ def gaussian(
     low: Positive | None = None,
     high: Positive | None = None,
     seed: Seed,
-    comm: Comm = None,
 ) -> Array:
     """Radii from a normal distribution, cut off at `low` and `high` [length].
 
@@ -81,10 +81,11 @@ def gaussian(
     >>> round(float(radius.mean()), 2)
     0.5
     """
-    return sample("gaussian", n, seed=seed, comm=comm, mean=mean, deviation=deviation, low=low, high=high)
+    return sample("gaussian", n, seed=seed, mean=mean, deviation=deviation, low=low, high=high)
 
 
 @validated
+@collective
 def lognormal(
     n: _Number,
     *,
@@ -93,7 +94,6 @@ def lognormal(
     low: Positive | None = None,
     high: Positive | None = None,
     seed: Seed,
-    comm: Comm = None,
 ) -> Array:
     """Radii whose logarithm is normal; `mean` and `deviation` [length] are those of the radius itself.
 
@@ -108,13 +108,12 @@ def lognormal(
     >>> round(float(radius.mean()), 2)
     0.5
     """
-    return sample("lognormal", n, seed=seed, comm=comm, mean=mean, deviation=deviation, low=low, high=high)
+    return sample("lognormal", n, seed=seed, mean=mean, deviation=deviation, low=low, high=high)
 
 
 @validated
-def bidisperse(
-    n: _Number, *, low: Positive, high: Positive, large_fraction: Positive, seed: Seed, comm: Comm = None
-) -> Array:
+@collective
+def bidisperse(n: _Number, *, low: Positive, high: Positive, large_fraction: Positive, seed: Seed) -> Array:
     """Radii of two sizes [length], of which the part `large_fraction` of all disks has `high`, in random order.
 
     Their number is the whole number nearest to `large_fraction * n`, not a random one. InputError if not 0 < low <
@@ -127,13 +126,12 @@ def bidisperse(
     >>> round(float(radius.mean()), 2)
     0.6
     """
-    return sample("bidisperse", n, seed=seed, comm=comm, low=low, high=high, large_fraction=large_fraction)
+    return sample("bidisperse", n, seed=seed, low=low, high=high, large_fraction=large_fraction)
 
 
 @validated
-def sample(
-    distribution: Distribution, n: _Number, *, seed: Seed, comm: Comm = None, **parameters: Positive | None
-) -> Array:
+@collective
+def sample(distribution: Distribution, n: _Number, *, seed: Seed, **parameters: Positive | None) -> Array:
     """Radii [length], shape (n,), of a distribution by its name (`PARAMETERS`); see the functions of these names.
 
     InputError as `check`.
@@ -144,8 +142,9 @@ def sample(
     >>> radii.sample("uniform", 3, low=0.4, high=0.6, seed=1).round(3)
     array([0.522, 0.477, 0.569])
     """
-    communicator.run_on_all(comm, lambda: check(distribution, **parameters))
-    ids, number = numbered(n, comm)
+    comm = current()
+    comm.run_on_all(lambda: check(distribution, **parameters))
+    ids, number = comm.number(n)
     return of_ids(distribution, number, ids, seed=seed, **parameters)
 
 

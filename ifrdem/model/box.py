@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from ..errors import InputError
-from ..mpi import distribution
+from ..mpi import SERIAL, collective, current
 from ..tools.checked import (
     Array,
-    Comm,
     Images,
     Moments,
     Number,
@@ -126,17 +125,22 @@ class Box:
 
     @classmethod
     @validated
+    @collective
     def from_packing_fraction(
-        cls, radius: PositiveColumn, packing_fraction: _Packed, aspect: Positive = 1.0, *, shear_rate: float = 0.0,
-        comm: Comm = None,
-    ) -> Box:  # fmt: skip
+        cls,
+        radius: PositiveColumn,
+        packing_fraction: _Packed,
+        aspect: Positive = 1.0,
+        *,
+        shear_rate: float = 0.0,
+    ) -> Box:
         """The box in which disks of these radii [length], shape (n,), fill the given fraction of the area.
 
-        `aspect` is Lx / Ly; `shear_rate` as for a box [1/time]. Of ranks of MPI (`comm`), each gives the radii of its
-        slice (`slice_of`). InputError if the packing fraction is not between 0 and pi / (2 sqrt 3) = 0.9069, the
+        `aspect` is Lx / Ly; `shear_rate` as for a box [1/time]. Of ranks of MPI, each gives the radii of its slice
+        (`Communicator`). InputError if the packing fraction is not between 0 and pi / (2 sqrt 3) = 0.9069, the
         densest packing of equal disks, or if there are no disks.
         """
-        covered = math.pi * float(distribution.total(np.square(radius), comm))
+        covered = math.pi * float(current().total(np.square(radius)))
         return cls.around(covered, packing_fraction, aspect, shear_rate)
 
     @classmethod
@@ -156,7 +160,7 @@ class Box:
     @validated
     def packing_fraction(self, radius: PositiveColumn) -> float:
         """Fraction of the area that disks of these radii [length], shape (n,), cover."""
-        return math.pi * float(distribution.total(np.square(radius))) / self.area
+        return math.pi * float(SERIAL.total(np.square(radius))) / self.area
 
     @validated
     def flow(self, position: Places) -> Array:

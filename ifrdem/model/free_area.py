@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..mpi import distribution
+from ..mpi import SERIAL
 from ..tools.checked import Array
 from .box import Box
 from .walls import Point, Wall, sides
@@ -178,7 +178,7 @@ class FreeArea:
 
     def packing_fraction(self, radius: Array) -> float:
         """Fraction of the free area that disks of these radii [length], shape (n,), cover."""
-        return self.covered_part(math.pi * float(distribution.total(np.square(radius))))
+        return self.covered_part(math.pi * float(SERIAL.total(np.square(radius))))
 
     def covered_part(self, covered: float) -> float:
         """Fraction of the free area that disks of such an area [length^2] in all cover."""

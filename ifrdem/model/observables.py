@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..kernels.columns import READOUT
-from ..mpi import distribution
-from ..tools.checked import Array, Comm, Integer, Numbers, Real, validated
+from ..mpi import SERIAL, collective, current
+from ..tools.checked import Array, Integer, Numbers, Real, validated
 from .state import Disks, State
 
 MECHANISMS = ("normal", "tangential_restitution", "sliding", "sticking", "rolling", "walls", "rest")
@@ -147,7 +147,8 @@ def measure(
     >>> ifrdem.observables.measure(disks, state).temperature
     1.0
     """
-    totals = sums(disks, state, gravity)
+    with SERIAL:
+        totals = sums(disks, state, gravity)
     put_in = {"energy_input": energy_input, "wall_work": wall_work, "wall_heat": wall_heat}
     counted: Any = {"dissipated": dissipated, "regimes": regimes}
     wall_hits = int(np.sum(state.wall_hits, dtype=np.int64))
@@ -157,8 +158,9 @@ def measure(
 
 
 @validated
-def sums(disks: Disks, state: State, gravity: tuple[Real, Real] = (0.0, 0.0), comm: Comm = None) -> Array:
-    """Sums over all disks that `from_totals` takes; of ranks, each gives the disks and the state of its slice.
+@collective
+def sums(disks: Disks, state: State, gravity: tuple[Real, Real] = (0.0, 0.0)) -> Array:
+    """Sums over all disks that `from_totals` takes; of ranks of MPI, each gives those of its slice (`Communicator`).
 
     Examples
     --------
@@ -179,7 +181,7 @@ def sums(disks: Disks, state: State, gravity: tuple[Real, Real] = (0.0, 0.0), co
         mass * (v_x**2 + v_y**2), inertia * state.spin**2, mass * v_x, mass * v_y, mass * v_x * v_y,
         mass * (state.position @ np.array(gravity)), state.collisions.astype(np.int64) + state.wall_hits, mass,
     ]  # fmt: skip
-    found = [float(distribution.total(each, comm)) for each in columns]
+    found = [float(current().total(each)) for each in columns]
     return np.array([0.5 * found[0], 0.5 * found[1], *found[2:-1], 0.0, found[-1]])
 
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
-from ..mpi import communicator, distribution
+from ..mpi import current
 from ..tools import checked
 from ..tools.checked import Array
 from .box import Box
@@ -102,9 +101,11 @@ def _close_pairs_at(
 
 def check_no_overlap(
     box: Box, radius: ArrayLike, position: ArrayLike, *, tolerance: float = TOLERANCE, time: float = 0.0,
-    ids: Sequence[int] | NDArray[np.integer] | None = None, comm: Any = None,
+    ids: Sequence[int] | NDArray[np.integer] | None = None,
 ) -> None:  # fmt: skip
     """Refuse positions at which disks overlap, across the periodic sides too.
+
+    Of ranks of MPI, each gives the disks of its slice (`Communicator`), and all raise the same.
 
     Distances are computed pair by pair and exactly; a tree only finds which pairs are near. InputError names the pair
     that overlaps most, by how much, and how many pairs overlap; or the disk that is wider than the box, or whose
@@ -122,8 +123,6 @@ def check_no_overlap(
         The time [time], which says where the images above and below are in a sheared box.
     ids : sequence of int (n,)
         Numbers of the disks, for the message; 0 to n - 1 by default.
-    comm : mpi4py.MPI.Comm, optional
-        Ranks of MPI, of which each gives the disks of its slice; all raise the same.
     """
 
     def looked_at() -> tuple[Array, Array]:
@@ -132,8 +131,9 @@ def check_no_overlap(
             raise InputError(f"position has shape {centres.shape}: {(len(radii), 2)} is needed")
         return radii, centres
 
-    radii, centres = communicator.run_on_all(comm, looked_at)
-    first = distribution.numbered(len(radii), comm)[0].start
+    comm = current()
+    radii, centres = comm.run_on_all(looked_at)
+    first = comm.number(len(radii))[0].start
 
     def refuse_single_ones() -> None:
         finite = np.isfinite(centres).all(axis=1)
@@ -142,14 +142,12 @@ def check_no_overlap(
             raise InputError(f"position[{first + i}] = {centres[i]}: every value must be finite")
         refuse_wider_than_box(box, radii, first)
 
-    communicator.run_on_all(comm, refuse_single_ones)
-    own, numbers, radii, centres = _beside_in_box(box, radii, centres, comm, 0.0, time)
-    rows, told = communicator.run_on_all(
-        comm, lambda: _overlapping(box, radii, box.wrap(centres, time), tolerance, time)
-    )
+    comm.run_on_all(refuse_single_ones)
+    own, numbers, radii, centres = _beside_in_box(box, radii, centres, 0.0, time)
+    rows, told = comm.run_on_all(lambda: _overlapping(box, radii, box.wrap(centres, time), tolerance, time))
     pairs, count = np.sort((numbers if ids is None else np.asarray(ids))[rows]), len(rows)
-    if comm is not None:
-        pairs, told, count = _worst_of_ranks(comm, pairs, told, own[rows].sum(axis=1))
+    if comm.size > 1:
+        pairs, told, count = _worst_of_ranks(pairs, told, own[rows].sum(axis=1))
     if count:
         worst = _worst(pairs, told)[0]
         (one, other), (overlap, distance, contact) = pairs[worst], told[worst]
@@ -179,7 +177,7 @@ def _worst(pairs: NDArray[np.integer], told: Array) -> NDArray[np.intp]:
 
 
 def _worst_of_ranks(
-    comm: Any, pairs: NDArray[np.integer], told: Array, here: NDArray[np.integer]
+    pairs: NDArray[np.integer], told: Array, here: NDArray[np.integer]
 ) -> tuple[NDArray[np.integer], Array, int]:
     """Pairs that overlap, of all ranks, the worst among them, what is told of each, and the number of all.
 
@@ -187,7 +185,9 @@ def _worst_of_ranks(
     """
     inner, between = here == 2, here == 1
     worst = np.flatnonzero(inner)[_worst(pairs[inner], told[inner])]
-    gathered = comm.allgather((int(inner.sum()), pairs[worst], told[worst], pairs[between], told[between]))
+    gathered = current().allgather(
+        (int(inner.sum()), pairs[worst], told[worst], pairs[between], told[between])
+    )
     counts, best, values, at, more = zip(*gathered, strict=True)
     border, rows = np.unique(np.concatenate(at), axis=0, return_index=True)
     told = np.concatenate((*values, np.concatenate(more)[rows]))
@@ -199,7 +199,7 @@ _BANDS = 64
 
 
 def _beside_in_box(
-    box: Box, radius: Array, position: Array, comm: Any, gap: float, time: float = 0.0
+    box: Box, radius: Array, position: Array, gap: float, time: float = 0.0
 ) -> tuple[NDArray[np.bool_], NDArray[np.int64], Array, Array]:
     """Disks of a part of the box along y, about as many on each rank, and those that reach into it from above.
 
@@ -207,16 +207,16 @@ def _beside_in_box(
     disks of which each rank gives a slice: whether they stand in the own part, their ids, radii and places. Without
     ranks they are all.
     """
-    if comm is None:
+    comm = current()
+    if comm.size == 1:
         return np.ones(len(radius), dtype=bool), np.arange(len(radius)), radius, position
-    ids, _ = distribution.numbered(len(radius), comm)
-    width = 2.0 * communicator.largest(comm, float(radius.max(initial=0.0))) * (1.0 + 2.0 * TOLERANCE) + gap
+    ids, _ = comm.number(len(radius))
+    width = 2.0 * comm.largest(float(radius.max(initial=0.0))) * (1.0 + 2.0 * TOLERANCE) + gap
     height = box.lengths[1]
     y = box.wrap(position, time)[:, 1]
     bands = _BANDS * comm.size
     band = np.clip((y / height * bands).astype(np.int64), 0, bands - 1)
-    count = np.bincount(band, minlength=bands)
-    comm.Allreduce(count.copy(), count)
+    count = comm.allreduce(np.bincount(band, minlength=bands))
     # Of each band, the rank that checks its disks: about as many for each.
     rank = np.minimum((np.cumsum(count) - count) * comm.size // max(int(count.sum()), 1), comm.size - 1)
     low = np.array([np.searchsorted(rank, q) for q in range(comm.size + 1)]) * (height / bands)
@@ -231,20 +231,19 @@ def _beside_in_box(
     target = np.concatenate(to) if to else rows
     numbers = np.arange(ids.start, ids.stop)
     own = rank[band][rows] == target
-    there = distribution.exchange(comm, target, [own, *(each[rows] for each in (numbers, radius, position))])
+    there = comm.exchange(target, [own, *(each[rows] for each in (numbers, radius, position))])
     return there[0], there[1], there[2], there[3]
 
 
 def close_ones(
-    box: Box, radius: Array, position: Array, gap: float, comm: Any = None,
-    also: NDArray[np.bool_] | None = None, time: float = 0.0,
+    box: Box, radius: Array, position: Array, gap: float, also: NDArray[np.bool_] | None = None, time: float = 0.0,
 ) -> tuple[NDArray[np.int64], Array, Array] | None:  # fmt: skip
     """Disks closer than contact + `gap` [length] to another one, and `also` some others, in order of their ids.
 
     Their ids, radii and centres; of ranks, which give the disks of their slices, on the first one, and None on others.
     The `time` [time] says where the images above and below are in a sheared box.
     """
-    _, ids, radii, places = _beside_in_box(box, radius, position, comm, gap, time)
+    _, ids, radii, places = _beside_in_box(box, radius, position, gap, time)
     centres = box.wrap(places, time)
     i, j = _close_pairs_at(box, radii, centres, time, gap).T
     near = (
@@ -253,10 +252,10 @@ def close_ones(
     rows = np.union1d(i[near], j[near])
     found = ids[rows], radii[rows], places[rows]
     if also is not None:
-        own, _ = distribution.numbered(len(radius), comm)
+        own, _ = current().number(len(radius))
         more = own.start + np.flatnonzero(also), radius[also], position[also]
         found = tuple(map(np.concatenate, zip(found, more, strict=True)))  # type: ignore[assignment]
-    gathered = [found] if comm is None else comm.gather(found)
+    gathered = current().gather(found)
     if gathered is None:
         return None
     numbers, radii, places = (np.concatenate(each) for each in zip(*gathered, strict=True))
@@ -264,9 +263,9 @@ def close_ones(
     return numbers, radii[first], places[first]
 
 
-def put_back(position: Array, ids: NDArray[np.int64], moved: Array, comm: Any = None) -> Array:
+def put_back(position: Array, ids: NDArray[np.int64], moved: Array) -> Array:
     """Positions with those of some ids replaced; of ranks, in their slices, the first one's `moved`."""
-    own, _ = distribution.numbered(len(position), comm)
+    own, _ = current().number(len(position))
     found = position.copy()
     here = (ids >= own.start) & (ids < own.stop)
     found[ids[here] - own.start] = moved[here]
@@ -279,11 +278,12 @@ _MOST_NAMED = 20
 
 
 def relax(
-    box: Box, radius: ArrayLike, position: ArrayLike, tolerance: float, *, time: float = 0.0, comm: Any = None
+    box: Box, radius: ArrayLike, position: ArrayLike, tolerance: float, *, time: float = 0.0
 ) -> NDArray[np.float64]:
     """Move disks apart that overlap by a little, as measured places do.
 
     Of each overlapping pair both disks move by half of the overlap, along the line of centres, until none overlaps.
+    Of ranks of MPI, each gives the disks of its slice (`Communicator`); the root moves those that can be in question.
 
     Raises InputError that names every pair that overlaps by more, or the disk that would have to move further.
 
@@ -297,25 +297,24 @@ def relax(
         Largest overlap that is taken as an error of measurement [length], and largest way of a disk.
     time : float
         The time [time], which says where the images above and below are in a sheared box.
-    comm : mpi4py.MPI.Comm, optional
-        Ranks of MPI, of which each gives the disks of its slice. The first one moves those that can be in question.
 
     Returns
     -------
     array (n, 2)
         Centres without overlaps.
     """
+    comm = current()
     radii, begun = checked_radii(radius), np.asarray(position, dtype=np.float64)
-    largest = communicator.largest(comm, float(radii.max(initial=0.0)))
+    largest = comm.largest(float(radii.max(initial=0.0)))
     most = tolerance * (1.0 + 1e-6) + _APART * largest
     # No other disk can be met within these displacements.
-    near = close_ones(box, radii, begun, 2.0 * most, comm, time=time)
+    near = close_ones(box, radii, begun, 2.0 * most, time=time)
 
     def moved() -> tuple[NDArray[np.int64], Array]:
         assert near is not None  # on the first rank
         return near[0], _relaxed(box, *near, tolerance, most, time)
 
-    return put_back(begun, *communicator.root_result(comm, moved), comm)
+    return put_back(begun, *comm.root_result(moved))
 
 
 def _relaxed(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 import math
 from collections.abc import Sequence
@@ -13,7 +14,8 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..kernels.columns import MECHANISM, MOST_IDS
-from ..mpi import distribution
+from ..mpi import SERIAL, Communicator, current
+from ..mpi.distribution import broadcast_constant_rows
 from ..tools import checked
 from ..tools.checked import Array, Integer, Numbers, validated
 from ..tools.pictured import Pictured
@@ -92,12 +94,12 @@ class Disks(Brief):
     @functools.cached_property
     def covered(self) -> float:
         """Area that all of them cover [length^2]."""
-        return float(np.pi * distribution.total(self.radius**2))
+        return float(np.pi * SERIAL.total(self.radius**2))
 
     @functools.cached_property
     def mean_radius(self) -> float:
         """Mean radius [length]; nan without disks."""
-        return float(distribution.total(self.radius) / self.n) if self.n else math.nan
+        return float(SERIAL.total(self.radius) / self.n) if self.n else math.nan
 
 
 COLUMNS = ("mass", "radius", "k", "material")
@@ -116,15 +118,13 @@ class DiskKinds(Disks):
     every: bool
 
     @classmethod
-    def of(cls, disks: Disks, comm: Any = None) -> DiskKinds:
+    def of(cls, disks: Disks) -> DiskKinds:
         """The kinds of some disks; of ranks, each gives those of its slice, and gets the kinds of all."""
-        rows, every = kinds_among([getattr(disks, name) for name in COLUMNS])
-        n, movable = disks.n, disks.n_movable
-        if comm is not None:
-            rows, every = merge_kinds(comm.allgather((rows, every)))
-            n, movable = comm.allreduce(n), comm.allreduce(movable)
-        squares, radii = (distribution.total(each, comm) for each in (np.square(disks.radius), disks.radius))
-        return cls.made((rows, every), n, movable, squares, radii)
+        comm = current()
+        kinds = merge_kinds(comm.allgather(kinds_among([getattr(disks, name) for name in COLUMNS])))
+        n, movable = comm.allreduce(disks.n), comm.allreduce(disks.n_movable)
+        squares, radii = (comm.total(each) for each in (np.square(disks.radius), disks.radius))
+        return cls.made(kinds, n, movable, squares, radii)
 
     @classmethod
     def made(cls, kinds: Kinds, n: int, n_movable: int, squares: float, radii: float) -> DiskKinds:
@@ -328,27 +328,38 @@ OF_STATE = tuple(each.name for each in fields(State) if each.name not in ("time"
 """Names of what a state has of each disk, beside the flow, which the box gives."""
 
 
-def scatter_state(comm: Any, disks: Disks | None, state: State | None) -> tuple[Disks, State]:
-    """Disks and state of the own slice, of those that the first rank has; what the others give is not looked at."""
-    arrays, n, time = None, None, None
-    if comm.rank == 0:
+def scatter_state(
+    communicator: Communicator, disks: Disks | None, state: State | None
+) -> tuple[Disks, State]:
+    """Disks and state of the own slice, of those that the root has; what the other ranks give is not looked at."""
+    if communicator.size == 1:
+        assert disks is not None
+        assert state is not None
+        return disks, state
+    arrays: list[NDArray[Any]] | None = None
+    n, time = 0, 0.0
+    if communicator.is_root:
         assert disks is not None
         assert state is not None
         n, time = disks.n, float(state.time)
         arrays = [broadcast_constant_rows(getattr(disks, name)) for name in COLUMNS]
         arrays += [broadcast_constant_rows(getattr(state, name)) for name in OF_STATE]
-    n, time = comm.bcast((n, time))
-    found = distribution.scatter(comm, n, arrays)
-    own = Disks(len(distribution.slice_of(n, comm)), *found[: len(COLUMNS)])
+    n, time = communicator.bcast((n, time))
+    found = communicator.scatter_rows(n, arrays)
+    own = Disks(len(communicator.slice_of(n)), *found[: len(COLUMNS)])
     return own, State(time=time, **dict(zip(OF_STATE, found[len(COLUMNS) :], strict=True)))
 
 
-def broadcast_constant_rows(array: NDArray[Any]) -> NDArray[Any]:
-    """The same array, in the memory of one row where all are equal to the bit."""
-    if len(array) < 2 or array.strides[0] == 0 or array[-1:].tobytes() != array[:1].tobytes():
-        return array
-    bits = np.ascontiguousarray(array).reshape(len(array), -1).view(np.uint8)
-    return np.broadcast_to(array[:1].copy(), array.shape) if bool(np.all(bits == bits[0])) else array
+def gather_state(communicator: Communicator, n: int, state: State) -> State | None:
+    """The state of all n disks, of which each rank gives its slice: on the root; None on the others."""
+    names = [name for name in sorted(State.assignable - {"time"}) if getattr(state, name) is not None]
+    rows = communicator.gather_rows(n, [getattr(state, name) for name in names])
+    if rows is None:
+        return None
+    whole = copy.copy(state)
+    for name, values in zip(names, rows, strict=True):
+        setattr(whole, name, values)
+    return whole
 
 
 @dataclass(eq=False, repr=False)

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError, nearest
 from ..kernels.columns import MOST_WALLS, WALL, named
-from ..mpi import distribution
+from ..mpi import current
 from ..tools.checked import Array, Integer, Number, Numbers, validated
 from . import outlines
 from .box import Box
@@ -915,11 +915,11 @@ def _check_spans(wall: Wall, box: Box) -> None:
 
 def check(
     walls: Sequence[Wall], box: Box, position: Array, radius: Array, materials: int | None = None,
-    time: float = 0.0, tolerance: float = 0.0, collisions: int = 0, comm: Any = None,
+    time: float = 0.0, tolerance: float = 0.0, collisions: int = 0,
 ) -> None:  # fmt: skip
     """Refuse walls that cannot be simulated, or that disks overlap at the start, at `time` [time], after `collisions`.
 
-    Of ranks of MPI (`comm`), each gives the disks of its slice, and all raise the same.
+    Of ranks of MPI, each gives the disks of its slice, and all raise the same.
 
     `materials` is how many the law's table has, if it is known; overlaps up to `tolerance` [length] do not count.
     InputError names wall and disk, and by how much they overlap.
@@ -930,7 +930,8 @@ def check(
     if (count := pieces(walls)) > MOST_WALLS:
         most = f"{MOST_WALLS} at most are supported, pieces of polylines and the sides of the box included"
         raise InputError(f"{count} walls: {most}")
-    ids, n = distribution.numbered(len(position), comm)
+    comm = current()
+    ids, n = comm.number(len(position))
     for w, wall in enumerate(walls):
         name = f"wall {w} ({wall.shape})"
         if materials is not None and not 0 <= wall.material < materials:
@@ -946,7 +947,7 @@ def check(
                 gap = wall.gap(position, radius, time)
                 i = int(np.argmin(gap))
                 told = float(gap[i]), ids.start + i, f"({position[i, 0]:.6g}, {position[i, 1]:.6g})"
-            least, disk, place = told if comm is None else min(comm.allgather(told))
+            least, disk, place = min(comm.allgather(told))
             if least < -tolerance:
                 raise InputError(
                     f"disk {disk} at {place} overlaps {name}{_standing(wall, time)} by {-least:.3g}"

@@ -1,7 +1,8 @@
-"""Slices: the disks that a rank of MPI keeps of a whole state, by their ids; how rows go from rank to rank.
+"""Rows of disks among ranks: which ids a rank has of a whole state, and how rows go from rank to rank.
 
-Rank r of P has the ids from r N // P up to, but not including, (r + 1) N // P, in ascending order. Starts, frames and
-checkpoints are told so, whoever moves the disks at that time. Without ranks (`comm` None) the only slice is everything.
+Rank r of P has the ids from r N // P up to, but not including, (r + 1) N // P, in ascending order: its *slice*. Starts,
+frames and checkpoints are stored so, whichever rank moves the disks at that time. Without ranks the only slice is
+everything.
 
 Arrays have a row for each disk. They are sent row by row (a derived datatype each), so that counts stay below 2^31
 however long a message is in bytes. Sums over all disks are those of blocks of BLOCK ids, added up in order of ids: they
@@ -15,41 +16,22 @@ import functools
 import hashlib
 import operator
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import EngineError, InputError
-from ..tools.checked import Comm, Integer, validated
-from . import communicator
-
-Result = TypeVar("Result")
+from ..errors import EngineError
 
 BLOCK = 1 << 18
 """Ids whose random numbers are drawn, and whose rows are added up, together."""
 GATHERED = 1_000_000
-"""Disks up to which a run on ranks gathers frames and checkpoints on the first one."""
+"""Disks up to which a run on ranks gathers frames and checkpoints on the root."""
 
 
 def bounds(n: int, size: int) -> NDArray[np.int64]:
     """First ids of the slices of so many ranks, and the number of disks at the end, shape (size + 1,)."""
     return np.array([rank * n // size for rank in range(size + 1)], dtype=np.int64)
-
-
-@validated
-def slice_of(n: Annotated[int, Integer(0, 2**63 - 1)], comm: Comm = None) -> range:
-    """Ids of this rank's slice of n disks; all of them without ranks.
-
-    Examples
-    --------
-    >>> import ifrdem
-    >>> ifrdem.slice_of(10)
-    range(0, 10)
-    """
-    if comm is None:
-        return range(n)
-    return range(comm.rank * n // comm.size, (comm.rank + 1) * n // comm.size)
 
 
 def blocks(ids: range) -> Iterator[range]:
@@ -58,30 +40,12 @@ def blocks(ids: range) -> Iterator[range]:
         yield range(max(first, ids.start), min(first + BLOCK, ids.stop))
 
 
-def exchange(comm: Any, to: NDArray[np.integer], arrays: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
-    """Rows that ranks send here: those of lower ranks first, each rank's in its order.
-
-    Row i of each array goes to rank `to[i]`. All ranks call this with as many arrays of the same kinds.
-    """
-    order = np.argsort(to, kind="stable")
-    return _swapped(comm, np.bincount(to, minlength=comm.size), (each[order] for each in arrays))
-
-
-def _swapped(comm: Any, counts: NDArray[np.integer], arrays: Iterable[NDArray[Any]]) -> list[NDArray[Any]]:
-    """As `exchange`, of arrays that hold `counts[q]` rows for each rank q, one rank after another."""
-    sent = np.asarray(counts, dtype=np.int64)
-    taken = np.empty_like(sent)
-    comm.Alltoall(sent, taken)
-    found = []
-    for each in arrays:
-        rows = np.empty((int(taken.sum()), *each.shape[1:]), each.dtype)
-        with _rows(each) as kind:
-            comm.Alltoallv(
-                [np.ascontiguousarray(each), (sent, _starts(sent)), kind],
-                [rows, (taken, _starts(taken)), kind],
-            )
-        found.append(rows)
-    return found
+def broadcast_constant_rows(array: NDArray[Any]) -> NDArray[Any]:
+    """The same array, in the memory of one row where all are equal to the bit."""
+    if len(array) < 2 or array.strides[0] == 0 or array[-1:].tobytes() != array[:1].tobytes():
+        return array
+    bits = np.ascontiguousarray(array).reshape(len(array), -1).view(np.uint8)
+    return np.broadcast_to(array[:1].copy(), array.shape) if bool(np.all(bits == bits[0])) else array
 
 
 def _starts(counts: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -102,122 +66,170 @@ def _rows(array: NDArray[Any]) -> Iterator[Any]:
         kind.Free()
 
 
-def by_id(comm: Any, n: int, ids: NDArray[np.integer], arrays: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
-    """Rows of the own slice of n disks, in order of ids, of rows that are anywhere; `ids` are those of the rows here.
+class Distribution:
+    """The methods of a `Communicator` on rows of disks."""
 
-    EngineError, on all ranks, if a disk is nowhere or there twice.
-    """
-    first = slice_of(n, comm)
-    if comm is None:
-        told, rows = ids, list(arrays)
-    else:
-        to = np.searchsorted(bounds(n, comm.size), ids, side="right") - 1
+    mpi: Any
+    rank: int
+    size: int
+    if TYPE_CHECKING:
+        bcast: Callable[[Any], Any]
+        allgather: Callable[[Any], list[Any]]
+        allreduce: Callable[[Any], Any]
+
+    def slice_of(self, n: int) -> range:
+        """Ids of this rank's slice of n disks."""
+        return range(self.rank * n // self.size, (self.rank + 1) * n // self.size)
+
+    def number(self, count: int) -> tuple[range, int]:
+        """Ids of `count` disks of this rank, where those of lower ranks come first, and the number of all."""
+        counts = self.allgather(count)
+        first = sum(counts[: self.rank])
+        return range(first, first + count), sum(counts)
+
+    def exchange(self, to: NDArray[np.integer], arrays: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
+        """Rows that ranks send here: those of lower ranks first, each rank's in its order.
+
+        Row i of each array goes to rank `to[i]`. All ranks call this with as many arrays of the same kinds.
+        """
+        if self.size == 1:
+            return list(arrays)
+        order = np.argsort(to, kind="stable")
+        return self._alltoall(np.bincount(to, minlength=self.size), (each[order] for each in arrays))
+
+    def _alltoall(self, counts: NDArray[np.integer], arrays: Iterable[NDArray[Any]]) -> list[NDArray[Any]]:
+        """As `exchange`, of arrays that hold `counts[q]` rows for each rank q, one rank after another."""
+        sent = np.asarray(counts, dtype=np.int64)
+        taken = np.empty_like(sent)
+        self.mpi.Alltoall(sent, taken)
+        found = []
+        for each in arrays:
+            rows = np.empty((int(taken.sum()), *each.shape[1:]), each.dtype)
+            with _rows(each) as kind:
+                self.mpi.Alltoallv(
+                    [np.ascontiguousarray(each), (sent, _starts(sent)), kind],
+                    [rows, (taken, _starts(taken)), kind],
+                )
+            found.append(rows)
+        return found
+
+    def by_id(self, n: int, ids: NDArray[np.integer], arrays: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
+        """Rows of the own slice of n disks, in order of ids, of rows that are anywhere; `ids` are those of rows here.
+
+        EngineError, on all ranks, if a disk is nowhere or there twice.
+        """
+        own = self.slice_of(n)
+        to = np.searchsorted(bounds(n, self.size), ids, side="right") - 1
         whole = bool(np.all((ids >= 0) & (ids < n)))
-        told, *rows = exchange(comm, to if whole else np.zeros_like(to), [np.asarray(ids, np.int64), *arrays])
-    place = np.asarray(told, np.int64) - first.start
-    inside = (place >= 0) & (place < len(first))
-    good = len(place) == len(first) and bool(inside.all())
-    good = good and bool((np.bincount(place, minlength=len(first)) == 1).all())
-    if not (good if comm is None else comm.allreduce(int(not good)) == 0):
-        raise EngineError("a disk is on no rank, or on two: please report this")
-    found = []
-    for each in rows:
-        ordered = np.empty_like(each)
-        ordered[place] = each
-        found.append(ordered)
-    return found
+        there, *rows = self.exchange(to if whole else np.zeros_like(to), [np.asarray(ids, np.int64), *arrays])
+        slot = np.asarray(there, np.int64) - own.start
+        inside = (slot >= 0) & (slot < len(own))
+        good = len(slot) == len(own) and bool(inside.all())
+        good = good and bool((np.bincount(slot, minlength=len(own)) == 1).all())
+        if self.allreduce(int(not good)):
+            raise EngineError("a disk is on no rank, or on two: please report this")
+        found = []
+        for each in rows:
+            ordered = np.empty_like(each)
+            ordered[slot] = each
+            found.append(ordered)
+        return found
 
+    def rows_of(
+        self, n: int, wanted: NDArray[np.integer], arrays: Sequence[NDArray[Any]]
+    ) -> list[NDArray[Any]]:
+        """Rows of `wanted` ids, each rank its own, of n disks of which each rank gives those of its slice."""
+        if self.size == 1:
+            return [each[wanted] for each in arrays]
+        owner = np.searchsorted(bounds(n, self.size), wanted, side="right") - 1
+        return self.asked(owner, wanted, self.slice_of(n).start, arrays)
 
-def gather(comm: Any, n: int, arrays: Sequence[NDArray[Any]]) -> list[NDArray[Any]] | None:
-    """Rows of all n disks, of which each rank gives its slice: on the first one; None on the others.
+    def asked(
+        self,
+        owner: NDArray[np.integer],
+        number: NDArray[np.integer],
+        first: int,
+        arrays: Sequence[NDArray[Any]],
+    ) -> list[NDArray[Any]]:
+        """Rows with these numbers that the ranks `owner` have; those here are numbered from `first` on."""
+        asker, asked = self.exchange(owner, [np.full(len(number), self.rank), np.asarray(number, np.int64)])
+        answers = self.exchange(
+            asker, [each[asked - first] for each in arrays]
+        )  # in the order of who answers
+        order, found = np.argsort(owner, kind="stable"), []
+        for each in answers:
+            rows = np.empty_like(each)
+            rows[order] = each
+            found.append(rows)
+        return found
 
-    Equal rows in the memory of one (stride 0) stay so, if they are equal on all ranks.
-    """
-    if comm is None:
-        return list(arrays)
-    counts, found = np.diff(bounds(n, comm.size)), []
-    for each in arrays:
-        told = comm.allgather(each[:1].tobytes() if each.strides[0] == 0 else None)
-        if told[0] is not None and len(set(told)) == 1:
-            found.append(np.broadcast_to(each[:1].copy(), (n, *each.shape[1:])))
-            continue
-        rows = np.empty((n if comm.rank == 0 else 0, *each.shape[1:]), each.dtype)
-        with _rows(each) as kind:
-            comm.Gatherv(
-                [np.ascontiguousarray(each), len(each), kind], [rows, (counts, _starts(counts)), kind]
-            )
-        found.append(rows)
-    return found if comm.rank == 0 else None
+    def gather_rows(self, n: int, arrays: Sequence[NDArray[Any]]) -> list[NDArray[Any]] | None:
+        """Rows of all n disks, of which each rank gives its slice: on the root; None on the others.
 
+        Equal rows in the memory of one (stride 0) stay so, if they are equal on all ranks.
+        """
+        if self.size == 1:
+            return list(arrays)
+        counts, found = np.diff(bounds(n, self.size)), []
+        for each in arrays:
+            constant = self.allgather(each[:1].tobytes() if each.strides[0] == 0 else None)
+            if constant[0] is not None and len(set(constant)) == 1:
+                found.append(np.broadcast_to(each[:1].copy(), (n, *each.shape[1:])))
+                continue
+            rows = np.empty((n if self.rank == 0 else 0, *each.shape[1:]), each.dtype)
+            with _rows(each) as kind:
+                self.mpi.Gatherv(
+                    [np.ascontiguousarray(each), len(each), kind], [rows, (counts, _starts(counts)), kind]
+                )
+            found.append(rows)
+        return found if self.rank == 0 else None
 
-def scatter(comm: Any, n: int, arrays: Sequence[NDArray[Any]] | None) -> list[NDArray[Any]]:
-    """Rows of the own slice of n disks, all of which the first rank gives; the others give None.
+    def scatter_rows(self, n: int, arrays: Sequence[NDArray[Any]] | None) -> list[NDArray[Any]]:
+        """Rows of the own slice of n disks, all of which the root gives; the others give None.
 
-    Equal rows in the memory of one (stride 0) stay so.
-    """
-    if comm is None:
-        return list(arrays or ())
-    given = None if arrays is None else [
-        (each.dtype, each.shape[1:], each[:1].copy() if each.strides[0] == 0 else None) for each in arrays
-    ]  # fmt: skip
-    counts, found = np.diff(bounds(n, comm.size)), []
-    for i, (dtype, shape, same) in enumerate(comm.bcast(given)):
-        length = int(counts[comm.rank])
-        if same is not None:
-            found.append(np.broadcast_to(same, (length, *shape)))
-            continue
-        rows = np.empty((length, *shape), dtype)
-        with _rows(rows) as kind:
-            sent = None
-            if arrays is not None:
-                sent = [np.ascontiguousarray(arrays[i]), (counts, _starts(counts)), kind]
-            comm.Scatterv(sent, [rows, length, kind])
-        found.append(rows)
-    return found
+        Equal rows in the memory of one (stride 0) stay so.
+        """
+        if self.size == 1:
+            return list(arrays or ())
+        given = None if arrays is None else [
+            (each.dtype, each.shape[1:], each[:1].copy() if each.strides[0] == 0 else None) for each in arrays
+        ]  # fmt: skip
+        counts, found = np.diff(bounds(n, self.size)), []
+        for i, (dtype, shape, same) in enumerate(self.bcast(given)):
+            length = int(counts[self.rank])
+            if same is not None:
+                found.append(np.broadcast_to(same, (length, *shape)))
+                continue
+            rows = np.empty((length, *shape), dtype)
+            with _rows(rows) as kind:
+                sent = None
+                if arrays is not None:
+                    sent = [np.ascontiguousarray(arrays[i]), (counts, _starts(counts)), kind]
+                self.mpi.Scatterv(sent, [rows, length, kind])
+            found.append(rows)
+        return found
 
+    def _of_blocks(self, rows: NDArray[Any], work: Callable[[NDArray[Any]], Any]) -> list[Any]:
+        """Results of `work` on the rows of each block, in order; on all ranks.
 
-def numbered(count: int, comm: Any = None) -> tuple[range, int]:
-    """Ids of `count` disks of this rank, where those of lower ranks come first, and the number of all."""
-    counts = [count] if comm is None else comm.allgather(count)
-    first = sum(counts[: 0 if comm is None else comm.rank])
-    return range(first, first + count), sum(counts)
+        Each gives the rows of some ids in order, those of lower ranks come first. A block is made by the rank that has
+        its first id.
+        """
+        whole = rows
+        if self.size > 1:
+            ids, n = self.number(len(rows))
+            firsts = np.array([*self.allgather(ids.start), n])
+            limits = np.minimum(-(-firsts // BLOCK) * BLOCK, n)  # of the blocks of each rank
+            whole = self._alltoall(np.diff(np.clip(limits, ids.start, ids.stop)), [rows])[0]
+        found = [work(whole[at : at + BLOCK]) for at in range(0, len(whole), BLOCK)]
+        return [each for those in self.allgather(found) for each in those]
 
+    def total(self, rows: NDArray[Any]) -> Any:
+        """The sum of the rows of all disks, of which each rank gives its slice: the same bits on any number."""
+        sums = self._of_blocks(rows, lambda block: np.sum(block, axis=0))
+        return functools.reduce(operator.add, sums) if sums else np.sum(rows, axis=0)
 
-def _of_blocks(comm: Any, rows: NDArray[Any], work: Callable[[NDArray[Any]], Any]) -> list[Any]:
-    """Results of `work` on the rows of each block, in order; on all ranks.
-
-    Each gives the rows of some ids in order, those of lower ranks come first. A block is made by the rank that has its
-    first id.
-    """
-    whole = rows
-    if comm is not None:
-        ids, n = numbered(len(rows), comm)
-        firsts = np.array([*comm.allgather(ids.start), n])
-        limits = np.minimum(-(-firsts // BLOCK) * BLOCK, n)  # of the blocks of each rank
-        whole = _swapped(comm, np.diff(np.clip(limits, ids.start, ids.stop)), [rows])[0]
-    found = [work(whole[at : at + BLOCK]) for at in range(0, len(whole), BLOCK)]
-    return found if comm is None else [each for those in comm.allgather(found) for each in those]
-
-
-def total(rows: NDArray[Any], comm: Any = None) -> Any:
-    """The sum of the rows of all disks, with the same bits on any number of ranks: each gives those of its slice."""
-    sums = _of_blocks(comm, rows, lambda block: np.sum(block, axis=0))
-    return functools.reduce(operator.add, sums) if sums else np.sum(rows, axis=0)
-
-
-def digest(rows: NDArray[Any], comm: Any = None) -> bytes:
-    """A hash of the rows of all disks, on all ranks, of which each gives those of its slice."""
-    parts = _of_blocks(comm, rows, lambda block: hashlib.sha256(np.ascontiguousarray(block).data).digest())
-    return hashlib.sha256(f"{rows.dtype.str} {rows.shape[1:]}".encode() + b"".join(parts)).digest()
-
-
-def run_on_slices(comm: Any, work: Callable[[], Result]) -> Result:
-    """Have each rank look at its slice. An InputError of one is raised on all, and tells whose disks it numbers."""
-
-    def told() -> Result:
-        try:
-            return work()
-        except InputError as error:
-            raise InputError(f"{error} (rank {comm.rank} numbers the disks of its slice from 0 on)") from None
-
-    return communicator.run_on_all(comm, told)
+    def digest(self, rows: NDArray[Any]) -> bytes:
+        """A hash of the rows of all disks, on all ranks, of which each gives those of its slice."""
+        parts = self._of_blocks(rows, lambda block: hashlib.sha256(np.ascontiguousarray(block).data).digest())
+        return hashlib.sha256(f"{rows.dtype.str} {rows.shape[1:]}".encode() + b"".join(parts)).digest()

@@ -20,7 +20,7 @@ from ..case.file import CaseFile
 from ..case.gas import CaseGas
 from ..case.objects import device_of
 from ..errors import InputError
-from ..mpi import communicator
+from ..mpi import SERIAL, Communicator
 from ..simulation import backend, checkpoint
 from ..simulation.schedule import Course
 from ..simulation.tracking import Events
@@ -32,7 +32,10 @@ from ..trajectory.parts_writer import PartsWriter
 from ..trajectory.writer import TrajectoryWriter
 from .outputs import Outputs, only
 from .recorder import Ledger
-from .run import Run, cores_of, finish, how, run_root, run_worker, stored
+from .run import Run, finish, how, on_usable_ranks, run_root, run_worker, stored
+
+NO_RUN = "a checkpoint of `Simulation.save_checkpoint`: Simulation.load_checkpoint resumes from it"
+"""What a checkpoint without a run is."""
 
 
 def find(place: str | os.PathLike[str]) -> Path:
@@ -70,7 +73,7 @@ def resume(
     picture: bool = True,
     say: Callable[[str], None] = print,
     warn: Callable[[str], None] = print,
-    comm: Any = None,
+    comm: Communicator = SERIAL,
 ) -> None:
     """Go on with a run from its checkpoint: its trajectory gets the same frames as if it had not been stopped.
 
@@ -84,7 +87,14 @@ def resume(
     Raises InputError if there is no checkpoint, it belongs to another version, case or trajectory, or the device is not
     there; Stopped or KeyboardInterrupt or EngineError or TrajectoryError as `run.run`.
     """
-    cores, share = cores_of(comm), communicator.share_here(comm)
+    options: dict[str, Any] = {
+        "ignore_case_changes": ignore_case_changes, "threads": threads, "max_hours": max_hours, "picture": picture,
+        "say": say, "warn": warn,
+    }  # fmt: skip
+    gas = comm.root_result(lambda: None if comm.size == 1 else _gas_of(find(place)))
+    if gas is not None and on_usable_ranks(gas, comm, say, lambda part: resume(place, **options, comm=part)):
+        return
+    cores, share = comm.share_of_cores(backend.cores()), comm.local_share
     began = time.perf_counter()
 
     def prepared() -> tuple[Any, ...]:
@@ -94,10 +104,7 @@ def resume(
             checkpoint.check_versions(record, path)
             extra: Mapping[str, Any] = record["extra"]
             if "course" not in extra:
-                text = (
-                    "a checkpoint of `Simulation.save_checkpoint`: Simulation.load_checkpoint goes on with it"
-                )
-                raise InputError(f"{path}: {text}")
+                raise InputError(f"{path}: {NO_RUN}")
             if not ignore_case_changes:
                 _refuse_changed(path, extra)
             case = Case.model_validate_json(extra["case_as_set"])
@@ -115,9 +122,9 @@ def resume(
             case = case.model_copy(update={"run": case.run.model_copy(update={"threads": threads})})
         backend.check(device_of(case.run))
         n = sum(each.number for each in case.species)
-        summary.refuse_beyond_memory(n, case.run.device, share=share, ranks=comm.size if comm else 1)
+        summary.refuse_beyond_memory(n, case.run.device, share=share, ranks=comm.size)
         try:
-            gas = CaseGas.from_case(case, begun[0].parent, start=False, comm=comm)
+            gas = CaseGas.from_case(case, begun[0].parent, start=False)
         except InputError as error:
             raise InputError(f"{begun[0]}: {error}") from None
         file = CaseFile(*begun, gas)
@@ -128,11 +135,12 @@ def resume(
         moved, tracked = arrays["state_pistons"][:, 0].tolist(), arrays["tracked"]
         return (path, file, outputs, course, seen, in_parts, moved, tracked), writer, ledger, arrays
 
-    found = communicator.run_on_root(comm, prepared)
+    found = comm.run_on_root(prepared)
     told, writer, ledger, arrays = found or (None, None, Ledger(), {})
-    path, file, outputs, course, seen, in_parts, pistons, tracked = communicator.bcast(comm, told)
+    path, file, outputs, course, seen, in_parts, pistons, tracked = comm.bcast(told)
     rows_in_parts, fields_in_parts = in_parts
     gas, case = file.gas, file.case
+    comm = gas.communicator(comm)
     rows = checkpoint.read_parts(path, comm)[0] if rows_in_parts else arrays
     pending = _events(arrays)
     with contextlib.ExitStack() as stack:
@@ -148,19 +156,31 @@ def resume(
             queue = PartsWriter.resume(writer, simulation.disks_here, gas.box, comm=comm, **options)
         elif writer is not None:
             queue = AsyncWriter(writer)
-        if not communicator.is_root(comm):
+        if not comm.is_root:
             run_worker(case, simulation, course, queue)
             return
         stack.enter_context(queue)
         later = len(queue) - ledger.frames
         more = f"; {later} later frames of the file are computed again and compared" if later > 0 else ""
         begun_at = f"t = {simulation.time:.6g}{case.unit('time')}, after {simulation.collisions} collisions"
-        frames = f"{ledger.frames} frames, on {how(case, cores, comm)}{more}"
+        frames = f"{ledger.frames} frames, on {how(case, cores, comm.size)}{more}"
         say(f"{case.run.name}: {gas.n} disks go on at {begun_at} and {frames}")
         running = Run(file, outputs, simulation, course, ledger, queue, pending)
         before = simulation.collisions
         rate = run_root(running, began, max_hours=max_hours, say=say, warn=warn)
     finish(running, began, before, rate, say)
+
+
+def _gas_of(path: Path) -> CaseGas:
+    """The gas of a checkpoint, as far as ranks are divided for it."""
+    record = checkpoint.read(path, rows=False)[1]
+    with checkpoint.as_damage_error(path, "its record"):
+        checkpoint.check_versions(record, path)
+        if "case_as_set" not in record["extra"]:
+            raise InputError(f"{path}: {NO_RUN}")
+        case = Case.model_validate_json(record["extra"]["case_as_set"])
+        folder = Path(record["extra"]["case_path"]).parent
+    return CaseGas.from_case(case, folder, start=False)
 
 
 def _events(arrays: Mapping[str, NDArray[Any]]) -> Events | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import copy
 import json
 import os
 import shlex
@@ -25,9 +24,9 @@ from ..case.gas import LEAST_DRIFT, CaseGas
 from ..case.pair_rules import COEFFICIENTS
 from ..errors import EngineError, InputError, Stopped, TrajectoryError, counted, refuse
 from ..model.observables import MECHANISMS, TANGENTIAL, Measure, drift_text
-from ..model.state import State
+from ..model.state import State, gather_state
 from ..model.walls import wall_names
-from ..mpi import communicator, distribution
+from ..mpi import SERIAL, Communicator
 from ..simulation import backend, checkpoint
 from ..simulation.schedule import Course, Span
 from ..simulation.simulation import Simulation
@@ -69,42 +68,49 @@ def run(
     max_hours: float | None = None,
     say: Callable[[str], None] = print,
     warn: Callable[[str], None] = print,
-    comm: Any = None,
+    comm: Communicator = SERIAL,
 ) -> None:
     """Run a case, and write its trajectory and picture.
 
     Whatever can be refused is refused before a file is touched.
 
     `force` replaces files that exist; after `max_hours` of real time it stops with a checkpoint; `say` and `warn` take
-    the lines to show. `comm` are ranks of MPI that share the gas (`read_on_ranks`): all call this, and the first one
-    writes. It alone builds the start where that is not made in slices.
+    the lines to show. `comm` are ranks of MPI that share the gas (`read_on_ranks`): all call this, and the root writes.
+    It alone builds the start where that is not made in slices. Ranks that cannot share the gas
+    (`CaseGas.usable_ranks`) wait.
 
     Raises InputError if the case, the device or the outputs cannot be used. Else the trajectory keeps the frames so
     far: Stopped, with a checkpoint, by a signal or the limit of time; KeyboardInterrupt after a second Ctrl-C
     or one before it has begun; EngineError or TrajectoryError if the engine or the disk fails.
     """
-    cores, share = cores_of(comm), communicator.share_here(comm)
+    gas, case = file.gas, file.case
+    options: dict[str, Any] = {"force": force, "max_hours": max_hours, "say": say, "warn": warn}
+    if on_usable_ranks(gas, comm, say, lambda part: run(file, outputs, **options, comm=part)):
+        return
+    comm = gas.communicator(comm)
+    in_slices = comm.any(gas.given is not None and len(gas.given.position) < gas.n)
+    cores, share = comm.share_of_cores(backend.cores()), comm.local_share
     began = time.perf_counter()
-    gas, case, ranks = file.gas, file.case, comm.size if comm else 1
-    sliced = gas.is_distributed(comm) and gas.is_made_in_slices
+    drawn = comm.is_distributed and gas.is_made_in_slices
 
     def prepared() -> tuple[State | None, NDArray[np.int32]]:
         outputs.check(force=force)
         estimate = RunEstimate.of(gas)
         folder = outputs.trajectory.parent
-        refuse(check.refused_here(gas, estimate, folder, share=share, ranks=ranks, sliced=sliced))
+        refuse(check.refused_here(gas, estimate, folder, share=share, ranks=comm.size, sliced=drawn))
         check.refuse_cadences(gas, estimate)
         crushes = gas.wall_pinch_warnings()
-        say(check.summary(gas, estimate, how(case, cores, comm)))
+        say(check.summary(gas, estimate, how(case, cores, comm.size)))
         for text in (*gas.warnings, *crushes, *gas.cautions):
             warn(text)
-        begin = None if sliced else gas.start(Stage("growth"))
+        begin = None if drawn else gas.start(Stage("growth"))
         return begin, gas.tracked(begin)
 
     try:
-        state, tracked = communicator.run_on_root(comm, prepared) or (None, gas.tracked(None))
-        if gas.is_read_in_slices(comm):
-            state = gas.start(comm=comm)
+        state, tracked = comm.run_on_root(prepared) or (None, gas.tracked(None))
+        if in_slices:
+            with comm:
+                state = gas.start()
         simulation = gas.simulation(state, tracked=tracked, comm=comm)
         start = state if len(tracked) else None
         del state  # which is large
@@ -115,18 +121,18 @@ def run(
         t_end=case.run.t_end, collisions_per_disk=case.run.collisions_per_disk,
     )  # fmt: skip
     course = Course(span, case.output.frame_cadence, case.output.series_cadence)
-    in_parts = case.output.in_parts(gas.n, ranks)
-    options: dict[str, Any] = {"units": UNITS[case.run.units], "force": force, **stored(gas)}
+    in_parts = case.output.in_parts(gas.n, comm.size)
+    options = {"units": UNITS[case.run.units], "force": force, **stored(gas)}
 
     def begin() -> TrajectoryWriter | None:
         if force:  # the checkpoint of the trajectory that is replaced is of no use
             outputs.check(force=True)  # again: another run may have begun while the start was made
             checkpoint.remove(outputs.checkpoint)
             parts.remove(outputs.trajectory)
-        options["parameters"] = _record(file, cores, comm)
+        options["parameters"] = _record(file, cores, comm.size)
         return None if in_parts else TrajectoryWriter(outputs.trajectory, gas.disks, gas.box, **options)
 
-    writer = communicator.run_on_root(comm, begin)
+    writer = comm.run_on_root(begin)
     queue: Any = None
     if in_parts:
         queue = PartsWriter.create(
@@ -134,7 +140,7 @@ def run(
         )
     elif writer is not None:
         queue = AsyncWriter(writer)
-    if not communicator.is_root(comm):
+    if not comm.is_root:
         run_worker(case, simulation, course, queue)
         return
     with queue:
@@ -154,16 +160,30 @@ def stored(gas: CaseGas) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def cores_of(comm: Any) -> int:
-    """Cores for each rank here; called by all."""
-    return communicator.cores_here(comm, backend.cores()) if comm else backend.cores()
+def on_usable_ranks(
+    gas: CaseGas, comm: Communicator, say: Callable[[str], None], work: Callable[[Communicator], None]
+) -> bool:
+    """Do work on the ranks that can share a gas, while the others wait; False, and nothing, if all can."""
+    count, why = comm.root_result(lambda: gas.usable_ranks(comm.size))
+    if count == comm.size:
+        return False
+    say(f"{idle_ranks(count, comm.size)}: {why}")
+    # Signals are the working ranks': they come to all.
+    with contextlib.nullcontext() if comm.rank < count else Stops(warn=lambda _text: None):
+        comm.run_on_first(count, work)
+    return True
 
 
-def how(case: Case, cores: int, comm: Any = None) -> str:
+def idle_ranks(count: int, ranks: int) -> str:
+    """Text on how many ranks work and wait."""
+    return f"{count} of {ranks} ranks compute{'s' if count == 1 else ''}, the others wait"
+
+
+def how(case: Case, cores: int, ranks: int = 1) -> str:
     """Device of a case and its threads, for the summary of a run."""
     used = case.run.threads or cores
     text = device_of(case) + (f", {used} used" if case.run.device == "cpu" else "")
-    text += f" by each of {comm.size} ranks" if comm else ""
+    text += f" by each of {ranks} ranks" if ranks > 1 else ""
     return text + (f", computing in {case.run.precision}" if case.run.precision != "f64" else "")
 
 
@@ -230,7 +250,7 @@ def run_root(
     def between() -> None:
         _agree_to_go_on(simulation, stops, lambda: recorder.between(simulation.time))
         running.writer.commit()
-        if communicator.bcast(simulation.comm, stops.checkpoint_due):
+        if simulation.comm.bcast(stops.checkpoint_due):
             save(running, recorder)
             stops.stored()
 
@@ -257,7 +277,9 @@ def run_root(
         raise Stopped(text, stop.status) from None
     except KeyboardInterrupt:
         with contextlib.suppress(InputError, TrajectoryError):  # the interrupt is what is told
-            if isinstance(running.writer, AsyncWriter) or simulation.comm is None:  # else it takes all ranks
+            if (
+                isinstance(running.writer, AsyncWriter) or simulation.comm.size == 1
+            ):  # else it takes all ranks
                 running.writer.flush()
         text = _remains(running, "interrupted")
         if len(running.writer):
@@ -285,9 +307,7 @@ def run_worker(case: Case, simulation: Simulation, course: Course, writer: Parts
     comm = simulation.comm
 
     def save_too() -> None:
-        communicator.run_on_root(
-            comm, lambda: None
-        )  # whether what comes before a checkpoint could be written
+        comm.run_on_root(lambda: None)  # whether what comes before a checkpoint could be written
         if writer is not None:
             writer.flush()
         try:
@@ -304,7 +324,7 @@ def run_worker(case: Case, simulation: Simulation, course: Course, writer: Parts
         _agree_to_go_on(simulation, stops, writer.raise_error if writer is not None else lambda: None)
         if writer is not None:
             writer.commit()
-        if communicator.bcast(comm, False):
+        if comm.bcast(False):
             save_too()
 
     with contextlib.nullcontext() if writer is None else writer:
@@ -321,19 +341,11 @@ def run_worker(case: Case, simulation: Simulation, course: Course, writer: Parts
 
 def _as_written(simulation: Simulation, writer: AsyncWriter | PartsWriter | None, state: State) -> Any:
     """A state as the writer takes it: shares of the parts of this rank, or all disks, on the first one (else None)."""
-    comm = simulation.comm
     if isinstance(writer, PartsWriter):
         return writer.shares(state)
-    if not simulation.sliced:
+    if not simulation.comm.is_distributed:
         return state
-    names = [name for name in sorted(State.assignable - {"time"}) if getattr(state, name) is not None]
-    rows = distribution.gather(comm, simulation.disks.n, [getattr(state, name) for name in names])
-    if rows is None:
-        return None
-    whole = copy.copy(state)
-    for name, values in zip(names, rows, strict=True):
-        setattr(whole, name, values)
-    return whole
+    return gather_state(simulation.comm, simulation.disks.n, state)
 
 
 def _single(case: Case) -> Collection[str] | None:
@@ -349,7 +361,7 @@ def _agree_to_go_on(simulation: Simulation, stops: Stops, work: Callable[[], obj
         stops.check()
     except (Stopped, TrajectoryError, InputError) as raised:
         error = raised
-    communicator.raise_collectively(simulation.comm, error)
+    simulation.comm.raise_collectively(error)
 
 
 def save(running: Run, recorder: Recorder) -> None:
@@ -360,7 +372,7 @@ def save(running: Run, recorder: Recorder) -> None:
         if isinstance(running.writer, AsyncWriter):
             running.writer.flush()
 
-    communicator.run_on_root(running.simulation.comm, commit)
+    running.simulation.comm.run_on_root(commit)
     if isinstance(running.writer, PartsWriter):  # which all ranks have
         running.writer.flush()
     pending = recorder.pending
@@ -528,7 +540,7 @@ def _balance(running: Run, last: Measure) -> Iterator[str]:
         )
 
 
-def _record(file: CaseFile, cores: int, comm: Any = None) -> dict[str, str | int | float]:
+def _record(file: CaseFile, cores: int, ranks: int = 1) -> dict[str, str | int | float]:
     """Record of a trajectory's origin, its parameters."""
     case, gas = file.case, file.gas
     species = [{"name": each.name, "number": each.number, "material": each.material} for each in gas.species]
@@ -550,9 +562,9 @@ def _record(file: CaseFile, cores: int, comm: Any = None) -> dict[str, str | int
             else {}
         ),
         "collapse": case.run.collapse,
-        "device": device_of(case) if comm is None else how(case, cores, comm),
+        "device": device_of(case) if ranks == 1 else how(case, cores, ranks),
         "threads": case.run.threads or cores,
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "git": revision(),
-        **({} if comm is None else {"ranks": comm.size}),
+        **({} if ranks == 1 else {"ranks": ranks}),
     }

@@ -46,7 +46,7 @@ from ..kernels.windows import sum_shared
 from ..model.box import Box
 from ..model.state import COLUMNS, Disks, State, codes
 from ..model.walls import Wall
-from ..mpi import distribution
+from ..mpi import SERIAL, Communicator
 from . import backend
 from .checks import MANTISSA, position_spacing
 
@@ -159,7 +159,7 @@ class DeviceArrays:
     event_int: Any
     found: Any
     blocks: Any
-    comm: Any = None
+    comm: Communicator = SERIAL
     first_id: int = 0
 
     def __init__(
@@ -529,7 +529,7 @@ class DeviceArrays:
         place = np.arange(len(tile)) - np.searchsorted(tile, tile)
         held["listed"] = np.stack([tile, place], axis=1).astype(np.int32)
         ids = named(held["meta"], "meta").id.astype(np.int64) - self.first_id
-        return dict(zip(held, distribution.by_id(self.comm, self.n, ids, list(held.values())), strict=True))
+        return dict(zip(held, self.comm.by_id(self.n, ids, list(held.values())), strict=True))
 
     def _kept(self) -> list[str]:
         """Names of the arrays of a state that this gas keeps, beside the kinds of disks, which ids tell."""
@@ -640,7 +640,7 @@ class DeviceArrays:
         index = np.clip(np.stack(columns, axis=1), 0, counts - 1)
         tile = index[:, 0] * counts[1] + index[:, 1]
         local = position - np.stack([self.edges[a][index[:, a]] for a in (0, 1)], axis=1)
-        events, ids = state.collisions + state.wall_hits, distribution.slice_of(self.n, self.comm)
+        events, ids = state.collisions + state.wall_hits, self.comm.slice_of(self.n)
         kept: dict[str, Callable[[], NDArray[Any]]] = {
             "disk": lambda: np.column_stack([local, velocity, state.spin]),
             "meta": lambda: np.column_stack(

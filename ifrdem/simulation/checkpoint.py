@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from ..errors import DamageError, InputError
 from ..kernels.columns import named
 from ..model.state import State
-from ..mpi import communicator, distribution
+from ..mpi import SERIAL, Communicator
 from ..tools import files
 from ..tools.versions import package_versions
 from ..trajectory import damage
@@ -47,7 +47,7 @@ def write(
 
 def write_parts(
     path: str | os.PathLike[str],
-    comm: Any,
+    comm: Communicator,
     arrays: Mapping[str, NDArray[Any]],
     small: Mapping[str, NDArray[Any]],
     record: Mapping[str, Any],
@@ -72,22 +72,20 @@ def write_parts(
             raise InputError(f"checkpoint {parts_of(place)} cannot be made: {error.strerror}") from error
         return place, secrets.token_hex(8)
 
-    place, mark = communicator.root_result(comm, begin)
+    place, mark = comm.root_result(begin)
     own, error = _part(place, mark, comm.rank), None
     try:
         _write(own, arrays, {"mark": mark, "part": comm.rank})
     except InputError as raised:
         error = raised
     try:
-        communicator.raise_collectively(comm, error)
+        comm.raise_collectively(error)
         first = [0, *np.cumsum(counts).tolist()]
-        communicator.run_on_root(
-            comm, lambda: _write(place, small, {**record, "parts": {"mark": mark, "first": first}})
-        )
+        comm.run_on_root(lambda: _write(place, small, {**record, "parts": {"mark": mark, "first": first}}))
     except InputError:
         own.unlink(missing_ok=True)
         raise
-    communicator.run_on_root(comm, lambda: _remove_parts(place, but=mark))
+    comm.run_on_root(lambda: _remove_parts(place, but=mark))
 
 
 def _check_unused(place: Path) -> None:
@@ -189,11 +187,11 @@ def read(
     InputError if there is no such file, or it is none of ours, or damaged, or a part is missing.
     """
     arrays, record = _read(path)
-    return (arrays | _rows(path, record, None) if rows else arrays), record
+    return (arrays | _rows(path, record, SERIAL) if rows else arrays), record
 
 
 def read_parts(
-    path: str | os.PathLike[str], comm: Any = None
+    path: str | os.PathLike[str], comm: Communicator = SERIAL
 ) -> tuple[dict[str, NDArray[Any]], dict[str, Any], bool]:
     """The arrays and the record of a checkpoint, on each rank with the rows of its own slice of the disks.
 
@@ -204,13 +202,11 @@ def read_parts(
     def first() -> tuple[Path, dict[str, NDArray[Any]], dict[str, Any]]:
         return Path(path), *_read(path)
 
-    found = communicator.run_on_root(comm, first)
-    in_parts = found is not None and "parts" in found[2]
-    if comm is not None:
-        in_parts = comm.bcast(in_parts)
-        if not in_parts:
-            return ({}, comm.bcast(None), False) if found is None else (found[1], comm.bcast(found[2]), False)
-        found = comm.bcast(found)
+    found = comm.run_on_root(first)
+    if not comm.bcast(found is not None and "parts" in found[2]):
+        arrays = {} if found is None else found[1]
+        return arrays, comm.bcast({} if found is None else found[2]), False
+    found = comm.bcast(found)
     assert found is not None
     place, arrays, record = found
     rows, error = {}, None
@@ -218,17 +214,19 @@ def read_parts(
         rows = _rows(place, record, comm)
     except InputError as raised:
         error = raised
-    communicator.raise_collectively(comm, error)
-    return arrays | rows, record, in_parts
+    comm.raise_collectively(error)
+    return arrays | rows, record, True
 
 
-def _rows(path: str | os.PathLike[str], record: Mapping[str, Any], comm: Any) -> dict[str, NDArray[Any]]:
+def _rows(
+    path: str | os.PathLike[str], record: Mapping[str, Any], comm: Communicator
+) -> dict[str, NDArray[Any]]:
     """Rows of this rank's slice of the disks, from the parts of a checkpoint; none if it has no parts."""
     if "parts" not in record:
         return {}
     with as_damage_error(path, "its parts"):
         mark, first = str(record["parts"]["mark"]), [int(each) for each in record["parts"]["first"]]
-    own, pieces = distribution.slice_of(first[-1], comm), []
+    own, pieces = comm.slice_of(first[-1]), []
     for number, (start, end) in enumerate(itertools.pairwise(first)):
         low, high = max(start, own.start), min(end, own.stop)
         if low < high:

@@ -16,6 +16,7 @@ from ..model.collapse import Collapse, ContactTime, Rest, VelocityCutoff
 from ..model.gravity import RotatingGravity
 from ..model.state import Disks, State
 from ..model.walls import Wall, wall_names
+from ..mpi import current
 
 if TYPE_CHECKING:
     from ..model.forces import Force
@@ -93,11 +94,10 @@ def check_resolved(n: int, radius: float, box: Box, precision: str) -> None:
         )
 
 
-def fly_alike(velocity: NDArray[np.float64], comm: Any = None) -> bool:
+def fly_alike(velocity: NDArray[np.float64]) -> bool:
     """True if all velocities, shape (n, 2), are equal and not 0; each rank gives those of its slice."""
     ends = np.concatenate([velocity.max(axis=0, initial=-np.inf), -velocity.min(axis=0, initial=np.inf)])
-    if comm is not None:
-        ends = np.max(comm.allgather(ends), axis=0)
+    ends = np.max(current().allgather(ends), axis=0)
     return bool(np.all(ends[:2] == -ends[2:]) and np.any(ends))
 
 

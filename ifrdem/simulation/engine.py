@@ -45,10 +45,11 @@ from ..model.ifr import IFRLaw
 from ..model.law import CollisionLaw, compiled
 from ..model.observables import from_totals
 from ..model.overlaps import TOLERANCE
-from ..model.state import DiskKinds, Disks, State, broadcast_constant_rows, scatter_state
+from ..model.state import DiskKinds, Disks, State, scatter_state
 from ..model.walls import Wall, free_directions, rows_of, sides, smooth_materials
 from ..model.walls import check as check_walls
-from ..mpi import communicator, distribution
+from ..mpi import Communicator
+from ..mpi.distribution import broadcast_constant_rows
 from ..tools import checked, seeds
 from . import backend, checks
 from .device import Device
@@ -176,7 +177,7 @@ class Engine:
 
     Parameters
     ----------
-    disks, box, state, walls, forces, sliced
+    disks, box, state, walls, forces
         As for `Simulation`; positions must not overlap (`placement.check_no_overlap`).
     law_table : array (M, M, c)
         Coefficients of the law for each pair of materials (`table_row`): e_n, e_t, mu, contact_point, rho of `IFRLaw`.
@@ -206,22 +207,20 @@ class Engine:
         law: type[CollisionLaw] = IFRLaw,
         tracking: Tracking | None = None,
         comm: Any = None,
-        sliced: bool = False,
         **options: Any,
     ) -> None:
         self._released = True  # until there is anything to release
         self._whole = True  # False while a window is run: an interrupt would leave it half done
         given = EngineOptions(**options)
         self.options: EngineOptions = given
-        self.comm: Any = comm if comm is not None and comm.size > 1 else None
+        self.comm: Communicator = Communicator.of(comm)
+        comm = self.comm
         self.box: Box = box
         self._law_table, self._law = np.ascontiguousarray(law_table, dtype=np.float64), law
-        ranks = 1 if self.comm is None else self.comm.size
-        check_turning(given.gravity, box.periodic, tracking is not None, ranks)
+        check_turning(given.gravity, box.periodic, tracking is not None, comm.size)
         self.precision: str = given.device.precision
         self.walls: tuple[Wall, ...] = (*walls, *sides(box))
         self.given_walls: int = len(walls)
-        self.sliced: bool = sliced and self.comm is not None
 
         def counted() -> tuple[int, float, int, int, int]:
             if state.n != disks.n:
@@ -231,33 +230,34 @@ class Engine:
             return disks.n, speed, met, hits, int(np.count_nonzero(state.asleep))
 
         def judged() -> None:
-            checks.check_number(n, ranks, "partner" in given.record)
+            checks.check_number(n, comm.size, "partner" in given.record)
             checks.check(disks, box, state, len(self._law_table), walls, forces, given, max(speeds))
             check_walls(
                 self.walls, box, state.position, disks.radius, len(self._law_table), float(state.time),
                 collisions=self._before[0], tolerance=TOLERANCE * float(disks.radius.max(initial=0.0)),
             )  # fmt: skip
 
-        count = (communicator.run_on_all if self.sliced else communicator.run_on_root)(self.comm, counted)
-        counts = [count] if self.comm is None else self.comm.allgather(count)
+        counts = comm.allgather(comm.run_on_holders(counted))
         numbers, speeds, met, hits, slept = map(list, zip(*(each for each in counts if each), strict=True))
         n = self.n = sum(numbers)
         self._before, self._slept = [sum(met) // 2, sum(hits)], sum(slept)
-        (distribution.run_on_slices if self.sliced else communicator.run_on_root)(self.comm, judged)
-        if self.sliced:
-            communicator.check_alike(self.comm, repr(state.time), "times of the start")
-        whole = self.comm is not None and not self.sliced
-        self.disks_here: Disks
-        self.disks_here, begin = scatter_state(self.comm, disks, state) if whole else (disks, state)
-        self.kinds: Disks = disks if self.comm is None else DiskKinds.of(self.disks_here, self.comm)
-        self.disks: Disks = disks if whole and communicator.is_root(self.comm) else self.kinds
+        comm.run_on_holders(judged)
+        self.disks_here: Disks = disks
+        begin = state
+        if comm.is_distributed:
+            comm.require_equal(repr(state.time), "times of the start")
+        else:
+            self.disks_here, begin = scatter_state(comm, disks, state)
+        with comm:
+            self.kinds: Disks = disks if comm.size == 1 else DiskKinds.of(self.disks_here)
+        self.disks: Disks = disks if comm.is_root and not comm.is_distributed else self.kinds
         self._materials = np.unique(self.kinds.material)
         time = float(begin.time)
         self.turning = TurningGravity(given.gravity, time)
         self.gravity: tuple[float, float] = self.turning.gravity
         self._check_resting(self.gravity, forces, law)
         self._check_rebound(self._law_table, law, self.gravity)
-        checks.check_pistons(walls, n, given, ranks)
+        checks.check_pistons(walls, n, given, comm.size)
         self.statistics: Statistics = Statistics()
         self.keep_collisions = False
         self.last_collisions: CollisionTimes | None = None
@@ -266,14 +266,14 @@ class Engine:
         self._no_future_collisions = False
         self._collided_at = time
         threads = given.device.threads
-        if self.comm is not None:
-            checks.check_ranks(ranks, box, given, tracking is not None)
+        if comm.size > 1:
+            checks.check_ranks(comm.size, box, given, tracking is not None)
             self._check_alike(forces)
-            threads = threads or communicator.cores_here(self.comm, backend.cores())
+            threads = threads or comm.share_of_cores(backend.cores())
             if given.device.name == "cuda":
-                number = communicator.number_here(self.comm)
-                communicator.run_on_all(self.comm, lambda: backend.show_gpu(number))
-        communicator.run_on_all(self.comm, lambda: backend.start(replace(given.device, threads=threads)))
+                number = comm.local_rank
+                comm.run_on_all(lambda: backend.show_gpu(number))
+        comm.run_on_all(lambda: backend.start(replace(given.device, threads=threads)))
         from .arrays import DeviceArrays
         from .force_steps import ForceSteps
         from .windows import Windows
@@ -302,7 +302,7 @@ class Engine:
             rests=given.resting_speed > 0.0,
             collision_law=compiled(kind),
         )
-        if self.comm is not None:
+        if comm.size > 1:
             from .ranks import RankArrays, RankWindows
 
             assert isinstance(self.kinds, DiskKinds)
@@ -323,9 +323,9 @@ class Engine:
             "last_partner": begin.last_partner, "angle": begin.angle, "dissipated": begin.dissipated,
             "asleep": begin.asleep,
         }  # fmt: skip
-        if self.comm is not None:
+        if comm.size > 1:
             self.past = {name: broadcast_constant_rows(value) for name, value in self.past.items()}
-        of_ranks = Windows if self.comm is None else RankWindows
+        of_ranks = Windows if comm.size == 1 else RankWindows
         self.windows: Windows = of_ranks(self.arrays, self.statistics, time)
         self.set_gates(np.array([not wall.stands(time, self._before[0]) for wall in self.walls], dtype=bool))
         self._load(begin)
@@ -347,7 +347,8 @@ class Engine:
             return no_pair_approaches(state, self.disks)
         if self.walls or self.box.shear_rate or self.n < 2:
             return False
-        return checks.fly_alike(state.velocity, self.comm)
+        with self.comm:
+            return checks.fly_alike(state.velocity)
 
     # ------------------------------------------------------------------ what it knows
 
@@ -494,6 +495,8 @@ class Engine:
 
     def _check_alike(self, forces: Sequence[Force]) -> None:
         """Refuse ranks that were given different gases."""
+        if self.comm.size == 1:
+            return
         alike = replace(self.options, device=replace(self.options.device, threads=None))
         told: list[Any] = [alike, self.box.lengths, self.box.periodic, self.box.shear_rate]
         told += [self._law, self._law_table.tobytes(), rows_of(self.walls).tobytes()]
@@ -503,7 +506,7 @@ class Engine:
             (type(force).__name__, getattr(force, "parameters", None), getattr(force, "step", None))
             for force in given
         ]
-        communicator.check_alike(self.comm, repr(told), "box, law, walls, forces or options")
+        self.comm.require_equal(repr(told), "box, law, walls, forces or options")
 
     def _check_resting(
         self, gravity: tuple[float, float], forces: Sequence[Force], law: type[CollisionLaw]
@@ -557,9 +560,8 @@ class Engine:
             self._check_resting(self.gravity, steps.forces, self._law)
             return steps
 
-        steps = communicator.run_on_all(self.comm, checked)
-        if self.comm is not None:
-            self._check_alike(steps.forces)
+        steps = self.comm.run_on_all(checked)
+        self._check_alike(steps.forces)
         with self.exclusive_update():
             self._end_window()
             self.force_steps = steps
@@ -620,14 +622,13 @@ class Engine:
         InputError if an immovable disk would move, or they are too large or small to compute with.
         """
         hottest = max((wall.temperature or 0.0 for wall in self.walls), default=0.0)
-        speed = checks.fastest(self.disks_here, state.velocity, state.spin)
-        speed = speed if self.comm is None else max(self.comm.allgather(speed))
+        speed = self.comm.largest(checks.fastest(self.disks_here, state.velocity, state.spin))
 
         def judge() -> None:
             checks.check_motion(self.disks_here, state)
             checks.check_magnitudes(self.disks_here, self.box, speed, self.precision, hottest)
 
-        communicator.run_on_all(self.comm, judge)
+        self.comm.run_on_all(judge)
         with self.exclusive_update():
             present = self._state()
             before = self._snapshot(present)
@@ -690,7 +691,7 @@ class Engine:
         lone = not self.box.is_open and (self._no_future_collisions or self._is_alone)
         speed = float(np.hypot(*self._state().velocity.T).max(initial=0.0)) if lone else 0.0
         radius = float(self.kinds.radius.min(initial=math.inf))
-        speed = communicator.largest(self.comm, speed)
+        speed = self.comm.largest(speed)
         checks.check_duration(self.time, t_end, radius, self.box, speed)
 
     @property
@@ -862,7 +863,7 @@ class Engine:
         """
         state = self._state()
         moving = bool(np.any(state.velocity)) or bool(np.any(state.spin))
-        moving = moving if self.comm is None else bool(self.comm.allreduce(int(moving)))
+        moving = self.comm.any(moving)
         resting = self.force_steps.keeps_rest and not moving
         next_motion = math.inf if resting else kick
         stop = min(t_end, next_motion)
@@ -905,11 +906,11 @@ class Engine:
     # ------------------------------------------------------------------ reading
 
     def state(self) -> State:
-        """The present state, in id order; of a gas that is told in slices, that of the own one."""
+        """The present state, in order of ids; of the own slice, where ranks have distributed disks."""
         with self.exclusive_update():
-            if self.sliced:
+            if self.comm.is_distributed:
                 return self._state()
-            return communicator.bcast(self.comm, self._checked(self._read_out(whole=True)[0]))
+            return self.comm.bcast(self._checked(self._read_out(whole=True)[0]))
 
     def state_here(self) -> State:
         """The present state of the own slice, in id order; without ranks, of all disks."""
@@ -931,7 +932,7 @@ class Engine:
                 )
             return state
 
-        return communicator.run_on_all(self.comm, check)
+        return self.comm.run_on_all(check)
 
     def _read_out(
         self, stored: Collection[str] | None = None, whole: bool = False
@@ -946,7 +947,7 @@ class Engine:
         With the fields that a file in single precision has (`stored`) it is one for that (`StoredState`).
         """
         with self.exclusive_update():
-            return self._read_out(stored, not self.sliced)
+            return self._read_out(stored, not self.comm.is_distributed)
 
     def totals(self) -> NDArray[np.float64]:
         """Sums over all disks (`kernels/readout.py`). Less costly than a copy of the state."""

@@ -43,6 +43,7 @@ Imports Taichi: import this module only after `backend.start`. Needs mpi4py.
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -57,10 +58,9 @@ from ..kernels.columns import ADDRESSABLE, named
 from ..kernels.language import ti, view
 from ..kernels.readout import put_rows, take_rows
 from ..kernels.windows import HALO_GROWTH, sum_shared, survey, verify
-from ..model.box import Box
 from ..model.state import COLUMNS, DiskKinds, Disks
-from ..mpi import communicator, distribution
-from .arrays import DeviceArrays, concatenated_ranges, kind_rows, kinds_of, sums_of_blocks, tiles_on_ranks
+from ..mpi import Communicator
+from .arrays import DeviceArrays, concatenated_ranges, kind_rows, kinds_of, sums_of_blocks
 from .windows import Windows, _Again
 
 # Windows between looks at who has more to do than others, and how much more is too much.
@@ -157,10 +157,13 @@ def owners(count: NDArray[np.number], tiles: tuple[int, int], size: int) -> NDAr
     return owner.reshape(-1)
 
 
-def check_tiles(disks: Disks, box: Box, size: int) -> None:
-    """Refuse more ranks than a gas has tiles for, before it is made: InputError as of `owners`."""
-    tiles = tiles_on_ranks(disks, box)
-    owners(np.diff(distribution.bounds(disks.n, tiles[0] * tiles[1])), tiles, size)
+def most_ranks(tiles: tuple[int, int], size: int) -> int:
+    """The largest number of ranks, up to so many, among which equally full tiles can be divided."""
+    for count in range(min(size, tiles[0] * tiles[1]), 1, -1):
+        with contextlib.suppress(InputError):
+            owners(np.ones(tiles[0] * tiles[1]), tiles, count)
+            return count
+    return 1
 
 
 def counted_tiles(tiles: tuple[int, int]) -> str:
@@ -182,7 +185,7 @@ class RankArrays(DeviceArrays):
     reach: Any
     tally: Any
 
-    def __init__(self, comm: Any, disks: Disks, kinds: DiskKinds, *given: Any) -> None:
+    def __init__(self, comm: Communicator, disks: Disks, kinds: DiskKinds, *given: Any) -> None:
         self.comm = comm
         self.communication: CommunicationStats = CommunicationStats()
         self.unassigned: int = 0  # listed disks that no rank has run
@@ -231,7 +234,7 @@ class RankArrays(DeviceArrays):
             return
         told = np.zeros((self.tiles, 3))
         told[self.own] = np.stack([work, count, self._halo_factor[self.own]], axis=1)
-        self.comm.Allreduce(told.copy(), told)
+        self.comm.mpi.Allreduce(told.copy(), told)
         tiles = int(self.grid.tiles_x), int(self.grid.tiles_y)
         try:
             after = owners(told[:, 0], tiles, self.comm.size)
@@ -276,7 +279,7 @@ class RankArrays(DeviceArrays):
         self._taken_tiles = [np.unique(beside[others == q]) for q in self._partners]
         if self._graph is not None:
             self._graph.Free()
-        self._graph = self.comm.Create_dist_graph_adjacent(self._partners, self._partners)
+        self._graph = self.comm.mpi.Create_dist_graph_adjacent(self._partners, self._partners)
 
     def exchange(self, messages: list[tuple[NDArray[Any], ...]]) -> list[tuple[NDArray[Any], ...]]:
         """Send a message to each neighbour, and get one from each."""
@@ -513,7 +516,7 @@ class RankArrays(DeviceArrays):
         self._tiles_heard = [np.flatnonzero((self.owner == q) & (adder == rank)) for q in self._told_by]
         if self._adding is not None:
             self._adding.Free()
-        self._adding = self.comm.Create_dist_graph_adjacent(self._told_by, self._adders)
+        self._adding = self.comm.mpi.Create_dist_graph_adjacent(self._told_by, self._adders)
         own = np.flatnonzero(of_block == rank).astype(np.int32)
         self._own_blocks = own
         self._replace("blocks", self._array(ti.i32, len(own)))
@@ -545,7 +548,7 @@ class RankArrays(DeviceArrays):
         """Sums of all blocks, of which this rank knows its own ones."""
         own = np.ascontiguousarray(blocks[self._own_blocks])
         gathered, found = np.empty_like(blocks), np.empty_like(blocks)
-        self.comm.Allgatherv(own, [gathered, self._n_blocks * blocks.shape[1]])
+        self.comm.mpi.Allgatherv(own, [gathered, self._n_blocks * blocks.shape[1]])
         found[self._blocks_by_rank] = gathered
         self.communication.sums += own.nbytes
         return found
@@ -560,7 +563,7 @@ class RankArrays(DeviceArrays):
         from mpi4py import MPI
 
         found = super().most_of(rows)
-        self.comm.Allreduce(MPI.IN_PLACE, found, op=MPI.MAX)
+        self.comm.mpi.Allreduce(MPI.IN_PLACE, found, op=MPI.MAX)
         return found
 
     def share(self) -> None:
@@ -583,7 +586,7 @@ class RankArrays(DeviceArrays):
         """As on one rank, of the rows of slices; tiles are divided among the ranks."""
         self.grid.part = 0
         count = np.bincount(tile, minlength=self.tiles)
-        self.comm.Allreduce(count.copy(), count)
+        self.comm.mpi.Allreduce(count.copy(), count)
         self.assign(count)
         if self.uses.mixed:
             of = self._disks
@@ -596,9 +599,7 @@ class RankArrays(DeviceArrays):
         self, rows: dict[str, NDArray[Any]], tile: NDArray[np.integer], place: NDArray[np.integer]
     ) -> None:
         """List rows in their tiles, by `place`, on the ranks that own these: at the beginning of a window."""
-        tile, place, *values = distribution.exchange(
-            self.comm, self.owner[tile], [tile, place, *rows.values()]
-        )
+        tile, place, *values = self.comm.exchange(self.owner[tile], [tile, place, *rows.values()])
         self.communication.messages += self.comm.size - 1
         order, part = np.lexsort((place, tile)), int(self.grid.part)
         self.make_room(len(order))
@@ -617,7 +618,7 @@ class RankArrays(DeviceArrays):
         """Rows of disks here, in the order of slots, as rows of the own slice in order of ids."""
         here = slice(part * self.room, part * self.room + self.rows_here(part))
         ids = named(self._rows("meta", here), "meta").id.astype(np.int64) - self.first_id
-        return distribution.by_id(self.comm, self.n, ids, arrays)
+        return self.comm.by_id(self.n, ids, arrays)
 
 
 class RankWindows(Windows):
@@ -663,11 +664,11 @@ class RankWindows(Windows):
                     self._run_own(1)
             else:
                 a.counter.array[:] = 0
-        # Not swallowed: `agree` raises it, on all ranks, which else would wait for this one.
+        # Not swallowed: `raise_collectively` raises it, on all ranks, which else would wait for this one.
         except Exception as raised:
             error = raised
         ran = time.perf_counter() - ran
-        communicator.raise_collectively(a.comm, error)
+        a.comm.raise_collectively(error)
         if not alone:
             a.exchange_trails(again=bool(again) and not short)
             a.share()
@@ -678,7 +679,7 @@ class RankWindows(Windows):
         flags = np.array(
             [self._bad, a.counter.stuck, a.counter.resting, a.unassigned, n_short], dtype=np.int64
         )
-        a.comm.Allreduce(flags.copy(), flags)
+        a.comm.mpi.Allreduce(flags.copy(), flags)
         if flags[3] and not alone:
             raise EngineError(
                 f"t = {self.begin:.9g}: {flags[3]} disks were run by no rank in a window; please report this"
@@ -709,7 +710,7 @@ class RankWindows(Windows):
             self._watched = []
 
     def _agreed(self, well: bool) -> bool:
-        return not self.arrays.comm.allreduce(int(not well))
+        return not self.arrays.comm.any(not well)
 
     def _nth(self, times: NDArray[np.float64], count: int) -> float:
         """Time number `count` of those of all ranks: by halving, as whole numbers, which are in the same order."""

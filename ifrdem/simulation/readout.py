@@ -16,7 +16,6 @@ from ..kernels.columns import HITS_OUT, INT_OUT, MECHANISM, PAST, READOUT, REAL_
 from ..kernels.readout import read_out
 from ..model.box import below
 from ..model.state import State, StoredState
-from ..mpi import distribution
 
 if TYPE_CHECKING:
     from .engine import Engine
@@ -68,7 +67,7 @@ def read(
     columns = arrays.by_id(part, columns)
     past_before = [np.asarray(each) for each in engine.past.values()]
     if whole:
-        gathered = distribution.gather(engine.comm, engine.n, [*columns, *past_before])
+        gathered = engine.comm.gather_rows(engine.n, [*columns, *past_before])
         if gathered is None:
             return None, sums
         columns, past_before = gathered[: len(columns)], gathered[len(columns) :]

@@ -25,7 +25,8 @@ from ..model.observables import Measure, from_totals, sums
 from ..model.overlaps import check_no_overlap
 from ..model.state import DiskKinds, Disks, State, scatter_state
 from ..model.walls import Wall, WallSums, check_types, sides
-from ..mpi import communicator, distribution
+from ..mpi import Communicator, current
+from ..mpi.distribution import bounds
 from ..tools import checked
 from ..tools.checked import LATER, Comm, Integer, Real, Seed, validated
 from ..tools.pictured import PicturedDisks
@@ -72,14 +73,13 @@ def _callables(name: str, given: Iterable[Called]) -> list[Called]:
     return found
 
 
-def _refuse_other_slices(n: int, comm: Any) -> None:
+def _check_slices(counts: list[int]) -> None:
     """Raise InputError unless each rank has as many disks as its slice."""
-    given = comm.allgather(n)
-    wanted = np.diff(distribution.bounds(sum(given), comm.size)).tolist()
-    if given != wanted:
+    wanted = np.diff(bounds(sum(counts), len(counts))).tolist()
+    if counts != wanted:
         raise InputError(
-            f"sliced = True: the ranks give {given} disks, and their slices of {sum(given)} have {wanted}: "
-            "ifrdem.slice_of(n, comm) says which disks a rank has to give"
+            f"comm = Communicator(distributed=True): the ranks give {counts} disks, and their slices of {sum(counts)} "
+            f"have {wanted}: ifrdem.slice_of(n, comm) says which disks a rank must give"
         )
 
 
@@ -131,13 +131,13 @@ class Simulation(Sealed, PicturedDisks):
         Disks of which every collision is kept, for `take_events`. Not in a sheared box.
     seed : int
         Of the random numbers of forces and thermal walls, 0 to 2^64 - 1.
-    comm : mpi4py.MPI.Comm, optional
-        Ranks of MPI that have a part of the gas each (`ifrdem docs ranks`); bitwise the same trajectory. All make
-        the same simulation and call the same methods; `disks` and `state` are taken from the first rank, and may be
-        None on the others. Observers and samplers are called on the first rank only.
-    sliced : bool
-        With `comm`: each rank gives `disks` and `state` of its own slice (`slice_of`) instead, and no rank ever has
-        all disks. `state` and states for observers, which are called on all ranks, are those of the slice too.
+    comm : mpi4py.MPI.Comm or Communicator, optional
+        Ranks of MPI that have a part of the gas each (`ifrdem docs ranks`); bitwise the same trajectory. All make the
+        same simulation and call the same methods. `disks` and `state` are taken from the first rank (the root), and may
+        be None on the others; observers and samplers are called on the root only. With `Communicator(comm,
+        distributed=True)`, each rank gives `disks` and `state` of its slice (`slice_of`), and no rank ever has all
+        disks; `state`, and states for observers, which are called on all ranks, are those of the slice. By default the
+        communicator of the `with` block, if there is one.
 
     Raises
     ------
@@ -192,12 +192,9 @@ class Simulation(Sealed, PicturedDisks):
         tracked: Annotated[Sequence[int] | NDArray[np.integer], LATER] = (),
         seed: Seed = 0,
         comm: Comm = None,
-        sliced: bool = False,
     ) -> None:
-        comm = comm if comm is not None and comm.size > 1 else None
+        comm = Communicator(current(), distributed=True) if comm is None else comm
         device = Device.of(device)
-
-        sliced = sliced and comm is not None
 
         def typed() -> State:
             for name, value, kind in (("disks", disks, Disks), ("box", box, Box), ("state", state, State)):
@@ -214,23 +211,15 @@ class Simulation(Sealed, PicturedDisks):
             laws = law_table(law, kinds, max((wall.material for wall in walls), default=0))
             checked_class(laws)
             check_energy(laws, kinds, (wall.material for wall in [*walls, *sides(box)]))
-            if not sliced:
-                check_no_overlap(box, disks.radius, begin.position, time=begin.time)
             checks.check_coefficients(coefficient_table(laws), device.precision)
 
-        kinds: Disks = disks
-        if sliced:
-            begin = distribution.run_on_slices(comm, typed)
-            _refuse_other_slices(disks.n, comm)
-            kinds = DiskKinds.of(disks, comm)
-            communicator.run_on_all(comm, judged)
-            check_no_overlap(box, disks.radius, begin.position, time=begin.time, comm=comm)
-        else:
-            begin = communicator.run_on_root(comm, typed) or state
-            communicator.run_on_root(comm, judged)
-            if comm is not None:
-                told: Any = communicator.bcast(comm, DiskKinds.of(disks) if comm.rank == 0 else None)
-                kinds = disks if comm.rank == 0 else told
+        begin = comm.run_on_holders(typed) or state
+        if comm.is_distributed:
+            _check_slices(comm.allgather(disks.n))
+        kinds: Disks = comm.result_of_holders(lambda: DiskKinds.of(disks))
+        kinds = disks if comm.has_all else kinds
+        comm.run_on_all(judged)
+        comm.result_of_holders(lambda: check_no_overlap(box, disks.radius, begin.position, time=begin.time))
         self._laws = law_table(law, kinds, max((wall.material for wall in walls), default=0))
         law_class, table = checked_class(self._laws), coefficient_table(self._laws)
         self._tracking = self._follow_disks(tracked, kinds, box, walls)
@@ -241,15 +230,13 @@ class Simulation(Sealed, PicturedDisks):
             self._engine = Engine(
                 disks, box, begin, table, walls=walls, gravity=gravity, forces=forces, collapse=collapse,
                 device=device, record=record, seed=seed, law=law_class, tracking=self._tracking, comm=comm,
-                sliced=sliced,
             )  # fmt: skip
             # The engine's state of a sheared gas knows its flow, whose energy does not count.
-            whole = comm is not None and not sliced  # the first rank has all of the start
-            known = box.shear_rate == 0.0 and not whole
-            if whole and not box.shear_rate:
-                self._first = communicator.root_result(comm, lambda: self._energy_of(begin, whole=True))
+            known = box.shear_rate == 0.0 and (comm.size == 1 or comm.is_distributed)
+            if box.shear_rate:
+                self._first = self._energy()
             else:
-                self._first = self._energy_of(begin if known else self._engine.state_here())
+                self._first = comm.result_of_holders(lambda: self._energy_of(disks, begin))
             self._judged = law_class is IFRLaw  # whether it is known not to add energy
             if not self._judged:
                 self._try_on(law_class, table, begin if known else self._engine.state_here())
@@ -369,9 +356,8 @@ class Simulation(Sealed, PicturedDisks):
         if state.n != present.n:
             raise InputError(f"spin has {state.n} entries, there are {present.n} disks: they must agree")
         before = self.measure()
-        comm = self._engine.comm
-        if comm is not None and not self.sliced:
-            state = scatter_state(comm, self.disks, state)[1]
+        if not self.comm.is_distributed:
+            state = scatter_state(self.comm, self.disks, state)[1]
         self._engine.set_velocities(state)
         self._count_change(before)
 
@@ -383,13 +369,11 @@ class Simulation(Sealed, PicturedDisks):
 
     def _try_on(self, kind: type[CollisionLaw], table: NDArray[np.float64], state: State) -> None:
         """Try a law that nobody has judged."""
-        fastest = checks.fastest(self.disks_here, state.velocity, state.spin)
-        disks, comm = self._engine.kinds, self.comm
-        if comm is not None:
-            fastest = max(comm.allgather(fastest))
-            disks = disks.rows if isinstance(disks, DiskKinds) else disks
+        fastest = self.comm.largest(checks.fastest(self.disks_here, state.velocity, state.spin))
+        disks = self._engine.kinds
+        disks = disks.rows if isinstance(disks, DiskKinds) else disks
         of_walls = [wall.material for wall in self._engine.walls]
-        communicator.run_on_root(comm, lambda: try_on(kind, table, disks, of_walls, fastest or 1.0))
+        self.comm.run_on_root(lambda: try_on(kind, table, disks, of_walls, fastest or 1.0))
 
     @property
     def tracked(self) -> NDArray[np.int32]:
@@ -406,8 +390,8 @@ class Simulation(Sealed, PicturedDisks):
         return self._tracking.take(self.time)
 
     @property
-    def comm(self) -> Any:
-        """Ranks of MPI that have a part of the gas each; None if one has all of it."""
+    def comm(self) -> Communicator:
+        """Ranks that have a part of the gas each; of size 1 without MPI."""
         return self._engine.comm
 
     @property
@@ -420,11 +404,6 @@ class Simulation(Sealed, PicturedDisks):
     def disks(self) -> Disks:
         """The constant properties of the disks; of their kinds (`DiskKinds`) on ranks that do not have all disks."""
         return self._engine.disks
-
-    @property
-    def sliced(self) -> bool:
-        """True if each rank gave, and is told, the disks of its slice."""
-        return self._engine.sliced
 
     @property
     def disks_here(self) -> Disks:
@@ -539,16 +518,18 @@ class Simulation(Sealed, PicturedDisks):
         gravity have put in.
         Below 0, beyond rounding, the law adds energy.
         """
-        present = self._energy_of(self._engine.state_here())  # which settles the walls' work
+        present = self._energy()  # which settles the walls' work
         return self._first + self.energy_input + self.wall_work + self.wall_heat - present
 
-    def _energy_of(self, state: State, *, whole: bool = False) -> float:
-        """Kinetic and potential energy [energy] of a state; of ranks, each gives its slice, or one of them the `whole`.
+    def _energy(self) -> float:
+        """Present kinetic and potential energy [energy]."""
+        state = self._engine.state_here()
+        with self.comm:
+            return self._energy_of(self.disks_here, state)
 
-        Gravity acts along directions that are not periodic only.
-        """
-        disks, comm = (self.disks, None) if whole else (self.disks_here, self.comm)
-        translational, rotational, *_, fall, _, _, _ = sums(disks, state, self._engine.gravity, comm).tolist()
+    def _energy_of(self, disks: Disks, state: State) -> float:
+        """Kinetic and potential energy [energy] of a state; gravity acts along walled directions only."""
+        translational, rotational, *_, fall, _, _, _ = sums(disks, state, self._engine.gravity).tolist()
         return float(translational + rotational - fall)
 
     def save_checkpoint(
@@ -559,8 +540,8 @@ class Simulation(Sealed, PicturedDisks):
     ) -> None:
         """Write all that decides the future, to the last bit, into a file of its own: it appears whole or not at all.
 
-        Events of tracked disks that nobody has taken are not in it. Where ranks have slices (`sliced`), each writes its
-        own (`checkpoint.write_parts`), and any number of ranks can go on with them.
+        Events of tracked disks that nobody has taken are not in it. Ranks among which the disks are distributed write a
+        part each (`checkpoint.write_parts`); any number of ranks can resume from them.
 
         Parameters
         ----------
@@ -579,7 +560,7 @@ class Simulation(Sealed, PicturedDisks):
         from . import snapshot
 
         checkpoint.check_extra(path, extra, arrays)
-        comm, n = self._engine.comm, self.disks.n
+        comm, n = self.comm, self.disks.n
         found = snapshot.take(self._engine)
         state = self._engine.state_here()  # settles
         found |= {f"state_{name}": getattr(state, name) for name in ("position", "velocity", "spin")}
@@ -588,12 +569,12 @@ class Simulation(Sealed, PicturedDisks):
         meta |= {"first": self._first, "given": self._external_energy, "extra": dict(extra or {})}
         own, small = snapshot.divided(found)
         small |= arrays or {}
-        if self.sliced:
+        if comm.is_distributed:
             checkpoint.write_parts(path, comm, own, small, meta)
             return
-        rows = distribution.gather(comm, n, list(own.values()))
-        communicator.run_on_root(
-            comm, lambda: checkpoint.write(path, small | dict(zip(own, rows or (), strict=True)), meta)
+        rows = comm.gather_rows(n, list(own.values()))
+        comm.run_on_root(
+            lambda: checkpoint.write(path, small | dict(zip(own, rows or (), strict=True)), meta)
         )
 
     def load_checkpoint(self, path: str | os.PathLike[str] = "") -> dict[str, Any]:
@@ -614,7 +595,7 @@ class Simulation(Sealed, PicturedDisks):
                 f"Simulation.load_checkpoint({self!r}): must be called on a simulation of the same disks, box and "
                 "laws, which a checkpoint does not hold: gas = ifrdem.Simulation(...), then gas.load_checkpoint(path)"
             )
-        comm, fingerprint = self._engine.comm, snapshot.fingerprint(self._engine)
+        comm, fingerprint = self.comm, snapshot.fingerprint(self._engine)
 
         found, meta, in_parts = checkpoint.read_parts(checked.path("path", path), comm)
         if meta["fingerprint"] != fingerprint:
@@ -622,10 +603,10 @@ class Simulation(Sealed, PicturedDisks):
                 f"{path}: the checkpoint of another gas: disks, box, laws, walls, forces, seed, precision or device "
                 "differ"
             )
-        if not in_parts and comm is not None:  # the first rank has all of it
+        if not in_parts:  # the root has all of it
             own, small = snapshot.divided(found)
-            names, small = communicator.bcast(comm, (list(own), small))
-            rows = distribution.scatter(comm, self.disks.n, list(own.values()) if comm.rank == 0 else None)
+            names, small = comm.bcast((list(own), small))
+            rows = comm.scatter_rows(self.disks.n, list(own.values()) if comm.is_root else None)
             found = small | dict(zip(names, rows, strict=True))
         snapshot.put_back(self._engine, found)
         self._first, self._external_energy = float(meta["first"]), float(meta["given"])
@@ -708,14 +689,14 @@ class Simulation(Sealed, PicturedDisks):
         for cadence in (frames, series):
             if cadence is not None:
                 refuse_endless(cadence, span)
-        if span.is_over and communicator.is_root(self._engine.comm):
+        if span.is_over and self.comm.is_root:
             warn_of_end(t_end=t_end, collisions_per_disk=collisions_per_disk)
         self._warn_of_pinches(span.end.time)
-        bar, comm = None, self._engine.comm
-        if progress is True or (progress is None and comm is None and seen()):
+        bar, comm = None, self.comm
+        if progress is True or (progress is None and comm.size == 1 and seen()):
             series = Cadence(number=BAR_STEPS) if series is None else series  # pauses, which change no bit
             progress = None
-            if communicator.is_root(comm):
+            if comm.is_root:
                 progress = bar = Bar(
                     self.disks.n, t_end=t_end, collisions_per_disk=collisions_per_disk, unit="",
                     begin=(span.time, span.collisions), kernels=backend.kernels, brief=True,
@@ -776,15 +757,15 @@ class Simulation(Sealed, PicturedDisks):
                 raise InputError(f"{name} = {value!r}: a function is needed")
         self._stopping = False
         self._engine.check_duration(course.span.end.time)
-        if (comm := self._engine.comm) is not None:
-            communicator.check_alike(comm, repr(course), "the end of a run, its frames or its series")
-            if self.sliced:
-                communicator.check_alike(comm, str(len(observers)), "the numbers of observers")
-            numbers = communicator.bcast(comm, (len(observers), len(samplers)))
-            if not communicator.is_root(comm):  # where none is called, but all take part
+        if (comm := self.comm).size > 1:
+            comm.require_equal(repr(course), "the end of a run, its frames or its series")
+            if comm.is_distributed:
+                comm.require_equal(str(len(observers)), "the numbers of observers")
+            numbers = comm.bcast((len(observers), len(samplers)))
+            if not comm.is_root:  # where none is called, but all take part
                 nobody: list[Any] = [lambda *_: None]
                 samplers = nobody * numbers[1]
-                observers = observers if self.sliced else nobody * numbers[0]
+                observers = observers if comm.is_distributed else nobody * numbers[0]
         with backend.sole_use(), contextlib.suppress(_Stopped):
             self._follow(course, observers, samplers, progress, between, stored)
         if not self._judged:
@@ -798,8 +779,7 @@ class Simulation(Sealed, PicturedDisks):
         self._stopping = True
 
     def _stop_if_asked(self) -> None:
-        if self._engine.comm is not None:
-            self._stopping = self._engine.comm.allreduce(self._stopping)
+        self._stopping = self.comm.any(self._stopping)
         if self._stopping:
             raise _Stopped
 
@@ -836,7 +816,7 @@ class Simulation(Sealed, PicturedDisks):
                 if progress is not None:
                     progress(self.time, self.collisions)
                 slow = pace.trouble(self.time, self.collisions, self._engine.free_time)
-                if slow is not None and communicator.is_root(self.comm):
+                if slow is not None and self.comm.is_root:
                     warnings.warn(slow, SlowRunWarning, stacklevel=4)
                 if course.series is not None and row.reached(self.time, self.collisions):
                     course.next_row = rows.after(course.next_row, self.time, self.collisions)
@@ -914,7 +894,7 @@ class Simulation(Sealed, PicturedDisks):
             for observer in observers:
                 observer(state, measured)
 
-        (communicator.run_on_all if self.sliced else communicator.run_on_root)(self._engine.comm, tell)
+        (self.comm.run_on_all if self.comm.is_distributed else self.comm.run_on_root)(tell)
         self._stop_if_asked()
 
     def _sample(self, samplers: list[Sampler]) -> None:
@@ -924,7 +904,7 @@ class Simulation(Sealed, PicturedDisks):
             for sampler in samplers:
                 sampler(measured)
 
-        communicator.run_on_root(self._engine.comm, tell)
+        self.comm.run_on_root(tell)
 
     def measure(self) -> Measure:
         """Totals and averages of the present state: `observables.measure`, without copying it from the device."""

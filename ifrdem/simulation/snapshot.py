@@ -19,7 +19,6 @@ from ..kernels import layout as k
 from ..kernels.columns import WALL
 from ..model.gravity import RotatingGravity
 from ..model.state import COLUMNS
-from ..mpi import distribution
 from .tracking import Statistics
 
 if TYPE_CHECKING:
@@ -39,7 +38,7 @@ def fingerprint(engine: Engine) -> str:
     walls = a.wall_rows.copy()
     walls[a.pistons[:, None], [WALL.now, WALL.speed]] = 0.0  # where a piston starts, as where disks do
     parts: list[Any] = [
-        *(distribution.digest(getattr(disks, name), engine.comm) for name in COLUMNS),
+        *(engine.comm.digest(getattr(disks, name)) for name in COLUMNS),
         np.array(box.lengths), np.array(box.periodic),
         np.array([
             box.shear_rate, *gravity, options.velocity_cutoff, options.contact_time, options.resting_speed,
@@ -126,7 +125,7 @@ def put_back(engine: Engine, found: Snapshot) -> None:
 
 def _put_back(engine: Engine, found: Snapshot) -> None:
     a, windows, steps = engine.arrays, engine.windows, engine.force_steps
-    n = len(distribution.slice_of(engine.n, engine.comm))
+    n = len(engine.comm.slice_of(engine.n))
     if len(found["disk"]) != n:
         raise InputError(f"checkpoint: {len(found['disk'])} disks, here are {n}")
     low, high = (np.array([found["edge_x"][end], found["edge_y"][end]]) for end in (0, -1))

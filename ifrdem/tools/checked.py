@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, nearest
-from ..mpi import communicator
+from ..mpi import Communicator, current
 
 Array = NDArray[np.float64]
 """An array of float64."""
@@ -463,13 +463,7 @@ Seed = Annotated[int, Integer(0, 2**64 - 1)]
 """Numbers as public functions need them."""
 
 
-def _communicator(name: str, value: Any) -> Any:
-    if value is not None and not all(hasattr(value, each) for each in ("rank", "size", "allgather")):
-        raise must_be(name, value, "a communicator of mpi4py, or None")
-    return value
-
-
-Comm = Annotated[Any, _communicator]
+Comm = Annotated[Any, lambda _name, value: Communicator.of(value)]
 """Ranks of MPI, or None."""
 
 _POSITIVE: Any = {"low": LEAST, "each": f"positive, from {LEAST:g} to {MOST:g}"}
@@ -551,7 +545,8 @@ def validated(function: F) -> F:
     """Check the arguments of a function, or of a class when it is made, by their annotations.
 
     InputError names the argument, its value, and what it must be. Arguments without an annotation, or annotated by
-    `Any`, are not checked. Each rank of MPI (`comm`) checks its own; an error on one is raised on all.
+    `Any`, are not checked. Each rank of MPI (`comm`, or those of a `collective` function) checks its own;
+    an error on one is raised on all.
     """
     if isinstance(function, type):
         function.__init__ = validated(function.__init__)  # type: ignore[misc]
@@ -562,6 +557,7 @@ def validated(function: F) -> F:
     others: list[Check] = []  # of **options
     made: dict[str, tuple[int, Any]] = {}  # defaults that a check converts, and their positions
     known = set(inspect.signature(function).parameters)
+    collective = hasattr(function, "collective")
 
     def read() -> None:
         """Read the annotations, at the first call: the module may define their names further below."""
@@ -598,11 +594,11 @@ def validated(function: F) -> F:
         if not by_name:
             read()
         values = list(arguments)
-        comm = options.get("comm")
-        if comm is None or not hasattr(comm, "allgather"):
+        comm = current() if collective else Communicator.of(options.get("comm"))
+        if comm.size == 1:
             check_all(values, options)
         else:  # an error on one rank is one on all
-            communicator.run_on_all(comm, lambda: check_all(values, options))
+            comm.run_on_all(lambda: check_all(values, options))
         for name, (i, value) in made.items():
             if i >= len(values) and name not in options:
                 options[name] = value

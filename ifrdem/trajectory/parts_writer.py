@@ -19,7 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError, TrajectoryError
 from ..model.box import Box
 from ..model.state import Disks, State
-from ..mpi import communicator, distribution
+from ..mpi import Communicator
+from ..mpi.distribution import bounds
 from ..tools.checked import Comm, Count, validated
 from . import layout
 from . import parts as parted
@@ -70,7 +71,7 @@ class PartsWriter:
         own: Mapping[int, TrajectoryWriter],
         head: TrajectoryWriter | None,
         fields: Sequence[str],
-        comm: Any,
+        comm: Communicator,
         path: Path,
     ) -> None:
         self.parts = parts
@@ -106,7 +107,8 @@ class PartsWriter:
 
         Raises InputError, on all ranks, as `TrajectoryWriter`, or if a rank has no disk; nothing is left behind then.
         """
-        given: Any = communicator.bcast(comm, None if path is None else (Path(path), box, fields, options))
+        ranks = Communicator.of(comm)
+        given: Any = ranks.bcast(None if path is None else (Path(path), box, fields, options))
         place, box, fields, options = given
 
         def begin() -> Parts:
@@ -119,8 +121,7 @@ class PartsWriter:
                 folder.mkdir(exist_ok=True)
             except OSError as error:
                 raise InputError(f"output {folder}: cannot be made: {error.strerror}") from error
-            count = number or (1 if comm is None else comm.size)
-            first = distribution.bounds(disks.n, count).tolist()
+            first = bounds(disks.n, number or ranks.size).tolist()
             return Parts(folder.name, secrets.token_hex(16), tuple(first))
 
         def part(i: int, of: Disks) -> TrajectoryWriter:
@@ -134,11 +135,11 @@ class PartsWriter:
 
         with contextlib.ExitStack() as undo:
             undo.callback(_remove_empty, place)
-            parts = communicator.root_result(comm, begin)
-            here = _each_part(parts, comm, own, part, undo)
-            first = communicator.run_on_root(comm, head)
+            parts = ranks.root_result(begin)
+            here = _each_part(parts, ranks, own, part, undo)
+            first = ranks.run_on_root(head)
             undo.pop_all()
-        return cls(parts, here, first, fields, comm, place)
+        return cls(parts, here, first, fields, ranks, place)
 
     @classmethod
     def resume(
@@ -155,21 +156,22 @@ class PartsWriter:
         """
         options |= {"frames": frames}
         given: Any = None if head is None else (head.path, head.parts, box, fields, options)
-        place, parts, box, fields, options = communicator.bcast(comm, given)
+        ranks = Communicator.of(comm)
+        place, parts, box, fields, options = ranks.bcast(given)
 
         def part(i: int, of: Disks) -> TrajectoryWriter:
             return TrajectoryWriter.resume(place.parent / parts.name(i), of, box, fields=fields, **options)
 
         with contextlib.ExitStack() as undo:
-            here = _each_part(parts, comm, own, part, undo)
+            here = _each_part(parts, ranks, own, part, undo)
             undo.pop_all()
-        return cls(parts, here, head, fields, comm, place)
+        return cls(parts, here, head, fields, ranks, place)
 
     def shares(self, state: State) -> Shares:
         """A state of this rank's disks as the parts get it that this rank writes; called by all ranks."""
         columns = {name: getattr(state, name) for name in sorted(self._attributes)}
         states = {}
-        for number, rows in _dealt(self.parts, self._comm, columns).items():
+        for number, rows in _rows_of_parts(self.parts, self._comm, columns).items():
             states[number] = copy.copy(state)
             for name, values in rows.items():
                 setattr(states[number], name, values)
@@ -194,10 +196,7 @@ class PartsWriter:
     def commit(self) -> None:
         """Let the frames count that are whole in all parts; called by all ranks."""
         done = min((int(queue.written_counts["frames"]) for queue in self._own.values()), default=sys.maxsize)
-        if self._comm is not None:
-            from mpi4py import MPI
-
-            done = self._comm.allreduce(done, MPI.MIN)
+        done = min(self._comm.allgather(done))
         if self._head is not None and done > self._told:
             new, self._told = done - self._told, done
             frames, self._waiting = self._waiting[:new], self._waiting[new:]
@@ -215,9 +214,9 @@ class PartsWriter:
             for queue in self._own.values():
                 queue.flush()
 
-        communicator.run_on_all(self._comm, own)
+        self._comm.run_on_all(own)
         self.commit()
-        communicator.run_on_root(self._comm, self._head.flush if self._head is not None else lambda: None)
+        self._comm.run_on_root(self._head.flush if self._head is not None else lambda: None)
 
     def close(self) -> None:
         """Close the files of this rank; what is not committed does not count. May be called twice."""
@@ -271,36 +270,35 @@ class PartsWriter:
 
 def _each_part(
     parts: Parts,
-    comm: Any,
+    ranks: Communicator,
     own: Disks,
     make: Callable[[int, Disks], TrajectoryWriter],
     undo: contextlib.ExitStack,
 ) -> dict[int, TrajectoryWriter]:
     """A writer for each part that this rank writes, by its number; `undo` closes them."""
-    dealt = _dealt(parts, comm, {name: getattr(own, name) for name in layout.STATIC})
+    rows = _rows_of_parts(parts, ranks, {name: getattr(own, name) for name in layout.STATIC})
 
     def all_made() -> dict[int, TrajectoryWriter]:
         found = {}
-        for number, columns in dealt.items():
+        for number, columns in rows.items():
             found[number] = make(number, Disks(len(columns["mass"]), **columns))
             undo.callback(found[number].close)
         return found
 
-    return communicator.run_on_all(comm, all_made)
+    return ranks.run_on_all(all_made)
 
 
-def _dealt(
-    parts: Parts, comm: Any, columns: Mapping[str, NDArray[Any] | None]
+def _rows_of_parts(
+    parts: Parts, ranks: Communicator, columns: Mapping[str, NDArray[Any] | None]
 ) -> dict[int, dict[str, NDArray[Any]]]:
     """Rows of the disks of all ranks, each of which has its own, as rows of the parts that this one writes."""
-    size, rank = (1, 0) if comm is None else (comm.size, comm.rank)
     present = {name: each for name, each in columns.items() if each is not None}
     rows = list(present.values())
-    if parts.first != tuple(distribution.bounds(parts.n, size).tolist()) and comm is not None:
-        ids = np.array(distribution.slice_of(parts.n, comm))
-        rows = distribution.exchange(comm, (np.searchsorted(parts.first, ids, side="right") - 1) % size, rows)
+    if parts.first != tuple(bounds(parts.n, ranks.size).tolist()):
+        ids = np.array(ranks.slice_of(parts.n))
+        rows = ranks.exchange((np.searchsorted(parts.first, ids, side="right") - 1) % ranks.size, rows)
     found, at = {}, 0
-    for number in range(rank, len(parts), size):
+    for number in range(ranks.rank, len(parts), ranks.size):
         end = at + parts.first[number + 1] - parts.first[number]
         found[number] = {name: each[at:end] for name, each in zip(present, rows, strict=True)}
         at = end

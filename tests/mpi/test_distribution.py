@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from support import mpi
 
-from ifrdem.mpi import distribution
+from ifrdem.mpi import SERIAL, distribution
 
 SCRIPT = Path(__file__).parents[1] / "support" / "rank_distribution.py"
 MISSING = "a disk is on no rank, or on two: please report this"
@@ -39,9 +39,9 @@ def test_every_id_is_in_one_slice_of_nearly_equal_ones(n: int, size: int) -> Non
 def test_a_sum_of_one_block_has_the_bits_of_numpy_and_one_of_several_those_of_its_blocks() -> None:
     rows = np.random.default_rng(1).normal(size=3 * distribution.BLOCK // 2)
     one = rows[: distribution.BLOCK]
-    assert distribution.total(one) == np.sum(one)
-    assert distribution.total(rows) == np.sum(one) + np.sum(rows[distribution.BLOCK :])
-    assert distribution.total(np.zeros((0, 2))).tolist() == [0.0, 0.0]
+    assert SERIAL.total(one) == np.sum(one)
+    assert SERIAL.total(rows) == np.sum(one) + np.sum(rows[distribution.BLOCK :])
+    assert SERIAL.total(np.zeros((0, 2))).tolist() == [0.0, 0.0]
 
 
 def test_blocks_of_ids_begin_at_multiples_of_their_length() -> None:
@@ -55,4 +55,4 @@ def test_blocks_of_ids_begin_at_multiples_of_their_length() -> None:
 
 def test_a_disk_that_is_missing_is_an_error_in_one_process_too() -> None:
     with pytest.raises(distribution.EngineError, match=MISSING):
-        distribution.by_id(None, 3, np.array([0, 1, 1]), [])
+        SERIAL.by_id(3, np.array([0, 1, 1]), [])

@@ -19,6 +19,8 @@ from support import mpi
 from support.manual import block
 
 import ifrdem
+from ifrdem.case import file as case_file
+from ifrdem.case import shipped
 from ifrdem.mpi import communicator
 from ifrdem.tools.files import checkpoint_of
 from ifrdem.trajectory import layout
@@ -364,37 +366,28 @@ def _descends(process: int, ancestor: int) -> bool:
     return process == ancestor
 
 
-REFUSED = {
-    'run.precision="f32"': 'run.precision = "f32": {}, or run.precision = "f64"',
-    "box.gravity=[0.0, -1.0]": "",
-    "box.gravity_rotation_rate=0.1": "box.gravity_rotation_rate = 0.1: {}, or leave it out",
-    'run.collapse="rest"': 'run.collapse = "rest": {}, or another remedy for collapse',
-    "run.resting_speed=0.01": "",
-    "output.histories=[1]": "output.histories = [1]: {}, or leave histories out",
-}
+@pytest.mark.parametrize(
+    ("name", "changes", "key"),
+    [
+        ("heap", [], 'run.collapse = "rest"'),
+        ("avalanches", [], "box.gravity_rotation_rate = -0.01"),
+        ("coins_on_table", [], "box.open = true"),
+        ("piston", [], "wall[0].piston"),
+        ("cooling", ["run.precision=f32"], 'run.precision = "f32"'),
+    ],
+)
+def test_what_cannot_be_divided_is_named(name: str, changes: list[str], key: str) -> None:
+    count, why = case_file.read(shipped.find(name), changes).gas.usable_ranks(2)
+    assert count == 1
+    assert key in why
 
 
-@mpi.needed
-@pytest.mark.parametrize("command", ["run", "check"])
-def test_what_cannot_be_on_ranks_is_refused_once(case: Path, command: str) -> None:
-    """By file and key, all at once, by `check` as by `run`; by Python without file."""
-    changes = [*REFUSED, "box.packing_fraction=", "box.lengths=[6.0, 6.0]", "box.periodic=[false, false]"]
-    folder = case.parent / "refused"
-    folder.mkdir(exist_ok=True)
-    place = ["-o", f"{folder}/"] if command == "run" else []
-    words = [word for each in changes for word in ("--set", each)]
-    done = mpi.on(2, *mpi.ifrdem(command, case, *place, *words, "--set", 'box.material="1 pta"'))
-    assert done.returncode == 2, done.stderr
-    told = "not supported on several ranks (here are 2): run it without mpiexec"
-    for message in filter(None, REFUSED.values()):
-        assert done.stderr.count(f"ifrdem: {case}: {message.format(told)}") == 1, done.stderr
-    done = mpi.on(2, *mpi.ifrdem(command, case, *place, "--set", "species[0].number=2000"))
-    assert done.returncode == 2, done.stderr
-    found = f"{case}: species[0].number = 2000: 2 ranks: 2000 disks make one tile, and each rank needs one: run it"
-    assert done.stderr.count(found) == 1, done.stderr
-    assert done.stdout == ""  # before the summary
-    assert "Traceback" not in done.stderr
-    assert list(folder.iterdir()) == []
+def test_a_gas_is_shared_by_as_many_ranks_as_its_tiles_can_be_divided_among(case: Path) -> None:
+    gas = case_file.read(case, ["species[0].number=200000"]).gas
+    assert gas.usable_ranks(4) == (4, "")
+    count, why = gas.usable_ranks(1000)
+    assert 16 <= count <= 36  # straight cuts cannot make 36 blocks of one tile each
+    assert why == "200000 disks make 6 x 6 tiles"
 
 
 @mpi.needed

@@ -29,7 +29,7 @@ def done(comm: Any, words: list[str]) -> dict[str, Any] | None:
     """The outcome of a command, on the first rank."""
     for name in communicator.SIZES:
         os.environ.pop(name, None)
-    communicator._world = comm if comm.size > 1 else None  # one rank is a process by itself
+    communicator._world = communicator.Communicator(comm)  # one rank is a process by itself
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         status = main(words)

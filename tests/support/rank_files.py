@@ -14,27 +14,27 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from ifrdem.case import file
+from ifrdem.case import file, rules
 from ifrdem.errors import InputError
-from ifrdem.mpi import distribution
-from ifrdem.simulation import ranks
+from ifrdem.mpi import Communicator, distribution
 
 PATH = Path(sys.argv[1])
 distribution.BLOCK = 1 << 8  # so that sums are those of several blocks, and radii of the first species of one
-ranks.check_tiles = lambda *_: None  # so few disks make one tile: nothing is run here
+rules.usable_ranks = lambda *given: (given[-1], "")  # so few disks make one tile: nothing is run here
 ALL = MPI.COMM_WORLD
 TWO = ALL.Split(0 if ALL.rank < 2 else MPI.UNDEFINED)
 
 
-def start(changes: list[str], comm: Any) -> Any:
+def start(changes: list[str], comm: Communicator) -> Any:
     """Columns of the own slice, and speeds of the species, or the message of an error."""
     try:
-        found = file.read(PATH, changes) if comm is None else file.read_on_ranks(lambda: PATH, changes, comm)
+        found = file.read_on_ranks(lambda: PATH, changes, comm)
         assert found is not None
         assert found.gas.given is not None
-        assert len(found.gas.given.position) == len(distribution.slice_of(found.gas.n, comm))
+        assert len(found.gas.given.position) == len(comm.slice_of(found.gas.n))
         gas = found.gas
-        state = gas.start(comm=comm)
+        with comm:
+            state = gas.start()
         speeds = np.array([(each.speed_rms, each.spin_rms) for each in gas.species])
         return [state.position, state.velocity, state.spin], speeds
     except InputError as error:
@@ -43,10 +43,11 @@ def start(changes: list[str], comm: Any) -> Any:
 
 told: dict[str, Any] = {}
 for name, changes in json.loads(Path(sys.argv[2]).read_text()).items():
-    alone = start(changes, None) if ALL.rank == 0 else None
-    for comm in (ALL, TWO):
-        if comm == MPI.COMM_NULL:
+    alone = start(changes, Communicator()) if ALL.rank == 0 else None
+    for given in (ALL, TWO):
+        if given == MPI.COMM_NULL:
             continue
+        comm = Communicator(given)
         own = start(changes, comm)
         if len({isinstance(each, str) for each in comm.allgather(own)}) > 1:
             raise SystemExit(f"{name}: only some ranks refuse it")
@@ -56,7 +57,7 @@ for name, changes in json.loads(Path(sys.argv[2]).read_text()).items():
                 told[f"{name} {comm.size}"] = {*messages} == {alone} and own
             continue
         speeds = comm.gather(own[1])
-        rows = distribution.gather(comm, comm.allreduce(len(own[0][2])), own[0])
+        rows = comm.gather_rows(comm.allreduce(len(own[0][2])), own[0])
         if rows is not None:
             same = [
                 a.tobytes() == np.ascontiguousarray(b).tobytes() for a, b in zip(rows, alone[0], strict=True)

@@ -28,7 +28,6 @@ from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, RandomKicks, Rescale, SpinKicks, TableFriction
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
-from ifrdem.mpi import distribution
 from ifrdem.simulation import arrays, ranks
 from ifrdem.simulation.engine import Engine
 
@@ -146,7 +145,7 @@ def after(gas: Gas, comm: Any) -> tuple[Engine, dict[str, Any]]:
     found = dict(vars(engine.state())) | {
         f"statistics {name}": n for name, n in vars(engine.statistics).items()
     }
-    past = distribution.gather(engine.comm, N, [engine.past["angle"]]) or [None]
+    past = engine.comm.gather_rows(N, [engine.past["angle"]]) or [None]
     found |= {"totals": engine.totals(), "sums": engine.windows.sums, "past": past[0]}
     found["inputs"] = engine.force_steps.energy_inputs
     engine.keep_collisions = True

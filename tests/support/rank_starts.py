@@ -18,9 +18,9 @@ from mpi4py import MPI
 import ifrdem
 from ifrdem.case import file
 from ifrdem.initial.from_csv import Given
-from ifrdem.mpi import distribution
+from ifrdem.mpi import Communicator, distribution
 
-COMM = MPI.COMM_WORLD
+COMM = Communicator(MPI.COMM_WORLD, distributed=True)
 distribution.BLOCK = 1 << 11  # so that slices begin within blocks
 N = 24_000
 IDS = ifrdem.slice_of(N, COMM)
@@ -34,28 +34,30 @@ def outcome(work: Callable[[], Any]) -> str:
         return f"{type(error).__name__}: {error}"
 
 
-def start(comm: Any, ids: range) -> tuple[Any, ...]:
+def start(ids: range) -> tuple[Any, ...]:
     """Disks of two kinds on a lattice, and all that a simulation needs."""
     number = np.arange(ids.start, ids.stop)
     disks = ifrdem.Disks(
         len(ids), mass=np.where(number % 3 == 0, 2.0, 1.0), radius=np.where(number % 5 == 0, 0.6, 0.5)
     )
-    box = ifrdem.Box.from_packing_fraction(disks.radius, 0.3, comm=comm)
-    position = ifrdem.initial.hexagonal_positions(box, disks.radius, seed=1, comm=comm)
-    velocity = ifrdem.initial.maxwellian(disks.mass, temperature=1.0, seed=1, comm=comm)
-    spin = ifrdem.initial.gaussian_spins(disks.n, spin_rms=1.0, seed=1, comm=comm)
+    box = ifrdem.Box.from_packing_fraction(disks.radius, 0.3)
+    position = ifrdem.initial.hexagonal_positions(box, disks.radius, seed=1)
+    velocity = ifrdem.initial.maxwellian(disks.mass, temperature=1.0, seed=1)
+    spin = ifrdem.initial.gaussian_spins(disks.n, spin_rms=1.0, seed=1)
     law = ifrdem.IFRLaw(e_n=0.9, e_t=-0.9, mu=0.2)
     return disks, box, law, ifrdem.State(position, velocity, spin)
 
 
-def simulation(comm: Any, ids: range, change: Callable[..., None] = lambda *_: None) -> ifrdem.Simulation:
-    disks, box, law, state = start(comm, ids)
+def simulation(
+    comm: Communicator | None, ids: range, change: Callable[..., None] = lambda *_: None
+) -> ifrdem.Simulation:
+    with comm or Communicator():
+        disks, box, law, state = start(ids)
     change(disks, box, state)
     options: Any = {
         "record": ["partner", "angle", "disk_energy"],
         "device": ifrdem.Device(threads=1),
         "comm": comm,
-        "sliced": comm is not None,
     }
     return ifrdem.Simulation(disks, box, law, state, **options)
 
@@ -63,7 +65,7 @@ def simulation(comm: Any, ids: range, change: Callable[..., None] = lambda *_: N
 def differing(own: Any, expected: Any, names: tuple[str, ...] = FIELDS) -> list[str]:
     """Fields of slices that are not, to the bit, those of a whole state, which the first rank has."""
     arrays = [np.asarray(getattr(own, name)) for name in names]
-    found = distribution.gather(COMM, N, arrays)
+    found = COMM.gather_rows(N, arrays)
     if found is None:
         return []
     return [
@@ -125,8 +127,8 @@ for name, changes in (("case", []), ("random case", ["start.positions=random"]),
     whole = gas_of_case.simulation().state if COMM.rank == 0 else None
     if name == "given" and COMM.rank == 0:
         gas_of_case = replace(gas_of_case, given=Given(gas_of_case.start().position, None, None))
-    sliced = gas_of_case.simulation(comm=COMM, sliced=True)
+    sliced = gas_of_case.simulation(comm=COMM)
     found[name] = differing(sliced.state, whole, FIELDS[:3])
-    found["case sliced"] = sliced.sliced
+    found["case sliced"] = sliced.comm.is_distributed
 for each in COMM.gather(found) or ():
     print(json.dumps(each))

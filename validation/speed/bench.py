@@ -30,7 +30,7 @@ from ...case.case import UNITS, Case
 from ...case.gas import CaseGas
 from ...case.objects import device_of
 from ...errors import InputError
-from ...mpi import communicator
+from ...mpi import SERIAL, Communicator
 from ...simulation import backend
 from ...simulation.simulation import Simulation
 from ...tools.progress import Progress
@@ -224,7 +224,7 @@ def bench(
     threads: int | None = None,
     precision: str = "f64",
     seed: int = 1,
-    comm: Any = None,
+    comm: Communicator = SERIAL,
     **timing: Any,
 ) -> Benchmark:
     """Time (`measure`) a case file or a shipped case, or else the elastic gas of n disks at packing fraction phi.
@@ -251,7 +251,7 @@ def measure(
     seconds: float = SECONDS,
     profile: bool = False,
     note: Note = lambda _: None,
-    comm: Any = None,
+    comm: Communicator = SERIAL,
 ) -> Benchmark:
     """Time the gas of a case.
 
@@ -282,7 +282,7 @@ def measure(
         If the engine stops, as it does where nothing ever collides.
     """
     run = case.run
-    if comm is not None and profile:
+    if comm.size > 1 and profile:
         raise InputError("--profile: not on several ranks; run it without mpiexec")
     gas, simulation = prepared(case, folder, after=after, comm=comm)
     before = simulation.collisions
@@ -312,13 +312,13 @@ def measure(
         n=gas.n,
         phi=gas.free_area.covered_part(gas.kinds.covered),
         device=run.device,
-        threads=_threads(run.threads, comm) if run.device == "cpu" else 1,
+        threads=run.threads or comm.share_of_cores(backend.cores()) if run.device == "cpu" else 1,
         precision=run.precision,
         seed=run.seed,
         collisions_before=before,
         bytes_per_disk=size,
         runs=done,
-        ranks=comm.size if comm else 1,
+        ranks=comm.size,
         sent=None if sent is None else dict(zip(SENT, sent.tolist(), strict=True)),
         profile=profiled,
         environment=environment(),
@@ -331,13 +331,8 @@ def _sent(simulation: Simulation) -> Any:
     return None if traffic is None else np.array([getattr(traffic, name) for name in SENT], dtype=float)
 
 
-def _threads(given: int | None, comm: Any) -> int:
-    """Threads of a rank."""
-    return given or (communicator.cores_here(comm, backend.cores()) if comm else backend.cores())
-
-
 def prepared(
-    case: Case, folder: Path | str = ".", *, after: float | None = None, comm: Any = None
+    case: Case, folder: Path | str = ".", *, after: float | None = None, comm: Communicator = SERIAL
 ) -> tuple[CaseGas, Simulation]:
     """The gas of a case and its simulation, warm; arguments and errors as for `measure`."""
     run = case.run
@@ -352,7 +347,7 @@ def prepared(
         end = {"collisions_per_disk": after}
     if after != 0.0:
         unit = UNITS[run.units]["time"] if run.units == "SI" else ""
-        shown = Progress(gas.n, unit=unit, **end) if communicator.is_root(comm) else None
+        shown = Progress(gas.n, unit=unit, **end) if comm.is_root else None
         with shown or contextlib.nullcontext():
             simulation.run(progress=shown or False, frames=PIECES, **end)
     warm_up(simulation)
@@ -385,7 +380,7 @@ def timed(simulation: Simulation, seconds: float) -> Run:
         marks.append(time.perf_counter())
         windows.append(simulation.statistics.windows)
         enough = marks[-1] - marks[0] >= seconds and len(marks) > LEAST_LAUNCHES
-        if communicator.bcast(simulation.comm, enough):
+        if simulation.comm.bcast(enough):
             raise LongEnough
 
     with contextlib.suppress(LongEnough):

@@ -65,4 +65,4 @@ def test_slices_of_ranks_move_as_one_process_does(tmp_path: Path) -> None:
     assert re.match(r"InputError: disks 0 and 23999 overlap by", first["overlap"])
     assert re.match(r"InputError: velocity\[3\] = \[ +inf", first["infinite"])
     assert first["infinite"].endswith("(rank 1 numbers the disks of its slice from 0 on)")
-    assert first["slices"].startswith("InputError: sliced = True: the ranks give [")
+    assert first["slices"].startswith("InputError: comm = Communicator(distributed=True): the ranks give [")
