@@ -85,7 +85,7 @@ box = ifrdem.Box.from_packing_fraction(disks.radius, 0.2)
 position = ifrdem.initial.random_positions(box, disks.radius, seed=1)
 velocity = ifrdem.initial.maxwellian(disks.mass, temperature=1.0, seed=1)
 start = ifrdem.State(position, velocity, np.zeros(disks.n))
-gas = ifrdem.Simulation(disks, box, ifrdem.IFRLaw(e_n=0.9, e_t=-0.9, mu=0.15), start, threads=1)
+gas = ifrdem.Simulation(disks, box, ifrdem.IFRLaw(e_n=0.9, e_t=-0.9, mu=0.15), start, device=ifrdem.Device(threads=1))
 gas.run(t_end=1.0)
 print(ti.Ndarray._ndarray_from_numpy.__module__, gas.collisions, gas.state.position.tobytes().hex())
 """
