@@ -107,26 +107,9 @@ def after_impulses(
 
 @ti.pyfunc
 def collide_pair(
-    e_n,
-    e_t,
-    mu,
-    contact_point,
-    rho,
-    n_x,
-    n_y,
-    im_i,
-    R_i,
-    k_i,
-    vx_i,
-    vy_i,
-    w_i,
-    im_j,
-    R_j,
-    k_j,
-    vx_j,
-    vy_j,
-    w_j,
-):
+    e_n, e_t, mu, contact_point, rho,
+    n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j,
+):  # fmt: skip
     """Collide disk i with disk j, or with a wall (im_j = 0).
 
     Runs inside Taichi kernels on scalars, and in plain Python on floats or on NumPy arrays that broadcast: no
