@@ -1,15 +1,16 @@
 """The serial core: the events of one region of disks, in order, from the beginning of a window to its end.
 
 Disks lie in cells at least as wide as the largest of them, so that disks that touch are in adjacent cells. Each has one
-event: its collision or, before that, its way into the next cell. Bins over the time of the window are the queue.
+event: its collision or, if that is earlier, its crossing into the next cell. Bins over the time of the window are the
+queue.
 
 Only the disk that predicts a collision stores it. A partner that has collided since makes it stale: then the disk
 predicts again. None is missed: whenever the motion of a disk changes it looks at all its neighbours, and when it enters
 a cell, at those that become neighbours; so of any two that will meet, the one that looked last knows of it, or has an
 earlier event, at which it looks again.
 
-Places and clocks of disks change at collisions only, never at crossings, and are rounded to the grid then. So histories
-depend neither on the cells nor on the region: only on who is there.
+Positions and clocks of disks change at collisions only, never at crossings, and are rounded to the grid then. So
+histories depend neither on the cells nor on the region, only on the disks in it.
 """
 
 from .columns import MECHANISM, TALLY
@@ -31,7 +32,7 @@ from .tiles import head_at, layer_of, scale_of, take_note, write
 from .walls import bounce, first_wall, hit_wall, meets_piston, next_stop, other_image
 
 EMPTY = -1  # of bins and cells
-PARTING = 2.25  # square of a distance in contact distances: at it or less two disks have just collided
+SEPARATING = 2.25  # square of a distance in contact distances: at it or less two disks have just collided
 NOT_QUEUED = -1  # as PREVIOUS; the first of bin b has -2 - b
 MANY_EVENTS = 200_000  # without progress of time: an inelastic collapse
 TOO_FAR = 1e6  # or a disk that would come so many times through its region in a window
@@ -180,7 +181,7 @@ def friction_column(how):
 
 @ti.func
 def enter_losses(tile, how, lost, gas: ti.template()):
-    """Enter what a collision of two disks took, and its regime, into the ledger."""
+    """Add the losses and the regime of a collision of two disks to the tally."""
     add(tile, TALLY.losses.normal, lost[0], gas)
     add(tile, TALLY.losses.restitution, lost[1], gas)
     add(tile, TALLY.losses[friction_column(how)], lost[2], gas)
@@ -190,7 +191,7 @@ def enter_losses(tile, how, lost, gas: ti.template()):
 
 @ti.func
 def charge_half(i, how, lost, gas: ti.template()):
-    """Note half of what a collision took as lost by the disk in slot i."""
+    """Add half of the losses of a collision to those of the disk in slot i."""
     charge(i, MECHANISM.normal, 0.5 * lost[0], gas)
     charge(i, MECHANISM.restitution, 0.5 * lost[1], gas)
     charge(i, friction_column(how), 0.5 * lost[2], gas)
@@ -369,7 +370,7 @@ def compare(
     start = ti.select(tau_j > tau, tau_j, tau)
     vx_j, vy_j = gas.motion[j].vx, gas.motion[j].vy
     from_i, from_j = start - tau, start - tau_j
-    # Differences of places are exact. Seen from j, every term only changes its sign.
+    # Differences of positions are exact. Seen from j, every term only changes its sign.
     rx = ((gas.motion[j].x - x) + shift_x) + (vx_j * from_j - vx * from_i)
     ry = ((gas.motion[j].y - y) + shift_y) + (vy_j * from_j - vy * from_i)
     ux, uy = vx_j - vx, vy_j - vy
@@ -384,8 +385,8 @@ def compare(
     noise = ti.static(rounding()) * (size + (ti.abs(vx_j) + ti.abs(vy_j)))
     t = start + contact_delay(rx, ry, ux, uy, noise, sigma, best - start, gas)
     if j == last and gas.event_info[j].last == i:
-        # They part, since this start; but round a narrow box another image may come.
-        if rx * rx + ry * ry < PARTING * sigma * sigma:
+        # They separate since this start; but across a narrow box another image may come.
+        if rx * rx + ry * ry < SEPARATING * sigma * sigma:
             t = FAR
     if ti.static(gas.uses.rests):
         asleep_i, asleep_j = sleeps(i, gas), sleeps(j, gas)
@@ -502,7 +503,7 @@ def around(own_x, own_y, x_low, x_high, y_low, y_high, half, region: ti.template
 def predict(
     i, x_low, x_high, y_low, y_high, half, keeps, region: ti.template(), gas: ti.template()
 ):  # fmt: skip
-    """Find the next event of the disk in slot i in the cells that `find` tells, or that which it `keeps`; its time."""
+    """Find the next event of the disk in slot i in the cells of `find`, or keep the present one (`keeps`); its time."""
     motion, info = gas.motion[i], gas.event_info[i]
     window = gas.scale.window
     best, partner = window, NO_PARTNER

@@ -20,7 +20,7 @@ LEVELS = 3
 
 @ti.func
 def particle_view(s, tile, time, gas: ti.template()):
-    """All that a force may know of a listed disk at `time`. Velocities are those in the mean flow, if there is one."""
+    """Quantities of a listed disk at `time`, as forces get them; velocities are relative to the mean flow."""
     disk = gas.disk[s]
     x, y, _boxes_x, _boxes_y, _frame, flow = placed(s, tile, time, gas)
     kind = listed_kind(s, gas)
@@ -62,7 +62,7 @@ def energy(mass, inertia, vx, vy, spin):
 
 
 def step_of(time: Any, dt: Any, free: Any, random: Any, totals: list[Any]) -> tuple[Any]:
-    """Quantities of its step for a force, for `ti.static`; `totals` only if it has some."""
+    """Quantities of a step, as forces get them, for `ti.static`; `totals` only if the force has some."""
     given = {"totals": ti.Vector(totals)} if totals else {}
     return (ti.Struct(time=time, dt=dt, free=free, random=random, **given),)
 

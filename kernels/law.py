@@ -1,7 +1,7 @@
-"""The collision law: the one place that holds its formula, and what every law shares.
+"""The collision law: the one implementation of its formula, and what every law shares.
 
-A collision has three steps: how the contact moves (`relative_motion`), which impulses act (`ifr_impulses`, or a law of
-one's own), and what they do to both disks (`after_impulses`), which keeps the momentum whatever they are.
+A collision has three steps: how the contact moves (`relative_motion`), which impulses act (`ifr_impulses`, or a
+custom law), and what they do to both disks (`after_impulses`), which keeps the momentum for any impulses.
 
 Source: A. Domenech-Carbo, "Independent friction-restitution modeling of two-disk collisions". "Eq. n" below
 is that paper's equation; where a line is more general than the print (two spins, any direction of the line
