@@ -44,7 +44,9 @@ def fastest(disks: Disks, velocity: NDArray[np.float64], spin: NDArray[np.float6
 
 def hottest(walls: Iterable[Wall], forces: Iterable[Force]) -> float:
     """The largest temperature of walls and thermostats [energy]; 0 without them."""
-    return max([0.0, *(wall.temperature or 0.0 for wall in walls), *(force.hottest for force in forces)])
+    of_walls = (wall.temperature or 0.0 for wall in walls)
+    of_forces = (getattr(force, "hottest", 0.0) for force in forces)
+    return max([0.0, *of_walls, *of_forces])
 
 
 @np.errstate(over="ignore", under="ignore")

@@ -326,8 +326,8 @@ def test_a_thermostat_hotter_than_numbers_can_hold_is_refused(name: str) -> None
     law = np.array([[ELASTIC]])
     forces = [Rescale(0.1, **{name: 1e39})]
     with pytest.raises(InputError, match=r"v.2 = .*f32 can compute with"):
-        Engine(disks, Box((10.0, 10.0)), state, law, precision="f32", forces=forces)
-    engine = Engine(disks, Box((10.0, 10.0)), state, law, precision="f32")
+        Engine(disks, Box((10.0, 10.0)), state, law, device=Device(precision="f32"), forces=forces)
+    engine = Engine(disks, Box((10.0, 10.0)), state, law, device=Device(precision="f32"))
     with pytest.raises(InputError, match=r"v.2 = .*f32 can compute with"):
         engine.set_forces(forces)
 
