@@ -26,7 +26,7 @@ from .particle import (
     watched_row, write_motion,
 )  # fmt: skip
 from .rest import (
-    count_hit, fall_asleep, is_support, is_wedged, meeting_with_sleeper, set_at_rest, set_in_motion, sleeps, wake,
+    count_hit, fall_asleep, is_support, is_wedged, set_at_rest, set_in_motion, sleeps, time_to_sleeper, wake,
 )  # fmt: skip
 from .tiles import head_at, layer_of, scale_of, take_note, write
 from .walls import bounce, first_wall, hit_wall, meets_piston, next_stop, other_image
@@ -396,7 +396,7 @@ def compare(
             # A parabola in the lab, of the one that flies about the other.
             sign = ti.select(asleep_i, 1.0, -1.0)
             gx, gy = gas.scale.gx, gas.scale.gy
-            t = start + meeting_with_sleeper(
+            t = start + time_to_sleeper(
                 sign * rx + 0.5 * gx * start * start, sign * ry + 0.5 * gy * start * start,
                 sign * ux + gx * start, sign * uy + gy * start,
                 noise, sigma, best - start, gas,

@@ -334,12 +334,12 @@ def check_pistons(walls: Sequence[Wall], n: int, options: EngineOptions, ranks: 
                 )
 
 
-def check_ranks(size: int, box: Box, options: EngineOptions, tracked: bool) -> None:
+def check_ranks(size: int, n: int, box: Box, options: EngineOptions, tracked: bool) -> None:
     """Refuse what cannot be on several ranks of MPI (`ranks.py`)."""
     refused = {
         f"precision = '{options.device.precision}'": options.device.precision != "f64",
         "order = 'serial'": options.order == "serial",
-        "tracked disks (histories)": tracked,
+        f"tracked disks (histories) of more than {ADDRESSABLE} disks": tracked and n > ADDRESSABLE,
         "an open box": box.is_open,
         f"collapse = {options.collapse}": isinstance(options.collapse, Rest),
     }

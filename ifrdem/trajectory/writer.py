@@ -342,7 +342,9 @@ class TrajectoryWriter(Sealed):
             self._series.write(rows, columns)
 
     def begin_histories(self, ids: ArrayLike, state: State) -> None:
-        """Begin to track disks by their numbers, from a state on. In a file that tracks already, they must be the same.
+        """Begin to track disks by their numbers, from a state on, of all disks or of these in ascending order.
+
+        In a file that tracks already, they must be the same.
 
         Raises InputError if there is no such disk, or one is named twice; TrajectoryError as `write`, and if the file
         has histories of other disks or from another time.

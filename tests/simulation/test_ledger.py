@@ -307,5 +307,5 @@ def test_a_simulation_without_a_ledger_has_none_to_switch(device):
     disks = equal_disks(10)
     box, state = start(disks, 0.4)
     simulation = Simulation(disks, box, COIN, state, device=device)
-    with pytest.raises(InputError, match="no ledger to switch"):
+    with pytest.raises(InputError, match="the ledger is not recorded"):
         simulation.switch_ledger(True)

@@ -360,7 +360,7 @@ def _on_ranks(file: CaseFile) -> str | None:
     try:
         checks.check_pistons(gas.walls, gas.n, options, ranks=2)
         check_turning(options.gravity, gas.box.periodic, case.output.tracks, 2)
-        checks.check_ranks(2, gas.box, options, case.output.tracks)
+        checks.check_ranks(2, gas.n, gas.box, options, case.output.tracks)
     except InputError as error:
         return None if why else f"on ranks: {error}"
     return f"on ranks: {why}" if why else None
