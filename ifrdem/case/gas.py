@@ -557,29 +557,9 @@ class CaseGas:
             "disks": disks, "box": self.box, "state": begin,
             "law": [[any_law if one is None else one for one in row] for row in self.laws], "device": device_of(run),
             "walls": self._walls_at_start if pistons is None else at_displacements(self.walls, pistons),
-<<<<<<< HEAD
             "gravity": gravity_of(self.case.box), "collapse": collapse_of(run),
             "forces": forces_of(self.case), "seed": run.seed, "record": record_of(self.case),
-            "tracked": self.tracked(begin) if tracked is None else tracked, "comm": comm,
-||||||| 0ccd556
-            "gravity": (box.gravity[0], box.gravity[1]), "gravity_rotation_rate": box.gravity_rotation_rate,
-            "gravity_rotation_step": box.gravity_rotation_step, "collapse": run.collapse,
-            "contact_time": run.contact_time, "velocity_cutoff": run.velocity_cutoff,
-            "resting_speed": run.resting_speed,
-            "forces": forces_of(self.case), "seed": run.seed, "ledger": output.ledger,
-            "partners": "last_partner" in output.fields, "angles": "angle" in output.fields,
-            "dissipated": "dissipated" in output.fields, "wall_sums": output.wall_sums,
-            "tracked": self.tracked(begin) if tracked is None else tracked, "comm": comm,
-=======
-            "gravity": (box.gravity[0], box.gravity[1]), "gravity_rotation_rate": box.gravity_rotation_rate,
-            "gravity_rotation_step": box.gravity_rotation_step, "collapse": run.collapse,
-            "contact_time": run.contact_time, "velocity_cutoff": run.velocity_cutoff,
-            "resting_speed": run.resting_speed,
-            "forces": forces_of(self.case), "seed": run.seed, "ledger": output.ledger,
-            "partners": "last_partner" in output.fields, "angles": "angle" in output.fields,
-            "dissipated": "dissipated" in output.fields, "wall_sums": output.wall_sums,
             "tracked": tracked, "comm": comm,
->>>>>>> main
         }  # fmt: skip
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", EnergyWarning)

@@ -128,15 +128,9 @@ class Simulation(Sealed, PicturedDisks):
         - "angle": the angle by which each disk has turned, `State.angle`;
         - "wall": momentum, torque, work, heat and collisions of each wall, `wall_sums` and in every `Measure`.
     tracked : sequence of int
-<<<<<<< HEAD
-        Disks of which every collision is kept, for `take_events`. Not in a sheared box.
+        Disks of which every collision is kept, for `take_events`; of ranks, on the root. Not in a sheared box.
     seed : int
         Of the random numbers of forces and thermal walls, 0 to 2^64 - 1.
-||||||| 0ccd556
-        Disks of which every collision is kept, for `take_events`. Not in a sheared box.
-=======
-        Disks of which every collision is kept, for `take_events`; of ranks, on the root. Not in a sheared box.
->>>>>>> main
     comm : mpi4py.MPI.Comm or Communicator, optional
         Ranks of MPI that have a part of the gas each (`ifrdem docs ranks`); bitwise the same trajectory. All make the
         same simulation and call the same methods. `disks` and `state` are taken from the first rank (the root), and may
@@ -228,15 +222,7 @@ class Simulation(Sealed, PicturedDisks):
         comm.result_of_holders(lambda: check_no_overlap(box, disks.radius, begin.position, time=begin.time))
         self._laws = law_table(law, kinds, max((wall.material for wall in walls), default=0))
         law_class, table = checked_class(self._laws), coefficient_table(self._laws)
-<<<<<<< HEAD
-        self._tracking = self._follow_disks(tracked, kinds, box, walls)
-||||||| 0ccd556
-        self._tracking = self._follow_disks(tracked, kinds, box, walls)
-        ledger = ledger or dissipated
-=======
         self._tracking = self._follow_disks(tracked, kinds.n, box, walls)
-        ledger = ledger or dissipated
->>>>>>> main
         self._stopping = False
         self._pinches_checked = False
         self._external_energy = 0.0  # from changes between runs

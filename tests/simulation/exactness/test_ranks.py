@@ -11,15 +11,7 @@ from typing import Any
 import pytest
 from support import mpi
 
-<<<<<<< HEAD
-from ifrdem.errors import InputError
 from ifrdem.simulation import backend
-||||||| 0ccd556
-from ifrdem.errors import InputError
-from ifrdem.simulation import device
-=======
-from ifrdem.simulation import device
->>>>>>> main
 
 GASES = Path(__file__).parents[2] / "support" / "rank_gases.py"
 
