@@ -257,7 +257,7 @@ class Bodies:
         """Read masses and moments of inertia of disks and walls.
 
         A plain id will do for a body that was made without `useMaximalCoordinates`: of the other kind PyBullet does
-        not tell radius or plane, so it needs a `DiskBody` or a `WallBody`.
+        not provide radius or plane, so it requires a `DiskBody` or a `WallBody`.
 
         Raises InputError if a body is not there, is neither cylinder nor plane, does not stand upright, or cannot
         turn.
@@ -294,12 +294,12 @@ class Bodies:
 
 
 def _recognized(p: Any, client: int, body: int) -> DiskBody | WallBody:
-    """The disk or wall behind a plain id."""
+    """The disk or wall of a plain id."""
     try:
         ((_, _, kind, size, *_),) = p.getCollisionShapeData(body, -1, physicsClientId=client)
     except (p.error, ValueError):
         raise InputError(
-            f"body {body}: PyBullet does not tell its shape; give ifrdem.bullet.DiskBody(body, radius) or "
+            f"body {body}: its shape is not available from PyBullet; give ifrdem.bullet.DiskBody(body, radius) or "
             "ifrdem.bullet.WallBody(body, point, normal)"
         ) from None
     if kind == p.GEOM_CYLINDER:

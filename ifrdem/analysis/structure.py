@@ -371,7 +371,7 @@ def clusters(
     box : Box, or two lengths of a periodic one
     gap : float
         Disks whose surfaces are nearer than this are joined [length]. In a homogeneous gas of equal disks that are to
-        be told from clusters, a tenth of a diameter or less.
+        be distinguished from clusters, a tenth of a diameter or less.
     time : float
         Needed for sheared boxes [time].
 

@@ -121,7 +121,7 @@ class Problem(ABC):
     redundancy : array (n,)
         Number of values measured beyond those that the latent coordinates take.
     estimated : tuple of str
-        Groups of quantities whose error the residuals are to tell.
+        Groups of quantities whose error is estimated from the residuals.
     """
 
     start: Array

@@ -36,7 +36,7 @@ def read(
     """Read a start from a trajectory.
 
     InputError if the file cannot be read, or holds no such frame or field, another number of disks or another box; or
-    if the disks overlap. The message says what is there.
+    if the disks overlap. The message describes the file.
 
     `frame` counts from 0, or from -1 backwards; None is the last one. The radii (n,) [length] are those of the disks
     that start there, which must fit; the box must be that of the trajectory. With `motion`, velocities and spins are
@@ -185,7 +185,7 @@ def _check_whole(trajectory: Trajectory, n: int, box: Box | None) -> None:
 
 
 def _other_radii(path: Path, radius: Array, ids: range) -> str:
-    """Likely cause of an overlap: disks of the trajectory have other radii; the first one is named."""
+    """A likely cause of an overlap: the first disk whose radius in the trajectory differs; else empty."""
 
     def found() -> str:
         with Trajectory(path) as trajectory:

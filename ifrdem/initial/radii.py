@@ -255,7 +255,7 @@ def _ends(distribution: str, given: Mapping[str, float]) -> tuple[float, float]:
 
 
 def _normal(distribution: str, given: Mapping[str, float]) -> tuple[float, float, float, float]:
-    """Mean and deviation of the normal variable behind it, and the parts of it below either end."""
+    """Mean and deviation of the underlying normal variable, and its cumulative probabilities at both ends."""
     from scipy.special import ndtr
 
     low, high = _ends(distribution, given)

@@ -1,4 +1,4 @@
-"""Map of the energy that collisions take, and its mechanisms, of frames that say what each disk lost (`dissipated`)."""
+"""Map of the dissipated energy and its mechanisms, from frames with the field `dissipated`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures of a study: a quantity over another, bands of its standard error, and kinetic theory beside it."""
+"""Figures of a study: a quantity over another, with bands of its standard error and kinetic theory."""
 
 from __future__ import annotations
 

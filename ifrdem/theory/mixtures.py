@@ -1,7 +1,7 @@
 """Kinetic theory of a homogeneous gas of several species of disks: their temperatures as it cools, or is driven.
 
 The picture of `cooling_gas`, with a translational and a rotational temperature for every species: nothing makes
-them agree where collisions dissipate. `collisions` says what a collision changes, `collisions` how often
+them agree where collisions dissipate. `collisions` gives the change in a collision and how often
 species meet; every disk of species i then has
 
     dT_i/dt = sum_j w_ij <dE_i>_j,    dT_rot,i/dt = 2 sum_j w_ij <dE_rot,i>_j.

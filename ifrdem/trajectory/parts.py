@@ -261,7 +261,7 @@ def of(file: h5py.File, path: str | os.PathLike[str] = "") -> Parts | None:
         group = file[GROUP]
         folder, run = group.attrs["folder"].decode(), group.attrs["run"].decode()
         if not re.fullmatch(r"[^/\\]*" + re.escape(FOLDER), folder):
-            raise ValueError(f"{folder!r} is no folder beside it")
+            raise ValueError(f"{folder!r} is no folder next to it")
         first = damage.read(group["first"])
         damage.require_shape(group["first"], (None,), "i")
         return Parts(folder, run, tuple(int(one) for one in first))

@@ -1,4 +1,4 @@
-"""Rows of frames, time series and histories that a trajectory file grows by, and that count once they are committed."""
+"""Committed rows: frames, time series and histories that are appended to a trajectory file."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class CommitLog:
     `what` is the noun for one row ("frame"); the `marker` has a number for each, and is None where something else
     counts the rows; `datasets` by name may be added to before the first row; `committed` rows count, and `at` is the
     number of the row that comes next, by default the one after these. The disks of a part have numbers from
-    `first_disk` on, which messages tell.
+    `first_disk` on, for messages.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class CommitLog:
         self.committed = max(self.committed, self.at)
 
     def drop_uncommitted(self) -> None:
-        """Remove what an interrupted commit left behind the last one."""
+        """Remove rows after the last commit, left by an interrupted one."""
         for dataset in ([] if self.marker is None else [self.marker], self.datasets.values(), self.blank):
             for each in dataset:
                 if len(each) > self.committed:
@@ -108,7 +108,7 @@ class CommitLog:
             element = f"{name} of disk {self.first_disk + place[0]}{component}"
         raise TrajectoryError(
             f"{self.what} {self.at + row}, computed again, differs from the file: {element} is {values[where]}, the "
-            f"file holds {stored[where]}. This is not the same run: the file is kept as it is"
+            f"file holds {stored[where]}. This is not the same run: the file is not changed"
         )
 
 
@@ -176,7 +176,7 @@ class SeriesWriter:
         rows.commit(self._output, {name: np.stack([row[name] for row in found]) for name in found[0]})
 
     def drop_uncommitted(self) -> None:
-        """Remove what an interrupted write left behind the last commit."""
+        """Remove rows after the last commit, left by an interrupted write."""
         file = self._output.file
         drop_staged(file, TIMESERIES)
         if self.rows is not None and self.rows.committed:
@@ -268,7 +268,7 @@ class HistoryWriter:
         rows.confirm(end - rows.at)
 
     def drop_uncommitted(self) -> None:
-        """Remove what an interrupted write left behind the last commit."""
+        """Remove rows after the last commit, left by an interrupted write."""
         drop_staged(self._output.file, HISTORIES)
         if self.events is not None:
             self.events.drop_uncommitted()
@@ -312,7 +312,7 @@ def _row(values: Mapping[str, ArrayLike], first: Mapping[str, Any] | None) -> di
 
 
 def samples(datasets: Mapping[str, h5py.Dataset]) -> dict[str, NDArray[Any]]:
-    """An array of the shape and type of a row of each dataset: HDF5 takes 0.05 ms to tell them."""
+    """An array of the shape and type of a row of each dataset: HDF5 takes 0.05 ms to return them."""
     return {
         name: np.broadcast_to(np.zeros((), each.dtype), each.shape[1:]) for name, each in datasets.items()
     }

@@ -25,7 +25,7 @@ class StudyPoints:
     Parameters
     ----------
     place : Path
-        The results NAME.nc, or the folder NAME.runs beside them.
+        The results NAME.nc, or the folder NAME.runs next to them.
 
     Raises
     ------

@@ -223,7 +223,7 @@ def bad(tmp_path: Path, capsys: pytest.CaptureFixture[str], *words: str) -> str:
         (["--vary", "nonsense"], "KEY=VALUES is needed"),
         (["--seeds", "0"], "a number of seeds"),
         (["--part", "3/2"], "K/M is needed"),
-        (["--workers", "1", "--scheduler", "tcp://a:1"], "not beside"),
+        (["--workers", "1", "--scheduler", "tcp://a:1"], "--workers: cannot be combined with --scheduler"),
         (["--scheduler", "nonsense://127.0.0.1:9"], "does not answer"),
     ],
 )

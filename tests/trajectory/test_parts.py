@@ -426,7 +426,7 @@ def test_data_that_lie_elsewhere_than_in_the_parts_are_refused(made, place):
 def test_a_folder_of_parts_elsewhere_is_refused(made):
     with h5py.File(made, "r+") as file:
         file["parts"].attrs["folder"] = np.bytes_("../run.parts")
-    with pytest.raises(DamageError, match="is no folder beside it"):
+    with pytest.raises(DamageError, match="is no folder"):
         Trajectory(made)
 
 

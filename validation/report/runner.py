@@ -189,7 +189,7 @@ def _alone(work: Callable[[str], Any], name: str, threads: int) -> Any:
 
 
 def run_case(name: str, *, quick: bool, seed: int) -> Verdict:
-    """Run one case and render its pictures, here and now; whatever it raises is told of in the outcome."""
+    """Run one case and render its pictures, in this process; an exception becomes part of the outcome."""
     import matplotlib as mpl
 
     case = registry.load(name)
