@@ -569,8 +569,8 @@ def _misfit(law: str, misfit: float, n: int, quantity: str, scatter: float) -> s
     """Warning that a law does not describe the data, by how much, and the meaning of its parameters then."""
     return (
         f"{law} does not describe this run: {quantity} deviates systematically from the fit: rms {misfit:.2g}, "
-        f"expected noise {scatter:.2g} for {n} disks. The parameters are of the best fit (poor), without errors; choose a range "
-        "where the law may hold with --frames"
+        f"expected noise {scatter:.2g} for {n} disks. The parameters are of the best fit (poor), without errors; "
+        "choose a range where the law may hold with --frames"
     )
 
 
