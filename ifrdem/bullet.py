@@ -268,7 +268,7 @@ class Bodies:
         walls = tuple(one for one in known if isinstance(one, WallBody))
         ids = [one.body for one in known]
         if len(set(ids)) < len(ids):
-            raise InputError(f"bodies = {ids}: one of them is there twice")
+            raise InputError(f"bodies = {ids}: one of them is given twice")
         mass, k = np.full(len(disks), np.inf), np.full(len(disks), 2.0)
         for i, disk in enumerate(disks):
             _check_upright(p, client, disk.body)
@@ -307,7 +307,7 @@ def _recognized(p: Any, client: int, body: int) -> DiskBody | WallBody:
     if kind == p.GEOM_PLANE:
         (x, y, _), _ = p.getBasePositionAndOrientation(body, physicsClientId=client)
         if abs(size[2]) > UPRIGHT:
-            raise InputError(f"body {body}: a plane with normal {size}, which does not stand upright")
+            raise InputError(f"body {body}: a plane with normal {size}, which is not upright")
         return WallBody(body, (x, y), (size[0], size[1]))
     raise InputError(f"body {body}: neither a cylinder nor a plane")
 

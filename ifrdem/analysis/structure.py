@@ -100,7 +100,7 @@ def pair_correlation(
             "box = Box.open(): must have sides, g(r) needs a density: cut out a part and give it a box"
         )
     if not 0.0 <= r_min < r_max:
-        raise InputError(f"r_min = {r_min:g}, r_max = {r_max:g}: 0 <= r_min < r_max is needed")
+        raise InputError(f"r_min = {r_min:g}, r_max = {r_max:g}: must satisfy 0 <= r_min < r_max")
     freud = load("freud", "g(r)")
     count, ideal, frames = np.zeros(bins), np.zeros(bins), 0
     edges = np.linspace(r_min, r_max, bins + 1)

@@ -378,7 +378,7 @@ def read(
     source = found.source
     if whole and angles:
         both = f"a table of angles ({', '.join(angles)}) and of whole collisions ({', '.join(whole)})"
-        raise InputError(f"{source}: columns of {both} stand together: one of the two is needed")
+        raise InputError(f"{source}: columns of {both} are both given: must be one of the two")
     if not whole and "psi" not in angles:
         raise InputError(
             f"{source}: missing column psi; there are {', '.join(angles) or 'none that is known'}"

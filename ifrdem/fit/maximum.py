@@ -115,7 +115,7 @@ def fit(
     wrong = []
     if isinstance(data, Data):
         if M is None:
-            raise InputError("M: the mass ratio m_1 / m_2 of the disks is needed, 0 for a wall")
+            raise InputError("M: must be given, the mass ratio m_1 / m_2 of the disks, 0 for a wall")
         pair = Pair(M=M, k_1=k_1, k_2=k_2, R_1=R_1, R_2=R_2)
         problem: Problem = data.problem(pair)
         if (rolling or fixed.get("rho", 0.0) > 0.0) and not pair.has_radii:

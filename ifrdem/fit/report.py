@@ -261,7 +261,7 @@ def material(fit: Fit, name: str) -> str:
     verdict = fitted.admissibility
     assert verdict is not None
     if not verdict.admissible:
-        raise InputError(f"no material is written, because no case would take it: {verdict.message}")
+        raise InputError(f"no material is written, because a case would refuse it: {verdict.message}")
     chosen = (
         "preferred by the data"
         if fit.decided

@@ -180,7 +180,7 @@ class Fitted:
             if len(found) >= number:
                 return found[:number]
         raise InputError(
-            "the fitted coefficients lie so far outside of what the law allows that none can be drawn"
+            "no coefficients can be drawn: the fitted ones are too far outside the range of the law"
         )
 
 

@@ -349,7 +349,7 @@ def _values(key: str, given: Any) -> list[Any]:
         raise InputError(f"{key}: {text}")
     texts = [json.dumps(each) for each in values]
     if not values:
-        raise InputError(f"{key}: no value to vary it by")
+        raise InputError(f"{key}: must have one value or more")
     if twice := [each for i, each in enumerate(texts) if each in texts[:i]]:
         raise InputError(f"{key}: {twice[0]} is there twice")
     return values
@@ -399,7 +399,7 @@ def _seeds(given: Any, first: int) -> tuple[int, ...]:
     if not isinstance(given, list) or not all(isinstance(each, int) for each in given):
         raise InputError(need)
     if not given or len({*given}) < len(given) or not all(0 <= each < 2**63 for each in given):
-        raise InputError(f"seeds = {given}: whole numbers of 0 or more are needed, each once")
+        raise InputError(f"seeds = {given}: must be integers, 0 or more, each once")
     return tuple(given)
 
 
@@ -426,7 +426,7 @@ def _output_overrides(case: dict[str, Any], output: StudyOutput) -> Iterator[str
         yield "output.views=false"
     at = output.analyses_at
     if at and not output.analyses:
-        raise InputError("analyses_at: only with analyses")
+        raise InputError("analyses_at requires analyses")
     t_end, per_disk = (_number(case, key) for key in ("t_end", "collisions_per_disk"))
     if at and (end := t_end or per_disk):  # else `check` reports the error
         if not 0.0 <= min(at) <= max(at) <= end:

@@ -135,7 +135,7 @@ class Study:
                 more = f"delete it, and it is made again from the runs in {self.folder}"
                 raise InputError(f"{error}; {more}") from error
         if self.folder.exists() and not self.folder.is_dir():
-            raise InputError(f"{self.folder}: is no folder; runs are kept there: another -o")
+            raise InputError(f"{self.folder}: is not a folder; runs are kept there: choose another -o")
         place = self._place(workers, scheduler)
         if place.scheduler is None and place.kind is None:
             for case in {each.run.device: each for each in good.values()}.values():
@@ -148,7 +148,7 @@ class Study:
         if needed > MOST_OF_DISK * free:
             raise InputError(
                 f"{self.output}: the study needs some {summary.size(needed)}, and {summary.size(free)} are free in "
-                f"{self.output.parent.resolve()}: fewer rows, seeds or points, or another place (-o)"
+                f"{self.output.parent.resolve()}: use fewer rows, seeds or points, or another disk (-o)"
             )
         return wrong
 
@@ -316,7 +316,9 @@ class Study:
             try:
                 files.lock(file.fileno(), place, shared=shared)
             except BlockingIOError as error:
-                raise InputError(f"{self.output}: the study is running already: {error.strerror}") from None
+                raise InputError(
+                    f"{self.output}: another process is running this study: {error.strerror}"
+                ) from None
             except OSError:  # a file system without locks
                 pass
             try:
@@ -332,7 +334,7 @@ class Study:
         Warns
         -----
         DamageWarning
-            If a result is damaged: nan stands for it, and `run` makes it again.
+            If a result is damaged: nan stands for it, and `run` creates it again.
         """
         done, _, damaged = self._state(self.tasks)
         if not done:
@@ -343,7 +345,7 @@ class Study:
             )
         for text in damaged:
             warnings.warn(
-                f"{text}; Study.run() or `ifrdem study` makes it again", DamageWarning, stacklevel=2
+                f"{text}; Study.run() or `ifrdem study` creates it again", DamageWarning, stacklevel=2
             )
         return collect(self.plan, self._checked_cases[0], self.tasks, {})
 

@@ -127,9 +127,7 @@ def checked_times(times: NonNegativeColumn) -> Array:
     when = np.asarray(times, dtype=np.float64)
     if np.any(falling := np.diff(when) < 0.0):
         i = int(np.argmax(falling)) + 1
-        raise InputError(
-            f"times[{i}] = {when[i]}: must be in increasing order, and {when[i - 1]} stands before it"
-        )
+        raise InputError(f"times[{i}] = {when[i]}: must be in increasing order, but follows {when[i - 1]}")
     return when
 
 

@@ -122,7 +122,7 @@ class Mixture:
         immovable, or there are none.
         """
         if disks.n == 0 or not disks.movable.all():
-            raise InputError("mixture: disks of finite mass are needed, one at least")
+            raise InputError("mixture: must have one disk of finite mass or more")
         columns = np.stack([disks.mass, disks.radius, disks.k, disks.material.astype(np.float64)], axis=1)
         kinds, which, number = np.unique(columns, axis=0, return_inverse=True, return_counts=True)
         table = law

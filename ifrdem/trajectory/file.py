@@ -210,9 +210,9 @@ class OutputFile:
         """
         path, name = Path(os.path.realpath(given)), f"output {os.fspath(given)}"
         if os.path.isdir(path):  # unlike Path.is_dir, os.path takes an impossible name for an absent file
-            raise InputError(f"{name} is a folder: the name of a file is needed")
+            raise InputError(f"{name} is a folder: must be the name of a file")
         if not os.path.isdir(path.parent):
-            raise InputError(f"{name}: there is no folder {path.parent}")
+            raise InputError(f"{name}: the folder {path.parent} does not exist")
         if (replaces := os.path.exists(path)) and not os.path.isfile(path):
             raise InputError(f"{name} is not a regular file")
         if replaces and not force:
@@ -258,7 +258,7 @@ class OutputFile:
             raise InputError(f"{name} is open elsewhere: {error.strerror}") from error
         except (OSError, RuntimeError) as error:
             _close(raw)
-            raise InputError(f"{name} cannot be written further: {_reason(error)}") from error
+            raise InputError(f"{name} cannot be appended to: {_reason(error)}") from error
         return cls(file, raw, path, path, replaces=False, new=False)
 
     @property

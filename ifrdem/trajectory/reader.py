@@ -149,7 +149,7 @@ class Frame(Sealed, PicturedDisks):
         """
         box = self.trajectory.box
         if box.is_open:
-            raise InputError(f"{self.trajectory.path}: an open box has no sides: give freud a box of its own")
+            raise InputError(f"{self.trajectory.path}: an open box has no sides: give freud another box")
         (x, _, _), (lean, y, _), _ = box.cell(self.time).tolist()
         return x, y, 0.0, lean / y, 0.0, 0.0
 
@@ -415,13 +415,13 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         lengths = self.shape(name)
         given = selection if isinstance(selection, tuple) else (selection,)
         if len(given) > len(lengths):
-            raise InputError(f"selection {selection!r} of {name}: {len(lengths)} axes are all there are")
+            raise InputError(f"selection {selection!r} of {name}: {len(lengths)} axes at most")
         forward: list[Any] = []
         turned: list[int] = []  # axes of what is read
         for length, each in zip(lengths, given or (slice(None),), strict=False):
             refused = InputError(
-                f"selection {each!r} of {name}: whole numbers and slices are needed; of what is read, any part can "
-                "be taken, as trajectory.read(name, 3)[[5, 2]]"
+                f"selection {each!r} of {name}: must be integers and slices; index the "
+                "result for others, as trajectory.read(name, 3)[[5, 2]]"
             )
             if isinstance(each, slice):
                 try:
@@ -877,7 +877,7 @@ def _index(what: str, given: Any) -> int:
     try:
         return operator.index(given)
     except TypeError:
-        raise InputError(f"{what} = {given!r}: a whole number is needed") from None
+        raise InputError(f"{what} = {given!r}: must be an integer") from None
 
 
 def check_file(path: Path) -> None:

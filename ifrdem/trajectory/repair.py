@@ -59,7 +59,7 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
         raise InputError(special)
     with _openable(path, say) as (source, whole), h5py.File(source, "r") as file:
         if place == path and parted.GROUP in file:
-            raise InputError(f"{path} is in parts: --in-place cannot put them together; -o writes one file")
+            raise InputError(f"{path} is in parts: --in-place cannot merge them; use -o to write one file")
         try:
             with damage.as_damage_error(path, "its bookkeeping"):
                 kept = _Salvage(file, path, whole, say)
@@ -375,7 +375,7 @@ def _openable(path: Path, say: Callable[[str], object]) -> Iterator[tuple[Path, 
             raise InputError(f"{path} cannot be read: {os.strerror(error.errno)}") from error
         if not h5py.is_hdf5(path):
             raise InputError(
-                f"{path} is not an HDF5 file, or its very beginning is lost: nothing can be kept{_alternatives(path)}"
+                f"{path} is not an HDF5 file, or its beginning is lost: nothing can be kept{_alternatives(path)}"
             ) from error
         sizes = re.search(r"truncated file: eof = (\d+).*stored_eof = (\d+)", str(error))
         if sizes is None:

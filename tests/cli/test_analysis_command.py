@@ -244,7 +244,7 @@ def test_a_gas_that_does_not_cool_by_haffs_law_is_said_not_to_and_gets_no_errors
     assert lines[1].startswith("  ! Haff's law does not describe this run: ln T ")
     assert "rms 0.17" in lines[1]
     assert "noise 0.058 for 300 disks" in lines[1]
-    assert lines[2].startswith("  ! one exponential does not describe this run: theta leaves it")
+    assert lines[2].startswith("  ! one exponential does not describe this run: theta ")
     assert "+-" not in shown
     record = json.loads(Path("run-analysis/run.json").read_text())["analyses"]["cooling"]
     assert record["values"]["t_H"]["error"] is None

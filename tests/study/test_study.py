@@ -501,5 +501,5 @@ def test_results_that_crash_hdf5_end_in_a_message(case, tmp_path, capsys):
 )
 def test_what_is_no_file_of_results_is_refused(tmp_path, make):
     make(tmp_path / "s.nc")
-    with pytest.raises(InputError, match=r"s\.nc: (is no file|is not an HDF5 file|there is no such file)"):
+    with pytest.raises(InputError, match=r"s\.nc: (is not a file|is not an HDF5 file|there is no such file)"):
         Results.read(tmp_path / "s.nc")

@@ -261,7 +261,7 @@ def shorten(path: Path, number: int, frames: int = 3) -> None:
 
 WRONG = {
     "is missing": lambda path, number: part(path, number).unlink(),
-    "is no file": lambda path, number: (part(path, number).unlink(), part(path, number).mkdir()),
+    "is not a file": lambda path, number: (part(path, number).unlink(), part(path, number).mkdir()),
     "it belongs to another run": foreign,
     "it is part 1": lambda path, number: shutil.copy(part(path, 1), part(path, number)),
     "cannot be opened": lambda path, number: os.truncate(part(path, number), 5000),

@@ -110,7 +110,7 @@ def _folder(folder: str, force: bool) -> Path:
     except FileNotFoundError:
         raise InputError(f"output folder {place.parent}: does not exist") from None
     except OSError as error:
-        raise InputError(f"-o {folder}: a folder cannot be made there: {error.strerror}") from error
+        raise InputError(f"-o {folder}: a folder cannot be created there: {error.strerror}") from error
     return place
 
 

@@ -431,7 +431,7 @@ def _number(option: str, text: str, least: float, most: float) -> float:
     except ValueError:
         value = math.nan
     if not least <= value <= most:
-        raise InputError(f"{option} = {text}: a number from {least:g} to {most:g} is needed")
+        raise InputError(f"{option} = {text}: must be a number from {least:g} to {most:g}")
     return value
 
 

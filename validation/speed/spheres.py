@@ -227,5 +227,5 @@ def _failure(option: str, program: Path, wanted: str, status: int, text: str) ->
     said = "; ".join([line.strip() for line in text.splitlines() if line.strip()][-3:])
     return InputError(
         f"{option} = {program}: it ended with status {status} and not the output of {wanted}; "
-        f"its last words: {said[-300:] or 'none'}"
+        f"its last output: {said[-300:] or 'none'}"
     )
