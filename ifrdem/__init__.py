@@ -8,6 +8,7 @@
 `IFRLaw`, `coins`, `CollisionLaw`      the law, the coins of the paper, a custom law
 `collide`, `Regime`, `EnergyWarning`   a single collision, its regime; a law that could add energy
 `initial`                              positions, velocities, spins and radii to start from
+`Case`, `run`                          a case file as an object; runs one, as `ifrdem run` does
 `Simulation`, `DSMC`                   collision by collision; the kinetic equation of a homogeneous gas
 `slice_of`                             which disks a rank of MPI gives and gets, of a gas on many
 `observables`, `Ledger`                temperatures and energies of a state; energy by mechanism

@@ -29,6 +29,8 @@ from .model.walls import Turn as Turn
 from .model.walls import Wall as Wall
 from .model.walls import WallSums as WallSums
 from .mpi.communicator import slice_of as slice_of
+from .runs.case import Case as Case
+from .runs.case import run as run
 from .runs.recorder import Ledger as Ledger
 from .simulation.dsmc import DSMC as DSMC
 from .simulation.simulation import Simulation as Simulation

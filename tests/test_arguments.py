@@ -300,8 +300,8 @@ OTHERS: dict[ModuleType, set[str]] = {
     # Functions of fits, files and gases are below.
     ifrdem.fit: {"Design", "Estimate", "Fit", "Fitted", "Interval", "Law", "as_json", "design", "draws", "material",
                  "read", "table"},
-    ifrdem: {"DSMC", "History", "PartsWriter", "Regime", "Simulation", "Trajectory", "TrajectoryWriter", "concat",
-             "view"},
+    ifrdem: {"Case", "DSMC", "History", "PartsWriter", "Regime", "Simulation", "Trajectory", "TrajectoryWriter",
+             "concat", "run", "view"},
 }  # fmt: skip
 """Public names without a call here: classes that functions return and users do not make, and some others."""
 

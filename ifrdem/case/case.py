@@ -19,8 +19,8 @@ from ..model.box import Box
 from ..model.coin_table import coins
 from ..simulation.turning import MOST_STEP, USUAL_STEP
 from .output_section import OutputSection
-from .section import Keys, Section, field, refusal
-from .walls_section import Pair, WallSection
+from .section import Section, field, not_beside, refusal
+from .walls_section import Pair, Wall
 
 _SI = {
     "length": "m", "mass": "kg", "time": "s", "velocity": "m s-1", "angular_velocity": "rad s-1", "energy": "J",
@@ -39,7 +39,7 @@ WAYS_TO_PLACE = (*PLACED, IMPACT_SCAN)
 class RunSection(Section):
     """The run as a whole."""
 
-    choices: ClassVar[tuple[Keys, ...]] = (Keys(("t_end",)), Keys(("collisions_per_disk",)))
+    one_of: ClassVar[tuple[tuple[str, ...], ...]] = (("t_end", "collisions_per_disk"),)
 
     name: str = field("cooling", "run", pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.+-]*$", max_length=100)
     """Name [text: letters, digits, _ . + -]; the outputs are NAME.h5 and NAME.png."""
@@ -72,24 +72,28 @@ class RunSection(Section):
     """Speed below which contacts last and disks fall asleep under gravity [m/s], with collapse = "rest"."""
 
     @classmethod
-    def mistakes(cls, data: dict[str, Any]) -> list[str]:
-        """Also which numbers the remedy for collapse needs."""
+    def mistakes(cls, data: Mapping[str, Any]) -> list[str]:
+        """Also the numbers of each remedy for collapse."""
         chosen, wrong = data.get("collapse", "none"), []
         for kind, number in (
             ("velocity_cutoff", "velocity_cutoff"), ("tc", "contact_time"), ("rest", "resting_speed"),
         ):  # fmt: skip
             if number in data and kind != chosen:
-                text = f'{number} cannot stand beside collapse = "{chosen}": collapse = "{kind}" needs it'
+                text = f'{number} cannot be combined with collapse = "{chosen}": collapse = "{kind}" needs it'
                 wrong.append(text)
             if number not in data and kind == chosen:
                 wrong.append(f'collapse = "{chosen}": {number} missing')
         return wrong + super().mistakes(data)
 
 
+def _without_aspect(data: Mapping[str, Any]) -> list[str]:
+    return ["aspect: only with packing_fraction"] * ("aspect" in data and "packing_fraction" not in data)
+
+
 class BoxSection(Section):
     """The rectangle that the disks move in, from the origin on, its sides periodic or walls; or none: an open one."""
 
-    choices: ClassVar[tuple[Keys, ...]] = (Keys(("packing_fraction",), also=("aspect",)), Keys(("lengths",)))
+    one_of: ClassVar[tuple[tuple[str, ...], ...]] = (("packing_fraction", "lengths"),)
 
     packing_fraction: float | None = field(0.25, None, gt=0.0, le=0.9069)
     """Fraction of the area that disks cover [1], up to 0.9069, the densest packing of equal disks; start.positions
@@ -120,15 +124,14 @@ class BoxSection(Section):
     """Angle of the steps in which gravity turns [rad]."""
 
     @classmethod
-    def mistakes(cls, data: dict[str, Any]) -> list[str]:
+    def mistakes(cls, data: Mapping[str, Any]) -> list[str]:
         """Also whether sides that are walls have a material, and gravity has a floor. An open box needs no size."""
         if data.get("open") is True:
             walled = ("periodic", "material", "gravity", "gravity_rotation_rate", "shear_rate")
-            wrong = [f"{key}: not in an open box" for key in walled if key in data]
-            if {"packing_fraction", "lengths"} & set(data):
-                return wrong + super().mistakes(data)
-            return wrong + ["aspect: only with packing_fraction"] * ("aspect" in data)
-        wrong = super().mistakes(data)
+            wrong = not_beside(data, "open", *walled)
+            sized = {"packing_fraction", "lengths"} & set(data)
+            return wrong + _without_aspect(data) + (super().mistakes(data) if sized else [])
+        wrong = super().mistakes(data) + _without_aspect(data)
         periodic, gravity = data.get("periodic", [True, True]), data.get("gravity", [0.0, 0.0])
         if not isinstance(periodic, list) or [*map(type, periodic)] != [bool, bool]:
             return wrong
@@ -211,7 +214,7 @@ CoinName = Annotated[Name, AfterValidator(_known_coin)]
 class MaterialSection(Section):
     """Collisions of two disks of one material: coefficients of the IFR law, or the name of one of its coins."""
 
-    choices: ClassVar[tuple[Keys, ...]] = (Keys(("e_n", "e_t", "mu")), Keys(("coin",)))
+    choices: ClassVar[tuple[str, ...]] = ("Either e_n, e_t and mu, or coin",)
 
     name: Name = field("aluminium")
     """Name that species and pairs use [text]."""
@@ -222,6 +225,14 @@ class MaterialSection(Section):
     mu: Friction | None = None
     sticking: Sticking = "percussion_center"
     rho: RollingFriction = 0.0
+
+    @classmethod
+    def mistakes(cls, data: Mapping[str, Any]) -> list[str]:
+        """Coefficients beside a coin, or missing without one."""
+        coefficients = ("e_n", "e_t", "mu")
+        missing = [key for key in coefficients if key not in data and "coin" not in data]
+        wrong = not_beside(data, "coin", *coefficients)
+        return [*wrong, f"missing: {', '.join(missing)}, or coin"] if missing else wrong
 
 
 class PairSection(Section):
@@ -239,29 +250,11 @@ class PairSection(Section):
 class RadiiSection(Section):
     """Radii that are not all equal: a distribution, sampled with the run's seed."""
 
-    distribution: Literal["uniform", "gaussian", "lognormal", "bidisperse"] = field("lognormal")
+    kind_key: ClassVar[str] = "distribution"
+
+    distribution: str = field("lognormal")
     """ "uniform" (low, high), "gaussian" (mean, deviation), "lognormal" (mean, deviation) or "bidisperse" (low, high,
     large_fraction)."""
-    mean: float | None = field(10.0e-3, None, gt=0.0)
-    """Mean radius of the whole distribution [m]."""
-    deviation: float | None = field(2.0e-3, None, gt=0.0)
-    """Standard deviation of the radius, not of its logarithm [m]."""
-    low: float | None = field(5.0e-3, None, gt=0.0)
-    """Smallest radius [m]: cuts off a Gaussian (else at 3 deviations) or lognormal distribution."""
-    high: float | None = field(20.0e-3, None, gt=0.0)
-    """Largest radius [m]: cuts off likewise."""
-    large_fraction: float | None = field(0.5, None, gt=0.0, lt=1.0)
-    """Part of the disks that have radius high [1]."""
-
-    @classmethod
-    def mistakes(cls, data: dict[str, Any]) -> list[str]:
-        """Keys that the distribution lacks, or cannot have."""
-        name = data.get("distribution")
-        if not isinstance(name, str) or name not in radii.PARAMETERS:
-            return []  # which the key itself reports
-        known = [key for key in data if key in cls.model_fields and key != "distribution"]
-        wrong = radii.parameter_problem(name, dict.fromkeys(known))
-        return [] if wrong is None else [wrong]
 
     @model_validator(mode="after")
     def _describes_radii(self) -> RadiiSection:
@@ -277,14 +270,58 @@ class RadiiSection(Section):
         return self.model_dump(exclude={"distribution"}, exclude_none=True)
 
 
+class UniformRadii(RadiiSection):
+    """Radii that are equally frequent between two ends."""
+
+    distribution: Literal["uniform"]
+    low: float = field(5.0e-3, gt=0.0)
+    """Smallest radius [m]."""
+    high: float = field(20.0e-3, gt=0.0)
+    """Largest radius [m]."""
+
+
+class GaussianRadii(RadiiSection):
+    """Radii around a mean, cut off at two ends."""
+
+    distribution: Literal["gaussian"]
+    mean: float = field(10.0e-3, gt=0.0)
+    """Mean radius of the whole distribution [m]."""
+    deviation: float = field(2.0e-3, gt=0.0)
+    """Standard deviation of the radius, not of its logarithm [m]."""
+    low: float | None = field(5.0e-3, None, gt=0.0)
+    """Smallest radius [m]; of a Gaussian, 3 deviations below the mean without it."""
+    high: float | None = field(20.0e-3, None, gt=0.0)
+    """Largest radius [m]; of a Gaussian, 3 deviations above the mean without it."""
+
+
+class LognormalRadii(GaussianRadii):
+    """Radii whose logarithms are Gaussian, cut off where ends are given."""
+
+    distribution: Literal["lognormal"]  # type: ignore[assignment]
+
+
+class BidisperseRadii(RadiiSection):
+    """Radii of two sizes."""
+
+    distribution: Literal["bidisperse"]
+    low: float = field(5.0e-3, gt=0.0)
+    """The smaller radius [m]."""
+    high: float = field(20.0e-3, gt=0.0)
+    """The larger radius [m]."""
+    large_fraction: float = field(0.5, gt=0.0, lt=1.0)
+    """Part of the disks that have radius high [1]."""
+
+
+Radii = Annotated[
+    UniformRadii | GaussianRadii | LognormalRadii | BidisperseRadii, Field(discriminator="distribution")
+]
+
+
 class SpeciesSection(Section):
     """Disks of one kind, of equal radii or not."""
 
-    choices: ClassVar[tuple[Keys, ...]] = (
-        *(Keys(("mass", size), also=("k",)) for size in ("radius", "diameter")),
-        Keys(("coin",)),
-        Keys(("mass", "radii"), also=("k",)),
-        *(Keys(("areal_density", size), also=("k",)) for size in ("radius", "diameter", "radii")),
+    choices: ClassVar[tuple[str, ...]] = (
+        "Either coin, or one of mass, areal_density and one of radius, diameter, radii",
     )
 
     name: Name = field("coins")
@@ -301,9 +338,7 @@ class SpeciesSection(Section):
     """Radius [m]."""
     diameter: float | None = field(21.0e-3, None, gt=0.0)
     """Diameter [m]."""
-    radii: RadiiSection | None = field(
-        {"distribution": "gaussian", "mean": 10.5e-3, "deviation": 1.0e-3}, None
-    )
+    radii: Radii | None = field({"distribution": "gaussian", "mean": 10.5e-3, "deviation": 1.0e-3}, None)
     """Distribution of the radii instead of one radius [table; m]: "uniform" (low, high), "gaussian" or "lognormal"
     (mean, deviation; cut off at low, high), "bidisperse" (low, high, large_fraction by number)."""
     areal_density: float | None = field(3.4, None, gt=0.0)
@@ -316,59 +351,157 @@ class SpeciesSection(Section):
     spin_rms: float = field(0.0, 0.0, ge=0.0)
     """Root mean square spin at the start [rad/s], Gaussian."""
 
+    @classmethod
+    def mistakes(cls, data: Mapping[str, Any]) -> list[str]:
+        """A mass and a size that are missing, or given twice; with a coin, given at all."""
+        masses, sizes = ("mass", "areal_density"), ("radius", "diameter", "radii")
+        if "coin" in data:
+            return not_beside(data, "coin", *masses, *sizes, "k")
+        wrong = []
+        for group in (masses, sizes):
+            given = [key for key in group if key in data]
+            if len(given) != 1:
+                text = f"exactly one of {', '.join(group)} is needed, or coin; given: {', '.join(given) or 'none'}"
+                wrong.append(text)
+        return wrong
+
 
 class ForceSection(Section):
     """A force on all disks between collisions, at the middle of each of its steps: a drive, or drag."""
 
-    kind: Literal["random_force", "random_torque", "langevin", "drag", "rescale", "table_friction"] = field(
-        "random_force"
-    )
+    kind: str = field("random_force")
     """ "random_force" (without total momentum; power or diffusion), "random_torque" (the same of spins), "langevin" (a
     heat bath; temperature, rate, spin_temperature, spin_rate), "drag" (rate, quadratic, spin_rate), "rescale" (a
     thermostat; temperature or energy) or "table_friction" (disks that lie on a table; mu, gravity)."""
     step: float = field(2e-3, gt=0.0)
     """Time between two applications [s]; a part of the mean free time. Errors go with its square."""
-    power: float | None = field(1e-3, None, gt=0.0)
-    """Energy that each disk gets per time [W]."""
-    diffusion: float | None = field(0.5, None, gt=0.0)
-    """Instead of power: D in <dv_x^2> = 2 D dt [m^2/s^3], or <d omega^2> = 2 D dt [rad^2/s^3]."""
-    temperature: float | None = field(5e-4, None, ge=0.0)
-    """Of the heat bath, or to rescale to: mean of m v^2 / 2 [J]."""
-    spin_temperature: float | None = field(5e-4, None, ge=0.0)
-    """Of the heat bath for spins, mean of I omega^2 [J]; temperature without it."""
-    energy: float | None = field(1e-3, None, gt=0.0)
-    """To rescale to: kinetic energy of a disk, spins included, mean over all [J]."""
-    rate: float | None = field(0.5, None, ge=0.0)
-    """Friction rate of velocities [1/s]."""
-    spin_rate: float | None = field(0.5, None, ge=0.0)
-    """Friction rate of spins [1/s]."""
-    quadratic: float | None = field(0.1, None, ge=0.0)
-    """Quadratic drag over mass, c in dv/dt = -c |v| v [1/m]."""
 
-    mu: float | None = field(0.2, None, gt=0.0)
-    """Sliding friction on the table [1]."""
-    gravity: float | None = field(9.81, None, gt=0.0)
-    """Acceleration that presses disks on the table [m/s^2]; 9.81 without it."""
+    some: ClassVar[tuple[str, ...]] = ()
+    """Rates of which at least one is to be above 0."""
 
-    kinds: ClassVar[Mapping[str, Keys]] = {
-        "random_force": Keys(one=("power", "diffusion")),
-        "random_torque": Keys(one=("power", "diffusion")),
-        "langevin": Keys(("temperature",), some=("rate", "spin_rate"), also=("spin_temperature",)),
-        "drag": Keys(some=("rate", "quadratic", "spin_rate")),
-        "rescale": Keys(one=("temperature", "energy")),
-        "table_friction": Keys(("mu",), also=("gravity",)),
-    }
+    @classmethod
+    def mistakes(cls, data: Mapping[str, Any]) -> list[str]:
+        """Also no rate at all."""
+        wrong = super().mistakes(data)
+        if cls.some and not any(data.get(key) for key in cls.some):
+            wrong.append(f"at least one of {', '.join(cls.some)} above 0 is needed")
+        return wrong
+
+    @property
+    def moves_disks_at_rest(self) -> bool:
+        """True if it sets disks in motion that are at rest."""
+        return False
 
     @property
     def has_medium(self) -> bool:
         """True if it slows velocities down to those of a medium at rest."""
-        return self.kind == "table_friction" or any((self.rate, self.quadratic))
+        return False
 
-    @classmethod
-    def mistakes(cls, data: dict[str, Any]) -> list[str]:
-        """Also what a thermostat cannot hold."""
-        cold = data.get("kind") == "rescale" and data.get("temperature") == 0.0
-        return super().mistakes(data) + ["temperature = 0: a number above 0 is needed"] * cold
+
+class RandomForce(ForceSection):
+    """Random changes of velocities, without total momentum."""
+
+    one_of: ClassVar[tuple[tuple[str, ...], ...]] = (("power", "diffusion"),)
+
+    kind: Literal["random_force"]
+    power: float | None = field(1e-3, None, gt=0.0)
+    """Energy that each disk gets per time [W]."""
+    diffusion: float | None = field(0.5, None, gt=0.0)
+    """Instead of power: D in <dv_x^2> = 2 D dt [m^2/s^3], or <d omega^2> = 2 D dt [rad^2/s^3]."""
+
+    @property
+    def moves_disks_at_rest(self) -> bool:
+        """True."""
+        return True
+
+
+class RandomTorque(RandomForce):
+    """Random changes of spins."""
+
+    kind: Literal["random_torque"]  # type: ignore[assignment]
+
+    @property
+    def moves_disks_at_rest(self) -> bool:
+        """False: spins alone bring no disks together."""
+        return False
+
+
+class LangevinForce(ForceSection):
+    """A heat bath: friction, and random forces of its temperature."""
+
+    some: ClassVar[tuple[str, ...]] = ("rate", "spin_rate")
+
+    kind: Literal["langevin"]
+    temperature: float = field(5e-4, ge=0.0)
+    """Of the heat bath, mean of m v^2 / 2 [J]."""
+    rate: float | None = field(0.5, None, ge=0.0)
+    """Friction rate of velocities [1/s]."""
+    spin_rate: float | None = field(0.5, None, ge=0.0)
+    """Friction rate of spins [1/s]."""
+    spin_temperature: float | None = field(5e-4, None, ge=0.0)
+    """Of the heat bath for spins, mean of I omega^2 [J]; temperature without it."""
+
+    @property
+    def moves_disks_at_rest(self) -> bool:
+        """True of a warm bath that acts on velocities."""
+        return self.temperature != 0.0 and self.rate != 0.0
+
+    @property
+    def has_medium(self) -> bool:
+        """True if it acts on velocities."""
+        return bool(self.rate)
+
+
+class DragForce(ForceSection):
+    """Drag of a medium at rest."""
+
+    some: ClassVar[tuple[str, ...]] = ("rate", "quadratic", "spin_rate")
+
+    kind: Literal["drag"]
+    rate: float | None = field(0.5, None, ge=0.0)
+    """Friction rate of velocities [1/s]."""
+    quadratic: float | None = field(0.1, None, ge=0.0)
+    """Quadratic drag over mass, c in dv/dt = -c |v| v [1/m]."""
+    spin_rate: float | None = field(0.5, None, ge=0.0)
+    """Friction rate of spins [1/s]."""
+
+    @property
+    def has_medium(self) -> bool:
+        """True if it acts on velocities."""
+        return any((self.rate, self.quadratic))
+
+
+class RescaleForce(ForceSection):
+    """A thermostat: multiplies velocities, so that the temperature or the energy stays."""
+
+    one_of: ClassVar[tuple[tuple[str, ...], ...]] = (("temperature", "energy"),)
+
+    kind: Literal["rescale"]
+    temperature: float | None = field(5e-4, None, gt=0.0)
+    """To rescale to: mean of m v^2 / 2 [J]."""
+    energy: float | None = field(1e-3, None, gt=0.0)
+    """To rescale to: kinetic energy of a disk, spins included, mean over all [J]."""
+
+
+class TableFrictionForce(ForceSection):
+    """Friction of disks that lie on a table."""
+
+    kind: Literal["table_friction"]
+    mu: float = field(0.2, gt=0.0)
+    """Sliding friction on the table [1]."""
+    gravity: float | None = field(9.81, None, gt=0.0)
+    """Acceleration that presses disks on the table [m/s^2]; 9.81 without it."""
+
+    @property
+    def has_medium(self) -> bool:
+        """True: the table."""
+        return True
+
+
+Force = Annotated[
+    RandomForce | RandomTorque | LangevinForce | DragForce | RescaleForce | TableFrictionForce,
+    Field(discriminator="kind"),
+]
 
 
 def is_trajectory(positions: str) -> bool:
@@ -388,11 +521,7 @@ def _known_positions(positions: str) -> str:
 class StartSection(Section):
     """Places of the disks at the start."""
 
-    choices: ClassVar[tuple[Keys, ...]] = (
-        Keys(("positions",), also=("frame", "motion", "time", "psi", "speed")),
-        Keys(("file",), also=("time", "columns", "units", "delimiter", "decimal", "relax")),
-    )
-    choice_optional = True
+    choices: ClassVar[tuple[str, ...]] = ("At most one of: positions, file",)
 
     positions: Annotated[str, AfterValidator(_known_positions)] = field("random", "random")
     """ "random" (one by one, to 0.5 of the area), "lubachevsky_stillinger" (random too, to 0.84), "hexagonal" (a
@@ -427,7 +556,7 @@ class StartSection(Section):
     """Overlaps of the CSV file's disks up to this are errors of measurement [m]: the disks are moved apart."""
 
     @classmethod
-    def mistakes(cls, data: dict[str, Any]) -> list[str]:
+    def mistakes(cls, data: Mapping[str, Any]) -> list[str]:
         """Also what belongs to a trajectory, or to an impact scan, alone."""
         positions, file = data.get("positions", "random"), data.get("file")
         if isinstance(file, str) and is_trajectory(file):
@@ -441,7 +570,10 @@ class StartSection(Section):
             return [f'positions = "{IMPACT_SCAN}": speed is missing, that of the disks that hit']
         if scan and positions != IMPACT_SCAN:
             return [f'{", ".join(scan)}: only with positions = "{IMPACT_SCAN}"']
-        return super().mistakes(data)
+        if "file" in data:
+            return not_beside(data, "file", "positions", "frame", "motion")
+        of_file = [key for key in ("columns", "units", "delimiter", "decimal", "relax") if key in data]
+        return [f"{', '.join(of_file)}: only with file"] * bool(of_file and file is None)
 
     @property
     def placed(self) -> bool:
@@ -476,8 +608,8 @@ class Case(Section):
     material: list[MaterialSection] = Field(default_factory=list)
     pair: list[PairSection] = Field(default_factory=list)
     species: list[SpeciesSection] = Field(min_length=1)
-    wall: list[WallSection] = Field(default_factory=list)
-    force: list[ForceSection] = Field(default_factory=list)
+    wall: list[Wall] = Field(default_factory=list)
+    force: list[Force] = Field(default_factory=list)
     start: StartSection = Field(default_factory=StartSection)
     output: OutputSection = Field(default_factory=OutputSection)
 
@@ -494,10 +626,7 @@ class Case(Section):
     @property
     def sets_in_motion(self) -> bool:
         """True if a flow, a force, a wall or gravity moves disks that are at rest, or may."""
-        kicked = (
-            each.kind in ("random_force", "langevin") and each.temperature != 0.0 and each.rate != 0.0
-            for each in self.force
-        )
+        kicked = (each.moves_disks_at_rest for each in self.force)
         moving = any(
             each.motion is not None or each.turn is not None or each.piston is not None for each in self.wall
         )

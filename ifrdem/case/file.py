@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import copy
-import json
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, get_args, get_origin
+from typing import Any
 
 from pydantic import ValidationError
 
-from ..errors import InputError, listed, nearest
+from ..errors import InputError, listed
 from ..mpi import Communicator
 from ..tools import text_file
 from .case import IMPACT_SCAN, Case
 from .gas import CaseGas, judge
-from .section import Problem, Section
-
-KeyPath = tuple[str | int, ...]
+from .messages import KeyPath, cut, place_of, problems, spelled
+from .section import Problem
 
 MOST_BYTES = 10_000_000
 """Largest case file."""
@@ -76,9 +74,9 @@ def load(path: Path) -> tuple[str, dict[str, Any]]:
     """
     try:
         text = text_file.read(path, most=MOST_BYTES)
-        return text, _parsed(text)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+    return text, load_text(text, path)
 
 
 def read_on_ranks(find: Callable[[], Path], overrides: Sequence[str], comm: Communicator) -> CaseFile:
@@ -103,18 +101,38 @@ def read_on_ranks(find: Callable[[], Path], overrides: Sequence[str], comm: Comm
         return replace(file, gas=gas.ready())
 
 
-def of_text(text: str, path: Path, overrides: Sequence[str] = (), ranks: int = 1) -> CaseFile:
-    """The case file of which this is the text, as `read`; files that it names are looked for beside `path`."""
+def load_text(text: str, path: Path) -> dict[str, Any]:
+    """What a text in TOML says; InputError with its path if it is none."""
     try:
-        raw = _parsed(text)
+        return _parsed(text)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+
+
+def changed(raw: dict[str, Any], path: Path, overrides: Sequence[str]) -> dict[str, Any]:
+    """A parsed case with overrides; InputError if it is a study, or they are none."""
     if "case" in raw and "run" not in raw:
         raise InputError(f"{path}: is a study, not a case: `ifrdem study {path}` runs it")
     for assignment in overrides:
         override(raw, assignment)
+    return raw
+
+
+def of_text(
+    text: str,
+    path: Path,
+    overrides: Sequence[str] = (),
+    ranks: int = 1,
+    *,
+    where: str = "on the command line",
+) -> CaseFile:
+    """The case file of which this is the text, as `read`; files that it names are looked for beside `path`.
+
+    `where` says where overrides were set, in messages.
+    """
+    raw = changed(load_text(text, path), path, overrides)
     gas, found = judged(raw, path.parent, ranks)
-    _refuse(found, path, overrides)
+    _refuse(found, path, overrides, where)
     assert gas is not None  # else something was wrong
     if gas.case.start.positions == IMPACT_SCAN:  # of which all places are made here
         from .summary import refuse_beyond_memory
@@ -126,10 +144,12 @@ def of_text(text: str, path: Path, overrides: Sequence[str] = (), ranks: int = 1
     return CaseFile(path, text, tuple(overrides), gas if gas.is_read_in_slices(ranks) else gas.ready())
 
 
-def _refuse(found: Sequence[Problem], path: Path, overrides: Sequence[str]) -> None:
+def _refuse(
+    found: Sequence[Problem], path: Path, overrides: Sequence[str], where: str = "on the command line"
+) -> None:
     """Raise InputError with a line for each thing that is wrong, if there is any."""
-    set_here = {_spelled(parse_assignment(assignment)[0]) for assignment in overrides}
-    texts = [f"{problem}{' [set on the command line]' * (problem.key in set_here)}" for problem in found]
+    set_here = {spelled(parse_assignment(assignment)[0]) for assignment in overrides}
+    texts = [f"{problem}{f' [set {where}]' * (problem.key in set_here)}" for problem in found]
     if texts:
         raise InputError(listed([f"{path}: {text}" for text in texts]))
 
@@ -139,30 +159,29 @@ def judged(raw: Mapping[str, Any], folder: Path, ranks: int = 1) -> tuple[CaseGa
 
     Unknown keys alone do not hide what the rules forbid.
     """
-    case, found = _validated(raw)
+    case, found = validated(raw)
     if case is None:
         return None, found
-    gas, problems = judge(case, folder, ranks=ranks)
-    return gas, found + problems
+    gas, more = judge(case, folder, ranks=ranks)
+    return gas, found + more
 
 
-def _validated(raw: Mapping[str, Any]) -> tuple[Case | None, list[Problem]]:
+def validated(raw: Mapping[str, Any]) -> tuple[Case | None, list[Problem]]:
     """The case without its unknown keys, None if more is wrong; and everything wrong with keys, types and ranges."""
     try:
         return Case.model_validate(raw), []
     except ValidationError as error:
-        errors = error.errors(include_url=False)
-    found = [_translated(each, tuple(each["loc"])) for each in errors]
+        found, errors = problems(error), error.errors(include_url=False)
     if any(each["type"] != "extra_forbidden" for each in errors):
         return None, found
     known: Any = copy.deepcopy(raw)
     for each in errors:
-        *above, last = each["loc"]
+        *above, last = place_of(each["loc"]).key
         place: Any = known
         for step in above:
             place = place[step]
         del place[last]
-    case, more = _validated(known)
+    case, more = validated(known)
     return case, found + more
 
 
@@ -172,11 +191,11 @@ def override(raw: dict[str, Any], assignment: str) -> None:
     Raises InputError if there is no "=", the key is no path, or it leads through something that holds no keys.
     """
     key, value, remove = parse_assignment(assignment)
-    assignment = _cut(assignment)
+    assignment = cut(assignment)
     place: Any = raw
     for depth, step in enumerate(key):
         last = depth == len(key) - 1
-        where = _spelled(key[:depth]) or "the case"
+        where = spelled(key[:depth]) or "the case"
         if isinstance(place, list) and isinstance(step, int):
             if not 0 <= step < len(place):
                 raise InputError(f"--set {assignment}: {where} has {len(place)} entries, numbered from 0")
@@ -216,7 +235,7 @@ def parse_assignment(assignment: str) -> tuple[KeyPath, Any, bool]:
     key, value = key.strip(), value.strip()
     if not equals or not _PATH.fullmatch(key):
         such = "such as run.seed=3 or species[0].number=100"
-        raise InputError(f"--set {_cut(assignment)}: KEY=VALUE is needed, {such}")
+        raise InputError(f"--set {cut(assignment)}: KEY=VALUE is needed, {such}")
     path: KeyPath = tuple(int(step) if step.isdecimal() else step for step in re.findall(r"[\w-]+", key))
     try:
         # A line break would let a value bring further keys with it.
@@ -247,93 +266,3 @@ def _parsed(text: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except ValueError as error:  # of the parser, or a whole number with thousands of digits
         raise InputError(f"not valid TOML: {error}") from None
-
-
-def _translated(error: Mapping[str, Any], key: KeyPath) -> Problem:
-    kind, context = error["type"], error.get("ctx", {})
-    if kind == "extra_forbidden":
-        section = _section(key[:-1])
-        allowed = [] if section is None else list(section.model_fields)
-        text = f"unknown key{nearest(str(key[-1]), allowed)}; known here: {', '.join(allowed)}"
-    elif kind == "missing":
-        text = f"missing: {_about(key)}"
-    elif kind == "choice":
-        text = context["text"]
-    elif kind == "model_type":
-        text = f"a table is needed ({_table(key)})"
-    elif kind == "list_type" and isinstance(_section(key), type):
-        text = f"a list of tables is needed ({_table(key)})"
-    elif kind in ("too_short", "too_long", "string_too_short", "string_too_long"):
-        least = "short" in kind
-        given, bound = len(error["input"]), context["min_length" if least else "max_length"]
-        one, several = ("character", "characters") if "string" in kind else ("entry", "entries")
-        text = f"at {'least' if least else 'most'} {bound} {one if bound == 1 else several} "
-        text += f"{'is' if bound == 1 else 'are'} {'needed' if least else 'allowed'}, {given or 'none'} given"
-        if about := _about(key):
-            text += f" ({about})"
-    else:
-        text = str(error["msg"]).replace("Input should", "must").replace("be a valid", "be a")
-        text = text.replace("integer", "whole number")
-        if kind == "literal_error" and isinstance(error["input"], str):
-            allowed = re.findall(r"'([^']+)'", context["expected"])
-            text += nearest(error["input"], allowed)
-        elif kind == "string_pattern_mismatch":
-            text = "characters that are not allowed"
-        if kind not in ("literal_error", "unknown_name") and (about := _about(key)):
-            text += f" ({about})"
-    valueless = kind in {"missing", "choice"} or (
-        isinstance(error["input"], dict | list) and "type" not in kind and not kind.startswith("too_")
-    )
-    return Problem(_spelled(key), None if valueless else _shown(error["input"]), text)
-
-
-def _spelled(key: Iterable[str | int]) -> str:
-    """material[0].e_n from ("material", 0, "e_n")."""
-    return "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in key).lstrip(".")
-
-
-def _shown(value: Any) -> str:
-    """A value as TOML spells it: nan and inf as Python does, and all else as JSON."""
-    numeric = isinstance(value, float)
-    return _cut(repr(value) if numeric else json.dumps(value, ensure_ascii=False, default=str))
-
-
-def _cut(text: str, longest: int = 60) -> str:
-    return text if len(text) <= longest else text[: longest - 3] + "..."
-
-
-def _section(key: KeyPath) -> type[Section] | None:
-    """The model behind a key, or None if the key is a plain value or unknown."""
-    model: type[Section] | None = Case
-    for step in key:
-        if isinstance(step, str) and model is not None:
-            found = model.model_fields.get(step)
-            model = None if found is None else _model_in(found.annotation)
-    return model
-
-
-def _model_in(annotation: Any) -> type[Section] | None:
-    if isinstance(annotation, type) and issubclass(annotation, Section):
-        return annotation
-    return next(filter(None, map(_model_in, get_args(annotation))), None)
-
-
-def _about(key: KeyPath) -> str:
-    """The description of a key, or of the section that it leads to."""
-    if section := _section(key):
-        return f"{_table(key)}, {(section.__doc__ or '').strip().splitlines()[0].rstrip('.').lower()}"
-    while key and isinstance(key[-1], int):
-        key = key[:-1]
-    owner = _section(key[:-1])
-    name = str(key[-1]) if key else ""
-    return owner.about(name)[0] if owner is not None and name in owner.model_fields else ""
-
-
-def _table(key: KeyPath) -> str:
-    """Heading of the section of a key, as in the file."""
-    name = str(next(step for step in key if isinstance(step, str)))
-    inner = [step for step in key if isinstance(step, str)][-1]
-    if inner != name:  # a table inside of a section
-        return f"{inner} = {{ ... }}"
-    listed = get_origin(Case.model_fields[name].annotation) is list
-    return f"[[{name}]]" if listed else f"[{name}]"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -112,7 +113,7 @@ class OutputSection(Section):
         raise refusal(text, "unknown_name")
 
     @classmethod
-    def mistakes(cls, data: dict[str, Any]) -> list[str]:
+    def mistakes(cls, data: Mapping[str, Any]) -> list[str]:
         """Keys that exclude each other."""
         wrong = []
         alternatives = [(what, f"{what}_interval", f"{what}_collisions") for what in ("frames", "series")]

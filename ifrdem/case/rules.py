@@ -341,7 +341,7 @@ def check_open(case: Case, start_region: Box | None) -> Iterator[Problem]:
         text = f'disks that start at "{case.start.positions}" places need a rectangle to start in'
         yield _at(case, "box.open", f"{text}: packing_fraction or lengths beside it")
     if not case.start.placed and start_region is not None:
-        text = "cannot stand beside box.open = true where the start says where the disks are"
+        text = "cannot be combined with box.open = true where the start says where the disks are"
         yield Problem(_size_key(case), None, text)
 
 
@@ -368,7 +368,7 @@ def _check_speeds(case: Case, beside: str) -> Iterator[Problem]:
     for i, each in enumerate(case.species):
         for speed in ("speed_rms", "spin_rms"):
             if speed in each.model_fields_set:
-                yield _at(case, f"species[{i}].{speed}", f"cannot stand beside {beside}")
+                yield _at(case, f"species[{i}].{speed}", f"cannot be combined with {beside}")
 
 
 def _check_pistons(case: Case, given: StartData) -> Iterator[Problem]:

@@ -22,6 +22,8 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError, ValidationError
 
+from ..errors import InputError
+
 LEAST, MOST = 1e-50, 1e50
 """Range of the magnitude of numbers other than 0: products of six of them can be computed with."""
 
@@ -49,53 +51,21 @@ class Problem:
         return f"{place}: {self.text}"
 
 
-@dataclass(frozen=True)
-class Keys:
-    """Keys that belong together: all `needed`, exactly `one` of some, at least one of `some`, any of `also`."""
-
-    needed: tuple[str, ...] = ()
-    one: tuple[str, ...] = ()
-    some: tuple[str, ...] = ()
-    also: tuple[str, ...] = ()
-
-    def __str__(self) -> str:
-        return " + ".join(self.needed)
-
-    @property
-    def all(self) -> tuple[str, ...]:
-        """Every key."""
-        return self.needed + self.one + self.some + self.also
-
-    def mistakes(self, data: Mapping[str, Any], of_others: set[str]) -> list[str]:
-        """Keys that are missing in a section, or belong to others."""
-        wrong = []
-        if foreign := [key for key in data if key in of_others.difference(self.all)]:
-            wrong.append(f"{', '.join(foreign)} cannot stand here; known for it: {', '.join(self.all)}")
-        if missing := [key for key in self.needed if key not in data]:
-            wrong.append(f"{', '.join(missing)} missing")
-        given = [key for key in self.one if key in data]
-        if self.one and len(given) != 1:
-            text = f"exactly one of {' or '.join(self.one)} is needed; given: {', '.join(given) or 'none'}"
-            wrong.append(text)
-        if self.some and not any(data.get(key) for key in self.some):
-            wrong.append(f"at least one of {', '.join(self.some)} above 0 is needed")
-        return wrong
-
-
 class Section(BaseModel):
     """A section: no unknown keys, no conversion of types, numbers from `LEAST` to `MOST`.
 
-    `choices` lists alternatives of which exactly one is to be given (at most one if `choice_optional`); `kinds` the
-    keys that belong to each value of the key `selector`.
+    Of each group of keys in `one_of`, exactly one is to be given. Attributes are validated when they are set, each by
+    itself; what `mistakes` finds belongs to several keys, and is found when a whole section is validated.
     """
 
     model_config: ClassVar[ConfigDict] = ConfigDict(
-        extra="forbid", strict=True, allow_inf_nan=False, frozen=True
+        extra="forbid", strict=True, allow_inf_nan=False, validate_assignment=True
     )
-    choices: ClassVar[tuple[Keys, ...]] = ()
-    choice_optional: ClassVar[bool] = False
-    kinds: ClassVar[Mapping[str, Keys]] = {}
-    selector: ClassVar[str] = "kind"
+    one_of: ClassVar[tuple[tuple[str, ...], ...]] = ()
+    choices: ClassVar[tuple[str, ...]] = ()
+    """Alternatives that are no such groups, as the templates of cases say them."""
+    kind_key: ClassVar[str] = "kind"
+    """The key that tells kinds of a section apart, where there are several."""
 
     @model_validator(mode="wrap")
     @classmethod
@@ -123,6 +93,19 @@ class Section(BaseModel):
                 raise refusal(text, "magnitude")
         return value
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        found = type(self).model_fields.get(name)
+        if value is None and found is not None and not found.is_required():  # as if the key were not given
+            self.__dict__[name] = found.get_default(call_default_factory=True)
+            self.model_fields_set.discard(name)
+            return
+        try:
+            super().__setattr__(name, value)
+        except ValidationError as error:
+            from .messages import of_attribute
+
+            raise InputError(of_attribute(type(self), name, error)) from None
+
     @classmethod
     def about(cls, key: str) -> tuple[str, Any]:
         """Description (with its unit) and an example value of a key."""
@@ -131,43 +114,48 @@ class Section(BaseModel):
             # `Annotated[float, Field(...)] | None` keeps them one level down.
             inner = (get_args(found.annotation) or (found.annotation,))[0]
             found = next(each for each in get_args(inner) if isinstance(each, FieldInfo))
-        examples = found.examples or []
+        examples = found.examples or (get_args(found.annotation) if key == cls.kind_key else ())
         text = " ".join((found.description or written or "").split()).removesuffix(".")
         text = text[:1].lower() + text[1:] if text[1:2].islower() or text[1:2] == " " else text
         return text, examples[0] if examples else None
 
     @classmethod
-    def mistakes(cls, data: dict[str, Any]) -> list[str]:
+    def mistakes(cls, data: Mapping[str, Any]) -> list[str]:
         """Mistakes in the combination of keys."""
-        kind = data.get(cls.selector)
-        if isinstance(kind, str) and kind in cls.kinds:
-            of_kinds = {key for each in cls.kinds.values() for key in each.all}
-            wrong = cls.kinds[kind].mistakes(data, of_kinds)
-            return [f'{cls.selector} = "{kind}": {"; ".join(wrong)}'] if wrong else []
-        choosable = dict.fromkeys(key for choice in cls.choices for key in choice.needed)
-        given = [key for key in choosable if key in data]
-        if not cls.choices or (cls.choice_optional and not given):
-            return []
-        for choice in cls.choices:
-            if set(given) == set(choice.needed):
-                foreign = {key for other in cls.choices for key in other.also} - set(choice.also)
-                misplaced = sorted(foreign & set(data))
-                return [f"{', '.join(misplaced)} cannot stand beside {choice}"] if misplaced else []
-        allowed = ", or ".join(str(choice) for choice in cls.choices)
-        return [f"exactly one is needed of: {allowed}; given: {', '.join(given) or 'none'}"]
+        wrong = []
+        for group in cls.one_of:
+            given = [key for key in group if key in data]
+            if len(given) != 1:
+                text = f"exactly one of {', '.join(group)} is needed; given: {', '.join(given) or 'none'}"
+                wrong.append(text)
+        return wrong
+
+
+def not_beside(data: Mapping[str, Any], key: str, *others: str) -> list[str]:
+    """A mistake for `others` that stand beside a key that says the same."""
+    given = [each for each in others if each in data]
+    return [f"{', '.join(given)} cannot be combined with {key}"] if key in data and given else []
 
 
 @functools.cache
 def _docstrings(model: type[Section]) -> dict[str, str]:
-    """Docstrings below the keys of a section; pydantic would read them at every start, whoever asks."""
-    (tree,) = ast.parse(inspect.getsource(model)).body
-    return {
-        ast.unparse(one.target): str(text.value.value)
-        for one, text in itertools.pairwise(tree.body)  # type: ignore[attr-defined]
-        if isinstance(one, ast.AnnAssign)
-        and isinstance(text, ast.Expr)
-        and isinstance(text.value, ast.Constant)
-    }
+    """Docstrings below the keys of a section, those of its bases included.
+
+    pydantic would read them at every start, needed or not.
+    """
+    found: dict[str, str] = {}
+    for each in reversed(model.__mro__):
+        if not issubclass(each, Section):
+            continue
+        (tree,) = ast.parse(inspect.getsource(each)).body
+        found |= {
+            ast.unparse(one.target): str(text.value.value)
+            for one, text in itertools.pairwise(tree.body)  # type: ignore[attr-defined]
+            if isinstance(one, ast.AnnAssign)
+            and isinstance(text, ast.Expr)
+            and isinstance(text.value, ast.Constant)
+        }
+    return found
 
 
 def _again(error: ErrorDetails) -> InitErrorDetails:

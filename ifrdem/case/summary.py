@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import shutil
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -114,10 +115,23 @@ REFUSED_HERE = "`ifrdem run` would refuse it here"
 """End of warnings about this machine; another one may be able to run the case."""
 
 
-def check(
-    gas: CaseGas, folder: Path, *, share: float = 1.0, ranks: int = 1, sliced: bool = False
-) -> tuple[str, list[str]]:
-    """The report on a case, and warnings of what may go wrong; a small start is made, as a run does.
+@dataclass(frozen=True)
+class Report:
+    """What can be said of a case before it runs; `print` shows it."""
+
+    text: str
+    """Quantities with their units, a line each."""
+    warnings: tuple[str, ...] = ()
+    """What may go wrong."""
+
+    def __str__(self) -> str:
+        return "\n".join((self.text, *(f"warning: {each}" for each in self.warnings)))
+
+    __repr__ = __str__
+
+
+def check(gas: CaseGas, folder: Path, *, share: float = 1.0, ranks: int = 1, sliced: bool = False) -> Report:
+    """The report on a case, with warnings of what may go wrong; a small start is made, as a run does.
 
     `folder` is that of the output; other arguments are as for `refused_here`. InputError if no run could begin.
     """
@@ -127,7 +141,8 @@ def check(
     if ranks == 1:
         gas.try_start()
     here = refused_here(gas, estimate, folder, share=share, ranks=ranks, sliced=sliced)
-    return report(gas, estimate), [*crushes, *gas.cautions, *(f"{each}: {REFUSED_HERE}" for each in here)]
+    warned = (*crushes, *gas.cautions, *(f"{each}: {REFUSED_HERE}" for each in here))
+    return Report(report(gas, estimate), warned)
 
 
 def refused_here(

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import textwrap
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, get_args, get_origin
+from typing import Any, get_origin
 
 from ..errors import InputError, there_are
 from .case import Case
+from .messages import kind_of, models_in
 from .section import Section
 
 
@@ -103,33 +104,45 @@ def write(kind: str) -> str:
         + "# ifrdem check FILE looks at it without running it; ifrdem run FILE runs it.\n"
     ]
     for name, field in Case.model_fields.items():
-        given = values.get(name)
+        given, kinds = values.get(name), models_in(field.annotation)
         if get_origin(field.annotation) is list:
-            model = get_args(field.annotation)[0]
             # A list that the example leaves out is shown once, all of it behind a #.
-            tables = [_table(f"[[{name}]]", model, each) for each in given or []]
-            blocks += tables or [_behind_hash(_table(f"[[{name}]]", model, _examples(model)))]
+            tables = [_table(f"[[{name}]]", kinds, each) for each in given or []]
+            blocks += tables or [_behind_hash(_table(f"[[{name}]]", kinds, _examples(kinds[0])))]
         else:
-            assert isinstance(field.annotation, type)
-            blocks.append(_table(f"[{name}]", field.annotation, given or {}))
+            blocks.append(_table(f"[{name}]", kinds, given or {}))
     return "\n".join(blocks)
 
 
-def _table(heading: str, model: type[Section], given: Mapping[str, Any]) -> str:
-    purpose = (model.__doc__ or "").strip().splitlines()[0]
-    lines = [f"{heading}\n", _comment(purpose)]
-    for choice in [", or ".join(str(each) for each in model.choices)] if model.choices else []:
-        lines.append(_comment(f"{'At most' if model.choice_optional else 'Exactly'} one of: {choice}."))
-    for key in model.model_fields:
-        about, example = model.about(key)
-        lines.append(_comment(about))
-        lines.append(f"{key} = {_toml(given[key])}\n" if key in given else f"# {key} = {_toml(example)}\n")
+def _table(heading: str, kinds: Sequence[type[Section]], given: Mapping[str, Any]) -> str:
+    """The keys of a section: those of its kind, then, behind a #, those that other kinds have besides."""
+    own = next((each for each in kinds if kind_of(each) == given.get(each.kind_key)), kinds[0])
+    purpose = own if len(kinds) == 1 else own.__mro__[1]
+    lines = [f"{heading}\n", _comment((purpose.__doc__ or "").strip().splitlines()[0])]
+    choices = [", or ".join(group) for group in own.one_of] if len(kinds) == 1 else []
+    lines += [_comment(f"{text}.") for text in [f"Exactly one of: {each}" for each in choices] or own.choices]
+    shown: set[str] = set()
+    for each in (own, *(each for each in kinds if each is not own)):
+        keys = [key for key in each.model_fields if key not in shown]
+        if each is not own and keys:
+            lines.append(_comment(f'With {each.kind_key} = "{kind_of(each)}": {_purpose(each)}'))
+        for key in keys:
+            about, example = each.about(key)
+            lines.append(_comment(about))
+            lines.append(f"{key} = {toml(given[key])}\n" if key in given else f"# {key} = {toml(example)}\n")
+        shown.update(keys)
     return "".join(lines)
+
+
+def _purpose(model: type[Section]) -> str:
+    text = (model.__doc__ or "").strip().splitlines()[0]
+    return text[:1].lower() + text[1:]
 
 
 def _examples(model: type[Section]) -> dict[str, Any]:
     """Example values of the keys that have no default."""
-    return {key: model.about(key)[1] for key, field in model.model_fields.items() if field.is_required()}
+    found = {key: model.about(key)[1] for key, field in model.model_fields.items() if field.is_required()}
+    return found | ({model.kind_key: kind_of(model)} if model.kind_key in found else {})
 
 
 def _comment(text: str, width: int = 100) -> str:
@@ -140,8 +153,18 @@ def _behind_hash(text: str) -> str:
     return "".join(line if line.startswith("#") else f"# {line}" for line in text.splitlines(keepends=True))
 
 
-def _toml(value: Any) -> str:
+def toml(value: Any) -> str:
     """A value as TOML: JSON writes texts, lists, numbers, true and false the same way."""
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{key} = {_toml(each)}" for key, each in value.items()) + " }"
+        return "{ " + ", ".join(f"{key} = {toml(each)}" for key, each in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(toml, value))}]"
     return json.dumps(value, ensure_ascii=False)
+
+
+def sections(values: Mapping[str, Any]) -> Iterator[str]:
+    """The sections of a parsed case as texts in TOML."""
+    for name, value in values.items():
+        for each in value if isinstance(value, list) else (value,):
+            heading = f"[[{name}]]" if isinstance(value, list) else f"[{name}]"
+            yield "".join((f"{heading}\n", *(f"{key} = {toml(one)}\n" for key, one in each.items())))

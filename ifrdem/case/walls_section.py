@@ -8,15 +8,17 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from ..model import outlines
-from ..model.walls import FULL_TURN, Motion, Piston, Turn, Wall
-from .section import Keys, Section, field
+from ..model import outlines, walls
+from .section import Section, field
 
-_POINTS = ("points", "file", "path")
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
-def _nowhere(data: dict[str, Any], key: str) -> list[str]:
+def _point(value: list[float]) -> tuple[float, float]:
+    return value[0], value[1]
+
+
+def _nowhere(data: Mapping[str, Any], key: str) -> list[str]:
     none = (
         isinstance(vector := data.get(key), list) and len(vector) == 2 and all(each == 0 for each in vector)
     )
@@ -26,54 +28,77 @@ def _nowhere(data: dict[str, Any], key: str) -> list[str]:
 class MotionSection(Section):
     """Motion of a wall as a whole: a displacement s(t) from where it stands, along a direction."""
 
-    kind: Literal["steady", "sine", "sawtooth"] = field("sine")
+    kind: str = field("sine")
     """ "steady" (s = speed t), "sine" (s = amplitude sin(2 pi frequency t + phase)) or "sawtooth" (from -amplitude to
     amplitude at constant speed, and back)."""
     direction: Pair | None = field([0.0, 1.0], None)
     """Direction [x, y] of a positive displacement [1], of any length; upwards, [0, 1], without it."""
-    speed: float | None = field(0.1, None)
-    """Of a steady motion [m/s]."""
-    amplitude: float | None = field(5.0e-3, None, gt=0.0)
+
+    @classmethod
+    def mistakes(cls, data: Mapping[str, Any]) -> list[str]:
+        """Also a direction that is none."""
+        return super().mistakes(data) + _nowhere(data, "direction")
+
+
+class SteadyMotion(MotionSection):
+    """A motion at constant velocity."""
+
+    kind: Literal["steady"]
+    speed: float = field(0.1)
+    """Along the direction [m/s]."""
+
+
+class SineMotion(MotionSection):
+    """A motion as a sine of time."""
+
+    kind: Literal["sine"]
+    amplitude: float = field(5.0e-3, gt=0.0)
     """Largest displacement [m]."""
-    frequency: float | None = field(20.0, None, gt=0.0)
+    frequency: float = field(20.0, gt=0.0)
     """Periods per time [1/s]."""
     phase: float | None = field(0.0, None)
     """At t = 0 [rad]; 2 pi is a period, 0 if not given."""
+
+
+class SawtoothMotion(SineMotion):
+    """A motion at constant speed, forth and back."""
+
+    kind: Literal["sawtooth"]  # type: ignore[assignment]
     rise: float | None = field(0.5, None, gt=0.0, lt=1.0)
-    """Part of the period in which a sawtooth rises [1]; 0.5 if not given."""
-
-    kinds: ClassVar[Mapping[str, Keys]] = {
-        "steady": Keys(("speed",)),
-        "sine": Keys(("amplitude", "frequency"), also=("phase",)),
-        "sawtooth": Keys(("amplitude", "frequency"), also=("phase", "rise")),
-    }
-
-    @classmethod
-    def mistakes(cls, data: dict[str, Any]) -> list[str]:
-        """Also a direction that is none."""
-        return super().mistakes(data) + _nowhere(data, "direction")
+    """Part of the period in which it goes forth [1]; 0.5 if not given."""
 
 
 class TurnSection(Section):
     """Rotation of a wall as a whole about a centre, counter-clockwise."""
 
-    kind: Literal["steady", "sine"] = field("steady")
+    kind: str = field("steady")
     """ "steady" (angle = rate t) or "sine" (angle = amplitude sin(2 pi frequency t + phase))."""
     center: Pair = field([0.5, 0.5])
     """Centre [x, y] of the rotation [m]; the wall's motion carries it along."""
-    rate: float | None = field(2.0, None)
-    """Angular velocity of a steady rotation [rad/s]."""
-    amplitude: float | None = field(0.5, None, gt=0.0)
+
+
+class SteadyTurn(TurnSection):
+    """A rotation at constant angular velocity."""
+
+    kind: Literal["steady"]
+    rate: float = field(2.0)
+    """Angular velocity [rad/s]."""
+
+
+class SineTurn(TurnSection):
+    """A rotation as a sine of time."""
+
+    kind: Literal["sine"]
+    amplitude: float = field(0.5, gt=0.0)
     """Largest angle [rad]."""
-    frequency: float | None = field(1.0, None, gt=0.0)
+    frequency: float = field(1.0, gt=0.0)
     """Periods per time [1/s]."""
     phase: float | None = field(0.0, None)
     """At t = 0 [rad]; 0 if not given."""
 
-    kinds: ClassVar[Mapping[str, Keys]] = {
-        "steady": Keys(("rate",)),
-        "sine": Keys(("amplitude", "frequency"), also=("phase",)),
-    }
+
+MotionOfWall = Annotated[SteadyMotion | SineMotion | SawtoothMotion, Field(discriminator="kind")]
+TurnOfWall = Annotated[SteadyTurn | SineTurn, Field(discriminator="kind")]
 
 
 class PistonSection(Section):
@@ -98,45 +123,19 @@ class PistonSection(Section):
 class WallSection(Section):
     """A wall beside the sides of the box: at rest, moving, turning, with a moving surface, or hot."""
 
-    shape: Literal["line", "segment", "container", "post", "arc", "polyline", "polygon"] = field("line")
+    kind_key: ClassVar[str] = "shape"
+
+    shape: str = field("line")
     """ "line" (endless; point, normal), "segment" (both sides and the ends; start, end), "container" (a circle around
     the disks; center, radius), "post" (a round obstacle; center, radius), "arc" (both sides and the ends; center,
     radius, angles), "polyline" or "polygon" (both sides, all corners; points, file or path)."""
     material: str | None = field("steel", None, min_length=1, max_length=100)
     """Name of the material [text]: that of a species, or another one with a [[pair]] for each material of the disks.
     Needed but for a thermal wall, which has none."""
-    point: Pair | None = field([0.0, 0.0], None)
-    """A point [x, y] of a line [m]."""
-    normal: Pair | None = field([0.0, 1.0], None)
-    """Direction [x, y] from a line to the disks [1], of any length."""
-    start: Pair | None = field([0.1, 0.1], None)
-    """One end [x, y] of a segment [m]."""
-    end: Pair | None = field([0.2, 0.1], None)
-    """The other end [x, y] of a segment [m]."""
-    center: Pair | None = field([0.5, 0.5], None)
-    """Centre [x, y] of a container, post or arc [m]."""
-    radius: float | None = field(0.4, None, ge=0.0)
-    """Radius of a container, post or arc [m]; a post may have 0."""
-    angles: Pair | None = field([0.0, 3.14], None)
-    """Angles [begin, end] of an arc, counter-clockwise from the x axis [rad]; a whole circle without them."""
-    points: list[Pair] | None = field([[0.1, 0.1], [0.2, 0.3], [0.3, 0.1]], None)
-    """Points [[x, y], ...] of a polyline or polygon [m]."""
-    file: str | None = field("hopper.csv", None, min_length=1)
-    """Instead: a file of them [path from the case file], with x and y in each line [m], or an SVG drawing of one
-    path."""
-    path: str | None = field("M 0.1 0.1 L 0.2 0.3 C 0.3 0.3 0.3 0.2 0.4 0.1", None, min_length=1)
-    """Instead: the data of an SVG path, y upwards [text of numbers in m]: commands M, L, H, V, Z, C, S, Q, T, A."""
-    scale: float | None = field(1.0e-3, None, gt=0.0)
-    """Length of a unit of the file [m]; 1 if not given."""
-    tolerance: float | None = field(1.0e-5, None, gt=0.0)
-    """Largest distance of the straight pieces that stand for curves of a path [m]; 1e-4 of its size if not given."""
-    holds: Literal["both", "inside", "outside"] | None = field("inside", None)
-    """Place of the disks at the start: "inside" of a polygon, "outside", or on "both" sides, if not given; packing
-    fractions count it."""
-    motion: MotionSection | None = field({"kind": "sine", "amplitude": 5.0e-3, "frequency": 20.0}, None)
+    motion: MotionOfWall | None = field({"kind": "sine", "amplitude": 5.0e-3, "frequency": 20.0}, None)
     """Motion of the whole wall [table; m, 1/s, rad]: "steady" (speed), "sine" or "sawtooth" (amplitude, frequency,
     phase; rise), along a direction. At rest without it."""
-    turn: TurnSection | None = field({"kind": "steady", "center": [0.5, 0.5], "rate": 2.0}, None)
+    turn: TurnOfWall | None = field({"kind": "steady", "center": [0.5, 0.5], "rate": 2.0}, None)
     """Rotation of the whole wall [table; m, rad/s, 1/s, rad]: "steady" (rate) or "sine" (amplitude, frequency, phase),
     about a center. Walls with the same motion and turn move as one."""
     piston: PistonSection | None = field({"mass": 0.05, "force": 0.1}, None)
@@ -159,38 +158,17 @@ class WallSection(Section):
     """A thermal wall: disks leave it with random velocities, as if from a gas of this temperature, mean of m v^2 / 2
     [J]."""
 
-    selector = "shape"
-    kinds: ClassVar[Mapping[str, Keys]] = {
-        "line": Keys(("point", "normal")),
-        "segment": Keys(("start", "end")),
-        "container": Keys(("center", "radius")),
-        "post": Keys(("center", "radius")),
-        "arc": Keys(("center", "radius"), also=("angles",)),
-        "polyline": Keys(one=_POINTS, also=("tolerance", "scale")),
-        "polygon": Keys(one=_POINTS, also=("tolerance", "scale", "holds")),
-    }
-
     @classmethod
-    def mistakes(cls, data: dict[str, Any]) -> list[str]:
-        """Also a wall of no material or of two, and places that are none."""
+    def mistakes(cls, data: Mapping[str, Any]) -> list[str]:
+        """Also a wall of no material or of two."""
         wrong = super().mistakes(data)
         if ("material" in data) == ("temperature" in data):
             wrong.append(
                 "either material or temperature is needed: disks leave a thermal wall whatever it is made of"
             )
-        if (shape := data.get("shape")) in ("container", "arc") and data.get("radius") == 0:
-            wrong.append(f"radius = 0: {'an' if shape == 'arc' else 'a'} {shape} needs one above 0")
-        if shape == "line" and "turn" in data:
-            wrong.append("turn: a line has no end, so it cannot turn; use a segment")
-        if "tolerance" in data and "points" in data:
-            wrong.append("tolerance: points have no curves")
-        if "scale" in data and "file" not in data:
-            wrong.append("scale: only a file has it; points and paths are lengths")
-        if data.get("shape") == "segment" and "start" in data and data["start"] == data.get("end"):
-            wrong.append('start = end: a segment has two ends; a point is a "post" of radius 0')
-        return wrong + _nowhere(data, "normal")
+        return wrong
 
-    def wall(self, material: int = 0, folder: Path | None = None) -> Wall:
+    def wall(self, material: int = 0, folder: Path | None = None) -> walls.Wall:
         """The wall that stands here, of the material in this row of the law's table; files are looked for in `folder`.
 
         Raises
@@ -200,36 +178,133 @@ class WallSection(Section):
         """
         options: dict[str, Any] = {"material": material, "surface_speed": self.surface_speed}
         if self.motion is not None:
-            options["motion"] = Motion(**self.motion.model_dump(exclude_none=True))
+            options["motion"] = walls.Motion(**self.motion.model_dump(exclude_none=True))
         if self.turn is not None:
             given = self.turn.model_dump(exclude_none=True)
-            options["turn"] = Turn(**{**given, "center": tuple(given["center"])})
+            options["turn"] = walls.Turn(**{**given, "center": tuple(given["center"])})
         if self.piston is not None:
-            options["piston"] = Piston(**self.piston.model_dump(exclude_none=True))
+            options["piston"] = walls.Piston(**self.piston.model_dump(exclude_none=True))
         for name in ("temperature", "moves_from", "moves_until", "opens_at", "opens_after", "group"):
             if (value := getattr(self, name)) is not None:
                 options[name] = value
+        return self._made(folder, options)
 
-        def point(value: list[float] | None) -> tuple[float, float]:
-            assert value is not None  # `wrong_choice` sees to it
-            return value[0], value[1]
+    def _made(self, folder: Path | None, options: dict[str, Any]) -> walls.Wall:
+        """The wall of this shape."""
+        raise NotImplementedError
 
-        match self.shape:
-            case "line":
-                return Wall.line(point(self.point), point(self.normal), **options)
-            case "segment":
-                return Wall.segment(point(self.start), point(self.end), **options)
-            case "container":
-                return Wall.container(point(self.center), self.radius or 0.0, **options)
-            case "post":
-                return Wall.post(point(self.center), self.radius or 0.0, **options)
-            case "arc":
-                angles = (0.0, FULL_TURN) if self.angles is None else point(self.angles)
-                return Wall.arc(point(self.center), self.radius or 0.0, angles, **options)
-            case "polyline":
-                return Wall.polyline(self._outline(folder, closed=False), **options)
-            case "polygon":
-                return Wall.polygon(self._outline(folder, closed=True), self.holds or "both", **options)
+
+class LineWall(WallSection):
+    """An endless straight wall, with disks on one side."""
+
+    shape: Literal["line"]
+    point: Pair = field([0.0, 0.0])
+    """A point [x, y] of it [m]."""
+    normal: Pair = field([0.0, 1.0])
+    """Direction [x, y] from it to the disks [1], of any length."""
+
+    @classmethod
+    def mistakes(cls, data: Mapping[str, Any]) -> list[str]:
+        """Also a normal that is none, and a rotation."""
+        turns = ["turn: a line has no end, so it cannot turn; use a segment"] * ("turn" in data)
+        return super().mistakes(data) + turns + _nowhere(data, "normal")
+
+    def _made(self, folder: Path | None, options: dict[str, Any]) -> walls.Wall:
+        return walls.Wall.line(_point(self.point), _point(self.normal), **options)
+
+
+class SegmentWall(WallSection):
+    """A straight wall between two ends; disks may be on both sides."""
+
+    shape: Literal["segment"]
+    start: Pair = field([0.1, 0.1])
+    """One end [x, y] [m]."""
+    end: Pair = field([0.2, 0.1])
+    """The other end [x, y] [m]."""
+
+    @classmethod
+    def mistakes(cls, data: Mapping[str, Any]) -> list[str]:
+        """Also ends at one place."""
+        same = "start" in data and data["start"] == data.get("end")
+        text = 'start = end: a segment has two ends; a point is a "post" of radius 0'
+        return super().mistakes(data) + [text] * same
+
+    def _made(self, folder: Path | None, options: dict[str, Any]) -> walls.Wall:
+        return walls.Wall.segment(_point(self.start), _point(self.end), **options)
+
+
+class ContainerWall(WallSection):
+    """A circle around the disks."""
+
+    shape: Literal["container"]
+    center: Pair = field([0.5, 0.5])
+    """Centre [x, y] [m]."""
+    radius: float = field(0.4, gt=0.0)
+    """Radius [m]."""
+
+    def _made(self, folder: Path | None, options: dict[str, Any]) -> walls.Wall:
+        return walls.Wall.container(_point(self.center), self.radius, **options)
+
+
+class PostWall(WallSection):
+    """A round obstacle."""
+
+    shape: Literal["post"]
+    center: Pair = field([0.5, 0.5])
+    """Centre [x, y] [m]."""
+    radius: float = field(0.4, ge=0.0)
+    """Radius [m]; 0 is a point."""
+
+    def _made(self, folder: Path | None, options: dict[str, Any]) -> walls.Wall:
+        return walls.Wall.post(_point(self.center), self.radius, **options)
+
+
+class ArcWall(WallSection):
+    """A part of a circle; disks may be on both sides."""
+
+    shape: Literal["arc"]
+    center: Pair = field([0.5, 0.5])
+    """Centre [x, y] [m]."""
+    radius: float = field(0.4, gt=0.0)
+    """Radius [m]."""
+    angles: Pair | None = field([0.0, 3.14], None)
+    """Angles [begin, end], counter-clockwise from the x axis [rad]; a whole circle without them."""
+
+    def _made(self, folder: Path | None, options: dict[str, Any]) -> walls.Wall:
+        angles = (0.0, walls.FULL_TURN) if self.angles is None else _point(self.angles)
+        return walls.Wall.arc(_point(self.center), self.radius, angles, **options)
+
+
+class PolylineWall(WallSection):
+    """Straight pieces between points; disks may be on both sides."""
+
+    one_of: ClassVar[tuple[tuple[str, ...], ...]] = (("points", "file", "path"),)
+
+    shape: Literal["polyline"]
+    points: list[Pair] | None = field([[0.1, 0.1], [0.2, 0.3], [0.3, 0.1]], None)
+    """Points [[x, y], ...] [m]."""
+    file: str | None = field("hopper.csv", None, min_length=1)
+    """Instead: a file of them [path from the case file], with x and y in each line [m], or an SVG drawing of one
+    path."""
+    path: str | None = field("M 0.1 0.1 L 0.2 0.3 C 0.3 0.3 0.3 0.2 0.4 0.1", None, min_length=1)
+    """Instead: the data of an SVG path, y upwards [text of numbers in m]: commands M, L, H, V, Z, C, S, Q, T, A."""
+    scale: float | None = field(1.0e-3, None, gt=0.0)
+    """Length of a unit of the file [m]; 1 if not given."""
+    tolerance: float | None = field(1.0e-5, None, gt=0.0)
+    """Largest distance of the straight pieces that stand for curves of a path [m]; 1e-4 of its size if not given."""
+
+    @classmethod
+    def mistakes(cls, data: Mapping[str, Any]) -> list[str]:
+        """Also a tolerance without curves, and a scale without a file."""
+        wrong = super().mistakes(data)
+        if "tolerance" in data and "points" in data:
+            wrong.append("tolerance: points have no curves")
+        if "scale" in data and "file" not in data:
+            wrong.append("scale: only a file has it; points and paths are lengths")
+        return wrong
+
+    def _made(self, folder: Path | None, options: dict[str, Any]) -> walls.Wall:
+        return walls.Wall.polyline(self._outline(folder, closed=False), **options)
 
     def _outline(self, folder: Path | None, *, closed: bool) -> Sequence[tuple[float, float]]:
         """Points as they are given, from a file, or of a path.
@@ -242,3 +317,21 @@ class WallSection(Section):
             place = (folder or Path()) / self.file
             return outlines.given(self.shape, place, self.scale or 1.0, self.tolerance, closed=closed)
         return outlines.outline("path", *outlines.of_path(self.path or "", self.tolerance), closed=closed)
+
+
+class PolygonWall(PolylineWall):
+    """A closed outline."""
+
+    shape: Literal["polygon"]  # type: ignore[assignment]
+    holds: Literal["both", "inside", "outside"] | None = field("inside", None)
+    """Place of the disks at the start: "inside" of a polygon, "outside", or on "both" sides, if not given; packing
+    fractions count it."""
+
+    def _made(self, folder: Path | None, options: dict[str, Any]) -> walls.Wall:
+        return walls.Wall.polygon(self._outline(folder, closed=True), self.holds or "both", **options)
+
+
+Wall = Annotated[
+    LineWall | SegmentWall | ContainerWall | PostWall | ArcWall | PolylineWall | PolygonWall,
+    Field(discriminator="shape"),
+]

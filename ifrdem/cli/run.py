@@ -257,11 +257,11 @@ def check(case: Case, /, *, set: Set = None) -> None:
 
     def report() -> None:
         count, why = gas.usable_ranks(comm.size)
-        text, warnings = summary.check(gas, Path(), share=share, ranks=count, sliced=sliced)
-        say(text)
+        found = summary.check(gas, Path(), share=share, ranks=count, sliced=sliced)
+        say(found.text)
         if count < comm.size:
             say(f"  {'ranks':<22} {count} of {comm.size} compute, the others wait: {why}")
-        for each in warnings:
+        for each in found.warnings:
             warn(each)
 
     comm.run_on_root(report)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ifrdem.case import file as case_file
-from ifrdem.case.case import ForceSection
+from ifrdem.case.case import TableFrictionForce
 from ifrdem.case.gas import CaseGas, forces_of
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
@@ -53,7 +53,7 @@ def test_keys_of_table_friction_make_the_force() -> None:
     case = case_file.read(CASE, ["force[0].gravity=1.62"]).case
     (force,) = forces_of(case)
     assert force.deceleration == 0.2 * 1.62
-    assert ForceSection.kinds["table_friction"].needed == ("mu",)
+    assert TableFrictionForce.model_fields["mu"].is_required()
     (earth,) = forces_of(case_file.read(CASE).case)
     assert earth.deceleration == 0.2 * 9.81
 
@@ -61,8 +61,8 @@ def test_keys_of_table_friction_make_the_force() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        (["force[0].mu="], r'kind = "table_friction": mu missing'),
-        (["force[0].rate=1.0"], r"rate cannot stand here; known for it: mu, gravity"),
+        (["force[0].mu="], r"force\[0\]\.mu: missing"),
+        (["force[0].rate=1.0"], r"force\[0\]\.rate = 1\.0: only with kind = 'langevin' or 'drag'"),
         (["run.units=reduced"], r"force\[0\]\.gravity: missing: 9\.81 m/s\^2 is meant in SI units only"),
         (
             ["box.packing_fraction="],

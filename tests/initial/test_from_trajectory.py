@@ -131,8 +131,8 @@ def test_rounding_of_single_precision_is_undone(tmp_path: Path) -> None:
             "start",
             'is named by positions = "old.h5"; file is for CSV',
         ),
-        (["start.file=a.csv"], "start", "exactly one is needed of: positions, or file"),
-        (["start.motion=true"], "species[0].speed_rms = 1", "cannot stand beside start.motion = true"),
+        (["start.file=a.csv"], "start", "positions cannot be combined with file"),
+        (["start.motion=true"], "species[0].speed_rms = 1", "cannot be combined with start.motion = true"),
         (
             ["species[0].speed_rms="],
             "run.collisions_per_disk = 2",

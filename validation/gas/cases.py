@@ -318,7 +318,7 @@ def disagreement(case: dict[str, Any], rows: str | None, folder: Path) -> tuple[
     try:
         with _silence():
             file = case_file.read(path)
-            warned = summary.check(file.gas, folder)[1]
+            warned = summary.check(file.gas, folder).warnings
     except InputError as error:
         return "refused", None if str(error).strip() else "check: no reason"
     except Exception as error:  # the error that is searched for, with its type

@@ -1,0 +1,187 @@
+"""Messages on the keys of a case: errors of pydantic as problems that name key, value and what is allowed."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, NamedTuple, get_args, get_origin
+
+from pydantic import ValidationError
+
+from ..errors import nearest
+from .case import Case
+from .section import Problem, Section
+
+KeyPath = tuple[str | int, ...]
+
+
+class Place(NamedTuple):
+    """A key of a case: its path, and the models of sections that its value may be of (none for a plain value)."""
+
+    key: KeyPath
+    models: tuple[type[Section], ...]
+    owner: type[Section] | None
+    """The section that the key stands in, where it is known."""
+    siblings: tuple[type[Section], ...] = ()
+    """The other kinds of that section."""
+
+
+def problems(error: ValidationError, root: type[Section] = Case) -> list[Problem]:
+    """A problem for each error of pydantic."""
+    return [_translated(each, place_of(each["loc"], root)) for each in error.errors(include_url=False)]
+
+
+def of_attribute(model: type[Section], name: str, error: ValidationError) -> str:
+    """The message on an attribute of a section that cannot have a value."""
+    heading = next((f"{key}." for key, kinds in _sections() if model in kinds), "")
+    lines = []
+    for each in error.errors(include_url=False):
+        place = place_of(each["loc"] or (name,), model)
+        if each["type"] == "no_such_attribute":
+            each = {**each, "type": "extra_forbidden"}  # type: ignore[typeddict-item]
+        problem = _translated(each, place)
+        lines.append(str(Problem(heading + problem.key, problem.value, problem.text)))
+    return "\n".join(lines)
+
+
+def _sections() -> Iterator[tuple[str, tuple[type[Section], ...]]]:
+    for key, found in Case.model_fields.items():
+        yield key, tuple(models_in(found.annotation))
+
+
+def _translated(error: Mapping[str, Any], place: Place) -> Problem:
+    kind, context, key = error["type"], error.get("ctx", {}), place.key
+    value: str | None = _shown(error["input"])
+    if kind in {"missing", "choice"} or (
+        isinstance(error["input"], dict | list) and "type" not in kind and not kind.startswith("too_")
+    ):
+        value = None
+    if kind == "extra_forbidden":
+        text = _unknown(str(key[-1]), place)
+    elif kind == "missing":
+        text = f"missing: {_about(place)}"
+    elif kind == "choice":
+        text = context["text"]
+    elif kind in ("union_tag_invalid", "union_tag_not_found"):
+        name = context["discriminator"].strip("'")
+        about = place.models[0].about(name)[0]
+        key = (*key, name)
+        if kind == "union_tag_not_found":
+            text = f"missing: {about}"
+        else:
+            allowed = re.findall(r"'([^']+)'", context["expected_tags"])
+            given, value = error["input"][name], _shown(error["input"][name])
+            text = f"must be {_listed(allowed)}{nearest(given, allowed) if isinstance(given, str) else ''}"
+    elif kind in ("model_type", "model_attributes_type"):
+        text = f"a table is needed ({_table(place)})"
+    elif kind == "list_type" and place.models:
+        text = f"a list of tables is needed ({_table(place)})"
+    elif kind in ("too_short", "too_long", "string_too_short", "string_too_long"):
+        text = _length(kind, error["input"], context, _about(place))
+    else:
+        text = str(error["msg"]).replace("Input should", "must").replace("be a valid", "be a")
+        text = text.replace("integer", "whole number")
+        if kind == "literal_error" and isinstance(error["input"], str):
+            text += nearest(error["input"], re.findall(r"'([^']+)'", context["expected"]))
+        elif kind == "string_pattern_mismatch":
+            text = "characters that are not allowed"
+        if kind not in ("literal_error", "unknown_name") and (about := _about(place)):
+            text += f" ({about})"
+    return Problem(spelled(key), value, text)
+
+
+def _length(kind: str, value: Any, context: Mapping[str, Any], about: str) -> str:
+    least = "short" in kind
+    given, bound = len(value), context["min_length" if least else "max_length"]
+    one, several = ("character", "characters") if "string" in kind else ("entry", "entries")
+    text = f"at {'least' if least else 'most'} {bound} {one if bound == 1 else several} "
+    text += f"{'is' if bound == 1 else 'are'} {'needed' if least else 'allowed'}, {given or 'none'} given"
+    return f"{text} ({about})" if about else text
+
+
+def _unknown(name: str, place: Place) -> str:
+    """Text on a key that its section does not have: the nearest one, or the kinds of section that have it."""
+    allowed = [] if place.owner is None else list(place.owner.model_fields)
+    known = f"known here: {', '.join(allowed)}"
+    of_kinds = [str(kind_of(each)) for each in place.siblings if name in each.model_fields]
+    if of_kinds and place.owner is not None:
+        key = place.owner.kind_key
+        return f"only with {key} = {_listed(of_kinds)}, not with {kind_of(place.owner)!r}; {known}"
+    return f"unknown key{nearest(name, allowed)}; {known}"
+
+
+def kind_of(model: type[Section]) -> str | None:
+    """The name of a kind of section; None of a section that has no kinds."""
+    found = model.model_fields.get(model.kind_key)
+    return str(get_args(found.annotation)[0]) if found and get_args(found.annotation) else None
+
+
+def _listed(names: Iterable[str]) -> str:
+    """'a', 'b' or 'c'."""
+    quoted = [repr(name) for name in names]
+    return " or ".join(filter(None, (", ".join(quoted[:-1]), quoted[-1])))
+
+
+def spelled(key: Iterable[str | int]) -> str:
+    """material[0].e_n from ("material", 0, "e_n")."""
+    return "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in key).lstrip(".")
+
+
+def _shown(value: Any) -> str:
+    """A value as TOML spells it: nan and inf as Python does, and all else as JSON."""
+    numeric = isinstance(value, float)
+    return cut(repr(value) if numeric else json.dumps(value, ensure_ascii=False, default=str))
+
+
+def cut(text: str, longest: int = 60) -> str:
+    """The beginning of a long text."""
+    return text if len(text) <= longest else text[: longest - 3] + "..."
+
+
+def place_of(location: KeyPath, root: type[Section] = Case) -> Place:
+    """The key that pydantic means by a location, in which kinds of sections stand as steps of their own."""
+    key: list[str | int] = []
+    models: tuple[type[Section], ...] = (root,)
+    owner: type[Section] | None = None
+    siblings: tuple[type[Section], ...] = ()
+    for step in location:
+        if len(models) > 1 and isinstance(step, str):  # the kind
+            siblings = tuple(each for each in models if kind_of(each) != step)
+            models = tuple(each for each in models if kind_of(each) == step)
+            continue
+        key.append(step)
+        if isinstance(step, int):
+            continue
+        owner = models[0] if models else None
+        found = None if owner is None else owner.model_fields.get(step)
+        if found is not None:
+            siblings = ()
+        models = () if found is None else tuple(models_in(found.annotation))
+    return Place(tuple(key), models, owner, siblings)
+
+
+def models_in(annotation: Any) -> list[type[Section]]:
+    """Models of sections in an annotation: those of all kinds."""
+    if isinstance(annotation, type) and issubclass(annotation, Section):
+        return [annotation]
+    return [model for each in get_args(annotation) for model in models_in(each)]
+
+
+def _about(place: Place) -> str:
+    """The description of a key, or of the section that it leads to."""
+    if place.models:
+        model = place.models[0] if len(place.models) == 1 else place.models[0].__mro__[1]
+        return f"{_table(place)}, {(model.__doc__ or '').strip().splitlines()[0].rstrip('.').lower()}"
+    name = next((step for step in reversed(place.key) if isinstance(step, str)), "")
+    owner = place.owner
+    return owner.about(name)[0] if owner is not None and name in owner.model_fields else ""
+
+
+def _table(place: Place) -> str:
+    """Heading of the section of a key, as in the file."""
+    names = [step for step in place.key if isinstance(step, str)]
+    if len(names) > 1:  # a table inside of a section
+        return f"{names[-1]} = {{ ... }}"
+    listed = names[0] in Case.model_fields and get_origin(Case.model_fields[names[0]].annotation) is list
+    return f"[[{names[0]}]]" if listed else f"[{names[0]}]"
