@@ -338,12 +338,12 @@ def check_pistons(
                 )
 
 
-def check_ranks(size: int, box: Box, options: EngineOptions, tracked: bool) -> None:
+def check_ranks(size: int, n: int, box: Box, options: EngineOptions, tracked: bool) -> None:
     """Refuse what cannot be on several ranks of MPI (`ranks.py`)."""
     refused = {
         f"precision = '{options.precision}'": options.precision != "f64",
         "order = 'serial'": options.order == "serial",
-        "tracked disks (histories)": tracked,
+        f"tracked disks (histories) of more than {ADDRESSABLE} disks": tracked and n > ADDRESSABLE,
         "an open box": box.is_open,
         'collapse = "rest"': options.resting_speed > 0.0,
     }

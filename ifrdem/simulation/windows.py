@@ -428,7 +428,7 @@ class Windows:
             self._compute([], 1, k.PAIRS)
             self._times = (
                 self.begin,
-                named(Windows.watched(self)[0], "event").time.copy(),
+                named(self.watched()[0], "event").time.copy(),
             )  # those of this rank
             self._watched, self.fresh, self._watching = kept
             self.arrays.events(0)
@@ -445,9 +445,9 @@ class Windows:
         latest = np.arange(n) >= named(a.tile.to_numpy(), "tile").noted[note.tile]
         return a.note_at[:n][latest & (note.counts == 1)]
 
-    def watched(self) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Collisions that were written down in the present window, in any order: rows of `event` and `event_int`."""
-        if not self._watched:
+    def watched(self, none: bool = False) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Collisions written down here in the present window, or `none`: rows of `event` and `event_int`, unordered."""
+        if none or not self._watched:
             return np.zeros((0, EVENT.width)), np.zeros((0, EVENT_INT.width), dtype=np.int32)
         real, whole = zip(*self._watched, strict=True)
         return np.concatenate(real), np.concatenate(whole)

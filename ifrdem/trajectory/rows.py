@@ -217,9 +217,9 @@ class HistoryWriter:
             raise InputError(f"tracked: disk {twice[0]} is given twice")
         start: dict[str, Any] = {"time": np.float64(state.time)}
         for name, column in START_COLUMNS.items():
-            start[name] = stored(
-                name, getattr(state, name)[tracked], (len(tracked), *column.tail), column.dtype
-            )
+            rows = getattr(state, name)
+            rows = rows if len(rows) == len(tracked) else rows[tracked]
+            start[name] = stored(name, rows, (len(tracked), *column.tail), column.dtype)
         if self.events is None:
             layout.create_histories(self._output.file, tracked, start)
             self._output.flush()

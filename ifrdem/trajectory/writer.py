@@ -342,7 +342,9 @@ class TrajectoryWriter(Sealed):
             self._series.write(rows, columns)
 
     def begin_histories(self, ids: ArrayLike, state: State) -> None:
-        """Start tracking disks from a state on. In a file that has histories, the ids must be the same.
+        """Start tracking disks from a state on; the state has all disks, or these in ascending order of ids.
+
+        In a file that has histories, the ids must be the same.
 
         Raises InputError if there is no such disk, or one is named twice; TrajectoryError as `write`, and if the file
         has histories of other disks or from another time.

@@ -372,7 +372,7 @@ def _on_ranks(file: CaseFile) -> str | None:
             gravity_rotation_rate=box.gravity_rotation_rate,
         )
         check_turning(options, gas.box.periodic, case.output.tracks, 2)
-        checks.check_ranks(2, gas.box, options, case.output.tracks)
+        checks.check_ranks(2, gas.n, gas.box, options, case.output.tracks)
     except InputError as error:
         return None if why else f"on ranks: {error}"
     return f"on ranks: {why}" if why else None
