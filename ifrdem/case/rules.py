@@ -203,7 +203,7 @@ def check_walls(
 
 def _outside(wall: Wall, box: Box) -> bool:
     """True if a wall among the disks is out of reach of the box; a line or container so placed leaves no room."""
-    if wall.shape in ("line", "container") or wall.motion.kind == "steady":
+    if wall.geometry.encloses or wall.motion.kind == "steady":
         return False
     low, high = wall.bounds()
     beyond = (high + wall.motion.extent <= 0.0) | (low - wall.motion.extent >= box.lengths)

@@ -407,7 +407,7 @@ def _walls(gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, str]]:
             motion += f"; opens at t = {wall.opens_at:g}{time}"
         if wall.opens_after is not None:
             motion += f"; opens after {wall.opens_after} collisions"
-        sides = f" of {len(wall.corners) - 1} sides" if wall.points else ""
+        sides = f" of {len(wall.geometry.outline()) - 1} sides" if wall.points else ""
         lines.append((f"wall {i}", f"{wall.shape}{sides}, {made}{surface}{motion}"))
     if estimate.wall_hits > 0.0:
         per = f" per{time}" if time else " per unit of time"

@@ -164,7 +164,7 @@ def at_rest_on_walls(
     """Numbers of the first disk that lies on a wall at rest, and of the wall; None if none does.
 
     It touches the wall to rounding, without speed along the normal, and gravity holds it there: it has no next
-    collision (`kernels/walls.py`, `wall_time`). Places and velocities (n, 2), radii (n,).
+    collision (`kernels/walls/root.py`). Places and velocities (n, 2), radii (n,).
     """
     noise = 1e-14 * np.abs(velocity).sum(axis=1)
     for w, wall in enumerate(walls):

@@ -36,6 +36,7 @@ from numpy.typing import NDArray
 from ..errors import EngineError, InelasticCollapse, InputError, NoMoreCollisions
 from ..kernels import layout as k
 from ..kernels.columns import PISTON_STATE, READOUT, TALLY, WALL_SUM, Named, named
+from ..kernels.walls.kinds import ARC_INSIDE, ARC_OUTSIDE
 from ..model.box import Box
 from ..model.collapse import advice
 from ..model.ifr import IFRLaw
@@ -277,7 +278,7 @@ class Engine:
             walled=len(self.walls) > 0,
             thermal=any(wall.temperature for wall in self.walls),
             pieced=len(rows) != len(self.walls),
-            arched=any(wall.shape == "arc" for wall in self.walls),
+            arched=bool(np.isin(named(rows, "walls").kind, (ARC_INSIDE, ARC_OUTSIDE)).any()),
             turning=any(wall.turn.kind != "still" for wall in self.walls),
             timed=any(
                 wall.gated or wall.moves_from is not None or wall.moves_until is not None

@@ -31,7 +31,6 @@ MOST_TRACKED = 1000  # ids of tracked disks that the page knows
 MOST_ROWS = 1500  # of a curve
 LEVELS, UNKNOWN = 254, 255
 """The highest level of a colour, and the level of disks whose value is not known."""
-ROUND_OR_ENDLESS = ("line", "container", "post")  # walls that the page draws by themselves
 FULL = 0.98  # part of the disks whose values lie inside the range of the colours
 REDUCED = "reduced units"
 
@@ -301,7 +300,7 @@ class Content:
                 "shape": one.shape, "place": one.carried(np.array([one.place]), time)[0].tolist(),
                 "towards": one.towards, "radius": one.radius, "surface": one.surface_speed,
                 "hot": one.temperature is not None,
-                "points": [] if one.shape in ROUND_OR_ENDLESS else one.outline(time).tolist(),
+                "points": [] if one.geometry.is_circle else one.outline(time).tolist(),
             }
             for one in walls
             if one.stands(time, done)
