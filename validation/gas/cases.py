@@ -321,7 +321,7 @@ def disagreement(case: dict[str, Any], rows: str | None, folder: Path) -> tuple[
             warned = summary.check(file.gas, folder).warnings
     except InputError as error:
         return "refused", None if str(error).strip() else "check: no reason"
-    except Exception as error:  # the fault that is looked for, told with its kind
+    except Exception as error:  # the error that is searched for, with its type
         return "refused", f"check: {type(error).__name__}: {error}"
     here = any(REFUSED_HERE in each for each in warned)
     ends = ENDS[case["run"].get("collapse", "none") != "none" :]  # a remedy prevents the first one
