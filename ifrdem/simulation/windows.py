@@ -1,6 +1,6 @@
 """Windows from the host: how long they are, tiles that have to be run again, and where a run stops within one.
 
-Imports Taichi: import this module only after `device.start`.
+Imports Taichi: import this module only after `backend.start`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from ..kernels import layout as k
 from ..kernels.columns import EVENT, EVENT_INT, TALLY, TOTAL, named
 from ..kernels.events import TOO_FAR
 from ..kernels.readout import interpolate_snapshot
-from ..kernels.walls import piston_speed
+from ..kernels.walls.pistons import piston_speed
 from ..kernels.windows import (
     LEAST_HALO,
     MAX_TRAVEL,
@@ -89,8 +89,8 @@ class Windows:
         size = len(arrays.sums)
         self._done, self._at_end = np.zeros(size), np.zeros(size)
         for row, column in self._piston_columns():
-            piston = named(arrays.wall_rows[row], "walls")
-            self._done[[column, column + 1]] = piston.now, piston.speed
+            piston = named(arrays.wall_rows[row], "walls").piston
+            self._done[[column, column + 1]] = piston.displacement, piston.speed
         # Times and numbers of collisions at which a run will stop.
         self._asked: list[tuple[float, float]] = []
         self._noted = 0  # notes
@@ -249,7 +249,7 @@ class Windows:
     def _piston_columns(self) -> Iterator[tuple[int, int]]:
         """Row of each piston among the pieces of walls, and the column of `sums` with its displacement."""
         a = self.arrays
-        columns = named(a.wall_rows, "walls").piston[a.pistons].astype(np.int64)
+        columns = named(a.wall_rows, "walls").piston.sums[a.pistons].astype(np.int64)
         return zip(a.pistons, TALLY.width + columns, strict=True)
 
     def _fastest_piston(self) -> float:
@@ -258,9 +258,9 @@ class Windows:
         gx, gy = float(a.scale.gx), float(a.scale.gy)
         for row, column in self._piston_columns():
             wall = named(a.wall_rows[row], "walls")
-            push = wall.push + (gx * wall.ux + gy * wall.uy)
+            push = wall.piston.push + (gx * wall.motion.x + gy * wall.motion.y)
             state = self._done[column : column + 2].tolist()
-            found = max(found, piston_speed(*state, push, float(wall.rate), float(a.clock.path)))
+            found = max(found, piston_speed(*state, push, float(wall.piston.rate), float(a.clock.path)))
         return found
 
     def _survey(self) -> None:
