@@ -496,8 +496,16 @@ class Engine:
         """Refuse ranks that were given different gases."""
         if self.comm.size == 1:
             return
-        alike = replace(self.options, device=replace(self.options.device, threads=None))
-        told: list[Any] = [alike, self.box.lengths, self.box.periodic, self.box.shear_rate]
+        options = self.options
+        alike = replace(options, device=replace(options.device, threads=None), record=frozenset())
+        # A set has another order in each process.
+        told: list[Any] = [
+            alike,
+            sorted(options.record),
+            self.box.lengths,
+            self.box.periodic,
+            self.box.shear_rate,
+        ]
         told += [self._law, self._law_table.tobytes(), rows_of(self.walls).tobytes()]
         # What is none, `ForceSteps` refuses.
         given = forces if isinstance(forces, (list, tuple)) else [forces]
