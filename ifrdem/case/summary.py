@@ -15,8 +15,7 @@ from ..kernels.columns import BYTES_PER_DISK
 from ..model.box import describe_sides
 from ..model.walls import Wall
 from ..mpi.distribution import GATHERED
-from ..simulation import checks
-from ..simulation import device as backend
+from ..simulation import backend, checks
 from ..tools.progress import size_of_time
 from .case import GROWN, Case
 from .estimate import (
@@ -30,6 +29,7 @@ from .estimate import (
     strip_bytes,
 )
 from .gas import CaseGas
+from .objects import device_of
 from .output_section import MOST_FRAMES
 from .rules import NOT_GROWN_ON_RANKS
 from .species import Spread
@@ -161,7 +161,7 @@ def refused_here(
     start = strip_bytes(gas, ranks) * min(share * ranks, gas.strips) if ranks > 1 else 0.0
     run, found = gas.case.run, []
     needs: list[Callable[[], None]] = [
-        lambda: backend.check(run.device, run.threads, run.precision),
+        lambda: backend.check(device_of(run)),
         lambda: checks.check_number(gas.n, ranks),
         lambda: refuse_beyond_memory(
             gas.n, run.device, gas.case.start.positions, share, ranks=ranks, sliced=sliced, start=start
