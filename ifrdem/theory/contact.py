@@ -54,7 +54,7 @@ PackingFraction = Annotated[
 
 @validated
 def contact_value(packing_fraction: PackingFraction) -> float:
-    """Pair correlation g of equal hard disks at contact: how much crowding raises the collision rate.
+    """Contact value g of equal hard disks: the factor by which a finite density raises the collision rate.
 
     From the virial series to the tenth coefficient, Z = 1 + sum B_i rho^(i-1) = 1 + 2 phi g. Known to about 1e-5 at
     packing fraction 0.3 and 1e-4 at 0.5, estimated from the spread of other resummations of the same series; near

@@ -225,7 +225,7 @@ class _CoolingPath(NamedTuple):
     def of(
         cls, law: IFRLaw, radius: float, packing_fraction: float, k: float, theta0: float, end: float
     ) -> _CoolingPath:
-        """Until tau = end, or earlier until T0 / T is 1e200."""
+        """Integrate until tau = end, or until T0 / T is 1e200 if that is earlier."""
         from scipy.integrate import solve_ivp
 
         nu = collision_rate(packing_fraction, 1.0, 1.0, radius)

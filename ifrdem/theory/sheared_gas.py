@@ -122,7 +122,7 @@ class _Flow(NamedTuple):
 
     @classmethod
     def of(cls, p_xx: float, p_yy: float, p_xy: float, turn: float, tau: float) -> _Flow:
-        """From the moments."""
+        """The state from its moments."""
         return cls(math.log(p_yy), math.log(p_xx - p_xy**2 / p_yy), p_xy / p_yy, turn, tau)
 
     @property
@@ -332,7 +332,7 @@ def sheared(
     calls = 0
 
     def slope(_: float, y: Array) -> tuple[float, ...]:
-        """Of the state and the collisions."""
+        """Derivatives of the state and of the collisions."""
         nonlocal calls
         calls += 1
         if calls > MOST_CALLS:

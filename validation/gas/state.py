@@ -82,7 +82,7 @@ def of_few(phi: float, n: int) -> float:
 
 @dataclass(frozen=True)
 class Found:
-    """Of each replica: Z by impulses and by the collision rate, and g at contact."""
+    """Results of all replicas: Z by impulses and by the collision rate, and g at contact."""
 
     virial: Array
     rate: Array
