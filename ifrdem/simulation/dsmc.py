@@ -35,7 +35,7 @@ from ..model.law import (
     try_on,
 )
 from ..model.state import Disks, State
-from ..theory.contact import Contact, PackingFraction, crowding_of_mixture
+from ..theory.contact import Contact, PackingFraction, contact_value_coefficients
 from ..theory.driven_gas import Drive
 from ..theory.sonine import sonine_coefficient
 from ..tools import checked, seeds
@@ -185,7 +185,7 @@ class DSMC(Sealed):
     law : CollisionLaw or sequence of sequences of CollisionLaw
         As for `Simulation`: an `IFRLaw`, rolling friction included, or a law of one's own.
     packing_fraction : float
-        Part of the area that the disks cover; it sets the area, and how much crowding raises collision rates.
+        Part of the area that the disks cover; it sets the area and the contact values.
     velocity : array_like (n, 2)
         Velocities at the start [length/time].
     spin : array_like (n,), optional
@@ -198,7 +198,7 @@ class DSMC(Sealed):
         Power, spin power and linear friction of every disk, whatever its mass: white noise, or a heat bath
         (`driven_gas.Drive`). The total momentum is then not kept. The same for all masses.
     contact : {"virial", "henderson", "dilute"}
-        Contact values (`contact.crowding_of_mixture`); "dilute" solves Boltzmann's equation.
+        Contact values (`contact.contact_value_coefficients`); "dilute" solves Boltzmann's equation.
     device : Device or str
         As for `Simulation`. What comes out is the same to the last bit for any number of threads.
 
@@ -273,7 +273,7 @@ class DSMC(Sealed):
             running = backend.start(device := Device.of(device))
         self._alone = device.name == "cpu" and running.threads == 1
         self._real: Any = np.float32 if device.precision == "f32" else np.float64
-        a, b = crowding_of_mixture(packing_fraction, disks.radius, None, contact)
+        a, b = contact_value_coefficients(packing_fraction, disks.radius, None, contact)
         largest = float(disks.radius.max())
         self._section = 2.0 * a * largest + b * largest**2  # the largest g_ij sigma_ij
         self._crowding = np.array([a, b, 0.0, 0.0], dtype=self._real)
