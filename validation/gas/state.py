@@ -200,7 +200,8 @@ def _figure(found: dict[float, Found], dense: Found | None) -> Picture:
     )  # fmt: skip
     henderson = np.array([theory.contact_value(p, "henderson") for p in at])
     right.plot(
-        at, 100.0 * (1.0 + 2.0 * at * henderson - compressibility(at)) / compressibility(at), ":", color=style.PURPLE, label="Henderson",
+        at, 100.0 * (1.0 + 2.0 * at * henderson - compressibility(at)) / compressibility(at),
+        ":", color=style.PURPLE, label="Henderson",
     )  # fmt: skip
     for name, colour, marker, shift in (
         ("virial", style.BLUE, "o", -0.004),
