@@ -115,7 +115,7 @@ def follow(n: int, seed: int, forces: tuple[float, float], stay: float, ramp: fl
         gas.run(t_end=gas.time + 0.1 * stay, progress=False)
         heights.clear()
         temperatures.clear()
-        gas.run(t_end=gas.time + stay, series=round(2.0 * stay), samplers=[sample], progress=False)
+        gas.run(t_end=gas.time + stay, series=round(2.0 * stay), series_callbacks=[sample], progress=False)
         return float(np.mean(heights)), float(np.mean(temperatures)), F * heights[-1] + n * temperatures[-1]
 
     ways = []
