@@ -1,4 +1,4 @@
-"""A contact: which law acts there, with which coefficients, and what it does to both.
+"""Collision of two disks, or of a disk and a wall: law, coefficients, velocities after it, and energy losses.
 
 Two remedies for inelastic collapse make collisions elastic:
 
@@ -6,13 +6,12 @@ Two remedies for inelastic collapse make collisions elastic:
 - the *tc rule*: those of which either partner's latest collision, with a disk or a wall, was less than the contact time
   ago. S. Luding and S. McNamara, Granul. Matter 1, 113 (1998), doi:10.1007/s100350050017.
 
-What one collision takes, split into its mechanisms.
+Losses of kinetic energy by mechanism, none of which depends on the frame; their sum is the pair's loss, to rounding:
 
-A collision changes the kinetic energy of its pair by what its impulses do. P_n on the approach g_n takes
-P_n (g_n - P_n / 2 m_n). P_t on the slip g_t takes P_t (g_t - P_t / 2 m_t); of that, the part P_et of tangential
-restitution, acting first, takes P_et (g_t - P_et / 2 m_t), and friction, on the slip that is left, the rest: the
-order of the two is a convention, their sum is not. The rolling torque takes what it takes from each spin. All do not
-depend on the frame, and their sum is what the pair loses, to rounding.
+- P_n on the approach g_n: P_n (g_n - P_n / 2 m_n);
+- P_t on the slip g_t: P_t (g_t - P_t / 2 m_t). The part P_et of tangential restitution acts first and takes
+  P_et (g_t - P_et / 2 m_t); friction takes the rest. This order is a convention, the sum is not;
+- the rolling torque: what it takes from each spin.
 """
 
 from .columns import TRIAL_TABLES
@@ -48,7 +47,7 @@ def losses_of(P_n, P_t, T, P_et, pair: ti.template()):
     lost[BY_NORMAL] = ti.cast(P_n, ti.f64) * (pair.g_n - 0.5 * P_n * inverse_n)
     lost[BY_RESTITUTION] = restitution
     lost[BY_FRICTION] = tangential - restitution
-    if T != 0.0:  # a law of one's own may give a negative one, which drives spins
+    if T != 0.0:  # a custom law may give a negative one, which drives spins
         free_i = pair.spin_i - pair.k_i * pair.inverse_mass_i / pair.radius_i * P_t
         free_j = pair.spin_j - pair.k_j * pair.inverse_mass_j / pair.radius_j * P_t
         lost[BY_ROLLING] = braking_loss(T, free_i, pair.inverse_mass_i, pair.radius_i, pair.k_i)
@@ -68,12 +67,12 @@ def impulses_between(
 ):  # fmt: skip
     """P_n, P_t, T by the law of materials p and q; with a ledger P_et, sticking, rolling; g_n; the pair.
 
-    A law of one's own does not tell what of P_t is restitution: all of it then is. Arguments as for `law.collide_pair`.
+    All of P_t counts as restitution for a custom law, which does not divide it. Arguments as for `law.collide_pair`.
     """
     g_n, g_t, m_n, m_t = relative_motion(
         n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j
     )
-    pair = ti.Struct(  # all that a law is told (`law.CollisionLaw.collide`)
+    pair = ti.Struct(  # what a law gets (`law.CollisionLaw.collide`)
         # A pair that separates by rounding has no power 1/5 of its approach; its impulses do not count.
         g_n=ti.max(g_n, 0.0), g_t=g_t, m_n=m_n, m_t=m_t,
         inverse_mass_i=im_i, radius_i=R_i, k_i=k_i, spin_i=w_i,
@@ -110,9 +109,8 @@ def collided(
     """Velocities and spins (vx_i, vy_i, w_i, vx_j, vy_j, w_j) of p and q after a collision; how it was; its losses.
 
     How: ELASTIC; else, with a ledger, STICKS and ROLLS; else 0. Losses: as of `losses_of`; 0 without one.
-    Arguments as for `law.collide_pair`; p and q are materials. A pair that separates keeps
-    its own. With `lasting` > 0 (the tc rule), or below the cut-off, disks collide like smooth elastic ones: a bounce is
-    not followed by ever smaller ones in a finite time.
+    Arguments as for `law.collide_pair`; p and q are materials. A pair that separates keeps its velocities and spins.
+    With `lasting` > 0 (the tc rule), or below the cut-off, disks collide like smooth elastic ones.
     """
     P_n, P_t, T, P_et, sticking, rolling, g_n, pair = impulses_between(
         p, q, n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j, gas
@@ -124,7 +122,7 @@ def collided(
     lost = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)
     approaching = 1.0 * (g_n > 0.0)
     if ti.static(gas.uses.rests):
-        approaching = 1.0 * (P_n > 0.0)  # also who parts too slowly
+        approaching = 1.0 * (P_n > 0.0)  # also a pair that separates too slowly
         if elastic and P_n > 0.0:
             if ti.static(gas.uses.tallied):
                 lost = losses_of(P_n, P_t, T, P_et, pair)

@@ -1,8 +1,8 @@
 """Direct simulation Monte Carlo of a homogeneous gas: random pairs collide, at the rate at which they would meet.
 
-Candidates c = 0, 1, 2, ... of a batch are pairs drawn in order. Each is settled when neither of its disks is in an
-earlier one that is not: what comes out is that of settling them one by one, for any number of threads. What decides it
-is drawn by counter (`random.py`), for candidate c of a batch. See `ifrdem.simulation.dsmc`.
+Candidates c = 0, 1, 2, ... of a batch are pairs drawn in order. A candidate is resolved when no earlier unresolved one
+has a disk of it. So the result is that of resolving them one by one, for any number of threads. Random numbers are
+drawn by counter (`random.py`), for candidate c of a batch. See `ifrdem.simulation.dsmc`.
 """
 
 from .columns import BODY, DSMC_TABLES
@@ -18,10 +18,10 @@ PAIRS, KICKS = 0xFFFD * DRAWS, 0xFFFE * DRAWS
 
 
 @ti.func
-def stream_of(item, place: ti.template(), gas: ti.template()):
+def stream_of(item, index: ti.template(), gas: ti.template()):
     """The stream of random numbers of a candidate or disk (`random.py`)."""
     return ti.Vector([
-        ti.cast(item, ti.u32), gas.key.number_low, gas.key.number_high, ti.u32(place), gas.key.seed_low,
+        ti.cast(item, ti.u32), gas.key.number_low, gas.key.number_high, ti.u32(index), gas.key.seed_low,
         gas.key.seed_high,
     ], ti.u32)  # fmt: skip
 
@@ -67,7 +67,7 @@ def draw(count: ti.i32, gas: Arrays("disk pair todo key", DSMC_TABLES)):
 
 @ti.func
 def meet(c, i, j, gas: ti.template()):
-    """Collide the pair (i, j) of candidate c, with the probability that belongs to it, at a random place.
+    """Collide the pair (i, j) of candidate c, with its probability and a random direction of contact.
 
     Of all directions n in which j may lie, the rate of collisions is proportional to g_n > 0, g = v_i - v_j: the sine
     of the angle between n and g is uniform, and the rate of all together 2 g_ij sigma_ij |g| / area.
@@ -103,7 +103,7 @@ def resolve_pairs(
     now: ti.i32,
     gas: Arrays("uses disk hits first pair todo counter law scale crowding key", DSMC_TABLES),
 ):
-    """Settle those of the open candidates, list `now`, that are the first of both their disks; list the others anew."""
+    """Resolve the open candidates of list `now` that are the first of both their disks; list the others again."""
     for e in range(gas.counter[now]):
         c = gas.todo[now, e]
         ti.atomic_min(gas.first[gas.pair[c][0]], c)
@@ -126,7 +126,7 @@ def resolve_pairs(
 def resolve_pairs_serially(
     count: ti.i32, gas: Arrays("uses disk hits pair counter law scale crowding key", DSMC_TABLES)
 ):
-    """Settle all candidates one after the other: what one thread does fastest, to the same last bit."""
+    """Resolve all candidates one after the other, which is fastest on one thread and gives the same bits."""
     for _ in range(1):
         for c in range(count):
             meet(c, gas.pair[c][0], gas.pair[c][1], gas)

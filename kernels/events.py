@@ -1,15 +1,16 @@
 """The serial core: the events of one region of disks, in order, from the beginning of a window to its end.
 
 Disks lie in cells at least as wide as the largest of them, so that disks that touch are in adjacent cells. Each has one
-event: its collision or, before that, its way into the next cell. Bins over the time of the window are the queue.
+event: its collision or, if that is earlier, its crossing into the next cell. Bins over the time of the window are the
+queue.
 
 Only the disk that predicts a collision stores it. A partner that has collided since makes it stale: then the disk
 predicts again. None is missed: whenever the motion of a disk changes it looks at all its neighbours, and when it enters
 a cell, at those that become neighbours; so of any two that will meet, the one that looked last knows of it, or has an
 earlier event, at which it looks again.
 
-Places and clocks of disks change at collisions only, never at crossings, and are rounded to the grid then. So histories
-depend neither on the cells nor on the region: only on who is there.
+Positions and clocks of disks change at collisions only, never at crossings, and are rounded to the grid then. So
+histories depend neither on the cells nor on the region, only on the disks in it.
 """
 
 from .columns import MECHANISM, TALLY
@@ -25,13 +26,13 @@ from .particle import (
     watched_row, write_motion,
 )  # fmt: skip
 from .rest import (
-    count_hit, fall_asleep, is_support, is_wedged, meeting_with_sleeper, set_at_rest, set_in_motion, sleeps, wake,
+    count_hit, fall_asleep, is_support, is_wedged, set_at_rest, set_in_motion, sleeps, time_to_sleeper, wake,
 )  # fmt: skip
 from .tiles import head_at, layer_of, scale_of, take_note, write
 from .walls import bounce, first_wall, hit_wall, meets_piston, next_stop, other_image
 
 EMPTY = -1  # of bins and cells
-PARTING = 2.25  # square of a distance in contact distances: at it or less two disks have just collided
+SEPARATING = 2.25  # square of a distance in contact distances: at it or less two disks have just collided
 NOT_QUEUED = -1  # as PREVIOUS; the first of bin b has -2 - b
 MANY_EVENTS = 200_000  # without progress of time: an inelastic collapse
 TOO_FAR = 1e6  # or a disk that would come so many times through its region in a window
@@ -180,7 +181,7 @@ def friction_column(how):
 
 @ti.func
 def enter_losses(tile, how, lost, gas: ti.template()):
-    """Enter what a collision of two disks took, and its regime, into the ledger."""
+    """Add the losses and the regime of a collision of two disks to the tally."""
     add(tile, TALLY.losses.normal, lost[0], gas)
     add(tile, TALLY.losses.restitution, lost[1], gas)
     add(tile, TALLY.losses[friction_column(how)], lost[2], gas)
@@ -190,11 +191,74 @@ def enter_losses(tile, how, lost, gas: ti.template()):
 
 @ti.func
 def charge_half(i, how, lost, gas: ti.template()):
-    """Note half of what a collision took as lost by the disk in slot i."""
+    """Add half of the losses of a collision to those of the disk in slot i."""
     charge(i, MECHANISM.normal, 0.5 * lost[0], gas)
     charge(i, MECHANISM.restitution, 0.5 * lost[1], gas)
     charge(i, friction_column(how), 0.5 * lost[2], gas)
     charge(i, MECHANISM.rolling, 0.5 * lost[3], gas)
+
+
+@ti.func
+def hit_sleepers(
+    a: ti.template(), b: ti.template(), t: ti.template(), since_a: ti.template(), since_b: ti.template(),
+    asleep_a: ti.template(), asleep_b: ti.template(), slow: ti.template(), inverse_a: ti.template(),
+    inverse_b: ti.template(), tile: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """Wake the disks in slots a and b that sleep, or set their inverse mass to 0, if the hit is `slow`.
+
+    A slow hit leaves a sleeping disk asleep, like a wall. A harder one wakes it, and one by a disk that is wedged in.
+    """
+    if slow and asleep_a:
+        count_hit(b, t, since_b, gas)
+        slow = not is_wedged(b, t, gas)
+    elif slow and asleep_b:
+        count_hit(a, t, since_a, gas)
+        slow = not is_wedged(a, t, gas)
+    if slow:
+        inverse_a, inverse_b = ti.select(asleep_a, 0.0, inverse_a), ti.select(asleep_b, 0.0, inverse_b)
+    else:
+        if asleep_a:
+            wake(a, tile, gas)
+        if asleep_b:
+            wake(b, tile, gas)
+
+
+@ti.func
+def write_collision(
+    a: ti.template(), b: ti.template(), t: ti.template(), rx: ti.template(), ry: ti.template(), r: ti.template(),
+    before: ti.template(), after: ti.template(), how: ti.template(), tile: ti.template(), region: ti.template(),
+    gas: ti.template(),
+):  # fmt: skip
+    """Write a row of `event` for each of the disks in slots a and b that is tracked."""
+    for side in ti.static(range(2)):
+        one, other, sign = a, b, 1.0
+        if ti.static(side == 1):
+            one, other, sign = b, a, -1.0
+        row = watched_row(one, t, tile, region, gas)
+        if row >= 0:
+            gas.event[row].normal[0], gas.event[row].normal[1] = sign * rx / r, sign * ry / r
+            write_motion(row, t, 3 * side, before, after, gas)
+            gas.event_int[row].partner = gas.event_info[other].id
+            gas.event_int[row].how = ti.select(how >= ELASTIC, BY_REMEDY, BY_LAW)
+
+
+@ti.func
+def count_collision(
+    a: ti.template(), kind_a: ti.template(), how: ti.template(), lost: ti.template(), rows: ti.template(),
+    faster: ti.template(), vx_a: ti.template(), new_vx_a: ti.template(), tile: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """Add a collision of the disk in slot a, whose velocity along x changed, to the tally of the tile that owns it."""
+    if gas.event_info[a].own_rank > 0:
+        add(tile, TALLY.collisions, 1.0, gas)
+        if how >= ELASTIC:
+            add(tile, TALLY.elastics, 1.0, gas)
+        if ti.static(gas.uses.tallied):
+            enter_losses(tile, how, lost, gas)
+        if ti.static(gas.uses.sheared):
+            if rows != 0:
+                # a got the momentum m dv, and b, in a frame that is faster, the opposite.
+                gained = ti.cast((new_vx_a - vx_a) * faster, ti.f64)
+                add(tile, TALLY.flow_work, gained / gas.kinds[kind_a].inverse_mass, gas)
 
 
 @ti.func
@@ -238,28 +302,12 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     vy_a_0, w_a_0, vy_b_0, w_b_0 = gas.motion[a].vy, gas.motion[a].spin, gas.motion[b].vy, gas.motion[b].spin
     inverse_a, inverse_b = gas.kinds[kind_a].inverse_mass, gas.kinds[kind_b].inverse_mass
     if ti.static(gas.uses.rests):
-        # A slow hit leaves who sleeps asleep, like a wall; a harder one, or one by who is wedged in, wakes him.
         slow = ((vx_a - vx_b) * rx + (vy_a_0 - vy_b_0) * ry) / r < gas.scale.cutoff
-        if slow and asleep_a:
-            count_hit(b, t, since_b, gas)
-            slow = not is_wedged(b, t, gas)
-        elif slow and asleep_b:
-            count_hit(a, t, since_a, gas)
-            slow = not is_wedged(a, t, gas)
-        if slow:
-            inverse_a, inverse_b = ti.select(asleep_a, 0.0, inverse_a), ti.select(asleep_b, 0.0, inverse_b)
-        else:
-            if asleep_a:
-                wake(a, tile, gas)
-            if asleep_b:
-                wake(b, tile, gas)
+        hit_sleepers(a, b, t, since_a, since_b, asleep_a, asleep_b, slow, inverse_a, inverse_b, tile, gas)
     new_vx_a, vy_a, w_a, new_vx_b, vy_b, w_b, how, lost = collided(
-        p, q, rx / r, ry / r,
-        inverse_a, gas.kinds[kind_a].radius, gas.kinds[kind_a].k,
-        vx_a, gas.motion[a].vy, gas.motion[a].spin,
-        inverse_b, gas.kinds[kind_b].radius, gas.kinds[kind_b].k,
-        vx_b, gas.motion[b].vy, gas.motion[b].spin,
-        lasting, gas,
+        p, q, rx / r, ry / r, inverse_a, gas.kinds[kind_a].radius, gas.kinds[kind_a].k, vx_a, gas.motion[a].vy,
+        gas.motion[a].spin, inverse_b, gas.kinds[kind_b].radius, gas.kinds[kind_b].k, vx_b, gas.motion[b].vy,
+        gas.motion[b].spin, lasting, gas,
     )  # fmt: skip
     gas.motion[a].vx, gas.motion[a].vy, gas.motion[a].spin = new_vx_a, vy_a, w_a
     gas.motion[b].vx, gas.motion[b].vy, gas.motion[b].spin = new_vx_b - faster, vy_b, w_b
@@ -288,30 +336,11 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     if ti.static(gas.uses.watched):
         before = ti.Vector([vx_a, vy_a_0, w_a_0, vx_b, vy_b_0, w_b_0])
         after = ti.Vector([new_vx_a, vy_a, w_a, new_vx_b, vy_b, w_b])
-        for side in ti.static(range(2)):
-            one, other, sign = a, b, 1.0
-            if ti.static(side == 1):
-                one, other, sign = b, a, -1.0
-            row = watched_row(one, t, tile, region, gas)
-            if row >= 0:
-                gas.event[row].normal[0], gas.event[row].normal[1] = sign * rx / r, sign * ry / r
-                write_motion(row, t, 3 * side, before, after, gas)
-                gas.event_int[row].partner = gas.event_info[other].id
-                gas.event_int[row].how = ti.select(how >= ELASTIC, BY_REMEDY, BY_LAW)
+        write_collision(a, b, t, rx, ry, r, before, after, how, tile, region, gas)
     if ti.static(gas.uses.itemised):
         charge_half(a, how, lost, gas)
         charge_half(b, how, lost, gas)
-    if gas.event_info[a].own_rank > 0:
-        add(tile, TALLY.collisions, 1.0, gas)
-        if how >= ELASTIC:
-            add(tile, TALLY.elastics, 1.0, gas)
-        if ti.static(gas.uses.tallied):
-            enter_losses(tile, how, lost, gas)
-        if ti.static(gas.uses.sheared):
-            if rows != 0:
-                # a got the momentum m dv, and b, in a frame that is faster, the opposite.
-                gained = ti.cast((new_vx_a - vx_a) * faster, ti.f64)
-                add(tile, TALLY.flow_work, gained / gas.kinds[kind_a].inverse_mass, gas)
+    count_collision(a, kind_a, how, lost, rows, faster, vx_a, new_vx_a, tile, gas)
 
 
 @ti.func
@@ -324,6 +353,57 @@ def sooner(t, j, best, partner, gas: ti.template()):
         else:
             before = partner <= FIRST_WALL  # walls come after all disks
     return before
+
+
+@ti.func
+def compare(
+    i: ti.template(), j: ti.template(), x: ti.template(), y: ti.template(), vx: ti.template(), vy: ti.template(),
+    tau: ti.template(), size: ti.template(), radius: ti.template(), last: ti.template(), shift_x: ti.template(),
+    shift_y: ti.template(), info: ti.template(), best: ti.template(), partner: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """Replace `best` and `partner` by the meeting of the disks in slots i and j, if that is earlier.
+
+    Of disk i: its position, velocity, time of these, |v_x| + |v_y|, radius and latest partner. The image of disk j that
+    is looked at is shifted.
+    """
+    tau_j = gas.motion[j].tau
+    start = ti.select(tau_j > tau, tau_j, tau)
+    vx_j, vy_j = gas.motion[j].vx, gas.motion[j].vy
+    from_i, from_j = start - tau, start - tau_j
+    # Differences of positions are exact. Seen from j, every term only changes its sign.
+    rx = ((gas.motion[j].x - x) + shift_x) + (vx_j * from_j - vx * from_i)
+    ry = ((gas.motion[j].y - y) + shift_y) + (vy_j * from_j - vy * from_i)
+    ux, uy = vx_j - vx, vy_j - vy
+    if ti.static(gas.uses.sheared):
+        rows = gas.event_info[j].shear_row - info.shear_row
+        if rows != 0:
+            rx += rows * (gas.scale.aside + gas.scale.drift * start)
+            ux += rows * gas.scale.drift
+    sigma = gas.scale.widest
+    if ti.static(gas.uses.mixed):
+        sigma = radius + radius_of(j, gas)
+    noise = ti.static(rounding()) * (size + (ti.abs(vx_j) + ti.abs(vy_j)))
+    t = start + contact_delay(rx, ry, ux, uy, noise, sigma, best - start, gas)
+    if j == last and gas.event_info[j].last == i:
+        # They separate since this start; but across a narrow box another image may come.
+        if rx * rx + ry * ry < SEPARATING * sigma * sigma:
+            t = FAR
+    if ti.static(gas.uses.rests):
+        asleep_i, asleep_j = sleeps(i, gas), sleeps(j, gas)
+        if asleep_i and asleep_j:
+            t = FAR
+        elif asleep_i or asleep_j:
+            # A parabola in the lab, of the one that flies about the other.
+            sign = ti.select(asleep_i, 1.0, -1.0)
+            gx, gy = gas.scale.gx, gas.scale.gy
+            t = start + time_to_sleeper(
+                sign * rx + 0.5 * gx * start * start, sign * ry + 0.5 * gy * start * start,
+                sign * ux + gx * start, sign * uy + gy * start,
+                noise, sigma, best - start, gas,
+            )  # fmt: skip
+    if sooner(t, j, best, partner, gas):
+        best = t
+        partner = j
 
 
 @ti.func
@@ -395,44 +475,9 @@ def find(
                 while j >= 0:
                     following = gas.event_info[j].next_in_cell
                     if j != i:
-                        tau_j = gas.motion[j].tau
-                        start = ti.select(tau_j > tau, tau_j, tau)
-                        vx_j, vy_j = gas.motion[j].vx, gas.motion[j].vy
-                        from_i, from_j = start - tau, start - tau_j
-                        # Differences of places are exact. Seen from j, every term only changes its sign.
-                        rx = ((gas.motion[j].x - x) + shift_x) + (vx_j * from_j - vx * from_i)
-                        ry = ((gas.motion[j].y - y) + shift_y) + (vy_j * from_j - vy * from_i)
-                        ux, uy = vx_j - vx, vy_j - vy
-                        if ti.static(gas.uses.sheared):
-                            rows = gas.event_info[j].shear_row - info.shear_row
-                            if rows != 0:
-                                rx += rows * (gas.scale.aside + gas.scale.drift * start)
-                                ux += rows * gas.scale.drift
-                        sigma = gas.scale.widest
-                        if ti.static(gas.uses.mixed):
-                            sigma = radius + radius_of(j, gas)
-                        noise = ti.static(rounding()) * (size + (ti.abs(vx_j) + ti.abs(vy_j)))
-                        t = start + contact_delay(rx, ry, ux, uy, noise, sigma, best - start, gas)
-                        if j == last and gas.event_info[j].last == i:
-                            # They part, since this start; but round a narrow box another image may come.
-                            if rx * rx + ry * ry < PARTING * sigma * sigma:
-                                t = FAR
-                        if ti.static(gas.uses.rests):
-                            asleep_i, asleep_j = sleeps(i, gas), sleeps(j, gas)
-                            if asleep_i and asleep_j:
-                                t = FAR
-                            elif asleep_i or asleep_j:
-                                # A parabola in the lab, of the one that flies about the other.
-                                sign = ti.select(asleep_i, 1.0, -1.0)
-                                gx, gy = gas.scale.gx, gas.scale.gy
-                                t = start + meeting_with_sleeper(
-                                    sign * rx + 0.5 * gx * start * start, sign * ry + 0.5 * gy * start * start,
-                                    sign * ux + gx * start, sign * uy + gy * start,
-                                    noise, sigma, best - start, gas,
-                                )  # fmt: skip
-                        if sooner(t, j, best, partner, gas):
-                            best = t
-                            partner = j
+                        compare(
+                            i, j, x, y, vx, vy, tau, size, radius, last, shift_x, shift_y, info, best, partner, gas
+                        )  # fmt: skip
                     j = following
     return best, partner
 
@@ -458,7 +503,7 @@ def around(own_x, own_y, x_low, x_high, y_low, y_high, half, region: ti.template
 def predict(
     i, x_low, x_high, y_low, y_high, half, keeps, region: ti.template(), gas: ti.template()
 ):  # fmt: skip
-    """Find the next event of the disk in slot i in the cells that `find` tells, or that which it `keeps`; its time."""
+    """Find the next event of the disk in slot i in the cells of `find`, or keep the present one (`keeps`); its time."""
     motion, info = gas.motion[i], gas.event_info[i]
     window = gas.scale.window
     best, partner = window, NO_PARTNER

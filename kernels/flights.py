@@ -1,8 +1,8 @@
-"""Straight flights: when two disks meet, and places on a grid.
+"""Straight flights: contact times of two disks, and positions on a grid.
 
-Everything that decides about a meeting is here once, and depends on differences of places only, which are exact: places
-are multiples of a grid q, and so are the corners that they are measured from. So each tile that computes a meeting,
-from either disk, finds the same bits.
+Contact times depend on differences of positions only. These are exact, because positions, and the corners that they
+are measured from, are multiples of a grid spacing q. So every tile that computes a contact, from either disk, finds the
+same bits.
 """
 
 from .language import Rows, Table, is_single_precision, ti
@@ -16,7 +16,7 @@ def rounding() -> float:
 
 @ti.func
 def on_grid(way, gas: ti.template()):
-    """A displacement rounded to the grid of places: (z + C) - C, where C is 1.5 q times the largest mantissa."""
+    """A displacement rounded to the grid of positions: (z + C) - C, where C is 1.5 q times the largest mantissa."""
     return (way + gas.scale.rounding_constant) - gas.scale.rounding_constant
 
 
@@ -30,11 +30,11 @@ def contact_delay(rx, ry, vx, vy, noise, sigma, within, gas: ti.template()):
     b = r.v and c = r^2 - sigma^2. Every term is even under (r, v) -> (-r, -v): both disks of a pair compute bitwise
     the same time.
 
-    Contact takes c = -2 b t - v^2 t^2 <= -2 b t. Most pairs cannot make that `within` the time of interest, and are
-    told apart without root and division; they also count as never.
+    Contact takes c = -2 b t - v^2 t^2 <= -2 b t. Most pairs cannot make that `within` the time of interest; this test
+    excludes them without root and division.
 
-    A touching pair that approaches more slowly than the rounding errors of its velocities counts as at rest: disks
-    pressed together by others would otherwise push each other for ever, in no time and to no effect.
+    A touching pair that approaches more slowly than the rounding errors of its velocities counts as at rest. Otherwise
+    disks that others press together would collide without end at one time.
     """
     delay = FAR
     b = rx * vx + ry * vy

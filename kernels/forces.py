@@ -12,13 +12,15 @@ from .shear import flow_at
 from .signature import Arrays, kernel
 from .windows import is_owned
 
+OF_DISKS = "uses grid scale clock disk kind kinds meta tile edge_x edge_y when counter_words"
+"""Arrays from which a force gets the disks, a step and random numbers."""
 LEVELS = 3
 """Parts that a term of a sum is divided into (`sum_totals`)."""
 
 
 @ti.func
 def particle_view(s, tile, time, gas: ti.template()):
-    """All that a force may know of a listed disk at `time`. Velocities are those in the mean flow, if there is one."""
+    """Quantities of a listed disk at `time`, as forces get them; velocities are relative to the mean flow."""
     disk = gas.disk[s]
     x, y, _boxes_x, _boxes_y, _frame, flow = placed(s, tile, time, gas)
     kind = listed_kind(s, gas)
@@ -60,29 +62,39 @@ def energy(mass, inertia, vx, vy, spin):
 
 
 def step_of(time: Any, dt: Any, free: Any, random: Any, totals: list[Any]) -> tuple[Any]:
-    """Quantities of its step for a force, for `ti.static`; `totals` only if it has some."""
+    """Quantities of a step, as forces get them, for `ti.static`; `totals` only if the force has some."""
     given = {"totals": ti.Vector(totals)} if totals else {}
     return (ti.Struct(time=time, dt=dt, free=free, random=random, **given),)
 
 
 def kernels_of(force: Any) -> tuple[Any, Any, Any]:
-    """Kernels of a class of forces: (sum its totals, apply it, compile it for one disk).
-
-    The first two leave the sums of each tile, of this rank's where there are several, in `tile_sums`. Totals change the
-    motion, so their bits may not depend on the order of the disks: the largest size of a term comes first, for each
-    total, and then, for each of LEVELS and total, sums of parts of terms: what adding `rounders[level, total]` rounds
-    each to, and its rest on the next level. Parts are multiples of a power of two, and their sums exact. The second
-    kernel leaves the energy gained, and what frames of rows see of that beyond it.
-    """
+    """Kernels of a class of forces: sum its totals (None without totals), apply it, compile it for one disk."""
     act, measure = (
         function if hasattr(function, "_is_taichi_function") else ti.func(plain(function))
         for function in (force.act, force.measure)
     )
-    n_totals, names = force.totals, tuple(force.parameters)
+    names = tuple(force.parameters)
+    return (
+        _sum_totals_of(measure, force.totals, names) if force.totals else None,
+        _apply_force_of(act, force.totals, names),
+        _try_force_of(act, measure, force.totals, names),
+    )
+
+
+def _sum_totals_of(measure: Any, n_totals: int, names: tuple[str, ...]) -> Any:
+    """Kernel that sums the terms of a force.
+
+    Totals change the motion, so their bits may not depend on the order of the disks. `tile_sums` gets for each tile,
+    of this rank's where there are several:
+
+    - for each total, the largest size of a term;
+    - for each of LEVELS and total, the sum of parts of terms. A part is what adding `rounders[level, total]` rounds a
+      term to; its rest goes to the next level. Parts are multiples of a power of two, and their sums exact.
+    """
 
     @kernel
     def sum_totals(
-        gas: Arrays("uses grid scale clock disk kind kinds meta tile edge_x edge_y when counter_words"),
+        gas: Arrays(OF_DISKS),
         parameters: Rows, tile_sums: Table, rounders: Table,
     ):  # fmt: skip
         """Sum the force's terms over the disks of each tile."""
@@ -112,9 +124,18 @@ def kernels_of(force: Any) -> tuple[Any, Any, Any]:
                 for j in ti.static(range(n_totals * (1 + LEVELS))):
                     tile_sums[b, j] = found[j]
 
+    return sum_totals
+
+
+def _apply_force_of(act: Any, n_totals: int, names: tuple[str, ...]) -> Any:
+    """Kernel that applies a force.
+
+    `tile_sums` gets for each tile the energy gained, and what frames of rows see of that beyond it (`shear.py`).
+    """
+
     @kernel
     def apply_force(
-        gas: Arrays("uses grid scale clock disk kind kinds meta tile edge_x edge_y when counter_words"),
+        gas: Arrays(OF_DISKS),
         parameters: Rows, tile_sums: Table, totals: Rows,
     ):  # fmt: skip
         """Apply the force to every disk; sum what each tile gains."""
@@ -149,6 +170,12 @@ def kernels_of(force: Any) -> tuple[Any, Any, Any]:
                 tile_sums[b, 1] = excess
                 tile_sums[b, 0] = gain
 
+    return apply_force
+
+
+def _try_force_of(act: Any, measure: Any, n_totals: int, names: tuple[str, ...]) -> Any:
+    """Kernel that calls a force once."""
+
     @ti.kernel
     def try_force(numbers: Rows, parameters: Rows):
         """Compile the force for one disk with placeholder numbers."""
@@ -171,4 +198,4 @@ def kernels_of(force: Any) -> tuple[Any, Any, Any]:
             vx, vy, spin = act(body, step, given)
             numbers[s] = vx + vy + spin
 
-    return sum_totals if n_totals > 0 else None, apply_force, try_force
+    return try_force

@@ -1,7 +1,7 @@
-"""The collision law: the one place that holds its formula, and what every law shares.
+"""The collision law: the one implementation of its formula, and what every law shares.
 
-A collision has three steps: how the contact moves (`relative_motion`), which impulses act (`ifr_impulses`, or a law of
-one's own), and what they do to both disks (`after_impulses`), which keeps the momentum whatever they are.
+A collision has three steps: how the contact moves (`relative_motion`), which impulses act (`ifr_impulses`, or a
+custom law), and what they do to both disks (`after_impulses`), which keeps the momentum for any impulses.
 
 Source: A. Domenech-Carbo, "Independent friction-restitution modeling of two-disk collisions". "Eq. n" below
 is that paper's equation; where a line is more general than the print (two spins, any direction of the line
@@ -107,26 +107,9 @@ def after_impulses(
 
 @ti.pyfunc
 def collide_pair(
-    e_n,
-    e_t,
-    mu,
-    contact_point,
-    rho,
-    n_x,
-    n_y,
-    im_i,
-    R_i,
-    k_i,
-    vx_i,
-    vy_i,
-    w_i,
-    im_j,
-    R_j,
-    k_j,
-    vx_j,
-    vy_j,
-    w_j,
-):
+    e_n, e_t, mu, contact_point, rho,
+    n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j,
+):  # fmt: skip
     """Collide disk i with disk j, or with a wall (im_j = 0).
 
     Runs inside Taichi kernels on scalars, and in plain Python on floats or on NumPy arrays that broadcast: no

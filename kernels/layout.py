@@ -1,7 +1,7 @@
 """Contents of the engine's arrays; `columns.py` names their columns.
 
-A *slot* is a place in the list of a tile's disks. All that lasts from window to window is kept by slot, by *part*: the
-window's beginning and its end (0 and 1, which change places), and moments in it that were asked for (2 and more, as
+A *slot* is an index in the list of a tile's disks. All that lasts from window to window is kept by slot, by *part*: the
+window's beginning and its end (0 and 1, which alternate), and moments in it that were asked for (2 and more, as
 many as there is room for). Slots of part p begin at p * room, *notes* behind all parts.
 
 A moment is a time, or that of a collision with a number, known only when all tiles have run. Of that the part is
@@ -32,19 +32,19 @@ displacement           (room,)        bound on how far it came, in largest diame
 slot_before            (room,)        slot at the window's beginning of the one at its end
 tile                   (tiles, ...)   where its lists begin and how long they are, by part; ghosts; state; owner; notes
 reach                  (tiles, ...)   halo, and what decides if it was wide enough
-edge_x/y               (tiles + 1,)   sides of the columns and rows of tiles, on the grid of places
+edge_x/y               (tiles + 1,)   sides of the columns and rows of tiles, on the grid of positions
 tally                  (tiles,        sums over the window to its end, and to moments asked for; behind them those of
                        1 + moments,   walls: heat of thermal ones, sums of each, how pistons moved
                        ...)
 ghost, ghost_position  (ghosts,)      of copies of other tiles' disks: slot, hash of the history here, where they began
-event, event_int       (events,)      what happened to watched disks, and who it was
+event, event_int       (events,)      collisions of tracked disks, and their ids
 found                  (blocks, ...)  sums over BLOCK_OF_TILES tiles
 total                  (...)          the same over all
-watched                (n,)           1 for disks whose collisions are written down, by id
+watched                (n,)           1 for tracked disks, by id
 motion, ...            (lanes         the scratch space of a lane, which runs one tile after another
-                       places,)
+                       slots,)
 contact                (...)          contacts of disks that may rest, and the forces there (`rest.py`)
-held, cached_force     (rows,), ...   forces that the last judgement found at contacts of a disk (`rest.py`)
+held, cached_force     (rows,), ...   forces at contacts of a disk, as last solved for (`rest.py`)
 =====================  =============  =================================================================================
 """
 
@@ -54,7 +54,7 @@ SNAPSHOT = 2  # the part that holds the first moment asked for
 BLOCK_OF_TILES = 128
 ELASTICALLY = 4  # of the regimes in the tally
 AT_END, AT_MOMENT = range(2)  # times of the tally: end of the window, first of the moments
-AWAKE, ASLEEP, WOKEN, ASLEEP_UNVERIFIED = range(4)  # by a state that nobody has judged yet
+AWAKE, ASLEEP, WOKEN, ASLEEP_UNVERIFIED = range(4)  # ASLEEP_UNVERIFIED: given by a state
 BY_COUNT = 2  # a gas in one tile has paused for the number of collisions
 FULL_SLOTS, FULL_CELLS, FULL_GHOSTS, FULL_WALLS, FULL_WATCHED = 1, 2, 4, 8, 16
 BY_LAW, BY_REMEDY, BY_HEAT = range(3)  # kind of a collision
@@ -79,7 +79,7 @@ class CompiledLaw(NamedTuple):
 
     impulses: Any
     n_coefficients: int
-    parts: Any = None  # what `impulses` gives, and P_et, sticking, rolling: of laws that tell them apart
+    parts: Any = None  # what `impulses` gives, and P_et, sticking, rolling: of laws that divide P_t
     names: tuple[str, ...] = ()  # of the coefficients of a custom law, which gets them by name
 
 
@@ -97,7 +97,7 @@ class Uses(NamedTuple):
     remembers: bool = False  # a contact time: disks know when their latest collision was
     sheared: bool = False  # a mean flow
     tallied: bool = False  # a ledger of what dissipates energy
-    partnered: bool = False  # disks know whom they hit last
+    partnered: bool = False  # disks know their latest partner
     turned: bool = False  # disks know how far they have turned
     itemised: bool = False  # disks know what their collisions took; only with a ledger
     mixed: bool = False  # more than one kind of disk

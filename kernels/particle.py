@@ -1,4 +1,4 @@
-"""A disk in the scratch space of a tile: what it is, how it comes to a collision, and the hash of its history."""
+"""A disk in the scratch space of a tile: its properties, its flight to a collision, and the hash of its history."""
 
 from .flights import on_grid
 from .language import is_single_precision, on_gpu, round_products_by, ti
@@ -26,7 +26,7 @@ def listed_kind(s, gas: ti.template()):
 
 @ti.func
 def kind_of(i, gas: ti.template()):
-    """Row of `kinds` of the disk in slot i; without a look at it where there is but one."""
+    """Row of `kinds` of the disk in slot i; 0, without reading it, if there is only one."""
     kind = 0
     if ti.static(gas.uses.mixed):
         kind = gas.event_info[i].kind
@@ -108,13 +108,13 @@ def add(tile, column, value, gas: ti.template()):
 
 @ti.func
 def charge(i, column, energy, gas: ti.template()):
-    """Note energy that a collision took as lost by the disk in slot i."""
+    """Add energy that a collision dissipated to the loss of the disk in slot i."""
     gas.loss[i][column] = gas.loss[i][column] + energy
 
 
 @ti.func
 def watched_row(i, t, tile, region: ti.template(), gas: ti.template()):
-    """Begin a row of `event` for a collision of the disk in slot i at time t; -1 if nobody watches it, or no room."""
+    """Begin a row of `event` for a collision of the disk in slot i at time t; -1 if it is not tracked, or no room."""
     info, image = gas.event_info[i], gas.image_info[i]
     row = -1
     if gas.grid.watching == TRACKED and info.own_rank > 0:

@@ -1,4 +1,4 @@
-"""Random numbers by counter: the same for the same disk, step and seed, whoever asks and in whatever order.
+"""Random numbers by counter: the same for the same disk, step and seed, in any order of calls.
 
 Philox4x32-10 turns a counter of four words and a key of two into four random words, without any state: Salmon, Moraes,
 Dror and Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC '11, doi:10.1145/2063384.2063405.

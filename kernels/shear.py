@@ -2,14 +2,13 @@
 
 With a shear rate g the gas flows along x as fast as u(y) = g (y - L_y / 2), and the images of the box above and below
 move with it (A. W. Lees, S. F. Edwards, J. Phys. C 5, 1921 (1972), doi:10.1088/0022-3719/5/15/006). Each row of tiles
-has a frame of its own, which moves as fast as the flow in the row's middle and lay upon the lab at time 0. So every row
-moves at the same speed g TILE_Y against the one below it, the image of the first row above the last one too: nothing is
-special at a side of the box. In units of tiles, the displacement is a whole number, by which `tiles.neighbor_tile`
-looks further along x, and a rest, ASIDE.
+has its own frame, which moves as fast as the flow in the row's middle and coincided with the lab at time 0. So every
+row moves at the same speed g TILE_Y relative to the one below it, also across a side of the box. In units of tiles, the
+displacement is a whole number, by which `tiles.neighbor_tile` looks further along x, and a rest, `aside`.
 
-Energy. In the frames of the rows of tiles, flights keep kinetic energies. They change where a disk goes over to another
-row, and where disks of two rows collide, whose momentum is passed from one frame to the other. Both are added up in
-the tally. What is peculiar to the mean flow differs from that by a function of the present state (`readout.count_in`).
+Energy. In the frames of the rows, flights keep kinetic energies. These change where a disk crosses to another row, and
+where disks of two rows collide and pass momentum from one frame to the other. The tally sums both. The work of the mean
+flow differs from this sum by a function of the present state (`readout.count_in`).
 """
 
 from .language import ti

@@ -1,19 +1,19 @@
-"""Tiles with halos: who is gathered for a window, what is written at its end, and the test that it is exact.
+"""Tiles with halos: gathering disks for a window, writing them at its end, and the test that it is exact.
 
 *Gather.* A tile takes all disks that lie in it (its own) or within its halo, from its list and those of the eight tiles
-around it. Disks have flown since they were listed, at most over the sides of their tile. A tile owns a disk for a
-window because that begins there.
+around it. Disks may have left their tile since they were listed. A tile owns a disk for a window if the disk lies in
+the tile at the window's beginning.
 
 *Write.* Own disks go into the tile's new list. For each, the hash of its history (times and partners) and a bound on
-its way are noted; for each copy of another tile's disk a *ghost record*: the hash of the history that the copy had
-here.
+its displacement are stored; for each copy of another tile's disk a *ghost record*: the hash of the history that the
+copy had here.
 
 *Verify.* A tile is good if
 
 1. its halo is as wide as the largest diameter, as its own disks came beyond its sides, and as any disk around came at
-   all: whoever was not gathered did not matter;
-2. of each copy with another history than the disk had in its own tile, neither the disk nor the copy can have come into
-   touch with an own disk: circles around their first places with their ways as radii do not meet.
+   all, so that no disk that was not gathered can touch an own disk;
+2. of each copy with another history than the disk had in its own tile, neither the disk nor the copy can have touched
+   an own disk: circles around their first positions with their displacements as radii do not meet.
 
 Proof. Suppose all tiles are good, and let t be the first time at which the histories that tiles found for their own
 disks leave the true motion. Then an own disk i meets, or misses, some k wrongly at t. Until t, i and k moved truly, so
@@ -69,7 +69,7 @@ def sides_of(tile, gas: ti.template()):
 
 @ti.func
 def lies_in(x, y, margin, tile, gas: ti.template()):
-    """1 if a place (from the tile's corner) is in the tile or within a margin of it, where ends have no end; else 0."""
+    """1 if a position (from the tile's corner) is in the tile or a margin around it, where ends have no end; else 0."""
     tx = tile // gas.grid.tiles_y
     ty = tile - tx * gas.grid.tiles_y
     width, height = sides_of(tile, gas)
@@ -84,7 +84,7 @@ def lies_in(x, y, margin, tile, gas: ti.template()):
 
 @ti.func
 def cell_at(x, y, region: ti.template()):
-    """Cell of a place; those at the ends of the region have no end."""
+    """Cell of a position; those at the ends of the region have no end."""
     cx = ti.cast(ti.floor((x - region.x) / region.side_x), ti.i32)
     cy = ti.cast(ti.floor((y - region.y) / region.side_y), ti.i32)
     cx = ti.min(ti.max(cx, 0), region.nx - 1)
@@ -124,7 +124,7 @@ def scale_of(layer, region: ti.template(), gas: ti.template()):
 
 @ti.func
 def head_at(cx, cy, layer, region: ti.template(), gas: ti.template()):
-    """Place in `head` of the first disk in a cell of a layer."""
+    """Index in `head` of the first disk in a cell of a layer."""
     cell = region.cells + cx * region.ny + cy
     if ti.static(gas.uses.layered):
         if layer == 1:
@@ -134,7 +134,7 @@ def head_at(cx, cy, layer, region: ti.template(), gas: ti.template()):
 
 @ti.func
 def region_of(tile, lane, gas: ti.template()):
-    """Cells of the tile and its halo, or of the whole box: corner, number, sides; places are from the tile's corner."""
+    """Cells of the tile and its halo, or of the whole box: corner (from the tile's), number, sides."""
     width, height = sides_of(tile, gas)
     halo = gas.reach[tile].halo
     wrap_x, wrap_y = 0, 0
@@ -188,7 +188,7 @@ def neighbor_tile(tile, step_x, step_y, gas: ti.template()):
 
 @ti.func
 def gather_tile(tile, step, gas: ti.template()):
-    """One of the tiles that a tile gathers from, as `neighbor_tile` tells it, and how many rows up it is.
+    """One of the tiles that a tile gathers from, with the results of `neighbor_tile`, and how many rows up it is.
 
     The nine around it, or all where one region is the whole box.
     """
@@ -205,7 +205,7 @@ def gather_tile(tile, step, gas: ti.template()):
 
 @ti.func
 def position_in_tile(s, step_y, shift_x, shift_y, region: ti.template(), gas: ti.template()):
-    """Place of a listed disk from the corner of the tile that gathers, boxes that it went round, its row of tiles."""
+    """Position of a listed disk from the corner of the tile that gathers, boxes that it crossed, its row of tiles."""
     disk = gas.disk[s]
     x, y = disk.x + shift_x, disk.y + shift_y
     lap_x, lap_y, row = 0, 0, 0
@@ -237,7 +237,7 @@ def team_of(uses: Uses) -> int:
 
 @ti.func
 def begin(tile, gas: ti.template()):
-    """Set the halo of a tile, and all that is counted in a window to nothing; of all, where one is the whole box."""
+    """Set the halo of a tile, and its sums over a window to 0; those of all tiles where one is the whole box."""
     part = 1 - gas.grid.part
     last = tile
     if gas.grid.single_tile == 1:
@@ -256,7 +256,7 @@ def begin(tile, gas: ti.template()):
 
 @ti.func
 def gather(tile, thread, region: ti.template(), gas: ti.template()):
-    """Note slots, cells and neighbouring tiles of the disks in a tile and its halo, and count them, by cell too."""
+    """List slots, cells and neighbouring tiles of the disks in a tile and its halo, and count them, also by cell."""
     team = ti.static(team_of(gas.uses))
     part = gas.grid.part
     room = gas.grid.lane_slots
@@ -344,7 +344,7 @@ def order(tile, thread, region: ti.template(), gas: ti.template()):
 
 @ti.func
 def load(m, tile, region: ti.template(), gas: ti.template()):
-    """Lay out the disk that was chosen as number m in the lane's places, which are sorted by cell."""
+    """Load candidate m into the lane's slots, which are sorted by cell."""
     part = gas.grid.part
     offset = region.lane * gas.grid.lane_slots
     chosen = gas.candidates[offset + m]
@@ -404,7 +404,7 @@ def load(m, tile, region: ti.template(), gas: ti.template()):
 
 @ti.func
 def link_cells(i, n, region: ti.template(), gas: ti.template()):
-    """Link the disk in slot i, of n that are laid out, with the next one in its cell, or its cell with it."""
+    """Link the disk in slot i, of n that are loaded, with the next one in its cell, or its cell with it."""
     offset = region.lane * gas.grid.lane_slots
     cell = gas.event_info[i].cell
     following = -1
@@ -421,7 +421,7 @@ def link_cells(i, n, region: ti.template(), gas: ti.template()):
 
 @ti.func
 def link_cells_of_layers(n, region: ti.template(), gas: ti.template()):
-    """The same for all disks, where there are two layers of cells."""
+    """Link all of n disks with the next one in their cells, where there are two layers of cells."""
     for c in range(cells_of(region, gas)):
         gas.head[region.cells + c] = -1
     offset = region.lane * gas.grid.lane_slots
@@ -438,7 +438,7 @@ def link_cells_of_layers(n, region: ti.template(), gas: ti.template()):
 
 @ti.func
 def inside(x, y, tile, gas: ti.template()):
-    """Distance of a place from the sides of its tile; negative outside. Ends of the box that are open are no sides."""
+    """Distance of a position from the sides of its tile; negative outside. Open ends of the box are no sides."""
     tx = tile // gas.grid.tiles_y
     ty = tile - tx * gas.grid.tiles_y
     width, height = sides_of(tile, gas)
@@ -454,9 +454,9 @@ def inside(x, y, tile, gas: ti.template()):
 
 @ti.func
 def last_hit(i, gas: ti.template()):
-    """Slot of the own disk in slot i, counted from that of the first of its tile, its place, and boxes travelled.
+    """Slot, position and boxes travelled of the own disk in lane slot i at its latest collision.
 
-    Of its latest collision, from the corner of the tile that will list it.
+    The slot is counted from the tile's first, the position is from the corner of the tile that will list it.
     """
     image = gas.image_info[i]
     x, y = gas.motion[i].x, gas.motion[i].y
@@ -474,7 +474,7 @@ def last_hit(i, gas: ti.template()):
 
 @ti.func
 def store(i, row, x, y, vx, vy, lap_x, lap_y, gas: ti.template()):
-    """Write the disk in slot i into a row of the state, with this place and velocity."""
+    """Write the disk in slot i into a row of the state, with this position and velocity."""
     info, disk_row, meta_row = gas.event_info[i], gas.disk[row], gas.meta[row]
     s = gas.grid.part * gas.grid.room + gas.image_info[i].slot
     disk_row.x, disk_row.y = x, y
@@ -511,7 +511,7 @@ def store(i, row, x, y, vx, vy, lap_x, lap_y, gas: ti.template()):
 
 @ti.func
 def fly(row, dt, time, fall_x, fall_y, gas: ti.template()):
-    """Fly the disk in a row of the state for dt to a time since the window's beginning; places are on the grid."""
+    """Fly the disk in a row of the state for dt to a time since the window's beginning; positions are on the grid."""
     disk_row = gas.disk[row]
     vx, vy = disk_row.vx, disk_row.vy
     disk_row.x = disk_row.x + on_grid(vx * dt + 0.5 * fall_x * time, gas)
@@ -632,7 +632,7 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
 
 @ti.func
 def displacement_bound(slot, gas: ti.template()):
-    """Bound on how far the disk at a slot came in the window [length]."""
+    """Bound on the displacement of the disk at a slot in the window [length]."""
     return ti.cast(gas.displacement[slot], float) * gas.scale.widest
 
 
@@ -640,8 +640,8 @@ def displacement_bound(slot, gas: ti.template()):
 def may_touch(g, tile, gas: ti.template()):
     """1 if the disk of a ghost record, or its copy, may have touched an own disk of the tile that made it, else 0.
 
-    All that either passed lies in a circle around its first place. All that an own disk passed lies in one around its
-    last place, with its way as the radius.
+    The path of either lies in a circle around its first position, that of an own disk in one around its last position,
+    with its displacement as the radius.
     """
     position = gas.ghost_position[g]
     x, y = position.x, position.y
@@ -668,7 +668,7 @@ def may_touch(g, tile, gas: ti.template()):
 
 @ti.func
 def is_too_narrow(tile, gas: ti.template()):
-    """1 if the halo of a tile may not have had all that came into touch with its own disks (1 above), else 0."""
+    """1 if the halo of a tile may lack disks that touched its own disks (1 above), else 0."""
     max_displacement = 0.0 * gas.scale.window
     for step_x in range(-1, 2):
         for step_y in range(-1, 2):

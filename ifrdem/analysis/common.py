@@ -151,6 +151,15 @@ def neighbours(
     return i[near], j[near], vector[near]
 
 
+def cells_of(position: Array, box: Box, side: int) -> NDArray[np.intp]:
+    """Cell of the box, or of what the disks span in an open one, of each disk; so many along a side."""
+    low, lengths = np.zeros(2), np.array(box.lengths)
+    if box.is_open:
+        low, lengths = position.min(axis=0), np.ptp(position, axis=0)
+    place = np.clip((side * (position - low) / lengths).astype(np.intp), 0, side - 1)
+    return place[:, 0] * side + place[:, 1]
+
+
 Series = Annotated[ArrayLike, Numbers(("n",), least=1)]
 
 

@@ -105,7 +105,7 @@ class Drift(NamedTuple):
 
     def __bool__(self) -> bool:
         """True if it is more than rounding."""
-        return self.share > LEAST_DRIFT
+        return self.share > VISIBLE_DRIFT
 
     def notes(self, trajectory: Trajectory, what: str) -> list[str]:
         """A note on it that says `what` it means; none without a drift."""
@@ -115,7 +115,7 @@ class Drift(NamedTuple):
         return [f"the whole gas drifts at {where}, {100.0 * self.share:.4g} % of its kinetic energy; {what}"]
 
 
-LEAST_DRIFT = 1e-9
+VISIBLE_DRIFT = 1e-9
 """Part of the kinetic energy below which a drift changes no digit that an analysis prints."""
 KEPT = 1e-6
 """Largest change of a conserved momentum, in parts of sum m |v|: the rounding of single precision."""

@@ -21,10 +21,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..model.box import Box
 from ..tools.checked import Array
+from .common import cells_of
 from .result import NOT_STEADY
 
 LEVEL = 0.0027
@@ -56,11 +56,10 @@ def doubts(changes: Sequence[Change]) -> list[str]:
     """Quantities of an analysis that change by more than chance does; none or one line."""
     from scipy.stats import t as student
 
-    known = [one for one in changes if np.isfinite(one.t)]
     said = [
         f"{one.what} goes from {one.early:.3g} to {one.late:.3g} ({abs(one.t):.1f} standard errors)"
-        for one in known
-        if abs(one.t) > student.isf(0.5 * LEVEL / len(known), one.degrees)
+        for one in changes
+        if np.isfinite(one.t) and abs(one.t) > student.isf(0.5 * LEVEL / len(changes), one.degrees)
     ]
     if not said:
         return []
@@ -87,24 +86,17 @@ def between_cells(what: str, values: Sequence[Array], positions: Sequence[Array]
     sums, counts = np.zeros((2, side**2)), np.zeros((2, side**2))
     for half, frames in enumerate(halves(range(len(values)))):
         for i in frames:
-            where = _cells(positions[i], box, side)
+            where = cells_of(positions[i], box, side)
             sums[half] += np.bincount(where, values[i], minlength=side**2)
             counts[half] += np.bincount(where, minlength=side**2)
     total = counts.sum(axis=1)
     mean = sums.sum(axis=1) / total
     # What cells add to the ratio of the sums, to first order: more disks in a cell are no change by themselves.
     parts = (sums - mean[:, None] * counts) / total[:, None]
-    error = float(np.std(parts[1] - parts[0], ddof=1) * side)
-    return _change(what, float(mean[0]), float(mean[1]), error, side**2 - 1)
-
-
-def _cells(position: Array, box: Box, side: int) -> NDArray[np.intp]:
-    """Cell of the box, or of what the disks span in an open one, of each disk; so many along a side."""
-    low, lengths = np.zeros(2), np.array(box.lengths)
-    if box.is_open:
-        low, lengths = position.min(axis=0), np.ptp(position, axis=0)
-    place = np.clip((side * (position - low) / lengths).astype(np.intp), 0, side - 1)
-    return place[:, 0] * side + place[:, 1]
+    parts = parts[:, counts.any(axis=0)]  # cells above a heap tell nothing of its scatter
+    cells = parts.shape[1]
+    error = float(np.std(parts[1] - parts[0], ddof=1) * np.sqrt(cells)) if cells > 1 else 0.0
+    return _change(what, float(mean[0]), float(mean[1]), error, cells - 1)
 
 
 def between_modes(what: str, intensities: Sequence[Array]) -> Change:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ from ..tools.checked import (
 )
 from ..tools.pictured import PicturedResult
 from ..tools.reprs import Brief
-from .common import BoxLike, Positions, Times, freud_frame, load, neighbours
+from .common import BoxLike, Positions, Times, cells_of, freud_frame, load, neighbours
 
 CONTACT_RANGE = 0.25  # of the diameter, in which the contact value is fitted
 CONTACT_BINS = 25
@@ -31,6 +32,8 @@ MOST_MODES = 1024
 """Modes along an axis that one transform computes; beyond, only every p-th k that the box allows is taken."""
 LEAST_MODES = 32
 """Modes by whose scatter the error of S(k) is found: rings that hold fewer take those of the next rings too."""
+CELLS, DISKS_OF_CELL = (5, 10), 40
+"""Cells along a side of the box by whose scatter the error of g(r) is found, and disks in each between."""
 Bins = Annotated[int, Integer(1, 1_000_000)]
 
 
@@ -42,8 +45,8 @@ class PairCorrelation(Brief, PicturedResult):
     g: Array
     g_error: Array
     pairs: Array
-    """r, g, g_error, pairs: middles of the bins [length]; g(r), and its standard error by the number of pairs, which
-    count as independent; pairs counted, each once, over all frames; shape (bins,)."""
+    """r, g, g_error, pairs: middles of the bins [length]; g(r), and its standard error, see `pair_correlation`; pairs
+    counted, each once, over all frames; shape (bins,)."""
     frames: int
 
 
@@ -58,8 +61,9 @@ class ContactValue:
 
     g: float
     error: float
-    """g, error: the value and its standard error: counting of pairs, and the fit; not what the fit's form may be off
-    by, which is below 1 % up to packing fraction 0.6 (a quarter of a diameter, where ln g is nearly a parabola)."""
+    """g, error: the value and its standard error: of the pairs as in `pair_correlation`, and of the fit; not what the
+    fit's form may be off by, which is below 1 % up to packing fraction 0.6 (a quarter of a diameter, where ln g is
+    nearly a parabola)."""
     chi_square: float
     degrees: int
     """chi_square, degrees: of the fit: far more than its degrees of freedom means that the form does not fit."""
@@ -71,6 +75,10 @@ def pair_correlation(
     time: Times = 0.0,
 ) -> PairCorrelation:  # fmt: skip
     """g(r) of one or several frames, by freud.
+
+    The standard error is the larger of two: that of counting pairs which are independent, and that of the scatter over
+    25 to 100 cells of the box, each summed over the frames, which holds for frames that show nearly the same gas too;
+    beyond a cell's side it may be 1.4 times too large.
 
     InputError if the box is open, r_max is too long, there are fewer than 2 disks, or freud is missing.
 
@@ -101,8 +109,31 @@ def pair_correlation(
         )
     if not 0.0 <= r_min < r_max:
         raise InputError(f"r_min = {r_min:g}, r_max = {r_max:g}: 0 <= r_min < r_max is needed")
+    counted = _count_pairs(position, box, r_min, r_max, bins, time)
+    edges, count, ideal = counted.edges, counted.count, counted.ideal
+    error = np.maximum(counted.independent, counted.scatter)
+    g = count / ideal
+    return PairCorrelation(0.5 * (edges[1:] + edges[:-1]), g, error, 0.5 * count, counted.frames)
+
+
+class _Counted(NamedTuple):
+    """Pairs of a g(r): counted from both ends, expected in an ideal gas, and standard errors of their ratio."""
+
+    edges: Array  # (bins + 1,) [length]
+    count: Array
+    ideal: Array
+    independent: Array
+    scatter: Array
+    frames: int
+
+
+def _count_pairs(
+    position: Iterable[Array], box: Box, r_min: float, r_max: float, bins: int, time: Iterable[float]
+) -> _Counted:
+    """Pairs in rings around the centres of frames, cell by cell of the box."""
     freud = load("freud", "g(r)")
-    count, ideal, frames = np.zeros(bins), np.zeros(bins), 0
+    ideal, frames, side = np.zeros(bins), 0, 0
+    by_cell, centres = np.zeros((0, bins)), np.zeros(0)
     edges = np.linspace(r_min, r_max, bins + 1)
     rings = np.pi * np.diff(edges**2)
     for points, when in zip(position, time, strict=False):
@@ -113,23 +144,40 @@ def pair_correlation(
         for axis in (0, 1):
             if not box.periodic[axis]:
                 inside &= (points[:, axis] > r_max) & (points[:, axis] < box.lengths[axis] - r_max)
-        rdf = freud.density.RDF(bins, r_max, r_min=r_min)
-        pairs = {"exclude_ii": True} if np.all(inside) else {}
-        query = frame.points if np.all(inside) else frame.points[inside]
-        rdf.compute((frame.box, frame.points), query_points=query, neighbors={"r_max": r_max, **pairs})
-        counted = np.asarray(rdf.bin_counts, dtype=float)
-        if not pairs and r_min == 0.0:
-            counted[0] -= np.count_nonzero(inside)  # each found itself
-        count += counted
+        if frames == 0:
+            side = int(np.clip(np.sqrt(len(points) / DISKS_OF_CELL), *CELLS))
+            by_cell, centres = np.zeros((side**2, bins)), np.zeros(side**2)
+        query = freud.locality.AABBQuery(frame.box, frame.points)
+        where = np.where(inside, cells_of(box.wrap(points, when), box, side), -1)
+        for cell in np.unique(where[inside]):
+            own = frame.points[where == cell]
+            rdf = freud.density.RDF(bins, r_max, r_min=r_min)
+            rdf.compute(query, query_points=own, neighbors={"r_max": r_max})
+            counts = np.asarray(rdf.bin_counts, dtype=float)
+            if r_min == 0.0:
+                counts[0] -= len(own)  # each found itself
+            by_cell[cell] += counts
+            centres[cell] += len(own)
         ideal += np.count_nonzero(inside) * (len(points) - 1) / box.area * rings
         frames += 1
     if frames == 0:
         raise InputError("position has no frames: must have one or more")
     if not np.any(ideal):
         raise InputError(f"no centre is farther than r_max = {r_max:g} from the walls: choose a shorter one")
+    count = by_cell.sum(axis=0)
     # Each pair of a periodic gas is counted from both ends: its count says only half as much as it shows.
-    error = np.sqrt(2.0 * np.maximum(count, 1.0)) / ideal
-    return PairCorrelation(0.5 * (edges[1:] + edges[:-1]), count / ideal, error, 0.5 * count, frames)
+    independent = np.sqrt(2.0 * np.maximum(count, 1.0)) / ideal
+    r = 0.5 * (edges[1:] + edges[:-1])
+    a, b = np.array(box.lengths) / side
+    same = np.maximum(1.0 - 2.0 * r / np.pi * (1.0 / a + 1.0 / b) + r**2 / (np.pi * a * b), 0.0)
+    # What cells add to the sum besides their numbers of centres, which all together do not change. Pairs within a cell
+    # go with the square of that number, pairs across two cells with the number in each.
+    there = centres > 0.0
+    parts = by_cell[there] - np.outer(centres[there] / centres.sum(), (1.0 + same) * count)
+    cells = len(parts)
+    scatter = np.std(parts, axis=0, ddof=1) * np.sqrt(cells) if cells > 1 else np.zeros(bins)
+    # A pair across two cells is counted once in each, and their covariance is missing: a half of its variance.
+    return _Counted(edges, count, ideal, independent, scatter / np.sqrt(0.5 + 0.5 * same) / ideal, frames)
 
 
 @validated
@@ -162,16 +210,22 @@ def contact_value(
         )
     sigma = 2.0 * float(radii[0])
     reach = (1.0 + CONTACT_RANGE) * sigma
-    found = pair_correlation(position, box, r_min=sigma, r_max=reach, bins=CONTACT_BINS, time=time)
-    used = found.pairs >= 5.0
+    if box.is_open:
+        raise InputError("box = Box.open(): must have sides, g(r) needs a density")
+    counted = _count_pairs(position, box, sigma, reach, CONTACT_BINS, time)
+    pairs = 0.5 * counted.count
+    used = pairs >= 5.0
     if np.count_nonzero(used) < 8:
         raise InputError(
-            f"{found.pairs.sum():.0f} pairs between 1 and {1.0 + CONTACT_RANGE} diameters are too few to "
+            f"{pairs.sum():.0f} pairs between 1 and {1.0 + CONTACT_RANGE} diameters are too few to "
             "extrapolate g to contact: more disks or frames are needed"
         )
-    x, y = found.r[used] / sigma - 1.0, np.log(found.g[used])
+    r = 0.5 * (counted.edges[1:] + counted.edges[:-1])
+    x, y = r[used] / sigma - 1.0, np.log(counted.count[used] / counted.ideal[used])
+    # Frames that show nearly the same gas count as fewer.
+    excess = float(np.mean((counted.scatter[used] / counted.independent[used]) ** 2))
     # Weighted by 1 / error of ln g. Middles of bins stand for their means: off by (width^2 / 24) g'' / g, 1e-4 here.
-    weight = np.sqrt(found.pairs[used])
+    weight = np.sqrt(pairs[used] / max(excess, 1.0))
     fit, covariance = np.polyfit(x, y, 2, w=weight, cov="unscaled")
     chi_square = float(np.sum(((y - np.polyval(fit, x)) * weight) ** 2))
     g = float(np.exp(fit[2]))

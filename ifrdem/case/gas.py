@@ -43,7 +43,7 @@ TRIED = {"random": 10_000, GROWN: 2_000}
 """Numbers of disks that are placed in about a second, by `start.positions`; others are faster than random."""
 
 
-LEAST_DRIFT = 1e-3
+REPORTED_DRIFT = 1e-3
 """Part of the kinetic energy of the disks' motion above which a drift of the whole gas is reported."""
 
 
@@ -249,8 +249,8 @@ class CaseGas:
         return texts
 
     def _drifting(self) -> list[str]:
-        """Text about a drift that has more than `LEAST_DRIFT` of the energy of the disks' motion."""
-        if not self.drift_share > LEAST_DRIFT:
+        """Text about a drift that has more than `REPORTED_DRIFT` of the energy of the disks' motion."""
+        if not self.drift_share > REPORTED_DRIFT:
             return []
         case = self.case
         per = f"{case.unit('length')}/{case.unit('time').strip()}" if case.unit("length") else ""
@@ -441,7 +441,9 @@ class CaseGas:
         own = comm.slice_of(self.n)
         disks = self.rows(own) if len(spin) == len(own) else self.kinds
         speed = comm.largest(checks.fastest(disks, velocity, spin))
-        hottest = max((wall.temperature or 0.0 for wall in self.walls), default=0.0)
+        thermostats = ("temperature", "spin_temperature", "energy")
+        set_to = [getattr(each, key, None) or 0.0 for each in case.force for key in thermostats]
+        hottest = max([checks.hottest(self.walls, ()), *set_to])
         checks.check_magnitudes(self.kinds, self.box, speed + flow, case.run.precision, hottest)
         if case.run.resting_speed is not None:
             checks.check_resting(

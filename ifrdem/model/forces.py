@@ -134,6 +134,11 @@ class Force:
         """The parameters by name."""
         return self._values.copy()
 
+    @property
+    def hottest(self) -> float:
+        """Largest temperature that a thermostat sets [energy]; 0 for other forces."""
+        return 0.0
+
     def check(self, disks: Disks) -> None:
         """Raise InputError if the force cannot act on these disks."""
 
@@ -285,6 +290,11 @@ class Langevin(Force):
         values = (temperature, rate, of_spins, spin_rate)
         given = zip(self.parameters, values, strict=True)
         super().__init__(step, **{name: number(name, value) for name, value in given})
+
+    @property
+    def hottest(self) -> float:
+        """The larger of its temperatures [energy]."""
+        return max(self._values["temperature"], self._values["spin_temperature"])
 
     @property
     def keeps_momentum(self) -> bool:
@@ -452,6 +462,11 @@ class Rescale(Force):
         name, value = ("temperature", temperature) if energy is None else ("energy", energy)
         wanted = number(name, value, positive=True)
         super().__init__(step, target=wanted, with_spins=0.0 if energy is None else 1.0)
+
+    @property
+    def hottest(self) -> float:
+        """Its temperature, or mean energy of a disk [energy]."""
+        return self._values["target"]
 
     # In double precision whatever the run computes in: the energy of a drift is subtracted.
     @staticmethod

@@ -399,6 +399,10 @@ def slice_of(n: int, comm: Any = None) -> range:
     >>> ifrdem.slice_of(10)
     range(0, 10)
     """
-    if isinstance(n, bool) or not hasattr(n, "__index__") or not 0 <= operator.index(n) < 2**63:
+    try:
+        number = -1 if isinstance(n, bool) else operator.index(n)
+    except TypeError:
+        number = -1
+    if not 0 <= number < 2**63:
         raise InputError(f"n = {n!r}: must be an integer from 0 to {2**63 - 1}")
-    return (current() if comm is None else Communicator.of(comm)).slice_of(operator.index(n))
+    return (current() if comm is None else Communicator.of(comm)).slice_of(number)

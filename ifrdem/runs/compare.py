@@ -143,7 +143,7 @@ class Comparison:
         distribution of d^2 is P = 1 - (1 + d^2 / nu)^(-(nu - 1) / 2), that of F = d^2 (nu - 1) / (2 nu) with 2 and
         nu - 1 degrees of freedom, which is 1 - exp(-d^2 / 2) for many runs.
         """
-        from scipy.stats import f
+        from scipy.special import fdtr
 
         away, runs, measurement = self._away()
         squared = self.deviation**2
@@ -152,7 +152,7 @@ class Comparison:
         weight = _solved((runs + measurement)[good], away[good])
         part[good] = np.einsum("ma,mab,mb->m", weight, runs[good], weight) / squared[good]
         nu = max(len(self.members) - 1, 1) / np.maximum(part**2, 1e-12)
-        return np.asarray(f.cdf(squared * (nu - 1.0) / (2.0 * nu), 2.0, nu - 1.0))
+        return np.asarray(fdtr(2.0, nu - 1.0, squared * (nu - 1.0) / (2.0 * nu)))
 
     @property
     def _no_unit(self) -> str:
@@ -171,20 +171,17 @@ class Comparison:
         heads += ["turned", "turned run"] if turned.any() else []
         lines.append("".join(f"{head:>12}" for head in heads))
         distance, probability = self.distance, self.probability
-        numbers = np.column_stack([m.position, self.position, distance])
-        columns = [
-            [str(one) for one in m.id],
-            ["end" if math.isinf(t) else f"{t:.4g}" for t in m.time.tolist()],
-        ]
-        columns += [[f"{value:.4g}" for value in column] for column in numbers.T.tolist()]
-        columns += (
-            [[f"{value:.3g}" for value in column] for column in self.spread.T.tolist()] if drawn else []
-        )
-        columns += [[f"{value:.2f}" if math.isfinite(value) else "-" for value in self.deviation.tolist()]]
+        numbers = np.column_stack([m.position, self.position, distance]).T.tolist()
+        spread = self.spread.T.tolist() if drawn else []
+        times = ["end" if math.isinf(t) else f"{t:.4g}" for t in m.time.tolist()]
+        deviation = [f"{value:.2f}" if math.isfinite(value) else "-" for value in self.deviation.tolist()]
+        columns = [m.id.tolist(), times, *numbers, *spread, deviation]
         for angle in (m.angle, self.angle) if turned.any() else ():
             degrees = zip(np.degrees(angle).tolist(), turned.tolist(), strict=True)
             columns += [[f"{value:.1f}" if there else "-" for value, there in degrees]]
-        lines += ["".join(f"{cell:>12}" for cell in row) for row in zip(*columns, strict=True)]
+        texts = len(columns) - 2 - len(numbers) - len(spread)
+        row = "%12d%12s" + len(numbers) * "%12.4g" + len(spread) * "%12.3g" + texts * "%12s"
+        lines += [row % cells for cells in zip(*columns, strict=True)]
         rms = math.sqrt(float(np.mean(distance**2)))
         radii = rms / float(np.mean(self.radius))
         lines.append(f"root mean square distance {rms:.4g}{unit}, {radii:.3g} radii")
@@ -203,8 +200,13 @@ class Comparison:
             "spread_y": self.spread[:, 1], "deviation": self.deviation, "probability": self.probability,
             "angle": np.degrees(m.angle), "angle_run": np.degrees(self.angle),
         }  # fmt: skip
-        rows = zip(*(column.tolist() for column in columns.values()), strict=True)
-        lines = (",".join(f"{value:.9g}" if math.isfinite(value) else "" for value in row) for row in rows)
+        known = {name: np.isfinite(column) for name, column in columns.items()}
+        row = ",".join("%.9g" if known[name].all() else "%s" for name in columns)
+        cells = [
+            column.tolist() if known[name].all() else _texts(column, known[name])
+            for name, column in columns.items()
+        ]
+        lines = (row % each for each in zip(*cells, strict=True))
         return "\n".join((",".join(columns), *lines)) + "\n"
 
     def draw(self, paths: Sequence[Path]) -> None:
@@ -253,6 +255,13 @@ class Comparison:
             axes.plot([], [], "--", color=blue, label=label)
         figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize="small")
         save(figure, paths)
+
+
+def _texts(column: Array, known: NDArray[np.bool_]) -> list[str]:
+    """Cells of a column (m,), empty where no value is known."""
+    texts = np.full(len(column), "", dtype=object)
+    texts[known] = [f"{value:.9g}" for value in column[known].tolist()]
+    return list(texts)
 
 
 def _solved(matrix: Array, vector: Array) -> Array:

@@ -11,7 +11,7 @@ from ..case.case import Case
 from ..errors import InputError
 from ..tools.files import CHECKPOINT, VIEWS, check_files, checkpoint_of
 from ..trajectory import parts
-from ..trajectory.file import views_of
+from ..trajectory.file import check_views, views_of
 
 
 @dataclass(frozen=True)
@@ -59,6 +59,7 @@ class Outputs:
         """
         views = [view for view in views_of(self.trajectory) if view not in self.views]  # of one that was here
         check_files([*self._paths, *views], force=force)
+        check_views(self.views)
         parts.check_unused(self.trajectory)
         if (there := parts.existing(self.trajectory)) and not force:
             raise InputError(

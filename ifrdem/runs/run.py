@@ -20,7 +20,7 @@ from ..case import summary as check
 from ..case.case import IMPACT_SCAN, UNITS, Case
 from ..case.estimate import RunEstimate
 from ..case.file import CaseFile
-from ..case.gas import LEAST_DRIFT, CaseGas
+from ..case.gas import REPORTED_DRIFT, CaseGas
 from ..case.pair_rules import COEFFICIENTS
 from ..errors import EngineError, InputError, Stopped, TrajectoryError, counted, refuse
 from ..model.observables import MECHANISMS, TANGENTIAL, Measure, drift_text
@@ -507,7 +507,7 @@ def _balance(running: Run, last: Measure) -> Iterator[str]:
     if temperatures:
         yield ", ".join(temperatures)
     mass = sum(each.number * each.summary.mass.mean for each in gas.species)
-    if gas.n > 1 and not gas.box.is_open and last.drift_energy > LEAST_DRIFT * last.translational_energy:
+    if gas.n > 1 and not gas.box.is_open and last.drift_energy > REPORTED_DRIFT * last.translational_energy:
         where = drift_text(last.momentum / mass * gas.free)
         share = 100.0 * last.drift_energy / last.translational_energy
         yield (

@@ -39,12 +39,19 @@ def fastest(disks: Disks, velocity: NDArray[np.float64], spin: NDArray[np.float6
     return float(max(np.abs(velocity).max(initial=0.0), (np.abs(spin) * disks.radius).max(initial=0.0)))
 
 
+def hottest(walls: Iterable[Wall], forces: Iterable[Force]) -> float:
+    """The largest temperature of walls and thermostats [energy]; 0 without them."""
+    of_walls = (wall.temperature or 0.0 for wall in walls)
+    of_forces = (getattr(force, "hottest", 0.0) for force in forces)
+    return max([0.0, *of_walls, *of_forces])
+
+
 @np.errstate(over="ignore", under="ignore")
 def check_magnitudes(disks: Disks, box: Box, speed: float, precision: str, hottest: float = 0.0) -> None:
     """Refuse units in which numbers that the kernels form would leave the range of their type, silently.
 
     Squares of discriminants and inverse inertias go furthest; times must stay below FAR (`kernels/layout.py`). The
-    disks are as fast as `speed` (`fastest`); walls may be as hot as `hottest` [energy].
+    disks are as fast as `speed` (`fastest`); walls and thermostats may be as hot as `hottest` [energy].
     """
     low, high = (1e-30, 1e30) if precision == "f32" else (1e-280, 1e280)
     finite = np.isfinite(disks.mass)
@@ -230,7 +237,6 @@ def check(
         value = getattr(options, name)
         if not (math.isfinite(value) and value >= 0.0):
             raise InputError(f"{name} = {value}: a finite number not below 0 is needed")
-    hottest = max((wall.temperature or 0.0 for wall in walls), default=0.0)
     thermal = sum(wall.temperature is not None for wall in walls)
     if n * thermal > ADDRESSABLE:  # each disk's heat from each
         raise InputError(
@@ -239,7 +245,7 @@ def check(
         )
     if box.shear_rate:
         _check_sheared(disks, box, walls)
-    check_magnitudes(disks, box, speed, options.precision, hottest)
+    check_magnitudes(disks, box, speed, options.precision, hottest(walls, forces))
     check_resolved(disks.n, float(disks.radius.min(initial=math.inf)), box, options.precision)
     check_between_collisions(disks, box, options.gravity, forces)
 

@@ -546,6 +546,8 @@ class Engine:
         def checked() -> ForceSteps:
             steps = ForceSteps(forces, self.arrays, self.disks, self.options.seed, self.time)
             checks.check_between_collisions(self.disks, self.box, self.gravity, steps.forces)
+            hottest = checks.hottest(self.walls, steps.forces)
+            checks.check_magnitudes(self.disks_here, self.box, 0.0, self.precision, hottest)
             self._check_resting(self.gravity, steps.forces, self._law)
             return steps
 
@@ -610,7 +612,7 @@ class Engine:
 
         InputError if an immovable disk would move, or they are too large or small to compute with.
         """
-        hottest = max((wall.temperature or 0.0 for wall in self.walls), default=0.0)
+        hottest = checks.hottest(self.walls, self.force_steps.forces)
         speed = self.comm.largest(checks.fastest(self.disks_here, state.velocity, state.spin))
 
         def judge() -> None:
@@ -738,8 +740,8 @@ class Engine:
             raise InelasticCollapse(f"{error}. {self._advice(at_wall=False)}") from None
         if windows.rests and not windows.inside:
             raise InelasticCollapse(
-                f"t = {windows.begin:.9g}: a disk came to rest on a wall (inelastic collapse); there is no next "
-                f"collision. {self._advice(at_wall=True)}"
+                f"t = {windows.begin:.9g} to {windows.end:.9g}: a disk came to rest on a wall (inelastic collapse); "
+                f"there is no next collision. {self._advice(at_wall=True)}"
             )
         if watching:
             self._take_watched(watching, was)

@@ -579,8 +579,8 @@ class Windows:
                 raise _unbounded(float(a.clock.begin))
             if a.counter.stalled:
                 raise InelasticCollapse(
-                    f"t = {float(a.clock.begin):.9g}: collisions pile up without end in a window (inelastic "
-                    "collapse)"
+                    f"t = {float(a.clock.begin):.9g} to {float(a.clock.end):.9g}: collisions pile up without end in a "
+                    "window (inelastic collapse)"
                 )
             self._bad = int(a.counter.n_bad)
             if not full:

@@ -6,12 +6,12 @@ import contextlib
 import errno
 import os
 import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import h5py
 
-from ..errors import InputError, TrajectoryError
+from ..errors import InputError, TrajectoryError, refuse
 from ..tools import files
 
 _SUPERBLOCK = b"\x89HDF\r\n\x1a\n"
@@ -384,6 +384,17 @@ def views_of(trajectory: str | os.PathLike[str]) -> list[Path]:
     place = Path(trajectory)
     name = place.name.removesuffix(".h5")
     return [one for each in files.VIEWS if _is_view(one := place.with_name(name + each))]
+
+
+def check_views(places: Iterable[Path]) -> None:
+    """Refuse to write views where other files stand, such as the results of a study: InputError names them."""
+    refuse(
+        [
+            f"output {place}: is no view of a trajectory, and is not replaced: move it, or write elsewhere"
+            for place in places
+            if place.is_file() and not _is_view(place)
+        ]
+    )
 
 
 def _is_view(path: Path) -> bool:

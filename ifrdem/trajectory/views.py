@@ -30,6 +30,7 @@ from ..mpi import distribution
 from ..tools import files
 from ..tools.files import NO_VALUES, VIEWS, check_apart, check_files
 from . import layout as layouts
+from .file import check_views
 from .parts import SEE, as_source, nothing
 from .reader import Trajectory, check_file
 
@@ -57,13 +58,15 @@ def write_views(path: str | os.PathLike[str]) -> tuple[Path, Path]:
     """Write the views of a trajectory beside it, replacing those that are there; returns their paths.
 
     Raises InputError if the trajectory cannot be read, or has nothing to show (no frames, no disks, no positions), or a
-    view cannot be written: where a folder, a device or the trajectory itself is. Each view appears whole or not at all.
+    view cannot be written: where a folder, a device, the trajectory itself or a file that is no view is. Each view
+    appears whole or not at all.
     """
     check_file(Path(path))
     made = paths(path)
     for place in made:
         check_apart(place, Path(path))
     check_files(made, force=True, elsewhere="views stand beside the trajectory")
+    check_views(made)
     with Trajectory(path) as trajectory:
         n, positions = trajectory.n, "position" in trajectory.fields
         needs = {"frames": len(trajectory), "disks": n, "positions": positions}

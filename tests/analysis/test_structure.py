@@ -205,6 +205,33 @@ def test_errors_of_long_waves_do_not_fall_with_frames_that_show_the_same_gas(
     assert error_again == pytest.approx(error, rel=1e-12)
 
 
+@pytest.mark.parametrize("repeated", [1, 8])
+def test_errors_of_pairs_do_not_fall_with_frames_that_show_the_same_gas(repeated: int) -> None:
+    """Eight copies of an ideal gas are one: the deviations of 30 of them from g = 1 are as large as the errors say.
+
+    By 25 cells the mean square is 24 / 22, less where the larger of two errors is taken; taken as independent, copies
+    would have 8. The mean over 570 deviates is known to 6 %.
+    """
+    squares = []
+    for seed in range(30):
+        points = np.repeat(ideal_gas(seed, 1000, count=1), repeated, axis=0)
+        found = analysis.pair_correlation(points, UNIT, r_max=2.0, bins=20)
+        squares.append(((found.g - 1.0) / found.g_error)[1:] ** 2)
+    assert 0.7 < np.mean(squares) < 1.3
+
+
+def test_error_of_a_contact_value_does_not_fall_with_frames_that_show_the_same_gas(
+    fluid: tuple[np.ndarray, Box],
+) -> None:
+    position, box = fluid
+    once = analysis.contact_value(position[:1], box, radius=0.5)
+    copies = analysis.contact_value(np.repeat(position[:1], 9, axis=0), box, radius=0.5)
+    assert copies.g == pytest.approx(once.g, rel=1e-12)
+    assert copies.error == pytest.approx(
+        once.error, rel=0.3
+    )  # 1/3 if copies were independent; 14 % of 25 cells
+
+
 def test_pair_correlation_of_two_disks_is_that_of_a_single_pair() -> None:
     """An ideal pair is in a ring with the probability ring / area, so that one pair there has g = area / ring.
 

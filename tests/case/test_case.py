@@ -873,6 +873,10 @@ def test_a_collapse_that_is_no_text_is_refused(tmp_path):
         (["species[0].speed_rms=1e-30"], "more than 1e27, the longest time of the engine"),
         (["species[0].speed_rms=1e-17", "run.precision=f32"], "what f32 can compute with"),
         (["species[0].speed_rms=1e-17", "run.precision=f32", "start.positions=hexagonal"], "what f32 can"),
+        (
+            ["force=[{kind='rescale',step=0.1,temperature=1e39}]", "run.precision=f32"],
+            "what f32 can compute with",
+        ),
     ],
 )
 def test_a_check_refuses_the_magnitudes_that_a_run_refuses(tmp_path, overrides, reason):

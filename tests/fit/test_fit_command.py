@@ -133,7 +133,10 @@ def test_law_that_adds_energy_is_shown_but_gives_no_material(
         (["data.csv", "--M", "1", "--json", "a", "--write-material", "a"], ["output a: is asked for twice"]),
         (["data.csv", "--M", "1", "--jsn", "a"], [r"unknown option --jsn.*did you mean '--json'"]),
         (["data.cvs", "--M", "1"], [r"data.cvs: there is no such file \(did you mean 'data.csv'"]),
-        (["data.csv", "--M", "1"], [r"psi: no error", r"delta_1: no error", r"delta_2: no error"]),
+        (
+            ["data.csv", "--M", "1"],
+            [r"psi: missing from errors", r"delta_1: missing from errors", r"delta_2: missing from errors"],
+        ),
         (["data.csv", "--M", "1", "--error", "1", "--rolling", "--R-1", "1", "--R-2", "1"], ["Rw_1 or Rw_2 or e_t_apparent"]),  # noqa: E501
     ],
 )  # fmt: skip

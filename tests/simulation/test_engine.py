@@ -11,6 +11,7 @@ from ifrdem.errors import EngineError, InputError, NoMoreCollisions
 from ifrdem.initial import placement
 from ifrdem.kernels.columns import BYTES_PER_DISK
 from ifrdem.model.box import Box
+from ifrdem.model.forces import Rescale
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
 from ifrdem.simulation import device
@@ -304,6 +305,20 @@ def test_units_that_numbers_cannot_hold_are_refused(
     box = Box((10.0 * length, 10.0 * length))
     with pytest.raises(InputError, match=named.replace("^", r"\^").replace("(", r"\(").replace(")", r"\)")):
         Engine(disks, box, state, np.array([[ELASTIC]]), precision=precision)
+
+
+@pytest.mark.parametrize("name", ["temperature", "energy"])
+def test_a_thermostat_hotter_than_numbers_can_hold_is_refused(name: str) -> None:
+    """v^2 = 2 T / m of 2e39 is beyond 3.4e38, the largest number of single precision."""
+    disks = Disks(2, mass=1.0, radius=0.5)
+    state = State([[2.0, 5.0], [5.0, 5.0]], np.ones((2, 2)), np.zeros(2))
+    law = np.array([[ELASTIC]])
+    forces = [Rescale(0.1, **{name: 1e39})]
+    with pytest.raises(InputError, match=r"v.2 = .*f32 can compute with"):
+        Engine(disks, Box((10.0, 10.0)), state, law, precision="f32", forces=forces)
+    engine = Engine(disks, Box((10.0, 10.0)), state, law, precision="f32")
+    with pytest.raises(InputError, match=r"v.2 = .*f32 can compute with"):
+        engine.set_forces(forces)
 
 
 @pytest.mark.parametrize("precision", ["f32", "f64"])

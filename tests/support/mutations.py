@@ -32,7 +32,7 @@ TESTS = {
     "ifrdem/theory/*": "tests/theory",
     "ifrdem/analysis/*": "tests/analysis tests/cli/test_analysis_command.py",
     "kernels/law.py": LAW,
-    "kernels/contact.py": f"{LAW} {ENGINE}",
+    "kernels/contact.py": f"{LAW} {ENGINE} tests/simulation/test_ledger.py",
     "kernels/random.py": "tests/kernels/test_random.py",
     "kernels/table_friction.py": "tests/kernels/test_table_friction.py tests/simulation/test_table_force.py",
     "kernels/dsmc.py": "tests/simulation/test_dsmc.py",

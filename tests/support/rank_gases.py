@@ -297,7 +297,9 @@ def told(comm: Any, name: str) -> dict[str, Any]:
         counted["whole"] = engine.arrays.communication.whole
         counted["moved"] = engine.arrays.communication.moved
     own = int(np.sum(np.asarray(getattr(engine.arrays, "own", [])) >= 0))
-    differ = [each for each in differ if each != "statistics run_again"]  # depends on room for claims too
+    differ = [
+        each for each in differ if each != "statistics run_again"
+    ]  # depends on room for ghost records too
     return {"differ": differ, **counted, "tiles": engine.arrays.tiles, "own": own}
 
 

@@ -309,3 +309,19 @@ def test_quantities_with_other_columns_in_another_file_are_not_joined(tmp_path):
     joined = ifrdem.concat([tmp_path / "a.h5", tmp_path / "b.h5"])
     assert joined.temperature.values.tolist() == [[1.0, 1.0], [1.0, 1.0]]
     assert "wall_sums" not in joined
+
+
+@pytest.mark.parametrize("ending", [".nc", ".vtkhdf"])
+def test_views_replace_views_and_nothing_else(tmp_path: Path, ending: str) -> None:
+    """The results of a study are called NAME.nc too."""
+    write(tmp_path / "run.h5")
+    place = tmp_path / f"run{ending}"
+    with h5py.File(place, "w") as file:
+        file["coordinates"] = np.ones(3)
+    before = place.read_bytes()
+    with pytest.raises(InputError, match=f"output .*run{ending}: is no view of a trajectory"):
+        write_views(tmp_path / "run.h5")
+    assert place.read_bytes() == before
+    place.unlink()
+    write_views(tmp_path / "run.h5")
+    write_views(tmp_path / "run.h5")

@@ -194,7 +194,7 @@ def test_a_pair_that_no_tile_sees_is_found_by_the_width_of_halos_alone(
 ) -> None:
     """Two disks of speed 1 fly at each other for a window of 3, from tiles whose halos do not hold the other one.
 
-    Both tiles find free flights, and agree on them: no claim that counts is wrong. Tiles have sides of 12.
+    Both tiles find free flights, and agree on them: no ghost record that counts is wrong. Tiles have sides of 12.
 
     *Head on*, 3.4 on either side of x = 24: contact after (6.8 - 1) / 2 = 2.9. Around the tiles of the pair, where
     disks come by 3, a halo has to be 1 + 3 wide: in 12 tiles, which have one of these two as a neighbour.
@@ -252,7 +252,7 @@ def with_half_halos_unverified(monkeypatch: pytest.MonkeyPatch) -> None:
     unverified(monkeypatch, 0.5)
 
 
-def without_claims(monkeypatch: pytest.MonkeyPatch) -> None:
+def without_ghosts(monkeypatch: pytest.MonkeyPatch) -> None:
     from ifrdem.kernels.windows import verify
     from ifrdem.simulation.arrays import DeviceArrays
 
@@ -269,7 +269,7 @@ def without_claims(monkeypatch: pytest.MonkeyPatch) -> None:
     narrowed(monkeypatch, NARROW)
 
 
-@pytest.mark.parametrize("fault", [unverified, with_half_halos_unverified, without_claims])
+@pytest.mark.parametrize("fault", [unverified, with_half_halos_unverified, without_ghosts])
 def test_without_verification_the_bits_would_change(
     fault: Callable[[pytest.MonkeyPatch], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
