@@ -10,7 +10,7 @@
 `initial`                              positions, velocities, spins and radii to start from
 `Case`, `run`                          a case file as an object; runs one, as `ifrdem run` does
 `Simulation`, `DSMC`                   collision by collision; the kinetic equation of a homogeneous gas
-`slice_of`                             which disks a rank of MPI gives and gets, of a gas on many
+`mpi`, `slice_of`                      ranks of MPI that share a gas; which disks each gives and gets
 `observables`, `Ledger`                temperatures and energies of a state; energy by mechanism
 `TrajectoryWriter`, `Trajectory`       write and read H5MD files
 `PartsWriter`                          the same in parts, by all ranks of MPI

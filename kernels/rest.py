@@ -56,11 +56,13 @@ from .columns import FORCES, HELD, MECHANISM, TALLY
 from .flights import on_grid
 from .language import ti
 from .columns import CONTACTS_PER_DISK
-from .layout import ASLEEP, ASLEEP_UNVERIFIED, AWAKE, FAR, FIRST_WALL, NO_PARTNER, WOKEN
+from .layout import ASLEEP, ASLEEP_UNVERIFIED, AWAKE, FAR, NO_PARTNER, WOKEN
 from .particle import add, charge, kind_of, radius_of
-from .walls import (
-    ARC_INSIDE, ARC_OUTSIDE, STILL, turned_back, wall_motion, wall_reach, wall_turn, wall_vector,
-)  # fmt: skip
+from .walls.cells import cell_of
+from .walls.images import as_partner, position_at, wall_of
+from .walls.kinds import STILL
+from .walls.motion import turned_back, wall_motion, wall_reach, wall_turn
+from .walls.shapes import is_beside, wall_vector
 
 SLOW = 2.0  # resting speeds: slower disks may rest
 GAP = 4.0  # v_s^2 / g: disks that are nearer touch
@@ -157,7 +159,8 @@ def time_to_sleeper(rx, ry, vx, vy, noise, sigma, within, gas: ti.template()):
     """Time until a falling disk touches a sleeping one; FAR if not `within` that. Separation r, velocity v in the lab.
 
     The gap f = |r| - sigma has f'' >= -g. Steps to the root of f + f' s - g s^2 / 2 cannot pass the first root of f,
-    and converge like Newton's (`walls.py`). Disks that touch without speed meet at once if gravity pulls them together.
+    and converge like Newton's (`walls/root.py`). Disks that touch without speed meet at once if gravity pulls
+    them together.
     """
     gx, gy = gas.scale.gx, gas.scale.gy
     pull = ti.sqrt(gx * gx + gy * gy)
@@ -236,16 +239,12 @@ def mobility(i, gas: ti.template()):
 def meets_moving_wall(i, region: ti.template(), gas: ti.template()):
     """1 if a wall that moves, or is no support for another reason, may touch the disk in slot i in this window."""
     found = 0
-    cell = (
-        region.lane * (gas.grid.cells + 1)
-        + (gas.event_info[i].cell >> 16) * region.ny
-        + (gas.event_info[i].cell & 0xFFFF)
-    )
+    cell = cell_of(i, region, gas)
     for item in range(gas.wall_start[cell], gas.wall_start[cell + 1]):
-        code = gas.wall_item[region.lane * gas.grid.items + item]
-        w = code // 9
+        image = gas.wall_item[region.lane * gas.grid.items + item]
+        w = wall_of(image)
         if not is_support(w, gas):
-            _nx, _ny, distance = from_wall(i, code, region, gas)
+            _nx, _ny, distance = from_wall(i, image, region, gas)
             if distance <= wall_reach(w, gas):
                 found = 1
     return found
@@ -255,31 +254,25 @@ def meets_moving_wall(i, region: ti.template(), gas: ti.template()):
 def is_support(w, gas: ti.template()):
     """1 if wall w is at rest, its surface too, and has no temperature, else 0."""
     wall = gas.walls[w]
-    moves = wall.motion != STILL or wall.turn != STILL or wall.surface != 0.0
+    moves = wall.motion.kind != STILL or wall.turn.kind != STILL or wall.surface_speed != 0.0
     return not (moves or wall.temperature > 0.0)
 
 
 @ti.func
-def from_wall(i, code, region: ti.template(), gas: ti.template()):
-    """Unit vector from a wall, by the code of its image, to the disk in slot i, and distance, as the window begins.
+def from_wall(i, image, region: ti.template(), gas: ti.template()):
+    """Unit vector from an image of a wall to the disk in slot i, and distance, as the window begins.
 
     A wall that turns is seen as it was before. Beside an arc only its ends are near, which are walls of their own.
     """
-    w = code // 9
+    w = wall_of(image)
     s, _speed, _bound, _until = wall_motion(w, 0.0 * gas.scale.cutoff, gas)
-    x = region.corner_x + gas.motion[i].x - ((code // 3) % 3 - 1) * gas.scale.length_x
-    y = region.corner_y + gas.motion[i].y - (code % 3 - 1) * gas.scale.length_y
+    x, y = position_at(i, image, region, gas)
     if ti.static(gas.uses.turning):
         angle, _spin, _most, _turn_bound = wall_turn(w, 0.0 * s, gas)
         x, y = turned_back(w, x, y, s, angle, gas)
     nx, ny, distance = wall_vector(w, x, y, s, gas)
-    if ti.static(gas.uses.arched):
-        kind = ti.cast(gas.walls[w].type, ti.i32)
-        if kind == ARC_INSIDE or kind == ARC_OUTSIDE:
-            along = nx * gas.walls[w].qx + ny * gas.walls[w].qy
-            behind = distance < 0.0  # on the other side of the circle, which is a wall of its own
-            if behind or ti.select(kind == ARC_INSIDE, -along, along) < ti.cos(gas.walls[w].half):
-                distance = FAR + 0.0 * distance
+    if is_beside(w, nx, ny, distance, gas) == 1:
+        distance = FAR + 0.0 * distance
     return nx, ny, distance
 
 
@@ -328,22 +321,16 @@ def find_contacts(n, region: ti.template(), gas: ti.template()):
                                 i, j, dx / r, dy / r, gas.law[p, q].mu, gas.law[p, q].rho, count, gas
                             )
                     j = gas.event_info[j].next_in_cell
-            cell = region.lane * (gas.grid.cells + 1) + own_x * region.ny + own_y
             if ti.static(gas.uses.walled):
+                cell = cell_of(i, region, gas)
                 for item in range(gas.wall_start[cell], gas.wall_start[cell + 1]):
-                    code = gas.wall_item[region.lane * gas.grid.items + item]
-                    nx, ny, distance = from_wall(i, code, region, gas)
-                    if distance < radius + near and is_support(code // 9, gas):
-                        q = ti.cast(gas.walls[code // 9].material, ti.i32)
+                    image = gas.wall_item[region.lane * gas.grid.items + item]
+                    w = wall_of(image)
+                    nx, ny, distance = from_wall(i, image, region, gas)
+                    if distance < radius + near and is_support(w, gas):
+                        q = ti.cast(gas.walls[w].material, ti.i32)
                         count = add_contact(
-                            i,
-                            FIRST_WALL - code // 9,
-                            nx,
-                            ny,
-                            gas.law[p, q].mu,
-                            gas.law[p, q].rho,
-                            count,
-                            gas,
+                            i, as_partner(w), nx, ny, gas.law[p, q].mu, gas.law[p, q].rho, count, gas
                         )
     if count > CONTACTS_PER_DISK * gas.grid.lane_slots:
         count = CONTACTS_PER_DISK * gas.grid.lane_slots

@@ -548,6 +548,8 @@ class CaseGas:
                 disks = self.rows(comm.slice_of(self.n))
                 with comm:
                     begin = self.start() if way == "drawn" else state
+        if tracked is None:
+            tracked = comm.result_of_holders(lambda: self.tracked(begin))
         any_law = self.law()  # stands where two walls would meet, which never happens
         given: dict[str, Any] = {
             "disks": disks, "box": self.box, "state": begin,
@@ -561,7 +563,7 @@ class CaseGas:
             "forces": forces_of(self.case), "seed": run.seed, "ledger": output.ledger,
             "partners": "last_partner" in output.fields, "angles": "angle" in output.fields,
             "dissipated": "dissipated" in output.fields, "wall_sums": output.wall_sums,
-            "tracked": self.tracked(begin) if tracked is None else tracked, "comm": comm,
+            "tracked": tracked, "comm": comm,
         }  # fmt: skip
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", EnergyWarning)
@@ -571,15 +573,14 @@ class CaseGas:
     def _walls_at_start(self) -> tuple[Wall, ...]:
         return self.walls if self.given is None else self.given.with_pistons(self.walls)
 
-    def tracked(self, start: State | None) -> NDArray[np.int32]:
-        """Disks that have histories, ascending; none of a start that only ranks know, which have no histories.
+    def tracked(self, start: State) -> NDArray[np.int32]:
+        """Disks that have histories, ascending; of ranks (`Communicator`), each gives the start of its slice.
 
         Raises InputError if histories are asked for of a region in which no disk starts.
         """
-        if start is None:
-            return np.empty(0, dtype=np.int32)
-        output = self.case.output
-        found = output.tracked(start.position, seeds.stream(self.case.run.seed, seeds.HISTORIES))
+        comm, output, rng = current(), self.case.output, seeds.stream(self.case.run.seed, seeds.HISTORIES)
+        own = output.tracked(self.n, rng, start.position, comm.slice_of(self.n).start)
+        found = np.unique(np.concatenate(comm.allgather(own)))
         if output.tracks and not len(found):
             region = str(output.histories_region)
             raise InputError(str(Problem("output.histories_region", region, "no disk starts there")))
@@ -642,7 +643,7 @@ def judge(case: Case, folder: Path, *, start: bool = True, ranks: int = 1) -> tu
             found += [*rules.check_open(case, start_region), *rules.check_scan(case)]
             if case.start.file is None and case.start.trajectory is None:
                 found += rules.check_clock(case)
-            elif not gas.is_read_in_slices(ranks):
+            elif not replace(gas, box=box).is_read_in_slices(ranks):
                 given = rules.given_start(case, gas.disks.radius, FreeArea(box, standing), folder, found)
     found += rules.check_output(case, kinds.n, box)
     return replace(gas, box=box, start_region=start_region, given=given), found

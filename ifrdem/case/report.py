@@ -194,7 +194,7 @@ def _walls(gas: CaseGas, estimate: RunEstimate, units: Units) -> Iterator[Row]:
         yield Row("sides", f"walls of {case.box.material} across {' and '.join(walled)}")
     for i, (section, wall) in enumerate(zip(case.wall, gas.walls, strict=True)):
         name = f"wall {i}"
-        sides = f" of {len(wall.corners) - 1} sides" if wall.points else ""
+        sides = f" of {len(wall.geometry.outline()) - 1} sides" if wall.points else ""
         made = f"of {section.material}" if section.temperature is None else "thermal"
         yield Row(name, f"{wall.shape}{sides}, {made}")
         if section.temperature is not None:

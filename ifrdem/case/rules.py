@@ -25,6 +25,7 @@ from ..model.state import DiskKinds
 from ..model.walls import Wall, check_place, pieces
 from ..model.walls import check as check_free_of_walls
 from ..mpi import current, distribution
+from ..mpi.decomposition import counted_tiles, most_ranks
 from ..simulation.checks import check_pistons
 from ..simulation.schedule import first_after, time_of
 from .case import GROWN, IMPACT_SCAN, Case
@@ -202,7 +203,7 @@ def check_walls(
 
 def _outside(wall: Wall, box: Box) -> bool:
     """True if a wall among the disks is out of reach of the box; a line or container so placed leaves no room."""
-    if wall.shape in ("line", "container") or wall.motion.kind == "steady":
+    if wall.geometry.encloses or wall.motion.kind == "steady":
         return False
     low, high = wall.bounds()
     beyond = (high + wall.motion.extent <= 0.0) | (low - wall.motion.extent >= box.lengths)
@@ -271,8 +272,7 @@ def usable_ranks(case: Case, kinds: DiskKinds, box: Box, ranks: int) -> tuple[in
         return 1, f"{' and '.join(keys)} cannot be divided among ranks"
     if run.device != "cpu":  # the engine of a GPU has other, smaller tiles
         return ranks, ""
-    from ..simulation.arrays import tiles_on_ranks
-    from ..simulation.ranks import counted_tiles, most_ranks  # imports Taichi
+    from ..simulation.arrays import tiles_on_ranks  # imports Taichi
 
     tiles = tiles_on_ranks(kinds, box)
     found = most_ranks(tiles, ranks)

@@ -94,7 +94,7 @@ def run(
     began = time.perf_counter()
     drawn = comm.is_distributed and gas.is_made_in_slices
 
-    def prepared() -> tuple[State | None, NDArray[np.int32]]:
+    def prepared() -> State | None:
         outputs.check(force=force)
         estimate = RunEstimate.of(gas)
         folder = outputs.trajectory.parent
@@ -104,17 +104,21 @@ def run(
         say(check.summary(gas, estimate, how(case, cores, comm.size)))
         for text in (*gas.warnings, *crushes, *gas.cautions):
             warn(text)
-        begin = None if drawn else gas.start(Stage("growth"))
-        return begin, gas.tracked(begin)
+        return None if drawn else gas.start(Stage("growth"))
 
-    try:
-        state, tracked = comm.run_on_root(prepared) or (None, gas.tracked(None))
-        if in_slices:
+    def made() -> tuple[Simulation, NDArray[np.int32], State | None]:
+        state: Any = comm.run_on_root(prepared)
+        if in_slices or drawn:
             with comm:
                 state = gas.start()
-        simulation = gas.simulation(state, tracked=tracked, comm=comm)
-        start = state if len(tracked) else None
-        del state  # which is large
+        whole = comm.bcast(state is not None and state.n == gas.n)
+        holders = Communicator(comm) if whole else comm
+        tracked = holders.result_of_holders(lambda: gas.tracked(state))
+        start = start_of_histories(holders, gas.n, tracked, state) if len(tracked) else None
+        return gas.simulation(state, tracked=tracked, comm=comm), tracked, start
+
+    try:
+        simulation, tracked, start = made()
     except KeyboardInterrupt:
         raise KeyboardInterrupt("interrupted before the first frame: nothing was written") from None
     span = Span.to(
@@ -151,6 +155,17 @@ def run(
         before = simulation.collisions
         rate = run_root(running, began, max_hours=max_hours, say=say, warn=warn)
     finish(running, began, before, rate, say)
+
+
+def start_of_histories(comm: Communicator, n: int, ids: NDArray[np.int32], state: State) -> State | None:
+    """State of some disks, by ascending ids, on the root; of ranks that have slices, each gives its own."""
+    if comm.has_all:
+        return state
+    if not comm.is_distributed:
+        return None
+    names = ("position", "velocity", "spin", "image")
+    rows = comm.rows_of(n, ids if comm.is_root else ids[:0], [getattr(state, name) for name in names])
+    return State(time=state.time, **dict(zip(names, rows, strict=True))) if comm.is_root else None
 
 
 def stored(gas: CaseGas) -> dict[str, Any]:

@@ -41,7 +41,7 @@ from ..kernels.language import ti, view
 from ..kernels.readout import exchange
 from ..kernels.shear import displacement
 from ..kernels.signature import parameters_of
-from ..kernels.walls import FREE, GONE
+from ..kernels.walls.kinds import FREE, GONE
 from ..kernels.windows import sum_shared
 from ..model.box import Box
 from ..model.state import COLUMNS, Disks, State, codes
@@ -148,8 +148,8 @@ def sums_of_blocks(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 class DeviceArrays:
     """All arrays of one engine, under the names that kernels give their arguments.
 
-    Coefficients of the law for each pair of materials, `law_table` (M, M, c); `options` of `Engine`; pieces of `walls`,
-    (rows, columns of `columns.WALL`), as `kernels/walls.py` describes them.
+    Coefficients of the law for each pair of materials, `law_table` (M, M, c); `options` of `Engine`; `walls`,
+    a row of `columns.WALL` for each of their pieces.
     """
 
     tile: Any
@@ -224,7 +224,7 @@ class DeviceArrays:
         owner = wall.owner.astype(np.int64)
         self.thermal: NDArray[np.int64] = np.unique(owner[wall.temperature > 0.0])
         number = int(owner.max()) + 1 if uses.summed else 0
-        self.pistons: NDArray[np.int64] = np.flatnonzero(wall.motion == FREE)  # rows of walls
+        self.pistons: NDArray[np.int64] = np.flatnonzero(wall.motion.kind == FREE)  # rows of walls
         first_piston = len(self.thermal) + WALL_SUM.width * number
         # Number of columns of the tally.
         self.columns: int = TALLY.width + first_piston + PISTON_STATE.width * len(self.pistons)
@@ -233,8 +233,8 @@ class DeviceArrays:
         if len(walls):
             wall.heat = np.where(np.isin(owner, self.thermal), np.searchsorted(self.thermal, owner), -1)
             wall.sums = len(self.thermal) + WALL_SUM.width * owner
-            wall.piston[self.pistons] = first_piston + PISTON_STATE.width * np.arange(len(self.pistons))
-            wall.next_piston[self.pistons] = np.append(self.pistons[1:], -1)[: len(self.pistons)]
+            wall.piston.sums[self.pistons] = first_piston + PISTON_STATE.width * np.arange(len(self.pistons))
+            wall.piston.next[self.pistons] = np.append(self.pistons[1:], -1)[: len(self.pistons)]
             self.walls.from_numpy(walls.astype(self.real))
         self.sums: NDArray[np.float64] = np.zeros(self.columns)
         self._lanes = 0
@@ -508,13 +508,13 @@ class DeviceArrays:
         """Take those walls, by their number, out of the gas: gates that are open."""
         rows = self.wall_rows.copy()
         wall = named(rows, "walls")
-        wall.type[gone[wall.owner.astype(np.int64)]] = GONE
+        wall.kind[gone[wall.owner.astype(np.int64)]] = GONE
         self.walls.from_numpy(rows.astype(self.real))
 
     def change_wall(self, number: int, wall: Wall) -> None:
         """Have the piston that is this wall be driven by another force; `open_walls` then sends it."""
         rows = named(self.wall_rows, "walls")
-        rows.push[rows.owner == number] = named(wall.rows(), "walls").push
+        rows.piston.push[rows.owner == number] = named(wall.rows(), "walls").piston.push
 
     def take_lists(self, found: dict[str, NDArray[Any]]) -> None:
         """Go on from lists that `lists` gave, as the beginning of a window."""

@@ -164,7 +164,7 @@ def at_rest_on_walls(
     """Numbers of the first disk that lies on a wall at rest, and of the wall; None if none does.
 
     It touches the wall to rounding, without speed along the normal, and gravity holds it there: it has no next
-    collision (`kernels/walls.py`, `wall_time`). Places and velocities (n, 2), radii (n,).
+    collision (`kernels/walls/root.py`). Places and velocities (n, 2), radii (n,).
     """
     noise = 1e-14 * np.abs(velocity).sum(axis=1)
     for w, wall in enumerate(walls):
@@ -338,12 +338,12 @@ def check_pistons(
                 )
 
 
-def check_ranks(size: int, box: Box, options: EngineOptions, tracked: bool) -> None:
+def check_ranks(size: int, n: int, box: Box, options: EngineOptions, tracked: bool) -> None:
     """Refuse what cannot be on several ranks of MPI (`ranks.py`)."""
     refused = {
         f"precision = '{options.precision}'": options.precision != "f64",
         "order = 'serial'": options.order == "serial",
-        "tracked disks (histories)": tracked,
+        f"tracked disks (histories) of more than {ADDRESSABLE} disks": tracked and n > ADDRESSABLE,
         "an open box": box.is_open,
         'collapse = "rest"': options.resting_speed > 0.0,
     }

@@ -36,6 +36,7 @@ from numpy.typing import NDArray
 from ..errors import EngineError, InelasticCollapse, InputError, NoMoreCollisions
 from ..kernels import layout as k
 from ..kernels.columns import PISTON_STATE, READOUT, TALLY, WALL_SUM, Named, named
+from ..kernels.walls.kinds import ARC_INSIDE, ARC_OUTSIDE
 from ..model.box import Box
 from ..model.collapse import advice
 from ..model.ifr import IFRLaw
@@ -260,7 +261,7 @@ class Engine:
         self._collided_at = time
         threads = given.threads
         if comm.size > 1:
-            checks.check_ranks(comm.size, box, given, tracking is not None)
+            checks.check_ranks(comm.size, n, box, given, tracking is not None)
             self._check_alike(forces)
             threads = threads or comm.share_of_cores(device.cores())
             if given.arch == "cuda":
@@ -277,7 +278,7 @@ class Engine:
             walled=len(self.walls) > 0,
             thermal=any(wall.temperature for wall in self.walls),
             pieced=len(rows) != len(self.walls),
-            arched=any(wall.shape == "arc" for wall in self.walls),
+            arched=bool(np.isin(named(rows, "walls").kind, (ARC_INSIDE, ARC_OUTSIDE)).any()),
             turning=any(wall.turn.kind != "still" for wall in self.walls),
             timed=any(
                 wall.gated or wall.moves_from is not None or wall.moves_until is not None
@@ -630,10 +631,13 @@ class Engine:
                 self.tracking.kick(self.time, before, self._snapshot(present))
 
     def _snapshot(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-        """Places, velocities and spins of tracked disks, shape (m, 5), and boxes travelled, shape (m, 2)."""
-        ids = np.empty(0, dtype=np.int32) if self.tracking is None else self.tracking.ids
-        real = np.column_stack([state.position[ids], state.velocity[ids], state.spin[ids]]).astype(np.float64)
-        return real, state.image[ids].astype(np.int32)
+        """Positions, velocities and spins of tracked disks, shape (m, 5), and image counts, (m, 2): on the root."""
+        if self.tracking is None:
+            return np.empty((0, 5)), np.empty((0, 2), dtype=np.int32)
+        ids = self.tracking.ids[: None if self.comm.is_root else 0]
+        columns = [state.position, state.velocity, state.spin[:, None], state.image]
+        *real, image = self.comm.rows_of(self.n, ids, columns)
+        return np.column_stack(real).astype(np.float64), image.astype(np.int32)
 
     def _begin_anew(self) -> None:
         """Take note that a gas has been changed: what is known of its collisions and rest does not hold any more."""
@@ -786,7 +790,9 @@ class Engine:
 
     def _take_watched(self, watching: int, was: float) -> None:
         windows = self.windows
-        real, whole = windows.watched()
+        gather = self.comm.allgather if watching == k.PAIRS else self.comm.gather  # histories are the root's
+        parts = gather(windows.watched()) or [windows.watched(none=True)]
+        real, whole = (np.concatenate(each) for each in zip(*parts, strict=True))
         if watching == k.PAIRS:
             event = named(whole, "event_int")
             time = windows.begin + named(real, "event").time.astype(np.float64)
@@ -797,7 +803,7 @@ class Engine:
             self.last_collisions = CollisionTimes(time[now][order], pair[order])
         elif self.tracking is not None and windows.fresh:
             windows.fresh = False
-            if len(real):
+            if self.comm.bcast(len(real)):
                 self.tracking.gather(windows.begin, real, whole, self.box)
 
     def release(self) -> None:

@@ -22,7 +22,7 @@ from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.law import CollisionLaw, check_energy, checked_class, coefficient_table, law_table, try_on
 from ..model.observables import Measure, from_totals, sums
 from ..model.overlaps import check_no_overlap
-from ..model.state import DiskKinds, Disks, State, scatter_state
+from ..model.state import COLUMNS, DiskKinds, Disks, State, scatter_state
 from ..model.walls import Wall, WallSums, check_types, sides
 from ..mpi import Communicator, current
 from ..mpi.distribution import bounds
@@ -150,7 +150,7 @@ class Simulation(Sealed, PicturedDisks):
     wall_sums : bool
         Add up what each wall gives to the disks: momentum, torque, work, heat, hits (`wall_sums`, and every `Measure`).
     tracked : sequence of int
-        Disks of which every collision is kept, for `take_events`. Not in a sheared box.
+        Disks of which every collision is kept, for `take_events`; of ranks, on the root. Not in a sheared box.
     comm : mpi4py.MPI.Comm or Communicator, optional
         Ranks of MPI that have a part of the gas each (`ifrdem docs ranks`); bitwise the same trajectory. All make the
         same simulation and call the same methods. `disks` and `state` are taken from the first rank (the root), and may
@@ -254,7 +254,7 @@ class Simulation(Sealed, PicturedDisks):
         comm.result_of_holders(lambda: check_no_overlap(box, disks.radius, begin.position, time=begin.time))
         self._laws = law_table(law, kinds, max((wall.material for wall in walls), default=0))
         law_class, table = checked_class(self._laws), coefficient_table(self._laws)
-        self._tracking = self._follow_disks(tracked, kinds, box, walls)
+        self._tracking = self._follow_disks(tracked, kinds.n, box, walls)
         ledger = ledger or dissipated
         self._stopping = False
         self._pinches_checked = False
@@ -280,16 +280,21 @@ class Simulation(Sealed, PicturedDisks):
                 self._try_on(law_class, table, begin if known else self._engine.state_here())
 
     def _follow_disks(
-        self, tracked: Sequence[int] | NDArray[np.integer], disks: Disks, box: Box, walls: Sequence[Wall]
+        self, tracked: Sequence[int] | NDArray[np.integer], n: int, box: Box, walls: Sequence[Wall]
     ) -> Tracking | None:
-        ids = checked_ids(tracked, disks.n)
+        ids = checked_ids(tracked, n)
         if not len(ids):
             return None
         if box.shear_rate:
             raise InputError(
                 "tracked: not supported in a sheared box; with walls that move, shear can be tracked"
             )
-        return Tracking(ids, disks, self._laws, [*walls, *sides(box)])
+
+        def disks_of(wanted: NDArray[np.int32]) -> Disks:
+            rows = [getattr(self.disks_here, name) for name in COLUMNS]
+            return Disks(len(wanted), *self.comm.rows_of(n, wanted, rows))
+
+        return Tracking(ids, n, disks_of, self._laws, [*walls, *sides(box)])
 
     @property
     def has_ledger(self) -> bool:
@@ -421,7 +426,7 @@ class Simulation(Sealed, PicturedDisks):
     def take_events(self) -> Events:
         """Every collision of tracked disks since the last call, or the start, and what forces did to them.
 
-        In an observer, those until its frame.
+        In an observer, those until its frame. Of ranks, the root gets all, and the others none.
         """
         if self._tracking is None:
             raise InputError("no disk is tracked: Simulation(..., tracked=[0, 1]) follows the first two")

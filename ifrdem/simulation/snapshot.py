@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..kernels import layout as k
-from ..kernels.columns import WALL
+from ..kernels.columns import named
 from ..model.state import COLUMNS
 from .tracking import Statistics
 
@@ -33,15 +33,15 @@ def fingerprint(engine: Engine) -> str:
     a, disks, box, options = engine.arrays, engine.disks_here, engine.box, engine.options
     gravity = options.gravity if options.gravity_rotation_rate else engine.gravity
     digest = hashlib.sha256()
-    walls = a.wall_rows.copy()
-    walls[a.pistons[:, None], [WALL.now, WALL.speed]] = 0.0  # where a piston starts, as where disks do
+    walls = named(a.wall_rows.copy(), "walls")
+    walls.piston.displacement = walls.piston.speed = 0.0  # where a piston starts, as where disks do
     parts: list[Any] = [
         *(engine.comm.digest(getattr(disks, name)) for name in COLUMNS),
         np.array(box.lengths), np.array(box.periodic),
         np.array([
             box.shear_rate, *gravity, options.velocity_cutoff, options.contact_time, options.resting_speed,
         ]), a.law.to_numpy(),
-        walls, repr([(wall.opens_at, wall.opens_after) for wall in engine.walls]),
+        walls.array, repr([(wall.opens_at, wall.opens_after) for wall in engine.walls]),
         options.precision, options.arch, options.seed, options.wall_sums,
         options.ledger, options.partners, options.angles, options.itemised, a.uses.collision_law.impulses.__qualname__,
     ]  # fmt: skip

@@ -83,13 +83,13 @@ def test_cadences_are_those_of_the_case(folder, overrides, frames, series):
 def test_tracked_disks_are_a_list_a_sample_a_region_or_all(folder):
     position = np.random.default_rng(1).random((200, 2)) * (40.0, 30.0)
     rng = seeds.stream(0, seeds.HISTORIES)
-    assert output(folder).tracked(position, rng).tolist() == []
-    assert output(folder, "histories=[7, 3]").tracked(position, rng).tolist() == [3, 7]
-    sample = output(folder, "histories_sample=50").tracked(position, rng)
+    assert output(folder).tracked(200, rng, position).tolist() == []
+    assert output(folder, "histories=[7, 3]").tracked(200, rng, position).tolist() == [3, 7]
+    sample = output(folder, "histories_sample=50").tracked(200, rng, position)
     assert len(np.unique(sample)) == 50
-    inside = output(folder, "histories_region=[0.0, 0.0, 10.0, 30.0]").tracked(position, rng)
+    inside = output(folder, "histories_region=[0.0, 0.0, 10.0, 30.0]").tracked(200, rng, position)
     assert set(inside) == set(np.flatnonzero(position[:, 0] < 10.0))
-    assert len(output(folder, "histories_all=true").tracked(position, rng)) == 200
+    assert len(output(folder, "histories_all=true").tracked(200, rng, position)) == 200
 
 
 def test_histories_are_kept_where_any_key_asks_for_them(folder):

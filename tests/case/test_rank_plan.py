@@ -162,7 +162,9 @@ def test_slices_and_lattices_of_up_to_2_to_the_32_disks_are_those_of_whole_numbe
     assert bounds.tolist() == [rank * n // 1000 for rank in range(1001)]
     ids = np.arange(n - 5, n)
     for sites in (n, n + 1, n + 200_000):
-        assert placement._site_numbers(ids, sites, n).tolist() == [number * sites // n for number in ids.tolist()]
+        assert placement._site_numbers(ids, sites, n).tolist() == [
+            number * sites // n for number in ids.tolist()
+        ]
     order = np.concatenate([seeds.permuted(1, seeds.SITES, n, range(at, at + 1000)) for at in (0, n - 1000)])
     assert len(set(order.tolist())) == 2000
     assert 0 <= order.min() < order.max() < n

@@ -12,12 +12,12 @@ from ifrdem.kernels.columns import Columns, Named, Several, named
 from ifrdem.simulation import device
 
 PAIR = Columns(begin=None, until=None)
-TABLE = Columns(a=None, two=2, part=PAIR, times=(3, PAIR), last=None, alias={"other": "a"})
+TABLE = Columns(a=None, two=2, part=PAIR, times=(3, PAIR), last=None)
 ALL_TABLES = {**columns.TABLES, **{f"dsmc {name}": table for name, table in columns.DSMC_TABLES.items()}}
 
 
 def test_numbers_of_columns_are_counted_in_order() -> None:
-    assert (TABLE.a, TABLE.other, TABLE.last, TABLE.width) == (0, 0, 11, 12)
+    assert (TABLE.a, TABLE.last, TABLE.width) == (0, 11, 12)
     assert [TABLE.two[m] for m in range(2)] == [1, 2]
     assert (TABLE.part.first, TABLE.part.begin, TABLE.part.until) == (3, 3, 4)
     assert [TABLE.times[m] for m in range(3)] == [5, 7, 9]

@@ -68,7 +68,12 @@ def two_sizes(**options: Any) -> Engine:
 
 def with_tracking(disks: Disks, box: Box, state: State, walls: list[Wall], **options: Any) -> Engine:
     law = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
-    tracking = Tracking(np.array([0, 3, 40], np.int32), disks, [[law]], walls)
+    columns = disks.mass, disks.radius, disks.k, disks.material
+
+    def disks_of(ids: Any) -> Disks:
+        return Disks(len(ids), *(each[ids] for each in columns))
+
+    tracking = Tracking(np.array([0, 3, 40], np.int32), disks.n, disks_of, [[law]], walls)
     return Engine(disks, box, state, np.array([[law.table_row()]]), walls=walls, tracking=tracking, **options)
 
 

@@ -107,7 +107,7 @@ def differing(one: State, other: State) -> int:
 
 
 def run(quick: bool, arch: str = "cuda") -> Result:
-    """On this device against the CPU; a GPU that is not there skips the case."""
+    """Compare this device with the CPU; without a GPU the case is skipped."""
     absence = device.cuda_absence() if arch == "cuda" else None
     if absence is not None:
         raise Skip(f"no GPU: {absence}")

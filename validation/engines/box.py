@@ -202,7 +202,7 @@ def _power(found: dict[str, BoxMeasures], times: Array, others: list[str]) -> Ta
         f"Differences from ifrdem at e_t = -1 at t = {times[-1]:g}, means over the starts",
         ("code", "quantity", "difference", "standard error", "in standard errors"),
         rows,
-        "The last two rows say what the comparison can tell: IFR at the e_t of an aluminium coin is another gas.",
+        "The last two rows show the sensitivity of the comparison: IFR at the e_t of an aluminium coin is another gas.",
     )
 
 
@@ -237,7 +237,7 @@ def _figure(found: dict[str, BoxMeasures], times: Array, others: list[str]) -> P
                     label="ifrdem" if line == "-" else r"ifrdem, $e_t = -0.88$")  # fmt: skip
             ax.fill_between(times, mean - error, mean + error, color=style.GREY, alpha=0.3, lw=0)
         for i, code in enumerate(others):
-            some = slice(i, None, 2)  # markers of two codes beside each other
+            some = slice(i, None, 2)  # markers of two codes alternate
             look = {"ms": 4, "lw": 0.8, "capsize": 2}
             values = getattr(found[code], attribute)[:, some]
             style.errorbars(ax, times[some], values, COLOURS[code], code, MARKERS[code], **look)

@@ -321,7 +321,7 @@ def disagreement(case: dict[str, Any], rows: str | None, folder: Path) -> tuple[
             warned = reporting.check(file.gas, folder).warnings
     except InputError as error:
         return "refused", None if str(error).strip() else "check: no reason"
-    except Exception as error:  # the fault that is looked for, told with its kind
+    except Exception as error:  # the error that is searched for, with its type
         return "refused", f"check: {type(error).__name__}: {error}"
     here = any(REFUSED_HERE in each for each in warned)
     ends = ENDS[case["run"].get("collapse", "none") != "none" :]  # a remedy prevents the first one
@@ -372,7 +372,7 @@ def _on_ranks(file: CaseFile) -> str | None:
             gravity_rotation_rate=box.gravity_rotation_rate,
         )
         check_turning(options, gas.box.periodic, case.output.tracks, 2)
-        checks.check_ranks(2, gas.box, options, case.output.tracks)
+        checks.check_ranks(2, gas.n, gas.box, options, case.output.tracks)
     except InputError as error:
         return None if why else f"on ranks: {error}"
     return f"on ranks: {why}" if why else None

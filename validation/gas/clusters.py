@@ -1,7 +1,7 @@
 r"""A million smooth disks that cool until they form clusters.
 
-*Before clusters.* Transverse waves grow beside thermal velocities (`hydrodynamics`): with the energy S of a mode in
-units of its thermal share, S = 1 at the start and x = k^2 xi^2,
+*Before clusters.* Transverse waves grow relative to thermal velocities (`hydrodynamics`): with the energy S of a mode
+in units of its thermal share, S = 1 at the start and x = k^2 xi^2,
 
     S = 1 + [exp(z tau (1 - x)) - 1] / (1 - x);
 
@@ -58,7 +58,7 @@ REFERENCE = (
 LAW = IFRLaw(e_n=0.7, e_t=-1.0, mu=0.0)
 PHI = 0.2
 CELL = 20.0  # diameters
-EARLY = (4.0, 8.0)  # collisions per disk at which waves are held against theory
+EARLY = (4.0, 8.0)  # collisions per disk at which waves are compared with theory
 T_AT = 8.0  # collisions per disk at which T is: earlier, what is uncertain is as much as what waves add
 BANDS = ((0.1, 0.25), (0.25, 0.4), (0.4, 0.6), (0.6, 0.8), (0.8, 1.0), (1.0, 1.2))  # of k xi
 QUICK_BANDS = ((0.1, 0.4), (0.4, 0.6), (0.6, 0.9), (0.9, 1.2))  # there are fewer waves in a smaller box

@@ -8,7 +8,7 @@ collisions are elastic, so that none comes to rest on a post.
 `--room corners`: disks in a star, around polylines and arcs with many corners, joints and ends, some of which turn or
 swing.
 
-After every stretch of collisions each disk is held against each wall: a gap below zero by more than rounding is an
+After every stretch of collisions each disk is checked against each wall: a gap below zero by more than rounding is an
 escape, or the beginning of one, and the engine itself refuses a state with a disk outside of the box.
 """
 

@@ -2,7 +2,7 @@
 
 The heap of the case `heap`: 650 disks of e_n = 0.5 and mu = 0.5 rain onto a plate of 30 diameters with a rim. The
 angle is the mean of both sides, by straight lines through the surface (the highest point of all disks at 60 places)
-from 2 to 13 diameters beside the middle of the plate. The packing fraction is the covered part of the rectangle from
+from 2 to 13 diameters from the middle of the plate. The packing fraction is the covered part of the rectangle from
 -5 to 5 diameters across and 1.5 to 4.5 above the plate, which lies below the surface (`Heap.cover`).
 """
 

@@ -39,7 +39,7 @@ HEAD = """\
 
 By `python -m ifrdem.validation.gas.heaps_measured`, {date}, on one thread of a virtual machine (AMD EPYC). Units:
 mean diameter d, its mass per area and g are 1. LAMMPS: soft disks, `pair_style granular`, the same e_n = 0.5, mu = 0.5
-and starts (`validation/gas/soft_grains.py`), with contacts of 0.03 unless another duration is told. Chipmunk: rigid
+and starts (`validation/gas/soft_grains.py`), with contacts of 0.03 unless another duration is given. Chipmunk: rigid
 disks in time steps (`validation/gas/rigid_grains.py`). In brackets: standard errors of the last digits, from the
 scatter of pieces or heaps.
 

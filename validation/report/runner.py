@@ -110,7 +110,7 @@ def _folder(folder: str, force: bool) -> Path:
     except FileNotFoundError:
         raise InputError(f"output folder {place.parent}: does not exist") from None
     except OSError as error:
-        raise InputError(f"-o {folder}: a folder cannot be made there: {error.strerror}") from error
+        raise InputError(f"-o {folder}: a folder cannot be created there: {error.strerror}") from error
     return place
 
 
@@ -189,7 +189,7 @@ def _alone(work: Callable[[str], Any], name: str, threads: int) -> Any:
 
 
 def run_case(name: str, *, quick: bool, seed: int) -> Verdict:
-    """Run one case and render its pictures, here and now; whatever it raises is told of in the outcome."""
+    """Run one case and render its pictures, in this process; an exception becomes part of the outcome."""
     import matplotlib as mpl
 
     case = registry.load(name)

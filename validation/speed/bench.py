@@ -282,7 +282,7 @@ def measure(
     """
     run = case.run
     if comm.size > 1 and profile:
-        raise InputError("--profile: not on several ranks; run it without mpiexec")
+        raise InputError("--profile: cannot be combined with several ranks; run it without mpiexec")
     gas, simulation = prepared(case, folder, after=after, comm=comm)
     before = simulation.collisions
     done, sent = [], _sent(simulation)

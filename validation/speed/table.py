@@ -1,4 +1,4 @@
-"""Gases beside the speeds to reach, as Markdown: `python -m ifrdem.validation.speed.table --most 1000000`."""
+"""Gases compared with target speeds, as Markdown: `python -m ifrdem.validation.speed.table --most 1000000`."""
 
 from __future__ import annotations
 
