@@ -13,7 +13,7 @@ import numpy as np
 from ..model.box import describe_sides
 from ..model.walls import Wall
 from ..mpi.distribution import GATHERED
-from ..simulation import device as backend
+from ..simulation import backend
 from ..tools.progress import size_of_time
 from .case import GROWN, Case
 from .estimate import OBSERVABLES, RankPlan, RunEstimate, disk_bytes, run_seconds, step_seconds

@@ -9,8 +9,7 @@ from pathlib import Path
 
 from ..errors import InputError, refuse
 from ..kernels.columns import BYTES_PER_DISK
-from ..simulation import checks
-from ..simulation import device as backend
+from ..simulation import backend, checks
 from .case import GROWN, Case
 from .estimate import (
     GROWTH_BYTES_PER_DISK,
@@ -19,6 +18,7 @@ from .estimate import (
     strip_bytes,
 )
 from .gas import CaseGas
+from .objects import device_of
 from .output_section import MOST_FRAMES
 
 WRITER_BYTES_PER_DISK = 200
@@ -112,7 +112,7 @@ def refused_here(
     start = strip_bytes(gas, ranks) * min(share * ranks, gas.strips) if ranks > 1 else 0.0
     run, found = gas.case.run, []
     needs: list[Callable[[], None]] = [
-        lambda: backend.check(run.device, run.threads, run.precision),
+        lambda: backend.check(device_of(run)),
         lambda: checks.check_number(gas.n, ranks),
         lambda: refuse_beyond_memory(
             gas.n, run.device, gas.case.start.positions, share, ranks=ranks, sliced=sliced, start=start

@@ -27,8 +27,7 @@ from ..model.observables import MECHANISMS, TANGENTIAL, Measure, drift_text
 from ..model.state import State, gather_state
 from ..model.walls import wall_names
 from ..mpi import SERIAL, Communicator
-from ..simulation import checkpoint
-from ..simulation import device as backend
+from ..simulation import backend, checkpoint
 from ..simulation.schedule import Course, Span
 from ..simulation.simulation import Simulation
 from ..simulation.tracking import Events
@@ -205,8 +204,8 @@ def how(case: Case, cores: int, ranks: int = 1) -> str:
 
 def device_of(case: Case) -> str:
     """The device of a case."""
-    device = backend.device(case.run.device)
-    return f"{device.arch}: {device.description}"
+    device = backend.describe(case.run.device)
+    return f"{device.name}: {device.description}"
 
 
 def run_root(

@@ -17,10 +17,11 @@ from typing import TYPE_CHECKING, Any
 from ..case import summary
 from ..case.estimate import RunEstimate
 from ..case.gas import CaseGas
+from ..case.objects import device_of
 from ..errors import DamageError, DamageWarning, InputError, listed
 from ..runs.signals import Stopped, Stops
 from ..runs.status import Status
-from ..simulation import device
+from ..simulation import backend
 from ..tools import files
 from ..tools.checked import validated
 from ..tools.files import check_files
@@ -139,7 +140,7 @@ class Study:
         place = self._place(workers, scheduler)
         if place.scheduler is None and place.kind is None:
             for case in {each.run.device: each for each in good.values()}.values():
-                device.check(case.run.device, case.run.threads, case.run.precision)
+                backend.check(device_of(case.run))
             processes, _ = self._processes(place)
             largest = max(sum(each.number for each in case.species) for case in good.values())
             case = next(iter(good.values()))
@@ -246,7 +247,7 @@ class Study:
         """
         for line in self.check(keep_going=keep_going, workers=workers, scheduler=scheduler):
             warn(f"left out: {line}")
-        if workers != 0 and (trouble := device.kernel_cache_trouble()):  # workers do not report it
+        if workers != 0 and (trouble := backend.kernel_cache_trouble()):  # workers do not report it
             warn(trouble)
         tasks = self.tasks if part is None else self.tasks[part[0] - 1 :: part[1]]
         self.folder.mkdir(exist_ok=True)
@@ -390,7 +391,7 @@ class Study:
         good = self._checked_cases[0]
         if any(case.run.device != "cpu" for case in good.values()):
             return (place.workers if place.workers is not None else 1), 1
-        cores = device.cores()
+        cores = backend.cores()
         if place.kind is not None or place.scheduler is not None:
             return place.jobs, 1
         count = min(cores, self.runs) if place.workers is None else place.workers

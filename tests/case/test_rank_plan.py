@@ -18,7 +18,7 @@ from ifrdem.errors import InputError
 from ifrdem.initial import placement
 from ifrdem.kernels import columns
 from ifrdem.mpi import distribution
-from ifrdem.simulation import checks, device
+from ifrdem.simulation import backend, checks
 from ifrdem.tools import seeds
 
 CASE = """
@@ -149,7 +149,7 @@ def test_strips_that_a_rank_places_at_random_count(monkeypatch: pytest.MonkeyPat
     # A machine with one of the 16 ranks: 200 bytes of the writer, 198 of the engine, and a strip, or 300 for each.
     needed = 68_750 * (200 + columns.BYTES_PER_DISK) + one
     options = {"share": 1 / 16, "ranks": 16, "sliced": True}
-    monkeypatch.setattr(device, "memory_available", lambda: needed - 1)
+    monkeypatch.setattr(backend, "memory_available", lambda: needed - 1)
     summary.refuse_beyond_memory(1_100_000, "cpu", **options)
     with pytest.raises(InputError, match=r"1100000 disks need some 137 MB of memory"):
         summary.refuse_beyond_memory(1_100_000, "cpu", start=one, **options)

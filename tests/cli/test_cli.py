@@ -22,7 +22,7 @@ from ifrdem.errors import EngineError, TrajectoryError
 from ifrdem.model.observables import Measure
 from ifrdem.model.state import State
 from ifrdem.runs.recorder import Recorder
-from ifrdem.simulation import device
+from ifrdem.simulation import backend
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.tools import progress
 from ifrdem.trajectory.reader import Trajectory
@@ -255,7 +255,7 @@ def test_missing_case_file_names_the_nearest(folder: Path, capsys: pytest.Captur
 def test_missing_device_is_refused_and_nothing_else_takes_over(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(device, "cuda_absence", lambda: "no driver")
+    monkeypatch.setattr(backend, "cuda_absence", lambda: "no driver")
     message = refused(["run", "tiny.toml", "--device", "cuda"], folder, capsys)
     assert re.search("cuda.*no such device on this machine; present: cpu", message)
 

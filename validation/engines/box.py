@@ -15,6 +15,7 @@ from ...model.box import Box
 from ...model.ifr import IFRLaw
 from ...model.state import Disks, State
 from ...model.walls import sides
+from ...simulation.device import Device
 from ...simulation.simulation import Simulation
 from ...tools.checked import Array
 from ..report import style
@@ -124,13 +125,13 @@ def start(seed: int) -> State:
 
 def exact(law: IFRLaw, begin: State, times: Sequence[float] | Array) -> Snapshots:
     """Our engine's run; timed without stops on the way."""
-    gas = Simulation(DISKS, BOX, law, begin, threads=1)
+    gas = Simulation(DISKS, BOX, law, begin, device=Device(threads=1))
     states, counts = [], []
     for t in times:
         gas.run(t_end=float(t))
         states.append(gas.state)
         counts.append((gas.collisions, gas.wall_hits))
-    timed = Simulation(DISKS, BOX, law, begin, threads=1)
+    timed = Simulation(DISKS, BOX, law, begin, device=Device(threads=1))
     began = time.process_time()
     timed.run(t_end=float(times[-1]))
     collisions, wall_hits = np.array(counts).T

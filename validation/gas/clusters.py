@@ -37,6 +37,7 @@ import numpy as np
 from ... import analysis, theory
 from ...analysis import common
 from ...model.box import Box
+from ...model.collapse import ContactTime
 from ...model.ifr import IFRLaw
 from ...model.state import State
 from ...simulation.simulation import Simulation
@@ -111,7 +112,7 @@ def cooled(n: int, end: float, seed: int) -> tuple[Box, list[Look]]:
     gas = Simulation(disks, box, ELASTIC, scattered(disks, box, seed, temperature=1.0))
     gas.run(collisions_per_disk=5.0)
     soon = 1e-3 / theory.collision_rate(PHI, 1.0, 1.0, 0.5)
-    gas = restarted(gas, LAW, collapse="tc", contact_time=soon)
+    gas = restarted(gas, LAW, collapse=ContactTime(soon))
     looks: list[Look] = []
     for tau in sorted({0.0, 2.0, *EARLY, *np.linspace(10.0, end, int(end / 5.0) - 1)}):
         if tau:

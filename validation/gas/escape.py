@@ -24,6 +24,7 @@ from ...errors import EngineError
 from ...initial import maxwellian, random_positions
 from ...model.box import Box
 from ...model.coin_table import coins
+from ...model.collapse import VelocityCutoff
 from ...model.ifr import IFRLaw
 from ...model.state import Disks, State
 from ...model.walls import Motion, Turn, Wall
@@ -68,7 +69,7 @@ def room(order: str = "serial", *, seed: int = 1) -> Engine:
     law = np.array([[coins["1 pta"].law.table_row()]])
     return Engine(
         disks, Box((30.0, 30.0), (False, False)), state, law, order=order, walls=walls, gravity=(0.0, -0.02),
-        velocity_cutoff=0.01, seed=seed,
+        collapse=VelocityCutoff(0.01), seed=seed,
     )  # fmt: skip
 
 
@@ -104,7 +105,7 @@ def corners(order: str = "serial", *, seed: int = 1) -> Engine:
         order=order,
         walls=walls,
         gravity=(0.0, -0.02),
-        velocity_cutoff=1e-3,
+        collapse=VelocityCutoff(1e-3),
         seed=seed,
     )
 

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...model.box import Box
+from ...model.collapse import Rest
 from ...model.state import Disks, State
 from ...model.walls import Wall, sides
 from ...simulation.simulation import Simulation
@@ -58,9 +59,7 @@ def start(seed: int) -> tuple[Disks, list[Wall], State]:
 def rained(seed: int, resting_speed: float) -> Heap:
     """Our heap."""
     disks, walls, begin = start(seed)
-    heap = Simulation(
-        disks, BOX, LAW, begin, walls=walls, gravity=(0.0, -1.0), collapse="rest", resting_speed=resting_speed
-    )
+    heap = Simulation(disks, BOX, LAW, begin, walls=walls, gravity=(0.0, -1.0), collapse=Rest(resting_speed))
     heap.run(t_end=END, progress=False)
     return of(disks, heap.state.position, NUMBER - heap.asleep)
 

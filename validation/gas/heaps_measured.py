@@ -18,7 +18,7 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from ...simulation import device
+from ...simulation import backend
 from ..report import style
 from . import drum, heap
 from .sample import Mean
@@ -168,7 +168,7 @@ def row(cells: Sequence[str]) -> str:
 
 def main() -> None:
     """Run what is missing."""
-    device.limit_threads(1)
+    backend.limit_threads(1)
     wanted = sys.argv[1:] or ("lammps", "drum", "peers", "heap", "tables")
     for code, seeds in SEEDS.items():
         if ("drum" if code == "ifrdem" else "lammps") in wanted:

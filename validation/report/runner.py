@@ -19,7 +19,7 @@ from typing import Any
 
 from ... import bullet
 from ...errors import InputError
-from ...simulation import device
+from ...simulation import backend
 from ...tools.files import write_text
 from ...tools.processes import Died, Worker
 from ...tools.versions import __version__, revision
@@ -75,7 +75,7 @@ def validate(
         takers = ", ".join(registry.GAS)
         raise InputError(f"--seed {seed}: only the cases of the group gas take a seed: {takers}")
     jobs = _jobs(jobs, chosen)
-    if chosen and {*chosen} <= {*registry.DEVICE} and (absence := device.cuda_absence()) is not None:
+    if chosen and {*chosen} <= {*registry.DEVICE} and (absence := backend.cuda_absence()) is not None:
         raise InputError(f"{' '.join(names)}: there is no GPU to validate: {absence}")
     seed = 1 if seed is None else seed
     place = _folder(folder, force)
@@ -117,7 +117,7 @@ def _folder(folder: str, force: bool) -> Path:
 def _jobs(jobs: int | None, chosen: Sequence[str]) -> int:
     """Number of cases that run at a time."""
     if jobs is None:
-        jobs = min(device.cores(), sum(name in registry.GAS for name in chosen))
+        jobs = min(backend.cores(), sum(name in registry.GAS for name in chosen))
     return max(1, min(jobs, len(chosen)))
 
 
@@ -157,7 +157,7 @@ def in_workers(
     ends, and `waiting` with the names in work after `every` seconds without an end. At its end, by Ctrl-C included, no
     process stays.
     """
-    todo, threads = list(names), max(1, device.cores() // jobs)
+    todo, threads = list(names), max(1, backend.cores() // jobs)
     busy: dict[Any, tuple[str, Worker]] = {}
     try:
         while todo or busy:
@@ -181,11 +181,11 @@ def in_workers(
 
 def _alone(work: Callable[[str], Any], name: str, threads: int) -> Any:
     """One call in a process of its own."""
-    device.limit_threads(threads)
+    backend.limit_threads(threads)
     try:
         return work(name)
     finally:
-        device.stop()  # which keeps the kernels that it compiled
+        backend.stop()  # which keeps the kernels that it compiled
 
 
 def run_case(name: str, *, quick: bool, seed: int) -> Verdict:
@@ -270,7 +270,7 @@ def environment(*, quick: bool, seconds: float) -> dict[str, str]:
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "samples": "quick" if quick else "full",
         "seconds for the cases": f"{seconds:.1f}",
-        "processor": f"{device.cpu_name()}, {device.cores()} cores",
+        "processor": f"{backend.cpu_name()}, {backend.cores()} cores",
         "system": platform.platform(),
         "python": platform.python_version(),
         **{name: metadata.version(name) for name in packages},

@@ -68,7 +68,8 @@ from ...model.box import Box
 from ...model.ifr import IFRLaw
 from ...model.observables import measure
 from ...model.state import Disks, State
-from ...simulation import device
+from ...simulation import backend
+from ...simulation.device import Device
 from ...simulation.simulation import Simulation
 from ...tools.arguments import script, whole
 from ...tools.versions import __version__
@@ -140,7 +141,7 @@ class GasAtStart:
 
     def simulation(self) -> Simulation:
         """A new simulation from the start."""
-        return Simulation(self.disks, self.box, self.law, self.state, threads=self.threads)
+        return Simulation(self.disks, self.box, self.law, self.state, device=Device(threads=self.threads))
 
     def temperature(self, simulation: Simulation) -> float:
         """Its present temperature [energy]."""
@@ -155,7 +156,9 @@ def start(options: Options) -> GasAtStart:
     velocity = placement.maxwellian(disks.mass, temperature=1.0, seed=options.seed)
     spin = np.zeros(options.n)
     elastic = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
-    mixing = Simulation(disks, box, elastic, State(position, velocity, spin), threads=options.threads)
+    mixing = Simulation(
+        disks, box, elastic, State(position, velocity, spin), device=Device(threads=options.threads)
+    )
     mixing.run(collisions_per_disk=MIXING)
     mixed = mixing.state
     law = IFRLaw(e_n=options.e_n, e_t=-1.0, mu=0.0)
@@ -342,8 +345,8 @@ def report(options: Options, rows: Sequence[Timing]) -> dict[str, Any]:
     ours = statistics.median(rows[0].rates)
     return {
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
-        "cpu": device.cpu_name(),
-        "cores": device.cores(),
+        "cpu": backend.cpu_name(),
+        "cores": backend.cores(),
         "load_average": list(os.getloadavg()) if hasattr(os, "getloadavg") else None,
         "versions": _versions(),
         **{name: getattr(options, name) for name in SHOWN},
@@ -487,7 +490,7 @@ def peers(
         length = _number("--collisions-per-disk", collisions_per_disk, 0.1, 1e4)
     if soft_collisions_per_disk is not None:
         soft_length = _number("--soft-collisions-per-disk", soft_collisions_per_disk, 0.1, 100.0)
-    cores = device.cores()
+    cores = backend.cores()
     options = Options(
         n=disks,
         phi=_number("--phi", phi, 0.01, 0.72),
