@@ -26,7 +26,8 @@ from ...model.box import Box
 from ...model.coin_table import coins
 from ...model.ifr import IFRLaw
 from ...model.state import Disks, State
-from ...model.walls import Motion, Turn, Wall
+from ...model.wall_motion import Motion, Turn
+from ...model.walls import Wall
 from ...simulation.engine import ORDERS, Engine
 from ...tools.arguments import script, whole
 from ...tools.checked import one_of
