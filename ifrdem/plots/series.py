@@ -145,10 +145,10 @@ def _wall_names(trajectory: Trajectory) -> list[str]:
     if "walls_hits" not in sums:
         raise InputError(
             f"{trajectory.path} does not hold what walls give to the disks: output.wall_sums = true is needed, "
-            "as by `ifrdem run CASE --set output.wall_sums=true` (in Python Simulation(wall_sums=True))"
+            'as by `ifrdem run CASE --set output.wall_sums=true` (in Python record=["wall"])'
         )
     if len(sums.time) < 2:
-        raise InputError(f"{trajectory.path}: two rows of the series at least are needed for forces on walls")
+        raise InputError(f"{trajectory.path}: must have two rows of the series or more for forces on walls")
     columns = sums.columns("walls_hits")
     grouped = {wall.group for wall in trajectory.walls if wall.group}
     names = list(

@@ -1,7 +1,7 @@
 """The engine's arrays: what lies on the device, how large it is, and how kernels get it.
 
 `kernels/layout.py` says what each array holds; they have the same names here. This module imports Taichi: import it
-only after `device.start`.
+only after `backend.start`.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ from ..model.box import Box
 from ..model.state import COLUMNS, Disks, State, codes
 from ..model.walls import Wall
 from ..mpi import SERIAL, Communicator
-from . import device
+from . import backend
 from .checks import MANTISSA, position_spacing
 
 CELL = 1.0 + 1e-6  # side of a cell in largest diameters, at least: what rounding leaves of it
@@ -175,8 +175,8 @@ class DeviceArrays:
         self.n: int = n
         self.box: Box = box
         self.uses: k.Uses = uses
-        self.real: type[np.floating[Any]] = np.float32 if options.precision == "f32" else np.float64
-        self._type = getattr(ti, options.precision)
+        self.real: type[np.floating[Any]] = np.float32 if options.device.precision == "f32" else np.float64
+        self._type = getattr(ti, options.device.precision)
         self._arguments: dict[Callable[..., Any], list[str]] = {}
         self.room: int = 0
         self.parts: int = 2
@@ -197,7 +197,7 @@ class DeviceArrays:
         self.law.from_numpy(law_table.astype(self.real))
         # Small arrays that the host reads after every launch. Kernels on a CPU take NumPy arrays as they are; a GPU has
         # arrays of its own for them (`launch`).
-        self.on_gpu: bool = options.arch != "cpu"
+        self.on_gpu: bool = options.device.name != "cpu"
         self._twins: dict[str, Any] = {}
         self.counter: Named = blank("counter", np.int32)
         self.clock: Named = blank("clock")
@@ -212,7 +212,6 @@ class DeviceArrays:
         self.grid.periodic_x, self.grid.periodic_y = box.periodic
         self.widest: float = 2.0 * float(disks.radius.max()) if n else 1.0
         self.scale.widest = self.widest
-        self.set_gravity(options.gravity, options.resting_speed)
         self.scale.cutoff, self.scale.contact_time = options.velocity_cutoff, options.contact_time
         if options.resting_speed:
             self.scale.cutoff = options.resting_speed
@@ -269,7 +268,7 @@ class DeviceArrays:
     def _replace(self, name: str, new: Any) -> None:
         old = getattr(self, name, None)
         if isinstance(old, ti.Ndarray):
-            device.free_array(old)
+            backend.free_array(old)
         setattr(self, name, new)
 
     def _make_parts(self, parts: int, room: int) -> None:
@@ -444,13 +443,13 @@ class DeviceArrays:
         sheared = self.uses.sheared
         if few and not sheared and not self.on_gpu:
             collisions *= FEWER_WINDOWS
-        if options.window_collisions is not None:  # whatever the device: windows decide the bits
-            collisions = options.window_collisions
+        if options.device.window_collisions is not None:  # whatever the device: windows decide the bits
+            collisions = options.device.window_collisions
         mean = 2.0 * disks.mean_radius if n else 1.0
         self.clock.path = collisions * free / (math.sqrt(2.0 * math.pi) * mean * contact_value(phi))
         # A gas in one tile: nobody goes round the box in a window, for the grid of places.
         own = float((high - low).min())
-        if options.window_collisions is not None:
+        if options.device.window_collisions is not None:
             own = min(own, math.sqrt(GPU_TILE * free))
         elif sheared or not few or self.on_gpu:
             own = min(own, math.sqrt(tile_disks * free))
@@ -466,7 +465,7 @@ class DeviceArrays:
             self.grid.coarse = math.ceil(CELL * self.widest / side)
         tiles = (1, 1)
         self.single_tile = options.order == "serial" or (
-            options.order is None and few and options.arch == "cpu"
+            options.order is None and few and options.device.name == "cpu"
         )
         self.single_tile = self.single_tile and not sheared
         if not self.single_tile:
@@ -482,7 +481,7 @@ class DeviceArrays:
             self.clock.path *= shorter
             collisions *= shorter
         self.clock.free_path, self.clock.in_window = self.clock.path, 0.5 * n * collisions
-        lanes = 1 if self.single_tile else min(device.lanes(), self.tiles)
+        lanes = 1 if self.single_tile else min(backend.lanes(), self.tiles)
         self.grid.lanes, self.grid.single_tile = lanes, int(self.single_tile)
         spread = min(max(GPU_THREADS // self.tiles, 1), k.TEAM)
         self.grid.stride = 1 << (spread.bit_length() - 1)
@@ -812,7 +811,7 @@ class DeviceArrays:
     def release(self) -> None:
         """Give all device memory back."""
         for name, array in self._on_device().items():
-            device.free_array(array)
+            backend.free_array(array)
             setattr(self, name, None)
         for value in self._twins.values():
-            device.free_array(value)
+            backend.free_array(value)

@@ -38,7 +38,7 @@ the owners of tiles, and back, in one exchange of all with all.
 Blocks move (`rebalance`) between windows: whole lists of tiles go to other ranks, in their order. No bit depends on
 who owns a tile, so none changes.
 
-Imports Taichi: import this module only after `device.start`. Needs mpi4py.
+Imports Taichi: import this module only after `backend.start`. Needs mpi4py.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Windows from the host: how long they are, tiles that have to be run again, and where a run stops within one.
 
-Imports Taichi: import this module only after `device.start`.
+Imports Taichi: import this module only after `backend.start`.
 """
 
 from __future__ import annotations
