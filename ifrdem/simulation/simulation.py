@@ -31,7 +31,8 @@ from ..model.law import (
 from ..model.observables import Measure, from_totals, sums
 from ..model.overlaps import check_no_overlap
 from ..model.state import COLUMNS, DiskKinds, Disks, State, scatter_state
-from ..model.walls import Wall, WallSums, check_types, sides
+from ..model.wall_checks import check_types
+from ..model.walls import Wall, WallSums, sides
 from ..mpi import Communicator, current
 from ..mpi.distribution import bounds
 from ..tools import checked

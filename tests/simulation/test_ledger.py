@@ -15,7 +15,8 @@ from ifrdem.model.forces import Drag, RandomKicks
 from ifrdem.model.ifr import IFRLaw, Regime, collide
 from ifrdem.model.observables import MECHANISMS, REGIMES, Measure
 from ifrdem.model.state import Disks, State
-from ifrdem.model.walls import Motion, Wall
+from ifrdem.model.wall_motion import Motion
+from ifrdem.model.walls import Wall
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.schedule import Cadence
 from ifrdem.simulation.simulation import Simulation

@@ -12,7 +12,8 @@ from ifrdem.model.box import Box
 from ifrdem.model.forces import RandomKicks
 from ifrdem.model.ifr import IFRLaw, collide
 from ifrdem.model.state import Disks, State
-from ifrdem.model.walls import Motion, Wall
+from ifrdem.model.wall_motion import Motion
+from ifrdem.model.walls import Wall
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.simulation.tracking import ELASTIC, KICK, UNKNOWN, Events
 

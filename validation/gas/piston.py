@@ -22,7 +22,8 @@ import numpy as np
 
 from ...model.box import Box
 from ...model.observables import Measure
-from ...model.walls import Piston, Wall
+from ...model.wall_motion import Piston
+from ...model.walls import Wall
 from ...simulation.simulation import Simulation
 from ...tools.checked import Array
 from ..report import style
