@@ -607,7 +607,7 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
                         "device": "cpu"}),
         "Simulation": (gas, simulation),
         "Simulation.run": (lambda **given: gas().run(**given), {
-            "t_end": 0.0, "frames": 1, "observers": (), "series": None, "samplers": (), "progress": None,
+            "t_end": 0.0, "frames": 1, "frame_callbacks": (), "series": None, "series_callbacks": (), "progress": None,
         }),
         "DSMC.run": (lambda **given: dsmc().run(**given), {"t_end": 0.0, "samples": [0.0]}),
         "Simulation.collide": (made.collide, {"count": 0}),
@@ -616,6 +616,9 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "Simulation.set_piston_force": (lambda **given: driven().set_piston_force(**given),
                                         {"wall": 0, "force": 1.0}),
         "Simulation.switch_ledger": (gas(record=["energy"]).switch_ledger, {"on": True}),
+        "Simulation.run_for": (lambda **given: gas().run_for(**given), {
+            "time": 1e-9, "frames": 1, "frame_callbacks": (), "series": None, "series_callbacks": (),
+        }),
         "Simulation.set_law": (made.set_law, {"law": law}),
         "Simulation.set_forces": (made.set_forces, {"forces": ()}),
         "Simulation.set_gravity": (made.set_gravity, {"gravity": (0.0, 0.0)}),
@@ -627,8 +630,8 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
 GASES = [
     "DSMC", "DSMC.run", "Simulation",
     *(f"Simulation.{name}" for name in (
-        "collide", "collide_until", "load_checkpoint", "run", "save_checkpoint", "set_forces", "set_gravity", "set_law",
-        "set_piston_force", "set_velocities", "switch_ledger")),
+        "collide", "collide_until", "load_checkpoint", "run", "run_for", "save_checkpoint", "set_forces", "set_gravity",
+        "set_law", "set_piston_force", "set_velocities", "switch_ledger")),
 ]  # fmt: skip
 
 

@@ -27,12 +27,12 @@ from ..kernels.layout import Uses
 from ..model.ifr import IFRLaw
 from ..model.law import (
     CollisionLaw,
+    check_by_sampling,
     check_energy,
     checked_class,
     coefficient_table,
     compiled,
     law_table,
-    try_on,
 )
 from ..model.state import Disks, State
 from ..theory.contact import Contact, PackingFraction, contact_value_coefficients
@@ -49,7 +49,7 @@ from ..tools.checked import (
     check_of,
     validated,
 )
-from ..tools.sealed import Sealed
+from ..tools.read_only import ReadOnlyAttributes
 from . import backend
 from .device import Device
 from .schedule import warn_of_end
@@ -175,7 +175,7 @@ Samples = Annotated[int | ArrayLike, _samples]
 """A number of samples, or the moments at which they are taken, shape (q,)."""
 
 
-class DSMC(Sealed):
+class DSMC(ReadOnlyAttributes):
     """A homogeneous gas of rough disks, without places.
 
     Parameters
@@ -282,7 +282,7 @@ class DSMC(Sealed):
         self._make_arrays(start, compiled(kind), table)
         if kind is not IFRLaw:  # whether it adds energy is not known
             fastest = max(float(np.abs(part).max()) for part in (start.velocity, disks.radius * spins))
-            try_on(kind, table, disks, [], fastest or 1.0)
+            check_by_sampling(kind, table, disks, [], fastest or 1.0)
         self._set(time=0.0, collisions=0, energy_input=0.0, candidates=0, cut_for_speed=0)
         self._batches = self._kicks = 0
 

@@ -20,7 +20,8 @@ from ...model.forces import Rescale
 from ...model.ifr import IFRLaw
 from ...model.overlaps import close_pairs
 from ...model.state import Disks, State
-from ...model.walls import Motion, Wall
+from ...model.wall_motion import Motion
+from ...model.walls import Wall
 from ...simulation import backend
 from ...simulation.device import Device
 from ...simulation.engine import Engine

@@ -22,7 +22,8 @@ import numpy as np
 
 from ...model.box import Box
 from ...model.observables import Measure
-from ...model.walls import Piston, Wall
+from ...model.wall_motion import Piston
+from ...model.walls import Wall
 from ...simulation.simulation import Simulation
 from ...tools.checked import Array
 from ..report import style
@@ -115,7 +116,7 @@ def follow(n: int, seed: int, forces: tuple[float, float], stay: float, ramp: fl
         gas.run(t_end=gas.time + 0.1 * stay, progress=False)
         heights.clear()
         temperatures.clear()
-        gas.run(t_end=gas.time + stay, series=round(2.0 * stay), samplers=[sample], progress=False)
+        gas.run(t_end=gas.time + stay, series=round(2.0 * stay), series_callbacks=[sample], progress=False)
         return float(np.mean(heights)), float(np.mean(temperatures)), F * heights[-1] + n * temperatures[-1]
 
     ways = []
