@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from ...case import file as case_file
-from ...case import summary
+from ...case import report as reporting
 from ...case.file import CaseFile
 from ...case.objects import options_of
 from ...case.summary import REFUSED_HERE
@@ -318,7 +318,7 @@ def disagreement(case: dict[str, Any], rows: str | None, folder: Path) -> tuple[
     try:
         with _silence():
             file = case_file.read(path)
-            warned = summary.check(file.gas, folder).warnings
+            warned = reporting.check(file.gas, folder).warnings
     except InputError as error:
         return "refused", None if str(error).strip() else "check: no reason"
     except Exception as error:  # the error that is searched for, with its type
@@ -338,12 +338,12 @@ def disagreement(case: dict[str, Any], rows: str | None, folder: Path) -> tuple[
 
 
 def _ignore(_text: str) -> None:
-    """Show nothing of what a run says."""
+    """Discard the output of a run."""
 
 
 @contextlib.contextmanager
 def _silence() -> Iterator[None]:
-    """Nothing is shown of progress, and no warning."""
+    """Suppress progress output and warnings."""
     with contextlib.redirect_stderr(io.StringIO()), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         yield
