@@ -3,6 +3,9 @@
 =====================================  =================================================================
 `Disks`, `Box`, `State`                constant properties of disks, the space they move in, their motion
 `Wall`, `Motion`, `Turn`               walls at rest, moving, turning, thermal
+`VelocityCutoff`, `ContactTime`,
+`Rest`                                 remedies for inelastic collapse
+`Device`, `RotatingGravity`            device and precision; gravity whose direction rotates
 `Piston`, `WallSums`                   a wall with a mass; what walls gave to the disks
 `forces`, `laws`                       forces between collisions; collision laws
 `IFRLaw`, `coins`, `CollisionLaw`      the law, the coins of the paper, a custom law

@@ -28,7 +28,8 @@ from ifrdem.cases import gallery
 from ifrdem.cli import main as cli
 from ifrdem.cli import program
 from ifrdem.model.observables import measure
-from ifrdem.model.walls import Motion, Piston, Wall
+from ifrdem.model.wall_motion import Motion, Piston
+from ifrdem.model.walls import Wall
 from ifrdem.plots import pictures
 from ifrdem.theory import sheared_gas
 
@@ -199,6 +200,21 @@ def test_small_case_runs_as_the_tutorial_says(tmp_path: Path, monkeypatch: pytes
     assert {"small.h5", "small.png", "small-analysis", "small-temperatures.png"} <= {
         each.name for each in tmp_path.iterdir()
     }
+
+
+def test_a_case_is_an_object_as_the_tutorial_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    small = block("case object").replace(
+        "number = 2000", "number = 200\ncase.run.collisions_per_disk = 4.0\ncase.output.frames = 2"
+    )
+    exec(compile(small, "tutorial.md", "exec"), {})
+    frames, temperature = capsys.readouterr().out.splitlines()[-1].split()
+    assert frames == "3"
+    with Trajectory("small.h5") as run:
+        assert float(temperature) == run.observables["temperature"][-1]
+        assert run.n == 200
 
 
 def test_python_example_is_the_case_to_the_last_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,6 +20,7 @@ from ..initial import impact_scan, packing, placement
 from ..initial.from_csv import StartData
 from ..model import crush
 from ..model.box import Box
+from ..model.collapse import Rest
 from ..model.free_area import FreeArea
 from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.observables import drift_text
@@ -32,6 +33,7 @@ from ..simulation.turning import FASTEST_DRUM
 from ..tools import seeds
 from . import pair_rules, rules
 from .case import GROWN, IMPACT_SCAN, Case
+from .objects import collapse_of, device_of, gravity_of, record_of
 from .pair_rules import PairVerdict
 from .section import Problem
 from .species import Species, species_of
@@ -445,10 +447,10 @@ class CaseGas:
         set_to = [getattr(each, key, None) or 0.0 for each in case.force for key in thermostats]
         hottest = max([checks.hottest(self.walls, ()), *set_to])
         checks.check_magnitudes(self.kinds, self.box, speed + flow, case.run.precision, hottest)
-        if case.run.resting_speed is not None:
+        if isinstance(collapse := collapse_of(case.run), Rest):
             checks.check_resting(
-                self.kinds, self.box, (case.box.gravity[0], case.box.gravity[1]), case.run.resting_speed,
-                [each.kind for each in case.force], IFRLaw, case.run.device, case.run.precision,
+                self.kinds, self.box, (case.box.gravity[0], case.box.gravity[1]), collapse,
+                [each.kind for each in case.force], IFRLaw, device_of(case.run),
             )  # fmt: skip
         largest = {
             "a velocity": comm.largest(float(np.abs(velocity).max(initial=0.0))) + flow,
@@ -479,7 +481,7 @@ class CaseGas:
                 self.begin[0], run.t_end or 0.0, smallest, self.box, alone
             ),
             ("run", "collapse"): lambda: checks.check_rebound(
-                e_n, materials, walls, self.box, gravity, run.collapse, run.precision
+                e_n, materials, walls, self.box, gravity, collapse_of(run), run.precision
             ),
         }
         found = self._lying(velocity, walls, gravity) if known else []
@@ -530,7 +532,7 @@ class CaseGas:
         of the start. A `state` of ranks is that of all disks, on the root; or that of the slice, on each rank, where
         they are distributed.
         """
-        run, box, output = self.case.run, self.case.box, self.case.output
+        run = self.case.run
         comm = self.communicator(comm)
         distributed = comm.is_distributed
 
@@ -538,12 +540,13 @@ class CaseGas:
             drawn = distributed and self.given is None and self.is_made_in_slices
             return self.start() if state is None and not drawn else state
 
-        begin = comm.run_on_root(begun)
+        begin: Any = comm.run_on_root(begun)
         disks = self.disks if comm.is_root and not distributed else None
         if distributed:
             way = comm.bcast("drawn" if begin is None else "whole" if begin.n == self.n else "slices")
             if way == "whole":
-                disks, begin = scatter_state(comm, None if begin is None else self.disks, begin)
+                with comm:
+                    disks, begin = scatter_state(None if begin is None else self.disks, begin)
             else:
                 disks = self.rows(comm.slice_of(self.n))
                 with comm:
@@ -553,16 +556,10 @@ class CaseGas:
         any_law = self.law()  # stands where two walls would meet, which never happens
         given: dict[str, Any] = {
             "disks": disks, "box": self.box, "state": begin,
-            "law": [[any_law if one is None else one for one in row] for row in self.laws], "arch": run.device,
-            "threads": run.threads, "precision": run.precision,
+            "law": [[any_law if one is None else one for one in row] for row in self.laws], "device": device_of(run),
             "walls": self._walls_at_start if pistons is None else at_displacements(self.walls, pistons),
-            "gravity": (box.gravity[0], box.gravity[1]), "gravity_rotation_rate": box.gravity_rotation_rate,
-            "gravity_rotation_step": box.gravity_rotation_step, "collapse": run.collapse,
-            "contact_time": run.contact_time, "velocity_cutoff": run.velocity_cutoff,
-            "resting_speed": run.resting_speed,
-            "forces": forces_of(self.case), "seed": run.seed, "ledger": output.ledger,
-            "partners": "last_partner" in output.fields, "angles": "angle" in output.fields,
-            "dissipated": "dissipated" in output.fields, "wall_sums": output.wall_sums,
+            "gravity": gravity_of(self.case.box), "collapse": collapse_of(run),
+            "forces": forces_of(self.case), "seed": run.seed, "record": record_of(self.case),
             "tracked": tracked, "comm": comm,
         }  # fmt: skip
         with warnings.catch_warnings():

@@ -22,13 +22,15 @@ from ..model.box import Box
 from ..model.free_area import FreeArea
 from ..model.overlaps import check_no_overlap, relax
 from ..model.state import DiskKinds
-from ..model.walls import Wall, check_place, pieces
-from ..model.walls import check as check_free_of_walls
+from ..model.wall_checks import check as check_free_of_walls
+from ..model.wall_checks import check_place
+from ..model.walls import Wall, pieces
 from ..mpi import current, distribution
 from ..mpi.decomposition import counted_tiles, most_ranks
 from ..simulation.checks import check_pistons
 from ..simulation.schedule import first_after, time_of
 from .case import GROWN, IMPACT_SCAN, Case
+from .objects import options_of
 from .pair_rules import PairVerdict
 from .section import Problem
 from .species import Species
@@ -172,11 +174,7 @@ def check_walls(
         yield _at(case, "box.packing_fraction", text)
         return
     try:
-        run = case.run
-        check_pistons(
-            walls, _disks(case), run.device, run.precision, run.resting_speed or 0.0,
-            gravity_rotation_rate=case.box.gravity_rotation_rate,
-        )  # fmt: skip
+        check_pistons(walls, _disks(case), options_of(case))
     except InputError as error:
         yield Problem("wall", None, str(error))
     placed = []

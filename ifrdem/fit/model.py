@@ -121,7 +121,7 @@ class Problem(ABC):
     redundancy : array (n,)
         Number of values measured beyond those that the latent coordinates take.
     estimated : tuple of str
-        Groups of quantities whose error the residuals are to tell.
+        Groups of quantities whose error is estimated from the residuals.
     """
 
     start: Array
@@ -229,7 +229,7 @@ class Problem(ABC):
 
     @abstractmethod
     def begin(self) -> None:
-        """Set `start`, `spread` and `step` from the values and errors."""
+        """Set `start`, `spread` and `step` from values and errors."""
 
     @abstractmethod
     def at(self, law: Law, values: Array, psi: Array) -> Problem:
@@ -284,7 +284,9 @@ class AngleProblem(Problem):
     def __init__(self, names: Sequence[str], y: Array, s: Array, groups: Sequence[str], pair: Pair) -> None:
         self.pair = pair
         if pair.M == 0.0 and (gone := {"delta_2", "Rw_2", "sqrt_d2_d1"} & set(names)):
-            raise InputError(f"{', '.join(sorted(gone))}: not of a wall (M = 0), which does not move")
+            raise InputError(
+                f"{', '.join(sorted(gone))}: cannot be combined with a wall (M = 0), which does not move"
+            )
         super().__init__(names, y, s, groups)
         self.begin()
 
@@ -377,7 +379,7 @@ class CollisionProblem(Problem):
         return other
 
     def begin(self) -> None:
-        """By the motion before; what was not measured is taken from after, or is 0."""
+        """Set starts from the motion before; missing values are taken from after, or are 0."""
         columns = dict(zip(self.names, self.y.T, strict=True))
         errors = dict(zip(self.names, self.s.T, strict=True))
         im_1, R_1, _, im_2, R_2, _, *wall = self.of_disks

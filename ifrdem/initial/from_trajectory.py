@@ -11,8 +11,8 @@ import numpy as np
 from ..errors import InputError, nearest
 from ..model.box import Box
 from ..model.overlaps import TOLERANCE, check_no_overlap
+from ..model.wall_checks import check as check_walls
 from ..model.walls import OF_PISTONS, Wall, sides
-from ..model.walls import check as check_walls
 from ..mpi import current
 from ..tools.checked import Array
 from ..trajectory.reader import Frame, Trajectory
@@ -36,7 +36,7 @@ def read(
     """Read a start from a trajectory.
 
     InputError if the file cannot be read, or holds no such frame or field, another number of disks or another box; or
-    if the disks overlap. The message says what is there.
+    if the disks overlap. The message describes the file.
 
     `frame` counts from 0, or from -1 backwards; None is the last one. The radii (n,) [length] are those of the disks
     that start there, which must fit; the box must be that of the trajectory. With `motion`, velocities and spins are
@@ -162,7 +162,7 @@ def _clock(there: Box, box: Box | None, frame_time: float, time: float | None) -
         boxes = rate * box.lengths[1] / box.lengths[0] * (frame_time - (frame_time if time is None else time))
         if abs(boxes - round(boxes)) > 1e-9:
             raise InputError(
-                f"start.time = {time:g}: the images above and below stand where the flow has moved them by t = "
+                f"start.time = {time:g}: the images above and below are where the flow has moved them by t = "
                 f"{frame_time!r}, the time of the frame; leave start.time out"
             )
     elif rate and time is None:
@@ -174,7 +174,7 @@ def _check_whole(trajectory: Trajectory, n: int, box: Box | None) -> None:
     """Refuse a trajectory of another number of disks, or another box."""
     sides = trajectory.box.lengths
     if trajectory.n != n:
-        raise InputError(f"has {trajectory.n} disks: {n} are needed, the sum of the species' numbers")
+        raise InputError(f"has {trajectory.n} disks: must be {n}, the sum of the species' numbers")
     if box is not None and not np.allclose(sides, box.lengths, rtol=1e-12, atol=0.0):
         if box.is_open or trajectory.box.is_open:
             raise InputError("either its box or that of the case is open: both must be, or neither")
@@ -185,7 +185,7 @@ def _check_whole(trajectory: Trajectory, n: int, box: Box | None) -> None:
 
 
 def _other_radii(path: Path, radius: Array, ids: range) -> str:
-    """Likely cause of an overlap: disks of the trajectory have other radii; the first one is named."""
+    """A likely cause of an overlap: the first disk whose radius in the trajectory differs; else empty."""
 
     def found() -> str:
         with Trajectory(path) as trajectory:

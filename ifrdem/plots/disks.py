@@ -52,7 +52,7 @@ class View:
 
     @classmethod
     def of(cls, thing: Frame | Simulation) -> View:
-        """View of a frame, or of a simulation as it is now."""
+        """View of a frame, or of the present state of a simulation."""
         if isinstance(thing, Frame):
             trajectory = thing.trajectory
             return cls(
@@ -248,7 +248,7 @@ def _disks(axes: Axes, view: View, colour: Colour | None) -> int:
     pixel = float(np.ptp(shown_region(view, view.moving.position), axis=1).max()) / PIXELS
     drawn, owner = add_disks(axes, view, pixel)
     values = None if colour is None else colour.values(view)
-    if colour is None or values is None or np.all(values == values[:1]):  # nothing to tell apart
+    if colour is None or values is None or np.all(values == values[:1]):  # all equal
         drawn.set_facecolor(PLAIN)
     else:
         low, high = limits(colour.scale, values)

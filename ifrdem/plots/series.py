@@ -9,7 +9,8 @@ import numpy as np
 
 from ..analysis import result
 from ..errors import InputError
-from ..model.walls import OF_PISTONS, Turn
+from ..model.wall_motion import Turn
+from ..model.walls import OF_PISTONS
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .style import ACROSS, KINDS, RATIO, ROTATION, TRANSLATION, grid, label, legend_above
@@ -33,7 +34,7 @@ def along(trajectory: Trajectory, when: Array, over: str) -> Array:
 
 
 def series(trajectory: Trajectory, over: str, *names: str) -> tuple[Array, list[Array]]:
-    """Whole-gas quantities by name, and where they stand on such an axis."""
+    """Whole-gas quantities by name, and their coordinates on such an axis."""
     when, values = result.series(trajectory, *names)
     return along(trajectory, when, over), values
 
@@ -144,10 +145,10 @@ def _wall_names(trajectory: Trajectory) -> list[str]:
     if "walls_hits" not in sums:
         raise InputError(
             f"{trajectory.path} does not hold what walls give to the disks: output.wall_sums = true is needed, "
-            "as by `ifrdem run CASE --set output.wall_sums=true` (in Python Simulation(wall_sums=True))"
+            'as by `ifrdem run CASE --set output.wall_sums=true` (in Python record=["wall"])'
         )
     if len(sums.time) < 2:
-        raise InputError(f"{trajectory.path}: two rows of the series at least are needed for forces on walls")
+        raise InputError(f"{trajectory.path}: must have two rows of the series or more for forces on walls")
     columns = sums.columns("walls_hits")
     grouped = {wall.group for wall in trajectory.walls if wall.group}
     names = list(

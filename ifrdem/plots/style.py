@@ -16,7 +16,7 @@ from ..tools.checked import Array
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Okabe and Ito's blue and vermilion: told apart with every kind of colour blindness, and in grey; and a grey that
+# Okabe and Ito's blue and vermilion: distinct with every kind of colour blindness, and in grey; and a grey that
 # stands out against black and white.
 TRANSLATION, ROTATION, RATIO = "#0072B2", "#D55E00", "#777777"
 OPEN: dict[str, Any] = {"mfc": "none", "ls": "none"}
@@ -42,7 +42,7 @@ class Gas(Protocol):
 
 
 def positive(values: Array) -> Array:
-    """With nan for what a logarithmic axis cannot show, such as the temperature of spins at rest."""
+    """Values with nan where a logarithmic axis cannot show them, such as the temperature of spins at rest."""
     return np.where(values > 0.0, values, np.nan)
 
 
@@ -67,7 +67,7 @@ def label(gas: Gas | None, text: str, quantity: str) -> str:
 
 
 def with_unit(gas: Gas | None, text: str, quantity: str) -> str:
-    """A text with the unit of a quantity behind it, if there is one."""
+    """A text followed by the unit of a quantity, if there is one."""
     return f"{text} {unit_of(gas, quantity) or ''}".rstrip()
 
 
@@ -84,7 +84,7 @@ def foreground(axes: Axes) -> str:
 
 
 def bar_beside(axes: Axes, drawn: Any, text: str, extend: str = "neither", names: Sequence[str] = ()) -> Any:
-    """A colour bar right beside the axes, whatever their aspect; of kinds, with their `names` instead of numbers."""
+    """A colour bar next to the axes, whatever their aspect; of kinds, with their `names` instead of numbers."""
     from matplotlib.ticker import MaxNLocator
 
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
@@ -113,7 +113,7 @@ def place_axes(axes: Axes, gas: Gas | None, region: Array | None = None) -> None
 
 
 def from_zero(axes: Axes) -> None:
-    """Let the vertical axis begin at 0 and end so far above what is drawn that no marker is cut."""
+    """Let the vertical axis begin at 0 and end above all markers."""
     drawn = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in axes.lines])
     highest = np.max(drawn, where=np.isfinite(drawn), initial=0.0)
     axes.set_ylim(0.0, 1.12 * highest if highest > 0.0 else 1.0)

@@ -27,8 +27,7 @@ from ..model.observables import MECHANISMS, TANGENTIAL, Measure, drift_text
 from ..model.state import State, gather_state
 from ..model.walls import wall_names
 from ..mpi import SERIAL, Communicator
-from ..simulation import checkpoint
-from ..simulation import device as backend
+from ..simulation import backend, checkpoint
 from ..simulation.schedule import Course, Span
 from ..simulation.simulation import Simulation
 from ..simulation.tracking import Events
@@ -205,8 +204,8 @@ def how(case: Case, cores: int, ranks: int = 1) -> str:
 
 def device_of(case: Case) -> str:
     """The device of a case."""
-    device = backend.device(case.run.device)
-    return f"{device.arch}: {device.description}"
+    device = backend.describe(case.run.device)
+    return f"{device.name}: {device.description}"
 
 
 def run_root(
@@ -280,7 +279,7 @@ def run_root(
         with stops, progress:
             with recorder:
                 simulation.follow(
-                    running.course, observers=[frame], samplers=[row], progress=report, between=between,
+                    running.course, frame_callbacks=[frame], series_callbacks=[row], progress=report, between=between,
                     stored=_single(case),
                 )  # fmt: skip
             # A signal that comes while the latest frames are written is that of a run that is about to end anyway.
@@ -346,7 +345,7 @@ def run_worker(case: Case, simulation: Simulation, course: Course, writer: Parts
     with contextlib.nullcontext() if writer is None else writer:
         try:
             with stops:
-                simulation.follow(course, observers=[frame], between=between, stored=_single(case))
+                simulation.follow(course, frame_callbacks=[frame], between=between, stored=_single(case))
             if writer is not None:
                 writer.flush()
         except Stopped:
@@ -361,7 +360,8 @@ def _as_written(simulation: Simulation, writer: AsyncWriter | PartsWriter | None
         return writer.shares(state)
     if not simulation.comm.is_distributed:
         return state
-    return gather_state(simulation.comm, simulation.disks.n, state)
+    with simulation.comm:
+        return gather_state(simulation.disks.n, state)
 
 
 def _single(case: Case) -> Collection[str] | None:
@@ -542,7 +542,7 @@ def _balance(running: Run, last: Measure) -> Iterator[str]:
     residual = ledger.relative_residual(last)
     if residual is not None and last.dissipated is not None:
         yield from _mechanisms(last.dissipated, energy)
-        yield f"the energy ledger closes to {abs(residual):.1e} of the energy that was there or put in"
+        yield f"energy balance: relative error {abs(residual):.1e}"
     # Against the momentum that the disks' typical speed would add up to, all one way.
     scale = float(np.sqrt(2.0 * first.translational_energy * mass))
     if first.energy > 0.0 and scale > 0.0:
@@ -550,9 +550,8 @@ def _balance(running: Run, last: Measure) -> Iterator[str]:
         # Heat baths, drag, walls, gravity, and a flow at the sides that disks cross change it.
         changed = case.force or case.walled or any(case.box.gravity) or gas.box.shear_rate
         yield (
-            f"{'change' if changed else 'rounding'} of the total momentum: "
-            f"{change:.2g}{case.unit('momentum')}, {change / scale:.2g} "
-            "of what the disks would carry if all flew one way at the start"
+            f"momentum {'change' if changed else 'drift'} {change:.2g}{case.unit('momentum')} "
+            f"({change / scale:.2g} of sum m|v| at the start)"
         )
 
 

@@ -27,21 +27,20 @@ from ..kernels.layout import Uses
 from ..model.ifr import IFRLaw
 from ..model.law import (
     CollisionLaw,
+    check_by_sampling,
     check_energy,
     checked_class,
     coefficient_table,
     compiled,
     law_table,
-    try_on,
 )
 from ..model.state import Disks, State
-from ..theory.contact import Contact, PackingFraction, crowding_of_mixture
+from ..theory.contact import Contact, PackingFraction, contact_value_coefficients
 from ..theory.driven_gas import Drive
 from ..theory.sonine import sonine_coefficient
 from ..tools import checked, seeds
 from ..tools.checked import (
     Column,
-    Count,
     Integer,
     NonNegative,
     NonNegativeColumn,
@@ -50,8 +49,9 @@ from ..tools.checked import (
     check_of,
     validated,
 )
-from ..tools.sealed import Sealed
-from . import device
+from ..tools.read_only import ReadOnlyAttributes
+from . import backend
+from .device import Device
 from .schedule import warn_of_end
 
 
@@ -175,7 +175,7 @@ Samples = Annotated[int | ArrayLike, _samples]
 """A number of samples, or the moments at which they are taken, shape (q,)."""
 
 
-class DSMC(Sealed):
+class DSMC(ReadOnlyAttributes):
     """A homogeneous gas of rough disks, without places.
 
     Parameters
@@ -185,7 +185,7 @@ class DSMC(Sealed):
     law : CollisionLaw or sequence of sequences of CollisionLaw
         As for `Simulation`: an `IFRLaw`, rolling friction included, or a law of one's own.
     packing_fraction : float
-        Part of the area that the disks cover; it sets the area, and how much crowding raises collision rates.
+        Part of the area that the disks cover; it sets the area and the contact values.
     velocity : array_like (n, 2)
         Velocities at the start [length/time].
     spin : array_like (n,), optional
@@ -198,8 +198,8 @@ class DSMC(Sealed):
         Power, spin power and linear friction of every disk, whatever its mass: white noise, or a heat bath
         (`driven_gas.Drive`). The total momentum is then not kept. The same for all masses.
     contact : {"virial", "henderson", "dilute"}
-        Contact values (`contact.crowding_of_mixture`); "dilute" solves Boltzmann's equation.
-    arch, threads, precision
+        Contact values (`contact.contact_value_coefficients`); "dilute" solves Boltzmann's equation.
+    device : Device or str
         As for `Simulation`. What comes out is the same to the last bit for any number of threads.
 
     Raises
@@ -252,9 +252,7 @@ class DSMC(Sealed):
         species: Column | None = None,
         drive: Drive | None = None,
         contact: Contact = "virial",
-        arch: str = "cpu",
-        threads: Count | None = None,
-        precision: str = "f64",
+        device: Device | str | None = None,
     ) -> None:
         n = disks.n
         if n < 2 or not disks.movable.all():
@@ -271,11 +269,11 @@ class DSMC(Sealed):
         kind: Any = checked_class(laws)
         check_energy(laws, disks)
         self._set(area=math.pi * float(np.sum(disks.radius**2)) / packing_fraction)
-        with device.sole_use():
-            running = device.start(arch, threads=threads, precision=precision)
-        self._alone = arch == "cpu" and running.threads == 1
-        self._real: Any = np.float32 if precision == "f32" else np.float64
-        a, b = crowding_of_mixture(packing_fraction, disks.radius, None, contact)
+        with backend.sole_use():
+            running = backend.start(device := Device.of(device))
+        self._alone = device.name == "cpu" and running.threads == 1
+        self._real: Any = np.float32 if device.precision == "f32" else np.float64
+        a, b = contact_value_coefficients(packing_fraction, disks.radius, None, contact)
         largest = float(disks.radius.max())
         self._section = 2.0 * a * largest + b * largest**2  # the largest g_ij sigma_ij
         self._crowding = np.array([a, b, 0.0, 0.0], dtype=self._real)
@@ -284,7 +282,7 @@ class DSMC(Sealed):
         self._make_arrays(start, compiled(kind), table)
         if kind is not IFRLaw:  # whether it adds energy is not known
             fastest = max(float(np.abs(part).max()) for part in (start.velocity, disks.radius * spins))
-            try_on(kind, table, disks, [], fastest or 1.0)
+            check_by_sampling(kind, table, disks, [], fastest or 1.0)
         self._set(time=0.0, collisions=0, energy_input=0.0, candidates=0, cut_for_speed=0)
         self._batches = self._kicks = 0
 
@@ -298,7 +296,7 @@ class DSMC(Sealed):
         return which.ravel()
 
     def _make_arrays(self, start: State, law: Any, table: NDArray[np.float64]) -> None:
-        from ..kernels import dsmc as kernels  # imports Taichi, which `device.start` has set going
+        from ..kernels import dsmc as kernels  # imports Taichi, which `backend.start` has set going
         from ..kernels.signature import parameters_of
 
         import taichi as ti  # isort: skip
@@ -330,7 +328,7 @@ class DSMC(Sealed):
         self._counter = np.zeros(DSMC_TABLES["counter"].width, dtype=np.int32)
         self._fastest = np.zeros(1, dtype=self._real)
         self._gains = np.zeros(n // kernels.BLOCK + 1)
-        device.register(self)
+        backend.register(self)
 
     def _launch(self, kernel: Any, *numbers: int, **given: Any) -> None:
         """Run a kernel: its first arguments are `numbers`, the others arrays, `given` or attributes of their names."""
@@ -346,7 +344,7 @@ class DSMC(Sealed):
         for name in ("_disk", "_before", "_pair", "_todo", "_hits", "_hits_before", "_first", "_law"):
             array = getattr(self, name)
             if array is not None:
-                device.free_array(array)
+                backend.free_array(array)
                 setattr(self, name, None)
 
     def _record(self) -> NDArray[np.float64]:
@@ -450,7 +448,7 @@ class DSMC(Sealed):
                 raise InputError(
                     f"samples: numbers in increasing order from {now:.6g} to {end:.6g} are needed"
                 )
-        with device.sole_use():
+        with backend.sole_use():
             found = [self._measure()]
             for mark in marks:
                 if by_time:
@@ -467,7 +465,7 @@ class DSMC(Sealed):
     def _step(self, longest: float, wanted: float = math.inf) -> None:
         """Let the gas go on, for `longest` [time] at most, and not for many more collisions than are `wanted`."""
         self._check_whole()
-        with device.deferred_interrupts():  # Ctrl-C takes effect between batches
+        with backend.deferred_interrupts():  # Ctrl-C takes effect between batches
             self._whole = False
             self._batch_of(longest, wanted)
             self._whole = True
@@ -503,7 +501,7 @@ class DSMC(Sealed):
         return n * (n - 1) * self._section * 2.0 * cap / self.area
 
     def _check_alive(self) -> None:
-        device.check_process()
+        backend.check_process()
         if self._disk is None:
             raise EngineError("this gas is gone: Taichi was started anew, with other settings")
 

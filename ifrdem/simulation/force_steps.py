@@ -1,6 +1,6 @@
 """Operator splitting: when each force acts, and what it did to the energy.
 
-Imports the kernels, and Taichi with them: import this module only after `device.start`.
+Imports the kernels, and Taichi with them: import this module only after `backend.start`.
 
 Forces that act at one and the same time do so in the order given at every other such time and in the reverse order at
 those between. Forces that do not commute would else make an error of first order in the step: drag before kicks is
@@ -128,13 +128,13 @@ class ForceSteps:
             n, size = force.totals, self._sizes[index]
             while True:  # once, where sizes are as in the last step
                 found = told(sum_totals, (1 + LEVELS) * n, rounders=_rounders(size, self.arrays.n))
-                size = _size(self.arrays.most_of(found)[:n])
+                size = _size(self.arrays.domain.largest(found)[:n])
                 if np.array_equal(size, self._sizes[index]):
                     break
                 self._sizes[index] = size
-            sums = self.arrays.sums_of(found)[n:].reshape(LEVELS, n)
+            sums = self.arrays.domain.sums(found)[n:].reshape(LEVELS, n)
             totals = np.array([math.fsum(each) for each in sums.T])
-        gained = self.arrays.sums_of(told(apply_force, 2, totals=totals))
+        gained = self.arrays.domain.sums(told(apply_force, 2, totals=totals))
         self.next_steps[index] = k + 1
         if not math.isfinite(gained[0]):
             raise EngineError(

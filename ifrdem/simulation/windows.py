@@ -1,6 +1,6 @@
 """Windows from the host: how long they are, tiles that have to be run again, and where a run stops within one.
 
-Imports Taichi: import this module only after `device.start`.
+Imports Taichi: import this module only after `backend.start`.
 """
 
 from __future__ import annotations
@@ -45,6 +45,7 @@ class Windows:
 
     def __init__(self, arrays: DeviceArrays, statistics: Statistics, time: float) -> None:
         self.arrays: DeviceArrays = arrays
+        self.domain: Any = arrays.domain
         self.statistics: Statistics = statistics
         self.now: float = time
         arrays.clock.begin = arrays.clock.end = time
@@ -294,7 +295,7 @@ class Windows:
         most = 1.5 * max(float(a.clock.in_window), self._last_collisions) + 100.0
         if not any(done < count <= done + most for _, count in self._asked):
             return False
-        room = int(most * a.rows_here(int(a.grid.part)) / a.n)
+        room = int(most * a.domain.n_here(int(a.grid.part)) / a.n)
         if a.grid.most_pairs < room:
             a.make_pairs(room)
         return True

@@ -1,4 +1,4 @@
-"""Rows of frames, time series and histories that a trajectory file grows by, and that count once they are committed."""
+"""Committed rows: frames, time series and histories that are appended to a trajectory file."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class CommitLog:
     `what` is the noun for one row ("frame"); the `marker` has a number for each, and is None where something else
     counts the rows; `datasets` by name may be added to before the first row; `committed` rows count, and `at` is the
     number of the row that comes next, by default the one after these. The disks of a part have numbers from
-    `first_disk` on, which messages tell.
+    `first_disk` on, for messages.
     """
 
     def __init__(
@@ -79,12 +79,12 @@ class CommitLog:
         self.last_time = float(rows["time"][-1])
 
     def confirm(self, count: int) -> None:
-        """Take note that the last `count` rows are committed."""
+        """Record that the last `count` rows are committed."""
         self.at += count
         self.committed = max(self.committed, self.at)
 
     def drop_uncommitted(self) -> None:
-        """Remove what an interrupted commit left behind the last one."""
+        """Remove rows after the last commit, left by an interrupted one."""
         for dataset in ([] if self.marker is None else [self.marker], self.datasets.values(), self.blank):
             for each in dataset:
                 if len(each) > self.committed:
@@ -108,7 +108,7 @@ class CommitLog:
             element = f"{name} of disk {self.first_disk + place[0]}{component}"
         raise TrajectoryError(
             f"{self.what} {self.at + row}, computed again, differs from the file: {element} is {values[where]}, the "
-            f"file holds {stored[where]}. This is not the same run: the file is kept as it is"
+            f"file holds {stored[where]}. This is not the same run: the file is not changed"
         )
 
 
@@ -154,7 +154,7 @@ class SeriesWriter:
             row = _row(values, first)
             first = first or row
             if not (is_number(time) and np.isfinite(time) and time >= before):
-                raise InputError(f"time = {time}: a finite time not before {before} is needed")
+                raise InputError(f"time = {time}: must be a finite time not before {before}")
             before = float(time)
             found.append({"time": np.array(before), **row})
         if not found:
@@ -176,7 +176,7 @@ class SeriesWriter:
         rows.commit(self._output, {name: np.stack([row[name] for row in found]) for name in found[0]})
 
     def drop_uncommitted(self) -> None:
-        """Remove what an interrupted write left behind the last commit."""
+        """Remove rows after the last commit, left by an interrupted write."""
         file = self._output.file
         drop_staged(file, TIMESERIES)
         if self.rows is not None and self.rows.committed:
@@ -212,9 +212,9 @@ class HistoryWriter:
         """Begin to track disks; see `TrajectoryWriter.begin_histories`."""
         tracked = np.sort(stored("tracked", ids, np.atleast_1d(np.asarray(ids)).shape[:1], np.int32))
         if not len(tracked) or not 0 <= tracked[0] <= tracked[-1] < self._n:
-            raise InputError(f"tracked = {ids!r}: numbers of disks from 0 to {self._n - 1} are needed")
+            raise InputError(f"tracked = {ids!r}: must be ids of disks from 0 to {self._n - 1}")
         if len(twice := tracked[1:][tracked[1:] == tracked[:-1]]):
-            raise InputError(f"tracked: disk {twice[0]} is there twice")
+            raise InputError(f"tracked: disk {twice[0]} is given twice")
         start: dict[str, Any] = {"time": np.float64(state.time)}
         for name, column in START_COLUMNS.items():
             rows = getattr(state, name)
@@ -268,7 +268,7 @@ class HistoryWriter:
         rows.confirm(end - rows.at)
 
     def drop_uncommitted(self) -> None:
-        """Remove what an interrupted write left behind the last commit."""
+        """Remove rows after the last commit, left by an interrupted write."""
         drop_staged(self._output.file, HISTORIES)
         if self.events is not None:
             self.events.drop_uncommitted()
@@ -291,7 +291,7 @@ class HistoryWriter:
             row = int(np.argmax(falling)) + 1
             raise InputError(f"histories: event {row} at t = {times[row]} is not in the order of time and id")
         if not (is_number(time) and np.isfinite(time)) or (length and times[-1] > time):
-            raise InputError(f"histories: time = {time}: a finite time not before the last event is needed")
+            raise InputError(f"histories: time = {time}: must be a finite time not before the last event")
         foreign = ~np.isin(ids, self._tracked)
         if foreign.any():
             raise InputError(f"histories: disk {ids[foreign][0]} is not tracked")
@@ -301,18 +301,18 @@ class HistoryWriter:
 def _row(values: Mapping[str, ArrayLike], first: Mapping[str, Any] | None) -> dict[str, NDArray[Any]]:
     """Quantities of a row of the series, as `first` has them."""
     if not isinstance(values, Mapping):
-        raise InputError(f"series: numbers by name are needed, not {values!r}")
+        raise InputError(f"series: must be numbers by name, not {values!r}")
     for name in ("step", "time"):
         if name in values:
             raise InputError(f"name of series = {name!r}: the file has it already for all of them")
     row = checked("series", "row", values, first)
     if not row:
-        raise InputError("series: a row without any quantity cannot be written")
+        raise InputError("series: a row must have one quantity or more")
     return row
 
 
 def samples(datasets: Mapping[str, h5py.Dataset]) -> dict[str, NDArray[Any]]:
-    """An array of the shape and type of a row of each dataset: HDF5 takes 0.05 ms to tell them."""
+    """An array of the shape and type of a row of each dataset: HDF5 takes 0.05 ms to return them."""
     return {
         name: np.broadcast_to(np.zeros((), each.dtype), each.shape[1:]) for name, each in datasets.items()
     }
@@ -332,7 +332,7 @@ def checked(
     for name, value in given.items():
         numbers = np.asarray(value)
         if numbers.dtype.kind not in "iuf" or numbers.size == 0:
-            raise InputError(f"{what} {name} = {value!r}: a number or numbers are needed")
+            raise InputError(f"{what} {name} = {value!r}: must be a number or numbers")
         found[name] = numbers.astype(np.float64 if numbers.dtype.kind == "f" else np.int64)
     if first is None:
         for name in found:
@@ -344,7 +344,7 @@ def checked(
     for name, numbers in found.items():
         before = first[name]
         if numbers.shape != before.shape:
-            raise InputError(f"{what} {name} has shape {numbers.shape}: {before.shape} is needed")
+            raise InputError(f"{what} {name} has shape {numbers.shape}: must be {before.shape}")
         if numbers.dtype.kind == "f" and before.dtype.kind != "f":
             raise InputError(f"{what} {name} = {numbers}: it was an integer in the first {row}")
         found[name] = numbers.astype(before.dtype)
@@ -355,9 +355,9 @@ def stored(what: str, value: ArrayLike, shape: tuple[int, ...], dtype: DTypeLike
     """Values in the type that the file has for them; InputError if they do not fit the shape or the type."""
     given, target = np.asarray(value), np.dtype(dtype)
     if given.shape != shape:
-        raise InputError(f"{what} has shape {given.shape}: {shape} is needed")
+        raise InputError(f"{what} has shape {given.shape}: must be {shape}")
     if given.dtype.kind not in ("iu" if target.kind == "i" else "iuf") and given.size:
-        raise InputError(f"{what} has type {given.dtype}: {target} is needed")
+        raise InputError(f"{what} has type {given.dtype}: must be {target}")
     if target.kind == "i" and given.size and given.dtype != target:
         limits = np.iinfo(target)
         if not limits.min <= given.min() <= given.max() <= limits.max:
@@ -367,7 +367,7 @@ def stored(what: str, value: ArrayLike, shape: tuple[int, ...], dtype: DTypeLike
     if target.kind == "f" and not np.isfinite(found).all():
         place = tuple(int(axis) for axis in np.argwhere(~np.isfinite(found))[0])
         where = ", ".join(map(str, place))
-        raise InputError(f"{what}[{where}] = {given[place]}: no finite number of type {target}")
+        raise InputError(f"{what}[{where}] = {given[place]}: must be a finite number of type {target}")
     return found
 
 
@@ -380,4 +380,4 @@ def check_name(what: str, name: object, *, separator: bool = True) -> None:
     """Raise InputError unless a name can be one in HDF5; with `separator`, "/" makes groups."""
     parts = str(name).split("/") if separator else [str(name)]
     if not isinstance(name, str) or any(part in ("", ".", "..") or "/" in part for part in parts):
-        raise InputError(f"name of {what} = {name!r}: a text is needed that HDF5 takes as a name")
+        raise InputError(f"name of {what} = {name!r}: must be a string valid as a name in HDF5")

@@ -25,7 +25,7 @@ from ..trajectory.reader import SPIN, Frame, Trajectory
 
 MOST_DISKS = 2_000_000
 """Above so many disks in the window, a map of the area fraction is shown instead."""
-MOST_EVENTS = 20_000_000  # of histories that are held, to tell how long ago disks collided
+MOST_EVENTS = 20_000_000  # of histories kept in memory for the times since collisions
 MOST_COLLISIONS = 1000  # of a history that are shown, those around the frame's time
 MOST_TRACKED = 1000  # ids of tracked disks that the page knows
 MOST_ROWS = 1500  # of a curve
@@ -47,7 +47,7 @@ class DiskColour:
 
 
 def pack(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    """A JSON header and arrays behind it, little-endian, each from a multiple of four bytes on.
+    """A JSON header followed by little-endian arrays, each aligned to four bytes.
 
     First the length of the header (uint32). Its `arrays` are lists of name, type (as "u2") and number of elements.
     """
@@ -104,7 +104,7 @@ class Content:
         return state.st_size, state.st_mtime_ns
 
     def refresh(self) -> None:
-        """Take in what a run has added to the file."""
+        """Read what a run has added to the file."""
         if (now := self._now()) != self._stamp:
             self.trajectory.refresh()
             self._stamp = now
@@ -126,7 +126,7 @@ class Content:
         return status.line(content) if content["state"] == status.RUNNING else ""
 
     def head(self) -> dict[str, Any]:
-        """Everything but the disks, for JSON."""
+        """The content except the disks, for JSON."""
         it = self.trajectory
         available, absent = self.colours
         tracked = it.tracked
@@ -342,7 +342,7 @@ class Content:
         return about | self.collisions(id, frame.time, MOST_COLLISIONS)
 
     def collisions(self, id: int, time: float, most: int) -> dict[str, Any]:
-        """Up to so many collisions of a disk around a time: how many it had in all, and rows of those."""
+        """At most `most` collisions of a disk around a time: the total number, and rows of the selected ones."""
         if id not in self.trajectory.tracked:
             return {"collisions": None, "rows": []}
         found = self.trajectory.history(id)

@@ -25,7 +25,7 @@ class StudyPoints:
     Parameters
     ----------
     place : Path
-        The results NAME.nc, or the folder NAME.runs beside them.
+        The results NAME.nc, or the folder NAME.runs next to them.
 
     Raises
     ------
@@ -36,7 +36,7 @@ class StudyPoints:
     def __init__(self, place: Path) -> None:
         if not place.name.endswith((ENDING, RUNS)):
             raise InputError(
-                f"{place}: the results of a study are needed, NAME{ENDING}, or its folder NAME{RUNS}"
+                f"{place}: must be the results of a study, NAME{ENDING}, or its folder NAME{RUNS}"
             )
         name = place.name.removesuffix(RUNS).removesuffix(ENDING)
         self._folder = place.with_name(name + RUNS)
@@ -44,14 +44,14 @@ class StudyPoints:
         self._results = Results.read(self.path)
         self._axes = list(self._results.axes)
         if not self._axes or SEED not in self._results.variables:
-            raise InputError(f"{self.path}: no key was varied, there are no points to show")
+            raise InputError(f"{self.path}: no key was varied: there are no points to show")
 
     @property
     def _indices(self) -> list[tuple[int, ...]]:
         return list(itertools.product(*(range(len(self._results.values(axis))) for axis in self._axes)))
 
     def head(self) -> dict[str, Any]:
-        """Everything but the curves of single points, for JSON."""
+        """The content except curves of single points, for JSON."""
         it = self._results
         keys = json.loads(it.attributes["keys"])
         known = [name.removesuffix("_mean") for name in it.variables if name.endswith("_mean")]

@@ -95,7 +95,7 @@ def test_obvious_spellings_are_understood(tmp_path: Path, column: str, name: str
         ("delta_2,Rw_2\n10,4\n", r"missing column psi; there are delta_2, Rw_2"),
         (
             "psi,delta_2,vx_1\n10,4,1\n",
-            r"columns of a table of angles \(psi, delta_2\) and of whole collisions \(vx_1\) stand together",
+            r"columns of a table of angles \(psi, delta_2\) and of whole collisions \(vx_1\) are both given",
         ),
         ("psi,delta_2,delta2\n10,4,4\n", r"column 'delta_2' stands twice"),
         ("psi,delta_2,delta_1_error\n10,4,1\n", r"column 'delta_1_error' needs a column 'delta_1'"),

@@ -138,7 +138,7 @@ def test_three_ranks_and_two_have_the_bits_and_the_errors_of_one_process(folder:
         "none.csv": "there is no such file",
         "lacking": "lacking.parts/0002.h5 (disks 300 to 449) is missing",
         "radii": "have other radii: disk 200 has 0.5 there, 0.6 in this case",
-        "numbers": "has 601 disks: 602 are needed",
+        "numbers": "has 601 disks: must be 602",
     }
     assert {name.rpartition(" ")[0] for name in told} == {*right, *says}
     for name, found in told.items():

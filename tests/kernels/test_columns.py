@@ -9,7 +9,7 @@ import pytest
 
 from ifrdem.kernels import columns
 from ifrdem.kernels.columns import Columns, Named, Several, named
-from ifrdem.simulation import device
+from ifrdem.simulation import backend
 
 PAIR = Columns(begin=None, until=None)
 TABLE = Columns(a=None, two=2, part=PAIR, times=(3, PAIR), last=None)
@@ -63,7 +63,7 @@ def names_of(table: Columns) -> Iterator[str]:
 @pytest.mark.parametrize("table", ALL_TABLES.values(), ids=ALL_TABLES)
 def test_no_name_of_a_column_is_that_of_something_else(table: Columns) -> None:
     """`array.copy` is the copy, whatever columns there are."""
-    device.start()
+    backend.start()
     from ifrdem.kernels.records import NamedRow
 
     taken = {*dir(Columns), "at", "first", "width", *dir(Named), *dir(NamedRow)}
@@ -81,7 +81,7 @@ def test_bytes_of_disks_are_what_their_columns_take() -> None:
 
 
 def test_kernels_read_and_write_columns_by_name() -> None:
-    device.start()
+    backend.start()
     import taichi as ti
     from support.record_kernels import move
 
@@ -100,7 +100,7 @@ def test_kernels_read_and_write_columns_by_name() -> None:
 
 
 def test_a_wrong_name_in_a_kernel_is_reported() -> None:
-    device.start()
+    backend.start()
     import taichi as ti
     from support.record_kernels import wrong
 

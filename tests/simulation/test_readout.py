@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from support.gases import equal_disks, mixture, start
 
+from ifrdem import Device
 from ifrdem.errors import EngineError
 from ifrdem.model.box import Box, below
 from ifrdem.model.forces import RandomKicks
@@ -42,13 +43,13 @@ def gas(*, n: int = 1500, box: Box | None = None, **options: object) -> Simulati
     disks = mixture(n)
     inside, state = start(disks, 0.5)
     return Simulation(
-        disks, inside if box is None else box, COIN, state, ledger=True, partners=True, angles=True, **options
+        disks, inside if box is None else box, COIN, state, record=["energy", "partner", "angle"], **options
     )
 
 
 def frames_of(simulation: Simulation, **course: object) -> Frames:
     found: Frames = []
-    simulation.run(**course, observers=[lambda state, measure: found.append((state, measure))])
+    simulation.run(**course, frame_callbacks=[lambda state, measure: found.append((state, measure))])
     return found
 
 
@@ -79,7 +80,7 @@ def test_series_tracked_disks_and_the_ledger_change_no_bit(order: str) -> None:
     expected = bare.state
     followed = gas(tracked=[0, 7, 700])
     rows: list[Measure] = []
-    followed.run(t_end=0.6, series=41, samplers=[rows.append])
+    followed.run(t_end=0.6, series=41, series_callbacks=[rows.append])
     assert len(rows) == 42
     assert len(followed.take_events()) > 0
     for name in SEEN[:5]:
@@ -156,7 +157,7 @@ def test_threads_do_not_matter() -> None:
                 "ifrdem.simulation.simulation.Engine",
                 functools.partial(Engine, order="tiled", tile_disks=300),
             )
-            found.append(frames_of(gas(threads=threads), t_end=0.5, frames=9))
+            found.append(frames_of(gas(device=Device(threads=threads)), t_end=0.5, frames=9))
     for (one, measured_one), (other, measured_other) in zip(*found, strict=True):
         same(one, other)
         assert measured_one.energy == measured_other.energy
@@ -183,7 +184,7 @@ def test_kicks_do_not_move_frames(order: str) -> None:
 def test_frames_of_disks_that_meet_nobody_stand_at_their_times() -> None:
     begin = State([[2.0, 2.0], [5.0, 5.0]], [[1.0, 0.0], [1.0, 0.0]], [0.5, -0.5])
     for box in (Box((10.0, 10.0)), Box.open()):
-        simulation = Simulation(mixture(2), box, COIN, begin, ledger=True, partners=True, angles=True)
+        simulation = Simulation(mixture(2), box, COIN, begin, record=["energy", "partner", "angle"])
         found = [state for state, _ in frames_of(simulation, t_end=8.0, frames=4)]
         assert [state.time for state in found] == [0.0, 2.0, 4.0, 6.0, 8.0]
         for state in found:
@@ -197,7 +198,7 @@ def test_frames_of_one_disk_and_of_disks_at_rest_stand_at_their_times() -> None:
         State([[2.0, 2.0]], [[1.0, 0.5]], [0.5]),
         State([[2.0, 2.0], [5.0, 5.0]], np.zeros((2, 2)), [0.0, 0.0]),
     ):
-        simulation = Simulation(equal_disks(begin.n), Box((10.0, 10.0)), COIN, begin, angles=True)
+        simulation = Simulation(equal_disks(begin.n), Box((10.0, 10.0)), COIN, begin, record=["angle"])
         found = [state for state, _ in frames_of(simulation, t_end=8.0, frames=4)]
         assert [state.time for state in found] == [0.0, 2.0, 4.0, 6.0, 8.0]
         for state in found:
@@ -234,7 +235,7 @@ def test_a_run_that_an_observer_ends_can_go_on() -> None:
 
     stopped, whole = gas(), gas()
     with pytest.raises(Enough):
-        stopped.run(t_end=0.6, frames=20, observers=[stop])
+        stopped.run(t_end=0.6, frames=20, frame_callbacks=[stop])
     assert stopped.time == pytest.approx(0.21)  # frame 7 of 20
     stopped.run(t_end=0.6)
     whole.run(t_end=0.6)
@@ -242,9 +243,9 @@ def test_a_run_that_an_observer_ends_can_go_on() -> None:
 
 
 def test_single_precision_looks_back_to_its_rounding() -> None:
-    double = gas(threads=1)  # as the test before this one: another number starts Taichi anew
+    double = gas(device=Device(threads=1))  # as the test before this one: another number starts Taichi anew
     exact, box = frames_of(double, t_end=0.3, frames=3), np.array(double.box.lengths)
-    found = frames_of(gas(precision="f32"), t_end=0.3, frames=3)
+    found = frames_of(gas(device=Device(precision="f32")), t_end=0.3, frames=3)
     for (state, _), (expected, _) in zip(found, exact, strict=True):
         apart = state.position + state.image * box - expected.position - expected.image * box
         assert np.median(np.abs(apart)) < 1e-5
@@ -258,7 +259,7 @@ def test_single_frames_are_the_exact_ones_rounded_and_lie_in_the_box(order: str)
         span = Span.to(1500, 0.0, 0, t_end=0.6)
         simulation.follow(
             Course(span, Cadence(number=12)),
-            observers=[lambda state, _, to=frames: to.append(state)],
+            frame_callbacks=[lambda state, _, to=frames: to.append(state)],
             stored=stored,
         )
     exact, rounded = found
@@ -286,7 +287,7 @@ def test_frames_that_are_kept_are_not_written_over(stored: tuple[str, ...] | Non
         copies.append(tuple(np.array(getattr(state, name)) for name in SEEN))
 
     gas(n=300).follow(
-        Course(Span.to(300, 0.0, 0, t_end=0.6), Cadence(number=20)), observers=[look], stored=stored
+        Course(Span.to(300, 0.0, 0, t_end=0.6), Cadence(number=20)), frame_callbacks=[look], stored=stored
     )
     assert len(kept) == 21
     for state, copy in zip(kept, copies, strict=True):
@@ -325,7 +326,7 @@ def test_an_observer_may_ask_the_simulation_and_save_it(order: str, tmp_path: Pa
         asked_of.append((state, told, asked.state, asked.measure()))
         asked.save_checkpoint(path)
 
-    asked.run(t_end=0.4, frames=7, observers=[ask])
+    asked.run(t_end=0.4, frames=7, frame_callbacks=[ask])
     plain.run(t_end=0.4)
     assert len(asked_of) == 8
     for state, told, present, measured in asked_of:
@@ -337,16 +338,16 @@ def test_an_observer_may_ask_the_simulation_and_save_it(order: str, tmp_path: Pa
     same(asked.state, plain.state)
 
 
-def test_samplers_are_told_of_the_exact_moment(order: str) -> None:
+def test_series_callbacks_get_the_exact_moment(order: str) -> None:
     simulation = gas(n=900)
     frames: Frames = []
     rows: list[Measure] = []
     simulation.run(
         t_end=0.4,
         frames=5,
-        observers=[lambda state, told: frames.append((state, told))],
+        frame_callbacks=[lambda state, told: frames.append((state, told))],
         series=10,
-        samplers=[rows.append],
+        series_callbacks=[rows.append],
     )
     assert [row.time for row in rows] == pytest.approx(0.04 * np.arange(11), abs=1e-15)
     for (state, told), row in zip(frames, rows[::2], strict=True):

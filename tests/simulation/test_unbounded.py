@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from support.gases import COIN, mixture, partners, start
 
+from ifrdem import Device
 from ifrdem.errors import InputError, NoMoreCollisions
 from ifrdem.initial import placement
 from ifrdem.model.box import Box
@@ -107,7 +108,12 @@ def test_any_number_of_threads_gives_the_same_bits() -> None:
     disks, state = blob(400)
     law = np.array([[COIN]])
     ends = [
-        run(Engine(disks, Box.open(), state, law, order="tiled", tile_disks=60, threads=threads), 20.0)
+        run(
+            Engine(
+                disks, Box.open(), state, law, order="tiled", tile_disks=60, device=Device(threads=threads)
+            ),
+            20.0,
+        )
         for threads in (None, 1)
     ]
     for name in ("position", "velocity", "spin", "collisions"):
@@ -161,7 +167,7 @@ def test_a_trajectory_says_that_there_are_no_boundaries(tmp_path: Path) -> None:
     path = tmp_path / "open.h5"
     with TrajectoryWriter(path, disks, Box.open(), precision="f8", fields=["position", "image"]) as file:
         gas = Simulation(disks, Box.open(), LAW, state)
-        gas.run(t_end=100.0, frames=2, observers=[lambda state, _: file.write(state)])
+        gas.run(t_end=100.0, frames=2, frame_callbacks=[lambda state, _: file.write(state)])
     with Trajectory(path) as trajectory:
         assert trajectory.box == Box.open()
         assert list(trajectory._file["particles/all/box"].attrs["boundary"]) == [b"none"] * 3

@@ -19,6 +19,7 @@ import numpy as np
 from mpi4py import MPI
 from support.gases import COIN, ELASTIC, ROLLING, equal_disks, mixture, start
 
+from ifrdem import ContactTime, Device
 from ifrdem.errors import EngineError
 from ifrdem.kernels import layout as k
 from ifrdem.kernels import sums
@@ -26,7 +27,8 @@ from ifrdem.kernels.columns import KIND, named
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, RandomKicks, Rescale, SpinKicks, TableFriction
 from ifrdem.model.state import Disks, State
-from ifrdem.model.walls import Motion, Wall
+from ifrdem.model.wall_motion import Motion
+from ifrdem.model.walls import Wall
 from ifrdem.simulation import arrays, ranks
 from ifrdem.simulation.engine import Engine
 
@@ -57,7 +59,7 @@ def walled() -> Gas:
         Wall.line((0.0, 129.0), (0.0, -1.0), temperature=2.0),
         Wall.post((30.0, 100.0), 3.0),
     ]
-    more = {"walls": walls, "gravity": (0.0, -0.05), "seed": 4, "ledger": True}
+    more = {"walls": walls, "gravity": (0.0, -0.05), "seed": 4, "record": ["energy"]}
     return disks, box, state, (0.98, *COIN[1:]), 10.0, more
 
 
@@ -91,7 +93,7 @@ def fast(make: Any = mixture) -> Gas:
     disks = Disks(N, np.where(np.arange(N) % 1000 == 0, 1e4, disks.mass), disks.radius, disks.k)
     box, state = start(disks, 0.1)
     state.velocity[::2000], state.velocity[1000::2000] = (40.0, 30.0), (-40.0, -30.0)
-    return disks, box, state, COIN, 6.0, {"ledger": True, "forces": [Rescale(0.2, energy=1e4)]}
+    return disks, box, state, COIN, 6.0, {"record": ["energy"], "forces": [Rescale(0.2, energy=1e4)]}
 
 
 def spreading(make: Any = mixture) -> Gas:
@@ -100,7 +102,7 @@ def spreading(make: Any = mixture) -> Gas:
     box, state = start(disks, 0.2)
     wide = Box((4.0 * box.lengths[0], box.lengths[1]))
     state.velocity[:, 0] += 4.0
-    return disks, wide, state, COIN, 16.0, {"ledger": True}
+    return disks, wide, state, COIN, 16.0, {"record": ["energy"]}
 
 
 def driven() -> Gas:
@@ -110,19 +112,19 @@ def driven() -> Gas:
         SpinKicks(0.08, power=0.2),
         TableFriction(0.05, mu=0.02, gravity=10.0),
     ]
-    return periodic(0.3, COIN, 5.0, mixture, seed=3, ledger=True, forces=[*forces, Drag(0.1, rate=0.3)])
+    return periodic(0.3, COIN, 5.0, mixture, seed=3, record=["energy"], forces=[*forces, Drag(0.1, rate=0.3)])
 
 
 GASES: dict[str, Any] = {
-    "elastic": lambda: periodic(0.3, ELASTIC, 20.0, mixture, ledger=True),
-    "cooling": lambda: periodic(0.4, COIN, 80.0, ledger=True, angles=True, partners=True),
-    "mixture": lambda: periodic(0.4, ROLLING, 5.0, mixture, contact_time=1e-3),
+    "elastic": lambda: periodic(0.3, ELASTIC, 20.0, mixture, record=["energy"]),
+    "cooling": lambda: periodic(0.4, COIN, 80.0, record=["energy", "partner", "angle"]),
+    "mixture": lambda: periodic(0.4, ROLLING, 5.0, mixture, collapse=ContactTime(1e-3)),
     "walls": walled,
     "shear": sheared,
     "driven": driven,
     "fast": fast,
     "spreading": spreading,
-    "sizes": lambda: periodic(0.2, COIN, 20.0, lambda n: sizes(n, 0.3), ledger=True),
+    "sizes": lambda: periodic(0.2, COIN, 20.0, lambda n: sizes(n, 0.3), record=["energy"]),
     "fast sizes": lambda: fast(sizes),
     "spreading sizes": lambda: spreading(sizes),
 }
@@ -131,7 +133,7 @@ GASES: dict[str, Any] = {
 def after(gas: Gas, comm: Any) -> tuple[Engine, dict[str, Any]]:
     """A gas at its end, all numbers that it has."""
     disks, box, state, law, per_disk, more = gas
-    options = {"order": "tiled", "tile_disks": 150, "threads": 1} | more
+    options = {"order": "tiled", "tile_disks": 150, "device": Device(threads=1)} | more
     if comm is not None and comm.rank:  # those of the first are taken
         disks, state = None, None  # type: ignore[assignment]
     engine = Engine(disks, box, state, np.array([[law]]), comm=comm, **options)
@@ -171,43 +173,43 @@ def sleep_until_all_are_here() -> None:
 
 def half_a_ring() -> None:
     """Half of the copies of neighbours' disks are not there."""
-    whole = ranks.RankArrays.fetch
+    whole = ranks.RankDomain.fetch
 
     def half(self: Any, **how: bool) -> None:
         whole(self, **how)
         for tiles in self._taken_tiles:
-            named(ranks.view(self.tile), "tile").count[tiles, int(self.grid.part)] //= 2
+            named(ranks.view(self.arrays.tile), "tile").count[tiles, int(self.arrays.grid.part)] //= 2
 
-    ranks.RankArrays.fetch = half  # type: ignore[method-assign]
+    ranks.RankDomain.fetch = half  # type: ignore[method-assign]
 
 
 def half_a_halo() -> None:
     """Neighbours send a quarter of what halos need."""
-    whole = ranks.RankArrays.bands
-    ranks.RankArrays.bands = lambda self: whole(self) / ranks.HALO_GROWTH / 4.0  # type: ignore[method-assign]
-    ranks.RankArrays.n_short = lambda self, bad: 0  # type: ignore[method-assign]
+    whole = ranks.RankDomain.bands
+    ranks.RankDomain.bands = lambda self: whole(self) / ranks.HALO_GROWTH / 4.0  # type: ignore[method-assign]
+    ranks.RankDomain.n_short = lambda self, bad: 0  # type: ignore[method-assign]
 
 
 def no_foresight() -> None:
     """Neighbours send what halos need at first. This is no fault: it costs time."""
-    whole = ranks.RankArrays.bands
-    ranks.RankArrays.bands = lambda self: whole(self) / ranks.HALO_GROWTH  # type: ignore[method-assign]
+    whole = ranks.RankDomain.bands
+    ranks.RankDomain.bands = lambda self: whole(self) / ranks.HALO_GROWTH  # type: ignore[method-assign]
 
 
 def no_trails() -> None:
     """Neighbours tell nothing of the disks that they ran."""
-    whole, swap = ranks.RankArrays.exchange_trails, ranks.RankArrays.exchange
+    whole, swap = ranks.RankDomain.exchange_trails, ranks.RankDomain.exchange
 
     def silent(self: Any, again: bool) -> None:
-        ranks.RankArrays.exchange = (
+        ranks.RankDomain.exchange = (
             lambda self, messages: swap(  # type: ignore[method-assign]
                 self, [(*(each[:0] for each in message[:3]), *message[3:]) for message in messages]
             )
         )
         whole(self, again)
-        ranks.RankArrays.exchange = swap  # type: ignore[method-assign]
+        ranks.RankDomain.exchange = swap  # type: ignore[method-assign]
 
-    ranks.RankArrays.exchange_trails = silent  # type: ignore[method-assign]
+    ranks.RankDomain.exchange_trails = silent  # type: ignore[method-assign]
 
 
 def no_verification() -> None:
@@ -217,8 +219,8 @@ def no_verification() -> None:
 
 def other_order() -> None:
     """Blocks of tiles are added up in another order."""
-    whole = ranks.RankArrays._all_blocks
-    ranks.RankArrays._all_blocks = lambda self, blocks: whole(self, blocks)[::-1]  # type: ignore[method-assign]
+    whole = ranks.RankDomain._all_blocks
+    ranks.RankDomain._all_blocks = lambda self, blocks: whole(self, blocks)[::-1]  # type: ignore[method-assign]
 
 
 def wrong_owner() -> None:
@@ -264,15 +266,15 @@ COUNTED = {"list_anew": 0, "_empty_table": 0}
 def count_calls() -> None:
     """Count how often disks are listed anew, which sends them to other ranks, and tables of kinds are begun anew."""
 
-    def count(name: str, whole: Any) -> None:
+    def count(of: type, name: str, whole: Any) -> None:
         def counted(self: Any, *given: Any) -> None:
             COUNTED[name] += 1
             whole(self, *given)
 
-        setattr(ranks.RankArrays, name, counted)
+        setattr(of, name, counted)
 
-    for name in COUNTED:
-        count(name, getattr(ranks.RankArrays, name))
+    for name, of in (("list_anew", arrays.DeviceArrays), ("_empty_table", ranks.RankDomain)):
+        count(of, name, getattr(of, name))
 
 
 def told(comm: Any, name: str) -> dict[str, Any]:
@@ -294,8 +296,8 @@ def told(comm: Any, name: str) -> dict[str, Any]:
         "tables": COUNTED["_empty_table"],
     }
     if comm.size > 1:
-        counted["whole"] = engine.arrays.communication.whole
-        counted["moved"] = engine.arrays.communication.moved
+        counted["whole"] = engine.arrays.domain.communication.whole
+        counted["moved"] = engine.arrays.domain.communication.moved
     own = int(np.sum(np.asarray(getattr(engine.arrays, "own", [])) >= 0))
     differ = [
         each for each in differ if each != "statistics run_again"
@@ -307,7 +309,7 @@ if __name__ == "__main__":
     count_calls()
     for word in sys.argv[1:]:
         size, name, *faults = word.split(":")
-        kept = [(of, dict(vars(of))) for of in (ranks, ranks.RankArrays, ranks.RankWindows)]
+        kept = [(of, dict(vars(of))) for of in (ranks, ranks.RankDomain, ranks.RankWindows)]
         for fault in faults:
             FAULTS[fault]()
         comm = COMM.Split(0 if COMM.rank < int(size) else MPI.UNDEFINED)

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from support import mpi
 
-from ifrdem.simulation import device
+from ifrdem.simulation import backend
 
 GASES = Path(__file__).parents[2] / "support" / "rank_gases.py"
 
@@ -64,7 +64,7 @@ def test_all_bits_are_those_of_one_rank(run: str, told: dict[str, dict[str, Any]
 
 
 @mpi.needed
-@pytest.mark.skipif(device.cuda_absence() is not None, reason="no CUDA device on this machine")
+@pytest.mark.skipif(backend.cuda_absence() is not None, reason="no CUDA device on this machine")
 def test_a_gpu_a_rank_has_the_bits_of_one_gpu() -> None:
     """Of a state with latest partners, after tiles ran again; three ranks share GPUs as they are told to."""
     script = GASES.with_name("rank_gpus.py")

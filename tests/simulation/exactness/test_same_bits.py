@@ -14,12 +14,14 @@ import numpy as np
 import pytest
 from support.gases import COIN, ELASTIC, ROLLING, equal_disks, equilibrated, mixture
 
+from ifrdem import Device
 from ifrdem.kernels.columns import TABLES, named
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Langevin, RandomKicks, Rescale
 from ifrdem.model.state import Disks, State
-from ifrdem.model.walls import Motion, Wall
-from ifrdem.simulation import device
+from ifrdem.model.wall_motion import Motion
+from ifrdem.model.walls import Wall
+from ifrdem.simulation import backend
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.windows import Windows
 
@@ -27,7 +29,7 @@ pytestmark = pytest.mark.optimised
 
 N = 4000
 SEEN = ("time", "position", "velocity", "spin", "collisions", "image", "wall_hits")
-THREADS = [t for t in (2, 1) if t <= device.cores()]
+THREADS = [t for t in (2, 1) if t <= backend.cores()]
 TILES = (60, 250, 1000)
 Gas = tuple[Disks, Box, State, tuple[float, ...], dict[str, Any]]
 
@@ -131,7 +133,7 @@ def same(one: State, other: State) -> bool:
 def test_tiles_and_threads_and_the_whole_box_in_order_give_the_same_bits(name: str, threads: int) -> None:
     expected = in_order(name)
     for tile_disks in TILES if threads > 1 or name.startswith("phi") else TILES[1:2]:
-        engine, state = after(name, order="tiled", tile_disks=tile_disks, threads=threads)
+        engine, state = after(name, order="tiled", tile_disks=tile_disks, device=Device(threads=threads))
         for each in SEEN:
             assert np.array_equal(getattr(state, each), getattr(expected, each)), (tile_disks, each)
         assert engine.arrays.tiles > 1
@@ -280,7 +282,7 @@ def test_without_verification_the_bits_would_change(
 
 def hash_of(*collisions: tuple[float, int]) -> tuple[int, int]:
     """Of the history of a disk with these collisions (time, partner)."""
-    device.start()
+    backend.start()
     import taichi as ti
     from support.history_kernels import enter
 
@@ -319,7 +321,7 @@ def test_hashes_that_agree_are_as_rare_as_chance_makes_them(partners: int) -> No
 
     Five standard errors of a Poisson number.
     """
-    device.start()
+    backend.start()
     import taichi as ti
     from support.history_kernels import enter_each
 
@@ -341,7 +343,14 @@ def test_ids_up_to_the_last_of_32_bits_on_one_thread() -> None:
     found = []
     for first in (0, shift):
         engine = Engine(
-            disks, box, state, np.array([[law]]), order="tiled", tile_disks=250, threads=1, partners=True
+            disks,
+            box,
+            state,
+            np.array([[law]]),
+            order="tiled",
+            tile_disks=250,
+            device=Device(threads=1),
+            record=["partner"],
         )
         meta = engine.arrays.meta.to_numpy()
         named(meta[:N], "meta").id += first

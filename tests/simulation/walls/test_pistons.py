@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 
 import ifrdem
+from ifrdem import Device, Rest
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.observables import Measure
 from ifrdem.model.state import Disks, State
-from ifrdem.model.walls import Motion, Piston, Turn, Wall, from_json, to_json
+from ifrdem.model.wall_motion import Motion, Piston, Turn
+from ifrdem.model.walls import Wall, from_json, to_json
 from ifrdem.simulation.simulation import Simulation
 
 ELASTIC = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
@@ -27,7 +29,7 @@ def piston_gas(
     disks: Disks, box: Box, law: IFRLaw, state: State, walls: list[Wall], **options: Any
 ) -> Simulation:
     """With sums of walls, so that all tests share kernels."""
-    return Simulation(disks, box, law, state, walls=walls, **({"wall_sums": True} | options))
+    return Simulation(disks, box, law, state, walls=walls, **({"record": ["wall"]} | options))
 
 
 def lid(height: float = 12.0, **options: Any) -> Wall:
@@ -99,7 +101,7 @@ def test_a_soft_spring_is_as_good_as_none(stop: float | None) -> None:
     np.testing.assert_allclose(found[2], found[0], rtol=1e-7)
 
 
-TOLD: dict[str, Any] = {"ledger": True, "dissipated": True, "tracked": range(30)}
+TOLD: dict[str, Any] = {"record": ["disk_energy", "wall"], "tracked": range(30)}
 
 
 def test_two_pistons_under_friction_lose_what_the_ledger_says() -> None:
@@ -133,7 +135,7 @@ def test_the_mean_height_of_a_piston_on_one_disk_is_that_of_the_virial() -> None
         assert measured.pistons is not None
         heights.append(5.0 - float(measured.pistons[0, 0]) - 1.0)
 
-    simulation.run(t_end=3000 * 7.3, series=3000, samplers=[look], progress=False)
+    simulation.run(t_end=3000 * 7.3, series=3000, series_callbacks=[look], progress=False)
     assert len(heights) == 3001
     # Scatter of h about 0.7 <h>; some 3000 values, correlated over a few: 0.7 / sqrt(600) = 3 %.
     assert np.mean(heights) == pytest.approx(2.0 * energy / (3.0 * 0.5), rel=0.06)
@@ -176,7 +178,7 @@ def test_a_run_goes_on_from_a_checkpoint_to_the_bit(tmp_path: Path, cut: float) 
     first.save_checkpoint(tmp_path / "one.ckpt")
     second.load_checkpoint(tmp_path / "one.ckpt")
     np.testing.assert_array_equal(second.pistons, first.pistons)
-    second.run(t_end=15.0, series=11, samplers=[lambda measure: None])
+    second.run(t_end=15.0, series=11, series_callbacks=[lambda measure: None])
     np.testing.assert_array_equal(whole.pistons, second.pistons)
     assert whole.pistons[0, 0] != first.pistons[0, 0]
     for name in ("position", "velocity", "spin"):
@@ -272,11 +274,15 @@ def lid_with(**options: Any) -> Wall:
     [
         (Wall.segment((0.0, 5.0), (9.0, 5.0), piston=Piston(1.0)), {}, "from side to side of the box"),
         (Wall.segment((0.0, 5.0), (10.0, 6.0), piston=Piston(1.0)), {}, "from side to side of the box"),
-        (lid(mass=1.0), {"precision": "f32"}, 'wall 0 is a piston: precision = "f32" not supported'),
         (
             lid(mass=1.0),
-            {"collapse": "rest", "resting_speed": 1e-3, "gravity": (0.0, -1.0)},
-            'collapse = "rest" not supported',
+            {"device": Device(precision="f32")},
+            'wall 0 is a piston: precision = "f32" not supported',
+        ),
+        (
+            lid(mass=1.0),
+            {"collapse": Rest(1e-3), "gravity": (0.0, -1.0)},
+            r"collapse = Rest\(speed=0\.001\) not supported",
         ),
     ],
 )
@@ -292,10 +298,11 @@ def test_a_piston_through_a_periodic_side_and_too_many_disks_are_refused() -> No
     with pytest.raises(InputError, match="as a piston it would leave through a periodic side"):
         Simulation(disks, Box((10.0, 10.0), (False, True)), ELASTIC, start, walls=[wall])
     from ifrdem.simulation.checks import check_pistons
+    from ifrdem.simulation.engine import EngineOptions
 
     with pytest.raises(InputError, match="20001 disks, more than 20000, not supported"):
-        check_pistons([wall], 20_001, "cpu", "f64", 0.0)
+        check_pistons([wall], 20_001, EngineOptions())
     with pytest.raises(InputError, match='device = "cuda" not supported'):
-        check_pistons([wall], 10, "cuda", "f64", 0.0)
+        check_pistons([wall], 10, EngineOptions(Device("cuda")))
     with pytest.raises(InputError, match="several ranks"):
-        check_pistons([wall], 10, "cpu", "f64", 0.0, ranks=2)
+        check_pistons([wall], 10, EngineOptions(), ranks=2)

@@ -18,8 +18,9 @@ from ifrdem.kernels import columns
 from ifrdem.kernels.columns import named
 from ifrdem.kernels.layout import FIRST_WALL, NO_PARTNER, Uses
 from ifrdem.kernels.walls.kinds import PIECES
-from ifrdem.model.walls import Motion, Turn, Wall
-from ifrdem.simulation import device
+from ifrdem.model.wall_motion import Motion, Turn
+from ifrdem.model.walls import Wall
+from ifrdem.simulation import backend
 
 Array = NDArray[np.float64]
 RADIUS, WINDOW, GRAVITY = 0.3, 1.0, (0.2, -0.7)
@@ -80,7 +81,7 @@ def flying(name: str, wall: Wall, n: int = 60) -> Array:
 
 def of_kernel(name: str, wall: Wall, disks: Array, times: Array) -> tuple[Array, Array]:
     """What `support.wall_kernels.gaps` finds, shape (disks, times, 6), and the roots."""
-    device.start("cpu")
+    backend.start("cpu")
     import taichi as ti
     from support.wall_kernels import gaps
 
@@ -162,7 +163,7 @@ def test_gap_slope_bound_and_root_of_every_shape(name: str, motion: str) -> None
 
 
 def test_an_image_of_a_wall_is_told_from_its_number() -> None:
-    device.start("cpu")
+    backend.start("cpu")
     from ifrdem.kernels.walls.images import as_partner, boxes_of, from_partner, image_of, wall_of
 
     images = [(w, x, y) for w in (0, 1, 2, 99_999) for x in (-1, 0, 1) for y in (-1, 0, 1)]
