@@ -38,7 +38,7 @@ class Columns:
     """Names of the columns of an array, in order.
 
     A name is followed by nothing, by a number of columns (`count=2`), by a table (`losses=MECHANISM`), or by both
-    (`contact=(4, TOUCHED)`).
+    (`contact=(4, HELD_CONTACT)`).
 
     Attributes
     ----------
