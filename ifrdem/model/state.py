@@ -19,8 +19,8 @@ from ..mpi.distribution import broadcast_constant_rows
 from ..tools import checked
 from ..tools.checked import Array, Integer, Numbers, validated
 from ..tools.pictured import Pictured
+from ..tools.read_only import ReadOnlyAttributes
 from ..tools.reprs import Brief
-from ..tools.sealed import Sealed
 
 _TINY, _HUGE = np.finfo(np.float64).smallest_subnormal, np.finfo(np.float64).max
 _Masses = Annotated[
@@ -215,7 +215,7 @@ _COUNTS = (
 
 
 @dataclass(eq=False, repr=False)
-class State(Brief, Sealed, Pictured):
+class State(Brief, ReadOnlyAttributes, Pictured):
     """Positions and motion of n disks at one time.
 
     InputError if shapes do not fit or a value is not finite (the first such disk is named).

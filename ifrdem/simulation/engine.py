@@ -47,8 +47,8 @@ from ..model.law import CollisionLaw, compiled
 from ..model.observables import from_totals
 from ..model.overlaps import TOLERANCE
 from ..model.state import DiskKinds, Disks, State, scatter_state
+from ..model.wall_checks import check as check_walls
 from ..model.walls import Wall, free_directions, rows_of, sides, smooth_materials
-from ..model.walls import check as check_walls
 from ..mpi import Communicator
 from ..mpi.distribution import broadcast_constant_rows
 from ..tools import checked, seeds

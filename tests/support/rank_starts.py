@@ -95,11 +95,11 @@ plain = simulation(None, range(N)) if COMM.rank == 0 else None
 found["start"] = differing(gas.state, plain and plain.state)
 found["disks"] = [gas.disks.n, len(gas.disks.mass), gas.disks_here.n]
 frames: list[Any] = []
-gas.run(collisions_per_disk=1.0, frames=2, observers=[lambda state, _: frames.append(state)])
+gas.run(collisions_per_disk=1.0, frames=2, frame_callbacks=[lambda state, _: frames.append(state)])
 expected: list[Any] = [None] * 3
 if plain is not None:
     expected = []
-    plain.run(collisions_per_disk=1.0, frames=2, observers=[lambda state, _: expected.append(state)])
+    plain.run(collisions_per_disk=1.0, frames=2, frame_callbacks=[lambda state, _: expected.append(state)])
 for i, (own, whole) in enumerate(zip(frames, expected, strict=True)):
     found[f"frame {i}"] = differing(own, whole)
 found["energy"] = repr((gas.dissipated_energy, gas.measure().energy))
