@@ -217,7 +217,7 @@ def test_a_case_at_rest_ends_with_a_message(case_file: str, capsys: pytest.Captu
     [
         (["--n", "1.5"], "--n 1.5: must be an integer"),
         (["--n", "1"], "--n 1: must be an integer"),
-        (["--n", "1e12"], "--n 1e12: must be an integer"),
+        (["--n", "1e12"], "--n 1000000000000: must be an integer from 2 to"),
         (["--n", "inf"], "--n inf: must be an integer"),
         (["--phi", "1.2"], "--phi 1.2: must be a packing fraction from 1e-05 to 0.9068"),
         (["--phi", "nan"], "--phi nan: must be a packing fraction"),
