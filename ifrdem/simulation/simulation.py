@@ -393,7 +393,8 @@ class Simulation(ReadOnlyAttributes, PicturedDisks):
             raise InputError(f"spin has {state.n} entries, there are {present.n} disks: they must agree")
         before = self.measure()
         if not self.comm.is_distributed:
-            state = scatter_state(self.comm, self.disks, state)[1]
+            with self.comm:
+                state = scatter_state(self.disks, state)[1]
         self._engine.set_velocities(state)
         self._count_change(before)
 
@@ -433,7 +434,7 @@ class Simulation(ReadOnlyAttributes, PicturedDisks):
     @property
     def communication(self) -> CommunicationStats | None:
         """Messages and bytes that this rank has sent to others so far; None if one rank has all of the gas."""
-        found: CommunicationStats | None = getattr(self._engine.arrays, "communication", None)
+        found: CommunicationStats | None = getattr(self._engine.arrays.domain, "communication", None)
         return found
 
     @property
