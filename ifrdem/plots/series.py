@@ -34,7 +34,7 @@ def along(trajectory: Trajectory, when: Array, over: str) -> Array:
 
 
 def series(trajectory: Trajectory, over: str, *names: str) -> tuple[Array, list[Array]]:
-    """Whole-gas quantities by name, and where they stand on such an axis."""
+    """Whole-gas quantities by name, and their coordinates on such an axis."""
     when, values = result.series(trajectory, *names)
     return along(trajectory, when, over), values
 

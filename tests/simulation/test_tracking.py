@@ -51,7 +51,7 @@ def check_path(
         t, v, w = rows["time"][i], rows["velocity_after"][i], rows["spin_after"][i]
 
 
-@pytest.mark.parametrize("serial", [True, False])
+@pytest.mark.parametrize("alone", [True, False])
 def test_paths_lead_through_every_collision(device, alone, monkeypatch):
     if not alone:
         monkeypatch.setattr("ifrdem.simulation.arrays.SINGLE_TILE", 100)
