@@ -42,7 +42,7 @@ class TrajectoryWriter(ReadOnlyAttributes):
     safe as the file system makes them.
 
     Use it as a context manager. A writer that is closed before its first frame leaves no file, and with
-    `force` the old file stays in place until the first frame of the new one is committed. `resume` goes on
+    `force` the old file stays in place until the first frame of the new one is committed. `resume` continues
     with a file that a run has left.
 
     Parameters

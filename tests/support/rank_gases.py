@@ -177,7 +177,7 @@ def half_a_ring() -> None:
 
     def half(self: Any, **how: bool) -> None:
         whole(self, **how)
-        for tiles in self._taken_tiles:
+        for tiles in self._ghost_tiles:
             named(ranks.view(self.arrays.tile), "tile").count[tiles, int(self.arrays.grid.part)] //= 2
 
     ranks.RankDomain.fetch = half  # type: ignore[method-assign]
@@ -196,9 +196,9 @@ def no_foresight() -> None:
     ranks.RankDomain.bands = lambda self: whole(self) / ranks.HALO_GROWTH  # type: ignore[method-assign]
 
 
-def no_trails() -> None:
+def no_hashes() -> None:
     """Neighbours tell nothing of the disks that they ran."""
-    whole, swap = ranks.RankDomain.exchange_trails, ranks.RankDomain.exchange
+    whole, swap = ranks.RankDomain.exchange_hashes, ranks.RankDomain.exchange
 
     def silent(self: Any, again: bool) -> None:
         ranks.RankDomain.exchange = (
@@ -209,7 +209,7 @@ def no_trails() -> None:
         whole(self, again)
         ranks.RankDomain.exchange = swap  # type: ignore[method-assign]
 
-    ranks.RankDomain.exchange_trails = silent  # type: ignore[method-assign]
+    ranks.RankDomain.exchange_hashes = silent  # type: ignore[method-assign]
 
 
 def no_verification() -> None:
@@ -256,7 +256,7 @@ def ids_below_0() -> None:
 FAULTS = {
     each.__name__: each
     for each in (
-        ids_below_0, no_foresight, half_a_ring, half_a_halo, no_trails, no_verification, other_order, wrong_owner,
+        ids_below_0, no_foresight, half_a_ring, half_a_halo, no_hashes, no_verification, other_order, wrong_owner,
         wrong_row,
     )
 }  # fmt: skip
