@@ -534,6 +534,143 @@ def predict(
 
 
 @ti.func
+def earliest_event(
+    i: ti.template(), t: ti.template(), present: ti.template(), bins: ti.template(), n_bins: ti.template(),
+    gas: ti.template(),
+):  # fmt: skip
+    """Set i to the slot of the disk whose event comes next, and t to its time; i stays EMPTY if there is none."""
+    while i < 0 and present < n_bins:
+        i = gas.bin[bins + present]
+        if i < 0:
+            present += 1
+    if i >= 0:
+        t = next_event(i, gas)
+        k = gas.event_info[i].next
+        while k >= 0:
+            t_k = next_event(k, gas)
+            if t_k < t:
+                i, t = k, t_k
+            elif t_k == t:
+                if precedes(k, i, gas):
+                    i, t = k, t_k
+            k = gas.event_info[k].next
+
+
+@ti.func
+def check_moment(
+    i: ti.template(), t: ti.template(), moment: ti.template(), written: ti.template(), writing: ti.template(),
+    going: ti.template(), pausing: ti.template(), pauses: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """Set `writing` to the time of the tally that is due before the event of the disk in slot i at t, if one is."""
+    if moment < FAR and (i < 0 or t > moment):
+        writing = AT_MOMENT + written
+        written += 1
+        moment = gas.scale.moment[written]
+        if pausing == 1:
+            gas.counter.paused = pauses
+            going = 0
+    elif i < 0:
+        writing, going = AT_END, 0
+
+
+@ti.func
+def write_here(
+    n: ti.template(), tile: ti.template(), writing: ti.template(), region: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """Write the own disks of a tile, by one thread; at the end of a window on a CPU only."""
+    if ti.static(on_gpu()):
+        if writing != AT_END:
+            write(n, tile, writing, 0, 1, region, gas)
+    else:
+        write(n, tile, writing, 0, 1, region, gas)
+
+
+@ti.func
+def cross_side(
+    i: ti.template(), keeps: ti.template(), x_low: ti.template(), x_high: ti.template(), y_low: ti.template(),
+    y_high: ti.template(), region: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """Move the disk in slot i into the next cell, and have it look at the cells that become adjacent."""
+    side = gas.event_info[i].direction
+    leave(i, side, region, gas)
+    keeps = 1
+    if side <= 2:
+        x_low, x_high = 2 * side - 3, 2 * side - 3
+    else:
+        y_low, y_high = 2 * side - 7, 2 * side - 7
+
+
+@ti.func
+def pause_after(
+    t: ti.template(), tile: ti.template(), moment: ti.template(), written: ti.template(), pausing: ti.template(),
+    pauses: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """Pause at t if the collision there was the last one asked for."""
+    if pausing == 1 and pauses == 1:
+        if gas.sums.collisions + gas.tally[tile, AT_END].collisions >= gas.clock.wanted:
+            moment, written, pauses = t, 0, BY_COUNT
+            gas.scale.moment[0] = t
+
+
+@ti.func
+def meet_wall(
+    i: ti.template(), partner: ti.template(), t: ti.template(), n: ti.template(), tile: ti.template(),
+    looking: ti.template(), all_look: ti.template(), region: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """Collide the disk in slot i with its wall. After one with a piston all disks look for theirs again."""
+    since = gas.motion[i].tau
+    if ti.static(gas.uses.pistons):
+        if meets_piston(i, gas) == 1:
+            looking, all_look = n, 1
+    how = hit_wall(i, t, tile, region, gas)
+    if ti.static(gas.uses.rests):
+        if how >= ELASTIC and is_support(wall_of(from_partner(partner)), gas):
+            count_hit(i, t, since, gas)
+            fall_asleep(i, t, tile, gas)
+
+
+@ti.func
+def check_progress(
+    n: ti.template(), offset: ti.template(), t: ti.template(), window: ti.template(), checked_at: ti.template(),
+    going: ti.template(), region: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """End the events if time has not advanced since `checked_at`: so many events without progress have no end."""
+    if t - checked_at < 1e-9 * window:
+        stalled = 1
+        for m in range(offset, offset + n):
+            if not (largest_speed(m, gas) * window <= TOO_FAR * (region.nx * region.side_x)):
+                stalled = 2  # also of a speed that is no number
+        ti.atomic_max(gas.counter.stalled, stalled)
+        going = 0
+
+
+@ti.func
+def look_for_pistons(
+    i: ti.template(), q: ti.template(), offset: ti.template(), bins: ti.template(), all_look: ti.template(),
+    x_low: ti.template(), x_high: ti.template(), keeps: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """After an event of a piston, have disk number q look at walls, and at disks too if it is to meet a piston."""
+    if all_look == 1:
+        i = offset + q
+        take_out(i, bins, gas)
+        x_low, x_high, keeps = 1, 0, 1  # at no disk, but at walls
+        if meets_piston(i, gas) == 1:
+            x_low, x_high, keeps = -1, 1, 0
+
+
+@ti.func
+def begin_queue(
+    n: ti.template(), n_bins: ti.template(), offset: ti.template(), bins: ti.template(), rate: ti.template(),
+    fresh: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """On a GPU, put all disks into their bins: a team has predicted their first events."""
+    if ti.static(on_gpu()):
+        fresh = n
+        for i in range(offset, offset + n):
+            put_in(i, next_event(i, gas), 0, bins, n_bins, rate, gas)
+
+
+@ti.func
 def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.template()):
     """All events of a window in a region of n disks at places from `places` on, which have been laid out.
 
@@ -555,10 +692,7 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
     events, checked, checked_at = 0, 0, 0.0 * window
     patience = MANY_EVENTS + 20 * n
     rate = n_bins / window
-    if ti.static(on_gpu()):
-        fresh = n
-        for i in range(offset, offset + n):
-            put_in(i, next_event(i, gas), 0, bins, n_bins, rate, gas)
+    begin_queue(n, n_bins, offset, bins, rate, fresh, gas)
     while going == 1:
         # At most two disks look around themselves in a turn; one place in the code where they do keeps it small.
         looking, first, second, half = 0, 0, 0, 0
@@ -571,21 +705,7 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
         else:
             i = EMPTY
             t = window
-            while i < 0 and present < n_bins:
-                i = gas.bin[bins + present]
-                if i < 0:
-                    present += 1
-            if i >= 0:
-                t = next_event(i, gas)
-                k = gas.event_info[i].next
-                while k >= 0:
-                    t_k = next_event(k, gas)
-                    if t_k < t:
-                        i, t = k, t_k
-                    elif t_k == t:
-                        if precedes(k, i, gas):
-                            i, t = k, t_k
-                    k = gas.event_info[k].next
+            earliest_event(i, t, present, bins, n_bins, gas)
             if ti.static(gas.uses.pistons):
                 stop, stopped = next_stop(gas)
                 if stop < t:
@@ -593,21 +713,9 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                 else:
                     stopped = -1
             writing = -1
-            if moment < FAR and (i < 0 or t > moment):
-                writing = AT_MOMENT + written
-                written += 1
-                moment = gas.scale.moment[written]
-                if pausing == 1:
-                    gas.counter.paused = pauses
-                    going = 0
-            elif i < 0:
-                writing, going = AT_END, 0
+            check_moment(i, t, moment, written, writing, going, pausing, pauses, gas)
             if writing >= 0:
-                if ti.static(on_gpu()):
-                    if writing != AT_END:
-                        write(n, tile, writing, 0, 1, region, gas)
-                else:
-                    write(n, tile, writing, 0, 1, region, gas)
+                write_here(n, tile, writing, region, gas)
             elif stopped >= 0:
                 events += 1
                 if ti.static(gas.uses.pistons):
@@ -620,54 +728,25 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                 first, looking = i, 1
                 partner = gas.event_info[i].partner
                 if gas.motion[i].t_leave < gas.motion[i].t_hit:
-                    side = gas.event_info[i].direction
-                    leave(i, side, region, gas)
-                    keeps = 1
-                    if side <= 2:
-                        x_low, x_high = 2 * side - 3, 2 * side - 3
-                    else:
-                        y_low, y_high = 2 * side - 7, 2 * side - 7
+                    cross_side(i, keeps, x_low, x_high, y_low, y_high, region, gas)
                 elif partner >= 0:
                     if gas.event_info[partner].number == gas.event_info[i].partner_number:
                         take_out(partner, bins, gas)
                         collide(i, partner, t, tile, region, gas)
                         second, looking = partner, 2
-                        if pausing == 1 and pauses == 1:
-                            if gas.sums.collisions + gas.tally[tile, AT_END].collisions >= gas.clock.wanted:
-                                moment, written, pauses = t, 0, BY_COUNT
-                                gas.scale.moment[0] = t
+                        pause_after(t, tile, moment, written, pausing, pauses, gas)
                 else:
                     if ti.static(gas.uses.walled):
-                        since = gas.motion[i].tau
-                        if ti.static(gas.uses.pistons):
-                            if meets_piston(i, gas) == 1:
-                                looking, all_look = n, 1
-                        how = hit_wall(i, t, tile, region, gas)
-                        if ti.static(gas.uses.rests):
-                            if how >= ELASTIC and is_support(wall_of(from_partner(partner)), gas):
-                                count_hit(i, t, since, gas)
-                                fall_asleep(i, t, tile, gas)
+                        meet_wall(i, partner, t, n, tile, looking, all_look, region, gas)
                 if events - checked > patience:
-                    # So many events without progress of time have no end.
-                    if t - checked_at < 1e-9 * window:
-                        stalled = 1
-                        for m in range(offset, offset + n):
-                            if not (largest_speed(m, gas) * window <= TOO_FAR * (region.nx * region.side_x)):
-                                stalled = 2  # also of a speed that is no number
-                        ti.atomic_max(gas.counter.stalled, stalled)
-                        going = 0
+                    check_progress(n, offset, t, window, checked_at, going, region, gas)
                     checked, checked_at = events, t
         for q in range(looking):
             i = first
             if q == 1:
                 i = second
             if ti.static(gas.uses.pistons):
-                if all_look == 1:
-                    i = offset + q
-                    take_out(i, bins, gas)
-                    x_low, x_high, keeps = 1, 0, 1  # at no disk, but at walls
-                    if meets_piston(i, gas) == 1:
-                        x_low, x_high, keeps = -1, 1, 0
+                look_for_pistons(i, q, offset, bins, all_look, x_low, x_high, keeps, gas)
             t = predict(i, x_low, x_high, y_low, y_high, half, keeps, region, gas)
             put_in(i, t, present, bins, n_bins, rate, gas)
     ti.atomic_add(gas.counter.n_events, events)

@@ -589,11 +589,9 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
             faster = 0.0 * time
             if ti.static(gas.uses.sheared):
                 faster = ti.abs(gas.event_info[i].shear_row * gas.scale.drift)
-            gas.ghost_position[g].x, gas.ghost_position[g].y = (
-                gas.start_position[i].x,
-                gas.start_position[i].y,
-            )
-            gas.ghost_position[g].displacement = (largest_speed(i, gas) + faster) * time
+            position = gas.ghost_position[g]
+            position.x, position.y = gas.start_position[i].x, gas.start_position[i].y
+            position.displacement = (largest_speed(i, gas) + faster) * time
         i += team
     if when == AT_END:
         ti.atomic_max(gas.tally[tile, AT_END].fastest, ti.cast(fastest, ti.f64))
