@@ -137,7 +137,7 @@ def export(
     from ..tools import checked
     from ..trajectory import export as exporting
 
-    checked.one_of("--to", to, exporting.FORMATS)
+    checked.choice("--to", to, exporting.FORMATS)
     with opened(file) as trajectory:
         numbers = chosen(frames, len(trajectory))
         out = place(file, output, f".{to}", force=force)

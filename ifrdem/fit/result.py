@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..model.ifr import Admissibility, IFRLaw, Regime
-from ..tools.checked import Count, Positive, Seed, one_of, validated
+from ..tools.checked import Count, Positive, Seed, choice, validated
 from .data import Collisions, Data
 from .laws import Law, ifr_law
 from .likelihood import Array
@@ -210,7 +210,7 @@ class Fit:
 
         Raises InputError if it is another law, or can add energy in collisions of these disks.
         """
-        chosen = self.best if name is None else one_of("name", name, self.laws)
+        chosen = self.best if name is None else choice("name", name, self.laws)
         return self.laws[chosen].ifr(self.smallest_k)
 
     @property

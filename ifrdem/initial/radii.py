@@ -18,7 +18,7 @@ from ..errors import InputError
 from ..kernels.columns import MOST_IDS
 from ..mpi import collective, current
 from ..tools import seeds
-from ..tools.checked import Array, Integer, OneOf, Positive, Seed, validated
+from ..tools.checked import Array, Choice, Integer, Positive, Seed, validated
 
 TRUNCATION = 3.0
 """Standard deviations from the mean at which a Gaussian is cut off where the case does not say."""
@@ -35,7 +35,7 @@ PARAMETERS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 """Of each distribution, the parameters that it needs and those that it may have."""
 
 
-Distribution = Annotated[str, OneOf(tuple(PARAMETERS))]
+Distribution = Annotated[str, Choice(tuple(PARAMETERS))]
 _Number = Annotated[int, Integer(0, MOST_IDS)]
 
 

@@ -41,7 +41,7 @@ class Collapse:
     resting_speed: float | None = None
 
     def __post_init__(self) -> None:
-        checked.one_of("collapse", self.kind, COLLAPSE)
+        checked.choice("collapse", self.kind, COLLAPSE)
         for name, kind in (
             ("contact_time", "tc"), ("velocity_cutoff", "velocity_cutoff"), ("resting_speed", "rest"),
         ):  # fmt: skip

@@ -12,7 +12,6 @@ The module imports Taichi: `act` and `measure` are compiled to run on the device
 
 from __future__ import annotations
 
-import math
 from typing import Any, ClassVar
 
 from ..errors import InputError
@@ -503,10 +502,8 @@ def _velocity_kick(disk, step, p):
 
 def number(name: str, value: float | None, *, positive: bool = False, negative: bool = False) -> float:
     """The value as a float if it is a finite number of the kind that is needed (0 or more unless told)."""
-    kind = (
-        "a positive finite number" if positive else "a finite number" + ("" if negative else ", 0 or more,")
-    )
-    return checked.finite(name, value, f"{kind} is needed", -math.inf if negative else 0.0, open_=positive)
+    check = checked.POSITIVE if positive else checked.FINITE if negative else checked.NON_NEGATIVE
+    return check(name, value)
 
 
 def _strength(power: float | None, diffusion: float | None) -> dict[str, float]:

@@ -47,7 +47,7 @@ def checked_points(name: str, points: Any, *, closed: bool) -> tuple[tuple[float
     """
     if not isinstance(points, Sequence | np.ndarray) or isinstance(points, str):
         raise InputError(f"{name}, points = {points!r}: a list of points [x, y] is needed")
-    found = [checked.finite_pair(f"{name}, points[{i}]", point) for i, point in enumerate(points)]
+    found = [checked.PAIR(f"{name}, points[{i}]", point) for i, point in enumerate(points)]
     for i, point in enumerate(found):
         if max(map(abs, point)) > MOST:
             raise InputError(f"{name}, points[{i}] = {point}: numbers up to {MOST:g} are allowed")
@@ -100,7 +100,7 @@ def given(
     tolerance : float, optional
         Of the curves of a drawing [length]; see `of_path`.
     """
-    unit = checked.finite(f"{name}, scale", scale, "a positive length is needed", 0.0, open_=True)
+    unit = checked.POSITIVE(f"{name}, scale", scale)
     if not isinstance(points, str | os.PathLike):
         if unit != 1.0:
             raise InputError(f"{name}, scale = {scale}: only a file has it; points are lengths")
@@ -220,7 +220,7 @@ def of_path(
     """
     commands = _commands(data, name)
     if tolerance is not None:
-        checked.finite(f"{name}, tolerance", tolerance, "a positive length is needed", 0.0, open_=True)
+        checked.POSITIVE(f"{name}, tolerance", tolerance)
     else:
         ends = np.array([args[-2:] for command, args in commands if len(args) >= 2] or [[0.0, 0.0]])
         tolerance = TOLERANCE * (float(np.ptp(ends, axis=0).max()) or 1.0)

@@ -72,7 +72,7 @@ class Disks(Brief):
             column = checked.column(name, getattr(self, name), self.n)
             column.flags.writeable = False
             set_(self, name, column)
-        material = checked.counts("material", self.material, (self.n,), broadcast=True).copy()
+        material = checked.integers("material", self.material, (self.n,), broadcast=True).copy()
         material.flags.writeable = False
         set_(self, "material", material)
 
@@ -280,12 +280,12 @@ class State(Brief, Sealed, Pictured):
             raise InputError(f"position has shape {shape}: must be {(n, 2)}, as spin has {n}")
         self.position = checked.array("position", self.position, (n, 2))
         self.velocity = checked.array("velocity", self.velocity, (n, 2))
-        self.time = checked.finite("time", self.time)
+        self.time = checked.FINITE("time", self.time)
         for name, shape, default, least in _COUNTS:
             value = getattr(self, name)
             if value is None:
                 value = np.full((n, *shape), default, dtype=np.int32)
-            setattr(self, name, checked.counts(name, value, (n, *shape), least=least))
+            setattr(self, name, checked.integers(name, value, (n, *shape), least=least))
         if self.latest_collision is None:
             self.latest_collision = np.full(n, -np.inf)
         self.latest_collision = checked.array("latest_collision", self.latest_collision, (n,))

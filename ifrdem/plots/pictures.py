@@ -178,7 +178,7 @@ def _draw(
     from ..tools import checked
     from . import disks, dissipation, series, temperatures
 
-    checked.one_of("over", over, tuple(series.AXES))
+    checked.choice("over", over, tuple(series.AXES))
     if over != "t" and what not in OVER:
         raise InputError(f"over = {over}: only of {', '.join(OVER)}, not of {what}")
     if color is not None and what != "disks":

@@ -104,18 +104,18 @@ class EngineOptions:
     wall_sums: bool = False
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "gravity", checked.finite_pair("gravity", self.gravity))
+        object.__setattr__(self, "gravity", checked.PAIR("gravity", self.gravity))
         for name in ("gravity_rotation_rate", "gravity_rotation_step"):
-            object.__setattr__(self, name, checked.real(name, getattr(self, name)))
+            object.__setattr__(self, name, checked.FINITE(name, getattr(self, name)))
         object.__setattr__(self, "seed", seeds.of_device(self.seed))
         if self.order not in (None, *ORDERS):
             raise InputError(f"order = {self.order!r}: allowed are {', '.join(ORDERS)}")
         if self.tile_disks is not None:
-            checked.whole("tile_disks", self.tile_disks, 1)
+            checked.integer("tile_disks", self.tile_disks, 1)
         if self.window_collisions is not None:
-            needed = "a number from 0.001 to 10 is needed"
-            if not 1e-3 <= checked.real("window_collisions", self.window_collisions, needed) <= 10.0:
-                raise InputError(f"window_collisions = {self.window_collisions!r}: {needed}")
+            checked.Number(1e-3, 10.0, "a number from 0.001 to 10")(
+                "window_collisions", self.window_collisions
+            )
 
 
 @dataclass(frozen=True)
@@ -565,7 +565,7 @@ class Engine:
                 f"gravity = {gravity}: it turns (gravity_rotation_rate = {self.options.gravity_rotation_rate:g}), and "
                 "cannot be set; begin a new simulation from this state"
             )
-        gravity = checked.finite_pair("gravity", gravity)
+        gravity = checked.PAIR("gravity", gravity)
         checks.check_between_collisions(self.disks, self.box, gravity, self.force_steps.forces)
         self._check_resting(gravity, (), self._law)
         self._check_rebound(self._law_table, self._law, gravity)

@@ -10,7 +10,7 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -77,7 +77,7 @@ class Course:
 
 FEW = 9
 SPACINGS = ("even", "log")
-SHORTEST = 1e-200
+INTERVAL = checked.Number(1e-200, sys.float_info.max, "a finite number of 1e-200 or more")
 """Of intervals, in whatever unit: below, there are more of them than floating-point numbers count."""
 
 
@@ -125,17 +125,13 @@ class Cadence:
                 f"cadence: exactly one of number, interval and collisions is needed; given: {given}"
             )
         if self.number is not None:
-            checked.whole("number", self.number, 1)
+            checked.integer("number", self.number, 1)
         for name in ("interval", "collisions"):
             value = getattr(self, name)
             if value is not None:
-                checked.real(name, value, "a positive finite number is needed")
-            if value is not None and not (math.isfinite(value) and value > 0.0):
-                raise InputError(f"{name} = {value}: a positive finite number is needed")
-            if value is not None and value < SHORTEST:
-                raise InputError(f"{name} = {value}: {SHORTEST:g} or more is needed")
+                INTERVAL(name, value)
         if self.spacing not in SPACINGS:
-            raise InputError(f"spacing = {self.spacing!r}: allowed are {', '.join(SPACINGS)}")
+            raise InputError(f"spacing = {self.spacing!r}: must be one of {', '.join(SPACINGS)}")
         if self.spacing == "log" and self.number is None:
             raise InputError('spacing = "log" needs a number')
         if not 0.0 < self.log_from < 1.0:
@@ -203,20 +199,20 @@ class Span:
         if (t_end is None) == (collisions_per_disk is None):
             raise InputError("exactly one of t_end and collisions_per_disk is needed")
         if t_end is not None:
-            needed = f"a finite time not before the present one, {time}, is needed"
-            if not (math.isfinite(checked.real("t_end", t_end, needed)) and t_end >= time):
-                raise InputError(f"t_end = {t_end}: {needed}")
-            return cls(n, time, collisions, Due(time=float(t_end)))
-        assert collisions_per_disk is not None
-        collisions_per_disk = checked.real("collisions_per_disk", collisions_per_disk)
-        # As a decimal fraction: 1.1 means 11 / 10, not the binary number that is a hair above.
-        finite = math.isfinite(collisions_per_disk)
-        end = math.ceil(Fraction(str(float(collisions_per_disk))) * n / 2) if finite else -1
-        if not (finite and end >= collisions):
-            raise InputError(
-                f"collisions_per_disk = {collisions_per_disk}: a finite number not below those already had, "
-                f"{2 * collisions / max(n, 1):.6g}, is needed"
+            needed = f"a finite time not before the present one, {time}"
+            return cls(
+                n,
+                time,
+                collisions,
+                Due(time=checked.Number(time, sys.float_info.max, needed)("t_end", t_end)),
             )
+        assert collisions_per_disk is not None
+        had = f"a finite number, not below those already had, {2 * collisions / max(n, 1):.6g}"
+        collisions_per_disk = replace(checked.FINITE, needed=had)("collisions_per_disk", collisions_per_disk)
+        # As a decimal fraction: 1.1 means 11 / 10, not the binary number that is a hair above.
+        end = math.ceil(Fraction(str(collisions_per_disk)) * n / 2)
+        if end < collisions:
+            raise checked.must_be("collisions_per_disk", collisions_per_disk, had)
         return cls(n, time, collisions, Due(collisions=end))
 
     @property

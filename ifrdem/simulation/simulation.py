@@ -718,9 +718,9 @@ class Simulation(Sealed, PicturedDisks):
         if not (progress is None or isinstance(progress, bool) or callable(progress)):
             raise InputError(f"progress = {progress!r}: True, False or a function is needed")
         if not isinstance(frames, Cadence):
-            frames = Cadence(number=checked.whole("frames", frames, 1, MOST))
+            frames = Cadence(number=checked.integer("frames", frames, 1, MOST))
         if series is not None and not isinstance(series, Cadence):
-            series = Cadence(number=checked.whole("series", series, 1, MOST))
+            series = Cadence(number=checked.integer("series", series, 1, MOST))
         span = Span.to(
             self.disks.n, self.time, self.collisions, t_end=t_end, collisions_per_disk=collisions_per_disk
         )
