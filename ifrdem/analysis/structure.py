@@ -108,7 +108,7 @@ def pair_correlation(
             "box = Box.open(): must have sides, g(r) needs a density: cut out a part and give it a box"
         )
     if not 0.0 <= r_min < r_max:
-        raise InputError(f"r_min = {r_min:g}, r_max = {r_max:g}: 0 <= r_min < r_max is needed")
+        raise InputError(f"r_min = {r_min:g}, r_max = {r_max:g}: must be 0 <= r_min < r_max")
     counted = _count_pairs(position, box, r_min, r_max, bins, time)
     edges, count, ideal = counted.edges, counted.count, counted.ideal
     error = np.maximum(counted.independent, counted.scatter)
@@ -218,7 +218,7 @@ def contact_value(
     if np.count_nonzero(used) < 8:
         raise InputError(
             f"{pairs.sum():.0f} pairs between 1 and {1.0 + CONTACT_RANGE} diameters are too few to "
-            "extrapolate g to contact: more disks or frames are needed"
+            "extrapolate g to contact: take more disks or frames"
         )
     r = 0.5 * (counted.edges[1:] + counted.edges[:-1])
     x, y = r[used] / sigma - 1.0, np.log(counted.count[used] / counted.ideal[used])

@@ -174,7 +174,7 @@ def _check_whole(trajectory: Trajectory, n: int, box: Box | None) -> None:
     """Refuse a trajectory of another number of disks, or another box."""
     sides = trajectory.box.lengths
     if trajectory.n != n:
-        raise InputError(f"has {trajectory.n} disks: {n} are needed, the sum of the species' numbers")
+        raise InputError(f"has {trajectory.n} disks: must be {n}, the sum of the species' numbers")
     if box is not None and not np.allclose(sides, box.lengths, rtol=1e-12, atol=0.0):
         if box.is_open or trajectory.box.is_open:
             raise InputError("either its box or that of the case is open: both must be, or neither")

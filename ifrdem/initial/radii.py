@@ -211,7 +211,7 @@ def check(distribution: Distribution, **parameters: Positive | None) -> None:
     if low <= 0.0 and distribution == "gaussian":
         raise InputError(
             f"deviation = {given['deviation']:g}: above a third of mean = {given['mean']:g}, radii would not all "
-            "be positive: a smaller one is needed, or the radius low at which the distribution is cut off"
+            "be positive: choose a smaller one, or the radius low at which the distribution is cut off"
         )
     if not low < high:
         raise InputError(f"low = {low:g}: must lie below high = {high:g}")
@@ -219,8 +219,8 @@ def check(distribution: Distribution, **parameters: Positive | None) -> None:
         _, _, begin, end = _normal(distribution, given)
         if end - begin < LEAST_SHARE:
             raise InputError(
-                f"low = {low:g}, high = {high:g}: only {end - begin:.2g} of the distribution lies between them, "
-                f"{LEAST_SHARE:g} is needed"
+                f"low = {low:g}, high = {high:g}: only {end - begin:.2g} of the distribution lies between them: "
+                f"must be {LEAST_SHARE:g} or more"
             )
 
 

@@ -186,7 +186,7 @@ class IFRLaw(CollisionLaw):
         k_i, k_j = _SHAPE("k_i", k_i), _SHAPE("k_j", k_j)
         if not (m_i > 0.0 and m_j > 0.0) or (math.isinf(m_i) and math.isinf(m_j)):
             raise InputError(
-                f"m_i = {m_i}, m_j = {m_j}: positive masses are needed, at most one of them infinite"
+                f"m_i = {m_i}, m_j = {m_j}: must be positive masses, at most one of them infinite"
             )
         return self._admissibility(float(_mean_k(k_i, k_j, m_i, m_j)))
 
@@ -239,7 +239,7 @@ class IFRLaw(CollisionLaw):
                 True, True, f"{law}: no collision adds energy, because mu = 0 and -1 <= e_t <= 1"
             )
         if e_t == 1.0:
-            text = f"{law}: a grazing collision would add energy; with mu > 0, e_t < 1 is needed"
+            text = f"{law}: a grazing collision would add energy; with mu > 0, e_t must be below 1"
             return Admissibility(False, False, text)
         corner = "where sliding turns into sticking, a (1 - e_n) >= (e_s^2 - 1) (1 + e_n) mu^2 / c^2"
         needed = [(corner, a * (1.0 - e_n), (e_s**2 - 1.0) * (1.0 + e_n) * mu**2 / c**2)]
@@ -361,7 +361,7 @@ def collide(
     _refuse("radius", R, flat & ~wall, "only an infinite mass may have an infinite radius")
     _refuse("spin", w, flat & (w != 0.0), "a flat wall (infinite radius) cannot spin")
     off = ~(np.abs(np.hypot(n[..., :1], n[..., 1:]) - 1.0) <= _UNIT)
-    _refuse("normal", n, off, "a unit vector is needed, to 1e-12")
+    _refuse("normal", n, off, "must be a unit vector, to 1e-12")
 
     largest_k = float(np.max(_mean_k(k_[..., 0], k_[..., 1], m[..., 0], m[..., 1]), initial=0.0))
     if largest_k > law.k:  # at or below law.k its construction has already said what is to be said

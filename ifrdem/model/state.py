@@ -274,7 +274,7 @@ class State(Brief, Sealed, Pictured):
     def __post_init__(self) -> None:
         self.spin = checked.array("spin", self.spin)
         if self.spin.ndim != 1:
-            raise InputError(f"spin has shape {self.spin.shape}: one number for each disk, (n,), is needed")
+            raise InputError(f"spin has shape {self.spin.shape}: must be one number for each disk, (n,)")
         n = len(self.spin)
         if (shape := np.shape(checked.array("position", self.position))) != (n, 2):
             raise InputError(f"position has shape {shape}: must be {(n, 2)}, as spin has {n}")
@@ -305,12 +305,12 @@ class State(Brief, Sealed, Pictured):
         late = ~(self.latest_collision <= self.time)
         if np.any(late):
             i = int(np.argmax(late))
-            needed = f"a time not after the state's, {self.time}, is needed"
+            needed = f"must be a time not after that of the state, {self.time}"
             raise InputError(f"latest_collision[{i}] = {self.latest_collision[i]}: {needed}")
         if self.flow is not None:
             self.flow = checked.array("flow", self.flow, (n, 2))
             if not np.isfinite(self.flow).all():
-                raise InputError("flow: finite values are needed")
+                raise InputError("flow: must be finite values")
 
     @property
     def n(self) -> int:

@@ -47,9 +47,7 @@ def of(trajectory: Trajectory, frames: Sequence[int] | None = None) -> Dissipati
     every = range(len(trajectory))
     used = sorted({every[i] for i in (every if frames is None else frames)})
     if len(used) < 2:
-        raise InputError(
-            f"{trajectory.path}: two frames at least are needed, between which disks lose energy"
-        )
+        raise InputError(f"{trajectory.path}: must have two frames or more, between which disks lose energy")
     region = shown_region(trajectory, trajectory[used[-1]].position)
     lengths = np.ptp(region, axis=1)
     cell = np.sqrt(np.prod(lengths) * PER_CELL / max(trajectory.n * (len(used) - 1), 1))

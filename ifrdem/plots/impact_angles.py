@@ -74,7 +74,7 @@ def impact_scan(run: Run, path_png: Place = None) -> Figure:
 def measured(trajectory: Trajectory) -> tuple[Array, Array]:
     """tan(psi) and tan(delta_2) of each pair of a scan, shape (n,)."""
     if len(trajectory) < 2:
-        raise InputError(f"{trajectory.path}: two frames at least are needed, before and after the impacts")
+        raise InputError(f"{trajectory.path}: must have two frames or more, before and after the impacts")
     first, last = trajectory[0], trajectory[-1]
     once = last.collisions == 1
     if not once.all():

@@ -236,7 +236,7 @@ def check(
     for name in ("velocity_cutoff", "contact_time", "resting_speed"):
         value = getattr(options, name)
         if not (math.isfinite(value) and value >= 0.0):
-            raise InputError(f"{name} = {value}: a finite number not below 0 is needed")
+            raise InputError(f"{name} = {value}: must be a finite number not below 0")
     thermal = sum(wall.temperature is not None for wall in walls)
     if n * thermal > ADDRESSABLE:  # each disk's heat from each
         raise InputError(
@@ -306,7 +306,7 @@ def check_resting(
         most = math.sqrt(2.0 * pull * MOST_JUMP * float(disks.radius.min()))
         raise InputError(
             f"{name}: disks would jump {jump:.3g} high, v_s^2 / 2g, more than a hundredth of the smallest radius, "
-            f"{disks.radius.min():.3g}; a resting_speed of {most:.3g} at most is needed"
+            f"{disks.radius.min():.3g}; resting_speed must be at most {most:.3g}"
         )
 
 

@@ -266,10 +266,12 @@ def check(arch: str, threads: int | None = None, precision: str = "f64") -> None
     """Raise InputError unless device and precision are known, and device and threads there. Starts nothing."""
     if precision not in PRECISIONS:
         allowed = ", ".join(PRECISIONS)
-        raise InputError(f"precision = '{precision}': allowed are {allowed}{nearest(precision, PRECISIONS)}")
+        raise InputError(
+            f"precision = '{precision}': must be one of {allowed}{nearest(precision, PRECISIONS)}"
+        )
     if arch not in ARCHITECTURES:
         allowed = ", ".join(ARCHITECTURES)
-        raise InputError(f"device = '{arch}': allowed are {allowed}{nearest(arch, ARCHITECTURES)}")
+        raise InputError(f"device = '{arch}': must be one of {allowed}{nearest(arch, ARCHITECTURES)}")
     absence = cuda_absence() if arch == "cuda" else None  # a run on the CPU asks no driver
     if absence is not None:
         raise InputError(

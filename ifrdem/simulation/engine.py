@@ -109,7 +109,7 @@ class EngineOptions:
             object.__setattr__(self, name, checked.FINITE(name, getattr(self, name)))
         object.__setattr__(self, "seed", seeds.of_device(self.seed))
         if self.order not in (None, *ORDERS):
-            raise InputError(f"order = {self.order!r}: allowed are {', '.join(ORDERS)}")
+            raise InputError(f"order = {self.order!r}: must be one of {', '.join(ORDERS)}")
         if self.tile_disks is not None:
             checked.integer("tile_disks", self.tile_disks, 1)
         if self.window_collisions is not None:
@@ -206,7 +206,7 @@ class Engine:
 
         def counted() -> tuple[int, float, int, int, int]:
             if state.n != disks.n:
-                raise InputError(f"the state has {state.n} disks: {disks.n} are needed")
+                raise InputError(f"the state has {state.n} disks: must be {disks.n}")
             met, hits = (int(each.sum(dtype=np.int64)) for each in (state.collisions, state.wall_hits))
             speed = checks.fastest(disks, state.velocity, state.spin)
             return disks.n, speed, met, hits, int(np.count_nonzero(state.asleep))
@@ -581,7 +581,7 @@ class Engine:
         pistons = [w for w, wall in enumerate(self.walls) if wall.piston is not None]
         if number not in pistons:
             known = ", ".join(map(str, pistons)) or "none"
-            raise InputError(f"wall = {number!r}: the number of a piston is needed; there are: {known}")
+            raise InputError(f"wall = {number!r}: must be the number of a piston; there are: {known}")
         wall = self.walls[number]
         assert wall.piston is not None
         changed = replace(wall, piston=replace(wall.piston, force=force))

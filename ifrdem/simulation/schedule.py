@@ -122,7 +122,7 @@ class Cadence:
         given = [name for name in ("number", "interval", "collisions") if getattr(self, name) is not None]
         if len(given) != 1:
             raise InputError(
-                f"cadence: exactly one of number, interval and collisions is needed; given: {given}"
+                f"cadence: exactly one of number, interval and collisions must be given; given: {given}"
             )
         if self.number is not None:
             checked.integer("number", self.number, 1)
@@ -135,7 +135,7 @@ class Cadence:
         if self.spacing == "log" and self.number is None:
             raise InputError('spacing = "log" needs a number')
         if not 0.0 < self.log_from < 1.0:
-            raise InputError(f"log_from = {self.log_from}: a part of the run, above 0 and below 1, is needed")
+            raise InputError(f"log_from = {self.log_from}: must be a part of the run, above 0 and below 1")
 
     def count(self, *, duration: float, collisions_per_disk: float) -> int:
         """About how many times in a run of such a length, after its beginning."""
@@ -197,7 +197,7 @@ class Span:
         InputError if not exactly one end is given, or it lies in the past.
         """
         if (t_end is None) == (collisions_per_disk is None):
-            raise InputError("exactly one of t_end and collisions_per_disk is needed")
+            raise InputError("exactly one of t_end and collisions_per_disk must be given")
         if t_end is not None:
             needed = f"a finite time not before the present one, {time}"
             return cls(
@@ -301,8 +301,8 @@ class Schedule:
             resolved = math.ulp(max(abs(end), abs(span.time)))
             if cadence.interval < resolved:
                 raise InputError(
-                    f"interval = {cadence.interval}: lost in the rounding of a time of {end:g}: {resolved:.3g} or "
-                    "more is needed"
+                    f"interval = {cadence.interval}: lost in the rounding of a time of {end:g}: must be "
+                    f"{resolved:.3g} or more"
                 )
 
     def due(self, k: int) -> Due:

@@ -65,11 +65,11 @@ Called = TypeVar("Called")
 
 def _callables(name: str, given: Iterable[Called]) -> list[Called]:
     if callable(given) or not isinstance(given, Iterable):
-        raise InputError(f"{name} = {given!r}: a list of functions is needed, [function] for one")
+        raise InputError(f"{name} = {given!r}: must be a list of functions, [function] for one")
     found = list(given)
     for i, one in enumerate(found):
         if not callable(one):
-            raise InputError(f"{name}[{i}] = {one!r}: a function is needed")
+            raise InputError(f"{name}[{i}] = {one!r}: must be a function")
     return found
 
 
@@ -716,7 +716,7 @@ class Simulation(Sealed, PicturedDisks):
             the engine is violated.
         """
         if not (progress is None or isinstance(progress, bool) or callable(progress)):
-            raise InputError(f"progress = {progress!r}: True, False or a function is needed")
+            raise InputError(f"progress = {progress!r}: must be True, False or a function")
         if not isinstance(frames, Cadence):
             frames = Cadence(number=checked.integer("frames", frames, 1, MOST))
         if series is not None and not isinstance(series, Cadence):
@@ -792,7 +792,7 @@ class Simulation(Sealed, PicturedDisks):
         observers, samplers = _callables("observers", observers), _callables("samplers", samplers)
         for name, value in (("progress", progress), ("between", between)):
             if value is not None and not callable(value):
-                raise InputError(f"{name} = {value!r}: a function is needed")
+                raise InputError(f"{name} = {value!r}: must be a function")
         self._stopping = False
         self._engine.check_duration(course.span.end.time)
         if (comm := self.comm).size > 1:

@@ -82,10 +82,10 @@ def check_turning(options: EngineOptions, periodic: tuple[bool, bool], tracked: 
     """Refuse gravity that cannot turn: InputError."""
     gravity, rate, step = options.gravity, options.gravity_rotation_rate, options.gravity_rotation_step
     if not math.isfinite(rate):
-        raise InputError(f"gravity_rotation_rate = {rate}: a finite number [rad/time] is needed")
+        raise InputError(f"gravity_rotation_rate = {rate}: must be a finite number [rad/time]")
     if not 0.0 < step <= MOST_STEP:
         raise InputError(
-            f"gravity_rotation_step = {step}: an angle above 0 and up to {MOST_STEP} rad is needed"
+            f"gravity_rotation_step = {step}: must be an angle above 0 and up to {MOST_STEP} rad"
         )
     if not rate:
         return

@@ -68,7 +68,7 @@ def _theta(law: IFRLaw, theta: float | None, name: str = "theta") -> float:
         if law.mu == 0.0 and law.e_t == -1.0:
             return 0.0
         raise InputError(
-            f"{name}: T_rot / T is needed; of a gas of such disks that cools it changes (`theory.cooling`), and tends "
+            f"{name}: must be given, T_rot / T; in a cooling gas it changes (`theory.cooling`), and tends "
             "to one of `theory.cooling_ratios`"
         )
     return theta

@@ -210,7 +210,7 @@ class OutputFile:
         """
         path, name = Path(os.path.realpath(given)), f"output {os.fspath(given)}"
         if os.path.isdir(path):  # unlike Path.is_dir, os.path takes an impossible name for an absent file
-            raise InputError(f"{name} is a folder: the name of a file is needed")
+            raise InputError(f"{name} is a folder: must be a file")
         if not os.path.isdir(path.parent):
             raise InputError(f"{name}: there is no folder {path.parent}")
         if (replaces := os.path.exists(path)) and not os.path.isfile(path):

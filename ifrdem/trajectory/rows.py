@@ -154,7 +154,7 @@ class SeriesWriter:
             row = _row(values, first)
             first = first or row
             if not (is_number(time) and np.isfinite(time) and time >= before):
-                raise InputError(f"time = {time}: a finite time not before {before} is needed")
+                raise InputError(f"time = {time}: must be a finite time not before {before}")
             before = float(time)
             found.append({"time": np.array(before), **row})
         if not found:
@@ -212,7 +212,7 @@ class HistoryWriter:
         """Begin to track disks; see `TrajectoryWriter.begin_histories`."""
         tracked = np.sort(stored("tracked", ids, np.atleast_1d(np.asarray(ids)).shape[:1], np.int32))
         if not len(tracked) or not 0 <= tracked[0] <= tracked[-1] < self._n:
-            raise InputError(f"tracked = {ids!r}: numbers of disks from 0 to {self._n - 1} are needed")
+            raise InputError(f"tracked = {ids!r}: must be numbers of disks from 0 to {self._n - 1}")
         if len(twice := tracked[1:][tracked[1:] == tracked[:-1]]):
             raise InputError(f"tracked: disk {twice[0]} is there twice")
         start: dict[str, Any] = {"time": np.float64(state.time)}
@@ -291,7 +291,7 @@ class HistoryWriter:
             row = int(np.argmax(falling)) + 1
             raise InputError(f"histories: event {row} at t = {times[row]} is not in the order of time and id")
         if not (is_number(time) and np.isfinite(time)) or (length and times[-1] > time):
-            raise InputError(f"histories: time = {time}: a finite time not before the last event is needed")
+            raise InputError(f"histories: time = {time}: must be a finite time not before the last event")
         foreign = ~np.isin(ids, self._tracked)
         if foreign.any():
             raise InputError(f"histories: disk {ids[foreign][0]} is not tracked")
@@ -301,7 +301,7 @@ class HistoryWriter:
 def _row(values: Mapping[str, ArrayLike], first: Mapping[str, Any] | None) -> dict[str, NDArray[Any]]:
     """Quantities of a row of the series, as `first` has them."""
     if not isinstance(values, Mapping):
-        raise InputError(f"series: numbers by name are needed, not {values!r}")
+        raise InputError(f"series: must be numbers by name, not {values!r}")
     for name in ("step", "time"):
         if name in values:
             raise InputError(f"name of series = {name!r}: the file has it already for all of them")
@@ -332,7 +332,7 @@ def checked(
     for name, value in given.items():
         numbers = np.asarray(value)
         if numbers.dtype.kind not in "iuf" or numbers.size == 0:
-            raise InputError(f"{what} {name} = {value!r}: a number or numbers are needed")
+            raise InputError(f"{what} {name} = {value!r}: must be a number or numbers")
         found[name] = numbers.astype(np.float64 if numbers.dtype.kind == "f" else np.int64)
     if first is None:
         for name in found:
@@ -344,7 +344,7 @@ def checked(
     for name, numbers in found.items():
         before = first[name]
         if numbers.shape != before.shape:
-            raise InputError(f"{what} {name} has shape {numbers.shape}: {before.shape} is needed")
+            raise InputError(f"{what} {name} has shape {numbers.shape}: must be {before.shape}")
         if numbers.dtype.kind == "f" and before.dtype.kind != "f":
             raise InputError(f"{what} {name} = {numbers}: it was an integer in the first {row}")
         found[name] = numbers.astype(before.dtype)
@@ -355,9 +355,9 @@ def stored(what: str, value: ArrayLike, shape: tuple[int, ...], dtype: DTypeLike
     """Values in the type that the file has for them; InputError if they do not fit the shape or the type."""
     given, target = np.asarray(value), np.dtype(dtype)
     if given.shape != shape:
-        raise InputError(f"{what} has shape {given.shape}: {shape} is needed")
+        raise InputError(f"{what} has shape {given.shape}: must be {shape}")
     if given.dtype.kind not in ("iu" if target.kind == "i" else "iuf") and given.size:
-        raise InputError(f"{what} has type {given.dtype}: {target} is needed")
+        raise InputError(f"{what} has type {given.dtype}: must be {target}")
     if target.kind == "i" and given.size and given.dtype != target:
         limits = np.iinfo(target)
         if not limits.min <= given.min() <= given.max() <= limits.max:
@@ -380,4 +380,4 @@ def check_name(what: str, name: object, *, separator: bool = True) -> None:
     """Raise InputError unless a name can be one in HDF5; with `separator`, "/" makes groups."""
     parts = str(name).split("/") if separator else [str(name)]
     if not isinstance(name, str) or any(part in ("", ".", "..") or "/" in part for part in parts):
-        raise InputError(f"name of {what} = {name!r}: a text is needed that HDF5 takes as a name")
+        raise InputError(f"name of {what} = {name!r}: must be a text that HDF5 takes as a name")

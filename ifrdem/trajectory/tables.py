@@ -200,7 +200,7 @@ def concat(trajectories: _OfFiles) -> xarray.Dataset:
             for one in trajectories
         ]
         if not opened:
-            raise InputError("trajectories: one at least is needed")
+            raise InputError("trajectories: must have one or more")
         found = at_equal_collisions(opened)
         units = {name: opened[0].units.get(quantity) for name, quantity in QUANTITIES.items()}
         names = [one.path.stem for one in opened]

@@ -122,7 +122,7 @@ class TrajectoryWriter(Sealed):
         checked.instance("box", box, Box)
         for name, given in (("parameters", parameters), ("units", units)):
             if not isinstance(given, Mapping | None):
-                raise InputError(f"{name} = {given!r}: a mapping by name is needed")
+                raise InputError(f"{name} = {given!r}: must be a mapping by name")
         parameters = dict(parameters or {}, **({"walls": to_json(walls)} if walls else {}))
         units = units or {}
         fields = [fields] if isinstance(fields, str) else list(fields)
@@ -168,7 +168,7 @@ class TrajectoryWriter(Sealed):
         seen = {"frames": frames, "series_rows": series_rows, "events": events}
         for name, value in seen.items():
             if not isinstance(value, int | np.integer) or value < 0:
-                raise InputError(f"{name} = {value!r}: a whole number, 0 or more, is needed")
+                raise InputError(f"{name} = {value!r}: must be an integer, 0 or more")
         output, place = OutputFile.reopen(path), os.fspath(path)
         try:
             layout.check_layout(output.file, place)
@@ -286,10 +286,10 @@ class TrajectoryWriter(Sealed):
             before, found = self._rows.last_time, []
             for state, observables in frames:
                 if not hasattr(state, "time"):
-                    raise InputError(f"state = {state!r}: a State is needed")
+                    raise InputError(f"state = {state!r}: must be a State")
                 if not isinstance(observables, Mapping | None):
                     raise InputError(
-                        f"observables = {type(observables).__name__}: numbers by name are needed, such as "
+                        f"observables = {type(observables).__name__}: must be numbers by name, such as "
                         '{"temperature": measure.temperature}'
                     )
                 values = checked_row("observable", "frame", observables or {}, first)
@@ -395,9 +395,9 @@ class TrajectoryWriter(Sealed):
     def _checked_fields(self, state: State, before: float) -> dict[str, NDArray[Any]]:
         """Fields of a frame that comes after time `before`, as they are stored."""
         if state.n != self._n:
-            raise InputError(f"the state has {state.n} disks: {self._n} are needed")
+            raise InputError(f"the state has {state.n} disks: must be {self._n}")
         if not (np.isfinite(state.time) and state.time >= before):
-            raise InputError(f"time = {state.time}: a finite time not before {before} is needed")
+            raise InputError(f"time = {state.time}: must be a finite time not before {before}")
         found = {}
         for name, like in self._fields.items():
             value = getattr(state, layout.FIELDS[name].attribute)
@@ -423,11 +423,11 @@ def _check_record(parameters: Mapping[str, object], units: Mapping[str, object])
     for name, value in parameters.items():
         check_name("parameter", name)
         if not isinstance(value, (str, int, float)):
-            raise InputError(f"parameter {name} = {value!r}: a text or a number is needed")
+            raise InputError(f"parameter {name} = {value!r}: must be a text or a number")
     for quantity, unit in units.items():
         check_name("unit", quantity)
         if not isinstance(unit, str):
-            raise InputError(f"unit of {quantity} = {unit!r}: a text is needed")
+            raise InputError(f"unit of {quantity} = {unit!r}: must be a text")
         if (unit == layout.REDUCED) != (layout.REDUCED in units.values()):
             raise InputError(f"unit of {quantity} = {unit!r}: either all units are 'reduced' or none is")
 

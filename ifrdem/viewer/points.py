@@ -36,7 +36,7 @@ class StudyPoints:
     def __init__(self, place: Path) -> None:
         if not place.name.endswith((ENDING, RUNS)):
             raise InputError(
-                f"{place}: the results of a study are needed, NAME{ENDING}, or its folder NAME{RUNS}"
+                f"{place}: must be the results of a study, NAME{ENDING}, or its folder NAME{RUNS}"
             )
         name = place.name.removesuffix(RUNS).removesuffix(ENDING)
         self._folder = place.with_name(name + RUNS)

@@ -126,7 +126,7 @@ def _window(text: str | None) -> np.ndarray | None:
     except ValueError:
         ends = np.full((2, 2), np.nan)
     if not (np.isfinite(ends).all() and (ends[:, 0] < ends[:, 1]).all()):
-        raise InputError(f"window = {text}: x0,x1,y0,y1 are needed, ascending")
+        raise InputError(f"window = {text}: must be x0,x1,y0,y1, ascending")
     return ends
 
 

@@ -187,13 +187,13 @@ def test_a_wrong_wall_is_named_with_what_is_allowed(overrides: list[str], key: s
     ("wall", "says"),
     [
         ('shape = "polygon"\npoints = [[1.0, 1.0], [4.0, 4.0], [4.0, 1.0], [1.0, 4.0]]', r"\[0\] and .*\[2\] cross"),
-        ('shape = "polygon"\npoints = [[1.0, 1.0], [4.0, 4.0]]', "2 of them, 3 at least are needed"),
+        ('shape = "polygon"\npoints = [[1.0, 1.0], [4.0, 4.0]]', "2 of them: must be 3 or more"),
         ('shape = "polyline"\npoints = [[1.0, 1.0], [4.0, 4.0], [4.0, 4.0]]', r"points\[1\] and points\[2\] are both"),
         ('shape = "polygon"\nfile = "open.csv"', "begins at .1, 1. and ends at .1, 4.: a polygon must come back"),
         ('shape = "polygon"\npath = "M 1 1 L 4 1 L 4 4"', "begins at .1, 1. and ends at .4, 4.: a polygon"),
         ('shape = "polyline"\nfile = "wrong.csv"', "wrong.csv, line 2 = '4, x': two numbers"),
         ('shape = "polyline"\nfile = "none.csv"', "none.csv: cannot be read"),
-        ('shape = "polyline"\npath = "M 1 1 B 2 2 3 3"', "'B' at character 7 is not known: allowed are M, L, H"),
+        ('shape = "polyline"\npath = "M 1 1 B 2 2 3 3"', "'B' at character 7 is not known: must be one of M, L, H"),
         ('shape = "polyline"\nfile = "open.csv"\nscale = 0.0', "scale.*greater than 0|scale.*above 0"),
         ('shape = "polyline"\npoints = [[1.0, 1.0], [4.0, 4.0]]\nscale = 2.0', "scale: only a file has it"),
         ('shape = "polygon"\npoints = [[1.0, 1.0], [4.0, 4.0], [6.0, 6.0]]', r"points\[2\] = .6, 6.: the outline"),
@@ -381,7 +381,7 @@ def test_remedies_for_collapse_reach_the_engine(
 
 
 def test_check_refuses_rest_where_the_run_would() -> None:
-    with pytest.raises(InputError, match=r"resting_speed of 0\.1 at most is needed"):
+    with pytest.raises(InputError, match=r"resting_speed must be at most 0\.1"):
         CaseGas.from_case(Case.model_validate(changed("run.collapse=rest", "run.resting_speed=0.25")))
 
 

@@ -221,7 +221,7 @@ def test_devices_lists_the_cpu(capsys: pytest.CaptureFixture[str]) -> None:
             ["--set", "start.file=start.csv"],
             r"start\.file = \"start\.csv\": disks 0 and 1 overlap by 0\.004 ",
         ),
-        (["--set", "start.file=nan.csv"], r"nan\.csv\": line 3: x = nan: a finite number is needed"),
+        (["--set", "start.file=nan.csv"], r"nan\.csv\": line 3: x = nan: must be a finite number"),
         (["--set", "run.seed"], "KEY=VALUE is needed"),
         (["--seed", "three"], r'run\.seed = "three": must be a whole number'),
         (["--threads", "0"], r"run\.threads = 0: must be greater than or equal to 1"),

@@ -118,7 +118,7 @@ def test_rounding_of_single_precision_is_undone(tmp_path: Path) -> None:
         (["start.frame=3"], 'start.positions = "old.h5"', r"frame 3 of .*: there are 3 frames \(0 to 2\)"),
         (["start.frame=-4"], 'start.positions = "old.h5"', "frame -4 of"),
         (["start.frame=1.5"], "start.frame = 1.5", "must be a whole number"),
-        (["species[0].number=61"], 'start.positions = "old.h5"', "has 60 disks: 61 are needed"),
+        (["species[0].number=61"], 'start.positions = "old.h5"', "has 60 disks: must be 61"),
         (
             ["box.packing_fraction=0.5"],
             'start.positions = "old.h5"',

@@ -125,8 +125,8 @@ def test_three_ranks_and_two_have_the_bits_and_the_errors_of_one_process(folder:
     says = {
         "short.csv": 'start.file = "short.csv": has 600 disks: must be 601, the sum of',
         "long.csv": "has 602 disks: must be 601, the sum of",
-        "words.csv": "line 3: 6 values, and 5 are needed",
-        "gaps.csv": "line 20: x = nan: a finite number is needed",
+        "words.csv": "line 3: 6 values: must be 5",
+        "gaps.csv": "line 20: x = nan: must be a finite number",
         "outside.csv": "line 453: x = ",
         "twice.csv": "11 pairs overlap",
         "in the post.csv": "disk 500 at (3, 4) overlaps wall 0 (post) by 1.3",
@@ -138,7 +138,7 @@ def test_three_ranks_and_two_have_the_bits_and_the_errors_of_one_process(folder:
         "none.csv": "there is no such file",
         "lacking": "lacking.parts/0002.h5 (disks 300 to 449) is missing",
         "radii": "have other radii: disk 200 has 0.5 there, 0.6 in this case",
-        "numbers": "has 601 disks: 602 are needed",
+        "numbers": "has 601 disks: must be 602",
     }
     assert {name.rpartition(" ")[0] for name in told} == {*right, *says}
     for name, found in told.items():

@@ -309,7 +309,7 @@ def test_three_disks_collapse_below_the_critical_restitution(e_n: float, digits:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"collapse": "TC"}, r"collapse = 'TC': allowed are none, tc, velocity_cutoff"),
+        ({"collapse": "TC"}, r"collapse = 'TC': must be one of 'none', 'tc', 'velocity_cutoff'"),
         ({"collapse": "velocity"}, "did you mean 'velocity_cutoff'"),
         ({"collapse": "tc"}, 'contact_time = None: collapse = "tc" needs'),
         ({"collapse": "tc", "contact_time": 0.0}, "contact_time = 0.0: .* a finite number above 0"),

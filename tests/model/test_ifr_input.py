@@ -25,7 +25,7 @@ COIN = {"e_n": 0.87, "e_t": -0.88, "mu": 0.21}
         ({"mu": -0.2}, r"mu = -0\.2: .* 0 or more"),
         ({"mu": float("inf")}, "mu = inf: .* finite"),
         ({"rho": -1.0}, r"rho = -1: .* 0 or more"),
-        ({"k": 0.0}, "k = 0: a positive finite number is needed"),
+        ({"k": 0.0}, "k = 0: must be a positive finite number"),
         (
             {"sticking": "contact point"},
             r"sticking = 'contact point': must be one of .*did you mean 'contact_point'",
@@ -140,7 +140,7 @@ PAIR = {
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"normal": [1.0, 1e-3]}, r"normal\[0\] = 1: a unit vector is needed"),
+        ({"normal": [1.0, 1e-3]}, r"normal\[0\] = 1: must be a unit vector"),
         (
             {"normal": [[1.0, 0.0], [0.0, np.nan]]},
             r"normal\[1, 1\] = nan: must be finite, at most 1e\+100 in size",

@@ -109,7 +109,7 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     ),
     "text for the end": (lambda: gas().run(t_end="soon"), "t_end = 'soon'"),
     "state that is none": (lambda: Simulation(Disks(1, 1.0, 0.5), Box((9, 9)), LAW, 3), "state = 3: a State"),
-    "box that is none": (lambda: Simulation(Disks(1, 1.0, 0.5), (9, 9), LAW, state()), "a Box is needed"),
+    "box that is none": (lambda: Simulation(Disks(1, 1.0, 0.5), (9, 9), LAW, state()), "must be a Box"),
     "coefficient beyond single precision": (
         lambda: Simulation(
             *gases_of_three(), IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0, rho=1e40), state_of_three(), precision="f32"
@@ -118,7 +118,7 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     ),
     "bits for the bytes of a file": (
         lambda: TrajectoryWriter("none.h5", *gases_of_three(), precision="f64"),
-        r"allowed are f4, f8 \(did you mean 'f8'\?\)",
+        r"must be one of 'f4', 'f8' \(did you mean 'f8'\?\)",
     ),
     "number for the file of a writer": (lambda: TrajectoryWriter(5, *gases_of_three()), "path = 5: must be a text"),
     "disks of a writer that are none": (lambda: TrajectoryWriter("n.h5", 3, Box((9, 9))), "disks = 3: must be a Disks"),

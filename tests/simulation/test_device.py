@@ -24,8 +24,8 @@ def test_a_cpu_is_always_there() -> None:
 @pytest.mark.parametrize(
     ("arch", "threads", "message"),
     [
-        ("cdua", None, "allowed are cpu, cuda .did you mean 'cuda'"),
-        ("gpu", None, "allowed are cpu, cuda"),
+        ("cdua", None, "must be one of cpu, cuda .did you mean 'cuda'"),
+        ("gpu", None, "must be one of cpu, cuda"),
         ("cpu", 0, "threads = 0: must lie between 1"),
         ("cpu", backend.cores() + 1, f"must lie between 1 and the {backend.cores()} cores"),
     ],
@@ -62,7 +62,9 @@ def test_precision_is_the_type_of_real_numbers(precision: str) -> None:
 
 
 def test_an_unknown_precision_is_refused_with_the_nearest_spelling() -> None:
-    with pytest.raises(InputError, match=r"precision = 'f46': allowed are f64, f32 \(did you mean 'f64'\?\)"):
+    with pytest.raises(
+        InputError, match=r"precision = 'f46': must be one of f64, f32 \(did you mean 'f64'\?\)"
+    ):
         backend.start("cpu", precision="f46")
 
 

@@ -342,11 +342,11 @@ def test_units_do_not_matter_to_the_last_bit(precision: str) -> None:
 
 @pytest.mark.parametrize("value", [0, 1e-4, 10.1, float("nan"), "1", [1], True])
 def test_lengths_of_windows_that_are_none_are_refused(value: object) -> None:
-    with pytest.raises(InputError, match=r"window_collisions = .*: a number from 0\.001 to 10 is needed"):
+    with pytest.raises(InputError, match=r"window_collisions = .*: must be a number from 0\.001 to 10"):
         EngineOptions(window_collisions=value)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("value", [0, -5, 1.5, "x"])
 def test_numbers_of_disks_in_a_tile_that_are_none_are_refused(value: object) -> None:
-    with pytest.raises(InputError, match=r"tile_disks = .*: a whole number, 1 or more, is needed"):
+    with pytest.raises(InputError, match=r"tile_disks = .*: must be an integer from 1"):
         EngineOptions(tile_disks=value)  # type: ignore[arg-type]

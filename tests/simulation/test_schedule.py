@@ -131,7 +131,7 @@ def test_the_earlier_of_two_points_is_reached_when_either_is():
         ({"interval": 0.0}, "interval = 0"),
         ({"interval": 1e-300}, "interval = 1e-300: 1e-200 or more"),
         ({"collisions": math.nan}, "collisions = nan"),
-        ({"number": 3, "spacing": "logarithmic"}, "allowed are even, log"),
+        ({"number": 3, "spacing": "logarithmic"}, "must be one of even, log"),
         ({"interval": 1.0, "spacing": "log"}, "needs a number"),
         ({"number": 3, "log_from": 1.0}, "log_from = 1"),
     ],

@@ -112,7 +112,7 @@ def test_a_frame_that_does_not_fit_is_an_input_error_of_the_next_call(tmp_path):
     writer = AsyncWriter(TrajectoryWriter(tmp_path / "run.h5", some_disks(3), BOX))
     writer.write(some_state(3, 0))
     writer.write(some_state(4, 1))
-    with pytest.raises(InputError, match="4 disks: 3 are needed"):
+    with pytest.raises(InputError, match="4 disks: must be 3"):
         writer.flush()
     writer.close()
     with Trajectory(tmp_path / "run.h5") as trajectory:

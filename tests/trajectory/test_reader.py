@@ -96,7 +96,7 @@ def test_selections_that_no_file_reads_are_refused(tmp_path, selection):
         for frame in range(3):
             writer.write(some_state(5, frame))
     with Trajectory(tmp_path / "run.h5") as trajectory:
-        with pytest.raises(InputError, match="of position: whole numbers and slices are needed"):
+        with pytest.raises(InputError, match="of position: must be integers and slices"):
             trajectory.read("position", selection)
         found = trajectory.read("position", (slice(0, 3, 2), np.int64(4)))
         assert np.array_equal(found, [trajectory[0].position[4], trajectory[2].position[4]])
@@ -109,7 +109,7 @@ REFUSED = {
     "an axis too many": (lambda run: run.read("position", (0, 0, 0, 0)), "3 axes are all there are"),
     "a frame beyond": (lambda run: run.read("position", 3), "selection 3 of position: there are 3"),
     "a disk beyond": (lambda run: run.read("position", (0, -6)), "selection -6 of position: there are 5"),
-    "slice of text": (lambda run: run.read("spin", slice("a", None)), "whole numbers and slices are needed"),
+    "slice of text": (lambda run: run.read("spin", slice("a", None)), "must be integers and slices"),
     "number for a field": (lambda run: run.read(5, 0), "name = 5: must be a text"),
     "text for a frame": (lambda run: run["a"], "frame = 'a': a whole number"),
     "half a frame": (lambda run: run[1.5], "frame = 1.5: a whole number"),
@@ -578,7 +578,7 @@ def test_impossible_outputs_are_refused(tmp_path):
     [
         ({"fields": ("positon",)}, "did you mean 'position'"),
         ({"fields": ("position", "position")}, "once"),
-        ({"precision": "f2"}, "allowed are f4, f8"),
+        ({"precision": "f2"}, "must be one of 'f4', 'f8'"),
         ({"compression": "gzp"}, "did you mean 'gzip'"),
         ({"parameters": {"case": ["a"]}}, r"parameters\['case'\] = \['a'\]: must be"),
         ({"parameters": {"": 1}}, "name of parameter"),
@@ -607,7 +607,7 @@ def test_a_frame_that_does_not_fit_is_refused_and_the_file_unchanged(tmp_path):
         timeless = some_state(3, 2)
         timeless.time = float("nan")
         for state, observables, reason in (
-            (some_state(2, 2), {"energy": 1.0, "count": 3}, "2 disks: 3 are needed"),
+            (some_state(2, 2), {"energy": 1.0, "count": 3}, "2 disks: must be 3"),
             (some_state(3, 0), {"energy": 1.0, "count": 3}, "time = 0.0: .*not before 0.1"),
             (timeless, {"energy": 1.0, "count": 3}, "time = nan"),
             (
@@ -618,7 +618,7 @@ def test_a_frame_that_does_not_fit_is_refused_and_the_file_unchanged(tmp_path):
             (counted, {"energy": 1.0, "count": 3}, "collisions: numbers beyond"),
             (late, {"energy": 1.0}, "the first frame has"),
             (late, {"energy": [1.0, 2.0], "count": 3}, "energy has shape"),
-            (late, {"energy": "high", "count": 3}, "numbers are needed"),
+            (late, {"energy": "high", "count": 3}, "must be a number or numbers"),
             (late, {"energy": 1.0, "count": 3.5}, "integer in the first frame"),
         ):
             with pytest.raises(InputError, match=reason):

@@ -318,8 +318,8 @@ def test_files_of_layout_1_0_are_read(tmp_path):
         ("a", {"energy": 1.0}, "time = a: a finite time"),
         (None, {"energy": 1.0}, "time = None: a finite time"),
         (True, {"energy": 1.0}, "time = True: a finite time"),
-        (0.5, [1.0], r"series: numbers by name are needed, not \[1\.0\]"),
-        (0.5, {"energy": "b"}, "series energy = 'b': a number or numbers are needed"),
+        (0.5, [1.0], r"series: must be numbers by name, not \[1\.0\]"),
+        (0.5, {"energy": "b"}, "series energy = 'b': must be a number or numbers"),
     ],
 )
 def test_rows_that_are_none_are_refused_and_the_file_goes_on(tmp_path, time, values, said):
@@ -341,7 +341,7 @@ def test_rows_that_are_none_are_refused_and_the_file_goes_on(tmp_path, time, val
 def test_a_measure_is_no_observables(tmp_path):
     disks, state = some_disks(N), some_state(N, 0)
     with TrajectoryWriter(tmp_path / "run.h5", disks, BOX) as writer:
-        with pytest.raises(InputError, match="observables = Measure: numbers by name are needed, such as"):
+        with pytest.raises(InputError, match="observables = Measure: must be numbers by name, such as"):
             writer.write(state, measure(disks, state))
         writer.write(state, {"temperature": measure(disks, state).temperature})
         assert len(writer) == 1

@@ -415,7 +415,7 @@ def test_points_of_a_study_have_their_curves_and_the_trajectories_that_were_kept
         (["--frames", "0"], "--frames: only with --html"),
         (["--force"], "--force: only with --html"),
         (["--study", "--html", "x.html"], "--html: not beside --study"),
-        (["--study"], "run.h5: the results of a study are needed, NAME.nc"),
+        (["--study"], "run.h5: must be the results of a study, NAME.nc"),
         (["--html", "run.h5"], "is the trajectory itself"),
         (["--html", "new.html", "--frames", "9"], "names none of the 4 frames"),
     ],
