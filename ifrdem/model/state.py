@@ -22,6 +22,7 @@ from ..tools.pictured import Pictured
 from ..tools.reprs import Brief
 from ..tools.sealed import Sealed
 
+NumberOfDisks = Annotated[int, Integer(0, MOST_IDS)]
 _TINY, _HUGE = np.finfo(np.float64).smallest_subnormal, np.finfo(np.float64).max
 _Masses = Annotated[
     NDArray[np.float64],
@@ -60,7 +61,7 @@ class Disks(Brief):
     array([0.125, 0.125, 2.   ])
     """
 
-    n: Annotated[int, Integer(0, MOST_IDS)]
+    n: NumberOfDisks
     mass: _Masses
     radius: _Sizes
     k: _Sizes = field(default_factory=lambda: np.array(2.0))

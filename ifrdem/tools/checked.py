@@ -401,9 +401,10 @@ Real = Annotated[float, Number(-MOST, MOST, f"a finite number, at most {MOST:g} 
 Positive = Annotated[float, Number(LEAST, MOST, f"a positive number from {LEAST:g} to {MOST:g}")]
 NonNegative = Annotated[float, Number(LEAST, MOST, f"0, or a number from {LEAST:g} to {MOST:g}", zero=True)]
 Fraction = Annotated[float, Number(0.0, 1.0, "a number from 0 to 1")]
+Packed = Annotated[float, Number(1e-12, 0.9, "a number above 0 (from 1e-12) to 0.9")]
 Count = Annotated[int, Integer(1)]
 Seed = Annotated[int, Integer(0, 2**64 - 1)]
-"""Numbers as public functions need them."""
+"""Numbers as public functions need them; `Packed` is a packing fraction."""
 
 
 Comm = Annotated[Any, lambda _name, value: Communicator.of(value)]

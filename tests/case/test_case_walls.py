@@ -191,7 +191,7 @@ def test_a_wrong_wall_is_named_with_what_is_allowed(overrides: list[str], key: s
         ('shape = "polyline"\npoints = [[1.0, 1.0], [4.0, 4.0], [4.0, 4.0]]', r"points\[1\] and points\[2\] are both"),
         ('shape = "polygon"\nfile = "open.csv"', "begins at .1, 1. and ends at .1, 4.: a polygon must come back"),
         ('shape = "polygon"\npath = "M 1 1 L 4 1 L 4 4"', "begins at .1, 1. and ends at .4, 4.: a polygon"),
-        ('shape = "polyline"\nfile = "wrong.csv"', "wrong.csv, line 2 = '4, x': two numbers"),
+        ('shape = "polyline"\nfile = "wrong.csv"', "wrong.csv, line 2 = '4, x': must be two numbers"),
         ('shape = "polyline"\nfile = "none.csv"', "none.csv: cannot be read"),
         ('shape = "polyline"\npath = "M 1 1 B 2 2 3 3"', "'B' at character 7 is not known: must be one of M, L, H"),
         ('shape = "polyline"\nfile = "open.csv"\nscale = 0.0', "scale.*greater than 0|scale.*above 0"),
