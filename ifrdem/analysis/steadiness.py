@@ -1,7 +1,7 @@
 """Steadiness of what is averaged over frames: their first half against their second.
 
 Frames that follow each other closely show nearly the same gas, and by how much they differ says little of how sure a
-mean is. So the scatter that a difference is held against is not that over frames, but that over parts of the gas which
+mean is. So the scatter that a difference is compared with is not that over frames, but that over parts of the gas which
 know little of each other and are each compared with themselves: disks, cells of the box, modes. However long a part
 remembers, its differences between the halves have the mean 0 in a steady gas.
 

@@ -250,7 +250,7 @@ class Collisions:
             disks.append(_of_columns(numbers))
         walls = np.isinf(np.asarray(disks[1].mass))
         if walls.any() and not walls.all():
-            text = "mass_2 is infinite: walls and disks cannot stand in one table"
+            text = "mass_2 is infinite: walls and disks cannot be combined in one table"
             found.append((int(np.argmax(walls)), text))
         x, y = (arrays[NORMAL[i]] if normal else arrays[PLACES[i + 2]] - arrays[PLACES[i]] for i in (0, 1))
         found += _rows((x == 0.0) & (y == 0.0), "the normal has no length")

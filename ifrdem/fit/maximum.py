@@ -543,7 +543,7 @@ def covariance_of(information: Array) -> Array:
 
 
 def _unit(information: Array) -> Array:
-    """Scale (p,) of each coefficient by its own information; 1 where there is none."""
+    """Scale (p,) of each coefficient from its information; 1 where there is none."""
     diagonal = np.diag(information)
     return np.asarray(1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)))
 

@@ -1,6 +1,6 @@
 """Walls that come so near to each other that a disk between them would be crushed: foreseen before a run.
 
-Points along one wall, a quarter of a diameter apart, are held against the other one at sampled times. Where the gap is
+Points along one wall, a quarter of a diameter apart, are compared with the other one at sampled times. Where the gap is
 g, and the walls approach each other with at most the speed v, it cannot be below a diameter d for a time of (g - d) /
 v: so long is the next step, or d / 8v where they are near. Only places that face each other count: ends, corners, and
 points whose wall runs across the gap. Walls that meet in a corner, as a floor and a side, do not crush; neither do

@@ -1,4 +1,4 @@
-"""A run held against what was measured: places, with the spread that errors of the start and of the law give."""
+"""Comparison of a run with measured positions: places, with the spread that errors of the start and of the law give."""
 
 from __future__ import annotations
 
@@ -279,7 +279,7 @@ def compare(
     case: Path | str | None = None,
     progress: Callable[[Sequence[int]], object] | None = None,
 ) -> Comparison:
-    """Hold a run against measured places, and against itself with drawn starts and laws.
+    """Compare a run with measured positions, and with runs of drawn starts and laws.
 
     `laws` are coefficients drawn from a fit (`Fitted.draw`), which replace those of every pair of materials, in turn;
     `errors` standard errors of the start: "positions" [length], "velocities" [length/time], "spins" [rad/time], where

@@ -1,7 +1,7 @@
 """Processes that run the tasks of a study: here, or on a cluster by Dask.
 
 Each generator yields a task with the message of its failure (None if it is done), or None every second or so in which
-nothing ends, so that whoever asks can look at signals and clocks. Closing it ends the processes.
+nothing ends, so that the caller can look at signals and clocks. Closing it ends the processes.
 """
 
 from __future__ import annotations

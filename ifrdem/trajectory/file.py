@@ -38,7 +38,7 @@ class OrderedFile:
     but for one header in 2,000 of those that are added after compressed frames.
 
     The file exists, and is locked until `close`. The first failure (`error`) is not raised, because HDF5 cannot be told
-    of it in the middle of its work: nothing is written any more, and whoever writes looks there after each flush.
+    of it in the middle of its work: nothing is written any more, and a writer looks there after each flush.
 
     Raises BlockingIOError that names the process if one has locked the file.
     """
@@ -269,9 +269,9 @@ class OutputFile:
         try:
             there = os.stat(self._present)
         except FileNotFoundError:
-            return "somebody has deleted or moved it meanwhile"
+            return "it has been deleted or moved meanwhile"
         same = os.path.samestat(there, os.fstat(self._raw.fileno()))
-        return None if same else "somebody has replaced it meanwhile"
+        return None if same else "it has been replaced meanwhile"
 
     def publish(self) -> None:
         """Put the file at its place."""
@@ -287,7 +287,7 @@ class OutputFile:
         else:
             try:
                 os.link(self._present, self.path)  # unlike a renaming, this never overwrites
-            except FileExistsError:  # somebody was quicker
+            except FileExistsError:  # another process was quicker
                 raise
             except OSError:  # a file system without hard links
                 os.rename(self._present, self.path)

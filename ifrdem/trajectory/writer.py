@@ -42,8 +42,8 @@ class TrajectoryWriter(Sealed):
     safe as the file system makes them.
 
     Use it as a context manager. A writer that is closed before its first frame leaves no file, and with
-    `force` the old file stays in place until the first frame of the new one is committed. `resume` goes on
-    with a file that a run has left.
+    `force` the old file stays in place until the first frame of the new one is committed. `resume` continues
+    a file that a run has left.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ class TrajectoryWriter(Sealed):
         series_rows: int = 0,
         events: int = 0,
     ) -> TrajectoryWriter:
-        """Go on with the file of a run that goes on from a checkpoint; no other process may write it meanwhile.
+        """Continue the file of a run that is resumed from a checkpoint; no other process may write it meanwhile.
 
         What a kill left uncommitted is dropped. What was committed after the checkpoint stays: the run computes it
         again, and gives it again; it is compared with the file bit for bit. The run had written so many `frames`,
