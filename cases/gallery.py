@@ -63,7 +63,7 @@ WALL = {
     ),
     "burst": (
         "coins_on_table", f"disks --frames 15 {DARK}",
-        "400 coins burst from a patch; who is hit off-centre spins.",
+        "400 coins burst from a patch; those hit off-centre spin.",
     ),
     "sizes": (
         "mixture", f"disks --color radius {DARK}",
@@ -79,7 +79,7 @@ WALL = {
     ),
     "sheared": (
         "shear", f"disks --color direction {DARK}",
-        "Directions of motion beside the flow that the sides impose.",
+        "Directions of motion relative to the imposed shear flow.",
     ),
     "heat": (
         "thermal_walls", f"disks --color temperature {DARK}",

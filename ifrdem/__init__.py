@@ -3,6 +3,9 @@
 =====================================  =================================================================
 `Disks`, `Box`, `State`                constant properties of disks, the space they move in, their motion
 `Wall`, `Motion`, `Turn`               walls at rest, moving, turning, thermal
+`VelocityCutoff`, `ContactTime`,
+`Rest`                                 remedies for inelastic collapse
+`Device`, `RotatingGravity`            device and precision; gravity whose direction rotates
 `Piston`, `WallSums`                   a wall with a mass; what walls gave to the disks
 `forces`, `laws`                       forces between collisions; collision laws
 `IFRLaw`, `coins`, `CollisionLaw`      the law, the coins of the paper, a custom law
@@ -10,7 +13,7 @@
 `initial`                              positions, velocities, spins and radii to start from
 `Case`, `run`                          a case file as an object; runs one, as `ifrdem run` does
 `Simulation`, `DSMC`                   collision by collision; the kinetic equation of a homogeneous gas
-`slice_of`                             which disks a rank of MPI gives and gets, of a gas on many
+`mpi`, `slice_of`                      ranks of MPI that share a gas; which disks each gives and gets
 `observables`, `Ledger`                temperatures and energies of a state; energy by mechanism
 `TrajectoryWriter`, `Trajectory`       write and read H5MD files
 `PartsWriter`                          the same in parts, by all ranks of MPI

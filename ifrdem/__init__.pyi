@@ -15,7 +15,11 @@ from .errors import NoMoreCollisions as NoMoreCollisions
 from .errors import RunWarning as RunWarning
 from .model.box import Box as Box
 from .model.coin_table import coins as coins
+from .model.collapse import ContactTime as ContactTime
+from .model.collapse import Rest as Rest
+from .model.collapse import VelocityCutoff as VelocityCutoff
 from .model.crush import WallWarning as WallWarning
+from .model.gravity import RotatingGravity as RotatingGravity
 from .model.ifr import EnergyWarning as EnergyWarning
 from .model.ifr import IFRLaw as IFRLaw
 from .model.ifr import Regime as Regime
@@ -32,6 +36,7 @@ from .mpi.communicator import slice_of as slice_of
 from .runs.case import Case as Case
 from .runs.case import run as run
 from .runs.recorder import Ledger as Ledger
+from .simulation.device import Device as Device
 from .simulation.dsmc import DSMC as DSMC
 from .simulation.simulation import Simulation as Simulation
 from .study.study import Study as Study

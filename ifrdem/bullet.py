@@ -257,7 +257,7 @@ class Bodies:
         """Read masses and moments of inertia of disks and walls.
 
         A plain id will do for a body that was made without `useMaximalCoordinates`: of the other kind PyBullet does
-        not tell radius or plane, so it needs a `DiskBody` or a `WallBody`.
+        not provide radius or plane, so it requires a `DiskBody` or a `WallBody`.
 
         Raises InputError if a body is not there, is neither cylinder nor plane, does not stand upright, or cannot
         turn.
@@ -268,7 +268,7 @@ class Bodies:
         walls = tuple(one for one in known if isinstance(one, WallBody))
         ids = [one.body for one in known]
         if len(set(ids)) < len(ids):
-            raise InputError(f"bodies = {ids}: one of them is there twice")
+            raise InputError(f"bodies = {ids}: one of them is given twice")
         mass, k = np.full(len(disks), np.inf), np.full(len(disks), 2.0)
         for i, disk in enumerate(disks):
             _check_upright(p, client, disk.body)
@@ -294,12 +294,12 @@ class Bodies:
 
 
 def _recognized(p: Any, client: int, body: int) -> DiskBody | WallBody:
-    """The disk or wall behind a plain id."""
+    """The disk or wall of a plain id."""
     try:
         ((_, _, kind, size, *_),) = p.getCollisionShapeData(body, -1, physicsClientId=client)
     except (p.error, ValueError):
         raise InputError(
-            f"body {body}: PyBullet does not tell its shape; give ifrdem.bullet.DiskBody(body, radius) or "
+            f"body {body}: its shape is not available from PyBullet; give ifrdem.bullet.DiskBody(body, radius) or "
             "ifrdem.bullet.WallBody(body, point, normal)"
         ) from None
     if kind == p.GEOM_CYLINDER:
@@ -307,7 +307,7 @@ def _recognized(p: Any, client: int, body: int) -> DiskBody | WallBody:
     if kind == p.GEOM_PLANE:
         (x, y, _), _ = p.getBasePositionAndOrientation(body, physicsClientId=client)
         if abs(size[2]) > UPRIGHT:
-            raise InputError(f"body {body}: a plane with normal {size}, which does not stand upright")
+            raise InputError(f"body {body}: a plane with normal {size}, which is not upright")
         return WallBody(body, (x, y), (size[0], size[1]))
     raise InputError(f"body {body}: neither a cylinder nor a plane")
 

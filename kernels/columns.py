@@ -5,7 +5,6 @@ those of another table. `layout.py` describes the arrays, this module their colu
 kernels reach columns by name through `records.py`, the host through `named`.
 """
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -39,7 +38,7 @@ class Columns:
     """Names of the columns of an array, in order.
 
     A name is followed by nothing, by a number of columns (`count=2`), by a table (`losses=MECHANISM`), or by both
-    (`moment=(9, MOMENT)`). `alias` gives columns a second name, for rows of another kind.
+    (`moment=(9, MOMENT)`).
 
     Attributes
     ----------
@@ -53,14 +52,8 @@ class Columns:
 
     of: "Columns | None" = None  # as of `Several`
 
-    def __init__(
-        self,
-        *,
-        alias: Mapping[str, str] | None = None,
-        first: int = 0,
-        **names: "int | Columns | tuple[int, Columns] | None",
-    ) -> None:
-        self.first, self._names, self._alias = first, names, dict(alias or {})
+    def __init__(self, *, first: int = 0, **names: "int | Columns | tuple[int, Columns] | None") -> None:
+        self.first, self._names = first, names
         self.at: dict[str, Any] = {}
         at = first
         for name, given in names.items():
@@ -75,12 +68,10 @@ class Columns:
                 self.at[name] = Several(at, count, of)
             at += self.at[name].width
         self.width: int = at - first
-        for name, meant in self._alias.items():
-            self.at[name] = self.at[meant]
 
     def moved(self, first: int) -> "Columns":
         """This table with its first column at another number."""
-        return Columns(alias=self._alias, first=first, **self._names)
+        return Columns(first=first, **self._names)
 
     def __getitem__(self, m: Any) -> Any:
         return self.first + m
@@ -276,15 +267,34 @@ SCALE = Columns(
 
 # ---------------------------------------------------------------------- walls
 
-# See `walls.py`. Of a piston other columns hold its speed, time and acceleration at the latest event of its own.
+# Displacement along (x, y), a unit vector: `kinds.MOTIONS`. Amplitude, of a steady motion its speed; angular frequency
+# of a sine, frequency of a sawtooth; phase at t = 0 of the run, or at `moving.begin`, in radians (sine) or periods
+# (sawtooth); part of its period in which a sawtooth rises, from minus its amplitude to it; what is needed of the
+# beginning of the window: displacement of a steady motion, else the phase.
+WALL_MOTION = Columns(**columns("kind", "x", "y", "amplitude", "rate", "phase", "rise", "now"))
+# Rotation about (x, y), which the displacement carries along: `kinds.TURNS`. Amplitude, of a steady turn its angular
+# velocity; angular frequency of a sine; phase; angle or phase as the window begins; distance of the farthest point of
+# the piece from (x, y).
+WALL_TURN = Columns(**columns("kind", "x", "y", "amplitude", "rate", "phase", "now", "lever"))
+# Time of the run from which on it moves, and until when; 1 if it moves in the window, which neither lies in, else 0.
+WALL_MOVING = Columns(**columns("begin", "end", "now"))
+# Displacement and speed at the latest event of a piston, and the time of the window of that; time of the window at
+# which it meets a stop; acceleration by its force; angular frequency on its spring; inverse mass; least and largest
+# displacement; first of the changes of its displacement and velocity, among the sums of walls; row of the next piston,
+# or -1.
+PISTON = Columns(**columns(
+    "displacement", "speed", "since", "stop_at", "push", "rate", "inverse_mass", "low", "high", "sums", "next",
+))  # fmt: skip
+# A piece of a wall: `kinds.PIECES` or GONE. A point of a line, the beginning of a segment, the centre of a circle; a
+# line's unit normal, towards the disks, the end of a segment minus its beginning, the unit vector to the middle of an
+# arc; radius of a circle; half the angle of an arc; number of the wall that this is a piece of; row of the law's table;
+# speed of the surface along its tangent, (-n_y, n_x) of the normal towards the disk; temperature of a thermal wall
+# [energy], else 0; which of the sums of walls is the heat of a thermal wall, else -1; the first of the sums of its
+# wall (WALL_SUM).
 WALL = Columns(
-    alias={"speed": "amplitude", "since": "phase", "push": "rise"},
-    **columns(
-        "type", "px", "py", "qx", "qy", "circle", "motion", "ux", "uy", "amplitude", "rate", "phase", "rise",
-        "surface", "material", "now", "temperature", "heat",
-        "owner", "half", "turn", "cx", "cy", "turn_by", "turn_rate", "turn_phase", "turn_now", "lever", "begins",
-        "ends", "moves", "sums", "inverse_mass", "low", "high", "piston", "next_piston", "stop_at",
-    ),
+    **columns("kind", "x", "y", "towards_x", "towards_y", "radius", "half", "owner", "material", "surface_speed"),
+    **columns("temperature", "heat", "sums"),
+    motion=WALL_MOTION, turn=WALL_TURN, moving=WALL_MOVING, piston=PISTON,
 )  # fmt: skip
 
 # ---------------------------------------------------------------------- what is read out

@@ -26,10 +26,13 @@ from .particle import (
     watched_row, write_motion,
 )  # fmt: skip
 from .rest import (
-    count_hit, fall_asleep, is_support, is_wedged, meeting_with_sleeper, set_at_rest, set_in_motion, sleeps, wake,
+    count_hit, fall_asleep, is_support, is_wedged, set_at_rest, set_in_motion, sleeps, time_to_sleeper, wake,
 )  # fmt: skip
 from .tiles import head_at, layer_of, scale_of, take_note, write
-from .walls import bounce, first_wall, hit_wall, meets_piston, next_stop, other_image
+from .walls.cells import first_wall, other_image
+from .walls.collision import hit_wall
+from .walls.images import from_partner, wall_of
+from .walls.pistons import bounce, meets_piston, next_stop
 
 EMPTY = -1  # of bins and cells
 SEPARATING = 2.25  # square of a distance in contact distances: at it or less two disks have just collided
@@ -145,7 +148,7 @@ def leave(i, side, region: ti.template(), gas: ti.template()):
             motion.x = motion.x - step * gas.scale.length_x
             image.lap_x = image.lap_x + step
             if ti.static(gas.uses.walled):
-                other_image(i, 3 * step, gas)
+                other_image(i, step, 0, gas)
     else:
         step = 2 * side - 7
         cy += step
@@ -154,7 +157,7 @@ def leave(i, side, region: ti.template(), gas: ti.template()):
             motion.y = motion.y - step * gas.scale.length_y
             image.lap_y = image.lap_y + step
             if ti.static(gas.uses.walled):
-                other_image(i, step, gas)
+                other_image(i, 0, step, gas)
     info.cell = (cx << 16) + cy
     cell = head_at(cx, cy, layer, region, gas)
     info.next_in_cell = gas.head[cell]
@@ -396,7 +399,7 @@ def compare(
             # A parabola in the lab, of the one that flies about the other.
             sign = ti.select(asleep_i, 1.0, -1.0)
             gx, gy = gas.scale.gx, gas.scale.gy
-            t = start + meeting_with_sleeper(
+            t = start + time_to_sleeper(
                 sign * rx + 0.5 * gx * start * start, sign * ry + 0.5 * gy * start * start,
                 sign * ux + gx * start, sign * uy + gy * start,
                 noise, sigma, best - start, gas,
@@ -646,7 +649,7 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                                 looking, all_look = n, 1
                         how = hit_wall(i, t, tile, region, gas)
                         if ti.static(gas.uses.rests):
-                            if how >= ELASTIC and is_support((FIRST_WALL - partner) // 9, gas):
+                            if how >= ELASTIC and is_support(wall_of(from_partner(partner)), gas):
                                 count_hit(i, t, since, gas)
                                 fall_asleep(i, t, tile, gas)
                         collided_at = t

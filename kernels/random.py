@@ -5,8 +5,8 @@ Dror and Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC '11, doi:10.114
 
 A *stream* is a vector of six words: id of the disk, number of the force's step (low and high word), 2^16 times the
 index of the force, and the seed (low and high word). The first four are the counter, the last two the key; draws
-`number` 0 to 65535 of a stream are independent of each other. Thermal walls (`walls.py`) take the highest index, and
-the number of a disk's collisions in place of the step's.
+`number` 0 to 65535 of a stream are independent of each other. Thermal walls take the highest index,
+and the number of a disk's collisions in place of the step's.
 """
 
 from .language import ti

@@ -97,6 +97,7 @@ class NamedNumbers:
 class _Group:
     """Several columns of a row: by number, or those of a table by name."""
 
+    _data_oriented = True
     __slots__ = ("_columns", "_row")
 
     def __init__(self, row: NamedRow, columns: Several | Columns) -> None:

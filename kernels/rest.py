@@ -1,61 +1,68 @@
 """Resting contact: disks that lie still sleep, and cost nothing until something wakes them.
 
 An event-driven code has no lasting contacts: a disk that comes to rest on a floor collides infinitely often in a finite
-time. With a *resting speed* v_s, which is small, lasting contact is replaced by two rules and a judgement.
+time. With a small *resting speed* v_s, two rules and a force calculation replace lasting contact.
 
-*Rebound.* A collision whose normal speed of approach g_n is below v_s belongs to a contact that lasts, which the law of
-single impacts does not describe. It is elastic (e_n = 1), and along the contact Coulomb's friction alone acts: sticking
-at the contact point, mu P_n at most, and rolling friction rho P_n at most; tangential restitution, an impulse that
-needs no normal force, does not (e_t = -1). So a disk on a support makes jumps of height v_s^2 / 2g at most. Gravity
-returns its momentum 2 m g_n in the time 2 g_n / g: on average the support pushes by the weight, and friction is that of
-this push, as in a contact that lasts. The rebound is no slower than v_0 = v_s / 10, which bounds the number of events;
-what this gives, 1 % of m v_s^2 / 2 at most, is in the ledger.
+*Rebound.* A collision whose normal speed of approach g_n is below v_s belongs to a lasting contact, which the law of
+single impacts does not describe. It is elastic (e_n = 1). Along the contact Coulomb friction alone acts: sticking at
+the contact point, at most mu P_n, and rolling friction, at most rho P_n. Tangential restitution, an impulse that needs
+no normal force, does not act (e_t = -1). So a disk on a support jumps by v_s^2 / 2g at most. Gravity returns its
+momentum 2 m g_n in the time 2 g_n / g: on average the support pushes by the weight, and friction is that of this push,
+as in a lasting contact. The rebound is at least v_0 = v_s / 10, which bounds the number of events; the energy that this
+adds, at most 1 % of m v_s^2 / 2, is in the ledger.
 
-*Sleep.* A disk that may rest (see below) falls asleep at a collision slower than v_s with a disk that sleeps or a wall
-at rest, if it is slower than 2 v_s afterwards (v and R omega): there it touches. From then on it stays where it is.
-What it had of kinetic energy is the loss `rest` of the ledger. To others it is a wall: a disk of infinite mass at rest.
-A hit at v_s or more wakes it, and it takes part in that collision with its own mass. A disk that is caught between
-others that sleep, so closely that it hits them eight times with no more than v_s / 1000 g between two of them, falls
-asleep too, until the next judgement; if it is too fast, it is driven in like a wedge, and wakes whom it hits; if it is
-not free after 64 hits, it falls asleep at its speed (`Statistics.jammed` counts: friction would have braked it).
+*Sleep.* A disk that may rest (see below) falls asleep at a collision slower than v_s with a sleeping disk or a wall at
+rest, if it is slower than 2 v_s afterwards (v and R omega): there it touches. From then on it stays there. Its kinetic
+energy is the loss `rest` of the ledger. For others it is a wall: a disk of infinite mass at rest. A hit at v_s or more
+wakes it, and it takes part in that collision with its own mass.
 
-*Judgement.* At the beginning of each window it is judged who may rest. Take all disks that sleep or are slower than
-2 v_s as resting, and let them touch each other and walls at rest where the gap is below 4 v_s^2 / g. May they stay?
-They do if there are contact forces in the cones |F_t| <= mu F_n, F_n >= 0, that balance every weight and torque. So
-find the forces that leave the least acceleration,
+A disk may be caught between sleeping disks, so closely that it hits them eight times with at most v_s / 1000 g between
+two hits. It then falls asleep too, until the next force calculation. If it is too fast, it acts as a wedge and wakes
+the disks that it hits. If it is not free after 64 hits, it falls asleep at any speed (`Statistics.jammed` counts these:
+friction would have braked it).
+
+*Contact forces.* At the beginning of each window it is decided which disks may rest. Take all disks that sleep or are
+slower than 2 v_s as resting. They touch each other, and walls at rest, where the gap is below 4 v_s^2 / g. They may
+rest if there are contact forces in the cones |F_t| <= mu F_n, F_n >= 0, that balance every weight and torque. So find
+the forces that minimise the residual accelerations,
 
     min over forces in the cones of  sum (m a^2 + I alpha^2) / 2,   m a = m g + sum F,  I alpha = sum of torques:
 
-a convex problem (M. Anitescu, Math. Program. 105, 113 (2006), doi:10.1007/s10107-005-0590-7), in which the a and alpha
-that are left are unique. Steps along the gradient, each back into the cones, find them, with momentum that starts anew
-where it leads upwards (B. O'Donoghue and E. Candes, Found. Comput. Math. 15, 715 (2015),
-doi:10.1007/s10208-013-9150-3). Unknown are F_n, F_t and the torques, not amounts of both edges of a cone: two edges of
-large mu are almost opposite, and the way grows as mu^2. Those disks may rest whose a and R alpha are below g / 1000.
-One that sleeps and has more than 3 g / 1000 wakes: its support has gone, or what lies on it is too much for it. So the
-load of a heap goes down to the floor, and one without friction flows apart. A torque of rolling friction, rho F_n at
-most, acts on each spin by itself, as in the law.
+a convex problem (M. Anitescu, Math. Program. 105, 113 (2006), doi:10.1007/s10107-005-0590-7), whose residual a and
+alpha are unique. It is solved by projected gradient steps with momentum, which restarts when a step goes uphill (B.
+O'Donoghue and E. Candes, Found. Comput. Math. 15, 715 (2015), doi:10.1007/s10208-013-9150-3). Unknown are F_n, F_t and
+the torques, not amounts of both edges of a cone: two edges of large mu are almost opposite, and the number of steps
+would grow as mu^2.
 
-A window lasts 8 v_s / g at most, so that who has lost his support falls late by that; and no longer than a fall by a
-twentieth of the largest diameter, by which a disk that sleeps may leave its cell in the falling frame.
+- A disk may rest if its a and R alpha are below g / 1000.
+- A sleeping disk with more than 3 g / 1000 wakes: it has lost its support, or its load is too large.
 
-The steps begin with the forces that the last judgement found at the same contact, 0 at a new one: in a heap that moves
-little they are few. These forces belong to the state, so that a run that is resumed goes on to the bit.
+So the load of a heap is carried down to the floor, and a heap without friction flows apart. A torque of rolling
+friction, at most rho F_n, acts on each spin by itself, as in the law.
 
-What this is not. Forces in a heap at rest are not unique: which are found depends on where the steps begin. Where
-contacts are held by a stress of their own (a disk wedged between walls that friction locks), disks may rest. Walls that
-move, have a moving surface or a temperature support nobody: disks that they can reach in a window are awake. All gaps
-of a heap are below 4 v_s^2 / g, and it is as much too high. For v_s to 0 all of this vanishes.
+A window lasts 8 v_s / g at most, which bounds how late a disk without support falls. It lasts no longer than a fall by
+a twentieth of the largest diameter, by which a sleeping disk may leave its cell in the falling frame.
+
+The steps begin with the forces last found at the same contact, and with 0 at a new one: in a heap that moves little
+they are few. These forces belong to the state, so that a resumed run gives the same bits.
+
+*Limits.* Forces in a heap at rest are not unique: the result depends on where the steps begin. Contacts held by a
+stress of their own (a disk wedged between walls that friction locks) count as supported. Walls that move, have a moving
+surface or a temperature support no disk: disks that they can reach in a window are awake. All gaps of a heap are below
+4 v_s^2 / g, and its height is too large by as much. For v_s to 0 all of this vanishes.
 """
 
 from .columns import FORCES, HELD, MECHANISM, TALLY
 from .flights import on_grid
 from .language import ti
 from .columns import CONTACTS_PER_DISK
-from .layout import ASLEEP, ASLEEP_UNVERIFIED, AWAKE, FAR, FIRST_WALL, NO_PARTNER, WOKEN
+from .layout import ASLEEP, ASLEEP_UNVERIFIED, AWAKE, FAR, NO_PARTNER, WOKEN
 from .particle import add, charge, kind_of, radius_of
-from .walls import (
-    ARC_INSIDE, ARC_OUTSIDE, STILL, turned_back, wall_motion, wall_reach, wall_turn, wall_vector,
-)  # fmt: skip
+from .walls.cells import cell_of
+from .walls.images import as_partner, position_at, wall_of
+from .walls.kinds import STILL
+from .walls.motion import turned_back, wall_motion, wall_reach, wall_turn
+from .walls.shapes import is_beside, wall_vector
 
 SLOW = 2.0  # resting speeds: slower disks may rest
 GAP = 4.0  # v_s^2 / g: disks that are nearer touch
@@ -75,7 +82,7 @@ def sleeps(i, gas: ti.template()):
 
 @ti.func
 def set_in_motion(i, t, gas: ti.template()):
-    """Say where a disk that sleeps in slot i is, and how it moves, in the frame that falls."""
+    """Set position and velocity of the sleeping disk in slot i in the falling frame."""
     motion = gas.motion[i]
     motion.x = motion.x - on_grid(0.5 * gas.scale.gx * t * t, gas)
     motion.y = motion.y - on_grid(0.5 * gas.scale.gy * t * t, gas)
@@ -84,7 +91,7 @@ def set_in_motion(i, t, gas: ti.template()):
 
 @ti.func
 def set_at_rest(i, t, gas: ti.template()):
-    """Fix the disk in slot i where it is in the lab."""
+    """Set the disk in slot i at rest in the lab."""
     motion = gas.motion[i]
     motion.x = motion.x + on_grid(0.5 * gas.scale.gx * t * t, gas)
     motion.y = motion.y + on_grid(0.5 * gas.scale.gy * t * t, gas)
@@ -93,7 +100,7 @@ def set_at_rest(i, t, gas: ti.template()):
 
 @ti.func
 def wake(i, tile, gas: ti.template()):
-    """Wake the disk in slot i, which moves by itself from here on."""
+    """Wake the disk in slot i."""
     gas.rest[i].asleep = WOKEN
     add(tile, TALLY.sleepers, -1.0, gas)
 
@@ -108,7 +115,7 @@ def is_slow(i, vx, vy, gas: ti.template()):
 
 @ti.func
 def count_hit(i, t, since, gas: ti.template()):
-    """Count a slow hit of something at rest by the disk in slot i, whose latest collision was at `since`, if quick."""
+    """Count a slow hit of a disk or wall at rest by the disk in slot i, if its latest collision was just before."""
     pull = ti.abs(gas.scale.gx) + ti.abs(gas.scale.gy)
     quick = (t - since) * pull < QUICK * gas.scale.cutoff
     gas.rest[i].hits = ti.select(quick, gas.rest[i].hits + 1, 0)
@@ -116,7 +123,7 @@ def count_hit(i, t, since, gas: ti.template()):
 
 @ti.func
 def is_wedged(i, t, gas: ti.template()):
-    """1 if the disk in slot i has hit what sleeps so often without time between, and is too fast to sleep."""
+    """1 if the disk in slot i has hit sleeping disks too often without time between, and is too fast to sleep."""
     vx, vy = gas.motion[i].vx + gas.scale.gx * t, gas.motion[i].vy + gas.scale.gy * t
     hits = gas.rest[i].hits
     return hits >= QUICK_HITS and hits < JAMMED_HITS and not is_slow(i, vx, vy, gas)
@@ -124,9 +131,9 @@ def is_wedged(i, t, gas: ti.template()):
 
 @ti.func
 def fall_asleep(i, t, tile, gas: ti.template()):
-    """Let the disk in slot i fall asleep after a slow collision with something at rest, if it may and is slow.
+    """Let the disk in slot i fall asleep after a slow collision with a disk or wall at rest, if it may and is slow.
 
-    It may, too, if it is caught between others. If it cannot get free it falls asleep at any speed.
+    A disk that is caught between others may; if it cannot get free, it falls asleep at any speed.
     """
     rest, motion = gas.rest[i], gas.motion[i]
     vx, vy = motion.vx + gas.scale.gx * t, motion.vy + gas.scale.gy * t
@@ -148,11 +155,12 @@ def fall_asleep(i, t, tile, gas: ti.template()):
 
 
 @ti.func
-def meeting_with_sleeper(rx, ry, vx, vy, noise, sigma, within, gas: ti.template()):
-    """Time until a disk that falls touches one that sleeps; FAR if not `within`. Separation r, velocity v in the lab.
+def time_to_sleeper(rx, ry, vx, vy, noise, sigma, within, gas: ti.template()):
+    """Time until a falling disk touches a sleeping one; FAR if not `within` that. Separation r, velocity v in the lab.
 
     The gap f = |r| - sigma has f'' >= -g. Steps to the root of f + f' s - g s^2 / 2 cannot pass the first root of f,
-    and converge like Newton's (`walls.py`). Disks that touch without speed meet at once if gravity pulls them together.
+    and converge like Newton's (`walls/root.py`). Disks that touch without speed meet at once if gravity pulls
+    them together.
     """
     gx, gy = gas.scale.gx, gas.scale.gy
     pull = ti.sqrt(gx * gx + gy * gy)
@@ -184,7 +192,7 @@ def meeting_with_sleeper(rx, ry, vx, vy, noise, sigma, within, gas: ti.template(
                 step = 2.0 * f / (root - slope)
             least = 2.0e-16 * within
             if f == 0.0 and ti.abs(slope) <= noise:
-                least = 1.0e-6 * within  # they part
+                least = 1.0e-6 * within  # they separate
             s += ti.max(step, least)
             if s >= within or steps > 1000:
                 going = 0
@@ -231,16 +239,12 @@ def mobility(i, gas: ti.template()):
 def meets_moving_wall(i, region: ti.template(), gas: ti.template()):
     """1 if a wall that moves, or is no support for another reason, may touch the disk in slot i in this window."""
     found = 0
-    cell = (
-        region.lane * (gas.grid.cells + 1)
-        + (gas.event_info[i].cell >> 16) * region.ny
-        + (gas.event_info[i].cell & 0xFFFF)
-    )
+    cell = cell_of(i, region, gas)
     for item in range(gas.wall_start[cell], gas.wall_start[cell + 1]):
-        code = gas.wall_item[region.lane * gas.grid.items + item]
-        w = code // 9
+        image = gas.wall_item[region.lane * gas.grid.items + item]
+        w = wall_of(image)
         if not is_support(w, gas):
-            _nx, _ny, distance = from_wall(i, code, region, gas)
+            _nx, _ny, distance = from_wall(i, image, region, gas)
             if distance <= wall_reach(w, gas):
                 found = 1
     return found
@@ -250,31 +254,25 @@ def meets_moving_wall(i, region: ti.template(), gas: ti.template()):
 def is_support(w, gas: ti.template()):
     """1 if wall w is at rest, its surface too, and has no temperature, else 0."""
     wall = gas.walls[w]
-    moves = wall.motion != STILL or wall.turn != STILL or wall.surface != 0.0
+    moves = wall.motion.kind != STILL or wall.turn.kind != STILL or wall.surface_speed != 0.0
     return not (moves or wall.temperature > 0.0)
 
 
 @ti.func
-def from_wall(i, code, region: ti.template(), gas: ti.template()):
-    """Unit vector from a wall, by the code of its image, to the disk in slot i, and distance, as the window begins.
+def from_wall(i, image, region: ti.template(), gas: ti.template()):
+    """Unit vector from an image of a wall to the disk in slot i, and distance, as the window begins.
 
     A wall that turns is seen as it was before. Beside an arc only its ends are near, which are walls of their own.
     """
-    w = code // 9
+    w = wall_of(image)
     s, _speed, _bound, _until = wall_motion(w, 0.0 * gas.scale.cutoff, gas)
-    x = region.corner_x + gas.motion[i].x - ((code // 3) % 3 - 1) * gas.scale.length_x
-    y = region.corner_y + gas.motion[i].y - (code % 3 - 1) * gas.scale.length_y
+    x, y = position_at(i, image, region, gas)
     if ti.static(gas.uses.turning):
         angle, _spin, _most, _turn_bound = wall_turn(w, 0.0 * s, gas)
         x, y = turned_back(w, x, y, s, angle, gas)
     nx, ny, distance = wall_vector(w, x, y, s, gas)
-    if ti.static(gas.uses.arched):
-        kind = ti.cast(gas.walls[w].type, ti.i32)
-        if kind == ARC_INSIDE or kind == ARC_OUTSIDE:
-            along = nx * gas.walls[w].qx + ny * gas.walls[w].qy
-            behind = distance < 0.0  # on the other side of the circle, which is a wall of its own
-            if behind or ti.select(kind == ARC_INSIDE, -along, along) < ti.cos(gas.walls[w].half):
-                distance = FAR + 0.0 * distance
+    if is_beside(w, nx, ny, distance, gas) == 1:
+        distance = FAR + 0.0 * distance
     return nx, ny, distance
 
 
@@ -323,22 +321,16 @@ def find_contacts(n, region: ti.template(), gas: ti.template()):
                                 i, j, dx / r, dy / r, gas.law[p, q].mu, gas.law[p, q].rho, count, gas
                             )
                     j = gas.event_info[j].next_in_cell
-            cell = region.lane * (gas.grid.cells + 1) + own_x * region.ny + own_y
             if ti.static(gas.uses.walled):
+                cell = cell_of(i, region, gas)
                 for item in range(gas.wall_start[cell], gas.wall_start[cell + 1]):
-                    code = gas.wall_item[region.lane * gas.grid.items + item]
-                    nx, ny, distance = from_wall(i, code, region, gas)
-                    if distance < radius + near and is_support(code // 9, gas):
-                        q = ti.cast(gas.walls[code // 9].material, ti.i32)
+                    image = gas.wall_item[region.lane * gas.grid.items + item]
+                    w = wall_of(image)
+                    nx, ny, distance = from_wall(i, image, region, gas)
+                    if distance < radius + near and is_support(w, gas):
+                        q = ti.cast(gas.walls[w].material, ti.i32)
                         count = add_contact(
-                            i,
-                            FIRST_WALL - code // 9,
-                            nx,
-                            ny,
-                            gas.law[p, q].mu,
-                            gas.law[p, q].rho,
-                            count,
-                            gas,
+                            i, as_partner(w), nx, ny, gas.law[p, q].mu, gas.law[p, q].rho, count, gas
                         )
     if count > CONTACTS_PER_DISK * gas.grid.lane_slots:
         count = CONTACTS_PER_DISK * gas.grid.lane_slots
@@ -350,7 +342,7 @@ def find_contacts(n, region: ti.template(), gas: ti.template()):
 def accelerate(count, n, further, weight, rolls, offset, gas: ti.template()):
     """Find sqrt(m) a and sqrt(I) alpha of n disks by `weight` times gravity and forces, which become those tried.
 
-    These are the forces and `further` of their last change. Friction torques count only if some contact `rolls`.
+    These are the forces plus `further` times their last change. Friction torques count only if some contact `rolls`.
     """
     for i in range(offset, offset + n):
         residual = gas.residual_acceleration[i]
@@ -385,8 +377,8 @@ def accelerate(count, n, further, weight, rolls, offset, gas: ti.template()):
 
 
 @ti.func
-def gained(c, gas: ti.template()):
-    """Change of the sum of (m a^2 + I alpha^2) / 2 by a unit more of each of the four forces of a contact."""
+def energy_gradient(c, gas: ti.template()):
+    """Derivatives of the sum of (m a^2 + I alpha^2) / 2 by the four forces of a contact."""
     contact = gas.contact[c]
     i, j = ti.cast(contact.i, ti.i32), ti.cast(contact.j, ti.i32)
     nx, ny = contact.normal_x, contact.normal_y
@@ -410,7 +402,7 @@ def gained(c, gas: ti.template()):
 
 
 @ti.func
-def into_wedge(push, drag, bound):
+def project_on_wedge(push, drag, bound):
     """The nearest F_n >= 0 and F_t with |F_t| <= b F_n."""
     most = bound * push
     if push < 0.0 or ti.abs(drag) > most:
@@ -421,7 +413,7 @@ def into_wedge(push, drag, bound):
 
 
 @ti.func
-def into_cone(force, c, gas: ti.template()):
+def project_on_cone(force, c, gas: ti.template()):
     """The nearest four forces with F >= 0 and |F_q| <= b_q F.
 
     F is the root of F - F_0 - sum b_q max(|F_q| - b_q F, 0), which grows and bends down: Newton's steps from its left
@@ -455,7 +447,7 @@ def into_cone(force, c, gas: ti.template()):
 
 @ti.func
 def solve_contact_forces(count, n, most, offset, gas: ti.template()):
-    """Find the forces in all cones that leave the least accelerations; 1 if that was done in `most` steps, else 0."""
+    """Find the forces in all cones that minimise the residual accelerations; 1 if `most` steps were enough, else 0."""
     lightest, rolls = ti.cast(0.0, ti.f64), 0
     for c in range(count):
         contact = gas.contact[c]
@@ -463,20 +455,20 @@ def solve_contact_forces(count, n, most, offset, gas: ti.template()):
         lightest = ti.max(lightest, ti.cast(gas.kinds[kind_of(i, gas)].inverse_mass, ti.f64))
         if contact.bound[1] > 0.0:
             rolls = 1
-        # Torques against the force along the contact: what turns a disk most.
+        # Torques against the force along the contact, which turn a disk most.
         contact.force[0], contact.force[1] = 1.0, -1.0 - 0.1 * ti.cast(c % 3, ti.f64)
         contact.force[2], contact.force[3] = 1.0, 1.0
         for q in ti.static(range(FORCES)):
             contact.tried[q] = 0.0
     pull = ti.cast(ti.sqrt(gas.scale.gx**2 + gas.scale.gy**2), ti.f64)
     enough = (NEAR_ENOUGH * pull) ** 2 / ti.max(lightest, 1.0e-300)
-    # The largest curvature, by the power method; a tenth more is above it.
+    # The largest curvature, by the power method, and a tenth more as an upper bound.
     largest = ti.cast(1.0, ti.f64)
     for _turn in range(20):
         accelerate(count, n, 0.0, 0.0, rolls, offset, gas)
         square = ti.cast(0.0, ti.f64)
         for c in range(count):
-            change = gained(c, gas)
+            change = energy_gradient(c, gas)
             for q in ti.static(range(FORCES)):
                 if q < 2 or rolls == 1:
                     square += change[q] * change[q]
@@ -487,23 +479,23 @@ def solve_contact_forces(count, n, most, offset, gas: ti.template()):
                 gas.contact[c].force[q] = gas.contact[c].force[q] / largest
     step = 1.0 / (1.1 * largest)
     for c in range(count):
-        recall(c, gas)
+        load_cached_forces(c, gas)
     going, done, turn, further, momentum = 1, 0, 0, ti.cast(0.0, ti.f64), ti.cast(1.0, ti.f64)
     while going == 1:
         accelerate(count, n, further, 1.0, rolls, offset, gas)
         changed, upwards = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
         for c in range(count):
             touching = gas.contact[c]
-            slope = gained(c, gas)
+            slope = energy_gradient(c, gas)
             force = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)
             force[0] = touching.tried[0] - step * slope[0]
             force[1] = touching.tried[1] - step * slope[1]
             if rolls == 1:
                 force[2] = touching.tried[2] - step * slope[2]
                 force[3] = touching.tried[3] - step * slope[3]
-                force = into_cone(force, c, gas)
+                force = project_on_cone(force, c, gas)
             else:
-                force[0], force[1] = into_wedge(force[0], force[1], touching.bound[0])
+                force[0], force[1] = project_on_wedge(force[0], force[1], touching.bound[0])
             for q in ti.static(range(FORCES)):
                 if q < 2 or rolls == 1:
                     change = force[q] - touching.force[q]
@@ -524,13 +516,13 @@ def solve_contact_forces(count, n, most, offset, gas: ti.template()):
             further = (momentum - 1.0) / later
             momentum = later
     accelerate(count, n, 0.0, 1.0, rolls, offset, gas)
-    keep(count, n, offset, gas)
+    cache_forces(count, n, offset, gas)
     return done
 
 
 @ti.func
 def contact_partner(c, gas: ti.template()):
-    """The other one of a contact: the id of the disk, or the wall as a partner."""
+    """The second partner of a contact: the id of the disk, or the wall as a partner."""
     other = ti.cast(gas.contact[c].j, ti.i32)
     if other >= 0:
         other = gas.event_info[other].id
@@ -538,10 +530,10 @@ def contact_partner(c, gas: ti.template()):
 
 
 @ti.func
-def recall(c, gas: ti.template()):
-    """Set the forces of a contact to those that the last judgement found there, 0 without.
+def load_cached_forces(c, gas: ti.template()):
+    """Set the forces of a contact to those last found there, or to 0.
 
-    Seen from the other disk n, t and the force are the opposite: F_n and F_t are the same, and torques change places.
+    Seen from the other disk n, t and the force are opposite: F_n and F_t are the same, and the torques are exchanged.
     """
     contact = gas.contact[c]
     i, j = ti.cast(contact.i, ti.i32), ti.cast(contact.j, ti.i32)
@@ -567,8 +559,8 @@ def recall(c, gas: ti.template()):
 
 
 @ti.func
-def keep(count, n, offset, gas: ti.template()):
-    """Keep the forces that were found, for the next judgement: at the first contacts that a disk lists."""
+def cache_forces(count, n, offset, gas: ti.template()):
+    """Cache the forces at the first contacts that a disk lists, for the next window."""
     for i in range(offset, offset + n):
         for h in ti.static(range(HELD.contact.count)):
             gas.cached_force[i].contact[h].other = NO_PARTNER
@@ -585,8 +577,8 @@ def keep(count, n, offset, gas: ti.template()):
 
 
 @ti.func
-def left_over(i, gas: ti.template()):
-    """The larger of the acceleration and R alpha that is left of the disk in slot i."""
+def residual_of(i, gas: ti.template()):
+    """The larger of the residual acceleration and R alpha of the disk in slot i."""
     residual = gas.residual_acceleration[i]
     kind = kind_of(i, gas)
     ax, ay, turn = residual.x, residual.y, residual.turn
@@ -598,10 +590,10 @@ def left_over(i, gas: ti.template()):
 
 @ti.func
 def update_resting(n, tile, region: ti.template(), gas: ti.template()):
-    """Judge at the beginning of a window who may rest: wake those who may not, note who may fall asleep.
+    """Decide at the beginning of a window which disks may rest: wake those that may not, mark those that may.
 
-    There is nothing to judge where nobody has been woken since the last time, no slow disk touches anything and gravity
-    has not turned.
+    Nothing changes if no disk has been woken since the last time, no slow disk touches anything and gravity has not
+    turned.
     """
     offset = region.lane * gas.grid.lane_slots
     pull = ti.cast(ti.sqrt(gas.scale.gx**2 + gas.scale.gy**2), ti.f64)
@@ -637,7 +629,7 @@ def update_resting(n, tile, region: ti.template(), gas: ti.template()):
         if not solve_contact_forces(count, n, 4000 + 10 * resting, offset, gas):
             gas.counter.unjudged = gas.counter.unjudged + 1
         for i in range(offset, offset + n):
-            over = left_over(i, gas)
+            over = residual_of(i, gas)
             if sleeps(i, gas):
                 if over > MOVED * pull:
                     wake(i, tile, gas)

@@ -39,7 +39,7 @@ from .layout import (
     Uses,
 )
 from .particle import add, kind_of, largest_speed, listed_kind, note_speed, radius_of
-from .walls import write_pistons
+from .walls.pistons import write_pistons
 
 ENDLESS = 1.0e30  # a side of a tile at an end of the box that is no periodic side
 

@@ -15,7 +15,9 @@ from .tiles import (
     begin, cells_of, count_chunk, gather, is_too_narrow, is_wrong, link_cells, link_cells_of_layers, load, order,
     region_of, team_of, write,
 )  # fmt: skip
-from .walls import fastest_piston, place_walls, wall_phases
+from .walls.cells import place_walls
+from .walls.motion import wall_phases
+from .walls.pistons import fastest_piston
 
 # Of a gas in one tile: a second's work at most, between two looks at the clock.
 MOST_EVENTS_OF_A_LAUNCH = 1_000_000

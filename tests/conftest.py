@@ -11,14 +11,14 @@ import pytest
 from matplotlib.figure import Figure
 
 from ifrdem.plots import run
-from ifrdem.simulation import device as backend
+from ifrdem.simulation import backend
 
 # A shell starts background jobs deaf to SIGINT, and children inherit that; tests interrupt some of theirs.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 # Kernels without Taichi's optimiser, here and in processes that tests start: the same bits, half the time to compile.
 os.environ["TI_ADVANCED_OPTIMIZATION"] = "0"
 
-CUDA = any(device.arch == "cuda" for device in backend.available())
+CUDA = any(device.name == "cuda" for device in backend.available())
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -43,7 +43,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         pytest.param("cuda", marks=pytest.mark.skipif(not CUDA, reason="no CUDA device on this machine")),
     ]
 )
-def arch(request: pytest.FixtureRequest) -> str:
+def device(request: pytest.FixtureRequest) -> str:
     """Every device of this machine that the engine runs on."""
     return str(request.param)
 

@@ -21,7 +21,7 @@ from support.layout_files import add_histories
 from support.layout_files import write as write_layout
 
 import ifrdem
-from ifrdem import InputError, analysis, bullet, theory
+from ifrdem import Device, InputError, analysis, bullet, theory
 from ifrdem.plots import impact_angles
 from ifrdem.theory.driven_gas import Drive
 
@@ -197,6 +197,8 @@ IFRDEM: dict[str, dict[str, Any]] = {
     "Box.minimum_image": {"self": SMALL, "difference": POINTS, "time": 1.0},
     "Box.unwrap": {"self": SMALL, "position": POINTS, "image": np.zeros((400, 2), dtype=int), "time": 1.0},
     "CollisionLaw": {},
+    "ContactTime": {"time": 0.1},
+    "Device": {"name": "cpu", "threads": 1, "precision": "f64", "window_collisions": 0.4},
     "Disks": {"n": 2, "mass": [1.0, 2.0], "radius": 0.5, "k": 2.0, "material": [0, 1]},
     "IFRLaw": {"e_n": 0.9, "e_t": -0.8, "mu": 0.2, "sticking": "contact_point", "rho": 0.0, "k": 2.0},
     "IFRLaw.admissibility": {"self": LAW, "k_i": 2.0, "k_j": 2.0, "m_i": 1.0, "m_j": 1.0},
@@ -210,6 +212,8 @@ IFRDEM: dict[str, dict[str, Any]] = {
     "Piston": {"mass": 1.0, "force": 0.1, "spring": 0.1, "displacement": 0.1, "velocity": 0.1, "low": -1.0,
                "high": 1.0},
     "Piston.energy": {"self": ifrdem.Piston(1.0), "displacement": 1.0, "velocity": 1.0, "pull": 0.0},
+    "Rest": {"speed": 0.1},
+    "RotatingGravity": {"start": (0.0, -1.0), "rate": 0.1, "step": 0.01},
     "State": {"position": np.ones((2, 2)), "velocity": np.ones((2, 2)), "spin": [0.0, 0.0], "time": 0.0,
               "collisions": [0, 0], "image": np.zeros((2, 2), dtype=int), "wall_hits": [0, 0],
               "latest_collision": [0.0, 0.0], "last_partner": [-1, -1], "angle": [0.0, 0.0],
@@ -217,6 +221,7 @@ IFRDEM: dict[str, dict[str, Any]] = {
     "Study": {"path": "cooling", "vary": (), "set": (), "seeds": 2, "output": None},
     "Turn": {"kind": "sine", "center": (0.0, 0.0), "rate": 1.0, "amplitude": 1.0, "frequency": 1.0, "phase": 0.0},
     "Turn.angle": {"self": ifrdem.Turn("steady", rate=1.0), "t": 1.0},
+    "VelocityCutoff": {"speed": 0.1},
     "Wall": {"shape": "arc", "place": (1.0, 1.0), "towards": (0.0, 1.0), "radius": 1.0, "angles": (0.0, 1.0),
              "points": (), "holds": "both", **WALLS},
     "Wall.line": {"point": (0.0, 0.0), "normal": (0.0, 1.0), **WALLS},
@@ -564,7 +569,14 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
     law = ifrdem.IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
 
     def gas(**options: Any) -> ifrdem.Simulation:
-        given = {"disks": DISKS, "box": SMALL, "law": law, "state": STATE, "threads": 1, **options}
+        given = {
+            "disks": DISKS,
+            "box": SMALL,
+            "law": law,
+            "state": STATE,
+            "device": Device(threads=1),
+            **options,
+        }
         return ifrdem.Simulation(**given)
 
     def dsmc(**options: Any) -> ifrdem.DSMC:
@@ -573,11 +585,11 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
             "law": law,
             "packing_fraction": 0.1,
             "velocity": np.ones((4, 2)),
-            "threads": 1,
+            "device": Device(threads=1),
         }
         return ifrdem.DSMC(**{**given, **options})
 
-    made = gas(threads=1)
+    made = gas()
 
     @functools.cache
     def driven() -> ifrdem.Simulation:
@@ -586,16 +598,14 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         return gas(box=ifrdem.Box((10.0, 10.0), (True, False)), walls=walls)
 
     simulation: dict[str, Any] = {
-        "disks": DISKS, "box": SMALL, "law": law, "state": STATE, "arch": "cpu", "threads": 1,
-        "precision": "f64", "window_collisions": None, "walls": (), "gravity": (0.0, 0.0), "gravity_rotation_rate": 0.0,
-        "gravity_rotation_step": 0.005, "collapse": "none", "contact_time": None, "velocity_cutoff": None,
-        "resting_speed": None, "forces": (), "seed": 0, "ledger": False, "partners": False, "angles": False,
-        "dissipated": False, "wall_sums": False, "tracked": (), "comm": None,
+        "disks": DISKS, "box": SMALL, "law": law, "state": STATE, "walls": (), "gravity": (0.0, 0.0),
+        "forces": (), "collapse": None, "device": Device(threads=1), "record": (), "tracked": (), "seed": 0,
+        "comm": None,
     }  # fmt: skip
     return {
         "DSMC": (dsmc, {"disks": DISKS, "law": law, "packing_fraction": 0.1, "velocity": np.ones((4, 2)),
                         "spin": None, "seed": 0, "species": None, "drive": None, "contact": "virial",
-                        "arch": "cpu", "threads": 1, "precision": "f64"}),
+                        "device": "cpu"}),
         "Simulation": (gas, simulation),
         "Simulation.run": (lambda **given: gas().run(**given), {
             "t_end": 0.0, "frames": 1, "observers": (), "series": None, "samplers": (), "progress": None,
@@ -606,7 +616,7 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "Simulation.save_checkpoint": (made.save_checkpoint, {"path": "saved.npz", "extra": None, "arrays": None}),
         "Simulation.set_piston_force": (lambda **given: driven().set_piston_force(**given),
                                         {"wall": 0, "force": 1.0}),
-        "Simulation.switch_ledger": (gas(ledger=True).switch_ledger, {"on": True}),
+        "Simulation.switch_ledger": (gas(record=["energy"]).switch_ledger, {"on": True}),
         "Simulation.set_law": (made.set_law, {"law": law}),
         "Simulation.set_forces": (made.set_forces, {"forces": ()}),
         "Simulation.set_gravity": (made.set_gravity, {"gravity": (0.0, 0.0)}),

@@ -212,10 +212,10 @@ def test_bodies_that_are_no_disks_are_refused_by_name(client: int) -> None:
         ([lying], f"body {lying}: its axis is not along z"),
         (
             [disk.body],
-            rf"body {disk.body}: PyBullet does not tell its shape; give ifrdem.bullet.DiskBody\(body, radius\)",
+            rf"body {disk.body}: .*give ifrdem.bullet.DiskBody\(body, radius\)",
         ),
         ([bullet.DiskBody(99, 1.0)], "body 99: there is no such body"),
-        ([disk, disk], "one of them is there twice"),
+        ([disk, disk], "one of them is given twice"),
     ):
         with pytest.raises(InputError, match=message):
             bullet.step(client, bodies, law)

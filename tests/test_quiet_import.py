@@ -13,7 +13,7 @@ import ifrdem
 
 @pytest.mark.parametrize(
     "use",
-    ["import taichi", "from ifrdem import forces", "from ifrdem.simulation import device; device.start()"],
+    ["import taichi", "from ifrdem import forces", "from ifrdem.simulation import backend; backend.start()"],
 )
 def test_taichi_prints_neither_its_banner_nor_a_line_on_notebooks(use: str) -> None:
     """A wrapped sys.stdout is what Taichi takes a notebook by."""

@@ -201,6 +201,21 @@ def test_small_case_runs_as_the_tutorial_says(tmp_path: Path, monkeypatch: pytes
     }
 
 
+def test_a_case_is_an_object_as_the_tutorial_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    small = block("case object").replace(
+        "number = 2000", "number = 200\ncase.run.collisions_per_disk = 4.0\ncase.output.frames = 2"
+    )
+    exec(compile(small, "tutorial.md", "exec"), {})
+    frames, temperature = capsys.readouterr().out.splitlines()[-1].split()
+    assert frames == "3"
+    with Trajectory("small.h5") as run:
+        assert float(temperature) == run.observables["temperature"][-1]
+        assert run.n == 200
+
+
 def test_python_example_is_the_case_to_the_last_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Both made smaller in the same way."""
     monkeypatch.chdir(tmp_path)

@@ -1,1 +1,1 @@
-"""Validation: the paper's equations and the cases that hold the simulation against them."""
+"""Validation: the paper's equations and the cases that compare the simulation with them."""

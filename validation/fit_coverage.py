@@ -1,4 +1,4 @@
-"""Fits held against simulated data of known truth: coverage of intervals, and how often the right law is found.
+"""Fits compared with simulated data of known truth: coverage of intervals, and how often the right law is found.
 
 `python -m ifrdem.validation.fit_coverage coverage angles` (or `collisions`), `... selection` and `... coins` print
 tables; `--sets` sets the number of data sets. An interval holds the truth if the loss, with the quantity held at

@@ -1,4 +1,4 @@
-"""Analyses of granular gases: NumPy arrays in, arrays with errors out; anybody's positions, velocities and spins do.
+"""Analyses of granular gases: functions of NumPy arrays from any source, returning arrays with errors.
 
 Lengths, times and masses are in whatever units the arrays are in, temperatures are energies (k_B = 1). g(r), clusters
 and psi_6 need the package freud, S(k) finufft: `pip install "ifrdem[analysis]"`.

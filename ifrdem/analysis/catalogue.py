@@ -1,4 +1,4 @@
-"""The analyses of trajectory files by name: of single frames, then of what happens between frames."""
+"""Analyses of trajectory files by name: of single frames first, then of changes between frames."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ..tools.reprs import Brief
 from ..trajectory.reader import Trajectory
 from . import common, cooling, displacement, fields, impact, pressure, steadiness, structure, velocities
 from . import result as stored
-from .result import NOT_STEADY, Columns, Evaluation, Reading, all_frames, kinds, second_half, times, unit
+from .result import NOT_STATIONARY, Columns, Evaluation, Reading, all_frames, kinds, second_half, times, unit
 
 GAP = 0.1
 """Of the mean diameter: the gap below which disks are of one cluster."""
@@ -70,10 +70,10 @@ def of_velocity(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluat
     notes = [f"of {name}" for name in results if "together" in name] + left_out
     notes += ["c = v_x or v_y over sqrt(2 T / m), w = omega over sqrt(2 T_rot / I); 0 for Gaussians"]
     notes += stored.drift(trajectory, all_frames(trajectory, None)).notes(
-        trajectory, "c and T are about its mean velocity"
+        trajectory, "c and T are relative to its mean velocity"
     )
-    doubts = steadiness.doubts(changes)
-    return Evaluation(results, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
+    warnings = steadiness.warnings(changes)
+    return Evaluation(results, rows, {"": table}, notes, times(trajectory, used), warnings, len(used))
 
 
 def _positions(trajectory: Trajectory, used: Sequence[int]) -> Iterator[Array]:
@@ -101,12 +101,14 @@ def of_pairs(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation
     highest = float(found.r[np.argmax(found.g)])
     rows.append(Reading("r of the highest g", highest, unit=unit(trajectory, "length")))
     table = {"r": found.r, "g": found.g, "error": found.g_error}
-    doubts = stored.part_doubt(trajectory) + _neighbours_change(trajectory, used, min(NEAR * diameter, reach))
-    return Evaluation(found, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
+    warnings = stored.part_warnings(trajectory) + _neighbours_change(
+        trajectory, used, min(NEAR * diameter, reach)
+    )
+    return Evaluation(found, rows, {"": table}, notes, times(trajectory, used), warnings, len(used))
 
 
 def _neighbours_change(trajectory: Trajectory, used: Sequence[int], reach: float) -> list[str]:
-    """Doubt of a g near contact over a change: how many others a disk has near it, cell by cell."""
+    """Warning if g near contact changes over the frames, by the number of neighbours in each cell."""
     if len(used) < 2:
         return []
     count, where = [], []
@@ -117,7 +119,7 @@ def _neighbours_change(trajectory: Trajectory, used: Sequence[int], reach: float
         count.append(np.bincount(both, minlength=len(frame.position)).astype(float))
         where.append(frame.position)
     what = f"the number of others whose centres are nearer to a disk's than {NEAR:g} mean diameters"
-    return steadiness.doubts([steadiness.between_cells(what, count, where, trajectory.box)])
+    return steadiness.warnings([steadiness.between_cells(what, count, where, trajectory.box)])
 
 
 def of_structure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
@@ -134,15 +136,15 @@ def of_structure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evalua
         Reading("its k", float(found.k[high]), unit=wave),
     ]
     table = {"k": found.k, "S": found.S, "error": found.S_error, "modes": found.modes}
-    notes = ["errors by the scatter over modes, each averaged over the frames"]
+    notes = ["errors from the scatter over modes, each averaged over the frames"]
     if trajectory.box.shear_rate:
-        notes = ["errors as if frames were independent"]
-    doubts = stored.part_doubt(trajectory) + _modes_change(trajectory, used)
-    return Evaluation(found, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
+        notes = ["errors treat frames as independent"]
+    warnings = stored.part_warnings(trajectory) + _modes_change(trajectory, used)
+    return Evaluation(found, rows, {"": table}, notes, times(trajectory, used), warnings, len(used))
 
 
 def _modes_change(trajectory: Trajectory, used: Sequence[int]) -> list[str]:
-    """Doubt of an S(k) over a change: the intensities of the longest waves, mode by mode."""
+    """Warning if S(k) changes over the frames, by the intensities of the longest waves, mode by mode."""
     if len(used) < 2:
         return []
     box, most = trajectory.box, steadiness.MODES
@@ -155,7 +157,7 @@ def _modes_change(trajectory: Trajectory, used: Sequence[int]) -> list[str]:
     middle = len(size) // 2  # k = 0; of k and -k one
     longest = middle + 1 + np.argsort(size[middle + 1 :], kind="stable")[:most]
     what = f"S in the mean over the {len(longest)} longest waves"
-    return steadiness.doubts([steadiness.between_modes(what, [S.ravel()[longest] for _, S in modes])])
+    return steadiness.warnings([steadiness.between_modes(what, [S.ravel()[longest] for _, S in modes])])
 
 
 def of_fields(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
@@ -194,14 +196,14 @@ def of_fields(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluatio
     notes = [f"frame {used}; temperatures relative to the mean velocity of the cell"]
     notes += stored.drift(trajectory, all_frames(trajectory, None)).notes(trajectory, "the flow contains it")
     if box.shear_rate:
-        notes.append("velocities relative to the flow that the box imposes")
-    doubts = stored.part_doubt(trajectory)
-    return Evaluation(found, rows, {"": table}, notes, times(trajectory, [used]), doubts, 1)
+        notes.append("velocities relative to the imposed flow")
+    warnings = stored.part_warnings(trajectory)
+    return Evaluation(found, rows, {"": table}, notes, times(trajectory, [used]), warnings, 1)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ClusterSeries(Brief):
-    """Clusters of some frames: their times, and what was found."""
+    """Clusters of some frames, and their times."""
 
     times: list[float] = field(default_factory=list)
     clusters: list[structure.Clusters] = field(default_factory=list)
@@ -237,8 +239,8 @@ def of_clusters(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluat
     notes = [f"disks whose surfaces are nearer than {words} ({GAP:g} mean diameters) are joined"]
     if last.spans[:1].any():
         notes.append("the largest spans the box: it has no radius of gyration")
-    doubts = stored.part_doubt(trajectory)
-    return Evaluation(found, rows, tables, notes, times(trajectory, used), doubts, len(used))
+    warnings = stored.part_warnings(trajectory)
+    return Evaluation(found, rows, tables, notes, times(trajectory, used), warnings, len(used))
 
 
 def of_psi6(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
@@ -252,45 +254,47 @@ def of_psi6(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
         Reading("|mean of psi_6|", *common.mean_with_error(whole)),
     ]
     table = {"time": when, "local": np.array(local), "whole": np.array(whole)}
-    notes, doubts = ["of the six nearest neighbours"], stored.part_doubt(trajectory)
+    notes, warnings = ["of the six nearest neighbours"], stored.part_warnings(trajectory)
     if len(used) > 1:
-        notes.append("errors by the scatter over frames")
+        notes.append("errors from the scatter over frames")
         values = [np.abs(one.psi6) for one in found]
-        doubts += steadiness.doubts([steadiness.between_cells("the mean of |psi_6|", values, where, box)])
-    return Evaluation(found[-1], rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
+        warnings += steadiness.warnings([steadiness.between_cells("the mean of |psi_6|", values, where, box)])
+    return Evaluation(found[-1], rows, {"": table}, notes, times(trajectory, used), warnings, len(used))
 
 
 def _motion(
     trajectory: Trajectory, chosen: Sequence[int] | None, consequence: str
 ) -> tuple[list[int], str, list[str], list[str]]:
-    """Frames and origins of time that suit them, why, and a doubt with its consequence if the temperature changes.
+    """Suitable frames and time origins, notes, and a warning with its `consequence` if the temperature changes.
 
     A gas that cools or heats up has no mean over origins. All frames if the gas is steady, else their second half if it
     is steady there, else all from the first one on.
     """
     used = all_frames(trajectory, chosen)
     if len(used) < 4:
-        raise InputError(f"{trajectory.path}: {len(used)} frames are too few for what changes with time")
+        raise InputError(f"{trajectory.path}: {len(used)} frames are too few: at least 4 are needed")
     T, middle = _temperatures(trajectory, used), len(used) // 2
-    notes, doubts = [], []
+    notes, warnings = [], []
     if T is None:
-        notes.append("the file holds no temperatures or velocities that tell if the gas is steady")
+        notes.append(
+            "cannot check if the gas is stationary: the file holds neither temperatures nor velocities"
+        )
     if T is not None and not _is_stationary(T):
-        doubts = [f"{_stationarity_doubt(trajectory, T)}{consequence}less than a tenth, or drive the gas"]
+        warnings = [f"{_stationarity_warning(trajectory, T)}{consequence}less than a tenth, or drive the gas"]
     step = np.diff(trajectory.times[used])
     if np.ptp(step) > displacement.EVEN * np.mean(step):
         notes.append("frames are not evenly spaced in time: from the first frame only")
-        return used, "first", notes, doubts
-    if not doubts:
+        return used, "first", notes, warnings
+    if not warnings:
         return used, "all", [*notes, "mean over all origins of time"], []
     if chosen is None and len(used) - middle >= 8 and T is not None and _is_stationary(T[middle:]):
-        told = "mean over all origins of time in the second half, where the gas is steady"
-        return used[middle:], "all", [told], []
-    return used, "first", ["the temperature changes: from the first frame only"], doubts
+        note = "mean over all origins of time in the second half, where the gas is stationary"
+        return used[middle:], "all", [note], []
+    return used, "first", ["the temperature changes: from the first frame only"], warnings
 
 
 def _temperatures(trajectory: Trajectory, used: list[int]) -> Array | None:
-    """Temperatures of these frames [energy], as stored or by the velocities; None if the file holds neither."""
+    """Temperatures of some frames [energy], stored or from velocities; None if the file holds neither."""
     if "temperature" in trajectory.observables:
         return np.asarray(trajectory.observables["temperature"][used])
     needed = {"velocity"} | ({"position"} if trajectory.box.shear_rate else set())
@@ -303,31 +307,31 @@ def _temperatures(trajectory: Trajectory, used: list[int]) -> Array | None:
 
 
 def _drift_remarks(trajectory: Trajectory) -> tuple[list[str], list[str]]:
-    """Notes and doubts on temperatures of a gas that drifts: files of earlier versions have the drift's energy in T."""
+    """Notes and warnings on the temperature of a drifting gas: old files include the energy of the drift in it."""
     moving = stored.drift(trajectory, all_frames(trajectory, None))
     if moving and "temperature" in trajectory.observables:
         T, energy = (trajectory.observables[name][0] for name in ("temperature", "translational_energy"))
         inside = float(T) * np.count_nonzero(trajectory.disks.movable) - float(energy) + moving.energy
         if inside > 1e-6 * moving.energy:
             return [], moving.notes(trajectory, "the temperatures of this file include it")
-    return moving.notes(trajectory, "temperatures are about its mean velocity"), []
+    return moving.notes(trajectory, "temperatures are relative to its mean velocity"), []
 
 
 def _is_stationary(T: Array) -> bool:
-    """True if temperatures of the later half differ by less than a tenth from those of the earlier, in the mean."""
+    """True if the mean temperatures of both halves differ by less than a tenth."""
     if len(T) < 2:
         return True
     early, late = (float(np.mean(part)) for part in np.array_split(T, 2))
     return abs(late - early) <= 0.1 * max(early, late)
 
 
-def _stationarity_doubt(trajectory: Trajectory, T: Array) -> str:
+def _stationarity_warning(trajectory: Trajectory, T: Array) -> str:
     first, last = (trajectory.with_unit(f"{one:.4g}", "energy") for one in (T[0], T[-1]))
-    return f"{NOT_STEADY}: T goes from {first} to {last} in that time"
+    return f"{NOT_STATIONARY}: T goes from {first} to {last} in that time"
 
 
 def _parts(trajectory: Trajectory, used: Sequence[int], name: str) -> Iterator[Array]:
-    """A field of some disks over all frames, a part at a time: memory holds few millions of numbers."""
+    """Yield a field over all frames for some disks at a time: memory holds a few million numbers."""
     size = max(1, 2_000_000 // len(used))
     for first in range(0, trajectory.n, size):
         disks = slice(first, min(first + size, trajectory.n))
@@ -336,7 +340,7 @@ def _parts(trajectory: Trajectory, used: Sequence[int], name: str) -> Iterator[A
 
 
 def unwrapped(trajectory: Trajectory, used: Sequence[int]) -> Iterator[Array]:
-    """Paths without jumps of some disks over these frames [length], shape (frames, disks, 2), a part at a time.
+    """Yield paths without jumps for some disks at a time [length], shape (frames, disks, 2).
 
     InputError if the file does not determine how often disks went around the box (`displacement.unwrap`).
     """
@@ -351,14 +355,14 @@ def unwrapped(trajectory: Trajectory, used: Sequence[int]) -> Iterator[Array]:
 def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     stored.require_fields(trajectory, "position")
     words = ", and D with it, as sqrt(T): no single D. Choose --frames over which T changes by "
-    used, origins, notes, doubts = _motion(trajectory, chosen, words)
+    used, origins, notes, warnings = _motion(trajectory, chosen, words)
     box, when = trajectory.box, trajectory.times[used]
     if "image" not in trajectory.fields and any(box.periodic):
         notes.append(
             'no "image" in the file: between frames disks are taken to move by the shortest way (minimum image)'
         )
     moving = stored.drift(trajectory, used)
-    notes += moving.notes(trajectory, "displacements are about its mean path")
+    notes += moving.notes(trajectory, "displacements are relative to its mean path")
 
     def paths() -> Iterator[Array]:
         for path in unwrapped(trajectory, used):
@@ -366,7 +370,7 @@ def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
                 path = path - (when - when[0])[:, None, None] * moving.velocity
             yield path if axis is None else path[:, :, axis : axis + 1]
 
-    bounded, axis, steady = _confined_axes(trajectory), None, not doubts
+    bounded, axis, steady = _confined_axes(trajectory), None, not warnings
     if box.shear_rate:
         axis = 1
         notes.append("across the flow only")
@@ -374,9 +378,9 @@ def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
         axis = bounded.index(False)
         notes.append(f"along {'xy'[axis]} only: walls bound the other direction")
     elif all(bounded):
-        doubts = [
-            *doubts,
-            "walls all round bound the displacement: D is that of short lags at best, before disks meet the walls",
+        warnings = [
+            *warnings,
+            "walls on all sides bound the displacement: D is at best that of short lags, before disks reach the walls",
         ]
     found = displacement.mean_square_displacement(when, paths(), origins=origins)  # type: ignore[arg-type]
     fit = displacement.diffusion_coefficient(found)
@@ -387,11 +391,11 @@ def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
         if abs(fit.exponent - 1.0) > 0.2:
             notes.append("the exponent is not 1: this D is no diffusion coefficient")
     table = {"lag": found.lag, "msd": found.value, "error": found.error}
-    return Evaluation((found, fit), rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
+    return Evaluation((found, fit), rows, {"": table}, notes, times(trajectory, used), warnings, len(used))
 
 
 def _confined_axes(trajectory: Trajectory) -> list[bool]:
-    """True for x and y if walls keep the disks from diffusing far along it, for ever."""
+    """For x and y, whether walls bound the diffusion along it."""
     walls = trajectory.free_area.all_walls
     if any(wall.shape == "container" for wall in walls):
         return [True, True]
@@ -406,12 +410,12 @@ def of_vacf(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
         text = "velocities in the lab of a sheared gas say little"
         raise InputError(f"{text}: the displacement across the flow is `msd`")
     words = (
-        ": velocities shrink or grow with sqrt(T), so that they do not decay by loss of memory alone. Choose --frames "
+        ": velocities shrink or grow with sqrt(T), so their decay is not only loss of correlation. Choose --frames "
         "over which T changes by "
     )
-    used, origins, notes, doubts = _motion(trajectory, chosen, words)
+    used, origins, notes, warnings = _motion(trajectory, chosen, words)
     moving = stored.drift(trajectory, used)
-    notes += moving.notes(trajectory, "velocities are about its mean velocity")
+    notes += moving.notes(trajectory, "velocities are relative to its mean velocity")
     parts = (part - moving.velocity if moving else part for part in _parts(trajectory, used, "velocity"))
     found = displacement.velocity_autocorrelation(trajectory.times[used], parts, origins=origins)  # type: ignore[arg-type]
     scale = found.value[0] if found.value[0] > 0.0 else np.nan
@@ -421,7 +425,7 @@ def of_vacf(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     if len(below):
         rows.append(Reading("first lag below 1/e", float(found.lag[below[0]]), unit=unit(trajectory, "time")))
     table = {"lag": found.lag, "vacf": found.value, "error": found.error}
-    return Evaluation(found, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
+    return Evaluation(found, rows, {"": table}, notes, times(trajectory, used), warnings, len(used))
 
 
 def _span_mean(when: Array, values: Array, span: tuple[float, float]) -> float:
@@ -442,11 +446,11 @@ def of_pressure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluat
     inside = (when >= span[0]) & (when <= span[1])
     when, T, count = when[inside], T[inside], count[inside]
     rows: list[Reading] = []
-    notes, doubts = _drift_remarks(trajectory)
+    notes, warnings = _drift_remarks(trajectory)
     result = None
     if not _is_stationary(T):
-        doubts.append(
-            f"{_stationarity_doubt(trajectory, T)}, and the pressure with it: pressures are means over that time. "
+        warnings.append(
+            f"{_stationarity_warning(trajectory, T)}, and the pressure with it: pressures are means over that time. "
             "Z is that mean over the mean of N T / A, which is Z at each moment as long as the gas stays homogeneous. "
             "For a pressure at one temperature choose --frames over which T changes by less than a tenth"
         )
@@ -457,7 +461,7 @@ def of_pressure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluat
     else:
         span = (max(span[0], found.span[0]), min(span[1], found.span[1]))
         if not span[1] > span[0]:
-            raise InputError(f"{trajectory.path}: its histories know no time between the frames chosen")
+            raise InputError(f"{trajectory.path}: its histories do not overlap the chosen frames")
         seen = (found.time >= span[0]) & (found.time <= span[1])
         sigma = disks.radius[found.id] + disks.radius[found.partner]
         columns = (found.time, found.normal, found.impulse, sigma)
@@ -478,42 +482,41 @@ def of_pressure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluat
         raise InputError(f"{trajectory.path}: no pressure: " + "; ".join(notes))
     names, values = ([getattr(row, name) for row in rows] for name in ("name", "value"))
     tables = {"": {"quantity": np.array(names), "value": np.array(values)}}
-    return Evaluation(result, rows, tables, notes, span, doubts)
+    return Evaluation(result, rows, tables, notes, span, warnings)
 
 
 def _pressure_by_rate(
     trajectory: Trajectory, when: Array, T: Array, count: Array, notes: list[str]
 ) -> list[Reading]:
-    """chi and Z by the number of collisions, for equal disks of a law with a constant e_n."""
+    """Return chi and Z from the number of collisions, for equal disks with a constant e_n."""
     disks = trajectory.disks
     if any(np.ptp(one) != 0 for one in (disks.mass, disks.radius, disks.material)) or len(when) < 2:
-        notes.append("not by the rate of collisions: it takes equal disks and two times")
+        notes.append("not from the collision rate: this requires equal disks and two times")
         return []
     collisions, phi = float(count[-1] - count[0]), trajectory.box.packing_fraction(disks.radius)
     # The rate goes like sqrt(T): of the mean of that, a gas that cools has the collisions that it has.
     mean = _span_mean(when, np.sqrt(T), (float(when[0]), float(when[-1]))) ** 2
     if collisions < 1 or mean <= 0.0:
-        notes.append("not by the rate of collisions: there are none")
+        notes.append("not from the collision rate: there are no collisions")
         return []
     rate = 2.0 * collisions / disks.n / float(when[-1] - when[0])
     mass, radius = float(disks.mass[0]), float(disks.radius[0])
     chi = pressure.contact_from_rate(rate, packing_fraction=phi, temperature=mean, mass=mass, radius=radius)
-    rows = [Reading("g at contact, by the rate of collisions", chi, chi / np.sqrt(collisions))]
+    rows = [Reading("g at contact, from the collision rate", chi, chi / np.sqrt(collisions))]
     if "laws" in trajectory.parameters:
         material = int(disks.material[0])
         law = trajectory.laws[material][material]
         assert law is not None  # its disks have collided
         Z = pressure.compressibility(phi, chi, float(law["e_n"]))
         rows.append(Reading("Z by it", Z, (Z - 1.0) / np.sqrt(collisions)))
-    notes.append("the rate tells g at contact where velocities are Maxwellian and without correlations")
+    notes.append("g at contact from the rate assumes Maxwellian, uncorrelated velocities")
     return rows
 
 
 def of_cooling(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     for name in ("energy_input", "wall_work", "wall_heat"):
         if name in trajectory.observables and np.any(trajectory.observables[name]):
-            law = "Haff's law is that of a gas left to itself"
-            raise InputError(f"{law}, and this one is driven ({name} is not 0)")
+            raise InputError(f"{name} is not 0: the gas is driven; Haff's law is for a gas without driving")
     when, (T, T_rot, count) = stored.series(trajectory, "temperature", "rotational_temperature", "collisions")
     used = np.ones(len(when), dtype=bool)
     if chosen is not None:
@@ -526,11 +529,13 @@ def of_cooling(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluati
     rows = [
         Reading("T0", haff.T0, haff.T0_error, energy),
         Reading("t_H", haff.t_H, haff.t_H_error, time),
-        Reading("rms of what is left of ln T", haff.rms),
+        Reading("rms residual of ln T", haff.rms),
     ]
-    notes, doubts = _drift_remarks(trajectory)
-    notes += ["Haff: T = T0 / (1 + (t - t_first) / t_H)^2; errors with the autocorrelation of what is left"]
-    doubts += [] if haff.describes else [_misfit("Haff's law", haff.misfit, n, "ln T", n**-0.5)]
+    notes, warnings = _drift_remarks(trajectory)
+    notes += [
+        "Haff: T = T0 / (1 + (t - t_first) / t_H)^2; errors include the autocorrelation of the residuals"
+    ]
+    warnings += [] if haff.describes else [_misfit("Haff's law", haff.misfit, n, "ln T", n**-0.5)]
     tau = 2.0 * count / n
     theta = np.divide(T_rot, T, out=np.full_like(T, np.nan), where=T > 0.0)
     ratio = None
@@ -543,27 +548,29 @@ def of_cooling(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluati
         rows += [
             Reading("theta_0", ratio.theta_0, ratio.theta_0_error),
             Reading("theta_end", ratio.theta_end, ratio.theta_end_error),
-            Reading("lag of theta, collisions per disk", ratio.lag, ratio.lag_error),
-            Reading("rms of what is left of theta", ratio.rms),
+            Reading("relaxation of theta, collisions per disk", ratio.lag, ratio.lag_error),
+            Reading("rms residual of theta", ratio.rms),
         ]
         notes.append("theta = T_rot / T, exponential in collisions per disk")
         if not ratio.describes:
             scatter = float(np.mean(np.abs(theta[rising]))) * (3.0 / n) ** 0.5
-            doubts.append(_misfit("one exponential", ratio.misfit, n, "theta", scatter))
+            warnings.append(_misfit("one exponential", ratio.misfit, n, "theta", scatter))
         elif not ratio.lag_error < ratio.lag:
-            doubts.append("the run is too short to tell where theta ends, and its lag: theta has hardly bent")
+            warnings.append(
+                "theta_end and its relaxation are undetermined: theta has hardly changed. Run longer"
+            )
     table = {
         "time": when, "collisions_per_disk": tau, "temperature": T, "rotational_temperature": T_rot, "theta": theta,
     }  # fmt: skip
-    return Evaluation((haff, ratio), rows, {"": table}, notes, (float(when[0]), float(when[-1])), doubts)
+    return Evaluation((haff, ratio), rows, {"": table}, notes, (float(when[0]), float(when[-1])), warnings)
 
 
 def _misfit(law: str, misfit: float, n: int, quantity: str, scatter: float) -> str:
-    """That a law does not hold, by how much, and what its parameters then are."""
-    beside = f"of {misfit:.2g} rms, where {n} disks scatter by about {scatter:.2g}"
+    """Warning that a law does not describe the data, by how much, and the meaning of its parameters then."""
     return (
-        f"{law} does not describe this run: {quantity} leaves it in slow waves {beside}. The numbers are those of the "
-        "nearest curve, without errors; --frames chooses a stretch where it may hold"
+        f"{law} does not describe this run: {quantity} deviates systematically from the fit: rms {misfit:.2g}, "
+        f"expected noise {scatter:.2g} for {n} disks. The parameters are of the best fit (poor), without errors; "
+        "choose a range where the law may hold with --frames"
     )
 
 
@@ -576,7 +583,7 @@ def of_impact(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluatio
         seen &= (found.time >= span[0]) & (found.time <= span[1])
     result = impact.impacts(found.psi[seen], found.regime[seen])
     counts = None if np.any(found.regime[seen] < 0) else _regime_counts(trajectory, span)
-    of_whom = f"of {len(found.tracked)} tracked disks"
+    of_tracked = f"of {len(found.tracked)} tracked disks"
     if counts is not None:
         result = replace(result, regimes=impact.regime_shares(counts), regime_collisions=sum(counts.values()))
     rows = [
@@ -586,15 +593,15 @@ def of_impact(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluatio
         *(Reading(f"share of {name}", *share) for name, share in result.regimes.items()),
     ]
     table = {"psi": result.psi, "density": result.density, "error": result.density_error}
-    notes = [f"{of_whom}; in molecular chaos b is uniform and psi has the density cos psi"]
+    notes = [f"{of_tracked}; in molecular chaos b is uniform and psi has the density cos psi"]
     if counts is not None:
         all_of = f"of all {result.regime_collisions} collisions of two disks"
-        notes.append(f"regimes by the time series: {all_of}, within rows of it")
+        notes.append(f"regimes from the time series: {all_of}")
     return Evaluation(result, rows, {"": table}, notes, span)
 
 
 def _regime_counts(trajectory: Trajectory, span: tuple[float, float]) -> dict[str, int] | None:
-    """Collisions of the whole gas by regime within a span of time; None if the file does not tell."""
+    """Number of collisions of the whole gas by regime within a span of time; None if the file lacks it."""
     name, time = "collisions_by_regime", trajectory.series.time
     inside = np.flatnonzero((time >= span[0]) & (time <= span[1]))
     if name not in trajectory.series or len(inside) < 2:
@@ -609,7 +616,7 @@ def _regime_counts(trajectory: Trajectory, span: tuple[float, float]) -> dict[st
 
 @dataclass(frozen=True)
 class Analysis:
-    """An analysis: its title, and what does it, given a file and the frames chosen (None: those that suit it)."""
+    """An analysis: its title and its function of a file and frames (None: suitable ones)."""
 
     title: str
     of: Callable[[Trajectory, Sequence[int] | None], Evaluation]
@@ -632,8 +639,8 @@ ANALYSES = {
 
 
 def report(name: str, title: str, outcome: Evaluation, span: str) -> str:
-    """The table of an analysis, as text for people; `span`: of which frames and times."""
-    lines = [f"{name}: {title}, {span}", *(f"  ! {doubt}" for doubt in outcome.doubts)]
+    """The result of an analysis as a text table; `span` names its frames and times."""
+    lines = [f"{name}: {title}, {span}", *(f"  ! {warning}" for warning in outcome.warnings)]
     width = max((len(row.name) for row in outcome.rows), default=0)
     lines += [f"  {row.name:<{width}}  {number(row)}" for row in outcome.rows]
     lines += [f"  ({note})" for note in outcome.notes]
@@ -657,7 +664,7 @@ def number(row: Reading) -> str:
 
 
 def json_number(value: float) -> float | None:
-    """A number as JSON has it: counts and seeds are whole, and there is no nan."""
+    """A number for JSON: an integer if it is whole, None if it is not finite."""
     if isinstance(value, numbers.Integral):
         return int(value)
     return float(value) if math.isfinite(value) else None

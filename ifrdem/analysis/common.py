@@ -1,4 +1,4 @@
-"""Frames as arrays, boxes, neighbours, standard errors of correlated series, for all analyses."""
+"""Helpers of all analyses: frames as arrays, boxes, neighbours, standard errors of correlated series."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PACKAGES = {"freud": "freud-analysis", "finufft": "finufft"}
 
 
 def load(name: str, purpose: str) -> ModuleType:
-    """Import one of them.
+    """Import an optional package.
 
     InputError if it is absent: the message says what needs it and how to install it.
     """
@@ -33,7 +33,7 @@ def load(name: str, purpose: str) -> ModuleType:
 
 
 def _frames(shape: tuple[int | str, ...]) -> Callable[[str, Any], Iterable[Array]]:
-    """Check of one frame of this shape or several: an array, or anything that yields frames one by one."""
+    """A check of one frame of this shape, or of several: an array or an iterable of frames."""
     one = Numbers(shape)
 
     def check(name: str, value: Any) -> Iterable[Array]:
@@ -57,7 +57,7 @@ Spins = Annotated[Array | Iterable[Array], _frames(("n",))]
 
 
 def as_box(name: str, box: Any) -> Box:
-    """A box as it is, or the periodic one of these two side lengths [length]."""
+    """Return a box unchanged, or the periodic box of two side lengths [length]."""
     if isinstance(box, Box):
         return box
     try:
@@ -72,7 +72,7 @@ BoxLike = Annotated[Any, as_box]
 
 
 def _times(name: str, time: Any) -> Iterable[float]:
-    """Times of frames: those given, or one time for all."""
+    """The times of frames: those given, or one time for all."""
     of_frame = check_of(Real)
     assert of_frame is not None
     if not isinstance(time, Iterable) or (isinstance(time, np.ndarray) and not time.ndim):

@@ -1,4 +1,4 @@
-"""Fits to a cooling gas: Haff's law, and how the ratio of temperatures comes to its end."""
+"""Fits to a cooling gas: Haff's law, and the relaxation of the ratio of temperatures."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MODES = 5
 """Slow waves, at most, that are looked for in what a law leaves."""
 POINTS_PER_MODE = 4
 FEWEST = 10
-"""Points that tell noise from waves."""
+"""Least number of points that distinguish noise from waves."""
 CHANCE = 1e-3
 """Probability below which waves are no chance."""
 OUTRIGHT = 2.5
@@ -32,7 +32,7 @@ Law = Callable[[Array], Array]
 
 @dataclass(frozen=True)
 class Goodness:
-    """Goodness of a law of least squares; errors of its parameters are nan where it does not."""
+    """Goodness of a least-squares fit; errors of its parameters are nan if the law does not hold."""
 
     rms: float
     correlation_time: float
@@ -41,7 +41,7 @@ class Goodness:
     misfit: float
     p_value: float
     """misfit, p_value: root of the mean square of its slow waves, and the probability of such waves by chance (`fit`);
-    nan where too few points are left to tell."""
+    nan with too few points."""
     describes: bool
     """False where the waves are neither chance nor within the scatter that is allowed."""
 
@@ -99,7 +99,7 @@ def fit(
 
 
 def _basis(columns: Array) -> Array:
-    """Orthonormal columns, shape (n, d), of which these are made, to rounding."""
+    """An orthonormal basis, shape (n, d), of the span of some columns, to rounding."""
     size = np.linalg.norm(columns, axis=0)
     columns = columns[:, size > 1e-10 * max(float(size.max()), 1e-300)]
     columns = columns / np.linalg.norm(columns, axis=0)
@@ -108,7 +108,7 @@ def _basis(columns: Array) -> Array:
 
 
 def _p_value(left: Array, own: Array, beyond: Array) -> float:
-    """Probability that noise has waves along `beyond` as large as what is left has; nan if that cannot be told."""
+    """p-value of the residuals' components along `beyond` under noise alone; nan with too few points."""
     from scipy.stats import f as f_distribution
 
     n, modes = len(left), beyond.shape[1]
@@ -135,10 +135,10 @@ def _correlated(columns: Array, rho: float) -> Array:
 
 
 def _autoregression(rest: Array, modes: Array) -> tuple[float, float]:
-    """rho of noise of which the modes were taken off, and how many times its variance the rest's square has.
+    """rho of noise with some modes removed, and the ratio of the residual sum of squares to its variance.
 
     With M = (1 - B B') R (1 - B B'), the square of the rest has the mean trace M, and its product with itself one point
-    on the sum of M's entries beside the diagonal: rho is where the two are in the ratio that is seen.
+    on the sum of M's off-diagonal entries: rho is where the two are in the ratio that is seen.
     """
     from scipy.optimize import brentq
 
@@ -315,7 +315,7 @@ def ratio_fit(
 
 
 def _window(first: float | None, last: float | None, least: int, **columns: ArrayLike) -> tuple[Array, Array]:
-    """Two columns between the ends, named, the first one rising."""
+    """Check two named columns and select the rows between two ends; the first must increase."""
     (x, y), (at, value) = columns, (np.asarray(column, dtype=float) for column in columns.values())
     if at.shape != value.shape:
         raise InputError(f"{x} has shape {at.shape}, {y} {value.shape}: must be the same")

@@ -174,7 +174,7 @@ def mean_square_displacement(
     origins: Literal["all", "first"] = "all",
     most_lags: Count = 500,
 ) -> Correlation:
-    """<|x(s + t) - x(s)|^2> over disks, and over all frames s or from the first frame only.
+    """Mean-square displacement <|x(s + t) - x(s)|^2> over disks and time origins s (all frames, or the first).
 
     Over all frames by the Fourier transform (V. Calandrini et al., Collection SFN 12, 201 (2011),
     doi:10.1051/sfn/201112010), which needs frames that are evenly spaced and a gas in a steady state. A gas that
@@ -222,7 +222,7 @@ def velocity_autocorrelation(
     origins: Literal["all", "first"] = "all",
     most_lags: Count = 500,
 ) -> Correlation:
-    """<v(s) . v(s + t)> over disks, and over all frames s or the first only [length^2/time^2]; not normalised.
+    """Velocity autocorrelation <v(s) . v(s + t)> over disks and origins s [length^2/time^2], not normalised.
 
     `velocity` as `paths` of `mean_square_displacement` [length/time]; the rest as there.
 
@@ -266,7 +266,7 @@ def _autocorrelation(x: Array) -> Array:
 def diffusion_coefficient(
     msd: Correlation, *, first: Real | None = None, last: Real | None = None
 ) -> Diffusion:
-    """Slope of the line of least squares through a mean-square displacement between two lags [time].
+    """Fit a diffusion coefficient to a mean-square displacement between two lags [time].
 
     By default from a half of the longest lag to its end where the origin is the first frame, and from a tenth of it
     to a half, which more origins know, where all are; all lags if these are fewer than 3. InputError if fewer than 3

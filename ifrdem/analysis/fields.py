@@ -27,7 +27,7 @@ from .common import BoxLike
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fields(Brief, PicturedResult):
-    """Fields on a grid of a x b places."""
+    """Fields on a grid of a x b cells."""
 
     x: Array
     y: Array
@@ -37,7 +37,7 @@ class Fields(Brief, PicturedResult):
     """number, packing_fraction: number density [1/length^2], and area of the disks in it over area, each counted whole
     at its centre; shape (a, b)."""
     velocity: Array
-    """Mean velocity weighted by mass [length/time]; nan where there is nobody; shape (a, b, 2)."""
+    """Mean velocity weighted by mass [length/time]; nan in empty cells; shape (a, b, 2)."""
     temperature: Array
     rotational_temperature: Array
     """temperature, rotational_temperature: t = <m |v - u|^2> / 2 relative to the mean velocity u of the place, without
@@ -77,7 +77,7 @@ def coarse_grain(
         Masses, radii [length], moments of inertia.
     width : float
         Standard deviation of Gaussians [length]; 0 for plain cells. Each disk is put into its cell and the grid is
-        smoothed, so that cells should be smaller than the width. Beside walls, weights count inside only.
+        smoothed, so that cells should be smaller than the width. Near walls only the weights inside count.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Pressure: the kinetic part, and what collisions pass on, from impulses or from the rate of collisions.
+"""Pressure: the kinetic and the collisional part, from impulses or from the collision rate.
 
 In two dimensions, each collision passes the impulse J = P_n n + P_t t over the distance sigma n between two centres, so
 that over a time t::
@@ -95,7 +95,7 @@ def pressure_from_impulses(
     area, disks, tracked : float, int, int
         Area of the box [length^2], number of all disks and of tracked ones.
     temperature : float or array (BLOCKS,)
-        T of the gas, mean over that time, or over each of `blocks(span)` [energy]. The latter tells what a gas that
+        T of the gas, mean over that time, or over each of `blocks(span)` [energy]. The latter shows what a gas that
         cools has from what scatters: the error is then that of the collisional part over T in the blocks, times T.
 
     Examples

@@ -1,4 +1,4 @@
-"""Results of analyses of files, and what all of them need: frames, units, kinds of disks."""
+"""Results of analyses of files, and helpers of all of them: frames, units, kinds of disks."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ COLUMNS = ("time", "id", "partner", "normal", "impulse", "psi", "regime")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TrackedCollisions(Brief):
-    """Collisions of tracked disks with disks, in a window of time; one of two tracked disks is there twice."""
+    """Collisions of tracked disks with disks in a time span; a collision of two tracked disks is listed twice."""
 
     time: Array  # these, shape (c, ...), as in the file
     id: NDArray[np.int32]
@@ -34,12 +34,12 @@ class TrackedCollisions(Brief):
 
     @property
     def first_of_pair(self) -> NDArray[np.bool_]:
-        """True for those to take so that each collision is there once, shape (c,)."""
+        """Mask that selects each collision once, shape (c,)."""
         return (self.id < self.partner) | ~np.isin(self.partner, self.tracked)
 
 
 def require_fields(trajectory: Trajectory, *fields: str) -> None:
-    """Raise InputError that says which keys of the case would have stored these fields, unless they are there."""
+    """Raise InputError if fields are missing; the message names the keys of a case that store them."""
     missing = [name for name in fields if name not in trajectory.fields]
     if missing:
         names = " and ".join(f'"{name}"' for name in missing)
@@ -73,13 +73,13 @@ def series(trajectory: Trajectory, *names: str) -> tuple[Array, list[Array]]:
 
 
 def _measured(name: str) -> str:
-    """Name of a whole-gas quantity in Python."""
+    """The Python name of a whole-gas quantity."""
     known = name in Measure.__dataclass_fields__ or hasattr(Measure, name)
     return f"measure.{name}" if known else "..."
 
 
 def collisions(trajectory: Trajectory) -> TrackedCollisions:
-    """Collisions of tracked disks with other disks; those with walls and kicks are left out.
+    """Collisions of tracked disks with other disks, without wall hits and kicks.
 
     InputError if the file has no histories, or no time of them is known.
     """
@@ -104,11 +104,11 @@ class Drift(NamedTuple):
     share: float  # of the kinetic energy of the disks' motion, in the mean over frames
 
     def __bool__(self) -> bool:
-        """True if it is more than rounding."""
+        """True if the drift exceeds rounding."""
         return self.share > VISIBLE_DRIFT
 
     def notes(self, trajectory: Trajectory, what: str) -> list[str]:
-        """A note on it that says `what` it means; none without a drift."""
+        """A note on the drift that ends with its effect, `what`; empty without a drift."""
         if not self:
             return []
         where = f"{drift_text(self.velocity)} {unit(trajectory, 'length/time')}".rstrip()
@@ -147,14 +147,14 @@ MOST_FRAMES = 20
 MOST_DISKS = 2_000_000
 """Disks times frames above which fewer are taken: some 30 s of g(r)."""
 MOST_KINDS = 8
-NOT_STEADY = "the gas is not steady"
-"""Beginning of a doubt that is one because the gas changes."""
+NOT_STATIONARY = "the gas is not stationary"
+"""Beginning of a warning that is one because the gas changes."""
 
 Columns = dict[str, NDArray[Any]]
 
 
 class Reading(NamedTuple):
-    """A number that was found: what it is, its standard error (nan where there is none), its unit ("" for none)."""
+    """A named number with its standard error (nan for none) and unit ("" for none)."""
 
     name: str
     value: float
@@ -164,7 +164,7 @@ class Reading(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Evaluation(Brief):
-    """Results of an analysis of a file."""
+    """Results of one analysis of a file."""
 
     # What the function of `ifrdem.analysis` returned; for velocities a dict of them by kind of disk.
     result: Any
@@ -173,12 +173,12 @@ class Evaluation(Brief):
     notes: list[str]  # what to know of them
     times: tuple[float, float]  # first and last time that was used
     # Why numbers do not mean what their names say: shown before them.
-    doubts: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
     frames: int = 0  # how many were used; 0 if what was used is no frames
 
 
 def second_half(trajectory: Trajectory, chosen: Sequence[int] | None) -> list[int]:
-    """The frames chosen, or some of the second half, evenly, so that the last is among them."""
+    """The chosen frames, or evenly spaced ones of the second half, including the last."""
     used = all_frames(trajectory, chosen)
     if chosen is not None:
         return used
@@ -189,7 +189,7 @@ def second_half(trajectory: Trajectory, chosen: Sequence[int] | None) -> list[in
 
 
 def all_frames(trajectory: Trajectory, chosen: Sequence[int] | None) -> list[int]:
-    """The frames chosen, or all of them."""
+    """The chosen frames, or all."""
     if len(trajectory) == 0:
         raise InputError(f"{trajectory.path}: no frame to analyse")
     return list(range(len(trajectory))) if chosen is None else list(chosen)
@@ -206,15 +206,15 @@ def unit(trajectory: Trajectory, text: str) -> str:
 
 
 def span_text(trajectory: Trajectory, outcome: Evaluation) -> str:
-    """Number and times of the frames that were used."""
+    """Number and times of the frames used, as text."""
     first, last = outcome.times
     span = f"t = {first:.4g}" if first == last else f"t = {first:.4g} to {last:.4g}"
     frames = f"{outcome.frames} frame{'s' * (outcome.frames > 1)}, " if outcome.frames else ""
     return f"{frames}{trajectory.with_unit(span, 'time')}"
 
 
-def part_doubt(trajectory: Trajectory) -> list[str]:
-    """Doubt of an analysis of neighbours or densities in a file that is one part of a trajectory; none of others."""
+def part_warnings(trajectory: Trajectory) -> list[str]:
+    """Warning for analyses of neighbours or densities if the file is one part of a trajectory; else empty."""
     if (part := trajectory.part) is None:
         return []
     which = f"disks {part.first} to {part.first + trajectory.n - 1}"
@@ -228,7 +228,7 @@ def times(trajectory: Trajectory, used: Sequence[int]) -> tuple[float, float]:
 
 
 def kinds(trajectory: Trajectory) -> dict[str, NDArray[np.intp]]:
-    """Disks that can move, by what they are: radius, mass, k and material; by material if that makes many kinds."""
+    """Movable disks grouped by radius, mass, k and material; by material only, if there are many kinds."""
     disks = trajectory.disks
     movable = np.flatnonzero(np.isfinite(disks.mass))
     columns = np.stack((disks.material, disks.radius, disks.mass, disks.k), axis=1)[movable]

@@ -1,7 +1,7 @@
-"""Steadiness of what is averaged over frames: their first half against their second.
+"""Test of stationarity: averages over the first half of the frames compared with the second half.
 
 Frames that follow each other closely show nearly the same gas, and by how much they differ says little of how sure a
-mean is. So the scatter that a difference is compared with is not that over frames, but that over parts of the gas which
+mean is. So a difference is compared not with the scatter over frames, but with that over parts of the gas which
 know little of each other and are each compared with themselves: disks, cells of the box, modes. However long a part
 remembers, its differences between the halves have the mean 0 in a steady gas.
 
@@ -25,7 +25,7 @@ import numpy as np
 from ..model.box import Box
 from ..tools.checked import Array
 from .common import cells_of
-from .result import NOT_STEADY
+from .result import NOT_STATIONARY
 
 LEVEL = 0.0027
 CELLS, DISKS = (5, 32), 40
@@ -52,20 +52,20 @@ def halves(used: Sequence[int]) -> tuple[list[int], list[int]]:
     return list(used[:middle]), list(used[middle:])
 
 
-def doubts(changes: Sequence[Change]) -> list[str]:
-    """Quantities of an analysis that change by more than chance does; none or one line."""
+def warnings(changes: Sequence[Change]) -> list[str]:
+    """Warn of quantities that change by more than chance; return none or one line."""
     from scipy.stats import t as student
 
-    said = [
+    changed = [
         f"{one.what} goes from {one.early:.3g} to {one.late:.3g} ({abs(one.t):.1f} standard errors)"
         for one in changes
         if np.isfinite(one.t) and abs(one.t) > student.isf(0.5 * LEVEL / len(changes), one.degrees)
     ]
-    if not said:
+    if not changed:
         return []
     return [
-        f"{NOT_STEADY}: {', '.join(said)} from the first half of these frames to the second; the means are "
-        "over that change, which their errors do not know. --frames chooses others"
+        f"{NOT_STATIONARY}: {', '.join(changed)} from the first half of these frames to the second; the means "
+        "average over that change, and their errors do not include it. Choose other frames with --frames"
     ]
 
 

@@ -108,7 +108,7 @@ def pair_correlation(
             "box = Box.open(): must have sides, g(r) needs a density: cut out a part and give it a box"
         )
     if not 0.0 <= r_min < r_max:
-        raise InputError(f"r_min = {r_min:g}, r_max = {r_max:g}: must be 0 <= r_min < r_max")
+        raise InputError(f"r_min = {r_min:g}, r_max = {r_max:g}: must satisfy 0 <= r_min < r_max")
     counted = _count_pairs(position, box, r_min, r_max, bins, time)
     edges, count, ideal = counted.edges, counted.count, counted.ideal
     error = np.maximum(counted.independent, counted.scatter)
@@ -117,7 +117,7 @@ def pair_correlation(
 
 
 class _Counted(NamedTuple):
-    """Pairs of a g(r): counted from both ends, expected in an ideal gas, and standard errors of their ratio."""
+    """Pairs of a g(r): counts (each pair twice), their expectation in an ideal gas, and errors of the ratio."""
 
     edges: Array  # (bins + 1,) [length]
     count: Array
@@ -425,7 +425,7 @@ def clusters(
     box : Box, or two lengths of a periodic one
     gap : float
         Disks whose surfaces are nearer than this are joined [length]. In a homogeneous gas of equal disks that are to
-        be told from clusters, a tenth of a diameter or less.
+        be distinguished from clusters, a tenth of a diameter or less.
     time : float
         Needed for sheared boxes [time].
 

@@ -65,7 +65,8 @@ class VelocityDistribution(Brief, PicturedResult):
     spin: Array
     spin_density: Array
     spin_density_error: Array
-    """spin, spin_density, spin_density_error: the same of w = omega / sqrt(2 T_rot / I); densities are nan where
+    """spin, spin_density, spin_density_error: the distribution of w = omega / sqrt(2 T_rot / I); densities are nan
+    where
     nothing spins; shape (bins,)."""
     sonine: SonineCoefficients
 
@@ -86,7 +87,7 @@ def gaussian(c: FiniteArray) -> Array:
 
 @validated
 def sonine_density(c: FiniteArray, a2: Real) -> Array:
-    """The same with a fourth cumulant: times 1 + a2 (c^4 / 2 - 3 c^2 / 2 + 3 / 8).
+    """Density of a component c in a gas with fourth cumulant a2: `gaussian` times 1 + a2 (c^4 / 2 - 3 c^2 / 2 + 3 / 8).
 
     That is L_2^(-1/2)(c^2), of a spin with a02 and, because L_2^(0)(c_x^2 + c_y^2) leaves it when c_y is integrated
     out, of a velocity component with a20.

@@ -17,7 +17,7 @@ from ..initial import radii
 from ..kernels.columns import MOST_IDS
 from ..model.box import Box
 from ..model.coin_table import coins
-from ..simulation.turning import MOST_STEP, USUAL_STEP
+from ..model.gravity import DEFAULT_STEP, MAX_STEP
 from .output_section import OutputSection
 from .section import Section, field, not_beside, refusal
 from .walls_section import Pair, Wall
@@ -120,7 +120,7 @@ class BoxSection(Section):
     gravity_rotation_rate: float = field(0.02, 0.0)
     """Rate at which gravity turns [rad/s], positive counter-clockwise, as in the frame of a slow drum that turns the
     other way; it begins with gravity, and no side may be periodic."""
-    gravity_rotation_step: float = field(USUAL_STEP, USUAL_STEP, gt=0.0, le=MOST_STEP)
+    gravity_rotation_step: float = field(DEFAULT_STEP, DEFAULT_STEP, gt=0.0, le=MAX_STEP)
     """Angle of the steps in which gravity turns [rad]."""
 
     @classmethod

@@ -1,12 +1,4 @@
-"""Estimates of a case before it runs: mean free paths, collisions, bytes.
-
-A trajectory file holds its data in whole chunks, HDF5's trees of chunks, and groups. In HDF5's default format ("File
-Format Specification", version 1 of its B-trees) a chunk is stored whole, however few rows of it are used; the tree of a
-dataset of rank r has nodes for 64 chunks, of 24 + 64 x 8 + 65 x (8 + 8 (r + 1)) bytes, and where chunks come in order
-each is left nine tenths full. Nodes and large chunks begin on a page each (`file.ALIGNED`). What groups, links and
-headers take was measured on files with 2 to 20,000 frames and rows (HDF5 of h5py 3.16, 2026-11-21): some 1,510 bytes a
-dataset, whatever it holds. Part of that fills what is left of pages: the estimate is too large by up to 50 kB.
-"""
+"""Estimates of a case before it runs: mean free paths, collisions, bytes, time."""
 
 from __future__ import annotations
 
@@ -50,17 +42,8 @@ LEDGER = {
 }
 """The same of each row with output.ledger."""
 
-GROUP_BYTES = 1510
-"""Of each dataset with a group of its own, links and header."""
-SHARED_BYTES = 690
-"""Of those that share a group, the columns of histories."""
-RECORD_BYTES = 14_000
-"""Of the record (`parameters`), the constant properties and the box, beside the texts of the case."""
-COPIES = 2
-"""Of the case's text: as it was written, and in full."""
-NODE = 64
-FILLED = 0.9 * NODE
-
+OVERHEAD = 1.02
+"""Of HDF5's groups, indices of chunks and half-filled chunks, as a multiple of the data of a trajectory file."""
 
 COSTS = np.array([[1e-6, 106.0], [1e-4, 11.9], [0.1, 0.85], [0.3, 0.55], [0.6, 0.49]])
 """Packing fractions, and microseconds of one thread for a collision there, of a gas in one tile
@@ -84,6 +67,22 @@ def run_seconds(collisions: float, n: int, phi: float, threads: int) -> float:
     cost = float(np.exp(np.interp(math.log(phi), np.log(COSTS[:, 0]), np.log(COSTS[:, 1]))))
     cost *= math.sqrt(max(COSTS[0, 0] / phi, 1.0))
     return 1e-6 * collisions * cost * (1.0 if n <= columns.SINGLE_TILE else IN_TILES / (0.9 * threads + 0.1))
+
+
+STEP_SECONDS, STEP_SECONDS_PER_DISK = 3e-3, 5e-7
+"""Time of one thread for a step of forces: a window of its own, and each disk. Measured 2026-11-26, for 100 and 10,000
+disks with random forces, a thermostat, and both random forces and drag."""
+
+
+def step_seconds(steps: float, n: int, threads: int) -> float:
+    """Time [s] that so many steps of forces take; one step, however many forces act at it.
+
+    Examples
+    --------
+    >>> round(step_seconds(1000, 100, 1), 2), round(step_seconds(1000, 100_000, 1))
+    (3.05, 53)
+    """
+    return steps * (STEP_SECONDS + n * STEP_SECONDS_PER_DISK / (0.9 * threads + 0.1))
 
 
 RANK_BYTES = 280_000_000
@@ -168,6 +167,7 @@ class RunEstimate:
     frames: int  # at most
     rows: int  # of the time series, at most
     tracked: int  # disks with histories
+    force_steps: float  # times at which forces act; nan where the end is not known
 
     def computed(self, n: int) -> float:
         """Collisions that are computed: tiles compute a window once more for each frame in it."""
@@ -196,7 +196,8 @@ class RunEstimate:
         )
         tracked = _tracked(gas)
         # Every collision of a tracked disk, and each time that forces act on it; unknown ones do not count.
-        changes = [per_disk, *((end - begin) / step for step in {force.step for force in case.force})]
+        steps = [(end - begin) / step for step in {force.step for force in case.force}]
+        changes = [per_disk, *steps]
         events = sum(round(tracked * each) for each in changes if not math.isnan(each))
         return cls(
             packing_fraction=phi,
@@ -214,6 +215,7 @@ class RunEstimate:
             frames=frames,
             rows=rows,
             tracked=tracked,
+            force_steps=math.fsum(steps),
         )
 
 
@@ -367,43 +369,18 @@ def _field_bytes(output: OutputSection, name: str) -> int:
 
 
 def _trajectory_bytes(n: int, case: Case, *, frames: int, rows: int, tracked: int, events: int) -> int:
-    """Bytes of a trajectory file of n disks without compression, with so many events of tracked disks."""
+    """Bytes of a trajectory file of n disks without compression, with so many events of tracked disks, about."""
     output = case.output
-    pistons = [sum(each.piston is not None for each in case.wall)]
-    observables = [*OBSERVABLES.values(), *(len(PISTONS) * pistons if any(pistons) else ())]
-    size = sum(_dataset(frames, layout.CHUNK_FRAMES, width, 8) for width in (1, 1, 3, *observables))
+    pistons = sum(each.piston is not None for each in case.wall)
+    totals = sum(OBSERVABLES.values()) + len(PISTONS) * pistons
     per_chunk = layout.chunk_disks(n)
-    chunks = frames * -(-n // per_chunk)
-    for name in output.fields:
-        size += chunks * on_pages(per_chunk * _field_bytes(output, name))
-        size += _tree(chunks, 1 + layout.FIELDS[name].components) + GROUP_BYTES
-    if rows:
-        # Step and time first.
-        series = [1, 1, *observables, *(LEDGER.values() if output.ledger else ())]
-        walls = len(case.wall) + 2 * sum(not each for each in case.box.periodic)
-        series += [walls] * (len(SUMS) * output.wall_sums)
-        size += sum(_dataset(rows, max(1, layout.CHUNK_ROWS // width), width, 8) for width in series)
-    if tracked:
-        chunk = layout.chunk_events(tracked)
-        for column in layout.EVENT_COLUMNS.values():
-            size += _dataset(events, chunk, column.components, np.dtype(column.dtype).itemsize)
-            size += SHARED_BYTES - GROUP_BYTES
-        # Where they begin: position, velocity, spin, image, and which they are.
-        size += (2 * 8 + 2 * 8 + 8 + 2 * 4 + 4) * tracked + 8 * SHARED_BYTES
-    # The constant properties once: radius, mass, k in 8 bytes, the material in 4.
-    return size + 28 * n + RECORD_BYTES + COPIES * len(case.model_dump_json())
-
-
-def _dataset(rows: int, chunk: int, width: int, item: int) -> int:
-    """Bytes of rows of `width` items, with so many rows in a chunk."""
-    chunks = math.ceil(rows / chunk)
-    return chunks * on_pages(chunk * width * item) + _tree(chunks, 1 if width == 1 else 2) + GROUP_BYTES
-
-
-def _tree(chunks: int, rank: int) -> int:
-    """Bytes of the tree of so many chunks of a dataset of this rank."""
-    node = 24 + NODE * 8 + (NODE + 1) * (8 + 8 * (rank + 1))
-    if chunks <= NODE:
-        return on_pages(node) if chunks else 0
-    leaves = math.ceil(chunks / FILLED)
-    return on_pages(node) * leaves + _tree(leaves, rank)
+    chunks = -(-n // per_chunk)
+    frame = chunks * sum(on_pages(per_chunk * _field_bytes(output, name)) for name in output.fields)
+    walls = len(case.wall) + 2 * sum(not each for each in case.box.periodic)
+    row = totals + sum(LEDGER.values()) * output.ledger + walls * len(SUMS) * output.wall_sums
+    event = sum(
+        column.components * np.dtype(column.dtype).itemsize for column in layout.EVENT_COLUMNS.values()
+    )
+    constant = 28 * n  # radius, mass and k in 8 bytes, the material in 4
+    size = constant + frames * (frame + 8 * totals) + rows * 8 * row + events * event
+    return round(OVERHEAD * size)

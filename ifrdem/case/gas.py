@@ -20,6 +20,7 @@ from ..initial import impact_scan, packing, placement
 from ..initial.from_csv import StartData
 from ..model import crush
 from ..model.box import Box
+from ..model.collapse import Rest
 from ..model.free_area import FreeArea
 from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.observables import drift_text
@@ -32,6 +33,7 @@ from ..simulation.turning import FASTEST_DRUM
 from ..tools import seeds
 from . import pair_rules, rules
 from .case import GROWN, IMPACT_SCAN, Case
+from .objects import collapse_of, device_of, gravity_of, record_of
 from .pair_rules import PairVerdict
 from .section import Problem
 from .species import Species, species_of
@@ -445,10 +447,10 @@ class CaseGas:
         set_to = [getattr(each, key, None) or 0.0 for each in case.force for key in thermostats]
         hottest = max([checks.hottest(self.walls, ()), *set_to])
         checks.check_magnitudes(self.kinds, self.box, speed + flow, case.run.precision, hottest)
-        if case.run.resting_speed is not None:
+        if isinstance(collapse := collapse_of(case.run), Rest):
             checks.check_resting(
-                self.kinds, self.box, (case.box.gravity[0], case.box.gravity[1]), case.run.resting_speed,
-                [each.kind for each in case.force], IFRLaw, case.run.device, case.run.precision,
+                self.kinds, self.box, (case.box.gravity[0], case.box.gravity[1]), collapse,
+                [each.kind for each in case.force], IFRLaw, device_of(case.run),
             )  # fmt: skip
         largest = {
             "a velocity": comm.largest(float(np.abs(velocity).max(initial=0.0))) + flow,
@@ -479,7 +481,7 @@ class CaseGas:
                 self.begin[0], run.t_end or 0.0, smallest, self.box, alone
             ),
             ("run", "collapse"): lambda: checks.check_rebound(
-                e_n, materials, walls, self.box, gravity, run.collapse, run.precision
+                e_n, materials, walls, self.box, gravity, collapse_of(run), run.precision
             ),
         }
         found = self._lying(velocity, walls, gravity) if known else []
@@ -530,7 +532,7 @@ class CaseGas:
         of the start. A `state` of ranks is that of all disks, on the root; or that of the slice, on each rank, where
         they are distributed.
         """
-        run, box, output = self.case.run, self.case.box, self.case.output
+        run = self.case.run
         comm = self.communicator(comm)
         distributed = comm.is_distributed
 
@@ -548,20 +550,16 @@ class CaseGas:
                 disks = self.rows(comm.slice_of(self.n))
                 with comm:
                     begin = self.start() if way == "drawn" else state
+        if tracked is None:
+            tracked = comm.result_of_holders(lambda: self.tracked(begin))
         any_law = self.law()  # stands where two walls would meet, which never happens
         given: dict[str, Any] = {
             "disks": disks, "box": self.box, "state": begin,
-            "law": [[any_law if one is None else one for one in row] for row in self.laws], "arch": run.device,
-            "threads": run.threads, "precision": run.precision,
+            "law": [[any_law if one is None else one for one in row] for row in self.laws], "device": device_of(run),
             "walls": self._walls_at_start if pistons is None else at_displacements(self.walls, pistons),
-            "gravity": (box.gravity[0], box.gravity[1]), "gravity_rotation_rate": box.gravity_rotation_rate,
-            "gravity_rotation_step": box.gravity_rotation_step, "collapse": run.collapse,
-            "contact_time": run.contact_time, "velocity_cutoff": run.velocity_cutoff,
-            "resting_speed": run.resting_speed,
-            "forces": forces_of(self.case), "seed": run.seed, "ledger": output.ledger,
-            "partners": "last_partner" in output.fields, "angles": "angle" in output.fields,
-            "dissipated": "dissipated" in output.fields, "wall_sums": output.wall_sums,
-            "tracked": self.tracked(begin) if tracked is None else tracked, "comm": comm,
+            "gravity": gravity_of(self.case.box), "collapse": collapse_of(run),
+            "forces": forces_of(self.case), "seed": run.seed, "record": record_of(self.case),
+            "tracked": tracked, "comm": comm,
         }  # fmt: skip
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", EnergyWarning)
@@ -571,15 +569,14 @@ class CaseGas:
     def _walls_at_start(self) -> tuple[Wall, ...]:
         return self.walls if self.given is None else self.given.with_pistons(self.walls)
 
-    def tracked(self, start: State | None) -> NDArray[np.int32]:
-        """Disks that have histories, ascending; none of a start that only ranks know, which have no histories.
+    def tracked(self, start: State) -> NDArray[np.int32]:
+        """Disks that have histories, ascending; of ranks (`Communicator`), each gives the start of its slice.
 
         Raises InputError if histories are asked for of a region in which no disk starts.
         """
-        if start is None:
-            return np.empty(0, dtype=np.int32)
-        output = self.case.output
-        found = output.tracked(start.position, seeds.stream(self.case.run.seed, seeds.HISTORIES))
+        comm, output, rng = current(), self.case.output, seeds.stream(self.case.run.seed, seeds.HISTORIES)
+        own = output.tracked(self.n, rng, start.position, comm.slice_of(self.n).start)
+        found = np.unique(np.concatenate(comm.allgather(own)))
         if output.tracks and not len(found):
             region = str(output.histories_region)
             raise InputError(str(Problem("output.histories_region", region, "no disk starts there")))
@@ -642,7 +639,7 @@ def judge(case: Case, folder: Path, *, start: bool = True, ranks: int = 1) -> tu
             found += [*rules.check_open(case, start_region), *rules.check_scan(case)]
             if case.start.file is None and case.start.trajectory is None:
                 found += rules.check_clock(case)
-            elif not gas.is_read_in_slices(ranks):
+            elif not replace(gas, box=box).is_read_in_slices(ranks):
                 given = rules.given_start(case, gas.disks.radius, FreeArea(box, standing), folder, found)
     found += rules.check_output(case, kinds.n, box)
     return replace(gas, box=box, start_region=start_region, given=given), found

@@ -168,9 +168,13 @@ class OutputSection(Section):
             each is not None for each in (self.histories, self.histories_sample, self.histories_region)
         )
 
-    def tracked(self, position: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.int32]:
-        """Disks of which histories are kept, by where they start, shape (n, 2) [length]; ascending."""
-        n = len(position)
+    def tracked(
+        self, n: int, rng: np.random.Generator, position: NDArray[np.float64], first: int = 0
+    ) -> NDArray[np.int32]:
+        """Disks of n of which histories are kept, ascending.
+
+        Those of a region by where they start, shape (rows, 2) [length], of disks `first` and following.
+        """
         if self.histories_all:
             return np.arange(n, dtype=np.int32)
         if self.histories is not None:
@@ -179,5 +183,6 @@ class OutputSection(Section):
             return np.sort(rng.choice(n, size=self.histories_sample, replace=False)).astype(np.int32)
         if self.histories_region is not None:
             low, high = np.array(self.histories_region[:2]), np.array(self.histories_region[2:])
-            return np.flatnonzero(np.all((position >= low) & (position < high), axis=1)).astype(np.int32)
+            inside = np.all((position >= low) & (position < high), axis=1)
+            return (first + np.flatnonzero(inside)).astype(np.int32)
         return np.empty(0, dtype=np.int32)

@@ -25,9 +25,11 @@ from ..model.state import DiskKinds
 from ..model.walls import Wall, check_place, pieces
 from ..model.walls import check as check_free_of_walls
 from ..mpi import current, distribution
+from ..mpi.decomposition import counted_tiles, most_ranks
 from ..simulation.checks import check_pistons
 from ..simulation.schedule import first_after, time_of
 from .case import GROWN, IMPACT_SCAN, Case
+from .objects import options_of
 from .pair_rules import PairVerdict
 from .section import Problem
 from .species import Species
@@ -171,11 +173,7 @@ def check_walls(
         yield _at(case, "box.packing_fraction", text)
         return
     try:
-        run = case.run
-        check_pistons(
-            walls, _disks(case), run.device, run.precision, run.resting_speed or 0.0,
-            gravity_rotation_rate=case.box.gravity_rotation_rate,
-        )  # fmt: skip
+        check_pistons(walls, _disks(case), options_of(case))
     except InputError as error:
         yield Problem("wall", None, str(error))
     placed = []
@@ -202,7 +200,7 @@ def check_walls(
 
 def _outside(wall: Wall, box: Box) -> bool:
     """True if a wall among the disks is out of reach of the box; a line or container so placed leaves no room."""
-    if wall.shape in ("line", "container") or wall.motion.kind == "steady":
+    if wall.geometry.encloses or wall.motion.kind == "steady":
         return False
     low, high = wall.bounds()
     beyond = (high + wall.motion.extent <= 0.0) | (low - wall.motion.extent >= box.lengths)
@@ -271,8 +269,7 @@ def usable_ranks(case: Case, kinds: DiskKinds, box: Box, ranks: int) -> tuple[in
         return 1, f"{' and '.join(keys)} cannot be divided among ranks"
     if run.device != "cpu":  # the engine of a GPU has other, smaller tiles
         return ranks, ""
-    from ..simulation.arrays import tiles_on_ranks
-    from ..simulation.ranks import counted_tiles, most_ranks  # imports Taichi
+    from ..simulation.arrays import tiles_on_ranks  # imports Taichi
 
     tiles = tiles_on_ranks(kinds, box)
     found = most_ranks(tiles, ranks)

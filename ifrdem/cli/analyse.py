@@ -237,7 +237,7 @@ def _record(outcome: Evaluation, files: list[str]) -> dict[str, Any]:
             row.name: {"value": json_number(row.value), "error": json_number(row.error), "unit": row.unit}
             for row in outcome.rows
         },
-        "doubts": outcome.doubts,
+        "warnings": outcome.warnings,
         "notes": outcome.notes,
         "files": files,
     }

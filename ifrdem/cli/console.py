@@ -96,9 +96,9 @@ def ranks() -> Communicator:
     if not comm.is_root:
         LOG.setLevel(logging.ERROR)
     if comm.size > 1:
-        from ..simulation import device
+        from ..simulation import backend
 
-        device.show_gpu(comm.local_rank)
+        backend.show_gpu(comm.local_rank)
     return comm
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json as json_format
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -80,7 +81,8 @@ def bench(
     they send. A grid of gases, start times and the cost of output are scripts (`ifrdem docs performance`).
     """
     from ..kernels.columns import MOST_DISKS
-    from ..simulation import device as backend
+    from ..simulation import backend
+    from ..simulation.device import Device
     from ..validation.speed import bench as timing
 
     wrong = Wrong(_conflicts({"n": n, "phi": phi}, {"after": after, "set": set}, case))
@@ -105,7 +107,7 @@ def bench(
     chosen["device"], chosen["precision"] = device or "cpu", precision or "f64"
     comm = ranks()
     try:
-        backend.check(chosen["device"], None, chosen["precision"])
+        backend.check(replace(Device.of(chosen["device"]), precision=chosen["precision"]))
     except InputError as error:
         wrong.append(f"--{error}")
     wrong.end()
@@ -133,11 +135,11 @@ def devices() -> None:
     """List the devices that can compute."""
     from .. import bullet
     from ..kernels import language  # noqa: F401  (an error where Taichi cannot be loaded)
-    from ..simulation import device
+    from ..simulation import backend
 
-    for each in device.available():
-        say(f"{each.arch:<8} {each.description}")
-    absence = device.cuda_absence()
+    for each in backend.available():
+        say(f"{each.name:<8} {each.description}")
+    absence = backend.cuda_absence()
     if absence is not None:
         say(f"cuda     not usable: {absence}")
     say(f"pybullet {bullet.describe()}")

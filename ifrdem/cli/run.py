@@ -249,7 +249,8 @@ def check(case: Case, /, *, set: Set = None) -> None:
     whether its laws can add energy, its file size and memory. With mpiexec, also what so many ranks cannot do.
     """
     from ..case import file as case_file
-    from ..case import shipped, summary
+    from ..case import report as reporting
+    from ..case import shipped
 
     comm = ranks()
     gas = case_file.read_on_ranks(lambda: shipped.find(case), set or [], comm).gas
@@ -257,10 +258,10 @@ def check(case: Case, /, *, set: Set = None) -> None:
 
     def report() -> None:
         count, why = gas.usable_ranks(comm.size)
-        found = summary.check(gas, Path(), share=share, ranks=count, sliced=sliced)
+        found = reporting.check(gas, Path(), share=share, ranks=count, sliced=sliced)
         say(found.text)
         if count < comm.size:
-            say(f"  {'ranks':<22} {count} of {comm.size} compute, the others wait: {why}")
+            say(f"  {count} of {comm.size} ranks compute, the others wait: {why}")
         for each in found.warnings:
             warn(each)
 

@@ -48,7 +48,7 @@ _KINDS: Mapping[str, str] = {
     **{name: {"m": "mass", "r": "length", "k": "number"}[name[0]] for name in _DISKS},
 }
 COLLISION_COLUMNS = (*PLACES, *NORMAL, *MOTION, *AFTER)
-"""Columns of whole collisions; mass_1, radius_1, k_1 and those of disk 2 may stand beside them."""
+"""Columns of whole collisions; mass_1, radius_1, k_1 and those of disk 2 may be added."""
 
 _COLLISION_SPELLINGS: Mapping[str, str] = {
     **{tabular.plain(name): name for name in _KINDS},
@@ -87,7 +87,7 @@ class Data:
     (n,)."""
     errors: Mapping[str, Measurements]
     """Standard errors (one sigma, Gaussian), positive, of "psi" and of each measured quantity, in its unit. A single
-    number stands for all impacts; NaN for an error that the residuals are to tell; shape (n,)."""
+    number stands for all impacts; NaN for an error to be estimated from the residuals; shape (n,)."""
     source: str = "data"
     """Their source, for messages and titles."""
     line: Lines | None = field(default=None)
@@ -201,7 +201,8 @@ class Collisions:
     before and, with _after, after. Any subset; NaN where a value is missing. Of a wall, velocities are 0 unless
     given, and exact; shape (n,)."""
     errors: Mapping[str, Measurements]
-    """Standard errors, positive; a single number stands for all. NaN for one that the residuals are to tell, 0 for a
+    """Standard errors, positive; a single number stands for all. NaN for one to be estimated from the residuals, 0
+    for a
     value that is known exactly. Those of nx, ny may be of `normal` [rad] instead; shape (n,)."""
     covariance: Mapping[tuple[str, str], Measurements] = field(default_factory=dict)
     """Covariances of two quantities of the motion, or of one and "normal" [rad]; shape (n,)."""
@@ -221,7 +222,7 @@ class Collisions:
         given = {name: value for name, value in self.errors.items() if name != "normal"}
         turned = [name for name in NORMAL if "normal" in self.errors and name in {*self.measured} - {*given}]
         if wrong and (unused := [each for each in self.notes if each.startswith(UNUSED)]):
-            wrong.append(f"{unused[0]}; --column {MOTION[0]}='HEADER' says what one is")
+            wrong.append(f"{unused[0]}; map one with --column {MOTION[0]}='HEADER'")
         wrong += _wrong_names(self.measured, (*given, *turned))
         wrong += [
             f"covariance: {a} and {b} must both be velocities or spins that were measured, or one the normal"
@@ -344,7 +345,7 @@ def read(
         The file.
     errors : mapping of str to float, optional
         Errors of whole columns, by their names or those of `GROUPS`; "normal" [rad] for that of nx, ny. NaN
-        for one that the residuals are to tell, "rest" for all columns that have none. A column of errors
+        for one to be estimated from the residuals, "rest" for all columns that have none. A column of errors
         comes first, then the error by name, then that of the group.
     disk_1, disk_2 : Disk, optional
         Of whole collisions, unless columns mass_1, radius_1, k_1, ... give them.
@@ -377,7 +378,7 @@ def read(
     source = found.source
     if whole and angles:
         both = f"a table of angles ({', '.join(angles)}) and of whole collisions ({', '.join(whole)})"
-        raise InputError(f"{source}: columns of {both} cannot be combined: give one of the two")
+        raise InputError(f"{source}: columns of {both} are both given: must be one of the two")
     if not whole and "psi" not in angles:
         raise InputError(
             f"{source}: missing column psi; there are {', '.join(angles) or 'none that is known'}"
@@ -439,7 +440,7 @@ def _given_errors(
             given[name] = columns[f"{name}_error"]
             gaps = np.isnan(given[name]) & ~np.isnan(columns[name])
             if gaps.any():
-                wrong.append(f"{name}_error: missing beside {int(gaps.sum())} values of {name}")
+                wrong.append(f"{name}_error: missing for {int(gaps.sum())} values of {name}")
         elif name in form.known:
             given[name] = np.zeros(n)
         elif by:

@@ -222,7 +222,7 @@ IFR = ("ifr-percussion", "ifr-contact")
 
 
 def ifr_law(coefficients: Mapping[str, float], sticking: str, k: float = 2.0) -> IFRLaw:
-    """The IFR law of coefficients, without its warning: a fit tells by `admissibility` whether they add energy.
+    """The IFR law of coefficients, without its warning: a fit reports by `admissibility` whether they add energy.
 
     Raises InputError if the law is refused.
     """
@@ -232,7 +232,7 @@ def ifr_law(coefficients: Mapping[str, float], sticking: str, k: float = 2.0) ->
 
 @validated
 def own(kind: type[CollisionLaw], ranges: Mapping[str, Range] | None = None) -> Law:
-    """A law of one's own to fit.
+    """A custom law to fit.
 
     Raises InputError if it is no law, a range is missing, of an unknown coefficient, or empty.
 
@@ -272,7 +272,7 @@ def own(kind: type[CollisionLaw], ranges: Mapping[str, Range] | None = None) -> 
     refuse(wrong, kind.__name__)
     whole = {name: given.get(name, RANGES.get(name, (0.0, 0.0))) for name in kind.coefficients}
     tried = {name: given.get(name, _TRIED.get(name, (0.0, 0.0))) for name in kind.coefficients}
-    return Law(kind.__name__, f"{kind.__name__}, a law of one's own", kind, whole, {}, tried)
+    return Law(kind.__name__, f"{kind.__name__}, a custom law", kind, whole, {}, tried)
 
 
 def _is_law(value: object) -> bool:

@@ -37,7 +37,7 @@ NU = 4.0
 _STEP = 1e-6  # of a one-sided difference by a coefficient: error 1e-6, round-off 1e-10
 _MOST_STEPS = 40
 _CLOSE = 1e-6  # of an error: chi2 is stationary in x, so that this changes it by 1e-12
-_RIDGE = 1e-12  # keeps a direction that nothing measured tells in its place
+_RIDGE = 1e-12  # fixes a direction that no measured value determines
 
 
 @dataclass(frozen=True)
@@ -223,7 +223,7 @@ def _losses(c: Array, robust: float | None, redundancy: Array) -> Array:
 
 
 def _solve(A: Array, B: Array) -> Array:
-    """Least squares solutions (m, d, k) of A (m, q, d) x = B (m, q, k); 0 along what A does not tell."""
+    """Least squares solutions (m, d, k) of A (m, q, d) x = B (m, q, k); 0 along the null space of A."""
     scale = np.sqrt(np.sum(A**2, axis=1))
     scale = np.where(scale > 0.0, scale, 1.0)
     A = A / scale[:, None, :]

@@ -35,7 +35,7 @@ Confidence = Annotated[float, Number(1e-6, 1.0 - 1e-6, "a number between 0 and 1
 Draws = Annotated[int, Integer(0, 10**7)]
 
 SPINNING = ("Rw_1", "Rw_2", "e_t_apparent", "rebound_contact", "spin_1_after", "spin_2_after")
-"""Quantities that tell rolling friction."""
+"""Quantities that depend on rolling friction."""
 
 TRANSIT = "psi_transit"
 _STARTS, _DESCENTS = 32, 6  # points where the likelihood is looked at; the best, from which it is climbed
@@ -255,12 +255,12 @@ class Search:
             lowest = min(loss for _, loss in self.ends)
             if sum(loss - lowest < _BETTER for _, loss in self.ends) == _AGREE:
                 break
-        beside = self.near(self._lowest(self.ends)[0])[1:]
+        nearby = self.near(self._lowest(self.ends)[0])[1:]
         if "mu" in self.law.free:  # without friction data below the transition look alike with another e_t
             smooth = points[:: _STARTS // 8].copy()
             smooth[:, self.law.free.index("mu")] = 0.0
-            beside.append(min(smooth, key=self.likelihood.rough))
-        self.ends += [self.descend(each) for each in beside]
+            nearby.append(min(smooth, key=self.likelihood.rough))
+        self.ends += [self.descend(each) for each in nearby]
         return self._lowest(self.ends)
 
     @staticmethod
@@ -294,7 +294,7 @@ class Search:
 
 @dataclass
 class _LawFit:
-    """The way to the fit of one law."""
+    """The fit of one law, step by step."""
 
     data: Data | Collisions
     problem: Problem
@@ -363,7 +363,7 @@ class _LawFit:
         return replace(found, warnings=tuple(law_warnings(found, others, robust=self.robust is not None)))
 
     def _search(self) -> tuple[Problem, Search]:
-        """The problem, with errors as its residuals tell them, and a search that has found the minimum."""
+        """The problem, with errors estimated from its residuals, and a search that has found the minimum."""
         problem, start = self.problem, None
         for _ in range(30):
             search = Search(Likelihood(problem, self.law, self.robust))
@@ -384,8 +384,9 @@ class _LawFit:
                 return problem, search
             problem, start = problem.scaled(factors), best
         raise InputError(
-            f"{self.data.source}: the residuals do not tell the errors of {' and '.join(problem.estimated)} apart: "
-            f"give one of them, as by --error {'positions' if 'x_1' in self.data.names else problem.estimated[0]}=VALUE"
+            f"{self.data.source}: the residuals do not determine the errors of {' and '.join(problem.estimated)} "
+            "separately: give one of them, "
+            f"e.g. --error {'positions' if 'x_1' in self.data.names else problem.estimated[0]}=VALUE"
         )
 
     def _rise(self, problem: Problem, search: Search) -> float:
@@ -395,7 +396,7 @@ class _LawFit:
         return float(fdtri(1, max(np.sum(problem.redundancy) - len(self.law.free), 1.0), self.level))
 
     def _normalisation(self, problem: Problem, points: Points) -> float:
-        """The constant of -2 ln L; where errors are estimated, of what is left beside the latent coordinates."""
+        """The constant of -2 ln L; where errors are estimated, of the residuals after the latent coordinates."""
         with np.errstate(invalid="ignore"):
             size = np.log(2.0 * np.pi * problem.s**2)
         size = np.where(np.isnan(problem.y) | problem.known, 0.0, size)
@@ -427,7 +428,7 @@ class _LawFit:
         return tuple(found)
 
     def _without(self, problem: Problem, best: Array, suspects: tuple[Suspect, ...]) -> dict[str, float]:
-        """Coefficients of the Gaussian fit beside a robust one, or of the fit without suspects beside a Gaussian one."""  # noqa: E501
+        """Coefficients of the Gaussian fit for a robust one, or of the fit without suspects for a Gaussian one."""
         if self.robust is None:
             if not suspects:
                 return {}
@@ -581,7 +582,7 @@ def _factors(problem: Problem, points: Points, groups: tuple[str, ...]) -> dict[
         ratio = float(np.sum(squares[:, members])) / max(share, 1e-12)
         if share < 0.5:
             raise InputError(
-                f"the residuals do not tell the error of {group}: give it, as by --error {group}=VALUE"
+                f"the residuals do not determine the error of {group}: give it, e.g. --error {group}=VALUE"
             )
         found[group] = float(np.clip(np.sqrt(max(ratio, 1e-12)), 0.05, 20.0))
     return found

@@ -121,7 +121,7 @@ class Problem(ABC):
     redundancy : array (n,)
         Number of values measured beyond those that the latent coordinates take.
     estimated : tuple of str
-        Groups of quantities whose error the residuals are to tell.
+        Groups of quantities whose error is estimated from the residuals.
     """
 
     start: Array
@@ -284,7 +284,9 @@ class AngleProblem(Problem):
     def __init__(self, names: Sequence[str], y: Array, s: Array, groups: Sequence[str], pair: Pair) -> None:
         self.pair = pair
         if pair.M == 0.0 and (gone := {"delta_2", "Rw_2", "sqrt_d2_d1"} & set(names)):
-            raise InputError(f"{', '.join(sorted(gone))}: not of a wall (M = 0), which does not move")
+            raise InputError(
+                f"{', '.join(sorted(gone))}: cannot be combined with a wall (M = 0), which does not move"
+            )
         super().__init__(names, y, s, groups)
         self.begin()
 

@@ -1,4 +1,4 @@
-"""Design of the next experiment: what further impacts at an angle would tell of the coefficients and of the law."""
+"""Design of the next experiment: the information of further impacts at an angle on coefficients and law."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A fit as text, as JSON, as a material of a case file and as drawn coefficients."""
+"""A fit as text, JSON, a material of a case file, or drawn coefficients."""
 
 from __future__ import annotations
 
@@ -51,8 +51,8 @@ def table(fit: Fit) -> str:
         lines += ["", f"{name}: {fitted.law.about}{mark}"]
         if fitted.errors:
             errors = fitted.errors.items()
-            told = ", ".join(f"{group} {each:.3g}{_unit(fit, group)}" for group, each in errors)
-            lines.append(f"  errors by the residuals (one sigma): {told}{likelihood}")
+            listed = ", ".join(f"{group} {each:.3g}{_unit(fit, group)}" for group, each in errors)
+            lines.append(f"  errors estimated from the residuals (one sigma): {listed}{likelihood}")
         lines += _fitted(fit, fitted)
     if fit.warnings:
         lines += ["", *_wrapped(fit.warnings)]
@@ -167,7 +167,7 @@ def _interval(each: Interval) -> str:
 
 
 def figures(fit: Fit) -> dict[str, Any]:
-    """Everything that was found as plain dictionaries, lists and numbers; what is not finite becomes None."""
+    """The complete result as plain dictionaries, lists and numbers; non-finite numbers become None."""
 
     def one(each: Fitted) -> dict[str, Any]:
         verdict, free = each.admissibility, list(each.law.free)
@@ -261,9 +261,11 @@ def material(fit: Fit, name: str) -> str:
     verdict = fitted.admissibility
     assert verdict is not None
     if not verdict.admissible:
-        raise InputError(f"no material is written, because no case would take it: {verdict.message}")
+        raise InputError(f"no material is written, because a case would refuse it: {verdict.message}")
     chosen = (
-        "preferred by the data" if fit.decided else "not told from other laws by the data: the first of these"
+        "preferred by the data"
+        if fit.decided
+        else "not distinguished from other laws by the data: the first of these"
     )
     if len(fit.laws) == 1:
         chosen = "as asked for"

@@ -1,4 +1,4 @@
-"""The result of a fit: estimates with intervals for each law, and the warnings beside them."""
+"""The result of a fit: estimates with intervals, and warnings, for each law."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .likelihood import Array
 from .model import MEASURED, Pair, Problem
 
 CONFIDENCE = 0.95
-"""Of every interval, unless told."""
+"""Default confidence of every interval."""
 
 TELLING = 2.0
 """Difference in AIC from which on the data prefer a law."""
@@ -108,7 +108,7 @@ class Fitted:
     """Estimated errors by group of quantities, in standard units (angles of a table of angles in degrees)."""
     suspects: tuple[Suspect, ...] = ()
     without: Mapping[str, float] = field(default_factory=dict)
-    """Coefficients of the other fit: of the Gaussian one beside a robust one; of the one without suspects beside a
+    """Coefficients of the other fit: of the Gaussian one for a robust one; of the one without suspects for a
     Gaussian one. Empty if there is none."""
     admissibility: Admissibility | None = None
     """The verdict on added energy: the necessary and sufficient set, and the strict one. None for another law than
@@ -180,7 +180,7 @@ class Fitted:
             if len(found) >= number:
                 return found[:number]
         raise InputError(
-            "the fitted coefficients lie so far outside of what the law allows that none can be drawn"
+            "no coefficients can be drawn: the fitted ones are too far outside the range of the law"
         )
 
 
@@ -206,7 +206,7 @@ class Fit:
 
     @validated
     def law(self, name: str | None = None) -> IFRLaw:
-        """The fitted IFR law, the best one unless told.
+        """The fitted IFR law of this name, by default the best one.
 
         Raises InputError if it is another law, or can add energy in collisions of these disks.
         """
@@ -329,7 +329,7 @@ def _few(fitted: Fitted) -> bool:
 
 
 def _outliers(fitted: Fitted, robust: bool) -> list[str]:
-    """Suspicious lines, and what they do to the coefficients."""
+    """Suspicious lines, and their effect on the coefficients."""
     found = []
     named = [
         f"{each.where} ({each.quantity} {each.residual:+.1f} errors off, chi2 {each.distance:.4g}, "
@@ -380,7 +380,7 @@ def general_warnings(data: Data | Collisions, laws: Mapping[str, Fitted]) -> lis
             )
         a, b = order[0].law.name, order[1].law.name
         found.append(
-            f"the data do not tell {a} and {b} apart: AIC differs by {difference:.2g}, and {TELLING:g} would "
+            f"the data do not distinguish {a} from {b}: AIC differs by {difference:.2g}, and {TELLING:g} would "
             f"count{why}"
         )
     return found

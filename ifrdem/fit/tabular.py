@@ -1,4 +1,4 @@
-"""Tables of measured values as experimentalists keep them: other names, units, decimal commas, gaps, comments."""
+"""Tables of measured values with arbitrary names, units, decimal commas, gaps and comments."""
 
 from __future__ import annotations
 
@@ -173,7 +173,7 @@ def _add(
     row: Sequence[str], header: Sequence[str], names: Sequence[str], factors: Sequence[float],
     values: Mapping[str, array[float]], form: TableFormat, *, gaps: bool,
 ) -> tuple[list[str], int]:  # fmt: skip
-    """Add a row to the values; tells what is wrong with it, and how many values are missing."""
+    """Add a row to the values; return its errors, and the number of missing values."""
     if len(row) != len(names):
         count = f"{counted(len(row), 'value')}: must be {len(names)}"
         return [f"{count} ({', '.join(header)})"], 0
@@ -289,7 +289,7 @@ def _header(
         if name and names.count(name) > 1
     ]
     wrong += [
-        f"line {line}: column '{name}' needs a column '{name.removesuffix('_error')}' beside it"
+        f"line {line}: column '{name}' requires a column '{name.removesuffix('_error')}'"
         for name in names
         if name.endswith("_error") and name.removesuffix("_error") not in names
     ]
@@ -299,7 +299,7 @@ def _header(
 
 
 def _standard(text: str, spellings: Mapping[str, str]) -> tuple[str, str | None]:
-    """The standard name of a column, "" if it has none, and the unit beside it."""
+    """The standard name of a column ("" if it has none) and the unit in its header."""
     unit = None
     if (found := re.search(r"[\[(]([^\[(]*)[\])]\s*$", text)) and found[1].strip() in _EVERY_UNIT:
         unit, text = found[1].strip(), text[: found.start()]

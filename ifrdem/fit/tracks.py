@@ -87,7 +87,7 @@ class FoundCollisions:
 def read(path: Path | str, *, fps: float | None = None, form: TableFormat = TableFormat()) -> Tracks:  # noqa: B008  (frozen)
     """Read tracks: a line a frame and disk, with columns id, x, y, and t or frame; angle if disks were seen to turn.
 
-    `fps`, frames per time, is needed with a column frame; `form` tells other names, units and signs of the file.
+    `fps`, frames per time, is needed with a column frame; `form` gives other names, units and signs of the file.
 
     Raises InputError with a line for each thing that is wrong.
     """

@@ -36,7 +36,7 @@ def read(
     """Read a start from a trajectory.
 
     InputError if the file cannot be read, or holds no such frame or field, another number of disks or another box; or
-    if the disks overlap. The message says what is there.
+    if the disks overlap. The message describes the file.
 
     `frame` counts from 0, or from -1 backwards; None is the last one. The radii (n,) [length] are those of the disks
     that start there, which must fit; the box must be that of the trajectory. With `motion`, velocities and spins are
@@ -162,7 +162,7 @@ def _clock(there: Box, box: Box | None, frame_time: float, time: float | None) -
         boxes = rate * box.lengths[1] / box.lengths[0] * (frame_time - (frame_time if time is None else time))
         if abs(boxes - round(boxes)) > 1e-9:
             raise InputError(
-                f"start.time = {time:g}: the images above and below stand where the flow has moved them by t = "
+                f"start.time = {time:g}: the images above and below are where the flow has moved them by t = "
                 f"{frame_time!r}, the time of the frame; leave start.time out"
             )
     elif rate and time is None:
@@ -185,7 +185,7 @@ def _check_whole(trajectory: Trajectory, n: int, box: Box | None) -> None:
 
 
 def _other_radii(path: Path, radius: Array, ids: range) -> str:
-    """Likely cause of an overlap: disks of the trajectory have other radii; the first one is named."""
+    """A likely cause of an overlap: the first disk whose radius in the trajectory differs; else empty."""
 
     def found() -> str:
         with Trajectory(path) as trajectory:

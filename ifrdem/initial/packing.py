@@ -40,13 +40,13 @@ from ..tools.checked import Array, PositiveColumn, Seed, Vectors, validated
 MARGIN = 1e-4
 """Part by which radii are made larger while overlaps are removed: what is left then is still a gap."""
 SEPARATED = 1e-9
-"""The same of disks that were rounded."""
+"""Largest overlap of disks whose positions were rounded."""
 
 # In units of the mean diameter, the mass of a disk and the stiffness: a disk with six neighbours swings at 2.4.
 STEP = 0.5
 HOT, COLD = 2e-4, 1e-7
 COOLING_STEPS = 1000
-MIXING_STEPS = 400  # where there is room: what it takes to forget who was pushed by whom
+MIXING_STEPS = 400  # at low density: steps that decorrelate the disks
 HELD = 0.3  # part of the steps before the temperature falls
 FIRST_STEPS = 150  # of minimising, which is enough up to some 0.8
 LAST_STEPS = 1500
@@ -74,9 +74,9 @@ def grow(
     InputError if they do not fit; the message says which packing fraction the same disks reached.
 
     Arguments and what is returned as for `placement.random_positions`; walls push disks away as other disks do, and
-    `progress` is told how much is done, 0 to 1. The result is the same for the same seed on one machine. Pairs that
-    almost touch are about as frequent as in a gas at equilibrium (by 20 % more or less up to 0.7); a few collisions per
-    disk make it one.
+    `progress` is called with the fraction done, 0 to 1. The result is the same for the same seed on one machine. Pairs
+    that almost touch are about as frequent as in a gas at equilibrium (by 20 % more or less up to 0.7); a few
+    collisions per disk make it one.
 
     Examples
     --------
@@ -102,13 +102,13 @@ def grow(
     easy = soft.minimise(FIRST_STEPS)
     most = 3 + 20_000 // (n + 1000)  # few disks jam earlier or later by chance
     for attempt in range(most):
-        # Nobody knows how many attempts it takes: each gets half of what is left of the bar.
+        # The number of attempts is unknown: each gets half of the rest of the bar.
         before, share = 1.0 - 0.5**attempt, 0.5 ** (attempt + 1)
 
-        def told(part: float, before: float = before, share: float = share) -> None:
+        def report(part: float, before: float = before, share: float = share) -> None:
             progress(before + share * part)
 
-        soft.cool(agitation, MIXING_STEPS if easy and attempt == 0 else COOLING_STEPS, told)
+        soft.cool(agitation, MIXING_STEPS if easy and attempt == 0 else COOLING_STEPS, report)
         done = soft.minimise(LAST_STEPS)
         if done or soft.mean_overlap() > NEARLY:
             break
@@ -190,7 +190,7 @@ def _separated(free_area: FreeArea, near: Near) -> tuple[NDArray[np.int64], Arra
 
 
 def _scattered(free_area: FreeArea, n: int, random: np.random.Generator) -> Array:
-    """Random points in the room, shape (n, 2)."""
+    """Random points in the free area, shape (n, 2)."""
     position = random.random((n, 2)) * free_area.box.lengths
     low, high = free_area.bounds()
     while len(wrong := np.flatnonzero(free_area.gap(position, np.zeros(n)) < 0.0)):

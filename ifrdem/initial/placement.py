@@ -38,7 +38,7 @@ AT_ONCE = 1 << 18  # sites that are looked at together
 
 
 def check_sites(free_area: FreeArea, n: int, radius: float) -> bool:
-    """Tell if rows of sites are along y, of those at contact, of which n find room between the walls.
+    """Return whether rows of sites run along y, for n sites at contact that fit between the walls.
 
     InputError if fewer do; the message says how many. Sites are counted block by block, by each rank some of them.
     """
@@ -130,7 +130,7 @@ class _Sites:
 def _free(free_area: FreeArea, radius: float, distance: float, upright: bool) -> _Sites:
     """Sites at this distance from their nearest neighbours, or a little more.
 
-    They keep half of the distance from straight walls along the axes, as if there were sites behind them too.
+    They keep half of the distance from straight walls along the axes, as if there were sites beyond them, too.
     """
     margin = max(radius * CLEAR, 0.5 * distance)
     low, high = (corner[0] for corner in free_area.spans(np.array([margin])))
@@ -232,12 +232,12 @@ def random_positions(box: Box, radius: PositiveColumn, *, seed: Seed, walls: Seq
     equal disks above packing fraction 0.547 of the room (`room.py`), or any disks when the attempts are used up (400
     per disk; equal disks reach about 0.53). The message says how far it came.
 
-    Of 524,288 disks and more (two blocks, `BLOCK`) each 262,144 to 524,288 are placed in a strip of the box of
-    their own, drawn from all at random, whose free area goes as the area that they cover; each strip has random numbers
-    of its own. The first, third, ... strips are filled, and then those between, which see the disks beside them. It is
-    not the same as one addition of all: numbers of disks do not fluctuate from strip to strip; and centres of disks in
-    strips that are filled first stand within one diameter of their edges a little denser, those in the others thinner,
-    the more the nearer to the limit. A few collisions per disk forget the latter.
+    Of 524,288 disks and more (two blocks, `BLOCK`) each 262,144 to 524,288 are placed in a strip of the box of their
+    own, drawn from all at random, whose free area goes as the area that they cover; each strip has random numbers of
+    its own. The first, third, ... strips are filled, then those between, which avoid the disks of their neighbours. It
+    is not the same as one addition of all: numbers of disks do not fluctuate from strip to strip; and centres of disks
+    in strips that are filled first stand within one diameter of their edges a little denser, those in the others
+    thinner, the more the nearer to the limit. A few collisions per disk forget the latter.
 
     Of ranks of MPI (`Communicator`), each gives the radii of its slice, and gets its places. Each fills some strips, to
     the bit as one process does. `Simulation` looks for overlaps then.
@@ -249,7 +249,7 @@ def random_positions(box: Box, radius: PositiveColumn, *, seed: Seed, walls: Seq
     seed : int
         Seed of the random positions.
     walls : sequence of Wall
-        What they must not overlap either, at t = 0, beside the sides of the box that are not periodic.
+        Further walls that they must not overlap, at t = 0, in addition to the sides of the box that are not periodic.
 
     Returns
     -------
@@ -301,7 +301,7 @@ def random_positions(box: Box, radius: PositiveColumn, *, seed: Seed, walls: Seq
     edges = _edges(free_area, axis, shares, float(comm.total(radii)) / n)
 
     position = np.empty((len(who), 2))
-    beside: dict[int, tuple[Array, Array]] = {}
+    nearby: dict[int, tuple[Array, Array]] = {}
 
     def fill(parity: int) -> None:
         for each in own:
@@ -309,12 +309,12 @@ def random_positions(box: Box, radius: PositiveColumn, *, seed: Seed, walls: Seq
                 position[rows[each]] = _fill_strip(
                     free_area, radii_there[rows[each]], seeds.stream(seed, seeds.POSITIONS, each), wanted,
                     (axis, edges[each], edges[each + 1]), float(shares[each]),
-                    beside.get(each, (np.empty((0, 2)), np.empty(0))),
+                    nearby.get(each, (np.empty((0, 2)), np.empty(0))),
                 )  # fmt: skip
 
     comm.run_on_all(lambda: fill(0))
     if count > 1:
-        beside = _neighbors_of_strips(axis, edges, owner, rows, position, radii_there)
+        nearby = _neighbors_of_strips(axis, edges, owner, rows, position, radii_there)
         comm.run_on_all(lambda: fill(1))
     (found,) = comm.by_id(n, who, [position])
     if comm.size == 1:  # on several ranks, `Simulation` looks for overlaps
@@ -346,7 +346,7 @@ def _neighbors_of_strips(
     axis: int, edges: Array, owner: NDArray[np.intp], rows: dict[int, slice], position: Array,
     radius: Array,
 ) -> dict[int, tuple[Array, Array]]:  # fmt: skip
-    """Places and radii of disks of strips 0, 2, ... near the strips beside them, by these, on their owners."""
+    """Positions and radii of disks of strips 0, 2, ... near each neighbouring strip, on its owner."""
     count, reach = len(edges) - 1, 2.0 * float(radius.max(initial=0.0)) * (1.0 + 2.0 * TOLERANCE)
     comm = current()
     reach = comm.largest(reach)
@@ -355,7 +355,7 @@ def _neighbors_of_strips(
         if each % 2:
             continue
         x = position[own][:, axis]
-        # Where the box ends, the strips at its ends are no neighbours, but disks there are in nobody's way.
+        # Where the box ends, the strips at its ends are no neighbours, but disks there are in no other strip's way.
         for near, other in ((x < edges[each] + reach, each - 1), (x > edges[each + 1] - reach, each + 1)):
             strips.append(np.full(int(near.sum()), other % count))
             places.append(position[own][near])
@@ -369,9 +369,9 @@ def _neighbors_of_strips(
 
 def _fill_strip(
     free_area: FreeArea, radii: Array, rng: np.random.Generator, wanted: float, strip: tuple[int, float, float],
-    share: float, beside: tuple[Array, Array],
+    share: float, nearby: tuple[Array, Array],
 ) -> Array:  # fmt: skip
-    """Places of disks that are added in a strip (axis, from, to), with this share of the room, to those beside it.
+    """Positions of disks added to a strip (axis, from, to), with this share of the free area, given the disks near it.
 
     InputError if they do not fit; `wanted` is the packing fraction of all disks, for the message.
     """
@@ -402,10 +402,10 @@ def _fill_strip(
             if free_area.all_walls:
                 clear = free_area.gap(candidate, radii[owner]) > TOLERANCE * radii[owner]
                 owner, candidate = owner[clear], candidate[clear]
-            if len(placed) + len(beside[1]):
-                there = np.concatenate((beside[0], position[placed]))
+            if len(placed) + len(nearby[1]):
+                there = np.concatenate((nearby[0], position[placed]))
                 clear = _overlaps_none(
-                    box, candidate, radii[owner], there, np.concatenate((beside[1], radii[placed]))
+                    box, candidate, radii[owner], there, np.concatenate((nearby[1], radii[placed]))
                 )
                 owner, candidate = owner[clear], candidate[clear]
             success = _accepted(box, candidate, radii[owner], owner)

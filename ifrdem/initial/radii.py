@@ -214,7 +214,7 @@ def check(distribution: Distribution, **parameters: Positive | None) -> None:
     if low <= 0.0 and distribution == "gaussian":
         raise InputError(
             f"deviation = {given['deviation']:g}: above a third of mean = {given['mean']:g}, radii would not all "
-            "be positive: choose a smaller one, or the radius low at which the distribution is cut off"
+            "be positive: choose a smaller one, or a cut-off radius low"
         )
     if not low < high:
         raise InputError(f"low = {low:g}: must lie below high = {high:g}")
@@ -258,7 +258,7 @@ def _ends(distribution: str, given: Mapping[str, float]) -> tuple[float, float]:
 
 
 def _normal(distribution: str, given: Mapping[str, float]) -> tuple[float, float, float, float]:
-    """Mean and deviation of the normal variable behind it, and the parts of it below either end."""
+    """Mean and deviation of the underlying normal variable, and its cumulative probabilities at both ends."""
     from scipy.special import ndtr
 
     low, high = _ends(distribution, given)

@@ -1,10 +1,10 @@
-"""Walls that come so near to each other that a disk between them would be crushed: foreseen before a run.
+"""Walls that approach each other to less than a disk's diameter, found before a run.
 
-Points along one wall, a quarter of a diameter apart, are compared with the other one at sampled times. Where the gap is
-g, and the walls approach each other with at most the speed v, it cannot be below a diameter d for a time of (g - d) /
-v: so long is the next step, or d / 8v where they are near. Only places that face each other count: ends, corners, and
-points whose wall runs across the gap. Walls that meet in a corner, as a floor and a side, do not crush; neither do
-those whose gap stays what it is.
+- Gaps are those from points along one wall, a quarter of a diameter apart, to the other wall, at sampled times.
+- Steps of time: while the gap is g and the walls approach each other with at most the speed v, it stays above a
+  diameter d for a time (g - d) / v. The next step is that long, or d / 8v where the walls are near.
+- Only positions that face each other count: ends, corners, and points whose wall runs across the gap.
+- Walls that meet in a corner, such as a floor and a side, do not crush disks. Neither do walls with a constant gap.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from .box import Box
 from .walls import FULL_TURN, Wall, wall_names
 
 FACING = 0.5
-"""Cosine between a wall and the gap, up to which it lies across it."""
+"""Largest cosine between a wall and a gap across it."""
 SHARP = 0.5
-"""Angle [rad] between two sides from which on they make a corner."""
+"""Smallest angle [rad] between two sides of a corner."""
 ATTACHED = 1e-6
-"""Gap in diameters below which walls hang together."""
+"""Gap in diameters of walls that touch."""
 MOST_TIMES = 2000
-"""Times at which a pair of walls is looked at, at most."""
+"""Largest number of sampled times of a pair of walls."""
 
 
 class WallWarning(UserWarning):
-    """Two walls would crush a disk between them.
+    """Warning of two walls that crush a disk between them.
 
     Examples
     --------
@@ -70,11 +70,11 @@ def crushes(walls: Sequence[Wall], box: Box, diameter: float, begin: float, end:
 def wall_pinch_warnings(
     walls: Sequence[Wall], box: Box, radius: Array, begin: float, end: float
 ) -> list[str]:
-    """One message for each two walls that would crush the largest of the disks between them, between two times.
+    """Warnings of walls that approach each other to less than the largest diameter, between two times [time].
 
-    InputError, with both walls and the time, if two lines face each other and close in a run until a known time to less
-    than the diameter of the smallest disk: no disk can leave the room between. Other walls have ends, or a side behind
-    them, by which disks may get away.
+    InputError names both walls and the time if they are lines that face each other, their gap falls below the smallest
+    diameter, and the end of the run is known: no disk can leave the area between them. Other walls have ends, or a side
+    behind them, where disks may escape.
     """
     names, smallest, diameter = wall_names(walls, box), 2.0 * float(radius.min()), 2.0 * float(radius.max())
     texts = []
@@ -84,18 +84,17 @@ def wall_pinch_warnings(
             f"{names[found.one]} and {names[found.other]}",
             f"t = {found.time:.4g}, less than the diameter",
         )
-        facing = (
-            one.shape == other.shape == "line" and float(np.dot(one.towards, other.towards)) < -1.0 + 1e-9
-        )
+        endless = one.geometry.is_endless and other.geometry.is_endless
+        facing = endless and float(np.dot(one.towards, other.towards)) < -1.0 + 1e-9
         gated = one.opens_after is not None or other.opens_after is not None
         if facing and not gated and math.isfinite(end) and found.gap < smallest:
             raise InputError(
-                f"{both} close to {found.gap:.3g} at {when} {smallest:.3g} of the smallest disk, and all disks are "
-                "between them: end the run before, or let the wall stop (moves_until) or open"
+                f"{both} approach each other to {found.gap:.3g} at {when} {smallest:.3g} of the smallest disk, and all "
+                "disks are between them: end the run before, or let a wall stop (moves_until) or open"
             )
         texts.append(
-            f"{both} come within {found.gap:.3g} of each other at {when} {diameter:.3g}: a disk between them would be "
-            "crushed"
+            f"{both} approach each other to {found.gap:.3g} at {when} {diameter:.3g}: a disk between them is crushed; "
+            "end the run before, or let a wall stop (moves_until) or open"
         )
     return texts
 
@@ -108,10 +107,11 @@ def _relative_speed(one: Wall, other: Wall) -> float:
 def _always_apart(one: Wall, other: Wall, diameter: float) -> bool:
     """True if the rectangles that they sweep, or a line and the other's, are further apart than a diameter."""
     reach = one.motion.extent + other.motion.extent + diameter
-    if not math.isfinite(reach) or (one.shape == "line" and other.shape == "line"):
+    endless = [wall.geometry.is_endless for wall in (one, other)]
+    if not math.isfinite(reach) or all(endless):
         return False
-    if "line" in (one.shape, other.shape):
-        line, thing = (one, other) if one.shape == "line" else (other, one)
+    if any(endless):
+        line, thing = (one, other) if endless[0] else (other, one)
         corners = np.array(list(itertools.product(*np.transpose(thing.bounds()))))
         return bool(np.all(line.normal(corners)[1] > reach + line.motion.extent))
     (low, high), (low_1, high_1) = one.bounds(), other.bounds()
@@ -148,13 +148,8 @@ class _Samples:
 
     @classmethod
     def of(cls, wall: Wall, box: Box, diameter: float) -> _Samples:
-        if wall.shape == "line":
-            size = 2.0 * math.hypot(*box.lengths)
-            across = np.array((wall.towards[1], -wall.towards[0]))
-            foot = np.array(wall.place) + ((0.5 * np.array(box.lengths) - wall.place) @ across) * across
-            corners = np.array((foot - size * across, foot + size * across))
-        else:
-            corners = wall.drawn()
+        shape = wall.geometry
+        corners = shape.path(box.lengths)
         step = np.diff(corners, axis=0)
         length = np.hypot(*step.T)
         kept = length > 0.0
@@ -168,16 +163,14 @@ class _Samples:
         points = np.concatenate((corners[:-1][side] + within[:, None] * step[side], corners[-1:]))
         turn = np.arccos(np.clip(np.sum(along[1:] * along[:-1], axis=1), -1.0, 1.0))
         bent = np.concatenate(([True], turn > SHARP, [True]))
-        if wall.shape in ("container", "post", "line"):
+        if shape.is_circle or shape.is_endless:
             bent[[0, -1]] = False
         sharp = np.concatenate(((within == 0.0) & bent[:-1][side], bent[-1:]))
-        # Along a line disks are on the left; circles run counter-clockwise.
-        of_disks = {"line": 1.0, "container": 1.0, "post": -1.0}.get(wall.shape, 0.0)
         along = along[np.concatenate((side, side[-1:]))]
-        if wall.shape == "line":
+        if shape.is_endless:
             inside = np.all((points >= 0.0) & (points <= box.lengths), axis=1)
             points, along, sharp = points[inside], along[inside], sharp[inside]
-        return cls(wall, points, along, sharp, of_disks)
+        return cls(wall, points, along, sharp, shape.side)
 
     def gap(self, other: Wall, t: float, diameter: float) -> float:
         """The smallest gap to another wall at a time [length], between places that face each other."""

@@ -20,8 +20,9 @@ import numpy as np
 
 from ..mpi import SERIAL
 from ..tools.checked import Array
+from .boundaries import Boundary, CircleBoundary, LineBoundary, meetings
 from .box import Box
-from .walls import Point, Wall, sides
+from .walls import Wall, sides
 
 ROUNDING = 1e-9
 """Distance of two boundaries, as a part of the box, at which they are one and the same."""
@@ -31,110 +32,7 @@ SCANS = 1000
 
 # Where a piece is tested; its middle may be where another boundary touches it.
 _ALONG = np.array([0.37, 0.61])
-_QUARTER = 0.5 * math.pi
-
-
-@dataclass(frozen=True)
-class _Line:
-    """A straight boundary through `place`; `normal` is its unit normal into the free area."""
-
-    place: Point
-    normal: Point
-
-    def inward(self, points: Array) -> Array:
-        """Distances from points, shape (n, 2), to the boundary, positive inside."""
-        return (points - self.place) @ np.array(self.normal)
-
-    def at(self, s: Array) -> Array:
-        """Points at the lengths s from `place`, walking with the free area on the left."""
-        direction = np.array((self.normal[1], -self.normal[0]))
-        return np.array(self.place) + s[:, None] * direction
-
-    def ends(self, far: float) -> tuple[float, float]:
-        """Largest and smallest s."""
-        return -far, far
-
-    def green(self, s: float, s_1: float) -> float:
-        """Half the integral of x dy - y dx from s to s_1."""
-        (x, y), (x_1, y_1) = self.at(np.array((s, s_1)))
-        return 0.5 * float(x * y_1 - x_1 * y)
-
-    def length(self, s: float, s_1: float) -> float:
-        """Length of the piece from s to s_1."""
-        return s_1 - s
-
-    def extremes(self, s: float, s_1: float) -> list[float]:
-        """Places along the piece where x or y can be largest or smallest."""
-        return [s, s_1]
-
-
-@dataclass(frozen=True)
-class _Circle:
-    """A round boundary: the free area is inside of it (a container), or outside (a post)."""
-
-    place: Point
-    radius: float
-    inside: bool
-
-    def inward(self, points: Array) -> Array:
-        """As for a line."""
-        r = np.hypot(*(points - self.place).T)
-        return self.radius - r if self.inside else r - self.radius
-
-    def at(self, s: Array) -> Array:
-        """Points at the angles s."""
-        return np.array(self.place) + self.radius * np.column_stack((np.cos(s), np.sin(s)))
-
-    def ends(self, far: float) -> tuple[float, float]:
-        """Range of s: all angles, from where no other boundary has a special point."""
-        return 0.1, 0.1 + 2.0 * math.pi
-
-    def green(self, s: float, s_1: float) -> float:
-        """As for a line; around a post the free area is on the left clockwise."""
-        (x, y), r = self.place, self.radius
-        turn = x * (math.sin(s_1) - math.sin(s)) - y * (math.cos(s_1) - math.cos(s))
-        return (0.5 if self.inside else -0.5) * r * (r * (s_1 - s) + turn)
-
-    def length(self, s: float, s_1: float) -> float:
-        """As for a line."""
-        return self.radius * (s_1 - s)
-
-    def extremes(self, s: float, s_1: float) -> list[float]:
-        """As for a line."""
-        quarters = np.arange(math.ceil(s / _QUARTER), math.floor(s_1 / _QUARTER) + 1) * _QUARTER
-        return [s, s_1, *quarters]
-
-
-_Boundary = _Line | _Circle
-_Piece = tuple[_Boundary, float, float]
-
-
-def _meetings(one: _Boundary, other: _Boundary) -> list[float]:
-    """Lengths or angles along `one` at which it meets `other`."""
-    if isinstance(one, _Line):
-        x, y = (float(value) for value in np.subtract(one.place, other.place))
-        ux, uy = one.normal[1], -one.normal[0]
-        if isinstance(other, _Line):
-            across = ux * other.normal[0] + uy * other.normal[1]
-            return [-(x * other.normal[0] + y * other.normal[1]) / across] if abs(across) > 1e-12 else []
-        middle = -(x * ux + y * uy)
-        square = other.radius**2 - (x * one.normal[0] + y * one.normal[1]) ** 2
-        return [middle - math.sqrt(square), middle + math.sqrt(square)] if square > 0.0 else []
-    if isinstance(other, _Line):
-        points = other.at(np.array(_meetings(other, one)))
-    else:
-        dx, dy = (float(value) for value in np.subtract(other.place, one.place))
-        d = math.hypot(dx, dy)
-        if d == 0.0 or not abs(one.radius - other.radius) < d < one.radius + other.radius:
-            return []
-        along = (d * d + one.radius**2 - other.radius**2) / (2.0 * d)
-        across = math.sqrt(max(0.0, one.radius**2 - along**2))
-        foot = np.array(one.place) + along / d * np.array((dx, dy))
-        step = across / d * np.array((-dy, dx))
-        points = np.array((foot - step, foot + step))
-    low, _ = one.ends(0.0)
-    angles = (math.atan2(y - one.place[1], x - one.place[0]) for x, y in points)
-    return [float((angle - low) % (2.0 * math.pi) + low) for angle in angles]
+_Piece = tuple[Boundary, float, float]
 
 
 @dataclass(frozen=True)
@@ -193,11 +91,11 @@ class FreeArea:
         boundaries = self._boundaries(inset)
         fixed = {self._side(axis, end) for axis in (0, 1) if self.box.periodic[axis] for end in (0, 1)}
         walls = sum(piece.length(s, s_1) for piece, s, s_1 in self._pieces(boundaries) if piece not in fixed)
-        thin = (wall for wall in self.walls if wall.shape in ("segment", "arc", "polyline", "polygon"))
-        for each in thin:
-            both = 2.0 if each.holds == "both" else 1.0
-            walls += both * float(np.hypot(*np.diff(each.outline(self.time), axis=0).T).sum())
-            walls += 2.0 * math.pi * inset if each.shape != "polygon" else 0.0
+        for wall in self.walls:
+            shape = wall.geometry
+            if shape.faces:
+                walls += shape.faces * float(np.hypot(*np.diff(wall.outline(self.time), axis=0).T).sum())
+                walls += 2.0 * math.pi * inset if shape.has_ends else 0.0
         return walls
 
     def bounds(self) -> tuple[Array, Array]:
@@ -224,25 +122,23 @@ class FreeArea:
         margin = np.where(whole, 0.0, radius[:, None])
         return low + margin, high - margin
 
-    def _side(self, axis: int, end: int) -> _Line:
+    def _side(self, axis: int, end: int) -> LineBoundary:
         normal = np.eye(2)[axis] * (1.0 - 2.0 * end)
         return _line(np.array(self.box.lengths) * end * np.eye(2)[axis], normal)
 
-    def _boundaries(self, inset: float) -> list[_Boundary]:
+    def _boundaries(self, inset: float) -> list[Boundary]:
         """The boundary of the free area is made of parts of these; walls first."""
-        found: list[_Boundary] = []
+        found: list[Boundary] = []
         for wall in self.all_walls:
             place = wall.carried(np.array([wall.place]), self.time)[0]
-            if wall.shape == "line":
-                found.append(_line(place + inset * np.array(wall.towards), np.array(wall.towards)))
-            elif wall.shape in ("container", "post"):
-                inside = wall.shape == "container"
-                r = wall.radius - inset if inside else wall.radius + inset
-                found.append(_Circle((float(place[0]), float(place[1])), r, inside))
+            if (boundary := wall.geometry.boundary(place, inset)) is not None:
+                found.append(boundary)
         return found + [self._side(axis, end) for axis in (0, 1) if self.box.periodic[axis] for end in (0, 1)]
 
-    def _area(self, boundaries: Sequence[_Boundary]) -> float:
-        if any(isinstance(each, _Circle) and each.inside and each.radius <= 0.0 for each in boundaries):
+    def _area(self, boundaries: Sequence[Boundary]) -> float:
+        if any(
+            isinstance(each, CircleBoundary) and each.inside and each.radius <= 0.0 for each in boundaries
+        ):
             return 0.0
         if self._polygons:
             return self._scanned(boundaries)
@@ -250,11 +146,11 @@ class FreeArea:
 
     @property
     def _polygons(self) -> list[tuple[Array, bool]]:
-        """Corners of polygons of which one side holds the disks, closed; and if that is the inside."""
-        held = (wall for wall in self.walls if wall.shape == "polygon" and wall.holds != "both")
-        return [(wall.outline(self.time), wall.holds == "inside") for wall in held]
+        """Corners of closed outlines of which one side holds the disks, and if that is the inside."""
+        held = ((wall, wall.geometry.enclosed) for wall in self.walls)
+        return [(wall.outline(self.time), side == "inside") for wall, side in held if side is not None]
 
-    def _scanned(self, boundaries: Sequence[_Boundary]) -> float:
+    def _scanned(self, boundaries: Sequence[Boundary]) -> float:
         """Area by its width along lines: between the places where boundaries cross one, all of it is free or none."""
         width, height = self.box.lengths
         area = 0.0
@@ -264,7 +160,7 @@ class FreeArea:
         edges = np.unique(np.concatenate([np.linspace(0.0, height, SCANS + 1), corners_y]))
         for y, step in zip(0.5 * (edges[1:] + edges[:-1]), np.diff(edges), strict=True):
             across = _line(np.array((0.0, y)), np.array((0.0, 1.0)))
-            met = [across.at(np.array([s]))[0, 0] for other in boundaries for s in _meetings(across, other)]
+            met = [across.at(np.array([s]))[0, 0] for other in boundaries for s in meetings(across, other)]
             cuts = []
             for corners, _ in polygons:
                 y_0, y_1 = corners[:-1, 1], corners[1:, 1]
@@ -282,16 +178,16 @@ class FreeArea:
             area += step * float(np.diff(x)[inside].sum())
         return area
 
-    def _pieces(self, boundaries: Sequence[_Boundary]) -> Iterator[_Piece]:
+    def _pieces(self, boundaries: Sequence[Boundary]) -> Iterator[_Piece]:
         """Those parts of the boundaries that bound the free area, each with where it begins and ends."""
         size = max(self.box.lengths)
         same = ROUNDING * size
         for i, one in enumerate(boundaries):
-            if isinstance(one, _Circle) and one.radius <= 0.0:
+            if isinstance(one, CircleBoundary) and one.radius <= 0.0:
                 continue
             far = 4.0 * size + 2.0 * float(np.max(np.abs(one.place)))
             low, high = one.ends(far)
-            met = [s for j, other in enumerate(boundaries) if j != i for s in _meetings(one, other)]
+            met = [s for j, other in enumerate(boundaries) if j != i for s in meetings(one, other)]
             ends = sorted({low, high, *(s for s in met if low < s < high)})
             for s, s_1 in itertools.pairwise(ends):
                 tested = one.at(s + _ALONG * (s_1 - s))
@@ -301,5 +197,5 @@ class FreeArea:
                     yield one, s, s_1
 
 
-def _line(point: Array, normal: Array) -> _Line:
-    return _Line((float(point[0]), float(point[1])), (float(normal[0]), float(normal[1])))
+def _line(point: Array, normal: Array) -> LineBoundary:
+    return LineBoundary((float(point[0]), float(point[1])), (float(normal[0]), float(normal[1])))

@@ -233,19 +233,19 @@ class State(Brief, Sealed, Pictured):
         Collisions that each disk has had, those with walls, and how often it has left the box through each side, of
         which `Box.unwrap` makes paths. Thermal walls count their hits to draw random numbers.
     latest_collision : array (n,)
-        When each disk last collided with a disk or wall [time], -inf if never. Only runs with the tc rule (`Collapse`)
+        When each disk last collided with a disk or wall [time], -inf if never. Only runs with a `ContactTime`
         keep it up to date.
     last_partner : array (n,) of int32
         Whom each disk hit last: an id, -1 if nobody yet, -2 - w for wall w. Only runs that are asked to
-        (`Simulation(partners=True)`) keep it up to date.
+        (`record=["partner"]`) keep it up to date.
     angle : array (n,)
         How far each disk has turned since the start, counter-clockwise, full turns included [rad]. Only runs that are
-        asked to (`Simulation(angles=True)`) keep it up to date.
+        asked to (`record=["angle"]`) keep it up to date.
     dissipated : array (n, 7)
         Energy that each disk's collisions have taken, by mechanism (`observables.MECHANISMS`), half of what one took
-        for either disk [energy]. Only runs that are asked to (`Simulation(dissipated=True)`) keep it up to date.
+        for either disk [energy]. Only runs that are asked to (`record=["disk_energy"]`) keep it up to date.
     asleep : array (n,) of int32
-        1 for disks that sleep where they are at rest, else 0 (`Simulation(collapse="rest")`).
+        1 for disks that sleep where they are at rest, else 0 (`collapse=Rest(speed)`).
     flow : array (n, 2) or None
         Velocity of the mean flow at each disk [length/time]; None where there is none. A simulation in a sheared box
         sets it, and `observables.measure` needs it; to start one, it is not needed.

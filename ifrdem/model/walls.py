@@ -1,51 +1,42 @@
 """Walls: lines, circles, arcs, polylines and polygons, at rest, moving, turning, or with a moving surface.
 
-A wall is a disk of infinite mass to the collision law, with a material of its own. `kernels/walls.py` finds when disks
+A wall is a disk of infinite mass to the collision law, with a material of its own. `kernels/walls` finds when disks
 meet it, or one of the pieces that an arc, a polyline or a polygon has.
 """
 
 from __future__ import annotations
 
-import itertools
 import json
 import math
 import os
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Annotated, Any, Literal, TypedDict, Unpack
+from typing import Annotated, Literal, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError, nearest
-from ..kernels.columns import MOST_WALLS, WALL, named
+from ..kernels.columns import MOST_WALLS, WALL, Named, named
+from ..kernels.layout import FAR
+from ..kernels.walls.kinds import FREE, MOTIONS, PIECES, TURNS
 from ..mpi import current
 from ..tools.checked import Array, Integer, Number, Numbers, validated
 from . import outlines
 from .box import Box
 from .outlines import MOST
+from .shapes import FULL_TURN, SHAPES, Pieces, Shape
 
 Length = Annotated[float, Number(-MOST, MOST, f"a finite number, at most {MOST:g} in size")]
 Size = Annotated[float, Number(0.0, MOST, f"a number from 0 to {MOST:g}")]
 Positive = Annotated[float, Number(1e-300, MOST, f"a positive number, at most {MOST:g}")]
 Point = tuple[Length, Length]
-PIECES = ("line", "segment", "container", "post", "arc inside", "arc outside")
-"""Pieces of walls, in the order of `kernels/walls.py`."""
-SHAPES = ("line", "segment", "container", "post", "arc", "polyline", "polygon")
-MOTIONS = ("still", "steady", "sine", "sawtooth")
-FREE = len(MOTIONS)
-"""Motion of a piston, in `kernels/walls.py`."""
-TURNS = ("still", "steady", "sine")
-HOLDS = ("both", "inside", "outside")
 SUMS = ("momentum_x", "momentum_y", "torque", "work", "heat", "hits")
 """Columns of `Simulation.wall_sums`."""
 PISTONS = ("displacement", "velocity", "energy", "force")
 """Columns of `Simulation.pistons`."""
 OF_PISTONS = "piston_"
 """Prefix of their names in frames and rows of the time series."""
-FULL_TURN = 2.0 * math.pi
-AT_ONCE = 2_000_000
-"""Pairs of a point and a piece of a wall that are looked at together at most."""
 
 
 @validated
@@ -324,29 +315,11 @@ class Wall:
     """A mass with which a line, or a segment across the whole box, moves freely along its normal."""
 
     def __post_init__(self) -> None:
-        set_, name = object.__setattr__, f"{self.shape} wall"
-        if self.shape in ("line", "segment") and math.hypot(*self.towards) == 0.0:
-            line = self.shape == "line"
-            wrong = "towards = (0, 0): the normal must not be 0" if line else "start and end must differ"
-            raise InputError(f"{name}, {wrong}")
-        if self.shape == "line":
-            length = math.hypot(*self.towards)
-            set_(self, "towards", (self.towards[0] / length, self.towards[1] / length))
-        if self.shape in ("container", "arc") and self.radius == 0.0:
-            raise InputError(f"{name}, radius = 0: must be above 0")
-        begin, end = self.angles
-        if self.shape == "arc" and not 0.0 < end - begin <= FULL_TURN * (1.0 + 1e-15):
-            raise InputError(
-                f"{name}, angles = ({begin:.6g}, {end:.6g}): the second must be above the first, by a full turn (2 pi) "
-                "at most; an arc without length is a post of radius 0"
-            )
-        if self.shape in ("polyline", "polygon"):
-            set_(self, "points", outlines.checked_points(name, self.points, closed=self.shape == "polygon"))
-            set_(self, "place", self.points[0])
-        elif self.points:
-            raise InputError(f"{name}, points: only a polyline or polygon has them")
-        set_(self, "points", tuple(self.points))
-        if self.turn.kind != "still" and self.shape == "line":
+        name = f"{self.shape} wall"
+        object.__setattr__(self, "points", tuple(self.points))
+        for field, value in SHAPES[self.shape].checked(name, self).items():
+            object.__setattr__(self, field, value)
+        if self.turn.kind != "still" and not self.geometry.can_turn:
             raise InputError(f"{name}, turn: a line has no end, so it cannot turn; use a segment")
         begin, end = self.moving_times
         if not begin < end:
@@ -355,7 +328,7 @@ class Wall:
             self._check_piston(name)
 
     def _check_piston(self, name: str) -> None:
-        if self.shape not in ("line", "segment"):
+        if not self.geometry.can_be_piston:
             raise InputError(
                 f"{name}, piston: only a line or a segment can be one, which disks hit along the way that it moves"
             )
@@ -381,7 +354,12 @@ class Wall:
         """Unit vector along which a piston moves: a line's normal, or to the left of a segment."""
         x, y = self.towards
         length = math.hypot(x, y)
-        return (x, y) if self.shape == "line" else (-y / length, x / length)
+        return (x, y) if self.geometry.is_endless else (-y / length, x / length)
+
+    @property
+    def geometry(self) -> Shape:
+        """What depends on the shape, before the wall moves."""
+        return SHAPES[self.shape](self)
 
     @classmethod
     @validated
@@ -454,65 +432,58 @@ class Wall:
         given = outlines.given("polygon wall", points, scale, closed=True)
         return cls("polygon", (0.0, 0.0), points=given, holds=holds, **options)  # type: ignore[arg-type]
 
-    @property
-    def corners(self) -> Array:
-        """Ends of a segment, points of a polyline, of a polygon the first one again at the end; shape (points, 2)."""
-        if self.shape == "segment":
-            return np.array((self.place, np.add(self.place, self.towards)))
-        closed = self.points[:1] if self.shape == "polygon" else ()
-        return np.array((*self.points, *closed), dtype=np.float64).reshape(-1, 2)
-
-    def _on_circle(self, angle: Any) -> Array:
-        return np.array(self.place) + self.radius * np.column_stack((np.cos(angle), np.sin(angle)))
-
-    @property
-    def arc_ends(self) -> Array:
-        """Ends of an arc [length], shape (2, 2); none of a whole circle."""
-        begin, end = self.angles
-        if end - begin >= FULL_TURN * (1.0 - 1e-15):
-            return np.empty((0, 2))
-        return self._on_circle(np.array(self.angles))
-
     def rows(self) -> Array:
-        """The pieces of the wall as rows of `kernels/walls.py`, shape (pieces, columns of `columns.WALL`)."""
-        motion, turn = self.motion, self.turn
-        amplitude = motion.speed if motion.kind == "steady" else motion.amplitude
-        rate, phase = motion.frequency, motion.phase / FULL_TURN
+        """The pieces of the wall as rows of `columns.WALL`, shape (pieces, columns)."""
+        pieces = self.geometry.pieces()
+        array = np.zeros((sum(len(each.place) for each in pieces), WALL.width))
+        first = 0
+        for each in pieces:
+            self._write_pieces(named(array[first : first + len(each.place)], "walls"), each)
+            first += len(each.place)
+        rows = named(array, "walls")
+        rows.material, rows.surface_speed = self.material, self.surface_speed
+        rows.temperature, rows.heat = self.temperature or 0.0, -1.0
+        rows.moving.begin, rows.moving.end = np.clip(self.moving_times, -FAR, FAR)
+        rows.moving.now = 1.0
+        self._write_motion(rows.motion)
+        self._write_turn(rows.turn)
+        self._write_piston(rows)
+        return array
+
+    def _write_pieces(self, rows: Named, pieces: Pieces) -> None:
+        rows.kind, rows.radius, rows.half = PIECES.index(pieces.kind), pieces.radius, pieces.half
+        rows.x, rows.y = pieces.place.T
+        rows.towards_x, rows.towards_y = pieces.towards.T
+        lever = np.hypot(*(pieces.place - self.turn.center).T)
+        if pieces.kind == "segment":
+            lever = np.maximum(lever, np.hypot(*(pieces.place + pieces.towards - self.turn.center).T))
+        rows.turn.lever = lever + pieces.radius
+
+    def _write_motion(self, row: Named) -> None:
+        motion = self.motion
+        row.kind, (row.x, row.y), row.rise = MOTIONS.index(motion.kind), motion.direction, motion.rise
+        row.amplitude = motion.speed if motion.kind == "steady" else motion.amplitude
+        row.rate, row.phase = motion.frequency, motion.phase / FULL_TURN
         if motion.kind == "sine":
-            rate, phase = FULL_TURN * rate, motion.phase
-        turns = turn.kind == "steady"
-        begin, end = self.moving_times
+            row.rate, row.phase = FULL_TURN * motion.frequency, motion.phase
 
-        def row(kind: str, place: Any, towards: Any, circle: float = 0.0, half: float = 0.0) -> list[float]:
-            ends = np.array((place, np.add(place, towards))) if kind == "segment" else np.array((place,))
-            lever = float(np.hypot(*(ends - turn.center).T).max()) + circle
-            return [
-                PIECES.index(kind), *place, *towards, circle,
-                MOTIONS.index(motion.kind), *motion.direction, amplitude, rate, phase, motion.rise,
-                self.surface_speed, self.material, 0.0, self.temperature or 0.0, -1.0,
-                0.0, half, TURNS.index(turn.kind), *turn.center, turn.rate if turns else turn.amplitude,
-                FULL_TURN * turn.frequency, 0.0 if turns else turn.phase, 0.0, lever,
-                max(begin, -1e30), min(end, 1e30), 1.0, 0.0, 0.0, -1e30, 1e30, -1.0, -1.0, 1e30,
-            ]  # fmt: skip
+    def _write_turn(self, row: Named) -> None:
+        turn = self.turn
+        row.kind, (row.x, row.y), row.rate = TURNS.index(turn.kind), turn.center, FULL_TURN * turn.frequency
+        row.amplitude, row.phase = (turn.rate, 0.0) if turn.kind == "steady" else (turn.amplitude, turn.phase)
 
-        if self.shape == "arc":
-            begin_angle, end_angle = self.angles
-            middle, half = 0.5 * (begin_angle + end_angle), 0.5 * (end_angle - begin_angle)
-            out = (math.cos(middle), math.sin(middle))
-            found = [row(kind, self.place, out, self.radius, half) for kind in ("arc inside", "arc outside")]
-            found += [row("post", end, (0.0, 0.0)) for end in self.arc_ends]
-        elif self.points:
-            found = [row("segment", a, b - a) for a, b in itertools.pairwise(self.corners)]
-        else:
-            found = [row(self.shape, self.place, self.towards, self.radius)]
-        rows = np.array(found, dtype=np.float64)
+    def _write_piston(self, row: Named) -> None:
+        row.piston.next = row.piston.sums = -1.0
+        row.piston.low, row.piston.high, row.piston.stop_at = -FAR, FAR, FAR
         if (piston := self.piston) is not None:
-            wall, (low, high) = named(rows[0], "walls"), piston.stops
-            wall.motion, (wall.ux, wall.uy) = FREE, self.normal_of_piston
-            wall.now, wall.speed, wall.since = piston.displacement, piston.velocity, 0.0
-            wall.push, wall.rate = piston.force / piston.mass, math.sqrt(piston.spring / piston.mass)
-            wall.inverse_mass, wall.low, wall.high = 1.0 / piston.mass, max(low, -1e30), min(high, 1e30)
-        return rows
+            row.motion.kind, (row.motion.x, row.motion.y) = FREE, self.normal_of_piston
+            row.piston.displacement, row.piston.speed = piston.displacement, piston.velocity
+            row.piston.push, row.piston.rate = (
+                piston.force / piston.mass,
+                math.sqrt(piston.spring / piston.mass),
+            )
+            row.piston.inverse_mass = 1.0 / piston.mass
+            row.piston.low, row.piston.high = np.clip(piston.stops, -FAR, FAR)
 
     # ------------------------------------------------------------------ where it is
 
@@ -564,26 +535,12 @@ class Wall:
 
         Empty for a line.
         """
-        return self.carried(self.drawn(step), t)
-
-    def drawn(self, step: float = 0.05) -> Array:
-        """The same of the wall as it is given, before it moves."""
-        if self.shape not in ("container", "post", "arc"):
-            return self.corners
-        begin, end = self.angles if self.shape == "arc" else (0.0, FULL_TURN)
-        return self._on_circle(np.linspace(begin, end, 2 + int((end - begin) / step)))
+        return self.carried(self.geometry.outline(step), t)
 
     def bounds(self) -> tuple[Array, Array]:
         """Lowest and highest x and y [length] of the wall as it turns, but for its displacement, shape (2,)."""
-        if self.shape == "arc":
-            first, last = (each / _QUARTER for each in self.angles)
-            quarters = np.arange(math.ceil(first), math.floor(last) + 1) * _QUARTER
-            found = np.concatenate((self.arc_ends, self._on_circle(quarters)))
-        elif self.shape in ("container", "post", "line"):
-            found = np.array((np.subtract(self.place, self.radius), np.add(self.place, self.radius)))
-        else:
-            found = self.corners
         if self.turn.kind == "still":
+            found = self.geometry.extremes()
             return found.min(axis=0), found.max(axis=0)
         lever = self.lever
         return np.subtract(self.turn.center, lever), np.add(self.turn.center, lever)
@@ -591,11 +548,7 @@ class Wall:
     @property
     def lever(self) -> float:
         """Distance of its farthest point from the centre of its turn [length]."""
-        if self.shape == "line":
-            return 0.0
-        if self.shape in ("container", "post"):
-            return self.radius + math.hypot(*np.subtract(self.place, self.turn.center))
-        return float(np.hypot(*(self.drawn() - self.turn.center).T).max())
+        return self.geometry.lever(self.turn.center)
 
     def gap(self, position: Array, radius: Array, t: float = 0.0) -> Array:
         """Distance between wall and disks [length] at time t, shape (n,); negative where they overlap."""
@@ -610,70 +563,11 @@ class Wall:
         step, angle = self.moved(t)
         position = position - step
         if self.turn.kind == "still":
-            return self._normal(position)
-        away, distance = self._normal(_rotated(position - self.turn.center, -angle) + self.turn.center)
+            return self.geometry.nearest(position)
+        away, distance = self.geometry.nearest(
+            _rotated(position - self.turn.center, -angle) + self.turn.center
+        )
         return _rotated(away, angle), distance
-
-    def _normal(self, position: Array) -> tuple[Array, Array]:
-        """The same before it moved."""
-        d = position - self.place
-        towards = np.array(self.towards)
-        if self.shape == "line":
-            return np.broadcast_to(towards, d.shape), d @ towards
-        if self.points:
-            return self._normal_of_points(position)
-        if self.shape == "segment":
-            along = np.clip(d @ towards / (towards @ towards), 0.0, 1.0)
-            d = d - along[:, None] * towards
-        r = np.hypot(d[:, 0], d[:, 1])
-        away = _unit(d, r)
-        if self.shape == "container":
-            return -away, self.radius - r
-        distance = r - self.radius
-        if self.shape == "arc":
-            away, distance = away * np.where(distance < 0.0, -1.0, 1.0)[:, None], np.abs(distance)
-            middle, half = 0.5 * (self.angles[0] + self.angles[1]), 0.5 * (self.angles[1] - self.angles[0])
-            beside = np.abs((np.arctan2(d[:, 1], d[:, 0]) - middle + math.pi) % FULL_TURN - math.pi) > half
-            if beside.any() and len(self.arc_ends):
-                to_ends = position[beside, None] - self.arc_ends
-                far = np.hypot(to_ends[..., 0], to_ends[..., 1])
-                which = np.argmin(far, axis=1)
-                rows = np.arange(len(which))
-                distance[beside] = far[rows, which]
-                away[beside] = _unit(to_ends[rows, which], distance[beside])
-        return away, distance
-
-    def _normal_of_points(self, position: Array) -> tuple[Array, Array]:
-        corners = self.corners
-        a, q = corners[:-1], np.diff(corners, axis=0)
-        n, square = len(position), np.sum(q * q, axis=1)
-        away, distance, crossed = np.zeros((n, 2)), np.full(n, np.inf), np.zeros(n, dtype=np.int64)
-        part = max(1, AT_ONCE // max(n, 1))
-        for first in range(0, len(q), part):
-            some = slice(first, first + part)
-            d = position[:, None] - a[some]
-            along = np.clip(np.einsum("nkx,kx->nk", d, q[some]) / square[some], 0.0, 1.0)
-            left = d - along[..., None] * q[some]
-            r = np.hypot(left[..., 0], left[..., 1])
-            nearest_one = np.argmin(r, axis=1)
-            rows = np.arange(n)
-            least = r[rows, nearest_one]
-            better = least < distance
-            distance[better] = least[better]
-            away[better] = left[rows, nearest_one][better]
-            if self.shape == "polygon" and self.holds != "both":
-                # Sides that a ray along +x crosses, each with its lower end.
-                y_0, y_1 = d[..., 1], d[..., 1] - q[some][:, 1]
-                straddles = (y_0 >= 0.0) != (y_1 >= 0.0)
-                with np.errstate(divide="ignore", invalid="ignore"):
-                    beyond = d[..., 0] < q[some][:, 0] * y_0 / q[some][:, 1]
-                crossed += np.count_nonzero(straddles & beyond, axis=1)
-        away = _unit(away, distance)
-        if self.shape == "polygon" and self.holds != "both":
-            wrong = (crossed % 2 == 1) != (self.holds == "inside")
-            sign = np.where(wrong, -1.0, 1.0)
-            return away * sign[:, None], distance * sign
-        return away, distance
 
     @property
     def most_speed(self) -> float:
@@ -685,10 +579,7 @@ class Wall:
     def presses(self) -> bool:
         """True if disks may be pressed against it without gravity: it is curved about them, or accelerates."""
         accelerates = self.motion.kind == "sine" or self.turn.kind != "still" or self.piston is not None
-        return accelerates or self.shape in ("container", "arc")
-
-
-_QUARTER = 0.5 * math.pi
+        return accelerates or self.geometry.presses
 
 
 def _rotated(vectors: Array, angle: float) -> Array:
@@ -696,12 +587,6 @@ def _rotated(vectors: Array, angle: float) -> Array:
     c, s = math.cos(angle), math.sin(angle)
     x, y = vectors.T
     return np.column_stack((c * x - s * y, s * x + c * y))
-
-
-def _unit(vectors: Array, length: Array) -> Array:
-    """Unit vectors along vectors, shape (n, 2), of these lengths, shape (n,); along x where the length is 0."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(length[:, None] > 0.0, vectors / length[:, None], (1.0, 0.0))
 
 
 @validated
@@ -771,8 +656,7 @@ class WallSums:
 
 
 def rows_of(walls: Sequence[Wall]) -> Array:
-    """The pieces of walls as rows of `kernels/walls.py`, shape (pieces, columns of
-    `columns.WALL`); each has its wall's number."""
+    """The pieces of walls as rows of `columns.WALL`, shape (pieces, columns); each has its wall's number."""
     found = [wall.rows() for wall in walls]
     for number, rows in enumerate(found):
         named(rows, "walls").owner = number
@@ -844,9 +728,7 @@ def smooth_materials(e_t: ArrayLike, mu: ArrayLike, of_disks: Iterable[int]) -> 
 
 def pieces(walls: Sequence[Wall]) -> int:
     """Number of pieces of walls."""
-    return sum(
-        2 + len(wall.arc_ends) if wall.shape == "arc" else max(len(wall.corners) - 1, 1) for wall in walls
-    )
+    return sum(len(group.place) for wall in walls for group in wall.geometry.pieces())
 
 
 def wall_names(walls: Sequence[Wall], box: Box) -> tuple[str, ...]:
@@ -878,7 +760,7 @@ def check_place(wall: Wall, box: Box) -> None:
     for axis, side in enumerate(box.lengths):
         if not box.periodic[axis]:
             continue
-        if wall.shape == "line":
+        if wall.geometry.is_endless:
             if wall.towards[axis] != 0.0:
                 raise InputError(
                     f"a line across a periodic direction of the box ({'xy'[axis]}); make that direction not periodic"

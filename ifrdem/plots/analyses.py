@@ -1,4 +1,4 @@
-"""Panels of what analyses find: distributions, g(r), S(k), displacements, fields, clusters, angles of impact."""
+"""Panels of analysis results: distributions, g(r), S(k), displacements, fields, clusters, angles of impact."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ POINTS: dict[str, Any] = {"fmt": "o", "lw": 0.8, "mfc": "none", "color": TRANSLA
 
 
 def velocity(left: Axes, right: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> None:
-    """Distributions of velocity components and spins, logarithmic, beside Gaussians and their Sonine expansion."""
+    """Distributions of velocity components and spins, logarithmic, with Gaussians and their Sonine expansion."""
     x = np.linspace(-5.0, 5.0, 400)
     lowest = highest = float(analysis.gaussian(x).max())
     for i, (name, found) in enumerate(outcome.result.items()):
@@ -149,8 +149,8 @@ def msd(axes: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> None:
         used = (t >= fit.lags[0]) & (t <= fit.lags[1])
         line = value[used].mean() + 2.0 * found.components * fit.D * (t - t[used].mean())
         text = f"line, $D$ = {fit.D:.3g} $\\pm$ {fit.error:.1g} {unit_of(trajectory, 'length^2/time') or ''}".rstrip()
-        if outcome.doubts:  # no single D
-            text = "straight line (the gas is not steady: no $D$)"
+        if outcome.warnings:  # no single D
+            text = "straight line (the gas is not stationary: no $D$)"
         elif abs(fit.exponent - 1.0) > 0.2:
             text += f"\n(no diffusion: exponent {fit.exponent:.2f})"
         axes.plot(t[used], line[used], "-", color=ROTATION, lw=2.0, zorder=5, label=text)
@@ -320,7 +320,7 @@ def _pressure(axes: Axes, found: analysis.Pressure) -> None:
 
 
 def impact(left: Axes, right: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> None:
-    """The density of the angle of impact beside that of molecular chaos, and shares of the regimes."""
+    """The density of the impact angle, that of molecular chaos, and shares of the regimes."""
     found = outcome.result
     text = f"{found.collisions} collisions"
     left.errorbar(np.degrees(found.psi), found.density, found.density_error, ms=4, label=text, **POINTS)
@@ -338,7 +338,7 @@ def impact(left: Axes, right: Axes, trajectory: Trajectory | None, outcome: Eval
 
 
 class Panels(NamedTuple):
-    """A picture of an analysis: how it is drawn, and the arguments of `Figure.subplots`."""
+    """A picture of an analysis: its drawing function and the arguments of `Figure.subplots`."""
 
     draw: Callable[..., None]
     layout: dict[str, Any] = {}  # noqa: RUF012

@@ -52,7 +52,7 @@ class View:
 
     @classmethod
     def of(cls, thing: Frame | Simulation) -> View:
-        """View of a frame, or of a simulation as it is now."""
+        """View of a frame, or of the present state of a simulation."""
         if isinstance(thing, Frame):
             trajectory = thing.trajectory
             return cls(
@@ -248,7 +248,7 @@ def _disks(axes: Axes, view: View, colour: Colour | None) -> int:
     pixel = float(np.ptp(shown_region(view, view.moving.position), axis=1).max()) / PIXELS
     drawn, owner = add_disks(axes, view, pixel)
     values = None if colour is None else colour.values(view)
-    if colour is None or values is None or np.all(values == values[:1]):  # nothing to tell apart
+    if colour is None or values is None or np.all(values == values[:1]):  # all equal
         drawn.set_facecolor(PLAIN)
     else:
         low, high = limits(colour.scale, values)
@@ -335,28 +335,22 @@ def draw_walls(
             axes.spines[side].set_linewidth(0.8 if periodic or gas.box.is_open else 2.5)
     for wall in gas.walls if walls is None else walls:
         if wall.stands(time, collisions):
-            _wall(axes, wall, max(gas.box.lengths), time)
+            _wall(axes, wall, gas.box.lengths, time)
 
 
-def _wall(axes: Axes, wall: Wall, size: float, time: float) -> None:
+def _wall(axes: Axes, wall: Wall, lengths: tuple[float, float], time: float) -> None:
     from matplotlib.patches import Circle
 
     place = wall.carried(np.array([wall.place]), time)[0]
-    towards = np.array(wall.towards)
     colour = foreground(axes) if wall.temperature is None else HOT
-    if wall.shape not in ("container", "post"):
-        if wall.shape == "line":
-            along = 2.0 * size * np.array((towards[1], -towards[0]))
-            middle = np.clip(0.5 * size - place, -size, size) @ along / (along @ along) * along  # of the box
-            ends = np.array((place - along, place + along)) + middle
-        else:
-            ends = wall.outline(time)
+    if not wall.geometry.is_circle:
+        ends = wall.carried(wall.geometry.path(lengths), time)
         # Above the frame: half of a line at a side of the box shows.
         width = 2.5 if wall.temperature is None else 6.0
         look: dict[str, Any] = {"color": colour, "lw": width, "solid_capstyle": "round", "zorder": 3}
         axes.plot(*ends.T, scalex=False, scaley=False, **look)
         return
-    filled = wall.shape == "post"
+    filled = wall.geometry.side < 0.0
     axes.add_patch(Circle((place[0], place[1]), wall.radius, fill=filled, fc=POST, ec=colour, lw=2.0))
     if wall.surface_speed != 0.0:
         angle = np.arange(8) * np.pi / 4.0

@@ -1,4 +1,4 @@
-"""Map of the energy that collisions take, and its mechanisms, of frames that say what each disk lost (`dissipated`)."""
+"""Map of the dissipated energy and its mechanisms, from frames with the field `dissipated`."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ def of(trajectory: Trajectory, frames: Sequence[int] | None = None) -> Dissipati
     if "dissipated" not in trajectory.fields:
         raise InputError(
             f"{trajectory.path} does not hold what each disk lost: output.fields must have 'dissipated' (in Python "
-            "Simulation(dissipated=True), and the field in TrajectoryWriter)"
+            'record=["disk_energy"], and the field in TrajectoryWriter)'
         )
     every = range(len(trajectory))
     used = sorted({every[i] for i in (every if frames is None else frames)})
     if len(used) < 2:
-        raise InputError(f"{trajectory.path}: must have two frames or more, between which disks lose energy")
+        raise InputError(f"{trajectory.path}: must have two frames or more")
     region = shown_region(trajectory, trajectory[used[-1]].position)
     lengths = np.ptp(region, axis=1)
     cell = np.sqrt(np.prod(lengths) * PER_CELL / max(trajectory.n * (len(used) - 1), 1))
@@ -65,7 +65,7 @@ def of(trajectory: Trajectory, frames: Sequence[int] | None = None) -> Dissipati
     end = trajectory[used[-1]].time
     if not end > begun:
         raise InputError(
-            f"{trajectory.path}: the frames are at one time, t = {end:g}: nothing is lost in no time"
+            f"{trajectory.path}: all frames are at one time, t = {end:g}: must be at two times or more"
         )
     power = total * float(cells.prod() / np.prod(lengths)) / (end - begun)
     return DissipationMap(region, power, (lost - first).sum(axis=0), (begun, end))

@@ -1,4 +1,4 @@
-"""Faces of objects in a notebook: their pictures in axes of Matplotlib, their tables and thumbnails."""
+"""Notebook displays of objects: pictures in Matplotlib axes, tables and thumbnails."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def _new(size: tuple[float, float]) -> Figure:
 
 @singledispatch
 def html(thing: Any) -> str:
-    """A small table of an object beside a thumbnail, for a notebook."""
+    """A small table and a thumbnail of an object, for a notebook."""
     raise TypeError(type(thing))
 
 

@@ -1,4 +1,4 @@
-"""Pictures of a trajectory by their names: figures for files, panels for axes of one's own."""
+"""Pictures of a trajectory by their names: figures for files, panels for given axes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PICTURES = {
     "walls": "force, torque, work and heat of each wall or group against time (output.wall_sums)",
     "piston": "displacement and velocity of each piston against time",
     "dissipation": "a map of the energy that collisions take, and its mechanisms (field dissipated)",
-    "velocity": "distributions of velocities and spins beside Gaussians",
+    "velocity": "distributions of velocities and spins, with Gaussians",
     "rdf": "pair correlation g(r) and its contact value",
     "structure-factor": "structure factor S(k)",
     "msd": "mean-square displacement and the diffusion coefficient",
@@ -34,7 +34,7 @@ PICTURES = {
     "clusters": "the largest cluster in time, and cluster sizes",
     "psi6": "hexatic order of the disks",
     "cooling": "Haff's law, and the approach of T_rot / T to its end",
-    "impact": "angles of impact beside molecular chaos, and regimes",
+    "impact": "impact angles compared with molecular chaos, and regimes",
 }
 """Name -> what is drawn."""
 OVER = ("temperatures", "energy", "ledger", "mechanisms", "walls", "piston")
@@ -44,7 +44,7 @@ LAYOUTS: dict[str, dict[str, Any]] = {
     "walls": {"nrows": 2, "ncols": 2, "sharex": True}, "piston": {"nrows": 2, "sharex": True},
     "dissipation": {"ncols": 2, "width_ratios": (1.4, 1.0)}, "disks": {}, "energy": {}, "mechanisms": {},
 }  # fmt: skip
-"""Arguments of `Figure.subplots`, beside those of analyses, and of pictures of which they depend on the trajectory."""
+"""Arguments of `Figure.subplots` for pictures other than analyses, if they do not depend on the trajectory."""
 
 
 @validated
@@ -52,7 +52,7 @@ def figure(
     trajectory: Trajectory, what: str, *, frames: Sequence[int] | None = None, over: str = "t",
     color: str | None = None, make: Callable[..., Any] | None = None,
 ) -> Figure:  # fmt: skip
-    """A figure by its name, with a title, and the doubts of the analysis below it.
+    """A figure by its name, with a title, and the warnings of the analysis below it.
 
     Parameters
     ----------
@@ -104,7 +104,9 @@ def figure(
     if outcome is not None:
         head += f"\n{span_text(trajectory, outcome)}"
         width = 150 if wide else 95
-        marks = (textwrap.fill(f"! {doubt}", width, subsequent_indent="   ") for doubt in outcome.doubts)
+        marks = (
+            textwrap.fill(f"! {warning}", width, subsequent_indent="   ") for warning in outcome.warnings
+        )
         if text := "\n".join(marks):
             drawn.supxlabel(text.replace("$", r"\$"), x=0.01, ha="left", fontsize="small", color=ROTATION)
     drawn.suptitle(head, fontsize="medium")
@@ -174,7 +176,7 @@ def _draw(
     axes: Sequence[Axes], trajectory: Trajectory, what: str, frames: Sequence[int] | None = None, over: str = "t",
     color: str | None = None,
 ) -> Evaluation | None:  # fmt: skip
-    """Draw a picture into its axes; returns what was found for it, if that is an analysis."""
+    """Draw a picture into its axes; return the result if it is an analysis."""
     from ..tools import checked
     from . import disks, dissipation, series, temperatures
 

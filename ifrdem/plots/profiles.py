@@ -1,4 +1,4 @@
-"""Profiles across a gas: packing fraction, temperatures, and the mean velocity where something drags it.
+"""Profiles across a gas: packing fraction, temperatures, and the mean velocity if the gas is dragged.
 
 Means over frames in strips, which run across x or y: across gravity, if there is any, else from wall to wall. The area
 of each disk is shared out among strips exactly; a strip's packing fraction is that over the area of the room in it,
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MOST_STRIPS, LEAST_STRIPS = 40, 8
-FEWEST = 20  # disks, over all frames, that tell a temperature
+FEWEST = 20  # disks, over all frames, for a temperature
 MOST_WORK = 20_000_000  # disks x frames x strips
 
 
@@ -189,7 +189,7 @@ def _velocities(axes: Axes, trajectory: Trajectory, profile: Strips) -> None:
 
 
 def flow(axes: Axes, trajectory: Trajectory) -> None:
-    """Mean velocity along x in slabs, over the second half of the frames, beside the flow that the box imposes."""
+    """Mean velocity along x in slabs, over the second half of the frames, with the imposed flow."""
     box, height = trajectory.box, trajectory.box.lengths[1]
     edges = np.array([0.0, height])
     imposed = box.flow(np.stack((np.zeros(2), edges), axis=1))[:, 0]

@@ -26,7 +26,7 @@ FORMATS = ("png", "svg", "pdf")
 
 @validated
 def cooling(run: Run, path_png: Place = None) -> Figure:
-    """Draw a cooling gas: its temperatures against time beside kinetic theory, and its disks at the end.
+    """Draw a cooling gas: its temperatures against time with kinetic theory, and its disks at the end.
 
     The theory is `theory.prediction` from the first frame on, of one kind of disks or of a mixture. Where it does not
     hold (more than `temperatures.MOST_KINDS` kinds of disks, rolling friction), the picture says so. InputError if the
@@ -55,7 +55,7 @@ def cooling(run: Run, path_png: Place = None) -> Figure:
 
 @validated
 def driven(run: Run, path_png: Place = None) -> Figure:
-    """Draw a driven gas: its temperatures against time beside kinetic theory, and its disks at the end.
+    """Draw a driven gas: its temperatures against time with kinetic theory, and its disks at the end.
 
     As `cooling`, with the parameter `forces` that `ifrdem run` writes, a list of the keys of each force as JSON; of one
     kind of disks also the steady state (`driven_gas.steady_state`). Theory knows linear forces only.
@@ -70,7 +70,7 @@ def driven(run: Run, path_png: Place = None) -> Figure:
 
 @validated
 def sheared(run: Run, path_png: Place = None) -> Figure:
-    """Draw a sheared gas: its temperatures against time beside kinetic theory, its flow, and its disks at the end.
+    """Draw a sheared gas: its temperatures against time with kinetic theory, its flow, and its disks at the end.
 
     As `cooling`, of a sheared box, with `sheared_gas.steady_state`; theory knows one kind of disks without forces. The
     flow is the mean velocity along x in slabs, over the second half of the frames.

@@ -16,7 +16,7 @@ from ..tools.checked import Array
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Okabe and Ito's blue and vermilion: told apart with every kind of colour blindness, and in grey; and a grey that
+# Okabe and Ito's blue and vermilion: distinct with every kind of colour blindness, and in grey; and a grey that
 # stands out against black and white.
 TRANSLATION, ROTATION, RATIO = "#0072B2", "#D55E00", "#777777"
 OPEN: dict[str, Any] = {"mfc": "none", "ls": "none"}
@@ -67,7 +67,7 @@ def label(gas: Gas | None, text: str, quantity: str) -> str:
 
 
 def with_unit(gas: Gas | None, text: str, quantity: str) -> str:
-    """A text with the unit of a quantity behind it, if there is one."""
+    """A text followed by the unit of a quantity, if there is one."""
     return f"{text} {unit_of(gas, quantity) or ''}".rstrip()
 
 
@@ -84,7 +84,7 @@ def foreground(axes: Axes) -> str:
 
 
 def bar_beside(axes: Axes, drawn: Any, text: str, extend: str = "neither", names: Sequence[str] = ()) -> Any:
-    """A colour bar right beside the axes, whatever their aspect; of kinds, with their `names` instead of numbers."""
+    """A colour bar next to the axes, whatever their aspect; of kinds, with their `names` instead of numbers."""
     from matplotlib.ticker import MaxNLocator
 
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()

@@ -1,4 +1,4 @@
-"""Panels of temperatures against time, beside kinetic theory where it holds."""
+"""Panels of temperatures against time, with kinetic theory where it holds."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class _Gas:
         if over == "tau":
             elapsed = np.append(0.0, elapsed[elapsed > 0.0])
         while True:
-            with (  # the run has told both
+            with (  # the run has given both warnings
                 warnings.catch_warnings(action="ignore", category=EnergyWarning),
                 warnings.catch_warnings(action="ignore", category=TheoryWarning),
             ):
@@ -135,7 +135,7 @@ def _gas(trajectory: Trajectory) -> _Gas | str:
 
 
 def _forces(given: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The forces of a case, after a look at what theory takes of them."""
+    """The forces of a case, as far as the theory supports them."""
     Drive.of(given, 1.0, 1.0)
     return given
 
@@ -153,7 +153,7 @@ def _laws(disks: Disks, rows: list[list[dict[str, Any]]]) -> list[list[IFRLaw]]:
 
 
 def theory(trajectory: Trajectory, over: str = "t") -> tuple[Curves | None, tuple[float, float] | None, str]:
-    """Curves of kinetic theory, T and T_rot of the steady state, and what to say; None where there are none.
+    """Curves of kinetic theory, T and T_rot of the steady state, and a note; None where there are none.
 
     Of several kinds of disks that are driven there is no steady state in closed form; the curve shows it where the run
     is long.
@@ -193,7 +193,7 @@ def theory(trajectory: Trajectory, over: str = "t") -> tuple[Curves | None, tupl
 
 
 def draw(trajectory: Trajectory, over: str, upper: Axes, lower: Axes | None = None) -> None:
-    """Both temperatures and, if it has axes, their ratio theta against time, beside the theory of the run.
+    """Draw both temperatures and, given axes, their ratio theta against time, with the theory of the run.
 
     A cooling gas is drawn double logarithmic: a homogeneous one cools like t^-2 (Haff), a straight line. Over
     collisions per disk only T is logarithmic. Other gases have plain axes that begin at 0. Between walls there is no

@@ -11,10 +11,10 @@ from typing import Any
 from pydantic import PrivateAttr
 
 from ..case import file as case_file
-from ..case import shipped, summary, template
+from ..case import report, shipped, template
 from ..case.case import Case as Sections
 from ..case.file import CaseFile
-from ..case.summary import Report
+from ..case.report import Report
 from ..errors import InputError, RunWarning
 from ..simulation.simulation import Simulation
 from ..trajectory.reader import Trajectory
@@ -100,7 +100,7 @@ class Case(Sections):
         InputError
             If the case cannot be run: a line for each mistake.
         """
-        return summary.check(self.file().gas, Path())
+        return report.check(self.file().gas, Path())
 
     def simulation(self) -> Simulation:
         """The gas of the case at its start.

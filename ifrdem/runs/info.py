@@ -118,7 +118,7 @@ def _describe_series(trajectory: Trajectory) -> list[str]:
         )
         scale = max(parts, default=0.0)
         share = f", {worst / scale:.1e} of the largest energy in it" if scale > 0.0 else ""
-        lines.append(f"energy ledger closes to {worst:.3g}{trajectory.with_unit('', 'energy')}{share}")
+        lines.append(f"energy balance: largest error {worst:.3g}{trajectory.with_unit('', 'energy')}{share}")
     return lines
 
 

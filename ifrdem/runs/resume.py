@@ -18,9 +18,10 @@ from ..case import summary
 from ..case.case import Case
 from ..case.file import CaseFile
 from ..case.gas import CaseGas
+from ..case.objects import device_of
 from ..errors import InputError
 from ..mpi import SERIAL, Communicator
-from ..simulation import checkpoint, device
+from ..simulation import backend, checkpoint
 from ..simulation.schedule import Course
 from ..simulation.tracking import Events
 from ..tools import text_file
@@ -93,7 +94,7 @@ def resume(
     gas = comm.root_result(lambda: None if comm.size == 1 else _gas_of(find(place)))
     if gas is not None and on_usable_ranks(gas, comm, say, lambda part: resume(place, **options, comm=part)):
         return
-    cores, share = comm.share_of_cores(device.cores()), comm.local_share
+    cores, share = comm.share_of_cores(backend.cores()), comm.local_share
     began = time.perf_counter()
 
     def prepared() -> tuple[Any, ...]:
@@ -119,7 +120,7 @@ def resume(
             seen: dict[str, Any] = {name: operator.index(extra["seen"][name]) for name in names}
         if threads is not None:
             case = case.model_copy(update={"run": case.run.model_copy(update={"threads": threads})})
-        device.check(case.run.device, case.run.threads, case.run.precision)
+        backend.check(device_of(case.run))
         n = sum(each.number for each in case.species)
         summary.refuse_beyond_memory(n, case.run.device, share=share, ranks=comm.size)
         try:

@@ -27,8 +27,7 @@ from ..model.observables import MECHANISMS, TANGENTIAL, Measure, drift_text
 from ..model.state import State, gather_state
 from ..model.walls import wall_names
 from ..mpi import SERIAL, Communicator
-from ..simulation import checkpoint
-from ..simulation import device as backend
+from ..simulation import backend, checkpoint
 from ..simulation.schedule import Course, Span
 from ..simulation.simulation import Simulation
 from ..simulation.tracking import Events
@@ -94,7 +93,7 @@ def run(
     began = time.perf_counter()
     drawn = comm.is_distributed and gas.is_made_in_slices
 
-    def prepared() -> tuple[State | None, NDArray[np.int32]]:
+    def prepared() -> State | None:
         outputs.check(force=force)
         estimate = RunEstimate.of(gas)
         folder = outputs.trajectory.parent
@@ -104,17 +103,21 @@ def run(
         say(check.summary(gas, estimate, how(case, cores, comm.size)))
         for text in (*gas.warnings, *crushes, *gas.cautions):
             warn(text)
-        begin = None if drawn else gas.start(Stage("growth"))
-        return begin, gas.tracked(begin)
+        return None if drawn else gas.start(Stage("growth"))
 
-    try:
-        state, tracked = comm.run_on_root(prepared) or (None, gas.tracked(None))
-        if in_slices:
+    def made() -> tuple[Simulation, NDArray[np.int32], State | None]:
+        state: Any = comm.run_on_root(prepared)
+        if in_slices or drawn:
             with comm:
                 state = gas.start()
-        simulation = gas.simulation(state, tracked=tracked, comm=comm)
-        start = state if len(tracked) else None
-        del state  # which is large
+        whole = comm.bcast(state is not None and state.n == gas.n)
+        holders = Communicator(comm) if whole else comm
+        tracked = holders.result_of_holders(lambda: gas.tracked(state))
+        start = start_of_histories(holders, gas.n, tracked, state) if len(tracked) else None
+        return gas.simulation(state, tracked=tracked, comm=comm), tracked, start
+
+    try:
+        simulation, tracked, start = made()
     except KeyboardInterrupt:
         raise KeyboardInterrupt("interrupted before the first frame: nothing was written") from None
     span = Span.to(
@@ -151,6 +154,17 @@ def run(
         before = simulation.collisions
         rate = run_root(running, began, max_hours=max_hours, say=say, warn=warn)
     finish(running, began, before, rate, say)
+
+
+def start_of_histories(comm: Communicator, n: int, ids: NDArray[np.int32], state: State) -> State | None:
+    """State of some disks, by ascending ids, on the root; of ranks that have slices, each gives its own."""
+    if comm.has_all:
+        return state
+    if not comm.is_distributed:
+        return None
+    names = ("position", "velocity", "spin", "image")
+    rows = comm.rows_of(n, ids if comm.is_root else ids[:0], [getattr(state, name) for name in names])
+    return State(time=state.time, **dict(zip(names, rows, strict=True))) if comm.is_root else None
 
 
 def stored(gas: CaseGas) -> dict[str, Any]:
@@ -190,8 +204,8 @@ def how(case: Case, cores: int, ranks: int = 1) -> str:
 
 def device_of(case: Case) -> str:
     """The device of a case."""
-    device = backend.device(case.run.device)
-    return f"{device.arch}: {device.description}"
+    device = backend.describe(case.run.device)
+    return f"{device.name}: {device.description}"
 
 
 def run_root(
@@ -527,7 +541,7 @@ def _balance(running: Run, last: Measure) -> Iterator[str]:
     residual = ledger.relative_residual(last)
     if residual is not None and last.dissipated is not None:
         yield from _mechanisms(last.dissipated, energy)
-        yield f"the energy ledger closes to {abs(residual):.1e} of the energy that was there or put in"
+        yield f"energy balance: relative error {abs(residual):.1e}"
     # Against the momentum that the disks' typical speed would add up to, all one way.
     scale = float(np.sqrt(2.0 * first.translational_energy * mass))
     if first.energy > 0.0 and scale > 0.0:
@@ -535,9 +549,8 @@ def _balance(running: Run, last: Measure) -> Iterator[str]:
         # Heat baths, drag, walls, gravity, and a flow at the sides that disks cross change it.
         changed = case.force or case.walled or any(case.box.gravity) or gas.box.shear_rate
         yield (
-            f"{'change' if changed else 'rounding'} of the total momentum: "
-            f"{change:.2g}{case.unit('momentum')}, {change / scale:.2g} "
-            "of what the disks would carry if all flew one way at the start"
+            f"momentum {'change' if changed else 'drift'} {change:.2g}{case.unit('momentum')} "
+            f"({change / scale:.2g} of sum m|v| at the start)"
         )
 
 

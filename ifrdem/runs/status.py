@@ -1,12 +1,10 @@
 """The live state of a run, in a small file beside its trajectory: NAME.status.json for NAME.h5.
 
-The file is renamed into place, so that a reader never sees half of it. It always has the size `RESERVED`, blanks at its
-end: where a full disk leaves no room for another one, the file that is there is written over, which needs no more.
+The file is written aside and renamed into place, so that a reader never sees half of it.
 """
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
 import os
@@ -26,8 +24,6 @@ from ..tools.progress import clock_face
 ENDING = files.STATUS
 RUNNING, DONE, INTERRUPTED = "running", "done", "interrupted"
 """States of a run; of others, such as "failed" or "full disk", the message says more."""
-RESERVED = 4096
-"""Bytes of the file: a block of common file systems."""
 MOST = 1 << 20  # bytes of a status file that are read
 QUIET = 600.0
 """Seconds without news after which a run on another machine is taken for dead."""
@@ -88,8 +84,8 @@ def path_of(trajectory: str | os.PathLike[str]) -> Path:
 class Status:
     """Writes the status file of a run beside its trajectory file.
 
-    On a full disk, the file that is there is written over in place. A folder that is gone, or a disk that was full from
-    the beginning, does not end the run: the status is not written then, and `trouble` says why.
+    A full disk, or a folder that is gone, does not end the run: the status keeps its last content, and `trouble` says
+    why.
 
     The `name` of the run, what ends it and its device are told once. `interval` are the seconds between two writings at
     least, but `finish` always writes; `clock` gives seconds of real time.
@@ -140,35 +136,13 @@ class Status:
     def _write(self) -> None:
         self._written = self._clock()
         self._record.updated = _now()
-        content = self._content()
         try:
             with files.replacing(self.path) as new:
-                new.write_bytes(content)
+                new.write_text(json.dumps(self._record.model_dump(), indent=1) + "\n", encoding="utf-8")
         except OSError as error:
             self.trouble = f"{self.path} could not be written: {error.strerror}"
-            with contextlib.suppress(OSError):
-                self._overwrite(content)
         else:
             self.trouble = None
-
-    def _overwrite(self, content: bytes) -> None:
-        """Write the file in place, in the room that it has."""
-        descriptor = os.open(self.path, os.O_WRONLY | getattr(os, "O_BINARY", 0))
-        try:
-            os.write(descriptor, content)
-            os.fsync(descriptor)  # here, where a disk that is full after all is told of
-        finally:
-            os.close(descriptor)
-        self.trouble = None
-
-    def _content(self) -> bytes:
-        """The text of the file, of `RESERVED` bytes: a message that is too long for it is cut."""
-        content = self._record.model_dump()
-        text = json.dumps(content, indent=1)
-        while len(text) >= RESERVED and content["message"]:
-            content["message"] = content["message"][:-100]
-            text = json.dumps(content, indent=1)
-        return text.ljust(RESERVED - 1).encode() + b"\n"
 
 
 def find(path: str | os.PathLike[str]) -> Path:

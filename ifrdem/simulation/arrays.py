@@ -1,7 +1,7 @@
 """The engine's arrays: what lies on the device, how large it is, and how kernels get it.
 
 `kernels/layout.py` says what each array holds; they have the same names here. This module imports Taichi: import it
-only after `device.start`.
+only after `backend.start`.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ from ..kernels.language import ti, view
 from ..kernels.readout import exchange
 from ..kernels.shear import displacement
 from ..kernels.signature import parameters_of
-from ..kernels.walls import FREE, GONE
+from ..kernels.walls.kinds import FREE, GONE
 from ..kernels.windows import sum_shared
 from ..model.box import Box
 from ..model.state import COLUMNS, Disks, State, codes
 from ..model.walls import Wall
 from ..mpi import SERIAL, Communicator
-from . import device
+from . import backend
 from .checks import MANTISSA, position_spacing
 
 CELL = 1.0 + 1e-6  # side of a cell in largest diameters, at least: what rounding leaves of it
@@ -148,8 +148,8 @@ def sums_of_blocks(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 class DeviceArrays:
     """All arrays of one engine, under the names that kernels give their arguments.
 
-    Coefficients of the law for each pair of materials, `law_table` (M, M, c); `options` of `Engine`; pieces of `walls`,
-    (rows, columns of `columns.WALL`), as `kernels/walls.py` describes them.
+    Coefficients of the law for each pair of materials, `law_table` (M, M, c); `options` of `Engine`; `walls`,
+    a row of `columns.WALL` for each of their pieces.
     """
 
     tile: Any
@@ -175,8 +175,8 @@ class DeviceArrays:
         self.n: int = n
         self.box: Box = box
         self.uses: k.Uses = uses
-        self.real: type[np.floating[Any]] = np.float32 if options.precision == "f32" else np.float64
-        self._type = getattr(ti, options.precision)
+        self.real: type[np.floating[Any]] = np.float32 if options.device.precision == "f32" else np.float64
+        self._type = getattr(ti, options.device.precision)
         self._arguments: dict[Callable[..., Any], list[str]] = {}
         self.room: int = 0
         self.parts: int = 2
@@ -197,7 +197,7 @@ class DeviceArrays:
         self.law.from_numpy(law_table.astype(self.real))
         # Small arrays that the host reads after every launch. Kernels on a CPU take NumPy arrays as they are; a GPU has
         # arrays of its own for them (`launch`).
-        self.on_gpu: bool = options.arch != "cpu"
+        self.on_gpu: bool = options.device.name != "cpu"
         self._twins: dict[str, Any] = {}
         self.counter: Named = blank("counter", np.int32)
         self.clock: Named = blank("clock")
@@ -212,7 +212,6 @@ class DeviceArrays:
         self.grid.periodic_x, self.grid.periodic_y = box.periodic
         self.widest: float = 2.0 * float(disks.radius.max()) if n else 1.0
         self.scale.widest = self.widest
-        self.set_gravity(options.gravity, options.resting_speed)
         self.scale.cutoff, self.scale.contact_time = options.velocity_cutoff, options.contact_time
         if options.resting_speed:
             self.scale.cutoff = options.resting_speed
@@ -224,7 +223,7 @@ class DeviceArrays:
         owner = wall.owner.astype(np.int64)
         self.thermal: NDArray[np.int64] = np.unique(owner[wall.temperature > 0.0])
         number = int(owner.max()) + 1 if uses.summed else 0
-        self.pistons: NDArray[np.int64] = np.flatnonzero(wall.motion == FREE)  # rows of walls
+        self.pistons: NDArray[np.int64] = np.flatnonzero(wall.motion.kind == FREE)  # rows of walls
         first_piston = len(self.thermal) + WALL_SUM.width * number
         # Number of columns of the tally.
         self.columns: int = TALLY.width + first_piston + PISTON_STATE.width * len(self.pistons)
@@ -233,8 +232,8 @@ class DeviceArrays:
         if len(walls):
             wall.heat = np.where(np.isin(owner, self.thermal), np.searchsorted(self.thermal, owner), -1)
             wall.sums = len(self.thermal) + WALL_SUM.width * owner
-            wall.piston[self.pistons] = first_piston + PISTON_STATE.width * np.arange(len(self.pistons))
-            wall.next_piston[self.pistons] = np.append(self.pistons[1:], -1)[: len(self.pistons)]
+            wall.piston.sums[self.pistons] = first_piston + PISTON_STATE.width * np.arange(len(self.pistons))
+            wall.piston.next[self.pistons] = np.append(self.pistons[1:], -1)[: len(self.pistons)]
             self.walls.from_numpy(walls.astype(self.real))
         self.sums: NDArray[np.float64] = np.zeros(self.columns)
         self._lanes = 0
@@ -269,7 +268,7 @@ class DeviceArrays:
     def _replace(self, name: str, new: Any) -> None:
         old = getattr(self, name, None)
         if isinstance(old, ti.Ndarray):
-            device.free_array(old)
+            backend.free_array(old)
         setattr(self, name, new)
 
     def _make_parts(self, parts: int, room: int) -> None:
@@ -444,13 +443,13 @@ class DeviceArrays:
         sheared = self.uses.sheared
         if few and not sheared and not self.on_gpu:
             collisions *= FEWER_WINDOWS
-        if options.window_collisions is not None:  # whatever the device: windows decide the bits
-            collisions = options.window_collisions
+        if options.device.window_collisions is not None:  # whatever the device: windows decide the bits
+            collisions = options.device.window_collisions
         mean = 2.0 * disks.mean_radius if n else 1.0
         self.clock.path = collisions * free / (math.sqrt(2.0 * math.pi) * mean * contact_value(phi))
         # A gas in one tile: nobody goes round the box in a window, for the grid of places.
         own = float((high - low).min())
-        if options.window_collisions is not None:
+        if options.device.window_collisions is not None:
             own = min(own, math.sqrt(GPU_TILE * free))
         elif sheared or not few or self.on_gpu:
             own = min(own, math.sqrt(tile_disks * free))
@@ -466,7 +465,7 @@ class DeviceArrays:
             self.grid.coarse = math.ceil(CELL * self.widest / side)
         tiles = (1, 1)
         self.single_tile = options.order == "serial" or (
-            options.order is None and few and options.arch == "cpu"
+            options.order is None and few and options.device.name == "cpu"
         )
         self.single_tile = self.single_tile and not sheared
         if not self.single_tile:
@@ -482,7 +481,7 @@ class DeviceArrays:
             self.clock.path *= shorter
             collisions *= shorter
         self.clock.free_path, self.clock.in_window = self.clock.path, 0.5 * n * collisions
-        lanes = 1 if self.single_tile else min(device.lanes(), self.tiles)
+        lanes = 1 if self.single_tile else min(backend.lanes(), self.tiles)
         self.grid.lanes, self.grid.single_tile = lanes, int(self.single_tile)
         spread = min(max(GPU_THREADS // self.tiles, 1), k.TEAM)
         self.grid.stride = 1 << (spread.bit_length() - 1)
@@ -508,13 +507,13 @@ class DeviceArrays:
         """Take those walls, by their number, out of the gas: gates that are open."""
         rows = self.wall_rows.copy()
         wall = named(rows, "walls")
-        wall.type[gone[wall.owner.astype(np.int64)]] = GONE
+        wall.kind[gone[wall.owner.astype(np.int64)]] = GONE
         self.walls.from_numpy(rows.astype(self.real))
 
     def change_wall(self, number: int, wall: Wall) -> None:
         """Have the piston that is this wall be driven by another force; `open_walls` then sends it."""
         rows = named(self.wall_rows, "walls")
-        rows.push[rows.owner == number] = named(wall.rows(), "walls").push
+        rows.piston.push[rows.owner == number] = named(wall.rows(), "walls").piston.push
 
     def take_lists(self, found: dict[str, NDArray[Any]]) -> None:
         """Go on from lists that `lists` gave, as the beginning of a window."""
@@ -812,7 +811,7 @@ class DeviceArrays:
     def release(self) -> None:
         """Give all device memory back."""
         for name, array in self._on_device().items():
-            device.free_array(array)
+            backend.free_array(array)
             setattr(self, name, None)
         for value in self._twins.values():
-            device.free_array(value)
+            backend.free_array(value)

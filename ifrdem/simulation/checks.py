@@ -12,12 +12,15 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..kernels.columns import ADDRESSABLE, MOST_DISKS, MOST_IDS, SINGLE_TILE
 from ..model.box import Box
+from ..model.collapse import Collapse, ContactTime, Rest, VelocityCutoff
+from ..model.gravity import RotatingGravity
 from ..model.state import Disks, State
 from ..model.walls import Wall, wall_names
 from ..mpi import current
 
 if TYPE_CHECKING:
     from ..model.forces import Force
+    from .device import Device
     from .engine import EngineOptions
 
 MOST_JUMP = 0.01
@@ -133,7 +136,7 @@ def check_rebound(
     walls: Sequence[Wall],
     box: Box,
     gravity: tuple[float, float],
-    collapse: str,
+    collapse: Collapse | None,
     precision: str,
 ) -> None:
     """Refuse disks that would stay on a wall after a hit because a remedy makes slow collisions elastic.
@@ -142,7 +145,7 @@ def check_rebound(
     presses a disk against its wall then is gravity, a curved wall, or one that accelerates. `e_n` (M, M) is that of
     each pair of materials, `materials` are those of the disks; walls include the sides of the box.
     """
-    if collapse not in ("tc", "velocity_cutoff"):
+    if not isinstance(collapse, ContactTime | VelocityCutoff):
         return
     least = LEAST_REBOUND.get(precision, 0.0)
     for w, wall in enumerate(walls):
@@ -152,8 +155,8 @@ def check_rebound(
             if (rebound := float(e_n[material, wall.material])) < least:
                 raise InputError(
                     f"disks that hit {wall_names(walls, box)[w]} with e_n = {rebound:g} stay there without speed, and "
-                    f'with collapse = "{collapse}" the collision that follows is elastic, without speed, and does '
-                    f'nothing: e_n must be at least {least:g} there; or, under gravity, use collapse = "rest"'
+                    f"with collapse = {collapse} the collision that follows is elastic, without speed, and does "
+                    f"nothing: e_n must be at least {least:g} there; or, under gravity, use collapse = Rest(speed)"
                 )
 
 
@@ -164,7 +167,7 @@ def at_rest_on_walls(
     """Numbers of the first disk that lies on a wall at rest, and of the wall; None if none does.
 
     It touches the wall to rounding, without speed along the normal, and gravity holds it there: it has no next
-    collision (`kernels/walls.py`, `wall_time`). Places and velocities (n, 2), radii (n,).
+    collision (`kernels/walls/root.py`). Places and velocities (n, 2), radii (n,).
     """
     noise = 1e-14 * np.abs(velocity).sum(axis=1)
     for w, wall in enumerate(walls):
@@ -233,10 +236,6 @@ def check(
             f"disk {i} has diameter {diameter:.6g}, more than a third of the periodic side {shortest:.6g}: "
             "it could meet its own periodic image; use a larger box"
         )
-    for name in ("velocity_cutoff", "contact_time", "resting_speed"):
-        value = getattr(options, name)
-        if not (math.isfinite(value) and value >= 0.0):
-            raise InputError(f"{name} = {value}: must be a finite number not below 0")
     thermal = sum(wall.temperature is not None for wall in walls)
     if n * thermal > ADDRESSABLE:  # each disk's heat from each
         raise InputError(
@@ -245,9 +244,9 @@ def check(
         )
     if box.shear_rate:
         _check_sheared(disks, box, walls)
-    check_magnitudes(disks, box, speed, options.precision, hottest(walls, forces))
-    check_resolved(disks.n, float(disks.radius.min(initial=math.inf)), box, options.precision)
-    check_between_collisions(disks, box, options.gravity, forces)
+    check_magnitudes(disks, box, speed, options.device.precision, hottest(walls, forces))
+    check_resolved(disks.n, float(disks.radius.min(initial=math.inf)), box, options.device.precision)
+    check_between_collisions(disks, box, options.start_gravity, forces)
 
 
 def check_number(n: int, ranks: int = 1, partners: bool = False) -> None:
@@ -257,7 +256,7 @@ def check_number(n: int, ranks: int = 1, partners: bool = False) -> None:
     """
     if partners and n > ADDRESSABLE:
         raise InputError(
-            f"partners = True: {n} disks, and latest partners are known of {ADDRESSABLE} at most"
+            f"record = ['partner']: {n} disks, and latest partners are known of {ADDRESSABLE} at most"
         )
     most = min(ranks * MOST_DISKS, MOST_IDS)
     if n > most:
@@ -268,15 +267,15 @@ def check_number(n: int, ranks: int = 1, partners: bool = False) -> None:
 
 
 def check_resting(
-    disks: Disks, box: Box, gravity: tuple[float, float], resting_speed: float, forces: Sequence[Any], law: type,
-    arch: str, precision: str,
+    disks: Disks, box: Box, gravity: tuple[float, float], collapse: Rest, forces: Sequence[Any], law: type,
+    device: Device,
 ) -> None:  # fmt: skip
     """Refuse disks at rest where the model of them does not hold (`kernels/rest.py`); arguments as for `Engine`."""
     from ..model.ifr import IFRLaw
 
-    name = f'collapse = "rest" (resting_speed = {resting_speed:g})'
-    if arch != "cpu" or precision != "f64":
-        raise InputError(f'{name}: only on a CPU in double precision (device = "cpu", precision = "f64")')
+    name = f"collapse = {collapse}"
+    if device.name != "cpu" or device.precision != "f64":
+        raise InputError(f'{name}: must be on a CPU in double precision (device "cpu", precision "f64")')
     if disks.n > SINGLE_TILE:
         raise InputError(
             f"{name}: {disks.n} disks, but only gases that one thread computes as a whole can rest, of up to "
@@ -301,34 +300,31 @@ def check_resting(
     if box.shear_rate:
         raise InputError(f"{name}: not supported in a sheared box")
     pull = math.hypot(*gravity)
-    jump = 0.5 * resting_speed**2 / pull
+    jump = 0.5 * collapse.speed**2 / pull
     if disks.n and jump > MOST_JUMP * float(disks.radius.min()):
         most = math.sqrt(2.0 * pull * MOST_JUMP * float(disks.radius.min()))
         raise InputError(
             f"{name}: disks would jump {jump:.3g} high, v_s^2 / 2g, more than a hundredth of the smallest radius, "
-            f"{disks.radius.min():.3g}; resting_speed must be at most {most:.3g}"
+            f"{disks.radius.min():.3g}; the resting speed must be at most {most:.3g}"
         )
 
 
-def check_pistons(
-    walls: Sequence[Wall], n: int, arch: str, precision: str, resting_speed: float, order: str | None = None,
-    ranks: int = 1, gravity_rotation_rate: float = 0.0,
-) -> None:  # fmt: skip
+def check_pistons(walls: Sequence[Wall], n: int, options: EngineOptions, ranks: int = 1) -> None:
     """Refuse pistons where the whole box is not computed in order, or gravity turns; arguments as for `Engine`."""
     refused = {
-        f'device = "{arch}"': arch != "cpu",
-        f'precision = "{precision}"': precision != "f64",
-        f'order = "{order}"': order == "tiled",
+        f'device = "{options.device.name}"': options.device.name != "cpu",
+        f'precision = "{options.device.precision}"': options.device.precision != "f64",
+        f'order = "{options.order}"': options.order == "tiled",
         f"several ranks (here are {ranks})": ranks > 1,
         f"{n} disks, more than {SINGLE_TILE},": n > SINGLE_TILE,
-        'collapse = "rest"': resting_speed > 0.0,
+        f"collapse = {options.collapse}": isinstance(options.collapse, Rest),
     }
     for w, wall in enumerate(walls):
         if wall.piston is None:
             continue
-        if gravity_rotation_rate:
+        if isinstance(options.gravity, RotatingGravity):
             raise InputError(
-                f"wall {w} is a piston: gravity_rotation_rate = {gravity_rotation_rate:g} not supported: must be 0"
+                f"wall {w} is a piston: cannot be combined with gravity that rotates ({options.gravity})"
             )
         for what, there in refused.items():
             if there:
@@ -338,14 +334,14 @@ def check_pistons(
                 )
 
 
-def check_ranks(size: int, box: Box, options: EngineOptions, tracked: bool) -> None:
+def check_ranks(size: int, n: int, box: Box, options: EngineOptions, tracked: bool) -> None:
     """Refuse what cannot be on several ranks of MPI (`ranks.py`)."""
     refused = {
-        f"precision = '{options.precision}'": options.precision != "f64",
+        f"precision = '{options.device.precision}'": options.device.precision != "f64",
         "order = 'serial'": options.order == "serial",
-        "tracked disks (histories)": tracked,
+        f"tracked disks (histories) of more than {ADDRESSABLE} disks": tracked and n > ADDRESSABLE,
         "an open box": box.is_open,
-        'collapse = "rest"': options.resting_speed > 0.0,
+        f"collapse = {options.collapse}": isinstance(options.collapse, Rest),
     }
     for what, there in refused.items():
         if there:

@@ -41,7 +41,6 @@ from ..theory.sonine import sonine_coefficient
 from ..tools import checked, seeds
 from ..tools.checked import (
     Column,
-    Count,
     Integer,
     NonNegative,
     NonNegativeColumn,
@@ -51,7 +50,8 @@ from ..tools.checked import (
     validated,
 )
 from ..tools.sealed import Sealed
-from . import device
+from . import backend
+from .device import Device
 from .schedule import warn_of_end
 
 
@@ -199,7 +199,7 @@ class DSMC(Sealed):
         (`driven_gas.Drive`). The total momentum is then not kept. The same for all masses.
     contact : {"virial", "henderson", "dilute"}
         Contact values (`contact.crowding_of_mixture`); "dilute" solves Boltzmann's equation.
-    arch, threads, precision
+    device : Device or str
         As for `Simulation`. What comes out is the same to the last bit for any number of threads.
 
     Raises
@@ -252,9 +252,7 @@ class DSMC(Sealed):
         species: Column | None = None,
         drive: Drive | None = None,
         contact: Contact = "virial",
-        arch: str = "cpu",
-        threads: Count | None = None,
-        precision: str = "f64",
+        device: Device | str | None = None,
     ) -> None:
         n = disks.n
         if n < 2 or not disks.movable.all():
@@ -271,10 +269,10 @@ class DSMC(Sealed):
         kind: Any = checked_class(laws)
         check_energy(laws, disks)
         self._set(area=math.pi * float(np.sum(disks.radius**2)) / packing_fraction)
-        with device.sole_use():
-            running = device.start(arch, threads=threads, precision=precision)
-        self._alone = arch == "cpu" and running.threads == 1
-        self._real: Any = np.float32 if precision == "f32" else np.float64
+        with backend.sole_use():
+            running = backend.start(device := Device.of(device))
+        self._alone = device.name == "cpu" and running.threads == 1
+        self._real: Any = np.float32 if device.precision == "f32" else np.float64
         a, b = crowding_of_mixture(packing_fraction, disks.radius, None, contact)
         largest = float(disks.radius.max())
         self._section = 2.0 * a * largest + b * largest**2  # the largest g_ij sigma_ij
@@ -298,7 +296,7 @@ class DSMC(Sealed):
         return which.ravel()
 
     def _make_arrays(self, start: State, law: Any, table: NDArray[np.float64]) -> None:
-        from ..kernels import dsmc as kernels  # imports Taichi, which `device.start` has set going
+        from ..kernels import dsmc as kernels  # imports Taichi, which `backend.start` has set going
         from ..kernels.signature import parameters_of
 
         import taichi as ti  # isort: skip
@@ -330,7 +328,7 @@ class DSMC(Sealed):
         self._counter = np.zeros(DSMC_TABLES["counter"].width, dtype=np.int32)
         self._fastest = np.zeros(1, dtype=self._real)
         self._gains = np.zeros(n // kernels.BLOCK + 1)
-        device.register(self)
+        backend.register(self)
 
     def _launch(self, kernel: Any, *numbers: int, **given: Any) -> None:
         """Run a kernel: its first arguments are `numbers`, the others arrays, `given` or attributes of their names."""
@@ -346,7 +344,7 @@ class DSMC(Sealed):
         for name in ("_disk", "_before", "_pair", "_todo", "_hits", "_hits_before", "_first", "_law"):
             array = getattr(self, name)
             if array is not None:
-                device.free_array(array)
+                backend.free_array(array)
                 setattr(self, name, None)
 
     def _record(self) -> NDArray[np.float64]:
@@ -448,7 +446,7 @@ class DSMC(Sealed):
             marks = np.asarray(samples, dtype=np.float64)
             if marks.ndim != 1 or np.any(np.diff(marks, prepend=now) < 0.0) or np.any(marks > end):
                 raise InputError(f"samples: must be numbers in increasing order from {now:.6g} to {end:.6g}")
-        with device.sole_use():
+        with backend.sole_use():
             found = [self._measure()]
             for mark in marks:
                 if by_time:
@@ -465,7 +463,7 @@ class DSMC(Sealed):
     def _step(self, longest: float, wanted: float = math.inf) -> None:
         """Let the gas go on, for `longest` [time] at most, and not for many more collisions than are `wanted`."""
         self._check_whole()
-        with device.deferred_interrupts():  # Ctrl-C takes effect between batches
+        with backend.deferred_interrupts():  # Ctrl-C takes effect between batches
             self._whole = False
             self._batch_of(longest, wanted)
             self._whole = True
@@ -501,7 +499,7 @@ class DSMC(Sealed):
         return n * (n - 1) * self._section * 2.0 * cap / self.area
 
     def _check_alive(self) -> None:
-        device.check_process()
+        backend.check_process()
         if self._disk is None:
             raise EngineError("this gas is gone: Taichi was started anew, with other settings")
 

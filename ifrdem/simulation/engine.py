@@ -27,7 +27,7 @@ import math
 import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -36,8 +36,12 @@ from numpy.typing import NDArray
 from ..errors import EngineError, InelasticCollapse, InputError, NoMoreCollisions
 from ..kernels import layout as k
 from ..kernels.columns import PISTON_STATE, READOUT, TALLY, WALL_SUM, Named, named
+from ..kernels.walls.kinds import ARC_INSIDE, ARC_OUTSIDE
 from ..model.box import Box
-from ..model.collapse import advice
+from ..model.collapse import Collapse, ContactTime, Rest, VelocityCutoff, advice
+from ..model.collapse import validate as validate_collapse
+from ..model.gravity import Gravity, RotatingGravity
+from ..model.gravity import validate as validate_gravity
 from ..model.ifr import IFRLaw
 from ..model.law import CollisionLaw, compiled
 from ..model.observables import from_totals
@@ -48,10 +52,12 @@ from ..model.walls import check as check_walls
 from ..mpi import Communicator
 from ..mpi.distribution import broadcast_constant_rows
 from ..tools import checked, seeds
-from . import checks, device
+from . import backend, checks
+from .device import Device
+from .record import validate as validate_record
 from .schedule import Due
 from .tracking import Statistics
-from .turning import USUAL_STEP, TurningGravity, check_turning
+from .turning import TurningGravity, check_turning
 
 if TYPE_CHECKING:
     from ..model.forces import Force
@@ -71,7 +77,7 @@ MOST_COMPARED = 200_000
 
 @dataclass(frozen=True)
 class EngineOptions:
-    """Options of an engine: those of `Simulation`; remedies for collapse that are 0 do without.
+    """Options of an engine: those of `Simulation`, and two more.
 
     Attributes
     ----------
@@ -80,42 +86,55 @@ class EngineOptions:
         bits.
     tile_disks : int or None
         Disks of a tile; by default what is fastest.
-    itemised : bool
-        `dissipated` of `Simulation`; with a ledger only.
     """
 
-    arch: str = "cpu"
-    threads: int | None = None
-    precision: str = "f64"
+    device: Device = field(default_factory=Device)
     order: str | None = None
     tile_disks: int | None = None
-    window_collisions: float | None = None
-    gravity: tuple[float, float] = (0.0, 0.0)
-    gravity_rotation_rate: float = 0.0
-    gravity_rotation_step: float = USUAL_STEP
-    velocity_cutoff: float = 0.0
-    contact_time: float = 0.0
-    resting_speed: float = 0.0
+    gravity: Gravity = (0.0, 0.0)
+    collapse: Collapse | None = None
     seed: int = 0
-    ledger: bool = False
-    partners: bool = False
-    angles: bool = False
-    itemised: bool = False
-    wall_sums: bool = False
+    record: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "gravity", checked.PAIR("gravity", self.gravity))
-        for name in ("gravity_rotation_rate", "gravity_rotation_step"):
-            object.__setattr__(self, name, checked.FINITE(name, getattr(self, name)))
-        object.__setattr__(self, "seed", seeds.of_device(self.seed))
+        checked_values = {
+            "device": Device.of(self.device),
+            "gravity": validate_gravity(self.gravity),
+            "collapse": validate_collapse(self.collapse),
+            "seed": seeds.of_device(self.seed),
+            "record": validate_record(self.record),
+        }
+        for name, value in checked_values.items():
+            object.__setattr__(self, name, value)
         if self.order not in (None, *ORDERS):
             raise InputError(f"order = {self.order!r}: must be one of {', '.join(ORDERS)}")
         if self.tile_disks is not None:
             checked.integer("tile_disks", self.tile_disks, 1)
-        if self.window_collisions is not None:
-            checked.Number(1e-3, 10.0, "a number from 0.001 to 10")(
-                "window_collisions", self.window_collisions
-            )
+
+    @property
+    def velocity_cutoff(self) -> float:
+        """Cut-off for kernels [length/time]; 0 without."""
+        return self.collapse.speed if isinstance(self.collapse, VelocityCutoff) else 0.0
+
+    @property
+    def contact_time(self) -> float:
+        """Contact time for kernels [time]; 0 without."""
+        return self.collapse.time if isinstance(self.collapse, ContactTime) else 0.0
+
+    @property
+    def resting_speed(self) -> float:
+        """Resting speed for kernels [length/time]; 0 without."""
+        return self.collapse.speed if isinstance(self.collapse, Rest) else 0.0
+
+    @property
+    def start_gravity(self) -> tuple[float, float]:
+        """Gravity at time 0 [length/time^2]."""
+        return self.gravity.start if isinstance(self.gravity, RotatingGravity) else self.gravity
+
+    @property
+    def has_ledger(self) -> bool:
+        """True if dissipated energy is added up, by mechanism."""
+        return "energy" in self.record
 
 
 @dataclass(frozen=True)
@@ -199,8 +218,8 @@ class Engine:
         comm = self.comm
         self.box: Box = box
         self._law_table, self._law = np.ascontiguousarray(law_table, dtype=np.float64), law
-        check_turning(given, box.periodic, tracking is not None, comm.size)
-        self.precision: str = given.precision
+        check_turning(given.gravity, box.periodic, tracking is not None, comm.size)
+        self.precision: str = given.device.precision
         self.walls: tuple[Wall, ...] = (*walls, *sides(box))
         self.given_walls: int = len(walls)
 
@@ -212,7 +231,7 @@ class Engine:
             return disks.n, speed, met, hits, int(np.count_nonzero(state.asleep))
 
         def judged() -> None:
-            checks.check_number(n, comm.size, given.partners)
+            checks.check_number(n, comm.size, "partner" in given.record)
             checks.check(disks, box, state, len(self._law_table), walls, forces, given, max(speeds))
             check_walls(
                 self.walls, box, state.position, disks.radius, len(self._law_table), float(state.time),
@@ -235,22 +254,11 @@ class Engine:
         self.disks: Disks = disks if comm.is_root and not comm.is_distributed else self.kinds
         self._materials = np.unique(self.kinds.material)
         time = float(begin.time)
-        self._check_resting(given.gravity, forces, law)
-        self._check_rebound(self._law_table, law, given.gravity)
-        checks.check_pistons(
-            walls,
-            n,
-            given.arch,
-            given.precision,
-            given.resting_speed,
-            given.order,
-            comm.size,
-            given.gravity_rotation_rate,
-        )
-        self.turning = TurningGravity(
-            given.gravity, given.gravity_rotation_rate, given.gravity_rotation_step, time
-        )
+        self.turning = TurningGravity(given.gravity, time)
         self.gravity: tuple[float, float] = self.turning.gravity
+        self._check_resting(self.gravity, forces, law)
+        self._check_rebound(self._law_table, law, self.gravity)
+        checks.check_pistons(walls, n, given, comm.size)
         self.statistics: Statistics = Statistics()
         self.keep_collisions = False
         self.last_collisions: CollisionTimes | None = None
@@ -258,15 +266,15 @@ class Engine:
         self._resting = 0
         self._no_future_collisions = False
         self._collided_at = time
-        threads = given.threads
+        threads = given.device.threads
         if comm.size > 1:
-            checks.check_ranks(comm.size, box, given, tracking is not None)
+            checks.check_ranks(comm.size, n, box, given, tracking is not None)
             self._check_alike(forces)
-            threads = threads or comm.share_of_cores(device.cores())
-            if given.arch == "cuda":
+            threads = threads or comm.share_of_cores(backend.cores())
+            if given.device.name == "cuda":
                 number = comm.local_rank
-                comm.run_on_all(lambda: device.show_gpu(number))
-        comm.run_on_all(lambda: device.start(given.arch, threads=threads, precision=given.precision))
+                comm.run_on_all(lambda: backend.show_gpu(number))
+        comm.run_on_all(lambda: backend.start(replace(given.device, threads=threads)))
         from .arrays import DeviceArrays
         from .force_steps import ForceSteps
         from .windows import Windows
@@ -277,20 +285,20 @@ class Engine:
             walled=len(self.walls) > 0,
             thermal=any(wall.temperature for wall in self.walls),
             pieced=len(rows) != len(self.walls),
-            arched=any(wall.shape == "arc" for wall in self.walls),
+            arched=bool(np.isin(named(rows, "walls").kind, (ARC_INSIDE, ARC_OUTSIDE)).any()),
             turning=any(wall.turn.kind != "still" for wall in self.walls),
             timed=any(
                 wall.gated or wall.moves_from is not None or wall.moves_until is not None
                 for wall in self.walls
             ),
-            summed=given.wall_sums and len(self.walls) > 0,
+            summed="wall" in given.record and len(self.walls) > 0,
             pistons=any(wall.piston is not None for wall in self.walls),
             remembers=given.contact_time > 0.0,
             sheared=box.shear_rate != 0.0,
-            tallied=given.ledger,
-            partnered=given.partners,
-            turned=given.angles,
-            itemised=given.itemised,
+            tallied=given.has_ledger,
+            partnered="partner" in given.record,
+            turned="angle" in given.record,
+            itemised="disk_energy" in given.record,
             watched=tracking is not None,
             rests=given.resting_speed > 0.0,
             collision_law=compiled(kind),
@@ -307,7 +315,7 @@ class Engine:
             self.arrays = DeviceArrays(disks, box, self._law_table, given, rows, uses)
         self.put_gravity()
         self._released = False
-        device.register(self)
+        backend.register(self)
         if tracking is not None:
             self.arrays.watched.from_numpy((tracking.rows > 0).astype(np.int32))
         self.arrays.clock.wall_speed = max((wall.most_speed for wall in self.walls), default=0.0)
@@ -453,8 +461,8 @@ class Engine:
         losses = sums.losses.array
         if not np.isfinite(losses).all():
             raise EngineError(
-                "a collision took an energy beyond all bounds, or no number: the law does not hold on to energy; with "
-                "output.ledger = false (ledger=False) nobody counts"
+                "energy taken by a collision is infinite or not a number: the law does not conserve energy; "
+                'output.ledger = false (no "energy" in record) switches the check off'
             )
         return losses.copy(), sums.regimes.astype(np.int64)
 
@@ -490,7 +498,8 @@ class Engine:
         """Refuse ranks that were given different gases."""
         if self.comm.size == 1:
             return
-        told = [replace(self.options, threads=None), self.box.lengths, self.box.periodic, self.box.shear_rate]
+        alike = replace(self.options, device=replace(self.options.device, threads=None))
+        told: list[Any] = [alike, self.box.lengths, self.box.periodic, self.box.shear_rate]
         told += [self._law, self._law_table.tobytes(), rows_of(self.walls).tobytes()]
         # What is none, `ForceSteps` refuses.
         given = forces if isinstance(forces, (list, tuple)) else [forces]
@@ -504,20 +513,23 @@ class Engine:
         self, gravity: tuple[float, float], forces: Sequence[Force], law: type[CollisionLaw]
     ) -> None:
         given = self.options
-        if given.resting_speed:
-            checks.check_resting(
-                self.disks, self.box, gravity, given.resting_speed, forces, law, given.arch, given.precision
-            )
+        if isinstance(given.collapse, Rest):
+            checks.check_resting(self.disks, self.box, gravity, given.collapse, forces, law, given.device)
 
     def _check_rebound(
         self, law_table: NDArray[np.float64], law: type[CollisionLaw], gravity: tuple[float, float]
     ) -> None:
         given = self.options
-        kind = "tc" if given.contact_time else "velocity_cutoff" if given.velocity_cutoff else "none"
         if law is IFRLaw:
             materials = np.unique(self.kinds.material).tolist()
             checks.check_rebound(
-                np.asarray(law_table)[..., 0], materials, self.walls, self.box, gravity, kind, given.precision
+                np.asarray(law_table)[..., 0],
+                materials,
+                self.walls,
+                self.box,
+                gravity,
+                given.collapse,
+                given.device.precision,
             )
 
     def _wake(self) -> None:
@@ -560,10 +572,10 @@ class Engine:
 
     def set_gravity(self, gravity: tuple[float, float]) -> None:
         """Let disks fall otherwise from now on; InputError unless gravity is constant and can act along this."""
-        if self.options.gravity_rotation_rate:
+        if isinstance(self.options.gravity, RotatingGravity):
             raise InputError(
-                f"gravity = {gravity}: it turns (gravity_rotation_rate = {self.options.gravity_rotation_rate:g}), and "
-                "cannot be set; begin a new simulation from this state"
+                f"gravity = {gravity}: cannot be set where gravity rotates ({self.options.gravity}); begin a new "
+                "simulation from this state"
             )
         gravity = checked.PAIR("gravity", gravity)
         checks.check_between_collisions(self.disks, self.box, gravity, self.force_steps.forces)
@@ -630,10 +642,13 @@ class Engine:
                 self.tracking.kick(self.time, before, self._snapshot(present))
 
     def _snapshot(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-        """Places, velocities and spins of tracked disks, shape (m, 5), and boxes travelled, shape (m, 2)."""
-        ids = np.empty(0, dtype=np.int32) if self.tracking is None else self.tracking.ids
-        real = np.column_stack([state.position[ids], state.velocity[ids], state.spin[ids]]).astype(np.float64)
-        return real, state.image[ids].astype(np.int32)
+        """Positions, velocities and spins of tracked disks, shape (m, 5), and image counts, (m, 2): on the root."""
+        if self.tracking is None:
+            return np.empty((0, 5)), np.empty((0, 2), dtype=np.int32)
+        ids = self.tracking.ids[: None if self.comm.is_root else 0]
+        columns = [state.position, state.velocity, state.spin[:, None], state.image]
+        *real, image = self.comm.rows_of(self.n, ids, columns)
+        return np.column_stack(real).astype(np.float64), image.astype(np.int32)
 
     def _begin_anew(self) -> None:
         """Take note that a gas has been changed: what is known of its collisions and rest does not hold any more."""
@@ -773,8 +788,7 @@ class Engine:
             e_n = float(self._law_table[np.ix_(rows, columns)][..., 0].min(initial=1.0))
         rests = any(self.gravity) and not self.force_steps.forces and not self.arrays.uses.pistons
         return advice(
-            contact_time=given.contact_time, velocity_cutoff=given.velocity_cutoff,
-            resting_speed=given.resting_speed, e_n=e_n, rests=rests and self._law is IFRLaw,
+            given.collapse, e_n=e_n, can_rest=rests and self._law is IFRLaw,
             rebounds=e_n is None or e_n >= checks.LEAST_REBOUND[self.precision], at_wall=at_wall,
         )  # fmt: skip
 
@@ -786,7 +800,9 @@ class Engine:
 
     def _take_watched(self, watching: int, was: float) -> None:
         windows = self.windows
-        real, whole = windows.watched()
+        gather = self.comm.allgather if watching == k.PAIRS else self.comm.gather  # histories are the root's
+        parts = gather(windows.watched()) or [windows.watched(none=True)]
+        real, whole = (np.concatenate(each) for each in zip(*parts, strict=True))
         if watching == k.PAIRS:
             event = named(whole, "event_int")
             time = windows.begin + named(real, "event").time.astype(np.float64)
@@ -797,7 +813,7 @@ class Engine:
             self.last_collisions = CollisionTimes(time[now][order], pair[order])
         elif self.tracking is not None and windows.fresh:
             windows.fresh = False
-            if len(real):
+            if self.comm.bcast(len(real)):
                 self.tracking.gather(windows.begin, real, whole, self.box)
 
     def release(self) -> None:
@@ -826,7 +842,7 @@ class Engine:
     def exclusive_update(self) -> Iterator[None]:
         """Refuse to begin unless the engine is whole, and delay Ctrl-C until it is whole again."""
         self.check_whole()
-        with device.sole_use(), device.deferred_interrupts():
+        with backend.sole_use(), backend.deferred_interrupts():
             self._whole = False
             yield
             self._whole = True
@@ -872,7 +888,9 @@ class Engine:
             self.force_steps.skip_to(stop)
         parted, self._no_future_collisions = self._no_future_collisions, False
         state.position = state.position + state.velocity * (stop - self.time)
-        state.angle = state.angle + state.spin * (stop - self.time) if self.options.angles else state.angle
+        state.angle = (
+            state.angle + state.spin * (stop - self.time) if "angle" in self.options.record else state.angle
+        )
         state.time = stop
         self.windows.commit_at(stop)
         self.arrays.load(self.disks, self.options, state)

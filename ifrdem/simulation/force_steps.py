@@ -1,6 +1,6 @@
 """Operator splitting: when each force acts, and what it did to the energy.
 
-Imports the kernels, and Taichi with them: import this module only after `device.start`.
+Imports the kernels, and Taichi with them: import this module only after `backend.start`.
 
 Forces that act at one and the same time do so in the order given at every other such time and in the reverse order at
 those between. Forces that do not commute would else make an error of first order in the step: drag before kicks is

@@ -38,12 +38,11 @@ the owners of tiles, and back, in one exchange of all with all.
 Blocks move (`rebalance`) between windows: whole lists of tiles go to other ranks, in their order. No bit depends on
 who owns a tile, so none changes.
 
-Imports Taichi: import this module only after `device.start`. Needs mpi4py.
+Imports Taichi: import this module only after `backend.start`. Needs mpi4py.
 """
 
 from __future__ import annotations
 
-import contextlib
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -60,6 +59,7 @@ from ..kernels.readout import put_rows, take_rows
 from ..kernels.windows import HALO_GROWTH, sum_shared, survey, verify
 from ..model.state import COLUMNS, DiskKinds, Disks
 from ..mpi import Communicator
+from ..mpi.decomposition import owners
 from .arrays import DeviceArrays, concatenated_ranges, kind_rows, kinds_of, sums_of_blocks
 from .windows import Windows, _Again
 
@@ -112,64 +112,6 @@ def first_id(n: int) -> int:
 def numbers_of(at: slice | NDArray[np.integer]) -> NDArray[np.int32]:
     """Row numbers for a kernel."""
     return np.arange(at.start, at.stop, dtype=np.int32) if isinstance(at, slice) else at.astype(np.int32)
-
-
-def owners(count: NDArray[np.number], tiles: tuple[int, int], size: int) -> NDArray[np.int32]:
-    """The rank that owns each tile, shape (tiles,): blocks with about as many disks (`count`) each.
-
-    The rectangle is cut in two across its longer side, and each part again, so that any number of ranks gets blocks.
-    InputError if there are fewer tiles than ranks.
-    """
-    total = tiles[0] * tiles[1]
-    if size > total:
-        raise InputError(
-            f"{size} ranks: {int(count.sum())} disks make {counted_tiles(tiles)}, and each rank needs one: "
-            + (f"start {total} or fewer (mpiexec -n)" if total > 1 else "run it without mpiexec")
-        )
-    weight = count.reshape(tiles).astype(np.float64) + 1e-9
-    owner = np.empty(tiles, dtype=np.int32)
-
-    def divide(x: slice, y: slice, first: int, last: int) -> None:
-        if last - first == 1:
-            owner[x, y] = first
-            return
-        wide, high = x.stop - x.start, y.stop - y.start
-        low = (last - first) // 2
-        for axis in (0, 1) if wide >= high else (1, 0):
-            length, across = (wide, high) if axis == 0 else (high, wide)
-            cuts = np.arange(1, length)
-            cuts = cuts[(cuts * across >= low) & ((length - cuts) * across >= last - first - low)]
-            if len(cuts):
-                share = np.cumsum(weight[x, y].sum(axis=1 - axis))
-                cut = int(cuts[np.argmin(np.abs(share[cuts - 1] / share[-1] - low / (last - first)))])
-                if axis == 0:
-                    divide(slice(x.start, x.start + cut), y, first, first + low)
-                    divide(slice(x.start + cut, x.stop), y, first + low, last)
-                else:
-                    divide(x, slice(y.start, y.start + cut), first, first + low)
-                    divide(x, slice(y.start + cut, y.stop), first + low, last)
-                return
-        raise InputError(  # a block of few tiles that no straight cut divides
-            f"{size} ranks: {counted_tiles(tiles)} cannot be divided into so many blocks: start fewer (mpiexec -n)"
-        )
-
-    divide(slice(0, tiles[0]), slice(0, tiles[1]), 0, size)
-    return owner.reshape(-1)
-
-
-def most_ranks(tiles: tuple[int, int], size: int) -> int:
-    """The largest number of ranks, up to so many, among which equally full tiles can be divided."""
-    for count in range(min(size, tiles[0] * tiles[1]), 1, -1):
-        with contextlib.suppress(InputError):
-            owners(np.ones(tiles[0] * tiles[1]), tiles, count)
-            return count
-    return 1
-
-
-def counted_tiles(tiles: tuple[int, int]) -> str:
-    """Number of tiles, for a message."""
-    total = tiles[0] * tiles[1]
-    return f"{tiles[0]} x {tiles[1]} tiles" if total > 1 else "one tile"
 
 
 class RankArrays(DeviceArrays):
@@ -723,8 +665,3 @@ class RankWindows(Windows):
             else:
                 low = middle + 1
         return float(np.int64(low).view(np.float64))
-
-    def watched(self) -> tuple[NDArray[Any], NDArray[Any]]:
-        """As on one rank: those of all."""
-        real, whole = zip(*self.arrays.comm.allgather(super().watched()), strict=True)
-        return np.concatenate(real), np.concatenate(whole)

@@ -1,6 +1,6 @@
 """The present state of an engine, read from the device.
 
-Imports Taichi: import this module only after `device.start`.
+Imports Taichi: import this module only after `backend.start`.
 """
 
 from __future__ import annotations

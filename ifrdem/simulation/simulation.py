@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,22 +18,23 @@ from ..errors import InputError, SlowRunWarning
 from ..model import crush
 from ..model.box import Box
 from ..model.collapse import Collapse
+from ..model.gravity import RotatingGravity
 from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.law import CollisionLaw, check_energy, checked_class, coefficient_table, law_table, try_on
 from ..model.observables import Measure, from_totals, sums
 from ..model.overlaps import check_no_overlap
-from ..model.state import DiskKinds, Disks, State, scatter_state
+from ..model.state import COLUMNS, DiskKinds, Disks, State, scatter_state
 from ..model.walls import Wall, WallSums, check_types, sides
 from ..mpi import Communicator, current
 from ..mpi.distribution import bounds
 from ..tools import checked
-from ..tools.checked import LATER, Comm, Count, Integer, Real, Seed, validated
+from ..tools.checked import LATER, Comm, Integer, Real, Seed, validated
 from ..tools.pictured import PicturedDisks
 from ..tools.progress import Progress as Bar
 from ..tools.progress import seen
 from ..tools.sealed import Sealed
-from . import checkpoint, checks
-from . import device as backend
+from . import backend, checkpoint, checks
+from .device import Device
 from .engine import CollisionTimes, Engine
 from .schedule import (
     MOST,
@@ -49,7 +50,6 @@ from .schedule import (
     warn_of_end,
 )
 from .tracking import Events, Tracking, checked_ids
-from .turning import USUAL_STEP
 
 if TYPE_CHECKING:
     from ..model.forces import Force
@@ -105,52 +105,32 @@ class Simulation(Sealed, PicturedDisks):
         Start: positions [length], velocities [length/time], spins [rad/time]. In a sheared box velocities are those
         in the lab, such as `placement.maxwellian(...) + box.flow(position)`, and its `time` tells how far the images
         above and below have moved.
-    arch : {"cpu", "cuda"}
-        Device; one that is not there is refused.
-    threads : int, optional
-        Threads on the CPU, all cores by default. The trajectory is the same to the last bit for any number.
-    precision : {"f64", "f32"}
-        Double precision, or single: half the memory, and errors of 1e-7 instead of 1e-16 a step.
-    window_collisions : float, optional
-        Collisions that a disk has in a window of the engine, 0.001 to 10; by default what is fastest on the device.
-        Windows decide the last bits: with the same number, a CPU and a GPU give the same (`ifrdem docs exactness`).
     walls : sequence of Wall
         Lines, segments, containers and posts, at rest or moving. Where a wall stands at a side of the box, it is hit
         first.
-    gravity : two floats
-        Acceleration of all disks [length/time^2]; only in directions that are not periodic.
-    gravity_rotation_rate : float
-        Rate at which gravity turns [rad/time], counter-clockwise, as in the frame of a slow drum that turns clockwise
-        (`ifrdem docs heaps`): between walls only, and `gravity` is that at time 0.
-    gravity_rotation_step : float
-        Angle of its steps [rad], up to 0.1: between two of them gravity is constant, and collisions are exact.
-    collapse : {"none", "tc", "velocity_cutoff", "rest"}
-        What is done about inelastic collapse (`ifrdem.model.collapse.Collapse`): nothing, or some collisions are
-        elastic and without friction, which `statistics.elastic` counts, those with walls included; or disks may rest.
-    contact_time : float, optional
-        For "tc" [time]: collisions are elastic if the latest one of either partner was less than this ago.
-    velocity_cutoff : float, optional
-        For "velocity_cutoff" [length/time]: those whose normal speed of approach is below it.
-    resting_speed : float, optional
-        For "rest" [length/time]: contacts last below it, and disks fall asleep (`ifrdem docs heaps`). Needs gravity, an
-        `IFRLaw`, a CPU in double precision and no forces.
+    gravity : two floats or RotatingGravity
+        Acceleration of all disks [length/time^2], only in directions that are not periodic; or one that rotates, as in
+        the frame of a slow drum (`ifrdem docs heaps`), between walls only.
     forces : sequence of forces.Force
         Drives and drag that act between collisions, each at the middle of its own steps; at a time at which several do,
         in this order and in the reverse order by turns (`ifrdem.forces`).
+    collapse : VelocityCutoff, ContactTime or Rest, optional
+        Remedy for inelastic collapse: some collisions are elastic and without friction, which `statistics.elastic`
+        counts, those with walls included; or slow contacts last, and disks rest (`ifrdem docs heaps`).
+    device : Device or {"cpu", "cuda"}
+        Where it is computed, with how many threads, in which precision; on the CPU by default.
+    record : sequence of str
+        Quantities to record during the run:
+
+        - "energy": the energy that collisions dissipate, by mechanism, and collisions by regime, in every `Measure`;
+        - "disk_energy": also that of each disk's collisions, `State.dissipated`;
+        - "partner": the disk or wall that each disk hit last, `State.last_partner`;
+        - "angle": the angle by which each disk has turned, `State.angle`;
+        - "wall": momentum, torque, work, heat and collisions of each wall, `wall_sums` and in every `Measure`.
+    tracked : sequence of int
+        Disks of which every collision is kept, for `take_events`; of ranks, on the root. Not in a sheared box.
     seed : int
         Of the random numbers of forces and thermal walls, 0 to 2^64 - 1.
-    ledger : bool
-        Add up the energy that collisions take, by mechanism, and count collisions by regime: in every `Measure`.
-    partners : bool
-        Keep whom each disk hit last: `State.last_partner`.
-    angles : bool
-        Keep how far each disk has turned: `State.angle`.
-    dissipated : bool
-        Keep the energy that each disk's collisions take, by mechanism: `State.dissipated`. Switches the ledger on.
-    wall_sums : bool
-        Add up what each wall gives to the disks: momentum, torque, work, heat, hits (`wall_sums`, and every `Measure`).
-    tracked : sequence of int
-        Disks of which every collision is kept, for `take_events`. Not in a sheared box.
     comm : mpi4py.MPI.Comm or Communicator, optional
         Ranks of MPI that have a part of the gas each (`ifrdem docs ranks`); bitwise the same trajectory. All make the
         same simulation and call the same methods. `disks` and `state` are taken from the first rank (the root), and may
@@ -203,30 +183,18 @@ class Simulation(Sealed, PicturedDisks):
         law: Annotated[CollisionLaw | Sequence[Sequence[CollisionLaw]], LATER],
         state: Annotated[State, LATER],
         *,
-        arch: str = "cpu",
-        threads: Count | None = None,
-        precision: Literal["f64", "f32"] = "f64",
-        window_collisions: float | None = None,
         walls: Sequence[Wall] = (),
-        gravity: tuple[float, float] = (0.0, 0.0),
-        gravity_rotation_rate: float = 0.0,
-        gravity_rotation_step: float = USUAL_STEP,
-        collapse: str = "none",
-        contact_time: float | None = None,
-        velocity_cutoff: float | None = None,
-        resting_speed: float | None = None,
+        gravity: tuple[float, float] | RotatingGravity = (0.0, 0.0),
         forces: Sequence[Force] = (),
-        seed: Seed = 0,
-        ledger: bool = False,
-        partners: bool = False,
-        angles: bool = False,
-        dissipated: bool = False,
-        wall_sums: bool = False,
+        collapse: Annotated[Collapse | None, LATER] = None,
+        device: Annotated[Device | str | None, LATER] = None,
+        record: Iterable[str] = (),
         tracked: Annotated[Sequence[int] | NDArray[np.integer], LATER] = (),
+        seed: Seed = 0,
         comm: Comm = None,
     ) -> None:
         comm = Communicator(current(), distributed=True) if comm is None else comm
-        remedy = Collapse(collapse, contact_time, velocity_cutoff, resting_speed)
+        device = Device.of(device)
 
         def typed() -> State:
             for name, value, kind in (("disks", disks, Disks), ("box", box, Box), ("state", state, State)):
@@ -243,7 +211,7 @@ class Simulation(Sealed, PicturedDisks):
             laws = law_table(law, kinds, max((wall.material for wall in walls), default=0))
             checked_class(laws)
             check_energy(laws, kinds, (wall.material for wall in [*walls, *sides(box)]))
-            checks.check_coefficients(coefficient_table(laws), precision)
+            checks.check_coefficients(coefficient_table(laws), device.precision)
 
         begin = comm.run_on_holders(typed) or state
         if comm.is_distributed:
@@ -254,20 +222,14 @@ class Simulation(Sealed, PicturedDisks):
         comm.result_of_holders(lambda: check_no_overlap(box, disks.radius, begin.position, time=begin.time))
         self._laws = law_table(law, kinds, max((wall.material for wall in walls), default=0))
         law_class, table = checked_class(self._laws), coefficient_table(self._laws)
-        self._tracking = self._follow_disks(tracked, kinds, box, walls)
-        ledger = ledger or dissipated
+        self._tracking = self._follow_disks(tracked, kinds.n, box, walls)
         self._stopping = False
         self._pinches_checked = False
         self._external_energy = 0.0  # from changes between runs
         with backend.sole_use():
             self._engine = Engine(
-                disks, box, begin, table, arch=arch, threads=threads, precision=precision,
-                window_collisions=window_collisions, walls=walls, gravity=gravity,
-                gravity_rotation_rate=gravity_rotation_rate, gravity_rotation_step=gravity_rotation_step,
-                velocity_cutoff=remedy.velocity_cutoff or 0.0, contact_time=remedy.contact_time or 0.0,
-                resting_speed=remedy.resting_speed or 0.0, forces=forces, seed=seed,
-                law=law_class, ledger=ledger, partners=partners, angles=angles, itemised=dissipated,
-                wall_sums=wall_sums, tracking=self._tracking, comm=comm,
+                disks, box, begin, table, walls=walls, gravity=gravity, forces=forces, collapse=collapse,
+                device=device, record=record, seed=seed, law=law_class, tracking=self._tracking, comm=comm,
             )  # fmt: skip
             # The engine's state of a sheared gas knows its flow, whose energy does not count.
             known = box.shear_rate == 0.0 and (comm.size == 1 or comm.is_distributed)
@@ -280,21 +242,26 @@ class Simulation(Sealed, PicturedDisks):
                 self._try_on(law_class, table, begin if known else self._engine.state_here())
 
     def _follow_disks(
-        self, tracked: Sequence[int] | NDArray[np.integer], disks: Disks, box: Box, walls: Sequence[Wall]
+        self, tracked: Sequence[int] | NDArray[np.integer], n: int, box: Box, walls: Sequence[Wall]
     ) -> Tracking | None:
-        ids = checked_ids(tracked, disks.n)
+        ids = checked_ids(tracked, n)
         if not len(ids):
             return None
         if box.shear_rate:
             raise InputError(
                 "tracked: not supported in a sheared box; with walls that move, shear can be tracked"
             )
-        return Tracking(ids, disks, self._laws, [*walls, *sides(box)])
+
+        def disks_of(wanted: NDArray[np.int32]) -> Disks:
+            rows = [getattr(self.disks_here, name) for name in COLUMNS]
+            return Disks(len(wanted), *self.comm.rows_of(n, wanted, rows))
+
+        return Tracking(ids, n, disks_of, self._laws, [*walls, *sides(box)])
 
     @property
     def has_ledger(self) -> bool:
         """True if the energy that collisions take is added up, by mechanism."""
-        return self._engine.options.ledger
+        return self._engine.options.has_ledger
 
     @property
     def gravity(self) -> tuple[float, float]:
@@ -421,7 +388,7 @@ class Simulation(Sealed, PicturedDisks):
     def take_events(self) -> Events:
         """Every collision of tracked disks since the last call, or the start, and what forces did to them.
 
-        In an observer, those until its frame.
+        In an observer, those until its frame. Of ranks, the root gets all, and the others none.
         """
         if self._tracking is None:
             raise InputError("no disk is tracked: Simulation(..., tracked=[0, 1]) follows the first two")
@@ -497,8 +464,8 @@ class Simulation(Sealed, PicturedDisks):
         InputError
             If this simulation was made without them.
         """
-        if not self._engine.options.wall_sums:
-            raise InputError("nobody adds up what walls give: make the simulation with wall_sums=True")
+        if "wall" not in self._engine.options.record:
+            raise InputError('wall_sums: not recorded; make the simulation with record=["wall"]')
         return WallSums(self._engine.walls, self._engine.wall_sums)
 
     @property
@@ -768,9 +735,9 @@ class Simulation(Sealed, PicturedDisks):
             If the simulation was made without a ledger, or tells what each disk loses, which needs it.
         """
         if not self.has_ledger:
-            raise InputError("this simulation has no ledger to switch: make it with ledger=True")
-        if self._engine.options.itemised:
-            raise InputError("what each disk loses (dissipated=True) needs the ledger: it stays on")
+            raise InputError('the ledger is not recorded; make the simulation with record=["energy"]')
+        if "disk_energy" in self._engine.options.record:
+            raise InputError('record: "disk_energy" needs "energy", which must stay on')
         self._engine.switch_ledger(on)
 
     def follow(
@@ -950,7 +917,7 @@ class Simulation(Sealed, PicturedDisks):
         ledger: dict[str, Any] = {}
         if self.has_ledger:
             ledger["dissipated"], ledger["regimes"] = self._engine.dissipated()
-        if self._engine.options.wall_sums:
+        if "wall" in self._engine.options.record:
             ledger["walls"] = self._engine.wall_sums
         return from_totals(self.disks, totals, self.time, self.wall_hits, **self._energy_terms(), **ledger)
 

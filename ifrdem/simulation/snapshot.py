@@ -2,7 +2,7 @@
 
 A state in the order of disks (`State`) tells a gas to rounding: the engine measures places from its tiles' corners,
 and a run that stopped within a window goes on from its beginning.
-Imports Taichi: import this module only after `device.start`.
+Imports Taichi: import this module only after `backend.start`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..kernels import layout as k
-from ..kernels.columns import WALL
+from ..kernels.columns import named
+from ..model.gravity import RotatingGravity
 from ..model.state import COLUMNS
 from .tracking import Statistics
 
@@ -31,22 +32,23 @@ def fingerprint(engine: Engine) -> str:
     """A hash of what must be the same for a snapshot to fit: disks, box, laws, walls, forces, seed, precision."""
     engine.check_whole()
     a, disks, box, options = engine.arrays, engine.disks_here, engine.box, engine.options
-    gravity = options.gravity if options.gravity_rotation_rate else engine.gravity
+    rotation = options.gravity if isinstance(options.gravity, RotatingGravity) else None
+    gravity = rotation.start if rotation else engine.gravity
     digest = hashlib.sha256()
-    walls = a.wall_rows.copy()
-    walls[a.pistons[:, None], [WALL.now, WALL.speed]] = 0.0  # where a piston starts, as where disks do
+    walls = named(a.wall_rows.copy(), "walls")
+    walls.piston.displacement = walls.piston.speed = 0.0  # where a piston starts, as where disks do
     parts: list[Any] = [
         *(engine.comm.digest(getattr(disks, name)) for name in COLUMNS),
         np.array(box.lengths), np.array(box.periodic),
         np.array([
             box.shear_rate, *gravity, options.velocity_cutoff, options.contact_time, options.resting_speed,
         ]), a.law.to_numpy(),
-        walls, repr([(wall.opens_at, wall.opens_after) for wall in engine.walls]),
-        options.precision, options.arch, options.seed, options.wall_sums,
-        options.ledger, options.partners, options.angles, options.itemised, a.uses.collision_law.impulses.__qualname__,
+        walls.array, repr([(wall.opens_at, wall.opens_after) for wall in engine.walls]),
+        options.device.precision, options.device.name, options.seed, sorted(options.record),
+        a.uses.collision_law.impulses.__qualname__,
     ]  # fmt: skip
-    if options.gravity_rotation_rate:
-        parts.append((options.gravity_rotation_rate, options.gravity_rotation_step))
+    if rotation:
+        parts.append((rotation.rate, rotation.step))
     for force in engine.force_steps.forces:
         parts += [type(force).__name__, np.array([*force.values.values()]), force.step]
     for part in parts:
@@ -140,7 +142,7 @@ def _put_back(engine: Engine, found: Snapshot) -> None:
     _time, engine._collided_at, engine._flow_excess = found["clock"].tolist()
     *before, engine._resting, parted, engine._until_looked = found["counts"].tolist()
     engine._before, engine._slept, engine._no_future_collisions = before[:2], before[2], bool(parted)
-    if engine.options.gravity_rotation_rate:
+    if engine.turning.rotation:
         step, engine.turning.work = found["turning"].tolist()
         engine.turning.next_step = int(step)
         engine.put_gravity()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -130,20 +130,28 @@ def checked_ids(tracked: Sequence[int] | NDArray[np.integer], n: int) -> NDArray
     return ids.astype(np.int32)
 
 
+Rows = Callable[[NDArray[np.int32]], Disks]
+"""Gives the disks of some ids; of ranks, all call it, each for its own."""
+
+
 class Tracking:
-    """Follows some disks of one engine, by ascending ids (m,); of all walls, those at sides of the box are the last."""
+    """Follows some disks of one engine of n, by ascending ids (m,); walls at sides of the box are the last ones.
+
+    Of ranks, the root gets the events of all disks; the others have none.
+    """
 
     def __init__(
         self,
         ids: NDArray[np.int32],
-        disks: Disks,
+        n: int,
+        disks_of: Rows,
         laws: Sequence[Sequence[CollisionLaw]],
         walls: Sequence[Wall],
     ) -> None:
         self.ids: NDArray[np.int32] = ids
         self.laws: Sequence[Sequence[CollisionLaw]] = laws
-        self._disks, self._walls = disks, walls
-        self.rows: NDArray[np.int32] = np.zeros(max(disks.n, 1), dtype=np.int32)
+        self._disks_of, self._walls = disks_of, walls
+        self.rows: NDArray[np.int32] = np.zeros(max(n, 1), dtype=np.int32)
         self.rows[ids] = np.arange(1, len(ids) + 1)
         self._found: list[Events] = []
 
@@ -195,9 +203,18 @@ class Tracking:
             partner_spin_before=event.partner_spin_before.copy(),
             partner_spin_after=event.partner_spin_after.copy(),
         )
-        relative, impulse = found.velocity_before - found.partner_velocity_before, self._impulse(found)
+        known = np.unique(np.concatenate([found.id, found.partner[found.partner >= 0]]))
+        disks = self._disks_of(known)
+        if not len(found):
+            return
+        one, two = (np.searchsorted(known, np.maximum(ids, 0)) for ids in (found.id, found.partner))
+        pair = one, np.minimum(two, len(known) - 1)  # rows of `disks`; of walls, any
+        relative, impulse = (
+            found.velocity_before - found.partner_velocity_before,
+            _impulse(found, disks, pair),
+        )
         along, across = _dot(relative, normal), _cross(normal, relative)
-        regime = self._regime(found)
+        regime = self._regime(found, disks, pair)
         regime[info.how == k.BY_REMEDY] = ELASTIC
         regime[info.how == k.BY_HEAT] = UNKNOWN
         impulse = np.stack([_dot(impulse, normal), _cross(normal, impulse)], axis=1)
@@ -223,19 +240,9 @@ class Tracking:
             )
         )  # fmt: skip
 
-    def _impulse(self, found: Events) -> NDArray[np.float64]:
-        """Momentum that the disk gave: its own loss of momentum, or the partner's gain where it cannot move itself."""
-        mass = self._disks.mass[found.id]
-        lost = found.velocity_before - found.velocity_after
-        given = np.where(np.isfinite(mass), mass, 0.0)[:, None] * lost
-        stuck = np.flatnonzero(~np.isfinite(mass) & (found.partner >= 0))
-        gained = found.partner_velocity_after[stuck] - found.partner_velocity_before[stuck]
-        given[stuck] = self._disks.mass[found.partner[stuck]][:, None] * gained
-        return given
-
-    def _regime(self, found: Events) -> NDArray[np.int8]:
+    def _regime(self, found: Events, disks: Disks, pair: Pair) -> NDArray[np.int8]:
         """By the law, from the motion before."""
-        disks, ids, partner = self._disks, found.id, found.partner
+        (ids, other), partner = pair, found.partner
         velocity = np.stack([found.velocity_before, found.partner_velocity_before], axis=1)
         spin = np.stack([found.spin_before, found.partner_spin_before], axis=1)
         at_wall = partner < 0
@@ -244,7 +251,7 @@ class Tracking:
         two = np.where(
             at_wall,
             of_walls[np.where(at_wall, -2 - partner, 0)],
-            disks.material[np.where(at_wall, 0, partner)],
+            disks.material[other],
         )
         regime = np.full(len(ids), UNKNOWN, dtype=np.int8)
         for a, b in {(int(a), int(b)) for a, b in zip(one, two, strict=True)}:
@@ -252,7 +259,7 @@ class Tracking:
             if not isinstance(law, IFRLaw):
                 continue
             rows = np.flatnonzero((one == a) & (two == b))
-            wall, p = at_wall[rows], np.where(at_wall[rows], 0, partner[rows])
+            wall, p = at_wall[rows], other[rows]
             radius = disks.radius[ids[rows]]
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", EnergyWarning)  # the simulation has said so
@@ -266,6 +273,22 @@ class Tracking:
                     spin[rows],
                 ).regime
         return regime
+
+
+def _impulse(found: Events, disks: Disks, pair: Pair) -> NDArray[np.float64]:
+    """Momentum that the disk gave: its own loss of momentum, or the partner's gain where it cannot move itself."""
+    one, two = pair
+    mass = disks.mass[one]
+    lost = found.velocity_before - found.velocity_after
+    given = np.where(np.isfinite(mass), mass, 0.0)[:, None] * lost
+    stuck = np.flatnonzero(~np.isfinite(mass) & (found.partner >= 0))
+    gained = found.partner_velocity_after[stuck] - found.partner_velocity_before[stuck]
+    given[stuck] = disks.mass[two[stuck]][:, None] * gained
+    return given
+
+
+Pair = tuple[NDArray[np.intp], NDArray[np.intp]]
+"""Rows of both disks of each event among some disks; of a wall, any row."""
 
 
 def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -17,24 +17,17 @@ Omega^2.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 from ..errors import InputError
+from ..model.gravity import Gravity, RotatingGravity
 from .schedule import first_after, time_of
 
-if TYPE_CHECKING:
-    from .engine import EngineOptions
-
-USUAL_STEP, MOST_STEP = 0.005, 0.1  # rad
 FASTEST_DRUM = 0.01
 """Froude number above which the frame of a drum is more than gravity that turns: the centrifugal acceleration in g."""
 
 
 class TurningGravity:
-    """Direction of gravity, step after step.
-
-    It is `gravity` [length/time^2] at t = 0, and turns counter-clockwise at a `rate` Omega [rad/time], 0 if it stays,
-    in steps of an angle [rad]; those until the present `time` [time] are done.
+    """Gravity at the present time of a run, step after step; steps until `time` [time] are done.
 
     Attributes
     ----------
@@ -44,24 +37,25 @@ class TurningGravity:
         Energy that the steps have put in [energy].
     """
 
-    def __init__(self, gravity: tuple[float, float], rate: float, step: float, time: float) -> None:
-        self._gravity, self._rate, self._step = gravity, rate, step
-        self.next_step: int = first_after(time, self._interval) if rate else 0
+    def __init__(self, gravity: Gravity, time: float) -> None:
+        self.rotation: RotatingGravity | None = gravity if isinstance(gravity, RotatingGravity) else None
+        self._start = gravity.start if isinstance(gravity, RotatingGravity) else gravity
+        self.next_step: int = first_after(time, self._interval) if self.rotation else 0
         self.work: float = 0.0
 
     @property
     def _interval(self) -> float:
-        return self._step / abs(self._rate)
+        return self.rotation.step / abs(self.rotation.rate) if self.rotation else math.inf
 
     @property
     def steps_per_turn(self) -> float:
-        """Steps of a whole turn; 0 for gravity that stays."""
-        return 2.0 * math.pi / self._step if self._rate else 0.0
+        """Steps of a whole turn; 0 for constant gravity."""
+        return self.rotation.steps_per_turn if self.rotation else 0.0
 
     @property
     def next_time(self) -> float:
-        """Time of the next step [time]; infinite for gravity that stays."""
-        return time_of(self.next_step, self._interval) if self._rate else math.inf
+        """Time of the next step [time]; infinite for constant gravity."""
+        return time_of(self.next_step, self._interval) if self.rotation else math.inf
 
     @property
     def turned_at(self) -> float:
@@ -71,33 +65,24 @@ class TurningGravity:
     @property
     def gravity(self) -> tuple[float, float]:
         """Present gravity [length/time^2]."""
-        if not self.next_step:
-            return self._gravity
-        angle = math.copysign(self.next_step * self._step, self._rate)
-        (x, y), c, s = self._gravity, math.cos(angle), math.sin(angle)
+        if not self.next_step or self.rotation is None:
+            return self._start
+        angle = math.copysign(self.next_step * self.rotation.step, self.rotation.rate)
+        (x, y), c, s = self._start, math.cos(angle), math.sin(angle)
         return c * x - s * y, s * x + c * y
 
 
-def check_turning(options: EngineOptions, periodic: tuple[bool, bool], tracked: bool, ranks: int) -> None:
-    """Refuse gravity that cannot turn: InputError."""
-    gravity, rate, step = options.gravity, options.gravity_rotation_rate, options.gravity_rotation_step
-    if not math.isfinite(rate):
-        raise InputError(f"gravity_rotation_rate = {rate}: must be a finite number [rad/time]")
-    if not 0.0 < step <= MOST_STEP:
-        raise InputError(
-            f"gravity_rotation_step = {step}: must be an angle above 0 and up to {MOST_STEP} rad"
-        )
-    if not rate:
+def check_turning(gravity: Gravity, periodic: tuple[bool, bool], tracked: bool, ranks: int) -> None:
+    """Refuse gravity that cannot rotate here: InputError."""
+    if not isinstance(gravity, RotatingGravity):
         return
-    name = f"gravity_rotation_rate = {rate:g}"
-    if not any(gravity):
-        raise InputError(f"{name}: gravity = {gravity}, and nothing turns; give one")
+    name = f"gravity = {gravity}"
     if any(periodic):
         along = " and ".join(axis for axis, each in zip("xy", periodic, strict=True) if each)
         raise InputError(
             f"{name}: disks would fall for ever along {along}, which is periodic; use a box that is not"
         )
     if tracked:
-        raise InputError(f"{name}: disks cannot be tracked (histories) where gravity turns; use more frames")
+        raise InputError(f"{name}: cannot be combined with tracked disks (histories); use more frames")
     if ranks > 1:
         raise InputError(f"{name}: not supported on several ranks (here are {ranks}); run it without mpiexec")

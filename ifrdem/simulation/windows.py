@@ -1,6 +1,6 @@
 """Windows from the host: how long they are, tiles that have to be run again, and where a run stops within one.
 
-Imports Taichi: import this module only after `device.start`.
+Imports Taichi: import this module only after `backend.start`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from ..kernels import layout as k
 from ..kernels.columns import EVENT, EVENT_INT, TALLY, TOTAL, named
 from ..kernels.events import TOO_FAR
 from ..kernels.readout import interpolate_snapshot
-from ..kernels.walls import piston_speed
+from ..kernels.walls.pistons import piston_speed
 from ..kernels.windows import (
     LEAST_HALO,
     MAX_TRAVEL,
@@ -88,8 +88,8 @@ class Windows:
         size = len(arrays.sums)
         self._done, self._at_end = np.zeros(size), np.zeros(size)
         for row, column in self._piston_columns():
-            piston = named(arrays.wall_rows[row], "walls")
-            self._done[[column, column + 1]] = piston.now, piston.speed
+            piston = named(arrays.wall_rows[row], "walls").piston
+            self._done[[column, column + 1]] = piston.displacement, piston.speed
         # Times and numbers of collisions at which a run will stop.
         self._asked: list[tuple[float, float]] = []
         self._noted = 0  # notes
@@ -248,7 +248,7 @@ class Windows:
     def _piston_columns(self) -> Iterator[tuple[int, int]]:
         """Row of each piston among the pieces of walls, and the column of `sums` with its displacement."""
         a = self.arrays
-        columns = named(a.wall_rows, "walls").piston[a.pistons].astype(np.int64)
+        columns = named(a.wall_rows, "walls").piston.sums[a.pistons].astype(np.int64)
         return zip(a.pistons, TALLY.width + columns, strict=True)
 
     def _fastest_piston(self) -> float:
@@ -257,9 +257,9 @@ class Windows:
         gx, gy = float(a.scale.gx), float(a.scale.gy)
         for row, column in self._piston_columns():
             wall = named(a.wall_rows[row], "walls")
-            push = wall.push + (gx * wall.ux + gy * wall.uy)
+            push = wall.piston.push + (gx * wall.motion.x + gy * wall.motion.y)
             state = self._done[column : column + 2].tolist()
-            found = max(found, piston_speed(*state, push, float(wall.rate), float(a.clock.path)))
+            found = max(found, piston_speed(*state, push, float(wall.piston.rate), float(a.clock.path)))
         return found
 
     def _survey(self) -> None:
@@ -428,7 +428,7 @@ class Windows:
             self._compute([], 1, k.PAIRS)
             self._times = (
                 self.begin,
-                named(Windows.watched(self)[0], "event").time.copy(),
+                named(self.watched()[0], "event").time.copy(),
             )  # those of this rank
             self._watched, self.fresh, self._watching = kept
             self.arrays.events(0)
@@ -445,9 +445,9 @@ class Windows:
         latest = np.arange(n) >= named(a.tile.to_numpy(), "tile").noted[note.tile]
         return a.note_at[:n][latest & (note.counts == 1)]
 
-    def watched(self) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Collisions that were written down in the present window, in any order: rows of `event` and `event_int`."""
-        if not self._watched:
+    def watched(self, none: bool = False) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Collisions written down here in the present window, or `none`: rows of `event` and `event_int`, unordered."""
+        if none or not self._watched:
             return np.zeros((0, EVENT.width)), np.zeros((0, EVENT_INT.width), dtype=np.int32)
         real, whole = zip(*self._watched, strict=True)
         return np.concatenate(real), np.concatenate(whole)

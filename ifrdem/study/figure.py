@@ -1,4 +1,4 @@
-"""Figures of a study: a quantity over another, bands of its standard error, and kinetic theory beside it."""
+"""Figures of a study: a quantity over another, with bands of its standard error and kinetic theory."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def draw(results: Results, what: str, over: str | None = None, by: str | None = 
     if swept and (left := [dim for dim in swept if dim != x]):
         curve = _dim(results, "--by", by, left) if by is not None else left[0]
     elif by is not None:
-        raise InputError(f"--by {by}: nothing is left to part curves by")
+        raise InputError(f"--by {by}: no dimension is left for curves")
     panels = [dim for dim in swept if dim not in (x, curve)]
     wanted = list(itertools.product(*(range(len(results.values(dim))) for dim in panels)))
     if len(wanted) > MOST_PANELS:

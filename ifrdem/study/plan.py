@@ -56,7 +56,7 @@ RESERVED = {
 """Names that a swept key cannot have in the results."""
 TEMPLATE = """\
 # Haff's law and the ratio of temperatures of a cooling gas, for restitution and friction.
-# ifrdem study FILE --dry-run says what it takes; ifrdem study FILE does it; again, it goes on where it was stopped.
+# ifrdem study FILE --dry-run estimates its cost; ifrdem study FILE runs it; the same command resumes it.
 
 # The base case: a case file (path from this file), or the name of a shipped case.
 case = "cooling"
@@ -189,16 +189,16 @@ class Axis:
         return ", ".join(f"{name} = {_text(each)}" for name, each in pairs)
 
     def assignments(self, i: int) -> list[str]:
-        """The same as the overrides of a case are spelled."""
+        """The values as overrides of a case, "KEY=VALUE"."""
         return [f"{key}={json.dumps(each)}" for key, each in zip(self.keys, self.values[i], strict=True)]
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A study that is in order."""
+    """A valid study."""
 
     name: str  # of its results
-    path: Path  # the base case, which files that it names stand beside
+    path: Path  # the base case; relative paths in it start from its folder
     text: str  # its text
     overrides: tuple[str, ...]  # what every run changes of it
     axes: tuple[Axis, ...]
@@ -242,11 +242,11 @@ class Plan:
                     line = line.removeprefix(f"{self.path}: ").removeprefix("--set ")
                     wrong.setdefault(line, []).append(self.label(point))
         of_all = 0 if good else math.prod(self.shape[:-1])
-        told = []
+        problems = []
         for line, labels in wrong.items():
             more = f" (and {len(labels) - 1} more)" if len(labels) > 1 else ""
-            told.append(line if len(labels) == of_all else f"{labels[0]}{more}: {line}")
-        return good, told
+            problems.append(line if len(labels) == of_all else f"{labels[0]}{more}: {line}")
+        return good, problems
 
     def tasks(self, good: dict[tuple[int, ...], Case], folder: Path) -> Iterator[Task]:
         """The runs of the points that are in order, whose results stand in a folder."""
@@ -349,7 +349,7 @@ def _values(key: str, given: Any) -> list[Any]:
         raise InputError(f"{key}: {text}")
     texts = [json.dumps(each) for each in values]
     if not values:
-        raise InputError(f"{key}: no value to vary it by")
+        raise InputError(f"{key}: must have one value or more")
     if twice := [each for i, each in enumerate(texts) if each in texts[:i]]:
         raise InputError(f"{key}: {twice[0]} is there twice")
     return values
@@ -399,12 +399,12 @@ def _seeds(given: Any, first: int) -> tuple[int, ...]:
     if not isinstance(given, list) or not all(isinstance(each, int) for each in given):
         raise InputError(need)
     if not given or len({*given}) < len(given) or not all(0 <= each < 2**63 for each in given):
-        raise InputError(f"seeds = {given}: must be integers of 0 or more, each once")
+        raise InputError(f"seeds = {given}: must be integers, 0 or more, each once")
     return tuple(given)
 
 
 def _number(case: dict[str, Any], key: str) -> float:
-    """A number of [run] in a case that nobody has checked yet; 0 where there is none."""
+    """A number of [run] in an unchecked case; 0 if it has none."""
     section = case.get("run")
     value = section.get(key) if isinstance(section, dict) else None
     return value if isinstance(value, int | float) else 0
@@ -426,9 +426,9 @@ def _output_overrides(case: dict[str, Any], output: StudyOutput) -> Iterator[str
         yield "output.views=false"
     at = output.analyses_at
     if at and not output.analyses:
-        raise InputError("analyses_at: requires analyses")
+        raise InputError("analyses_at requires analyses")
     t_end, per_disk = (_number(case, key) for key in ("t_end", "collisions_per_disk"))
-    if at and (end := t_end or per_disk):  # else `check` tells what is wrong
+    if at and (end := t_end or per_disk):  # else `check` reports the error
         if not 0.0 <= min(at) <= max(at) <= end:
             raise InputError(f"analyses_at = {at}: the run goes from 0 to {end:g}")
         parts = [Fraction(str(each)) for each in at if each > 0.0]

@@ -41,7 +41,7 @@ def read(path: str | os.PathLike[str]) -> Content:
     if not os.path.exists(place):
         raise InputError(f"{place}: there is no such file")
     if not os.path.isfile(place):  # a pipe would be waited for
-        raise InputError(f"{place}: must be a file, the results of a study (NAME.nc)")
+        raise InputError(f"{place}: is not a file: must be the results of a study (NAME.nc)")
     words = [sys.executable, "-P", "-X", "utf8", "-c", _PROGRAM, os.path.abspath(place), str(_ROOT)]
     try:
         done = subprocess.run(
@@ -72,7 +72,7 @@ def answer(path: str) -> None:
     """Write the content of a file to standard output, or the reason for a failure to standard error and exit."""
     try:
         if not h5py.is_hdf5(path):
-            raise InputError("is not an HDF5 file, not the results of a study (NAME.nc)")
+            raise InputError("is not an HDF5 file: must be the results of a study (NAME.nc)")
         attributes, variables = _content(path)
     except (InputError, *damage.FAULTS) as error:
         sys.stderr.write(str(error) or type(error).__name__)

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 SEED = "seed"
 ENDING, RUNS = ".nc", ".runs"
-"""Endings of the file of results, and of the folder of runs beside it."""
+"""Endings of the file of results, and of the folder of runs next to it."""
 THEORY = ("temperature", "rotational_temperature", "theta")
 """Predictions of kinetic theory for a gas."""
 BEYOND = 10.0
@@ -113,7 +113,7 @@ class Results:
         return cls({name: Variable(*each) for name, each in variables.items()}, attributes)
 
     def to_xarray(self) -> xarray.Dataset:
-        """The same as a data set of xarray (extra `analysis`), units in `attrs["units"]`."""
+        """The results as an xarray data set (extra `analysis`), units in `attrs["units"]`."""
         xarray = optional_import("xarray", "analysis")
         swept = {name for names in self.axes.values() for name in names}
         made = {
@@ -139,7 +139,7 @@ def _dataset(file: h5py.File, name: str, one: Variable) -> h5py.Dataset:
 def collect(
     plan: Plan, good: Mapping[tuple[int, ...], Case], tasks: Iterable[Task], failed: Mapping[str, str]
 ) -> Results:
-    """The results of all runs that are done; nan stands for the others, beside the messages of those that failed."""
+    """The results of all finished runs; others are nan, and failed ones have a message."""
     case = next(iter(good.values()))
     row_axis, places = along(case)
     variables: dict[str, Variable] = {}

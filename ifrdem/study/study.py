@@ -17,10 +17,11 @@ from typing import TYPE_CHECKING, Any
 from ..case import summary
 from ..case.estimate import RunEstimate
 from ..case.gas import CaseGas
+from ..case.objects import device_of
 from ..errors import DamageError, DamageWarning, InputError, listed
 from ..runs.signals import Stopped, Stops
 from ..runs.status import Status
-from ..simulation import device
+from ..simulation import backend
 from ..tools import files
 from ..tools.checked import validated
 from ..tools.files import check_files
@@ -43,7 +44,7 @@ LOCK = "study.lock"
 class Study:
     """One case run for many values of its keys and many seeds.
 
-    Runs that are done are kept, in a folder beside the results: `run` goes on where it was stopped, and computes only
+    Finished runs are kept in a folder next to the results: `run` resumes an interrupted study, and computes only
     what a changed study adds.
 
     Raises InputError with a line for each thing that is wrong.
@@ -60,8 +61,8 @@ class Study:
     seeds : int or str, optional
         A number of seeds, or a list "1,2,5".
     output : str or path, optional
-        The file of results, NAME.nc; runs are kept in NAME.runs beside it. By default the name of the study file,
-        or CASE-study.
+        The file of results, NAME.nc; runs are kept in NAME.runs in the same folder. By default the name of the study
+        file, or CASE-study.
 
     Attributes
     ----------
@@ -77,7 +78,7 @@ class Study:
     >>> study.plan.shape, study.runs
     ((3, 4), 12)
 
-    In a file, everything that starts processes stands behind ``if __name__ == "__main__":``, as Python wants it of
+    In a script, put everything that starts processes under ``if __name__ == "__main__":``, as Python wants it of
     programs that spawn:
 
     >>> study.run()  # doctest: +SKIP
@@ -135,11 +136,11 @@ class Study:
                 more = f"delete it, and it is made again from the runs in {self.folder}"
                 raise InputError(f"{error}; {more}") from error
         if self.folder.exists() and not self.folder.is_dir():
-            raise InputError(f"{self.folder}: is no folder; runs are kept there: another -o")
+            raise InputError(f"{self.folder}: is not a folder; runs are kept there: choose another -o")
         place = self._place(workers, scheduler)
         if place.scheduler is None and place.kind is None:
             for case in {each.run.device: each for each in good.values()}.values():
-                device.check(case.run.device, case.run.threads, case.run.precision)
+                backend.check(device_of(case.run))
             processes, _ = self._processes(place)
             largest = max(sum(each.number for each in case.species) for case in good.values())
             case = next(iter(good.values()))
@@ -148,13 +149,13 @@ class Study:
         if needed > MOST_OF_DISK * free:
             raise InputError(
                 f"{self.output}: the study needs some {summary.size(needed)}, and {summary.size(free)} are free in "
-                f"{self.output.parent.resolve()}: fewer rows, seeds or points, or another place (-o)"
+                f"{self.output.parent.resolve()}: use fewer rows, seeds or points, or another disk (-o)"
             )
         return wrong
 
     @property
     def bytes(self) -> int:
-        """Room on the disk that the study needs, about."""
+        """Estimated disk space of the study."""
         rows, columns = 0, 40
         trajectories = 0
         for case in self._checked_cases[0].values():
@@ -166,7 +167,7 @@ class Study:
 
     @property
     def seconds(self) -> float:
-        """Time that the missing runs take on one core, about: by those that are done, else by a usual speed."""
+        """Estimated time of the missing runs on one core, from finished runs or else from a typical speed."""
         done, missing, _ = self._state(self.tasks)
         if done:
             spent, work = sum(seconds for _, seconds in done), sum(task.weight for task, _ in done)
@@ -194,7 +195,7 @@ class Study:
         return done, missing, damaged
 
     def summary(self, workers: int | None = None, scheduler: str | None = None) -> list[str]:
-        """Lines on what there is to do."""
+        """Lines of text on the runs to be done."""
         plan, (finished, _, damaged) = self.plan, self._state(self.tasks)
         done = len(finished)
         processes, _ = self._processes(self._place(workers, scheduler))
@@ -224,7 +225,7 @@ class Study:
         say: Callable[[str], None] = lambda _: None,
         warn: Callable[[str], None] = lambda _: None,
     ) -> dict[str, str]:
-        """Do the runs that are missing, and write the results.
+        """Do the missing runs and write the results.
 
         Parameters
         ----------
@@ -246,7 +247,7 @@ class Study:
         """
         for line in self.check(keep_going=keep_going, workers=workers, scheduler=scheduler):
             warn(f"left out: {line}")
-        if workers != 0 and (trouble := device.kernel_cache_trouble()):  # workers do not report it
+        if workers != 0 and (trouble := backend.kernel_cache_trouble()):  # workers do not report it
             warn(trouble)
         tasks = self.tasks if part is None else self.tasks[part[0] - 1 :: part[1]]
         self.folder.mkdir(exist_ok=True)
@@ -268,8 +269,8 @@ class Study:
         failed: dict[str, str] = {}
         said, says = "the run stops after this window, with a checkpoint", "the study stops"
         stops = Stops(warn=lambda text: warn(text.replace(said, says)))
-        beside = self.folder.with_suffix("") if part is None else self.folder / f"part{part[0]}"
-        status = Status(beside, name=self.plan.name)
+        place = self.folder.with_suffix("") if part is None else self.folder / f"part{part[0]}"
+        status = Status(place, name=self.plan.name)
         progress = StudyProgress(len(tasks), [task.weight for task in missing], status)
         work = self._work(missing, self._place(workers, scheduler), say)
         try:
@@ -316,7 +317,9 @@ class Study:
             try:
                 files.lock(file.fileno(), place, shared=shared)
             except BlockingIOError as error:
-                raise InputError(f"{self.output}: the study is running already: {error.strerror}") from None
+                raise InputError(
+                    f"{self.output}: another process is running this study: {error.strerror}"
+                ) from None
             except OSError:  # a file system without locks
                 pass
             try:
@@ -332,7 +335,7 @@ class Study:
         Warns
         -----
         DamageWarning
-            If a result is damaged: nan stands for it, and `run` makes it again.
+            If a result is damaged: nan stands for it, and `run` creates it again.
         """
         done, _, damaged = self._state(self.tasks)
         if not done:
@@ -343,7 +346,7 @@ class Study:
             )
         for text in damaged:
             warnings.warn(
-                f"{text}; Study.run() or `ifrdem study` makes it again", DamageWarning, stacklevel=2
+                f"{text}; Study.run() or `ifrdem study` creates it again", DamageWarning, stacklevel=2
             )
         return collect(self.plan, self._checked_cases[0], self.tasks, {})
 
@@ -378,7 +381,7 @@ class Study:
     def _place(self, workers: int | None, scheduler: str | None) -> ClusterSection:
         """Place of the runs, by the file and by what is asked for here."""
         if workers is not None and scheduler is not None:
-            raise InputError("--workers: not beside --scheduler, which has its own")
+            raise InputError("--workers: cannot be combined with --scheduler, which has its own workers")
         if workers is None and scheduler is None:
             return self.plan.cluster
         return ClusterSection(workers=workers, scheduler=scheduler)
@@ -388,7 +391,7 @@ class Study:
         good = self._checked_cases[0]
         if any(case.run.device != "cpu" for case in good.values()):
             return (place.workers if place.workers is not None else 1), 1
-        cores = device.cores()
+        cores = backend.cores()
         if place.kind is not None or place.scheduler is not None:
             return place.jobs, 1
         count = min(cores, self.runs) if place.workers is None else place.workers
@@ -415,7 +418,7 @@ class StudyProgress:
         self._printed, self._bar = time.perf_counter(), sys.stderr.isatty()
 
     def __call__(self, weight: float | None, failed: int) -> None:
-        """Take note of a run that has ended, with this part of the work; of None, that time has passed."""
+        """Update after a finished run with this part of the work; None only updates the clock."""
         now = time.perf_counter()
         if weight is not None:
             self._done += 1
@@ -437,6 +440,6 @@ class StudyProgress:
             self._printed = now
 
     def close(self) -> None:
-        """Let go of the terminal."""
+        """Release the terminal."""
         if self._bar and not quiet():
             print(file=sys.stderr, flush=True)

@@ -1,4 +1,4 @@
-"""One run of a study, in whatever process: it leaves its result in a file of its own, named by what decides it."""
+"""One run of a study, in any process: it writes its result to a file named by a hash of its inputs."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Task:
     key: str  # hash of all that decides its result: the name of its file
     index: tuple[int, ...]  # its place on the axes of the study, and among the seeds
     text: str  # of its case
-    path: str  # of its case, which files that it names stand beside
+    path: str  # of its case; relative paths in the case start from its folder
     overrides: tuple[str, ...]  # changes of its case
     folder: str  # where results stand
     analyses: tuple[str, ...]  # names as in `ifrdem analyse`
@@ -89,7 +89,7 @@ class Task:
         level = LOG.level
         LOG.setLevel(logging.WARNING)  # no lines of progress
         try:
-            # The study has told what there is to be told, once.
+            # The study has given these warnings once.
             with warnings.catch_warnings(action="ignore"):
                 if not self.done:
                     began, long = time.perf_counter(), self.analyses or self.trajectory
@@ -102,8 +102,8 @@ class Task:
         return None
 
     def warm(self, threads: int = 1) -> None:
-        """Compile its kernels, by a run of one collision that nobody sees."""
-        # What goes wrong is told by the run itself.
+        """Compile the kernels of the run, by a hidden run of one collision."""
+        # The run itself reports errors.
         with contextlib.suppress(EngineError, InputError), warnings.catch_warnings(action="ignore"):
             _advance(self.file(threads).gas, [], short=True)
 
@@ -123,7 +123,7 @@ class Task:
                 raise InputError("a run that begins")
             threaded: dict[str, Any] = {"ignore_case_changes": True, "threads": threads}
             resume.resume(outputs.trajectory, **threaded, say=silent, warn=silent)
-        except InputError:  # of no checkpoint, or of one that does not fit: the run begins anew
+        except InputError:  # of no checkpoint, or of one that does not fit: the run starts again
             run.run(file, outputs, force=True, say=silent, warn=silent)
         with Trajectory(outputs.trajectory) as trajectory:
             series = trajectory.series
@@ -236,13 +236,13 @@ def _outcome(name: str, outcomes: list[Any], dims: tuple[str, ...]) -> dict[str,
 
 
 def grown(values: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
-    """The array, with nan behind its ends so that it has room for this shape."""
+    """The array padded with nan to a shape."""
     more = [(0, max(0, new - old)) for old, new in zip(values.shape, shape, strict=True)]
     return np.pad(values, more, constant_values=np.nan) if any(each for _, each in more) else values
 
 
 def _named(*parts: str) -> str:
-    """A name that NetCDF and Python take."""
+    """A name valid in NetCDF and Python."""
     name = re.sub(r"\W+", "_", "_".join(part for part in parts if part)).strip("_")
     return re.sub("_error$", "_uncertainty", name)  # errors are those of means over seeds
 

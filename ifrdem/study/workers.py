@@ -1,7 +1,7 @@
 """Processes that run the tasks of a study: here, or on a cluster by Dask.
 
 Each generator yields a task with the message of its failure (None if it is done), or None every second or so in which
-nothing ends, so that the caller can look at signals and clocks. Closing it ends the processes.
+nothing ends, so that the caller can check signals and clocks. Closing it ends the processes.
 """
 
 from __future__ import annotations
@@ -81,8 +81,9 @@ def _attempt(work: Callable[[int], str | None], threads: int) -> str | None:
     try:
         return work(threads)
     except Exception as error:
-        # Whatever goes wrong in one run must not end the others of the study. Nothing is hidden: the message is told at
-        # once, stands in the results beside the run, which has no numbers there, and the run is tried again next time.
+        # Whatever goes wrong in one run must not end the others of the study. Nothing is hidden: the message is
+        # reported at once and stored in the results of the run, which has no numbers there, and the run is tried again
+        # next time.
         return repr(error)
 
 
@@ -140,7 +141,7 @@ def dask(
             future.add_done_callback(lambda future: ended.put((task, future)))
 
         waiting = False
-        held: dict[str, Any] = {}  # Dask forgets what nobody holds
+        held: dict[str, Any] = {}  # Dask drops futures without a reference
         submit(None)  # compiles the kernels, which the others find
         while held:
             try:
@@ -164,8 +165,8 @@ def dask(
                     submit(each)
             else:
                 died = f"its worker died {TRIES} times (out of memory, or at the time limit of its job?)"
-                told = died if isinstance(fault, distributed.KilledWorker) else repr(fault)
-                yield task, told if fault is not None else future.result()
+                message = died if isinstance(fault, distributed.KilledWorker) else repr(fault)
+                yield task, message if fault is not None else future.result()
             del held[future.key]
 
 

@@ -1,4 +1,4 @@
-"""Kinetic theory of a gas, whatever it is: one species or several, cooling, driven or sheared."""
+"""Choice of the kinetic theory of a gas: one species or several, cooling, driven or sheared."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Prediction(Brief):
     """T, T_rot, collisions_per_disk: of all disks [energy], [energy], as `observables.measure` has them; shape
     (steps,)."""
     species: MixtureTemperatures | None = None
-    """The same of each species, in the order of `Mixture.of`; None in a sheared gas."""
+    """Temperatures of each species, in the order of `Mixture.of`; None in a sheared gas."""
 
 
 @validated
@@ -44,7 +44,7 @@ def prediction(
     forces: Iterable[Mapping[str, Any]] = (),
     shear_rate: Real = 0.0,
 ) -> Prediction:
-    """Temperatures of a gas by the kinetic theory that belongs to it.
+    """Return the temperatures of a gas by the applicable kinetic theory.
 
     InputError if no theory here describes such a gas (rolling friction, a force that is not linear, a sheared
     mixture, forces in a flow), or as the theories do.

@@ -1,4 +1,4 @@
-"""Contact values: how much crowding raises the rate of collisions of hard disks, alike or not, and their pressure.
+"""Contact values of g(r) of hard disks, equal or not: they raise collision rate and pressure.
 
 Symbols: phi packing fraction, sigma = 2 R diameter, g pair correlation at contact, Z = P / (n T) of the elastic gas.
 """
@@ -57,8 +57,9 @@ def contact_value(packing_fraction: PackingFraction) -> float:
     """Pair correlation g of equal hard disks at contact: how much crowding raises the collision rate.
 
     From the virial series to the tenth coefficient, Z = 1 + sum B_i rho^(i-1) = 1 + 2 phi g. Known to about 1e-5 at
-    packing fraction 0.3 and 1e-4 at 0.5, if the spread of other resummations of the same series tells; near freezing
-    (0.70) the real fluid orders and its g is smaller. InputError if the packing fraction is not between 0 and 0.9069.
+    packing fraction 0.3 and 1e-4 at 0.5, estimated from the spread of other resummations of the same series; near
+    freezing (0.70) the real fluid orders and its g is smaller. InputError if the packing fraction is not between 0 and
+    0.9069.
 
     Examples
     --------

@@ -127,9 +127,7 @@ def checked_times(times: NonNegativeColumn) -> Array:
     when = np.asarray(times, dtype=np.float64)
     if np.any(falling := np.diff(when) < 0.0):
         i = int(np.argmax(falling)) + 1
-        raise InputError(
-            f"times[{i}] = {when[i]}: must be in increasing order, and {when[i - 1]} stands before it"
-        )
+        raise InputError(f"times[{i}] = {when[i]}: must be in increasing order, but follows {when[i - 1]}")
     return when
 
 
@@ -259,8 +257,8 @@ def rough_rates(theta: NonNegativeArray, e_n: Fraction, beta: _Roughness, k: Pos
     Every collision reverses the slip to -beta times itself: the limit mu -> infinity of the law that sticks at the
     contact point, with beta = 1 + e_t. With P_t = m q g_t, q = (1 + beta) / (2 (1 + k)), the averages over colliding
     pairs <g_t^2> = 2 (T + k T_rot) / m, <g_t v_t> = 2 T / m and <g_t R (w_i + w_j)> = 2 k T_rot / m, the pair's motion
-    gains P_t^2/m - P_t v_t and its spins k P_t^2/m - P_t R (w_i + w_j) beside the normal loss (1 - e_n^2) T. These are
-    the equations of S. Luding, M. Huthmann, S. McNamara and A. Zippelius, Phys. Rev. E 58, 3416 (1998).
+    gains P_t^2/m - P_t v_t and its spins k P_t^2/m - P_t R (w_i + w_j) in addition to the normal loss (1 - e_n^2) T.
+    These are the equations of S. Luding, M. Huthmann, S. McNamara and A. Zippelius, Phys. Rev. E 58, 3416 (1998).
 
     Examples
     --------
@@ -276,7 +274,7 @@ def rough_rates(theta: NonNegativeArray, e_n: Fraction, beta: _Roughness, k: Pos
 
 
 class CoolingRatio(NamedTuple):
-    """A ratio theta = T_rot / T that stays in a cooling gas."""
+    """A ratio theta = T_rot / T that stays constant in a cooling gas."""
 
     theta: float
     stable: bool  # True if nearby ratios tend to it, False if they go away from it
@@ -284,7 +282,7 @@ class CoolingRatio(NamedTuple):
 
 @validated
 def cooling_ratios(law: KineticLaw, k: Positive) -> tuple[CoolingRatio, ...]:
-    r"""All theta = T_rot / T > 0 that stay in a cooling gas by the theory, increasing; none of smooth disks.
+    r"""All constant ratios theta = T_rot / T > 0 of a cooling gas, increasing; none for smooth disks.
 
     A gas may have two stable ones with an unstable one between: to which it tends depends on its start
     (`cooling_ratio`). In simulations of some laws spins get tails that are heavier than Gaussian, and another theta.
@@ -323,7 +321,7 @@ def cooling_ratios(law: KineticLaw, k: Positive) -> tuple[CoolingRatio, ...]:
 
 @validated
 def cooling_ratio(law: KineticLaw, k: Positive, theta0: NonNegative) -> float:
-    """T_rot / T to which a cooling gas with T_rot / T = theta0 tends by the theory; inf where T_rot outlives T.
+    """The asymptotic T_rot / T of a cooling gas that starts with theta0; inf if T decays faster than T_rot.
 
     InputError as `cooling_ratios`, or if theta0 is not a finite number of 0 or more.
 

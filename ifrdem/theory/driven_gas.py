@@ -1,4 +1,4 @@
-"""Kinetic theory of a driven gas of equal disks: how its temperatures evolve, and where they stay.
+"""Kinetic theory of a driven gas of equal disks: evolution and steady state of its temperatures.
 
 What collisions take (`theory.cooling_rates`, with its assumptions and symbols) against what linear forces give and
 take. A disk's translational energy is T, that of its spin T_rot / 2, so that with a power per disk and friction rates
@@ -29,7 +29,7 @@ from .cooling_gas import checked_times, cooling_rates, integrated
 @validated
 @dataclass(frozen=True)
 class Drive:
-    """Heating and friction by all forces together."""
+    """The total heating and friction of all forces."""
 
     power: NonNegative = 0.0
     spin_power: NonNegative = 0.0
@@ -69,7 +69,7 @@ class Drive:
 
 @dataclass(frozen=True)
 class _Balance:
-    """Heating less losses of a gas."""
+    """The heating minus the losses of a gas."""
 
     law: IFRLaw
     mass: float
@@ -88,7 +88,7 @@ class _Balance:
         return d.power - 2.0 * d.rate * T + translation, turning
 
     def steady_spins(self, T: float) -> float:
-        """T_rot at which spins get what they lose, at a given T; nan if both are nothing, inf if they get more."""
+        """T_rot at which spins gain what they lose, at a given T; nan without both, inf if the gain is larger."""
         from scipy.optimize import brentq
 
         if self(T, 0.0)[1] <= 0.0:
@@ -110,7 +110,7 @@ def steady_state(
     packing_fraction: PackingFraction,
     drive: Drive,
 ) -> tuple[float, float] | None:
-    """Temperatures (T, T_rot) [energy] at which the gas loses what it gets; None if it has no such state with T > 0.
+    """Temperatures (T, T_rot) [energy] of the steady state; None if there is none with T > 0.
 
     T_rot is nan where nothing acts on the spins (smooth disks): they keep what they have. Arguments as for
     `theory.cooling`; errors as `theory.cooling_rates`.

@@ -13,17 +13,18 @@ the first Sonine approximation,
 D. M. Gass, J. Chem. Phys. 54, 1898 (1971), has further approximations, which add 2 %.
 
 *Shear modes.* A transverse wave u of wave number k decays at eta k^2 / (n m), thermal velocities at z nu / 2. Where the
-wave decays more slowly, it grows beside them: all k < 1/xi, xi^2 = 2 eta / (n m z nu). Noise feeds it: in a gas that is
-homogeneous and thermal at first, let S be the energy of a mode in units of its thermal share T / 2, at the same time.
-Then dS/dtau = z (1 - k^2 xi^2) S + z k^2 xi^2 in tau, collisions per disk: noise is what keeps S = 1 without losses.
-T. P. C. van Noije, M. H. Ernst, R. Brito and J. A. G. Orza, Phys. Rev. Lett. 79, 411 (1997). Of rough disks z and xi
-change with T_rot / T. With Z and X, the integrals of z and z xi^2 over tau, and G = Z - k^2 X, S - 1 is the integral of
-z(tau') exp(G - G') over tau' from 0 to tau; where z and xi stay, [exp(z tau (1 - q)) - 1] / (1 - q) with q = k^2 xi^2.
+wave decays more slowly, it grows relative to them: all k < 1/xi, xi^2 = 2 eta / (n m z nu). Noise feeds it: in a gas
+that is homogeneous and thermal at first, let S be the energy of a mode in units of its thermal share T / 2, at the same
+time. Then dS/dtau = z (1 - k^2 xi^2) S + z k^2 xi^2 in tau, collisions per disk: noise is what keeps S = 1 without
+losses. T. P. C. van Noije, M. H. Ernst, R. Brito and J. A. G. Orza, Phys. Rev. Lett. 79, 411 (1997). Of rough disks z
+and xi change with T_rot / T. With Z and X, the integrals of z and z xi^2 over tau, and G = Z - k^2 X, S - 1 is the
+integral of z(tau') exp(G - G') over tau' from 0 to tau; where z and xi stay, [exp(z tau (1 - q)) - 1] / (1 - q) with q
+= k^2 xi^2.
 
-*Heat modes.* In a long wave that neither grows nor decays beside T the pressure is uniform and nothing flows, so that
-density and temperature differ by factors 1 + r and 1 + q with r p_n + q p_T = 0; losses go with n g n T^(3/2). What a
-denser part loses more must come by heat conduction: z nu (a p_T / p_n - 1/2) = kappa k^2 / n, with a = 1 + d ln g / d
-ln phi and p_T / p_n = 1 / (1 + d ln Z / d ln phi). Longer waves become clusters. To lowest order in 1 - e_n.
+*Heat modes.* In a long wave that neither grows nor decays relative to T the pressure is uniform and nothing flows, so
+that density and temperature differ by factors 1 + r and 1 + q with r p_n + q p_T = 0; losses go with n g n T^(3/2).
+What a denser part loses more must come by heat conduction: z nu (a p_T / p_n - 1/2) = kappa k^2 / n, with a = 1 + d ln
+g / d ln phi and p_T / p_n = 1 / (1 + d ln Z / d ln phi). Longer waves become clusters. To lowest order in 1 - e_n.
 """
 
 from __future__ import annotations
@@ -65,7 +66,7 @@ def _theta(law: IFRLaw, theta: float | None, name: str = "theta") -> float:
         if law.mu == 0.0 and law.e_t == -1.0:
             return 0.0
         raise InputError(
-            f"{name}: must be given, T_rot / T; in a cooling gas it changes (`theory.cooling`), and tends "
+            f"{name}: T_rot / T must be given; in a cooling gas it changes (`theory.cooling`), and tends "
             "to one of `theory.cooling_ratios`"
         )
     return theta
@@ -149,7 +150,7 @@ def shear_length(
     k: Positive = 2.0,
     theta: NonNegative | None = None,
 ) -> float:
-    """Wavelength L_s = 2 pi xi [length] above which shear modes of a cooling gas grow beside thermal velocities.
+    """Wavelength L_s = 2 pi xi [length] above which shear modes of a cooling gas grow relative to thermal velocities.
 
     Infinite where nothing cools. It depends neither on mass nor on temperature, but on T_rot / T: waves of rough disks
     that grow at first may decay later. `shear_mode_energy` follows them from the start. Arguments as for
@@ -172,7 +173,7 @@ def shear_length(
 
 @validated
 def clustering_length(e_n: Fraction, radius: Positive, packing_fraction: Packed) -> float:
-    """Wavelength [length] above which density waves of cooling smooth disks grow: clusters; infinite for elastic ones.
+    """Wavelength [length] above which density waves of cooling smooth disks grow (clusters); infinite for elastic ones.
 
     InputError if e_n is not from 0 to 1, the radius or packing fraction not positive, or so high that denser parts do
     not lose more (0.5 and above).

@@ -1,7 +1,7 @@
 """Kinetic theory of a homogeneous gas of several species of disks: their temperatures as it cools, or is driven.
 
 The picture of `cooling_gas`, with a translational and a rotational temperature for every species: nothing makes
-them agree where collisions dissipate. `collisions` says what a collision changes, `collisions` how often
+them agree where collisions dissipate. `collisions` gives the change in a collision and how often
 species meet; every disk of species i then has
 
     dT_i/dt = sum_j w_ij <dE_i>_j,    dT_rot,i/dt = 2 sum_j w_ij <dE_rot,i>_j.
@@ -122,7 +122,7 @@ class Mixture:
         immovable, or there are none.
         """
         if disks.n == 0 or not disks.movable.all():
-            raise InputError("mixture: must be disks of finite mass, one at least")
+            raise InputError("mixture: must have one disk of finite mass or more")
         columns = np.stack([disks.mass, disks.radius, disks.k, disks.material.astype(np.float64)], axis=1)
         kinds, which, number = np.unique(columns, axis=0, return_inverse=True, return_counts=True)
         table = law

@@ -1,4 +1,4 @@
-r"""Kinetic theory of a sheared gas of equal disks: how its temperatures evolve, and where they stay.
+r"""Kinetic theory of a sheared gas of equal disks: evolution and steady state of its temperatures.
 
 Uniform shear flow u_x = g y. In the mean flow's frame velocities V are Gaussian with p_ij = m <V_i V_j>, which need not
 be isotropic, and spins w Gaussian about their mean W, with tau = I <(w - W)^2>; T = (p_xx + p_yy) / 2 and
@@ -99,7 +99,7 @@ def relaxation(theta: float, law: IFRLaw, k: float) -> float:
 
 
 def crowding(packing_fraction: float, e_n: float) -> tuple[float, float]:
-    """By how much more kinetic stress counts, and what touching disks add to it in units of g T / nu.
+    """The factor of the kinetic stress, and the collisional stress in units of g T / nu.
 
     Multiply kinetic stress by the first when it is driven and when it is passed on; see the module's text.
     """
@@ -247,7 +247,7 @@ def steady_state(
     packing_fraction: PackingFraction,
     shear_rate: Real,
 ) -> tuple[float, float] | None:
-    """T and T_rot [energy] at which a sheared gas stays; None where it goes on heating, as elastic disks do.
+    """Temperatures T and T_rot [energy] of the steady state; None if the gas heats without end, as elastic disks do.
 
     T_rot is nan for smooth disks, whose spins nothing changes. Arguments as for `theory.cooling`, with the shear rate
     [1/time]. InputError if the law has rolling friction, the shear rate is 0 or a property is not positive.

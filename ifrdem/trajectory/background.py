@@ -1,4 +1,4 @@
-"""A trajectory writer in a thread of its own, so that a run goes on while its frames are written."""
+"""A trajectory writer in a separate thread: a run continues while its frames are written."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ WAITING = 2
 
 
 class AsyncWriter:
-    """Hands what is given to the methods of a `TrajectoryWriter` to a thread, in order; other attributes are its own.
+    """Calls the methods of a `TrajectoryWriter` in a separate thread, in order.
 
-    What is given must not change afterwards: it is written later, without a copy. Two calls can wait; one more waits
-    until there is room. What goes wrong (InputError, TrajectoryError) is raised by the next call, by `flush` or by
+    Arguments must not change afterwards: they are written later, without a copy. Two calls can wait; one more waits
+    until there is room. An error (InputError, TrajectoryError) is raised by the next call, by `flush` or by
     `close`; what was waiting is dropped then, and the file keeps what is committed. The writer belongs to the thread
     until `close`; `seconds` is the processor time that the thread has taken.
 
-    Use it as a context manager: leaving it writes all that waits, and closes the file.
+    Use it as a context manager: leaving it finishes all calls, and closes the file.
     """
 
     def __init__(self, writer: TrajectoryWriter) -> None:
@@ -53,20 +53,20 @@ class AsyncWriter:
         return self
 
     def __exit__(self, kind: object, error: object, trace: object) -> None:
-        # What is on its way already is what is told.
+        # The exception in progress is the one to report.
         with contextlib.suppress(*(() if error is None else (TrajectoryError,))):
             self.close()
 
     def commit(self) -> None:
-        """Nothing: frames count as they are written, unlike those in parts."""
+        """Do nothing: frames count once written, unlike those in parts."""
 
     def flush(self) -> None:
-        """Wait until all that was given is committed."""
+        """Wait until all calls are committed."""
         self._jobs.join()
         self.raise_error()
 
     def close(self) -> None:
-        """Write all that waits, and close the file. May be called twice."""
+        """Finish all calls and close the file. May be called twice."""
         if not self._closed:
             self._closed = True
             self._jobs.put(None)
@@ -82,7 +82,7 @@ class AsyncWriter:
         self._jobs.put(job)
 
     def raise_error(self) -> None:
-        """Raise what has gone wrong so far."""
+        """Raise the first error so far."""
         if self._error is not None:
             self._error_raised = True
             raise self._error
@@ -94,7 +94,7 @@ class AsyncWriter:
                     job()
                     self.seconds = time.thread_time()
             except BaseException as error:
-                # Whatever it is, the run's thread has to hear of it: this one has nobody to raise it to.
+                # Any error is passed to the run's thread, which raises it.
                 self._error = error
             del job  # a frame that is written need not stay in memory while the next is awaited
             self._jobs.task_done()

@@ -1,4 +1,4 @@
-"""Reading from HDF5 files that may be damaged, or made to do harm."""
+"""Reading from HDF5 files that may be damaged or malicious."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ HEAPS = 1 << 24
 
 @contextlib.contextmanager
 def as_damage_error(path: str | os.PathLike[str], part: str, hint: str = HINT) -> Iterator[None]:
-    """Turn every fault of a file's content inside into a DamageError that names the file and its part.
+    """Turn every HDF5 error inside the `with` block into a DamageError that names the file and its part.
 
     Only for what reads and checks; faults of a computation are not the file's.
     """
@@ -90,7 +90,7 @@ def compression(dataset: h5py.Dataset) -> str | None:
 
 
 def parameter(dataset: h5py.Dataset) -> str | int | float:
-    """A text or a number that stands alone.
+    """A scalar dataset: a text or a number.
 
     Raises DamageError if it is neither, or cannot be read.
     """
@@ -106,7 +106,7 @@ def parameter(dataset: h5py.Dataset) -> str | int | float:
 
 
 def require_shape(dataset: h5py.Dataset, shape: tuple[int | None, ...], kinds: str = "iuf") -> None:
-    """Refuse a dataset of another shape (None: any length) or of other kinds of numbers (NumPy's letters).
+    """Raise unless a dataset has this shape (None: any length) and one of these kinds of dtype.
 
     Raises DamageError with what is there and what is needed.
     """
@@ -126,7 +126,7 @@ def require_shape(dataset: h5py.Dataset, shape: tuple[int | None, ...], kinds: s
 def check_links(
     file: h5py.File, path: str, views: Mapping[str, Collection[tuple[str, str]]] | None = None
 ) -> None:
-    """Refuse data that lie elsewhere, before anything is read: HDF5 would follow them to any file or pipe.
+    """Refuse links to data in other files, before anything is read: HDF5 would follow them to any file or pipe.
 
     `views` are the virtual datasets that there may be, and what each shows: files ("." for this one) and datasets;
     `path` is for messages.
@@ -144,7 +144,7 @@ def check_links(
     for name, kind in links:
         try:
             wrong = _external_target(file, name, kind, allowed)
-        except FAULTS:  # what cannot be opened leads nowhere; who reads it is told
+        except FAULTS:  # what cannot be opened leads nowhere; reading it raises
             continue
         if wrong is not None:
             raise InputError(
@@ -153,7 +153,7 @@ def check_links(
 
 
 def _check_heaps(path: str) -> None:
-    """Refuse global heaps whose objects do not follow each other: HDF5 would walk through them for ever.
+    """Refuse inconsistent global heaps, in which HDF5 would loop for ever.
 
     https://github.com/HDFGroup/hdf5/issues/1707. The format: https://docs.hdfgroup.org/documentation/hdf5/latest/
     _f_m_t3.html, III.E: a collection has a head of 16 bytes, as has each object; object 0 is what is free.
@@ -193,7 +193,7 @@ def _external_target(
         return "is a link to another file"
     if h5py.h5o.get_info(file.id, name).type != h5py.h5o.TYPE_DATASET:
         return None
-    # Not `Dataset.shape`: HDF5 opens the sources of a virtual dataset to tell it.
+    # Not `Dataset.shape`: HDF5 opens the sources of a virtual dataset for it.
     settings = h5py.h5d.open(file.id, name).get_create_plist()
     if settings.get_external_count():
         return "holds its numbers in another file"

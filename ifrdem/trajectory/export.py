@@ -102,7 +102,7 @@ def _csv(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
 
 
 def csv_names(fields: Iterable[str]) -> list[str]:
-    """Names of the columns of a CSV behind the keys: those of fields, then constant properties."""
+    """Names of the columns of a CSV after the keys: fields, then constant properties."""
     empty = {name: np.zeros((0, *layout.FIELDS[name].tail)) for name in fields}
     return [*(end for name, value in empty.items() for end, _ in tables.columns(name, value)), *CONSTANT]
 

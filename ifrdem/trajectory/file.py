@@ -1,4 +1,4 @@
-"""An HDF5 file that is being written: locked, at its place, and good after every write that reaches the disk."""
+"""An HDF5 file open for writing: locked, and valid after every write that reaches the disk."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ON_PAGES = {"alignment_threshold": ALIGNED, "alignment_interval": PAGE}
 
 
 class OrderedFile:
-    """File below HDF5 that orders what reaches the disk, so that every beginning of it is a good file.
+    """File under HDF5 that orders its writes to the disk: after any of them the file is valid.
 
     HDF5 flushes its metadata by address. When the index of a dataset's chunks splits, the node that points to new ones
     is then written before them: a process killed in between leaves a file whose committed frames cannot be found. Here,
@@ -37,8 +37,8 @@ class OrderedFile:
     it would hide chunks, whose numbers HDF5 reads as zeros. A header may; the bytes of it that change are on one page,
     but for one header in 2,000 of those that are added after compressed frames.
 
-    The file exists, and is locked until `close`. The first failure (`error`) is not raised, because HDF5 cannot be told
-    of it in the middle of its work: nothing is written any more, and a writer looks there after each flush.
+    The file exists, and is locked until `close`. The first failure (`error`) is not raised, because HDF5 cannot handle
+    it in the middle of its work: nothing is written any more, and the writer checks it after each flush.
 
     Raises BlockingIOError that names the process if one has locked the file.
     """
@@ -65,7 +65,7 @@ class OrderedFile:
         return self._at
 
     def tell(self) -> int:
-        """Place at which reading and writing go on."""
+        """The current position."""
         return self._at
 
     def readinto(self, buffer: bytearray) -> int:
@@ -110,14 +110,14 @@ class OrderedFile:
         return self._size
 
     def flush(self) -> None:
-        """Write what waits, in an order that leaves a good file whenever it ends."""
+        """Write pending data, in an order that leaves a valid file if interrupted."""
         for start, data in sorted(self._waiting.items(), key=lambda item: _order(item[1])):
             self._write(memoryview(data), start)
         self._waiting.clear()
         self._in_use = max(self._in_use, self._size)
 
     def close(self) -> None:
-        """Write what waits, and let go of the file."""
+        """Write pending data and release the file."""
         if self._raw.closed:
             return
         self.flush()
@@ -171,7 +171,7 @@ def _order(data: bytes) -> tuple[int, int]:
 class OutputFile:
     """An HDF5 file open for writing.
 
-    A new one grows up beside its place, so that its place never holds half a file; `publish` puts it there.
+    A new one is written under a temporary name in the same folder; `publish` renames it. No half file has its name.
 
     Its place `path` has links followed: what they point to is replaced, not they. After a failure (`failed`) nothing is
     written any more.
@@ -206,13 +206,13 @@ class OutputFile:
         """A new file; `fill` writes what stands in it before its first commit.
 
         Raises InputError if the path exists and `force` is not given, a process writes it, or the file cannot be made.
-        Nothing is left behind.
+        Nothing remains then.
         """
         path, name = Path(os.path.realpath(given)), f"output {os.fspath(given)}"
         if os.path.isdir(path):  # unlike Path.is_dir, os.path takes an impossible name for an absent file
-            raise InputError(f"{name} is a folder: must be a file")
+            raise InputError(f"{name} is a folder: must be the name of a file")
         if not os.path.isdir(path.parent):
-            raise InputError(f"{name}: there is no folder {path.parent}")
+            raise InputError(f"{name}: the folder {path.parent} does not exist")
         if (replaces := os.path.exists(path)) and not os.path.isfile(path):
             raise InputError(f"{name} is not a regular file")
         if replaces and not force:
@@ -250,7 +250,7 @@ class OutputFile:
         """
         path, name, raw = Path(os.path.realpath(given)), os.fspath(given), None
         if not os.path.isfile(path):
-            raise InputError(f"{name}: there is no such file to go on with")
+            raise InputError(f"{name}: there is no such file to continue")
         try:
             raw = OrderedFile(path)
             file = h5py.File(raw, "r+", **ON_PAGES)
@@ -258,23 +258,23 @@ class OutputFile:
             raise InputError(f"{name} is open elsewhere: {error.strerror}") from error
         except (OSError, RuntimeError) as error:
             _close(raw)
-            raise InputError(f"{name} cannot be written further: {_reason(error)}") from error
+            raise InputError(f"{name} cannot be appended to: {_reason(error)}") from error
         return cls(file, raw, path, path, replaces=False, new=False)
 
     @property
     def replaced_or_removed(self) -> str | None:
-        """Reason why the open file is not at its place any more; None if it is."""
+        """Reason why the open file is no longer at its path; None if it is."""
         if not self.file:
             return None
         try:
             there = os.stat(self._present)
         except FileNotFoundError:
-            return "it has been deleted or moved meanwhile"
+            return "another process has deleted or moved it"
         same = os.path.samestat(there, os.fstat(self._raw.fileno()))
-        return None if same else "it has been replaced meanwhile"
+        return None if same else "another process has replaced it"
 
     def publish(self) -> None:
-        """Put the file at its place."""
+        """Give the file its name."""
         if self._present == self.path:
             return
         if self._replaces:
@@ -287,7 +287,7 @@ class OutputFile:
         else:
             try:
                 os.link(self._present, self.path)  # unlike a renaming, this never overwrites
-            except FileExistsError:  # another process was quicker
+            except FileExistsError:  # another process was faster
                 raise
             except OSError:  # a file system without hard links
                 os.rename(self._present, self.path)
@@ -323,7 +323,7 @@ class OutputFile:
             ) from error
 
     def flush(self) -> None:
-        """Have all that was written on its way to the disk.
+        """Flush everything written to the disk.
 
         Raises OSError if something could not be written. Nothing reaches the file any more then.
         """
@@ -375,12 +375,12 @@ def drop_staged(file: h5py.File, name: str) -> None:
 
 
 def on_pages(size: int) -> int:
-    """Bytes that a piece of a file takes, with what it leaves of its last page if it begins on one."""
+    """Bytes of a piece of a file, rounded up to whole pages if it begins on one."""
     return -(-size // PAGE) * PAGE if size >= ALIGNED else size
 
 
 def views_of(trajectory: str | os.PathLike[str]) -> list[Path]:
-    """Views of a trajectory that stand beside it: files without data of their own, at the places of views."""
+    """Views of a trajectory in its folder: files without data of their own, under the names of views."""
     place = Path(trajectory)
     name = place.name.removesuffix(".h5")
     return [one for each in files.VIEWS if _is_view(one := place.with_name(name + each))]
@@ -406,7 +406,7 @@ def _is_view(path: Path) -> bool:
 
 
 def remove_views(trajectory: str | os.PathLike[str]) -> None:
-    """Remove the views of a trajectory that another one takes the place of: they would show its data at old times."""
+    """Remove the views of a trajectory that is replaced: they would show the new data at old times."""
     for view in views_of(trajectory):
         view.unlink()
 

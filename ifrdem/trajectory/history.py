@@ -58,7 +58,7 @@ class History:
         Of the disk [rad/time].
     partner_velocity_before, partner_velocity_after : array (E, 2)
     partner_spin_before, partner_spin_after : array (E,)
-        The same of the partner; of a wall its velocity at the contact, and no spin.
+        Velocity and spin of the partner; of a wall its velocity at the contact, and no spin.
     impulse : array (E, 2)
         Impulses that the disk gives along normal n and t = (-n_y, n_x): (P_n, P_t) [mass length/time].
     psi : array (E,)
@@ -96,7 +96,7 @@ class History:
         return sorted({*super().__dir__(), *self.columns})
 
     def __repr__(self) -> str:
-        """Whose it is, how much, and from when to when."""
+        """Id, number of events and time range."""
         return f"<History of disk {self.disk}: {self.collisions} collisions, t = {self.start:.6g} to {self.end:.6g}>"
 
     @property
@@ -126,15 +126,15 @@ class History:
 
     @validated
     def unwrapped(self, t: Times) -> NDArray[np.float64]:
-        """The same on a path without jumps: what `Box.unwrap` makes of position and image."""
-        at, begun, place = self._flight(t)
-        return self._box.unwrap(place, begun["image"], at)
+        """Centre at times t on a path without jumps: `Box.unwrap` of position and image."""
+        at, flight, place = self._flight(t)
+        return self._box.unwrap(place, flight["image"], at)
 
     @validated
     def velocity(self, t: Times) -> NDArray[np.float64]:
         """Velocity in the lab at times t [length/time], shape (..., 2); after the event at the time of one."""
-        at, begun, place = self._flight(t)
-        velocity = begun["velocity"] + (at - begun["time"])[..., None] * self._gravity
+        at, flight, place = self._flight(t)
+        velocity = flight["velocity"] + (at - flight["time"])[..., None] * self._gravity
         if self._box.shear_rate:  # who leaves a sheared box above comes in below, so much slower
             height = self._box.lengths[1]
             velocity[..., 0] -= np.floor(place[..., 1] / height) * self._box.shear_rate * height
@@ -148,11 +148,11 @@ class History:
     @validated
     def angle(self, t: Times) -> NDArray[np.float64]:
         """Angle by which the disk has turned since tracking began, at times t [rad], shape (...)."""
-        at, begun = self._flight_start(t)
-        return begun["angle"] + begun["spin"] * (at - begun["time"])
+        at, flight = self._flight_start(t)
+        return flight["angle"] + flight["spin"] * (at - flight["time"])
 
     def _flight_start(self, t: ArrayLike) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
-        """Times, and the beginnings of the flights that the disk is on then."""
+        """Times, and the beginnings of the flights at these times."""
         at = np.asarray(t, dtype=np.float64)
         wrong = ~((at >= self.start) & (at <= self.end))
         if wrong.any():
@@ -165,10 +165,10 @@ class History:
     def _flight(
         self, t: ArrayLike
     ) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]], NDArray[np.float64]]:
-        """The same, and the places in the plane of which the latest event's box is a part."""
-        at, begun = self._flight_start(t)
-        since = (at - begun["time"])[..., None]
-        return at, begun, begun["position"] + since * (begun["velocity"] + 0.5 * since * self._gravity)
+        """Times, beginnings of flights, and positions unwrapped from the box of the latest event."""
+        at, flight = self._flight_start(t)
+        since = (at - flight["time"])[..., None]
+        return at, flight, flight["position"] + since * (flight["velocity"] + 0.5 * since * self._gravity)
 
 
 def tracked(file: h5py.File) -> NDArray[np.int32]:

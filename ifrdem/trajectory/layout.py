@@ -421,7 +421,7 @@ def check_layout(
 
     Parts that are missing are put into `lacks`, by their numbers, or refused without it.
 
-    Raises InputError that says what is missing or wrong unless the file has this layout, and it or its parts hold all
+    Raises InputError unless the file has this layout, and it or its parts hold all
     data.
     """
     with damage.as_damage_error(path, "its version"):

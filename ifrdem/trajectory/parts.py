@@ -78,7 +78,7 @@ class Parts:
 
     def __post_init__(self) -> None:
         if len(self.first) < 2 or self.first[0] != 0 or any(np.diff(self.first) <= 0):
-            raise InputError(f"parts begin with the disks {self.first}: each needs one of its own, from 0 on")
+            raise InputError(f"parts begin with the disks {self.first}: must increase, from 0 on")
 
     def __len__(self) -> int:
         """Number of parts."""
@@ -168,7 +168,7 @@ class Parts:
         if not os.path.exists(place):
             raise MissingPart(f"{what} is missing{SEE}")
         if not os.path.isfile(place):
-            raise MissingPart(f"{what} is no file{SEE}")
+            raise MissingPart(f"{what} is not a file{SEE}")
         try:
             try:
                 file = h5py.File(place, "r")
@@ -261,7 +261,7 @@ def of(file: h5py.File, path: str | os.PathLike[str] = "") -> Parts | None:
         group = file[GROUP]
         folder, run = group.attrs["folder"].decode(), group.attrs["run"].decode()
         if not re.fullmatch(r"[^/\\]*" + re.escape(FOLDER), folder):
-            raise ValueError(f"{folder!r} is no folder beside it")
+            raise ValueError(f"{folder!r} is no folder next to it")
         first = damage.read(group["first"])
         damage.require_shape(group["first"], (None,), "i")
         return Parts(folder, run, tuple(int(one) for one in first))

@@ -92,7 +92,7 @@ class Frame(Sealed, PicturedDisks):
 
     @validated
     def __getitem__(self, name: str) -> NDArray[Any]:
-        """The same as `field`."""
+        """A stored field by name, as `field`."""
         return self.field(name)
 
     def __getattr__(self, name: str) -> NDArray[Any]:
@@ -149,7 +149,7 @@ class Frame(Sealed, PicturedDisks):
         """
         box = self.trajectory.box
         if box.is_open:
-            raise InputError(f"{self.trajectory.path}: an open box has no sides: give freud a box of its own")
+            raise InputError(f"{self.trajectory.path}: an open box has no sides: give freud another box")
         (x, _, _), (lean, y, _), _ = box.cell(self.time).tolist()
         return x, y, 0.0, lean / y, 0.0, 0.0
 
@@ -167,7 +167,7 @@ class Frame(Sealed, PicturedDisks):
 
     @property
     def peculiar_velocity(self) -> NDArray[np.float64]:
-        """Velocities relative to the mean flow of a sheared box [length/time], shape (n, 2); in others the same."""
+        """Velocities relative to the mean flow of a sheared box [length/time], shape (n, 2); else `velocity`."""
         if self.trajectory.box.shear_rate == 0.0:
             return self.velocity
         return self.velocity - self.trajectory.box.flow(self.position)
@@ -189,7 +189,7 @@ class Frame(Sealed, PicturedDisks):
 
     @property
     def unwrapped(self) -> NDArray[np.float64]:
-        """Places on paths without jumps [length], shape (n, 2); the file must hold `image`."""
+        """Unwrapped positions [length], shape (n, 2); the file must hold `image`."""
         return self.trajectory.box.unwrap(self.position, self.image, self.time)
 
 
@@ -298,7 +298,7 @@ class DiskPath:
         return len(self.time)
 
     def __repr__(self) -> str:
-        """Whose it is, how much, from when to when, and what."""
+        """Id, number of frames, time range and fields."""
         span = f", t = {self.time[0]:.6g} to {self.time[-1]:.6g}" if len(self) else ""
         return (
             f"<DiskPath of disk {self.disk}: {counted(len(self), 'frame')}{span}; {', '.join(self.fields)}>"
@@ -325,7 +325,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
     box : Box
         The box.
     walls : tuple of Wall
-        Walls beside those at its sides; only those that the run stored (`TrajectoryWriter`).
+        Walls in addition to those at its sides; only those that the run stored (`TrajectoryWriter`).
     times : array (frames,)
         Times of the frames [time].
     parameters : dict
@@ -392,7 +392,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         self._file, self._written_to = _open(self.path)
 
     def _reopening(self, act: Callable[[], Result]) -> Result:
-        """Do it; while a run writes, open the file again if only half of what it did is seen, and do it again."""
+        """Call `act`; if a run is writing and half of a write is seen, reopen the file and call it again."""
         for _ in range(_ATTEMPTS - 1 if self._written_to else 0):
             try:
                 with damage.as_damage_error(self.path, "its content"):
@@ -415,13 +415,13 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         lengths = self.shape(name)
         given = selection if isinstance(selection, tuple) else (selection,)
         if len(given) > len(lengths):
-            raise InputError(f"selection {selection!r} of {name}: {len(lengths)} axes are all there are")
+            raise InputError(f"selection {selection!r} of {name}: {len(lengths)} axes at most")
         forward: list[Any] = []
         turned: list[int] = []  # axes of what is read
         for length, each in zip(lengths, given or (slice(None),), strict=False):
             refused = InputError(
-                f"selection {each!r} of {name}: must be integers and slices; of what is read, any part can "
-                "be taken, as trajectory.read(name, 3)[[5, 2]]"
+                f"selection {each!r} of {name}: must be integers and slices; index the "
+                "result for others, as trajectory.read(name, 3)[[5, 2]]"
             )
             if isinstance(each, slice):
                 try:
@@ -605,7 +605,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
 
     @property
     def file(self) -> h5py.File:
-        """The open file, for what has no name here."""
+        """The open h5py file, for data without an attribute here."""
         return self._file
 
     @property
@@ -705,7 +705,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
     def dataset(self, name: str) -> h5py.Dataset:
         """The data of a field, to read across frames: `dataset("position")[:, 7]` is a disk's path.
 
-        Shape (frames, n) or (frames, n, 2); after a kill it may hold an uncommitted frame behind the last. HDF5 opens
+        Shape (frames, n) or (frames, n, 2); after a kill it may hold an uncommitted frame after the last. HDF5 opens
         the parts of a trajectory when the shape is read, so they are checked before.
 
         Raises InputError if the file does not hold it (also a KeyError), is closed, or a part of it is missing or no
@@ -853,7 +853,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
 
     @validated
     def with_unit(self, text: str, quantity: str) -> str:
-        """A text with the unit of a quantity behind it; unchanged in reduced units."""
+        """A text followed by the unit of a quantity; unchanged in reduced units."""
         return f"{text} {self.units[quantity]}" if quantity in self.units else text
 
     @property
@@ -868,7 +868,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
 
     @property
     def stated_units(self) -> dict[str, str] | None:
-        """The same; None if the file states no units, not even that they are reduced."""
+        """Units as for `units`; None if the file states none, not even that they are reduced."""
         return self.units or ({} if self.parameters.get("units") == layout.REDUCED else None)
 
 
@@ -881,7 +881,7 @@ def _index(what: str, given: Any) -> int:
 
 
 def check_file(path: Path) -> None:
-    """Refuse what is no file, before HDF5 waits for a pipe for ever: an InputError says what it is."""
+    """Raise InputError if a path is no regular file: HDF5 would wait for a pipe for ever."""
     if not os.path.exists(path):
         raise InputError(f"{path}: there is no such file")
     if not os.path.isfile(path):
@@ -932,6 +932,4 @@ def _open(path: Path) -> tuple[h5py.File, bool]:
                 raise InputError(f"{path} cannot be read: {os.strerror(error.errno)}") from error
             if not h5py.is_hdf5(path):
                 raise InputError(f"{path} is not an HDF5 file") from error
-            raise DamageError(
-                f"{path} is a damaged HDF5 file: {error}; `ifrdem repair` says what can be done"
-            ) from error
+            raise DamageError(f"{path} is a damaged HDF5 file: {error}; run `ifrdem repair` on it") from error

@@ -1,4 +1,4 @@
-"""Making a trajectory that opens out of one that was damaged, by a copy of what can be read.
+"""Repair of a damaged trajectory: a valid copy of the parts that can be read.
 
 HDF5 notices damage of its own bookkeeping, of compressed chunks (deflate has a checksum), and a missing end of the
 file. Numbers that were changed in uncompressed data look like other numbers: nothing here finds them.
@@ -35,7 +35,7 @@ BLOCK = 1 << 22  # numbers that are copied at once
 def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> bool:
     """Write what can be read of a trajectory to a new file; False if nothing is wrong, and nothing was written.
 
-    Frames that can be read are kept, also behind damaged ones, with the numbers (`step`) that they had. Series and
+    Frames that can be read are kept, also after damaged ones, with the numbers (`step`) that they had. Series and
     histories end before their first damaged part. The new file is of the present layout; what others added to the old
     one is not in it. Either answer is given only after the file, or its copy, was opened
     and read to its end.
@@ -50,7 +50,7 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
     place : Path
         Where to write: whole or not at all. `path` itself replaces it; a link or another name of it is refused.
     say : callable
-        Takes lines that say what is wrong.
+        Called with lines of text on the damage.
     """
     check_file(path)
     if place != path:
@@ -59,7 +59,7 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
         raise InputError(special)
     with _openable(path, say) as (source, whole), h5py.File(source, "r") as file:
         if place == path and parted.GROUP in file:
-            raise InputError(f"{path} is in parts: --in-place cannot put them together; -o writes one file")
+            raise InputError(f"{path} is in parts: --in-place cannot merge them; use -o to write one file")
         try:
             with damage.as_damage_error(path, "its bookkeeping"):
                 kept = _Salvage(file, path, whole, say)
@@ -103,7 +103,7 @@ def _unrepairable(path: Path, error: InputError, copy: Path | None = None) -> Da
 
 
 def _read_through(path: Path) -> None:
-    """Open a trajectory and read all that is in it; InputError says what cannot be read."""
+    """Open a trajectory and read all of it; raise InputError if something cannot be read."""
     with Trajectory(path) as trajectory:
         for frame in trajectory:
             for name in trajectory.fields:
@@ -284,7 +284,7 @@ class _Salvage:
 
     def _past_end(self, name: str, dataset: h5py.Dataset, rows: int, unit: str) -> None:
         if len(dataset) > rows:
-            self._note(f"{name}: {len(dataset) - rows} uncommitted behind the last {unit}")
+            self._note(f"{name}: {len(dataset) - rows} uncommitted after the last {unit}")
 
     @contextmanager
     def _noting_loss(self, name: str) -> Iterator[None]:
@@ -296,9 +296,9 @@ class _Salvage:
             self._note(f"{name}: cannot be read; the copy lacks it")
 
     def _all_of(self, dataset: h5py.Dataset) -> NDArray[Any]:
-        """All numbers of a dataset, none of them behind the end of the file."""
+        """All numbers of a dataset; DamageError if some are past the end of the file."""
         if dataset.shape and self._rows_past_end(dataset).any():
-            raise DamageError(f"{self._path} is damaged: {dataset.name} is behind its end")
+            raise DamageError(f"{self._path} is damaged: {dataset.name} is past its end")
         return damage.read(dataset)
 
     def _readable_rows(self, dataset: h5py.Dataset, rows: int, step: int = 0) -> NDArray[np.bool_]:
@@ -316,7 +316,7 @@ class _Salvage:
         return good
 
     def _rows_past_end(self, dataset: h5py.Dataset) -> NDArray[np.bool_]:
-        """The rows of which something was stored behind the end of a file that is too short."""
+        """Mask of the rows with data past the end of a truncated file."""
         lost = np.zeros(len(dataset), dtype=bool)
         whole = self._whole
         if whole is None:
@@ -366,7 +366,7 @@ def _openable(path: Path, say: Callable[[str], object]) -> Iterator[tuple[Path, 
     """A file that HDF5 opens: the given one, or a copy whose missing end is filled up; and how much of it is real."""
     try:
         with h5py.File(path, "r"):
-            told = None
+            sizes = None
     except BlockingIOError:
         use = files.being_written(path) or "a run is writing it"
         raise InputError(f"{path}: {use}; its committed frames can be read meanwhile") from None
@@ -375,18 +375,18 @@ def _openable(path: Path, say: Callable[[str], object]) -> Iterator[tuple[Path, 
             raise InputError(f"{path} cannot be read: {os.strerror(error.errno)}") from error
         if not h5py.is_hdf5(path):
             raise InputError(
-                f"{path} is not an HDF5 file, or its very beginning is lost: nothing can be kept{_alternatives(path)}"
+                f"{path} is not an HDF5 file, or its beginning is lost: nothing can be kept{_alternatives(path)}"
             ) from error
-        told = re.search(r"truncated file: eof = (\d+).*stored_eof = (\d+)", str(error))
-        if told is None:
+        sizes = re.search(r"truncated file: eof = (\d+).*stored_eof = (\d+)", str(error))
+        if sizes is None:
             raise InputError(
                 f"{path}: HDF5 cannot open it ({error}): nothing can be kept by this program; `h5clear -s` of the HDF5 "
                 f"tools helps if only a flag was left set{_alternatives(path)}"
             ) from error
-    if told is None:
+    if sizes is None:
         yield path, None
         return
-    present, meant = int(told[1]), int(told[2])
+    present, meant = int(sizes[1]), int(sizes[2])
     say(f"  its end is missing: {present} of {meant} bytes are there")
     filled = files.create(path)
     try:
@@ -412,8 +412,8 @@ def _numbers(frames: NDArray[np.intp]) -> str:
 
 
 def _alternatives(path: Path) -> str:
-    """Other places from which the run may be continued."""
+    """Other files from which the run may be resumed, as text."""
     checkpoint = checkpoint_of(path)
     if checkpoint.exists():
         return f"; {checkpoint.name} holds a state from which the run can go on"
-    return "; there is no checkpoint beside it: the run must be made again"
+    return "; there is no checkpoint in its folder: run the case again"

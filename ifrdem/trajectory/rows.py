@@ -1,4 +1,4 @@
-"""Rows of frames, time series and histories that a trajectory file grows by, and that count once they are committed."""
+"""Committed rows: frames, time series and histories that are appended to a trajectory file."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class CommitLog:
     `what` is the noun for one row ("frame"); the `marker` has a number for each, and is None where something else
     counts the rows; `datasets` by name may be added to before the first row; `committed` rows count, and `at` is the
     number of the row that comes next, by default the one after these. The disks of a part have numbers from
-    `first_disk` on, which messages tell.
+    `first_disk` on, for messages.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class CommitLog:
         self.committed = max(self.committed, self.at)
 
     def drop_uncommitted(self) -> None:
-        """Remove what an interrupted commit left behind the last one."""
+        """Remove rows after the last commit, left by an interrupted one."""
         for dataset in ([] if self.marker is None else [self.marker], self.datasets.values(), self.blank):
             for each in dataset:
                 if len(each) > self.committed:
@@ -108,7 +108,7 @@ class CommitLog:
             element = f"{name} of disk {self.first_disk + place[0]}{component}"
         raise TrajectoryError(
             f"{self.what} {self.at + row}, computed again, differs from the file: {element} is {values[where]}, the "
-            f"file holds {stored[where]}. This is not the same run: the file is kept as it is"
+            f"file holds {stored[where]}. This is not the same run: the file is not changed"
         )
 
 
@@ -176,7 +176,7 @@ class SeriesWriter:
         rows.commit(self._output, {name: np.stack([row[name] for row in found]) for name in found[0]})
 
     def drop_uncommitted(self) -> None:
-        """Remove what an interrupted write left behind the last commit."""
+        """Remove rows after the last commit, left by an interrupted write."""
         file = self._output.file
         drop_staged(file, TIMESERIES)
         if self.rows is not None and self.rows.committed:
@@ -212,14 +212,14 @@ class HistoryWriter:
         """Begin to track disks; see `TrajectoryWriter.begin_histories`."""
         tracked = np.sort(stored("tracked", ids, np.atleast_1d(np.asarray(ids)).shape[:1], np.int32))
         if not len(tracked) or not 0 <= tracked[0] <= tracked[-1] < self._n:
-            raise InputError(f"tracked = {ids!r}: must be numbers of disks from 0 to {self._n - 1}")
+            raise InputError(f"tracked = {ids!r}: must be ids of disks from 0 to {self._n - 1}")
         if len(twice := tracked[1:][tracked[1:] == tracked[:-1]]):
-            raise InputError(f"tracked: disk {twice[0]} is there twice")
+            raise InputError(f"tracked: disk {twice[0]} is given twice")
         start: dict[str, Any] = {"time": np.float64(state.time)}
         for name, column in START_COLUMNS.items():
-            start[name] = stored(
-                name, getattr(state, name)[tracked], (len(tracked), *column.tail), column.dtype
-            )
+            rows = getattr(state, name)
+            rows = rows if len(rows) == len(tracked) else rows[tracked]
+            start[name] = stored(name, rows, (len(tracked), *column.tail), column.dtype)
         if self.events is None:
             layout.create_histories(self._output.file, tracked, start)
             self._output.flush()
@@ -268,7 +268,7 @@ class HistoryWriter:
         rows.confirm(end - rows.at)
 
     def drop_uncommitted(self) -> None:
-        """Remove what an interrupted write left behind the last commit."""
+        """Remove rows after the last commit, left by an interrupted write."""
         drop_staged(self._output.file, HISTORIES)
         if self.events is not None:
             self.events.drop_uncommitted()
@@ -307,12 +307,12 @@ def _row(values: Mapping[str, ArrayLike], first: Mapping[str, Any] | None) -> di
             raise InputError(f"name of series = {name!r}: the file has it already for all of them")
     row = checked("series", "row", values, first)
     if not row:
-        raise InputError("series: a row without any quantity cannot be written")
+        raise InputError("series: a row must have one quantity or more")
     return row
 
 
 def samples(datasets: Mapping[str, h5py.Dataset]) -> dict[str, NDArray[Any]]:
-    """An array of the shape and type of a row of each dataset: HDF5 takes 0.05 ms to tell them."""
+    """An array of the shape and type of a row of each dataset: HDF5 takes 0.05 ms to return them."""
     return {
         name: np.broadcast_to(np.zeros((), each.dtype), each.shape[1:]) for name, each in datasets.items()
     }
@@ -367,7 +367,7 @@ def stored(what: str, value: ArrayLike, shape: tuple[int, ...], dtype: DTypeLike
     if target.kind == "f" and not np.isfinite(found).all():
         place = tuple(int(axis) for axis in np.argwhere(~np.isfinite(found))[0])
         where = ", ".join(map(str, place))
-        raise InputError(f"{what}[{where}] = {given[place]}: no finite number of type {target}")
+        raise InputError(f"{what}[{where}] = {given[place]}: must be a finite number of type {target}")
     return found
 
 
@@ -380,4 +380,4 @@ def check_name(what: str, name: object, *, separator: bool = True) -> None:
     """Raise InputError unless a name can be one in HDF5; with `separator`, "/" makes groups."""
     parts = str(name).split("/") if separator else [str(name)]
     if not isinstance(name, str) or any(part in ("", ".", "..") or "/" in part for part in parts):
-        raise InputError(f"name of {what} = {name!r}: must be a text that HDF5 takes as a name")
+        raise InputError(f"name of {what} = {name!r}: must be a string valid as a name in HDF5")

@@ -63,7 +63,7 @@ def frame_columns(trajectory: Trajectory, index: int) -> dict[str, NDArray[Any]]
 
 
 def to_pandas(trajectory: Trajectory, which: str, index: int) -> pandas.DataFrame:
-    """As `Trajectory.to_pandas`."""
+    """Implement `Trajectory.to_pandas`."""
     checked.choice("which", which, WHICH)
     pandas = optional_import("pandas", "analysis")
     if which == "frame":
@@ -77,7 +77,7 @@ def to_pandas(trajectory: Trajectory, which: str, index: int) -> pandas.DataFram
 
 
 def to_xarray(trajectory: Trajectory) -> xarray.Dataset:
-    """As `Trajectory.to_xarray`."""
+    """Implement `Trajectory.to_xarray`."""
     xarray = optional_import("xarray", "analysis")
     data: dict[str, Any] = {}
     for name in trajectory.fields:
@@ -132,7 +132,7 @@ def whole_gas(trajectory: Trajectory) -> dict[str, NDArray[np.float64]]:
 
 
 def at_equal_collisions(trajectories: Sequence[Trajectory]) -> dict[str, NDArray[np.float64]]:
-    """Quantities that all have with equal columns, shape (trajectories, rows, ...), at the same collisions per disk.
+    """Common quantities with equal columns, shape (trajectories, rows, ...), at the same collisions per disk.
 
     The rows are those of the first trajectory, as far as all go; the others are interpolated linearly between theirs.
     """
@@ -200,7 +200,7 @@ def concat(trajectories: _OfFiles) -> xarray.Dataset:
             for one in trajectories
         ]
         if not opened:
-            raise InputError("trajectories: must have one or more")
+            raise InputError("trajectories: must be one or more")
         found = at_equal_collisions(opened)
         units = {name: opened[0].units.get(quantity) for name, quantity in QUANTITIES.items()}
         names = [one.path.stem for one in opened]
@@ -230,7 +230,7 @@ QUANTITIES = {
 def _axes(
     name: str, value: NDArray[Any], names: tuple[str, ...], coordinates: dict[str, Any]
 ) -> tuple[str, ...]:
-    """Names of the axes behind the first."""
+    """Names of the axes after the first."""
     if name.startswith(OF_PISTONS):
         coordinates.update({"piston": list(names)} if names else {})
         return ("piston",)
@@ -265,7 +265,7 @@ def _lazy(xarray: Any, trajectory: Trajectory, name: str) -> Any:
 
 
 def universe(trajectory: Trajectory) -> MDAnalysis.Universe:
-    """See `Trajectory.universe`."""
+    """Implement `Trajectory.universe`."""
     mda: Any = optional_import("MDAnalysis", "readers")
     trajectory.dataset("position")  # raises if it, or a part of it, is missing
     disks = trajectory.disks

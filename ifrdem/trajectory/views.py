@@ -1,4 +1,4 @@
-"""Views of a trajectory for other people's tools: small files beside it that point at its data and copy none of them.
+"""Views of a trajectory for other programs: small files in its folder that refer to its data without a copy.
 
 NAME.vtkhdf is a temporal PolyData of VTK's HDF format (version 2.0, "VTKHDF File Format" on docs.vtk.org), for
 ParaView, PyVista and vtkHDFReader: points with z = 0, a vertex cell each, and as point data the stored fields (vectors
@@ -49,13 +49,13 @@ def paths(trajectory: str | os.PathLike[str]) -> tuple[Path, Path]:
 
 
 def stale(trajectory: str | os.PathLike[str]) -> list[Path]:
-    """Views that are not there, or older than the trajectory."""
+    """Paths of views that are missing, or older than the trajectory."""
     written = os.stat(trajectory).st_mtime_ns
     return [each for each in paths(trajectory) if not each.exists() or each.stat().st_mtime_ns < written]
 
 
 def write_views(path: str | os.PathLike[str]) -> tuple[Path, Path]:
-    """Write the views of a trajectory beside it, replacing those that are there; returns their paths.
+    """Write the views of a trajectory into its folder, replacing existing ones; return their paths.
 
     Raises InputError if the trajectory cannot be read, or has nothing to show (no frames, no disks, no positions), or a
     view cannot be written: where a folder, a device, the trajectory itself or a file that is no view is. Each view
@@ -65,7 +65,7 @@ def write_views(path: str | os.PathLike[str]) -> tuple[Path, Path]:
     made = paths(path)
     for place in made:
         check_apart(place, Path(path))
-    check_files(made, force=True, elsewhere="views stand beside the trajectory")
+    check_files(made, force=True, elsewhere="views are written into the folder of the trajectory")
     check_views(made)
     with Trajectory(path) as trajectory:
         n, positions = trajectory.n, "position" in trajectory.fields
@@ -119,7 +119,7 @@ def _view(
 
 
 def _data_files(trajectory: Trajectory) -> Iterator[tuple[str, slice]]:
-    """Files that hold the data, and numbers of the disks that each has."""
+    """Files that hold the data, and the ids of the disks in each."""
     if trajectory.parts is None:
         yield trajectory.path.name, slice(0, trajectory.n)
         return

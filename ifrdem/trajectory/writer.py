@@ -1,4 +1,4 @@
-"""Writes a run's frames, time series and histories so that every death of the run leaves a good file.
+"""Writer of frames, time series and histories; however a run ends, the file is valid.
 
 The layout is described in `layout`.
 """
@@ -33,7 +33,7 @@ DEFAULT_FIELDS = ("position", "velocity", "angular_velocity", "collisions", "ima
 
 
 class TrajectoryWriter(Sealed):
-    """Writes a run's frames into a new H5MD file, and beside them time series and histories.
+    """Writes frames, time series and histories of a run into a new H5MD file.
 
     Each frame is committed in two phases: everything but its step is written and flushed, then the step. A
     process killed at any moment leaves a file in which each frame that has a step is whole; likewise the rows
@@ -74,7 +74,7 @@ class TrajectoryWriter(Sealed):
     force : bool
         Replace a file that exists.
     walls : sequence of Wall
-        Walls beside those at the sides of the box: the parameter "walls", as JSON.
+        Walls in addition to the sides of the box: the parameter "walls", as JSON.
     within : Parts or Part, optional
         For a trajectory in parts (`PartsWriter`): all parts, if this is NAME.h5, which gets no fields of its own; or
         which of them this is.
@@ -83,7 +83,7 @@ class TrajectoryWriter(Sealed):
     ------
     InputError
         If a choice or name is unknown, `hdf5plugin` is missing for zstd, the path exists and `force` is not given,
-        it is not a regular file, or the file cannot be created there. Nothing is left behind then.
+        it is not a regular file, or the file cannot be created there. Nothing remains then.
 
     Examples
     --------
@@ -156,14 +156,14 @@ class TrajectoryWriter(Sealed):
         series_rows: int = 0,
         events: int = 0,
     ) -> TrajectoryWriter:
-        """Continue the file of a run that is resumed from a checkpoint; no other process may write it meanwhile.
+        """Continue the file of a run that is resumed from a checkpoint; no other process may write it.
 
         What a kill left uncommitted is dropped. What was committed after the checkpoint stays: the run computes it
         again, and gives it again; it is compared with the file bit for bit. The run had written so many `frames`,
         `series_rows` and `events` of histories at the checkpoint; all else is as the file was begun with.
 
-        Raises InputError if there is no such file, it is open elsewhere, it was begun otherwise, or it holds less than
-        the checkpoint had seen. The file is as it was then.
+        Raises InputError if there is no such file, it is open elsewhere, it was created with other arguments, or it
+        holds less than the checkpoint had seen. The file is as it was then.
         """
         seen = {"frames": frames, "series_rows": series_rows, "events": events}
         for name, value in seen.items():
@@ -182,14 +182,14 @@ class TrajectoryWriter(Sealed):
         except BaseException as error:
             output.close(lambda: None, keep=True)
             if isinstance(error, OSError | RuntimeError):
-                raise InputError(f"{place} cannot be gone on with: {error}") from error
+                raise InputError(f"{place} cannot be resumed: {error}") from error
             raise
         return writer
 
     def _begin(
         self, output: OutputFile, n: int, box: Box, frames: int = 0, series_rows: int = 0, events: int = 0
     ) -> None:
-        """Take the file's datasets in hand; so much of each the run has written."""
+        """Open the file's datasets, of which the run has written these numbers of rows."""
         self._output = output
         self._set(path=output.path)
         self._n = n
@@ -238,7 +238,7 @@ class TrajectoryWriter(Sealed):
 
     @property
     def replaced_or_removed(self) -> str | None:
-        """Reason why the file is not at its place any more; None if it is."""
+        """Reason why the file is no longer at its path; None if it is."""
         return self._output.replaced_or_removed
 
     @property
@@ -253,7 +253,7 @@ class TrajectoryWriter(Sealed):
 
     @property
     def written_counts(self) -> dict[str, int]:
-        """Counts that a checkpoint keeps for `resume`: frames, series_rows and events that the run has written."""
+        """Numbers of frames, series_rows and events written so far, which a checkpoint keeps for `resume`."""
         rows = {"frames": self._rows, "series_rows": self._series.rows, "events": self._histories.events}
         return {name: each.at if each else 0 for name, each in rows.items()}
 
@@ -342,7 +342,9 @@ class TrajectoryWriter(Sealed):
             self._series.write(rows, columns)
 
     def begin_histories(self, ids: ArrayLike, state: State) -> None:
-        """Begin to track disks by their numbers, from a state on. In a file that tracks already, they must be the same.
+        """Start tracking disks from a state on; the state has all disks, or these in ascending order of ids.
+
+        In a file that has histories, the ids must be the same.
 
         Raises InputError if there is no such disk, or one is named twice; TrajectoryError as `write`, and if the file
         has histories of other disks or from another time.
@@ -351,7 +353,7 @@ class TrajectoryWriter(Sealed):
             self._histories.begin(ids, state)
 
     def write_histories(self, events: Mapping[str, ArrayLike], time: float) -> None:
-        """Append what happened to the tracked disks and commit it.
+        """Append events of the tracked disks and commit them.
 
         `events` has every column of `layout.EVENT_COLUMNS`, an array with a row an event, in the order of time and id;
         arrays of no rows say that nothing happened. Up to `time` the histories are complete [time].
@@ -384,7 +386,7 @@ class TrajectoryWriter(Sealed):
         return f"the {counted(len(self), 'frame')}{rows}{events} before it are kept"
 
     def _drop_uncommitted(self) -> None:
-        """Remove what a `write` that was interrupted left behind the last commit."""
+        """Remove rows after the last commit, left by an interrupted `write`."""
         self._rows.drop_uncommitted()
         if len(self) == 0:
             for name in list(self._output.file["observables"]):
@@ -423,13 +425,13 @@ def _check_record(parameters: Mapping[str, object], units: Mapping[str, object])
     for name, value in parameters.items():
         check_name("parameter", name)
         if not isinstance(value, (str, int, float)):
-            raise InputError(f"parameter {name} = {value!r}: must be a text or a number")
+            raise InputError(f"parameter {name} = {value!r}: must be a string or a number")
     for quantity, unit in units.items():
         check_name("unit", quantity)
         if not isinstance(unit, str):
-            raise InputError(f"unit of {quantity} = {unit!r}: must be a text")
+            raise InputError(f"unit of {quantity} = {unit!r}: must be a string")
         if (unit == layout.REDUCED) != (layout.REDUCED in units.values()):
-            raise InputError(f"unit of {quantity} = {unit!r}: either all units are 'reduced' or none is")
+            raise InputError(f"unit of {quantity} = {unit!r}: must be 'reduced' for all units or none")
 
 
 def _check_resumable(
@@ -440,8 +442,8 @@ def _check_resumable(
     version = tuple(int(part) for part in file["h5md/modules/ifrdem"].attrs["version"])
     if version != layout.LAYOUT_VERSION:
         raise InputError(
-            f"{path} has layout {version[0]}.{version[1]}: a run can go on only with files of layout "
-            f"{layout.LAYOUT_VERSION[0]}.{layout.LAYOUT_VERSION[1]}; begin a new file"
+            f"{path} has layout {version[0]}.{version[1]}: a run can be resumed only with files of layout "
+            f"{layout.LAYOUT_VERSION[0]}.{layout.LAYOUT_VERSION[1]}; write to a new file"
         )
     particles = file[layout.PARTICLES]
     parts = parted.of(file, path)

@@ -1,1 +1,1 @@
-"""The viewer of trajectories: a page for browsers, the server behind it, and the page as one file."""
+"""The viewer of trajectories: a page for browsers, its server, and the page as one file."""

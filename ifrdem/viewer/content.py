@@ -25,13 +25,12 @@ from ..trajectory.reader import SPIN, Frame, Trajectory
 
 MOST_DISKS = 2_000_000
 """Above so many disks in the window, a map of the area fraction is shown instead."""
-MOST_EVENTS = 20_000_000  # of histories that are held, to tell how long ago disks collided
+MOST_EVENTS = 20_000_000  # of histories kept in memory for the times since collisions
 MOST_COLLISIONS = 1000  # of a history that are shown, those around the frame's time
 MOST_TRACKED = 1000  # ids of tracked disks that the page knows
 MOST_ROWS = 1500  # of a curve
 LEVELS, UNKNOWN = 254, 255
 """The highest level of a colour, and the level of disks whose value is not known."""
-ROUND_OR_ENDLESS = ("line", "container", "post")  # walls that the page draws by themselves
 FULL = 0.98  # part of the disks whose values lie inside the range of the colours
 REDUCED = "reduced units"
 
@@ -48,7 +47,7 @@ class DiskColour:
 
 
 def pack(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    """A JSON header and arrays behind it, little-endian, each from a multiple of four bytes on.
+    """A JSON header followed by little-endian arrays, each aligned to four bytes.
 
     First the length of the header (uint32). Its `arrays` are lists of name, type (as "u2") and number of elements.
     """
@@ -105,7 +104,7 @@ class Content:
         return state.st_size, state.st_mtime_ns
 
     def refresh(self) -> None:
-        """Take in what a run has added to the file."""
+        """Read what a run has added to the file."""
         if (now := self._now()) != self._stamp:
             self.trajectory.refresh()
             self._stamp = now
@@ -301,7 +300,7 @@ class Content:
                 "shape": one.shape, "place": one.carried(np.array([one.place]), time)[0].tolist(),
                 "towards": one.towards, "radius": one.radius, "surface": one.surface_speed,
                 "hot": one.temperature is not None,
-                "points": [] if one.shape in ROUND_OR_ENDLESS else one.outline(time).tolist(),
+                "points": [] if one.geometry.is_circle else one.outline(time).tolist(),
             }
             for one in walls
             if one.stands(time, done)

@@ -25,7 +25,7 @@ class StudyPoints:
     Parameters
     ----------
     place : Path
-        The results NAME.nc, or the folder NAME.runs beside them.
+        The results NAME.nc, or the folder NAME.runs next to them.
 
     Raises
     ------
@@ -44,7 +44,7 @@ class StudyPoints:
         self._results = Results.read(self.path)
         self._axes = list(self._results.axes)
         if not self._axes or SEED not in self._results.variables:
-            raise InputError(f"{self.path}: no key was varied, there are no points to show")
+            raise InputError(f"{self.path}: no key was varied: there are no points to show")
 
     @property
     def _indices(self) -> list[tuple[int, ...]]:

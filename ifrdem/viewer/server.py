@@ -104,7 +104,7 @@ class Server(ThreadingHTTPServer):
         """The trajectory, or that of a run of the study."""
         if self._content is None or run != self._run:
             if self._points is None:
-                raise InputError(f"run = {run}: this is no study")
+                raise InputError(f"run = {run}: this is not a study")
             self._content, self._run = Content(Trajectory(self._points.trajectory(run))), run
         return self._content
 

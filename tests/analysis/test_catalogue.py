@@ -60,4 +60,4 @@ def test_diffusion_counts_directions_without_walls(tmp_path: Path, kind: str) ->
     # 400 walks of 40 steps: <x^2> at the lags of the fit has a standard error of some 3 %.
     assert rows["D"] == pytest.approx(0.5 / directions, rel=0.12)
     assert ("along x only: walls bound the other direction" in found.notes) == (directions == 1)
-    assert any("walls all round" in doubt for doubt in found.doubts) == (kind == "closed")
+    assert any("walls on all sides" in warning for warning in found.warnings) == (kind == "closed")

@@ -1,4 +1,4 @@
-"""Analyses of gases that drift: they subtract the drift, and doubt files that have it in T."""
+"""Analyses of gases that drift: they subtract the drift, and warn of files that include it in T."""
 
 from __future__ import annotations
 
@@ -69,10 +69,10 @@ def test_a_momentum_that_changes_is_no_drift(tmp_path: Path) -> None:
 def test_a_file_with_the_drift_in_its_temperatures_is_doubted(tmp_path: Path, inside: bool) -> None:
     with Trajectory(write(tmp_path / "run.h5", inside=inside)) as run:
         found = catalogue.ANALYSES["pressure"].of(run, None)
-        assert [("temperatures of this file include it" in doubt) for doubt in found.doubts] == [
+        assert [("temperatures of this file include it" in warning) for warning in found.warnings] == [
             True
         ] * inside
-        assert any("temperatures are about its mean velocity" in note for note in found.notes) != inside
+        assert any("temperatures are relative to its mean velocity" in note for note in found.notes) != inside
 
 
 def test_theory_of_a_mixture_begins_at_temperatures_about_the_drift(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from support.figures import texts
 
 from ifrdem import Box, Disks, InputError, State, Trajectory, TrajectoryWriter
 from ifrdem.analysis import catalogue, steadiness
-from ifrdem.analysis.result import NOT_STEADY
+from ifrdem.analysis.result import NOT_STATIONARY
 from ifrdem.cli import main as cli
 from ifrdem.plots import pictures
 
@@ -69,25 +69,25 @@ def test_a_steady_gas_has_no_mark_and_one_that_changes_has_one_with_what_changed
     monkeypatch.chdir(tmp_path)
     write(tmp_path / "steady.h5")
     write(tmp_path / "changing.h5", place=frozen, push=heavy)
-    doubts = {}
+    warnings = {}
     shown = ""
     for name in ("steady", "changing"):
         assert cli.main(["analyse", f"{name}.h5", *OF_FRAMES]) == 0
         record = json.loads(Path(f"{name}-analysis/{name}.json").read_text())["analyses"]
-        doubts[name] = {what: record[what]["doubts"] for what in OF_FRAMES}
+        warnings[name] = {what: record[what]["warnings"] for what in OF_FRAMES}
         shown = capsys.readouterr().out
         assert all(record[what]["frames"] == 11 for what in OF_FRAMES)
-    assert doubts["steady"] == {what: [] for what in OF_FRAMES}
+    assert warnings["steady"] == {what: [] for what in OF_FRAMES}
     for what, quantity in (
         ("velocity", "a20 goes from "),
         ("rdf", "the number of others whose centres are nearer"),
         ("structure-factor", "S in the mean over the 32 longest waves"),
         ("psi6", "the mean of |psi_6|"),
     ):
-        (doubt,) = doubts["changing"][what]
-        assert doubt.startswith(f"{NOT_STEADY}: {quantity}")
-        assert "from the first half of these frames to the second" in doubt
-        assert f"  ! {doubt}\n" in shown
+        (warning,) = warnings["changing"][what]
+        assert warning.startswith(f"{NOT_STATIONARY}: {quantity}")
+        assert "from the first half of these frames to the second" in warning
+        assert f"  ! {warning}\n" in shown
 
 
 def test_a_stretch_of_a_changing_gas_that_is_steady_has_no_mark_and_one_frame_has_none(
@@ -96,15 +96,15 @@ def test_a_stretch_of_a_changing_gas_that_is_steady_has_no_mark_and_one_frame_ha
     with Trajectory(write(tmp_path / "run.h5", place=frozen, push=heavy)) as trajectory:
         for what in OF_FRAMES:
             of = catalogue.ANALYSES[what].of
-            assert of(trajectory, list(range(15))).doubts == []
-            assert of(trajectory, [20]).doubts == []
-            assert len(of(trajectory, [0, 20]).doubts) == 1
+            assert of(trajectory, list(range(15))).warnings == []
+            assert of(trajectory, [20]).warnings == []
+            assert len(of(trajectory, [0, 20]).warnings) == 1
 
 
 def test_a_temperature_that_falls_by_itself_marks_no_scaled_distribution(tmp_path: Path) -> None:
     path = write(tmp_path / "run.h5", push=lambda v, frame: v * 0.7**frame)
     with Trajectory(path) as trajectory:
-        assert catalogue.ANALYSES["velocity"].of(trajectory, None).doubts == []
+        assert catalogue.ANALYSES["velocity"].of(trajectory, None).warnings == []
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.99])
@@ -122,8 +122,10 @@ def test_marks_of_a_steady_gas_are_as_rare_as_they_are_said_to_be(memory: float)
             noise[i] = share * noise[i - 1] + np.sqrt(1.0 - share**2) * new
             waves[i] = share * waves[i - 1] + np.sqrt(1.0 - share**2) * wave
         strength = np.geomspace(1.0, 100.0, 32)  # S(k) need not be flat
-        cells += bool(steadiness.doubts([steadiness.between_cells("x", list(noise), where, BOX)]))
-        modes += bool(steadiness.doubts([steadiness.between_modes("S", list(strength * np.abs(waves) ** 2))]))
+        cells += bool(steadiness.warnings([steadiness.between_cells("x", list(noise), where, BOX)]))
+        modes += bool(
+            steadiness.warnings([steadiness.between_modes("S", list(strength * np.abs(waves) ** 2))])
+        )
     assert cells <= 9
     assert modes <= 9
 
@@ -133,20 +135,20 @@ def test_several_quantities_are_compared_at_the_level_of_one() -> None:
     one = steadiness.between("x", (0.0, 1.0), (3.3 * 2.0**0.5, 1.0), 10**6)
     still = steadiness.between("y", (0.0, 1.0), (1e-3, 1.0), 10**6)
     assert one.t == pytest.approx(3.3)
-    assert len(steadiness.doubts([one])) == 1
-    assert steadiness.doubts([one, *[still] * 8]) == []
+    assert len(steadiness.warnings([one])) == 1
+    assert steadiness.warnings([one, *[still] * 8]) == []
 
 
 def test_autocorrelation_of_a_gas_that_cools_says_that_it_decays_by_that_too(tmp_path: Path) -> None:
     falling = 1.5 / (1.0 + np.arange(FRAMES)) ** 2
     with Trajectory(write(tmp_path / "cools.h5", temperature=falling)) as trajectory:
-        (doubt,) = catalogue.ANALYSES["vacf"].of(trajectory, None).doubts
-        assert doubt.startswith(
-            f"{NOT_STEADY}: T goes from 1.5 J to 0.003401 J in that time: velocities shrink"
+        (warning,) = catalogue.ANALYSES["vacf"].of(trajectory, None).warnings
+        assert warning.startswith(
+            f"{NOT_STATIONARY}: T goes from 1.5 J to 0.003401 J in that time: velocities shrink"
         )
-        assert NOT_STEADY in texts(pictures.figure(trajectory, "vacf"))
+        assert NOT_STATIONARY in texts(pictures.figure(trajectory, "vacf"))
     with Trajectory(write(tmp_path / "steady.h5")) as trajectory:
-        assert catalogue.ANALYSES["vacf"].of(trajectory, None).doubts == []
+        assert catalogue.ANALYSES["vacf"].of(trajectory, None).warnings == []
 
 
 def test_time_of_an_autocorrelation_is_logarithmic_where_frames_are_spaced_so(tmp_path: Path) -> None:
@@ -204,7 +206,7 @@ def test_rounding_is_no_change(tmp_path: Path) -> None:
         with Trajectory(path) as file:
             found = catalogue.ANALYSES[name].of(file, None)
             assert found.rows[0].value == pytest.approx(1.0, abs=1e-5)  # single precision
-            assert found.doubts == []
+            assert found.warnings == []
 
 
 def test_a_kind_with_one_disk_has_no_distribution_and_the_others_have(tmp_path: Path) -> None:

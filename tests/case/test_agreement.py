@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from ifrdem.cli.main import main
-from ifrdem.simulation import device
+from ifrdem.simulation import backend
 from ifrdem.validation.gas import cases
 
 
@@ -69,13 +69,13 @@ def test_check_says_what_run_refuses_on_this_machine(
 ) -> None:
     path = tmp_path / "case.toml"
     path.write_text(cases.text_of(BASE), encoding="utf-8")
-    many = f"run.threads={device.cores() + 1}"
+    many = f"run.threads={backend.cores() + 1}"
     assert main(["check", str(path), "--set", many]) == 0
     said = capsys.readouterr().err
-    assert f"threads = {device.cores() + 1}: must" in said
+    assert f"threads = {backend.cores() + 1}: must" in said
     assert "`ifrdem run` would refuse it here" in said
     assert main(["run", str(path), "-o", f"{tmp_path}/", "--set", many]) == 2
-    assert f"threads = {device.cores() + 1}: must" in capsys.readouterr().err
+    assert f"threads = {backend.cores() + 1}: must" in capsys.readouterr().err
 
 
 def test_no_rebound_with_a_cut_off_is_refused_under_gravity(

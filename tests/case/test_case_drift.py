@@ -164,7 +164,7 @@ def test_a_run_of_a_gas_in_motion_is_analysed_as_the_gas_at_rest(
                 assert another.value == pytest.approx(one.value, rel=rtol, nan_ok=True), (name, one.name)
             assert any(note.startswith("the whole gas drifts at (20, 0)") for note in found.notes)
             assert not any("drift" in note for note in expected.notes)
-            assert len(found.doubts) == len(expected.doubts)
+            assert len(found.warnings) == len(expected.warnings)
 
 
 def test_the_species_of_a_python_start_can_be_freed_of_momentum_together() -> None:

@@ -164,14 +164,15 @@ def test_check_says_what_a_driven_gas_will_do(tmp_path: Path, capsys: pytest.Cap
     assert main(["check", str(case), "--set", "species[0].speed_rms=2.0"]) == 0
     shown = capsys.readouterr().out
     assert re.search(
-        r"force 1 +random_force: power = 3, every 0.05 \([\d.]+ of the shortest mean free time at the start\)",
+        r"force 0 +random_force \(power = 3\)\n +force 0: step +0\.05\n"
+        r" +force 0: step / shortest mean free time at the start +[\d.]+\n",
         shown,
     )
     T, T_rot = steady_state(IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21), 2.0, 0.5, 2.0, 0.1, Drive(power=3.0)) or (
         0,
         0,
     )
-    assert re.search(rf"steady state +T = {T:.4g}, T_rot = {T_rot:.4g}, by kinetic theory", shown)
+    assert re.search(rf"kinetic theory: T +{T:.4g}\n.*kinetic theory: T_rot +{T_rot:.4g}\n", shown)
     assert main(["check", str(case), "--set", "force[0].kind=random_forc"]) == 2
     assert "did you mean 'random_force'" in capsys.readouterr().err
 

@@ -22,7 +22,7 @@ from ifrdem.errors import EngineError, TrajectoryError
 from ifrdem.model.observables import Measure
 from ifrdem.model.state import State
 from ifrdem.runs.recorder import Recorder
-from ifrdem.simulation import device
+from ifrdem.simulation import backend
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.tools import progress
 from ifrdem.trajectory.reader import Trajectory
@@ -168,19 +168,21 @@ def test_new_writes_a_template_that_check_likes(folder: Path, capsys: pytest.Cap
 def test_check_prints_what_to_expect(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "tiny.toml"]) == 0
     shown = capsys.readouterr().out
-    rows = dict(re.findall(r"^ +(\S.*?)  +(.+)$", shown, flags=re.MULTILINE))
-    assert rows["packing fraction"] == "0.2"
+    rows = {
+        name: tuple(re.split("  +", rest))
+        for name, rest in re.findall(r"^ +(\S.*?)  +(.+)$", shown, flags=re.MULTILINE)
+    }
+    assert rows["packing fraction"] == ("0.2",)
     # n = phi / (pi R^2) = 0.2 / (pi 0.0105^2) = 577.4
-    assert rows["number density"] == "577.43 per m^2"
+    assert rows["number density"] == ("577.43", "1/m^2")
     # pi sigma / (8 sqrt 2 phi g), g = (1 - 7 phi/16)/(1 - phi)^2 = 1.4258: 0.0204 m, 0.974 diameters
-    assert rows["mean free path"].startswith("0.0204")
-    assert "strictly admissible" in rows["pair coins, coins"]
-    assert "202 collisions" in rows["run"]  # 101 x 4 / 2
-    # 9 frames x 101 disks x 32 bytes are 29.1 kB; the rest are whole chunks and HDF5's own (test_case_output.py
-    # compares with files).
-    assert rows["file"].startswith("tiny.h5, 355 kB: 9 frames x (101 disks x 32 bytes")
-    assert "up to 81 rows of series" in rows["file"]
-    assert re.search(r"101 disks x \d+ bytes", rows["memory"])
+    assert rows["coins: mean free path at the start"][0].startswith("0.0204")
+    assert "strictly admissible" in rows["law of coins, coins"][0]
+    assert "202 collisions" in rows["run"][0]  # 101 x 4 / 2
+    content = rows["its content"][0]
+    assert content.startswith("9 frames x (101 disks x 32 bytes")
+    assert "up to 81 rows of series" in content
+    assert re.search(r"101 disks x \d+ bytes", rows["memory (engine only, without Python and libraries)"][0])
     assert names(folder) == ["tiny.toml"]
 
 
@@ -253,7 +255,7 @@ def test_missing_case_file_names_the_nearest(folder: Path, capsys: pytest.Captur
 def test_missing_device_is_refused_and_nothing_else_takes_over(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(device, "cuda_absence", lambda: "no driver")
+    monkeypatch.setattr(backend, "cuda_absence", lambda: "no driver")
     message = refused(["run", "tiny.toml", "--device", "cuda"], folder, capsys)
     assert re.search("cuda.*no such device on this machine; present: cpu", message)
 
@@ -303,7 +305,7 @@ def test_run_writes_trajectory_and_picture_and_says_what_it_did(
     assert re.search(r"done in [\d.]+ s: 202 collisions \(4 per disk\)", shown.out)
     assert re.search(r"T/T0 = 0\.\d+, theta = T_rot/T = 0\.\d+", shown.out)
     assert re.search(r"dissipated [\d.e-]+ J, [\d.]+ % of the start", shown.out)
-    assert re.search(r"^  rounding of the total momentum: [\d.e-]+ kg m s-1, ", shown.out, flags=re.MULTILINE)
+    assert re.search(r"^  momentum drift [\d.e-]+ kg m s-1 \(", shown.out, flags=re.MULTILINE)
     for name in ("tiny.h5", "tiny.png"):
         assert re.search(rf"^  {name} \([\d.]+ kB\)$", shown.out, flags=re.MULTILINE)
     assert re.search(r"100\.0 %  t = .* 4\.00 collisions per disk, .* collisions/s, ETA 0:00", shown.err)

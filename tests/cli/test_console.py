@@ -54,9 +54,9 @@ def test_a_quiet_run_says_nothing_and_a_verbose_one_names_device_cache_and_time(
         assert main(words) == 0
         shown = capsys.readouterr()
         assert (shown.out, shown.err) == ("", "")
-    from ifrdem.simulation import device
+    from ifrdem.simulation import backend
 
-    device.stop()
+    backend.stop()
     assert main(["run", "tiny.toml", "--verbose", "--force"]) == 0
     shown = capsys.readouterr()
     for text in ("ifrdem: device cpu, 1 threads, f64\n", "ifrdem: kernel cache ", "ifrdem: done in "):

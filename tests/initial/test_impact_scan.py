@@ -15,7 +15,7 @@ from ifrdem.errors import InputError
 from ifrdem.initial import impact_scan
 from ifrdem.model.state import Disks
 from ifrdem.plots import impact_angles as scan_picture
-from ifrdem.simulation import device
+from ifrdem.simulation import backend
 from ifrdem.trajectory.reader import Trajectory
 
 CASE = Path(__file__).parents[2] / "cases" / "impact_scan.toml"
@@ -87,7 +87,7 @@ def test_what_cannot_be_a_scan_is_refused_by_key(changes: list[str], message: st
 
 
 def test_a_scan_beyond_the_memory_is_refused_before_it_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(device, "memory_available", lambda: 100_000)
+    monkeypatch.setattr(backend, "memory_available", lambda: 100_000)
     monkeypatch.setattr(impact_scan, "start", lambda *_args, **_options: pytest.fail("it was made"))
     with pytest.raises(InputError, match=r"impact_scan\.toml: 642 disks need some .* of memory, and 100 kB"):
         case_file.read(CASE)

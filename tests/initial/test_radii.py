@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from ifrdem.case import file as case_file
-from ifrdem.case import summary
+from ifrdem.case import report
 from ifrdem.case.case import Case
 from ifrdem.case.estimate import RunEstimate
 from ifrdem.case.gas import CaseGas
@@ -208,12 +208,15 @@ def test_check_prints_the_radii_their_ratio_and_what_it_costs() -> None:
         )
     )
     gas = CaseGas.from_case(case)
-    text = summary.report(gas, RunEstimate.of(gas))
-    assert "radii                  0.01 to 0.05 (mean 0.014) m, largest/smallest 5" in text
-    assert "2.1 times as long as among equal disks" in text  # measured at 5
-    assert "packing fraction       0.3\n" in text
+    table = report.report(gas, RunEstimate.of(gas))
+    rows = {row.quantity: row for row in table.rows}
+    assert rows["radii"][1:] == ("0.01 to 0.05 (mean 0.014)", "m")
+    assert rows["largest / smallest radius"].value == "5"
+    assert rows["time of a collision, relative to equal disks"].value == "about 2.1"  # measured at 5
+    assert rows["packing fraction"].value == "0.3"
     # Areal density 3.5: masses 3.5 pi R^2.
-    assert "mass 0.0010996 to 0.027489 (mean 0.0037385) kg" in text
+    (mass,) = (row for name, row in rows.items() if name.endswith(": mass"))
+    assert mass[1:] == ("0.0010996 to 0.027489 (mean 0.0037385)", "kg")
 
 
 def test_collision_rate_of_two_sizes_is_that_of_two_species() -> None:

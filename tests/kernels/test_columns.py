@@ -9,15 +9,15 @@ import pytest
 
 from ifrdem.kernels import columns
 from ifrdem.kernels.columns import Columns, Named, Several, named
-from ifrdem.simulation import device
+from ifrdem.simulation import backend
 
 PAIR = Columns(begin=None, until=None)
-TABLE = Columns(a=None, two=2, part=PAIR, times=(3, PAIR), last=None, alias={"other": "a"})
+TABLE = Columns(a=None, two=2, part=PAIR, times=(3, PAIR), last=None)
 ALL_TABLES = {**columns.TABLES, **{f"dsmc {name}": table for name, table in columns.DSMC_TABLES.items()}}
 
 
 def test_numbers_of_columns_are_counted_in_order() -> None:
-    assert (TABLE.a, TABLE.other, TABLE.last, TABLE.width) == (0, 0, 11, 12)
+    assert (TABLE.a, TABLE.last, TABLE.width) == (0, 11, 12)
     assert [TABLE.two[m] for m in range(2)] == [1, 2]
     assert (TABLE.part.first, TABLE.part.begin, TABLE.part.until) == (3, 3, 4)
     assert [TABLE.times[m] for m in range(3)] == [5, 7, 9]
@@ -63,7 +63,7 @@ def names_of(table: Columns) -> Iterator[str]:
 @pytest.mark.parametrize("table", ALL_TABLES.values(), ids=ALL_TABLES)
 def test_no_name_of_a_column_is_that_of_something_else(table: Columns) -> None:
     """`array.copy` is the copy, whatever columns there are."""
-    device.start()
+    backend.start()
     from ifrdem.kernels.records import NamedRow
 
     taken = {*dir(Columns), "at", "first", "width", *dir(Named), *dir(NamedRow)}
@@ -81,7 +81,7 @@ def test_bytes_of_disks_are_what_their_columns_take() -> None:
 
 
 def test_kernels_read_and_write_columns_by_name() -> None:
-    device.start()
+    backend.start()
     import taichi as ti
     from support.record_kernels import move
 
@@ -100,7 +100,7 @@ def test_kernels_read_and_write_columns_by_name() -> None:
 
 
 def test_a_wrong_name_in_a_kernel_is_reported() -> None:
-    device.start()
+    backend.start()
     import taichi as ti
     from support.record_kernels import wrong
 

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ifrdem import Device
 from ifrdem.kernels import language
 from ifrdem.kernels.language import ti
-from ifrdem.simulation import device
+from ifrdem.simulation import backend
 
 ROOT = Path(__file__).parents[2]
 
@@ -24,7 +25,7 @@ ROOT = Path(__file__).parents[2]
 def test_copies_by_memory_are_those_of_kernels(
     kind: str, vector: int | None, shape: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    device.start("cpu", threads=1)
+    backend.start(Device("cpu", threads=1))
 
     def made(values: np.ndarray) -> Any:
         of = getattr(ti, kind)
@@ -84,7 +85,7 @@ box = ifrdem.Box.from_packing_fraction(disks.radius, 0.2)
 position = ifrdem.initial.random_positions(box, disks.radius, seed=1)
 velocity = ifrdem.initial.maxwellian(disks.mass, temperature=1.0, seed=1)
 start = ifrdem.State(position, velocity, np.zeros(disks.n))
-gas = ifrdem.Simulation(disks, box, ifrdem.IFRLaw(e_n=0.9, e_t=-0.9, mu=0.15), start, threads=1)
+gas = ifrdem.Simulation(disks, box, ifrdem.IFRLaw(e_n=0.9, e_t=-0.9, mu=0.15), start, device=ifrdem.Device(threads=1))
 gas.run(t_end=1.0)
 print(ti.Ndarray._ndarray_from_numpy.__module__, gas.collisions, gas.state.position.tobytes().hex())
 """

@@ -6,14 +6,14 @@ import pytest
 import taichi as ti
 
 from ifrdem.kernels.law import collide_pair
-from ifrdem.simulation import device
+from ifrdem.simulation import backend
 
 N = 20_000
 
 
 @pytest.fixture
 def taichi():
-    device.start("cpu")
+    backend.start("cpu")
 
 
 @ti.kernel

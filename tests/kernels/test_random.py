@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ifrdem.simulation import device
+from ifrdem.simulation import backend
 
 # Philox in Python for words of any width, from Salmon et al. (doi:10.1145/2063384.2063405), Sec. 3.3 and Random123:
 # multipliers and additions of Philox4x32 and Philox4x64.
@@ -33,7 +33,7 @@ def philox(counter: list[int], key: list[int], bits: int) -> list[int]:
 
 def on_device(streams: NDArray[np.uint32]) -> tuple[NDArray[np.uint32], NDArray[np.float64]]:
     """Words, and a pair of uniform and one of normal numbers, of each stream's draw 0."""
-    device.start("cpu")
+    backend.start("cpu")
     from support.random_kernels import draw
 
     words = np.zeros((len(streams), 4), dtype=np.uint32)

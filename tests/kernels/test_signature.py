@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from ifrdem.kernels import columns
-from ifrdem.simulation import device
+from ifrdem.simulation import backend
 
 
 def test_each_array_is_a_parameter_in_the_order_of_the_names() -> None:
-    device.start()
+    backend.start()
     from ifrdem.kernels.readout import exchange
     from ifrdem.kernels.signature import parameters_of
     from ifrdem.kernels.windows import sum_shared
@@ -25,7 +25,7 @@ def test_each_array_is_a_parameter_in_the_order_of_the_names() -> None:
 
 def test_small_arrays_go_to_one_board_and_back() -> None:
     """Whole numbers too, one array after another, as a GPU gets them."""
-    device.start()
+    backend.start()
     from ifrdem.kernels.readout import exchange
 
     lengths = (2, 1, 3, 1, 2, 1)
@@ -41,7 +41,7 @@ def test_small_arrays_go_to_one_board_and_back() -> None:
 
 
 def test_variables_around_a_kernel_are_known_in_it() -> None:
-    device.start()
+    backend.start()
     import taichi as ti
     from support.record_kernels import shifting
 
@@ -53,7 +53,7 @@ def test_variables_around_a_kernel_are_known_in_it() -> None:
 
 
 def test_an_error_in_a_kernel_names_its_file_and_line() -> None:
-    device.start()
+    backend.start()
     import taichi as ti
     from support import record_kernels
 

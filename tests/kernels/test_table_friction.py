@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ifrdem.simulation import device
+from ifrdem import Device
+from ifrdem.simulation import backend
 from ifrdem.validation.paper import table_reference
 
 K = 2.0
@@ -14,7 +15,7 @@ K = 2.0
 def friction_of(v: list[float], u: list[float]) -> np.ndarray:
     from ifrdem.kernels import table_friction
 
-    device.start()
+    backend.start()
     F, T = np.zeros((2, len(v)))
     table_friction.friction_of(np.array(v), np.array(u), F, T)
     return np.array([F, T])
@@ -24,7 +25,7 @@ def slide(v, u, *, dt=None, a=1.0, k=K, tolerance=1e-12, precision="f64"):
     """v, u, x, t, eps after dt, or at rest; arrays."""
     from ifrdem.kernels import table_friction
 
-    device.start(precision=precision)
+    backend.start(Device(precision=precision))
     real = np.float64 if precision == "f64" else np.float32
     v, u = (np.array(values, dtype=real) for values in np.broadcast_arrays(v, u))
     x, t, eps = np.zeros((3, len(v)), dtype=real)
@@ -145,7 +146,7 @@ def test_short_steps_end_in_single_precision_too(dt):
     try:
         got = slide(v, u, dt=dt, precision="f32", tolerance=1e-5)
     finally:
-        device.start()
+        backend.start()
     np.testing.assert_allclose(got[3], dt, rtol=1e-5)
     np.testing.assert_allclose(got[0], v - F * dt, atol=4.0 * dt**2 + 1e-6)
     np.testing.assert_allclose(got[1], u - 2.0 * T * dt, atol=4.0 * dt**2 + 1e-6)
@@ -158,7 +159,7 @@ def test_single_precision_agrees_to_its_own():
     try:
         single = slide(v, u, precision="f32", tolerance=1e-5)
     finally:
-        device.start()
+        backend.start()
     assert single[2].dtype == np.float32
     np.testing.assert_allclose(single[2], exact[2], rtol=2e-4)  # some ten steps of 1e-5
     np.testing.assert_allclose(single[3], exact[3], rtol=2e-4)

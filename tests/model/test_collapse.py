@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
 
@@ -11,11 +12,13 @@ import pytest
 from support.gases import COIN, ELASTIC, equal_disks, equilibrated, partners
 from support.serial_reference import simulate
 
+from ifrdem import ContactTime, Device, Rest, VelocityCutoff
 from ifrdem.errors import InelasticCollapse, InputError
 from ifrdem.model.box import Box
+from ifrdem.model.collapse import Collapse
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.state import State
-from ifrdem.simulation import device
+from ifrdem.simulation import backend
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
 
@@ -61,7 +64,7 @@ def test_collisions_by_the_tc_rule_are_those_of_the_serial_code(
         "ifrdem.simulation.arrays.SINGLE_TILE", 100
     )  # short windows, as of gases that are divided
     engine = Engine(
-        disks, box, state, np.array([[law]]), order=order, tile_disks=60, contact_time=contact_time
+        disks, box, state, np.array([[law]]), order=order, tile_disks=60, collapse=ContactTime(contact_time)
     )
     count = 1250
     end, expected = simulate(disks, box, law, state, max_collisions=count, contact_time=contact_time)
@@ -84,7 +87,7 @@ def test_a_stored_state_knows_when_its_disks_collided_last() -> None:
     box, state = equilibrated(disks, 0.65)
 
     def engine(state: State) -> Engine:
-        return Engine(disks, box, state, np.array([[INELASTIC]]), contact_time=0.02)
+        return Engine(disks, box, state, np.array([[INELASTIC]]), collapse=ContactTime(0.02))
 
     first = engine(state)
     run(first, 500)
@@ -96,7 +99,7 @@ def test_a_stored_state_knows_when_its_disks_collided_last() -> None:
     assert not np.array_equal(partners(np.array(forgot)), partners(np.array(on)))
 
 
-@pytest.mark.skipif(device.cores() < 2, reason="needs two cores")
+@pytest.mark.skipif(backend.cores() < 2, reason="needs two cores")
 @pytest.mark.parametrize("order", ["tiled"])
 def test_the_tc_rule_gives_the_same_bits_on_two_threads(order: str) -> None:
     disks = equal_disks(1000)
@@ -108,10 +111,10 @@ def test_the_tc_rule_gives_the_same_bits_on_two_threads(order: str) -> None:
             box,
             state,
             np.array([[COIN]]),
-            threads=threads,
+            device=Device(threads=threads),
             order=order,
             tile_disks=200,
-            contact_time=0.02,
+            collapse=ContactTime(0.02),
         )
         while engine.collisions < 3000:
             engine.advance(collisions=3000)
@@ -138,7 +141,14 @@ def test_a_collision_soon_after_another_is_elastic(contact_time: float, elastic:
         time=1e6,
     )
     law = np.array([[(0.5, *ELASTIC[1:])]])
-    engine = Engine(disks, Box((40.0, 6.0)), state, law, precision=precision, contact_time=contact_time)
+    engine = Engine(
+        disks,
+        Box((40.0, 6.0)),
+        state,
+        law,
+        device=Device(precision=precision),
+        collapse=ContactTime(contact_time),
+    )
     for t in (1.7, 2.0, 3.0):
         while engine.time < 1e6 + t:
             engine.advance(t_end=1e6 + t)
@@ -157,7 +167,12 @@ def test_a_bouncing_ball_ends_with_bounces_shorter_than_the_contact_time() -> No
     start = State(np.array([[5.0, 3.0]]), np.zeros((1, 2)), np.zeros(1))
     law = np.array([[(0.5, *ELASTIC[1:])]])
     engine = Engine(
-        equal_disks(1), Box((10.0, 10.0), (True, False)), start, law, gravity=(0.0, -1.0), contact_time=0.02
+        equal_disks(1),
+        Box((10.0, 10.0), (True, False)),
+        start,
+        law,
+        gravity=(0.0, -1.0),
+        collapse=ContactTime(0.02),
     )
     while engine.time < 30.0:
         engine.advance(t_end=30.0)
@@ -181,7 +196,7 @@ def test_a_column_of_disks_comes_to_rest_on_a_floor() -> None:
         State(position, np.zeros((n, 2)), np.zeros(n)),
         np.array([[INELASTIC]]),
         gravity=(0.0, -g),
-        contact_time=contact_time,
+        collapse=ContactTime(contact_time),
     )
     while engine.time < 40.0:
         engine.advance(t_end=40.0)
@@ -201,26 +216,23 @@ def test_a_column_of_disks_comes_to_rest_on_a_floor() -> None:
 @pytest.mark.parametrize(
     "law", [IFRLaw(e_n=0.4, e_t=-1.0, mu=0.0), IFRLaw(e_n=0.4, e_t=-0.5, mu=0.3)], ids=["smooth", "rough"]
 )
-@pytest.mark.parametrize("collapse", ["none", "tc", "velocity_cutoff"])
-def test_a_gas_that_collapses_ends_or_says_so(collapse: str, law: IFRLaw) -> None:
+@pytest.mark.parametrize("collapse", [None, ContactTime(1e-3), VelocityCutoff(1e-3)], ids=str)
+def test_a_gas_that_collapses_ends_or_says_so(collapse: Collapse | None, law: IFRLaw) -> None:
     """e_n = 0.4 at phi = 0.6, 200 collisions a disk. The mean free time is 0.09, the thermal speed 1."""
     disks = equal_disks(300)
     box, state = equilibrated(disks, 0.6)
-    options = {"none": {}, "tc": {"contact_time": 1e-3}, "velocity_cutoff": {"velocity_cutoff": 1e-3}}[
-        collapse
-    ]
-    gas = Simulation(disks, box, law, state, collapse=collapse, **options)
+    gas = Simulation(disks, box, law, state, collapse=collapse)
     message = ""
     try:
         gas.run(collisions_per_disk=200.0)
     except InelasticCollapse as stopped:
         message = str(stopped)
-    if collapse == "none" and message:
-        assert 'collapse = "tc"' in message
+    if collapse is None and message:
+        assert "collapse = ContactTime(time)" in message
     else:
         assert message == ""
         assert 30_000 <= gas.collisions < 30_200  # those at one and the same time are not parted
-        assert (gas.statistics.elastic > 100) == (collapse != "none")
+        assert (gas.statistics.elastic > 100) == (collapse is not None)
 
 
 def three_in_a_row(e_n: float, most: int) -> tuple[list[tuple[Fraction, int, Fraction]], list[Fraction]]:
@@ -307,23 +319,25 @@ def test_three_disks_collapse_below_the_critical_restitution(e_n: float, digits:
 
 
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("make", "message"),
     [
-        ({"collapse": "TC"}, r"collapse = 'TC': must be one of 'none', 'tc', 'velocity_cutoff'"),
-        ({"collapse": "velocity"}, "did you mean 'velocity_cutoff'"),
-        ({"collapse": "tc"}, 'contact_time = None: collapse = "tc" needs'),
-        ({"collapse": "tc", "contact_time": 0.0}, "contact_time = 0.0: .* a finite number above 0"),
-        ({"collapse": "tc", "contact_time": math.nan}, "contact_time = nan"),
-        ({"collapse": "velocity_cutoff", "velocity_cutoff": -1.0}, "velocity_cutoff = -1.0"),
-        ({"velocity_cutoff": 0.1}, 'velocity_cutoff = 0.1 is used with collapse = "velocity_cutoff" only'),
-        ({"collapse": "velocity_cutoff", "velocity_cutoff": 0.1, "contact_time": 1.0}, "contact_time = 1.0 is"),
+        (lambda: ContactTime(0.0), "time = 0.0: must be a positive number"),
+        (lambda: ContactTime(math.nan), "time = nan: must be"),
+        (lambda: VelocityCutoff(-1.0), "speed = -1.0: must be"),
+        (lambda: Rest("x"), "speed = 'x': must be"),  # type: ignore[arg-type]
     ],
-)  # fmt: skip
-def test_a_remedy_that_is_unclear_is_refused(options: dict[str, object], message: str) -> None:
+)
+def test_a_remedy_of_no_size_is_refused(make: Callable[[], Collapse], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        make()
+
+
+@pytest.mark.parametrize("collapse", ["tc", 0.1, VelocityCutoff])
+def test_what_is_no_remedy_is_refused(collapse: object) -> None:
     disks = equal_disks(1)
     state = State(np.array([[5.0, 5.0]]), np.zeros((1, 2)), np.zeros(1))
-    with pytest.raises(InputError, match=message):
-        Simulation(disks, Box((10.0, 10.0)), IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), state, **options)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"collapse = .*: must be VelocityCutoff\(speed\)"):
+        Simulation(disks, Box((10.0, 10.0)), IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), state, collapse=collapse)  # type: ignore[arg-type]
 
 
 def test_a_collision_in_the_future_is_refused() -> None:

@@ -1,4 +1,4 @@
-"""Walls that would crush a disk are foreseen; those that only touch, cross or pass at a constant distance are not."""
+"""Warnings of walls that crush a disk; none of walls that touch, cross or pass at a constant distance."""
 
 from __future__ import annotations
 
@@ -98,14 +98,17 @@ def test_a_simulation_and_a_check_tell_of_it(tmp_path: Path, capsys: pytest.Capt
     start = ifrdem.State([[9.0, 9.0]], [[0.0, 0.0]], np.zeros(1))
     run = ifrdem.Simulation(disks, BOX, ifrdem.IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0), start, walls=walls)
     with pytest.warns(
-        ifrdem.WallWarning, match="piston 0 segment and wall 1 segment come within 0.25 .* at t = 0.75"
+        ifrdem.WallWarning, match="piston 0 segment and wall 1 segment approach .* to 0.25 at t = 0.75"
     ):
         run.run(t_end=0.8)
     run.run(t_end=0.81)  # told once
     path = tmp_path / "piston.toml"
     path.write_text(PISTON)
     assert main(["check", str(path)]) == 0
-    assert "piston 0 segment and wall 1 segment come within 0.25" in capsys.readouterr().err
+    assert (
+        "piston 0 segment and wall 1 segment approach each other to 0.25 at t = 0.75"
+        in capsys.readouterr().err
+    )
 
 
 PRESS = """
@@ -133,7 +136,7 @@ def test_lines_that_close_on_all_disks_are_refused_before_any_work(
         assert main([verb, str(path)]) == 2
         told = capsys.readouterr()
         assert re.search(
-            r"wall 0 line and .*(upper|top|y).* close to .* all disks are between them", told.err
+            r"wall 0 line and .*(upper|top|y).* approach .* all disks are between them", told.err
         ), told.err
         assert not told.out
     assert list(tmp_path.iterdir()) == [tmp_path / path]

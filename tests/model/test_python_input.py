@@ -14,6 +14,7 @@ from ifrdem import (
     DSMC,
     Box,
     CollisionLaw,
+    Device,
     Disks,
     IFRLaw,
     InputError,
@@ -112,7 +113,8 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "box that is none": (lambda: Simulation(Disks(1, 1.0, 0.5), (9, 9), LAW, state()), "must be a Box"),
     "coefficient beyond single precision": (
         lambda: Simulation(
-            *gases_of_three(), IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0, rho=1e40), state_of_three(), precision="f32"
+            *gases_of_three(), IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0, rho=1e40), state_of_three(),
+            device=Device(precision="f32"),
         ),
         "beyond 1e",
     ),

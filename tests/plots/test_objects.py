@@ -343,7 +343,7 @@ def test_doubts_stand_below_the_picture(tmp_path: Path) -> None:
         figure = pictures.figure(run, "vacf")
     figure.draw_without_rendering()
     (note,) = [text for text in figure.texts if text.get_text().startswith("! ")]
-    assert "not steady" in note.get_text()
+    assert "not stationary" in note.get_text()
     assert note.get_window_extent().y1 <= figure.axes[0].get_tightbbox().y0
     assert note.get_window_extent().x1 <= figure.bbox.x1
 

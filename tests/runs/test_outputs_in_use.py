@@ -253,6 +253,9 @@ def test_parts_of_a_study_run_at_the_same_time_and_a_whole_one_alone(tmp_path, m
         fcntl.flock(held, fcntl.LOCK_SH)  # another part
         assert main([*words, "--part", "1/2"]) == 0
         assert main(words) == 2
-        assert f"study.nc: the study is running already: process {os.getpid()} on " in capsys.readouterr().err
+        assert (
+            f"study.nc: another process is running this study: process {os.getpid()} on "
+            in capsys.readouterr().err
+        )
     assert main(words) == 0
     assert len(list((tmp_path / "study.runs").glob("*.npz"))) == 2

@@ -149,13 +149,13 @@ def test_a_part_alone_is_told_from_the_gas(runs, capsys, tmp_path):
     part = runs["parts"].with_suffix(".parts") / "0001.h5"
     with ifrdem.Trajectory(part) as file:
         title = run.title(file)
-        doubts = {
-            name: ANALYSES[name].of(file, None).doubts
+        warnings = {
+            name: ANALYSES[name].of(file, None).warnings
             for name in ("rdf", "structure-factor", "fields", "clusters", "psi6")
         }
         assert (file.part.number, file.part.first) == (1, 100)
     assert title == "0001: 100 disks, part 1 of a trajectory (disks 100 to 199)"
-    for found in doubts.values():
+    for found in warnings.values():
         assert (
             "part 1 of a trajectory (disks 100 to 199): the other disks of the gas are left out" in found[0]
         )
@@ -163,7 +163,7 @@ def test_a_part_alone_is_told_from_the_gas(runs, capsys, tmp_path):
         with ifrdem.Trajectory(whole) as file:
             assert file.part is None
             assert "packing fraction" in run.title(file)
-            assert ANALYSES["fields"].of(file, None).doubts == []
+            assert ANALYSES["fields"].of(file, None).warnings == []
     assert main(["info", str(part)]) == 0
     told = capsys.readouterr().out
     assert "1 of a trajectory" in told

@@ -148,7 +148,7 @@ def test_a_run_stopped_again_and_again_is_the_same_to_the_bit(whole, tmp_path, s
     for _ in range(3):
         assert cli.main(["resume", str(tmp_path)]) == 130
     assert cli.main(["resume", str(tmp_path / "gas.h5")]) == 0
-    assert "energy ledger closes to" in capsys.readouterr().out
+    assert "energy balance: relative error" in capsys.readouterr().out
     made = contents(tmp_path / "gas.h5")
     expected = contents(whole)
     # The command line's own words are in the record.

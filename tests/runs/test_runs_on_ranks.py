@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from support import mpi
 from support.manual import block
+from support.rank_results import differing
 
 import ifrdem
 from ifrdem.case import file as case_file
@@ -51,19 +52,11 @@ step = 0.05
 energy = 1.0e-3
 [output]
 frames = 4
+histories_sample = 40
 picture = false
 views = false
 """
 SUPPORT = Path(__file__).parents[1] / "support"
-RECORD = {
-    "case",
-    "overrides",
-    "case_in_full",
-    "started",
-    "threads",
-    "ranks",
-    "device",
-}  # of a run, not of the gas
 
 
 @pytest.fixture(scope="module")
@@ -95,21 +88,6 @@ def long(case: Path) -> Path:
     words = mpi.ifrdem("run", case, "-o", f"{folder}/", *LONG)
     subprocess.run(list(map(str, words)), check=True, capture_output=True)
     return folder / "gas.h5"
-
-
-def differing(one: Path, other: Path) -> list[str]:
-    """Datasets of a file that are not, bit for bit, those of another one."""
-    found: list[str] = []
-    with h5py.File(one) as a, h5py.File(other) as b:
-
-        def look(name: str, item: object) -> None:
-            if isinstance(item, h5py.Dataset) and name.rpartition("/")[2] not in RECORD:
-                x, y = np.asarray(item[()]), np.asarray(b[name][()])
-                if x.dtype != y.dtype or x.tobytes() != y.tobytes():
-                    found.append(name)
-
-        a.visititems(look)
-    return found
 
 
 MAX_HOURS = ["--max-hours", "1e-6"]

@@ -192,7 +192,7 @@ def test_the_command_prints_once_and_tells_how_it_ended(tmp_path, capsys, state,
 
 @pytest.fixture
 def full_disk(monkeypatch):
-    """No file can be begun from a call of this on; those that are there can be written over."""
+    """No file can be written from a call of this on."""
 
     def fill() -> None:
         def refused(path, *_args, **_options):
@@ -204,18 +204,15 @@ def full_disk(monkeypatch):
     return fill
 
 
-def test_the_end_of_a_run_on_a_full_disk_is_told(tmp_path, full_disk):
+def test_a_full_disk_leaves_the_last_status_whole(tmp_path, full_disk):
     one = Status(tmp_path / "gas.h5", name="gas", interval=0.0)
-    size = one.path.stat().st_size
-    full_disk()
     one.update(time=2.0)
-    assert status.read(one.path)["time"] == 2.0
-    one.finish("failed", "gas.h5 could not be written: No space left on device\n" * 200)
+    full_disk()
+    one.update(time=3.0)
+    one.finish("failed", "gas.h5 could not be written: No space left on device")
     content = status.read(one.path)
-    assert content["state"] == "failed"
-    assert content["message"].startswith("gas.h5 could not be written: No space left on device")
-    assert one.path.stat().st_size == size  # no block more than there was
-    assert one.trouble is None
+    assert (content["time"], content["state"]) == (2.0, "running")  # "dead" once the process is gone
+    assert one.trouble == f"{one.path} could not be written: No space left on device"
     assert os.listdir(tmp_path) == ["gas.status.json"]
 
 

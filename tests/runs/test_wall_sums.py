@@ -42,7 +42,9 @@ def test_sums_of_walls_are_columns_of_the_series(
     path = tmp_path / "stirred.toml"
     path.write_text(CASE)
     assert main(["run", str(path)]) == 0
-    assert "closes to" in capsys.readouterr().out  # the ledger, with the work of the paddle
+    assert (
+        "energy balance: relative error" in capsys.readouterr().out
+    )  # the ledger, with the work of the paddle
     run = case_file.read(path, []).gas.simulation()
     run.run(t_end=3.0)
     expected = run.wall_sums.values

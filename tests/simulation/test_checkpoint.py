@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from support.gases import equal_disks, mixture, start
 
+from ifrdem import ContactTime, Device
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, RandomKicks
@@ -40,11 +41,17 @@ def same_bits(one: Simulation, other: Simulation) -> None:
     assert one.dissipated_energy == other.dissipated_energy
 
 
-def gas(**options: object) -> Callable[..., Simulation]:
+def gas(precision: str = "f64", **options: object) -> Callable[..., Simulation]:
     disks = mixture(1200)
     box, state = start(disks, 0.5)
     return lambda threads=None: Simulation(
-        disks, box, COIN, state, threads=threads, ledger=True, partners=True, angles=True, **options
+        disks,
+        box,
+        COIN,
+        state,
+        device=Device(threads=threads, precision=precision),
+        record=["energy", "partner", "angle"],
+        **options,
     )
 
 
@@ -64,9 +71,9 @@ def walled(threads: int | None = None) -> Simulation:
         Wall.arc((7.0, 13.2), 3.0, (3.3, 6.1), turn=Turn("steady", (7.0, 13.2), rate=2.0), moves_until=1.5),
     ]
     return Simulation(
-        disks, box, COIN, State(grid, rng.normal(size=(60, 2)), rng.normal(size=60)), threads=threads, walls=walls,
-        gravity=(0.0, -1.0), collapse="tc", contact_time=0.01, seed=3, ledger=True, partners=True, angles=True,
-        wall_sums=True,
+        disks, box, COIN, State(grid, rng.normal(size=(60, 2)), rng.normal(size=60)), walls=walls,
+        device=Device(threads=threads), gravity=(0.0, -1.0), collapse=ContactTime(0.01), seed=3,
+        record=["energy", "partner", "angle", "wall"],
     )  # fmt: skip
 
 
@@ -75,14 +82,16 @@ def sheared(threads: int | None = None) -> Simulation:
     box, state = start(disks, 0.4)
     flowing = Box(box.lengths, shear_rate=0.7)
     moving = State(state.position, state.velocity + flowing.flow(state.position), state.spin)
-    return Simulation(disks, flowing, COIN, moving, threads=threads, ledger=True, partners=True, angles=True)
+    return Simulation(
+        disks, flowing, COIN, moving, device=Device(threads=threads), record=["energy", "partner", "angle"]
+    )
 
 
 def freed(threads: int | None = None) -> Simulation:
     disks = equal_disks(100)
     _, state = start(disks, 0.4)
     return Simulation(
-        disks, Box.open(), COIN, state, threads=threads, ledger=True, partners=True, angles=True
+        disks, Box.open(), COIN, state, device=Device(threads=threads), record=["energy", "partner", "angle"]
     )
 
 
@@ -90,13 +99,14 @@ def driven(threads: int | None = None) -> Simulation:
     disks = equal_disks(300)
     box, state = start(disks, 0.3)
     return Simulation(
-        disks, box, COIN, state, threads=threads, ledger=True, partners=True, angles=True, seed=9,
+        disks, box, COIN, state, device=Device(threads=threads), record=["energy", "partner", "angle"], seed=9,
         forces=[RandomKicks(0.05, power=0.5), Drag(0.08, rate=0.1)],
     )  # fmt: skip
 
 
 @pytest.mark.parametrize(
-    "make", [gas(), walled, sheared, freed, driven, pytest.param(gas(precision="f32"), id="f32")]
+    "make",
+    [gas(), walled, sheared, freed, driven, pytest.param(gas(precision="f32"), id="f32")],
 )
 def test_a_run_goes_on_to_the_bit(tmp_path, make):
     # In time, except that a gas in single precision may as well end by its collisions.

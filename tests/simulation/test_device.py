@@ -12,27 +12,28 @@ from pathlib import Path
 
 import pytest
 
+from ifrdem import Device
 from ifrdem.errors import InputError
-from ifrdem.simulation import device as backend
+from ifrdem.simulation import backend
 
 
 def test_a_cpu_is_always_there() -> None:
-    (cpu,) = (device for device in backend.available() if device.arch == "cpu")
+    (cpu,) = (device for device in backend.available() if device.name == "cpu")
     assert f"{backend.cores()} threads" in cpu.description
 
 
 @pytest.mark.parametrize(
-    ("arch", "threads", "message"),
+    ("device", "threads", "message"),
     [
-        ("cdua", None, "must be one of cpu, cuda .did you mean 'cuda'"),
-        ("gpu", None, "must be one of cpu, cuda"),
-        ("cpu", 0, "threads = 0: must lie between 1"),
-        ("cpu", backend.cores() + 1, f"must lie between 1 and the {backend.cores()} cores"),
+        ("cdua", None, "device = 'cdua': must be one of 'cpu', 'cuda' .did you mean 'cuda'"),
+        ("gpu", None, "device = 'gpu': must be"),
+        ("cpu", 0, "threads = 0: must be an integer from 1"),
+        ("cpu", backend.cores() + 1, f"must be from 1 to the {backend.cores()} cores"),
     ],
 )
-def test_what_is_not_there_is_refused(arch: str, threads: int | None, message: str) -> None:
+def test_what_is_not_there_is_refused(device: str, threads: int | None, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        backend.start(arch, threads=threads)
+        backend.start(Device(device, threads=threads))
 
 
 @pytest.mark.skipif(len(backend.available()) > 1, reason="this machine has a CUDA device")
@@ -55,7 +56,7 @@ def test_precision_is_the_type_of_real_numbers(precision: str) -> None:
     import taichi as ti
 
     try:
-        assert backend.start("cpu", precision=precision).precision == precision
+        assert backend.start(Device("cpu", precision=precision)).precision == precision
         assert ti.lang.impl.get_runtime().default_fp == getattr(ti, precision)
     finally:
         backend.stop()
@@ -63,9 +64,9 @@ def test_precision_is_the_type_of_real_numbers(precision: str) -> None:
 
 def test_an_unknown_precision_is_refused_with_the_nearest_spelling() -> None:
     with pytest.raises(
-        InputError, match=r"precision = 'f46': must be one of f64, f32 \(did you mean 'f64'\?\)"
+        InputError, match=r"precision = 'f46': must be one of 'f64', 'f32' \(did you mean 'f64'\?\)"
     ):
-        backend.start("cpu", precision="f46")
+        backend.start(Device("cpu", precision="f46"))
 
 
 def test_memory_that_is_available_is_no_more_than_there_is() -> None:
@@ -76,7 +77,7 @@ def test_memory_that_is_available_is_no_more_than_there_is() -> None:
 
 def test_neither_the_environment_nor_an_unwritable_cache_changes_what_runs() -> None:
     code = (
-        "from ifrdem.simulation import device as backend; backend.start('cpu'); import taichi as ti; "
+        "from ifrdem.simulation import backend; backend.start('cpu'); import taichi as ti; "
         "assert ti.cfg.arch == ti.cpu, ti.cfg.arch"
     )
     environment = {**os.environ, "TI_ARCH": "vulkan", "TI_OFFLINE_CACHE_FILE_PATH": "/proc/1/nowhere"}
@@ -87,7 +88,7 @@ def test_neither_the_environment_nor_an_unwritable_cache_changes_what_runs() -> 
 
 
 def test_starting_says_nothing_on_stdout() -> None:
-    code = "from ifrdem.simulation import device as backend; backend.available(); backend.start('cpu')"
+    code = "from ifrdem.simulation import backend; backend.available(); backend.start('cpu')"
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
     )
@@ -146,7 +147,7 @@ def test_a_driver_without_a_device_is_told_and_no_device(
         "cpu",
         "pybullet",
     ]
-    started = run("from ifrdem.simulation import device as backend; backend.start('cuda')")
+    started = run("from ifrdem.simulation import backend; backend.start('cuda')")
     assert says in started.stderr.splitlines()[-1]
     assert "InputError: device = 'cuda': no such device" in started.stderr.splitlines()[-1]
 
@@ -157,7 +158,7 @@ def test_more_ranks_than_gpus_are_told_how_to_share(tmp_path: Path) -> None:
     subprocess.run(["cc", "-shared", "-fPIC", "-o", "libcuda.so", "driver.c"], cwd=tmp_path, check=True)
     environment = {**os.environ, "LD_LIBRARY_PATH": str(tmp_path)}
     environment.pop("CUDA_VISIBLE_DEVICES", None)
-    code = "from ifrdem.simulation import device; device.show_gpu(3); device.check('cuda')"
+    code = "from ifrdem.simulation import backend; backend.show_gpu(3); backend.check('cuda')"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
     assert "this rank was to have GPU 3: start as many ranks on a machine as it has GPUs" in done.stderr
 
@@ -196,7 +197,7 @@ def test_a_gpu_cannot_be_chosen_after_the_driver_was_asked(monkeypatch: pytest.M
 @pytest.mark.parametrize("cache", [True, False])
 def test_taichi_runs_without_a_home(tmp_path: Path, cache: bool) -> None:
     """Taichi itself aborts then; batch systems and containers may leave HOME out."""
-    code = "from ifrdem.simulation import device as backend; backend.start('cpu', threads=1); print('runs')"
+    code = "from ifrdem.simulation import backend; backend.start(backend.Device('cpu', threads=1)); print('runs')"
     environment = {key: value for key, value in os.environ.items() if key != "HOME"}
     environment.pop("TI_OFFLINE_CACHE_FILE_PATH", None)
     if cache:
@@ -209,8 +210,8 @@ def test_taichi_runs_without_a_home(tmp_path: Path, cache: bool) -> None:
 def test_a_cache_that_cannot_be_written_is_reported_once(tmp_path: Path) -> None:
     code = (
         "import os, tempfile\n"
-        "from ifrdem.simulation import device as backend\n"
-        "for threads in (1, 2, 1):\n    backend.start('cpu', threads=threads)\n    backend.stop()\n"
+        "from ifrdem.simulation import backend\n"
+        "for threads in (1, 2, 1):\n    backend.start(backend.Device(threads=threads))\n    backend.stop()\n"
         "print([name for name in os.listdir(tempfile.gettempdir()) if name.startswith('ifrdem-kernels-')])\n"
     )
     environment = {**os.environ, "HOME": "/proc", "TMPDIR": str(tmp_path)}

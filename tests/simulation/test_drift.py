@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from support.gases import mixture, start
 
 import ifrdem
+from ifrdem import Device
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, Force, Langevin, RandomKicks, Rescale, SpinKicks, TableFriction
 from ifrdem.model.ifr import IFRLaw
@@ -53,7 +54,9 @@ def test_a_thermostat_does_not_freeze_its_gas(
     disks = Disks(n, mass=1.0, radius=0.5)
     box, state = start(disks, 0.2)
     state.velocity = state.velocity + np.array([drift, 0.0])
-    gas = Simulation(disks, box, SMOOTH, state, forces=[Rescale(step, temperature=1.0)], precision=precision)
+    gas = Simulation(
+        disks, box, SMOOTH, state, forces=[Rescale(step, temperature=1.0)], device=Device(precision=precision)
+    )
     before = gas.measure().momentum
     end = rescaled(gas, step, collisions)
     assert thermal(disks.mass, end.velocity) == pytest.approx(1.0, rel=exact)

@@ -8,12 +8,13 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from ifrdem import Device
 from ifrdem.errors import InputError, NoMoreCollisions
 from ifrdem.initial import placement
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.law import CollisionLaw
 from ifrdem.model.state import Disks
-from ifrdem.simulation import device, dsmc
+from ifrdem.simulation import backend, dsmc
 from ifrdem.simulation.dsmc import DSMC
 from ifrdem.theory import collision_rate, cooling, haff
 from ifrdem.theory.collisions import mixture_collision_rates
@@ -30,7 +31,7 @@ SMOOTH = IFRLaw(e_n=0.8, e_t=-1.0, mu=0.0)
 @pytest.fixture(autouse=True, scope="module")
 def ended() -> Iterator[None]:
     yield
-    device.stop()
+    backend.stop()
 
 
 def gas(n: int, law: IFRLaw, *, T_rot: float = 0.0, **given) -> DSMC:
@@ -38,7 +39,7 @@ def gas(n: int, law: IFRLaw, *, T_rot: float = 0.0, **given) -> DSMC:
     disks = Disks(n, 1.0, 0.5)
     velocity = placement.maxwellian(disks.mass, temperature=1.0, seed=5)
     spin = placement.gaussian_spins(n, spin_rms=math.sqrt(T_rot * 8.0), seed=5)  # I = 1/8
-    return DSMC(disks, law, 0.2, velocity, spin, **({"seed": 2, "threads": 1} | given))
+    return DSMC(disks, law, 0.2, velocity, spin, **({"seed": 2, "device": Device(threads=1)} | given))
 
 
 def test_elastic_collisions_keep_energy_and_momentum_and_share_it_out() -> None:
@@ -74,7 +75,15 @@ def test_disks_that_all_differ_collide_as_often_as_their_sizes_say_on_one_thread
     radius, mass = np.sort(rng.uniform(0.2, 1.0, n)), rng.uniform(0.5, 2.0, n)
     disks = Disks(n, mass, radius)
     velocity = placement.maxwellian(mass, temperature=1.0, seed=5)
-    one = DSMC(disks, IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), phi, velocity, seed=3, contact=contact, threads=1)
+    one = DSMC(
+        disks,
+        IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0),
+        phi,
+        velocity,
+        seed=3,
+        contact=contact,
+        device=Device(threads=1),
+    )
     time = one.run(collisions_per_disk=16.0, samples=1).time[-1]
     density = np.full(n, 1.0 / one.area)
     g = mixture_contact_values(phi, radius, None, contact)
@@ -147,7 +156,9 @@ def test_species_of_a_young_mixture_follow_the_mixture_theory_on_one_thread() ->
     rough = IFRLaw(e_n=0.7, e_t=-0.6, mu=0.5)
     laws = [[COIN, rough], [rough, IFRLaw(e_n=0.95, e_t=-0.9, mu=0.1, sticking="contact_point")]]
     velocity = placement.maxwellian(disks.mass, temperature=1.0, seed=5)
-    found = DSMC(disks, laws, 0.3, velocity, seed=4, threads=1).run(collisions_per_disk=1.0, samples=1)
+    found = DSMC(disks, laws, 0.3, velocity, seed=4, device=Device(threads=1)).run(
+        collisions_per_disk=1.0, samples=1
+    )
     mixture, which = Mixture.of(disks, laws, 0.3)
     assert which[0] == 1  # big ones
     theory = mixture_cooling(mixture, 1.0, 0.0, found.time)
@@ -158,12 +169,12 @@ def test_species_of_a_young_mixture_follow_the_mixture_theory_on_one_thread() ->
 
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])
-@pytest.mark.skipif(device.cores() < 2, reason="one core only")
+@pytest.mark.skipif(backend.cores() < 2, reason="one core only")
 def test_one_and_two_threads_give_the_same_bits(precision: str) -> None:
     """One thread settles candidates in order, two in rounds."""
     ends = []
     for threads in (1, 2):  # the tests before this one have one
-        one = gas(4000, COIN, threads=threads, precision=precision, T_rot=1.0)
+        one = gas(4000, COIN, device=Device(threads=threads, precision=precision), T_rot=1.0)
         found = one.run(collisions_per_disk=2.0, samples=2)
         ends.append((one.velocity, one.spin, one.collisions_of_disks, found.time, found.energy))
     for a, b in zip(*ends, strict=True):

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from support import gases
 
-from ifrdem import EngineError, IFRLaw, Simulation, State
+from ifrdem import ContactTime, EngineError, IFRLaw, Simulation, State
 from ifrdem.model.observables import Measure
 from ifrdem.simulation.engine import Engine
 
@@ -58,7 +58,7 @@ def assert_same_motion(one: State, other: State) -> None:
 @pytest.mark.parametrize(
     ("way", "raised"), [("stop", None), ("raise", Halt), ("interrupt", KeyboardInterrupt)]
 )
-@pytest.mark.parametrize("options", [{}, {"contact_time": 1e-9, "collapse": "tc"}], ids=["plain", "tc"])
+@pytest.mark.parametrize("options", [{}, {"collapse": ContactTime(1e-9)}], ids=["plain", "tc"])
 def test_a_run_ends_at_the_frame_of_the_observer_that_ends_it(
     end: dict[str, float], way: str, raised: type[BaseException] | None, options: dict[str, Any]
 ) -> None:
@@ -66,7 +66,10 @@ def test_a_run_ends_at_the_frame_of_the_observer_that_ends_it(
 
     From there on it must be the gas that nobody has stopped: the same frames to the last bit, and the same collisions.
     """
-    whole, part = gas(ledger=True, tracked=[3], **options), gas(ledger=True, tracked=[3], **options)
+    whole, part = (
+        gas(record=["energy"], tracked=[3], **options),
+        gas(record=["energy"], tracked=[3], **options),
+    )
     frames: list[State] = []
     whole.run(**end, frames=50, observers=[lambda state, measure: frames.append(state)])
     seen: list[State] = []
@@ -199,8 +202,8 @@ def test_a_forked_copy_of_a_process_with_a_simulation_is_refused_and_does_not_ha
 import os, signal, sys
 sys.path[:0] = {[os.path.dirname(__file__), os.path.dirname(os.path.dirname(__file__))]!r}
 from test_ending_runs import gas
-from ifrdem import EngineError
-from ifrdem.simulation import device as backend
+from ifrdem import ContactTime, EngineError
+from ifrdem.simulation import backend
 one = gas()
 one.run(t_end=0.1)
 acts = [gas, lambda: one.run(t_end=2.0), lambda: one.state, backend.stop]

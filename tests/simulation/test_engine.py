@@ -7,6 +7,7 @@ import pytest
 from support.gases import COIN, ELASTIC, ROLLING, equal_disks, equilibrated, mixture, start
 
 import ifrdem.simulation.engine
+from ifrdem import Device
 from ifrdem.errors import EngineError, InputError, NoMoreCollisions
 from ifrdem.initial import placement
 from ifrdem.kernels.columns import BYTES_PER_DISK
@@ -14,7 +15,7 @@ from ifrdem.model.box import Box
 from ifrdem.model.forces import Rescale
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
-from ifrdem.simulation import device
+from ifrdem.simulation import backend
 from ifrdem.simulation.engine import Engine, EngineOptions
 from ifrdem.simulation.simulation import Simulation
 
@@ -30,7 +31,7 @@ def advance(engine: Engine, per_disk: float) -> None:
 
 @pytest.mark.parametrize(("packing_fraction", "rate"), [(0.1, 0.5329), (0.3, 2.3996)])
 def test_elastic_gas_keeps_energy_and_momentum_and_collides_at_the_enskog_rate(
-    packing_fraction: float, rate: float, arch: str
+    packing_fraction: float, rate: float, device: str
 ) -> None:
     """A million collisions of 20,000 smooth elastic disks, T = m = sigma = 1.
 
@@ -38,7 +39,7 @@ def test_elastic_gas_keeps_energy_and_momentum_and_collides_at_the_enskog_rate(
     """
     disks = equal_disks(20_000)
     box, state = equilibrated(disks, packing_fraction)
-    engine = Engine(disks, box, state, np.array([[ELASTIC]]), arch=arch)
+    engine = Engine(disks, box, state, np.array([[ELASTIC]]), device=device)
     advance(engine, 100)
     end = engine.state()
     energy = [0.5 * float(np.sum(s.velocity**2)) for s in (state, end)]
@@ -52,10 +53,10 @@ def test_elastic_gas_keeps_energy_and_momentum_and_collides_at_the_enskog_rate(
     assert int(end.collisions.sum()) == 2 * engine.collisions
 
 
-def test_frictional_gas_keeps_momentum_and_loses_energy_at_every_frame(arch: str) -> None:
+def test_frictional_gas_keeps_momentum_and_loses_energy_at_every_frame(device: str) -> None:
     disks = mixture(3000)
     box, state = start(disks, 0.4)
-    simulation = Simulation(disks, box, COIN_LAW, state, arch=arch)
+    simulation = Simulation(disks, box, COIN_LAW, state, device=device)
     energies, momenta = [], []
     simulation.run(
         collisions_per_disk=20,
@@ -85,13 +86,21 @@ def states_equal(a: State, b: State) -> bool:
     )
 
 
-@pytest.mark.skipif(device.cores() < 2, reason="needs two cores")
+@pytest.mark.skipif(backend.cores() < 2, reason="needs two cores")
 def test_trajectory_is_bitwise_the_same_on_one_and_two_threads() -> None:
     disks = equal_disks(20_000)
     box, state = start(disks, 0.5)
     ends = []
     for threads in (2, 1):
-        engine = Engine(disks, box, state, np.array([[COIN]]), threads=threads, order="tiled", tile_disks=500)
+        engine = Engine(
+            disks,
+            box,
+            state,
+            np.array([[COIN]]),
+            device=Device(threads=threads),
+            order="tiled",
+            tile_disks=500,
+        )
         advance(engine, 10)
         ends.append((engine.time, engine.state()))
     for time, end in ends[1:]:
@@ -114,12 +123,12 @@ def test_order_of_disks_in_memory_does_not_matter_for_where_they_go() -> None:
     np.testing.assert_allclose(box.minimum_image(ends[1].position - ends[0].position - shift), 0.0, atol=1e-8)
 
 
-def test_head_on_pair_meets_at_the_time_and_place_of_geometry(arch: str) -> None:
+def test_head_on_pair_meets_at_the_time_and_place_of_geometry(device: str) -> None:
     """Centres 4 apart, closing at 1.5, contact distance 1.1: they touch at t = 2.9 / 1.5 = 1.9333."""
     disks = Disks(2, mass=[2.0, 1.0], radius=[0.5, 0.6])
     box = Box((40.0, 40.0))
     state = State(np.array([[18.0, 20.0], [22.0, 20.0]]), np.array([[1.0, 0.0], [-0.5, 0.0]]), np.zeros(2))
-    simulation = Simulation(disks, box, IFRLaw(e_n=0.8, e_t=-1.0, mu=0.0), state, arch=arch)
+    simulation = Simulation(disks, box, IFRLaw(e_n=0.8, e_t=-1.0, mu=0.0), state, device=device)
     found = simulation.collide_until(5.0)
     np.testing.assert_array_equal(found.pair, [[0, 1]])
     assert found.time[0] == pytest.approx(2.9 / 1.5, rel=1e-14)  # rounding
@@ -277,7 +286,9 @@ def test_memory_on_one_thread_is_what_the_estimate_says(ledger: bool) -> None:
     """Beside it stands the scratch space of the tiles that run at the same time, which does not grow with n."""
     disks = equal_disks(60_000)
     box, state = start(disks, 0.3)
-    engine = Engine(disks, box, state, np.array([[ELASTIC]]), ledger=ledger, threads=1)
+    engine = Engine(
+        disks, box, state, np.array([[ELASTIC]]), record=["energy"] * ledger, device=Device(threads=1)
+    )
     engine.advance(t_end=1e-3)
     arrays = engine.arrays
     scratch = arrays.bytes_of(
@@ -304,7 +315,7 @@ def test_units_that_numbers_cannot_hold_are_refused(
     state = State(position, np.array([[speed, 0.0], [0.0, 0.0]]), np.zeros(2))
     box = Box((10.0 * length, 10.0 * length))
     with pytest.raises(InputError, match=named.replace("^", r"\^").replace("(", r"\(").replace(")", r"\)")):
-        Engine(disks, box, state, np.array([[ELASTIC]]), precision=precision)
+        Engine(disks, box, state, np.array([[ELASTIC]]), device=Device(precision=precision))
 
 
 @pytest.mark.parametrize("name", ["temperature", "energy"])
@@ -315,8 +326,8 @@ def test_a_thermostat_hotter_than_numbers_can_hold_is_refused(name: str) -> None
     law = np.array([[ELASTIC]])
     forces = [Rescale(0.1, **{name: 1e39})]
     with pytest.raises(InputError, match=r"v.2 = .*f32 can compute with"):
-        Engine(disks, Box((10.0, 10.0)), state, law, precision="f32", forces=forces)
-    engine = Engine(disks, Box((10.0, 10.0)), state, law, precision="f32")
+        Engine(disks, Box((10.0, 10.0)), state, law, device=Device(precision="f32"), forces=forces)
+    engine = Engine(disks, Box((10.0, 10.0)), state, law, device=Device(precision="f32"))
     with pytest.raises(InputError, match=r"v.2 = .*f32 can compute with"):
         engine.set_forces(forces)
 
@@ -331,7 +342,7 @@ def test_units_do_not_matter_to_the_last_bit(precision: str) -> None:
         scaled = State(state.position * length, state.velocity * speed, state.spin * (speed / length))
         law = np.array([[(*ROLLING[:4], ROLLING[4] * length)]])
         larger = Box((box.lengths[0] * length, box.lengths[1] * length))
-        engine = Engine(disks, larger, scaled, law, precision=precision)
+        engine = Engine(disks, larger, scaled, law, device=Device(precision=precision))
         while engine.collisions < 2000:
             engine.advance(collisions=2000)
         end = engine.state()
@@ -343,7 +354,7 @@ def test_units_do_not_matter_to_the_last_bit(precision: str) -> None:
 @pytest.mark.parametrize("value", [0, 1e-4, 10.1, float("nan"), "1", [1], True])
 def test_lengths_of_windows_that_are_none_are_refused(value: object) -> None:
     with pytest.raises(InputError, match=r"window_collisions = .*: must be a number from 0\.001 to 10"):
-        EngineOptions(window_collisions=value)  # type: ignore[arg-type]
+        EngineOptions(device=Device(window_collisions=value))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("value", [0, -5, 1.5, "x"])

@@ -11,12 +11,13 @@ from support.force_examples import SMOOTH, Noise, Push, Summing, one_disk, still
 from support.gases import COIN, equal_disks, mixture, start
 
 import ifrdem.simulation.engine
+from ifrdem import Device
 from ifrdem.errors import EngineError, InputError, NoMoreCollisions
 from ifrdem.model.forces import Drag, Force, Langevin, RandomKicks, Rescale, SpinKicks
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
-from ifrdem.simulation import device
+from ifrdem.simulation import backend
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.theory.driven_gas import Drive, steady_state
@@ -118,7 +119,7 @@ def test_forces_work_in_single_precision() -> None:
         Langevin(0.2, temperature=1.0, rate=0.5, spin_rate=0.1),
         Rescale(0.3, energy=2.0),
     ]
-    simulation = Simulation(disks, box, SMOOTH, state, forces=forces, precision="f32")
+    simulation = Simulation(disks, box, SMOOTH, state, forces=forces, device=Device(precision="f32"))
     simulation.run(t_end=3.15)  # right after the rescaling
     found = measure(disks, simulation.state)
     energy = found.energy
@@ -127,7 +128,7 @@ def test_forces_work_in_single_precision() -> None:
     assert energy == pytest.approx(expected, abs=1e-6 * float(np.abs(simulation.energy_inputs).sum()))
 
 
-@pytest.mark.skipif(device.cores() < 2, reason="needs two cores")
+@pytest.mark.skipif(backend.cores() < 2, reason="needs two cores")
 def test_a_driven_gas_is_bitwise_the_same_on_one_and_two_threads() -> None:
     """Also where one thread does all collisions: the forces are computed by all."""
     disks = mixture(6000)
@@ -137,7 +138,7 @@ def test_a_driven_gas_is_bitwise_the_same_on_one_and_two_threads() -> None:
     for threads in (2, 1):  # another number starts Taichi anew, which takes seconds
         for order in ("serial", "tiled"):
             engine = Engine(
-                disks, box, state, np.array([[COIN]]), threads=threads, order=order, tile_disks=500,
+                disks, box, state, np.array([[COIN]]), device=Device(threads=threads), order=order, tile_disks=500,
                 forces=forces, seed=9,
             )  # fmt: skip
             while engine.time < 0.4:

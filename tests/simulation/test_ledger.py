@@ -8,6 +8,7 @@ from support import gases
 from support.gases import equal_disks, mixture, start
 from support.law_examples import Driving, Weak
 
+from ifrdem import Device, VelocityCutoff
 from ifrdem.errors import EngineError, InputError
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, RandomKicks
@@ -30,7 +31,7 @@ def residual(first: Measure, last: Measure) -> float:
     return (first.unspent - last.unspent - float(last.dissipated.sum())) / turned
 
 
-def test_each_mechanism_takes_what_one_collision_shows(arch):
+def test_each_mechanism_takes_what_one_collision_shows(device):
     """One pair, slowly approaching and with spins, against the law's own numbers.
 
     P_n takes P_n (g_n - P_n / 2 m_n), and so on; the pieces are computed here from `law.collide`, which the engine does
@@ -39,7 +40,9 @@ def test_each_mechanism_takes_what_one_collision_shows(arch):
     disks = Disks(2, mass=1.0, radius=0.5)
     v, w = np.array([[1.0, 0.3], [-0.5, 0.0]]), np.array([0.8, -0.1])
     position = np.array([[4.0, 5.0], [6.0, 5.3 - 0.3]])
-    simulation = Simulation(disks, Box((10.0, 10.0)), ROLLING, State(position, v, w), arch=arch, ledger=True)
+    simulation = Simulation(
+        disks, Box((10.0, 10.0)), ROLLING, State(position, v, w), device=device, record=["energy"]
+    )
     simulation.run(t_end=2.0)
     assert simulation.collisions == 1
     contact = simulation.measure()
@@ -68,7 +71,7 @@ def test_each_mechanism_takes_what_one_collision_shows(arch):
     assert contact.dissipated == pytest.approx(np.array(list(expected.values())), rel=1e-12, abs=1e-15)
 
 
-def test_collisions_are_counted_by_their_regime(arch):
+def test_collisions_are_counted_by_their_regime(device):
     """Pairs of two materials that meet head on with spins s, so that the slip is s: what each is, `law.collide` says.
 
     The last pair is slower than the cut-off, below which collisions are elastic.
@@ -92,20 +95,20 @@ def test_collisions_are_counted_by_their_regime(arch):
     expected["elastic"] += 1
     assert all(expected.values())
     simulation = Simulation(
-        disks, Box((10.0, 20.0)), laws, State(place, velocity, np.repeat(spins, 2)), arch=arch, ledger=True,
-        collapse="velocity_cutoff", velocity_cutoff=0.01,
+        disks, Box((10.0, 20.0)), laws, State(place, velocity, np.repeat(spins, 2)), device=device, record=["energy"],
+        collapse=VelocityCutoff(0.01),
     )  # fmt: skip
     simulation.collide(6)
     assert dict(zip(REGIMES, simulation.measure().regimes.tolist(), strict=True)) == expected
 
 
-def test_the_ledger_closes_where_spins_hold_nearly_all_energy(arch):
+def test_the_ledger_closes_where_spins_hold_nearly_all_energy(device):
     """10^12 times that of flights: what small losses add up to must not be lost beside the large."""
     disks = equal_disks(300)
     box, state = start(disks, 0.3)
     state.spin[::2] *= 1e6
     measures: list[Measure] = []
-    simulation = Simulation(disks, box, COIN, state, arch=arch, ledger=True)
+    simulation = Simulation(disks, box, COIN, state, device=device, record=["energy"])
     simulation.run(collisions_per_disk=2.0, series=2, samplers=[measures.append])
     assert measures[-1].dissipated.sum() > 0.1 * measures[0].energy
     assert abs(residual(measures[0], measures[-1])) < 1e-13
@@ -114,7 +117,7 @@ def test_the_ledger_closes_where_spins_hold_nearly_all_energy(arch):
 @pytest.mark.parametrize(
     ("masses", "law"), [("one heavy", COIN), ("all scales", COIN), ("all scales", ROLLING)]
 )
-def test_the_ledger_closes_where_heavy_disks_are_slow_among_light_ones(arch, masses, law):
+def test_the_ledger_closes_where_heavy_disks_are_slow_among_light_ones(device, masses, law):
     """At one temperature, so that energies are alike where masses differ by 1e6 and 1e12."""
     mass = np.ones(300) if masses == "one heavy" else 10.0 ** np.linspace(-6.0, 6.0, 300)
     mass[0] = 1e6
@@ -122,7 +125,7 @@ def test_the_ledger_closes_where_heavy_disks_are_slow_among_light_ones(arch, mas
     box, state = start(disks, 0.3)
     state.spin[:] = 0.0
     measures: list[Measure] = []
-    simulation = Simulation(disks, box, law, state, arch=arch, ledger=True)
+    simulation = Simulation(disks, box, law, state, device=device, record=["energy"])
     simulation.run(collisions_per_disk=5.0, series=3, samplers=[measures.append])
     assert measures[-1].dissipated.sum() > 0.1 * measures[0].energy
     assert max(abs(residual(measures[0], each)) for each in measures) < 1e-12
@@ -130,13 +133,15 @@ def test_the_ledger_closes_where_heavy_disks_are_slow_among_light_ones(arch, mas
 
 @pytest.mark.filterwarnings("ignore::ifrdem.model.ifr.EnergyWarning")
 @pytest.mark.parametrize(("part", "speed"), [(3e7, 1.0), (1e16, 1e135)])
-def test_losses_beyond_all_energy_are_counted_and_such_a_gas_is_refused(arch, part, speed):
+def test_losses_beyond_all_energy_are_counted_and_such_a_gas_is_refused(device, part, speed):
     """A law that hands out 3e7 times the impulse and more. g_n = 2 and m_n = 1/2: P_n = part takes P_n (2 - P_n)."""
     disks = Disks(2, mass=1.0, radius=0.5)
     state = State(
         np.array([[4.0, 5.0], [6.0, 5.0]]), speed * np.array([[1.0, 0.0], [-1.0, 0.0]]), np.zeros(2)
     )
-    simulation = Simulation(disks, Box((10.0, 10.0)), Weak(part=part), state, arch=arch, ledger=True)
+    simulation = Simulation(
+        disks, Box((10.0, 10.0)), Weak(part=part), state, device=device, record=["energy"]
+    )
     simulation.collide(1)
     lost = part * (2.0 - part) * speed**2
     assert simulation.measure().dissipated.sum() == pytest.approx(lost, rel=1e-14)
@@ -146,12 +151,12 @@ def test_losses_beyond_all_energy_are_counted_and_such_a_gas_is_refused(arch, pa
 
 
 @pytest.mark.filterwarnings("ignore::ifrdem.model.ifr.EnergyWarning")
-def test_the_ledger_closes_where_a_law_drives_spins(arch):
+def test_the_ledger_closes_where_a_law_drives_spins(device):
     """A negative T gives spins energy: a loss below 0."""
     disks = equal_disks(300)
     box, state = start(disks, 0.3)
     measures: list[Measure] = []
-    simulation = Simulation(disks, box, Driving(), state, arch=arch, ledger=True)
+    simulation = Simulation(disks, box, Driving(), state, device=device, record=["energy"])
     simulation.run(collisions_per_disk=3.0, series=3, samplers=[measures.append])
     assert measures[-1].dissipated[MECHANISMS.index("rolling")] < -1e-3
     assert abs(residual(measures[0], measures[-1])) < 1e-13
@@ -159,11 +164,11 @@ def test_the_ledger_closes_where_a_law_drives_spins(arch):
 
 @pytest.mark.parametrize("n", [300, 2000])
 @pytest.mark.parametrize("law", [ROLLING, COIN])
-def test_the_ledger_closes_in_a_cooling_gas(arch, n, law):
+def test_the_ledger_closes_in_a_cooling_gas(device, n, law):
     disks = mixture(n)
     box, state = start(disks, 0.3)
     measures: list[Measure] = []
-    simulation = Simulation(disks, box, law, state, arch=arch, ledger=True)
+    simulation = Simulation(disks, box, law, state, device=device, record=["energy"])
     simulation.run(collisions_per_disk=5.0, series=5, samplers=[measures.append])
     assert measures[-1].dissipated[0] > 0.0
     assert measures[-1].regimes.sum() == simulation.collisions
@@ -171,7 +176,7 @@ def test_the_ledger_closes_in_a_cooling_gas(arch, n, law):
     assert max(abs(residual(measures[0], each)) for each in measures) < 1e-13
 
 
-def test_the_ledger_closes_between_walls_that_shake_and_heat_under_gravity(arch):
+def test_the_ledger_closes_between_walls_that_shake_and_heat_under_gravity(device):
     disks = mixture(150)
     box = Box((20.0, 40.0), periodic=(False, False))
     _, state = start(disks, 0.2)
@@ -184,8 +189,8 @@ def test_the_ledger_closes_between_walls_that_shake_and_heat_under_gravity(arch)
     ]
     measures: list[Measure] = []
     simulation = Simulation(
-        disks, box, COIN, state, arch=arch, walls=walls, gravity=(0.0, -1.0), ledger=True,
-        collapse="velocity_cutoff", velocity_cutoff=1e-3,
+        disks, box, COIN, state, device=device, walls=walls, gravity=(0.0, -1.0), record=["energy"],
+        collapse=VelocityCutoff(1e-3),
     )  # fmt: skip
     simulation.run(t_end=6.0, series=3, samplers=[measures.append])
     last = measures[-1]
@@ -194,15 +199,16 @@ def test_the_ledger_closes_between_walls_that_shake_and_heat_under_gravity(arch)
     assert abs(residual(measures[0], last)) < 1e-12
 
 
-def test_the_ledger_closes_with_forces_and_in_a_sheared_gas(arch):
+def test_the_ledger_closes_with_forces_and_in_a_sheared_gas(device):
     disks = equal_disks(400)
     box, state = start(disks, 0.3)
     driven = Simulation(
-        disks, box, COIN, state, arch=arch, ledger=True, forces=[RandomKicks(0.05, power=0.5), Drag(0.05, rate=0.1)]
+        disks, box, COIN, state, device=device, record=["energy"],
+        forces=[RandomKicks(0.05, power=0.5), Drag(0.05, rate=0.1)],
     )  # fmt: skip
     sheared_box = Box(box.lengths, shear_rate=0.5)
     moving = State(state.position, state.velocity + sheared_box.flow(state.position), state.spin)
-    sheared = Simulation(disks, sheared_box, COIN, moving, arch=arch, ledger=True)
+    sheared = Simulation(disks, sheared_box, COIN, moving, device=device, record=["energy"])
     for simulation in (driven, sheared):
         measures: list[Measure] = []
         simulation.run(t_end=2.0, series=4, samplers=[measures.append])
@@ -221,8 +227,8 @@ def test_the_ledger_has_the_same_bits_for_any_number_of_threads():
             box,
             state,
             np.array([[gases.COIN]]),
-            ledger=True,
-            threads=threads,
+            record=["energy"],
+            device=Device(threads=threads),
             order=order,
             tile_disks=500,
         )
@@ -237,12 +243,12 @@ def test_the_ledger_has_the_same_bits_for_any_number_of_threads():
     assert np.array_equal(counts_alone, counts)
 
 
-def test_series_at_the_ends_of_windows_change_nothing(arch):
+def test_series_at_the_ends_of_windows_change_nothing(device):
     disks = equal_disks(600)
     box, state = start(disks, 0.5)
     ends, rows = [], []
     for series in (None, Cadence(number=200, exact=False)):
-        simulation = Simulation(disks, box, COIN, state, arch=arch, ledger=True)
+        simulation = Simulation(disks, box, COIN, state, device=device, record=["energy"])
         simulation.run(collisions_per_disk=40.0, series=series, samplers=[rows.append])
         ends.append(simulation.state)
     assert len(rows) > 5
@@ -250,11 +256,11 @@ def test_series_at_the_ends_of_windows_change_nothing(arch):
     assert np.array_equal(ends[0].velocity, ends[1].velocity)
 
 
-def test_exact_series_stand_where_they_are_due(arch):
+def test_exact_series_stand_where_they_are_due(device):
     disks = equal_disks(50)
     box, state = start(disks, 0.3)
     rows: list[Measure] = []
-    simulation = Simulation(disks, box, COIN, state, arch=arch)
+    simulation = Simulation(disks, box, COIN, state, device=device)
     simulation.run(t_end=1.0, series=40, samplers=[rows.append])
     assert [row.time for row in rows] == pytest.approx(np.linspace(0.0, 1.0, 41), abs=1e-15)
     assert rows[0].dissipated is None  # no ledger was asked for
@@ -262,13 +268,13 @@ def test_exact_series_stand_where_they_are_due(arch):
     assert simulation.time == 1.1
 
 
-def test_totals_on_the_device_are_those_of_the_state(arch):
+def test_totals_on_the_device_are_those_of_the_state(device):
     disks = Disks(
         300, mass=np.where(np.arange(300) == 7, np.inf, 2.0), radius=0.4, k=np.linspace(1.0, 2.0, 300)
     )
     box, state = start(equal_disks(300), 0.3)
     state.velocity[7], state.spin[7] = 0.0, 0.0
-    simulation = Simulation(disks, box, COIN, state, arch=arch, ledger=True)
+    simulation = Simulation(disks, box, COIN, state, device=device, record=["energy"])
     seen: list[Measure] = []
     simulation.run(collisions_per_disk=2.0, observers=[lambda _state, measure: seen.append(measure)])
     device, host = simulation.measure(), seen[-1]
@@ -279,11 +285,11 @@ def test_totals_on_the_device_are_those_of_the_state(arch):
         assert getattr(device, name) == pytest.approx(getattr(host, name), rel=1e-12, abs=1e-11), name
 
 
-def test_a_ledger_that_is_switched_off_misses_just_that_time(arch):
+def test_a_ledger_that_is_switched_off_misses_just_that_time(device):
     """And switched on again, goes on; the collisions are the same to the bit."""
     disks = equal_disks(300)
     box, state = start(disks, 0.4)
-    whole, parts = (Simulation(disks, box, COIN, state, arch=arch, ledger=True) for _ in range(2))
+    whole, parts = (Simulation(disks, box, COIN, state, device=device, record=["energy"]) for _ in range(2))
     expected = np.zeros(len(MECHANISMS))
     for k, on in enumerate([True, False, True]):
         parts.switch_ledger(on)
@@ -297,9 +303,9 @@ def test_a_ledger_that_is_switched_off_misses_just_that_time(arch):
     assert np.array_equal(whole.state.velocity, parts.state.velocity)
 
 
-def test_a_simulation_without_a_ledger_has_none_to_switch(arch):
+def test_a_simulation_without_a_ledger_has_none_to_switch(device):
     disks = equal_disks(10)
     box, state = start(disks, 0.4)
-    simulation = Simulation(disks, box, COIN, state, arch=arch)
-    with pytest.raises(InputError, match="no ledger to switch"):
+    simulation = Simulation(disks, box, COIN, state, device=device)
+    with pytest.raises(InputError, match="the ledger is not recorded"):
         simulation.switch_ledger(True)

@@ -10,6 +10,8 @@ import pytest
 
 from ifrdem import (
     Box,
+    ContactTime,
+    Device,
     Disks,
     IFRLaw,
     InelasticCollapse,
@@ -17,6 +19,7 @@ from ifrdem import (
     NoMoreCollisions,
     Simulation,
     State,
+    VelocityCutoff,
     Wall,
 )
 from ifrdem.simulation.schedule import Due, SlowRunCheck
@@ -29,7 +32,12 @@ def flock(velocity: list[list[float]], box: Box | None = None, **options: Any) -
     n = len(velocity)
     start = State([[1.0 + 2.0 * i, 2.0] for i in range(n)], velocity, np.zeros(n))
     return Simulation(
-        Disks(n, mass=1.0, radius=0.5), box or Box((8.0, 8.0)), LAW, start, threads=1, **options
+        Disks(n, mass=1.0, radius=0.5),
+        box or Box((8.0, 8.0)),
+        LAW,
+        start,
+        device=Device(threads=1),
+        **options,
     )
 
 
@@ -130,17 +138,15 @@ def ball(e_n: float, walls: tuple[Wall, ...] = (), **options: Any) -> Simulation
     start = State([[2.0, 1.5]], [[0.0, 0.1]], np.zeros(1))
     box = Box((8.0, 8.0), periodic=(True, False))
     law = IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0)
-    return Simulation(Disks(1, mass=1.0, radius=0.5), box, law, start, walls=walls, threads=1, **options)
+    return Simulation(
+        Disks(1, mass=1.0, radius=0.5), box, law, start, walls=walls, device=Device(threads=1), **options
+    )
 
 
 DOWN = {"gravity": (0.0, -1.0)}
-TC, CUTOFF = (
-    {"collapse": "tc", "contact_time": 0.01},
-    {"collapse": "velocity_cutoff", "velocity_cutoff": 0.01},
-)
 
 
-@pytest.mark.parametrize("remedy", [TC, CUTOFF])
+@pytest.mark.parametrize("remedy", [{"collapse": ContactTime(0.01)}, {"collapse": VelocityCutoff(0.01)}])
 def test_no_rebound_and_elastic_slow_collisions_exclude_each_other(remedy: dict[str, Any]) -> None:
     """A hit with e_n = 0 leaves no speed, and an elastic collision without speed is none: the disk would rest."""
     with pytest.raises(InputError, match="disks that hit bottom with e_n = 0 stay there"):
@@ -164,15 +170,15 @@ def message(gas: Simulation) -> str:
 
 def test_a_collapse_advises_what_is_not_set_and_could_help() -> None:
     text = message(ball(0.5, **DOWN))
-    assert 'collapse = "tc"' in text
-    assert 'collapse = "rest"' in text
+    assert "ContactTime" in text
+    assert "Rest(speed)" in text
     assert "a larger e_n" in text
     text = message(ball(0.0, **DOWN))
-    assert 'collapse = "tc"' not in text  # which would be refused
-    assert 'collapse = "rest"' in text
-    text = message(ball(0.5, **DOWN, collapse="tc", contact_time=1e-300))
-    assert "a larger contact_time" in text
-    assert "collapse =" not in text
+    assert "ContactTime" not in text  # which would be refused
+    assert "Rest(speed)" in text
+    text = message(ball(0.5, **DOWN, collapse=ContactTime(1e-99)))
+    assert "a larger contact time" in text
+    assert "Rest" not in text
 
 
 def test_elastic_collisions_without_end_are_named_elastic() -> None:
@@ -186,4 +192,4 @@ def test_elastic_collisions_without_end_are_named_elastic() -> None:
 def test_gravity_alone_does_not_press_disks_against_flat_walls_at_rest() -> None:
     assert not Wall.line((0.0, 0.0), (0.0, 1.0)).presses
     assert Wall.container((0.0, 0.0), 1.0).presses
-    assert math.isfinite(ball(0.0, **CUTOFF).time)
+    assert math.isfinite(ball(0.0, collapse=VelocityCutoff(0.01)).time)

@@ -14,7 +14,7 @@ import pytest
 import taichi as ti
 
 import ifrdem
-from ifrdem import InputError, theory
+from ifrdem import Device, InputError, theory
 from ifrdem.runs.run import _mechanisms
 
 DISKS = ifrdem.Disks(2, mass=1.0, radius=0.5)
@@ -24,7 +24,7 @@ SMOOTH = ifrdem.IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
 
 
 def gas(law: ifrdem.CollisionLaw = SMOOTH, **options: Any) -> ifrdem.Simulation:
-    return ifrdem.Simulation(DISKS, BOX, law, STATE, threads=1, **options)
+    return ifrdem.Simulation(DISKS, BOX, law, STATE, device=Device(threads=1), **options)
 
 
 class ReadsTwo(ifrdem.CollisionLaw):

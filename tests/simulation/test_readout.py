@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from support.gases import equal_disks, mixture, start
 
+from ifrdem import Device
 from ifrdem.errors import EngineError
 from ifrdem.model.box import Box, below
 from ifrdem.model.forces import RandomKicks
@@ -42,7 +43,7 @@ def gas(*, n: int = 1500, box: Box | None = None, **options: object) -> Simulati
     disks = mixture(n)
     inside, state = start(disks, 0.5)
     return Simulation(
-        disks, inside if box is None else box, COIN, state, ledger=True, partners=True, angles=True, **options
+        disks, inside if box is None else box, COIN, state, record=["energy", "partner", "angle"], **options
     )
 
 
@@ -156,7 +157,7 @@ def test_threads_do_not_matter() -> None:
                 "ifrdem.simulation.simulation.Engine",
                 functools.partial(Engine, order="tiled", tile_disks=300),
             )
-            found.append(frames_of(gas(threads=threads), t_end=0.5, frames=9))
+            found.append(frames_of(gas(device=Device(threads=threads)), t_end=0.5, frames=9))
     for (one, measured_one), (other, measured_other) in zip(*found, strict=True):
         same(one, other)
         assert measured_one.energy == measured_other.energy
@@ -183,7 +184,7 @@ def test_kicks_do_not_move_frames(order: str) -> None:
 def test_frames_of_disks_that_meet_nobody_stand_at_their_times() -> None:
     begin = State([[2.0, 2.0], [5.0, 5.0]], [[1.0, 0.0], [1.0, 0.0]], [0.5, -0.5])
     for box in (Box((10.0, 10.0)), Box.open()):
-        simulation = Simulation(mixture(2), box, COIN, begin, ledger=True, partners=True, angles=True)
+        simulation = Simulation(mixture(2), box, COIN, begin, record=["energy", "partner", "angle"])
         found = [state for state, _ in frames_of(simulation, t_end=8.0, frames=4)]
         assert [state.time for state in found] == [0.0, 2.0, 4.0, 6.0, 8.0]
         for state in found:
@@ -197,7 +198,7 @@ def test_frames_of_one_disk_and_of_disks_at_rest_stand_at_their_times() -> None:
         State([[2.0, 2.0]], [[1.0, 0.5]], [0.5]),
         State([[2.0, 2.0], [5.0, 5.0]], np.zeros((2, 2)), [0.0, 0.0]),
     ):
-        simulation = Simulation(equal_disks(begin.n), Box((10.0, 10.0)), COIN, begin, angles=True)
+        simulation = Simulation(equal_disks(begin.n), Box((10.0, 10.0)), COIN, begin, record=["angle"])
         found = [state for state, _ in frames_of(simulation, t_end=8.0, frames=4)]
         assert [state.time for state in found] == [0.0, 2.0, 4.0, 6.0, 8.0]
         for state in found:
@@ -242,9 +243,9 @@ def test_a_run_that_an_observer_ends_can_go_on() -> None:
 
 
 def test_single_precision_looks_back_to_its_rounding() -> None:
-    double = gas(threads=1)  # as the test before this one: another number starts Taichi anew
+    double = gas(device=Device(threads=1))  # as the test before this one: another number starts Taichi anew
     exact, box = frames_of(double, t_end=0.3, frames=3), np.array(double.box.lengths)
-    found = frames_of(gas(precision="f32"), t_end=0.3, frames=3)
+    found = frames_of(gas(device=Device(precision="f32")), t_end=0.3, frames=3)
     for (state, _), (expected, _) in zip(found, exact, strict=True):
         apart = state.position + state.image * box - expected.position - expected.image * box
         assert np.median(np.abs(apart)) < 1e-5

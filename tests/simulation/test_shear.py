@@ -10,6 +10,7 @@ import pytest
 from support.gases import COIN, ELASTIC, ROLLING, equal_disks, mixture, partners, run
 from support.shear_reference import Sheared
 
+from ifrdem import Device
 from ifrdem.errors import InputError
 from ifrdem.initial import placement
 from ifrdem.model.box import Box
@@ -18,7 +19,7 @@ from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Wall
-from ifrdem.simulation import device
+from ifrdem.simulation import backend
 from ifrdem.simulation.engine import CollisionTimes, Engine
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.simulation.windows import Windows
@@ -176,7 +177,7 @@ def test_small_boxes_give_the_serial_collisions(order: str) -> None:
 
 
 # `backend.check` refuses more threads than cores: with one core there is nothing to compare.
-@pytest.mark.skipif(device.cores() < 2, reason="needs two cores")
+@pytest.mark.skipif(backend.cores() < 2, reason="needs two cores")
 def test_a_sheared_run_is_bitwise_the_same_on_one_and_two_threads() -> None:
     disks = mixture(1500)
     box, state = sheared(disks, 0.3, 0.5, time=3.7)
@@ -184,7 +185,13 @@ def test_a_sheared_run_is_bitwise_the_same_on_one_and_two_threads() -> None:
     for threads in (2, 1):  # another number starts Taichi anew, which takes seconds
         for order in ORDERS:
             engine = Engine(
-                disks, box, state, np.array([[COIN]]), order=order, tile_disks=200, threads=threads
+                disks,
+                box,
+                state,
+                np.array([[COIN]]),
+                order=order,
+                tile_disks=200,
+                device=Device(threads=threads),
             )
             while engine.collisions < 6000:
                 engine.advance(collisions=6000)
@@ -292,7 +299,7 @@ def test_the_ledger_closes_for_elastic_disks_and_forces() -> None:
 def test_single_precision_keeps_the_ledger_to_its_rounding() -> None:
     disks = equal_disks(500)
     box, state = sheared(disks, 0.3, 0.5)
-    gas = Simulation(disks, box, IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), state, precision="f32")
+    gas = Simulation(disks, box, IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), state, device=Device(precision="f32"))
     gas.run(collisions_per_disk=20.0)
     end = measure(disks, gas.state)
     assert gas.shear_work > 100.0

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from support.gases import COIN, equal_disks, start
 
+from ifrdem import Device
 from ifrdem.errors import InputError, NoMoreCollisions
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, RandomKicks, TableFriction
@@ -117,7 +118,14 @@ def test_a_gas_that_has_come_to_rest_goes_to_the_end_at_no_cost(order: str) -> N
     disks = equal_disks(200)
     box, state = start(disks, 0.3)
     engine = Engine(
-        disks, box, state, np.array([[COIN]]), forces=[table(0.05)], order=order, tile_disks=60, threads=2
+        disks,
+        box,
+        state,
+        np.array([[COIN]]),
+        forces=[table(0.05)],
+        order=order,
+        tile_disks=60,
+        device=Device(threads=2),
     )
     while engine.time < 20.0:
         engine.advance(t_end=20.0)
@@ -175,8 +183,8 @@ def test_threads_orders_and_precisions_agree() -> None:
     alone, two, one, single = (
         end("serial"),
         end("tiled"),
-        end("tiled", threads=1),
-        end("serial", precision="f32"),
+        end("tiled", device=Device(threads=1)),
+        end("serial", device=Device(precision="f32")),
     )
     np.testing.assert_allclose(single.position, alone.position, atol=1e-3)
     for name in ("position", "velocity", "spin"):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from support.gases import equal_disks, mixture, start
 
+from ifrdem import VelocityCutoff
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.forces import RandomKicks
@@ -50,13 +51,13 @@ def check_path(
 
 
 @pytest.mark.parametrize("serial", [True, False])
-def test_paths_lead_through_every_collision(arch, alone, monkeypatch):
+def test_paths_lead_through_every_collision(device, alone, monkeypatch):
     if not alone:
         monkeypatch.setattr("ifrdem.simulation.arrays.SINGLE_TILE", 100)
     disks = mixture(900)
     box, state = start(disks, 0.4)
     tracked = [0, 13, 400, 899]
-    simulation = Simulation(disks, box, ROLLING, state, arch=arch, tracked=tracked, partners=True)
+    simulation = Simulation(disks, box, ROLLING, state, device=device, tracked=tracked, record=["partner"])
     simulation.run(collisions_per_disk=12.0)
     events, end = simulation.take_events(), simulation.state
     assert np.all(np.diff(events.time) >= 0.0)
@@ -68,11 +69,11 @@ def test_paths_lead_through_every_collision(arch, alone, monkeypatch):
     assert len(simulation.take_events()) == 0
 
 
-def test_each_row_is_one_collision_of_the_law(arch):
+def test_each_row_is_one_collision_of_the_law(device):
     """Impulses, regime, angle and both sides' velocities of every row against `law.collide`."""
     disks = mixture(500)
     box, state = start(disks, 0.3)
-    simulation = Simulation(disks, box, ROLLING, state, arch=arch, tracked=range(500), partners=True)
+    simulation = Simulation(disks, box, ROLLING, state, device=device, tracked=range(500), record=["partner"])
     simulation.run(collisions_per_disk=3.0)
     e = simulation.take_events()
     assert len(e) == 2 * simulation.collisions  # all disks are tracked: each collision twice
@@ -104,7 +105,7 @@ def _positions_of_partners(e: Events) -> np.ndarray:
     return e.position[[own[t, p, i] for t, i, p in zip(e.time, e.id, e.partner, strict=True)]]
 
 
-def test_collisions_at_one_time_stand_in_the_order_in_which_they_happened(arch):
+def test_collisions_at_one_time_stand_in_the_order_in_which_they_happened(device):
     """Disks at rest that two others hit from both sides at once: the path leads through both, in one order only."""
     disks = two_kinds(24)  # one hits, and is hit by, disks of its own kind
     middle = np.column_stack((np.full(8, 8.0), 1.0 + 2.0 * np.arange(8)))
@@ -115,7 +116,7 @@ def test_collisions_at_one_time_stand_in_the_order_in_which_they_happened(arch):
         np.zeros(24),
     )
     box = Box((16.0, 16.0))
-    simulation = Simulation(disks, box, ROLLING, state, arch=arch, tracked=range(24), partners=True)
+    simulation = Simulation(disks, box, ROLLING, state, device=device, tracked=range(24), record=["partner"])
     simulation.run(t_end=1.25)
     events, end = simulation.take_events(), simulation.state
     assert any(np.any(np.diff(rows_of(events, disk)["time"]) == 0.0) for disk in range(8))
@@ -123,7 +124,7 @@ def test_collisions_at_one_time_stand_in_the_order_in_which_they_happened(arch):
         check_path(rows_of(events, disk), state, end, disk, box)
 
 
-def test_walls_gravity_and_heat_are_in_the_path(arch):
+def test_walls_gravity_and_heat_are_in_the_path(device):
     box = Box((12.0, 30.0), periodic=(True, False))
     disks = equal_disks(40)
     rng = np.random.default_rng(5)
@@ -134,8 +135,8 @@ def test_walls_gravity_and_heat_are_in_the_path(arch):
         Wall.line((0.0, 7.3), (0.0, -1.0), temperature=1.5),
     ]
     simulation = Simulation(
-        disks, box, COIN, state, arch=arch, walls=walls, gravity=(0.0, -1.0), tracked=range(40),
-        collapse="velocity_cutoff", velocity_cutoff=0.3,
+        disks, box, COIN, state, device=device, walls=walls, gravity=(0.0, -1.0), tracked=range(40),
+        collapse=VelocityCutoff(0.3),
     )  # fmt: skip
     simulation.run(t_end=8.0)
     events, end = simulation.take_events(), simulation.state
@@ -156,12 +157,12 @@ def test_walls_gravity_and_heat_are_in_the_path(arch):
     assert events.impulse[floor][:, 0] == pytest.approx(-given[:, 1], abs=1e-12)
 
 
-def test_kicks_are_rows_so_that_driven_paths_are_exact_too(arch):
+def test_kicks_are_rows_so_that_driven_paths_are_exact_too(device):
     disks = two_kinds(200)
     box, state = start(disks, 0.2)
     simulation = Simulation(
-        disks, box, COIN, state, arch=arch, tracked=[3, 150], forces=[RandomKicks(0.1, power=1.0)], seed=4,
-        partners=True,
+        disks, box, COIN, state, device=device, tracked=[3, 150], forces=[RandomKicks(0.1, power=1.0)], seed=4,
+        record=["partner"],
     )  # fmt: skip
     simulation.run(t_end=1.0)
     events, end = simulation.take_events(), simulation.state

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from support.gases import COIN, mixture, partners, start
 
+from ifrdem import Device
 from ifrdem.errors import InputError, NoMoreCollisions
 from ifrdem.initial import placement
 from ifrdem.model.box import Box
@@ -107,7 +108,12 @@ def test_any_number_of_threads_gives_the_same_bits() -> None:
     disks, state = blob(400)
     law = np.array([[COIN]])
     ends = [
-        run(Engine(disks, Box.open(), state, law, order="tiled", tile_disks=60, threads=threads), 20.0)
+        run(
+            Engine(
+                disks, Box.open(), state, law, order="tiled", tile_disks=60, device=Device(threads=threads)
+            ),
+            20.0,
+        )
         for threads in (None, 1)
     ]
     for name in ("position", "velocity", "spin", "collisions"):

@@ -223,7 +223,7 @@ def bad(tmp_path: Path, capsys: pytest.CaptureFixture[str], *words: str) -> str:
         (["--vary", "nonsense"], "must be KEY=VALUES"),
         (["--seeds", "0"], "a number of seeds"),
         (["--part", "3/2"], "K/M is needed"),
-        (["--workers", "1", "--scheduler", "tcp://a:1"], "not beside"),
+        (["--workers", "1", "--scheduler", "tcp://a:1"], "--workers: cannot be combined with --scheduler"),
         (["--scheduler", "nonsense://127.0.0.1:9"], "does not answer"),
     ],
 )
@@ -501,5 +501,5 @@ def test_results_that_crash_hdf5_end_in_a_message(case, tmp_path, capsys):
 )
 def test_what_is_no_file_of_results_is_refused(tmp_path, make):
     make(tmp_path / "s.nc")
-    with pytest.raises(InputError, match=r"s\.nc: (is no file|is not an HDF5 file|there is no such file)"):
+    with pytest.raises(InputError, match=r"s\.nc: (is not a file|is not an HDF5 file|there is no such file)"):
         Results.read(tmp_path / "s.nc")

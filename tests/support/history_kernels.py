@@ -1,4 +1,4 @@
-"""A kernel that enters collisions into the history of a disk, for tests. Import only after `device.start`."""
+"""A kernel that enters collisions into the history of a disk, for tests. Import only after `backend.start`."""
 
 from ifrdem.kernels.language import Rows, Table
 from ifrdem.kernels.particle import update_history_hash

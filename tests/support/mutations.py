@@ -41,7 +41,7 @@ TESTS = {
     "kernels/shear.py": "tests/simulation/test_shear.py",
     "kernels/rest.py": "tests/simulation/walls/test_rest.py tests/simulation/walls/test_turning_gravity.py",
     "kernels/readout.py": f"tests/simulation/test_readout.py {ENGINE}",
-    "kernels/walls.py": "tests/simulation/walls",
+    "kernels/walls/*": "tests/simulation/walls",
     "kernels/events.py": f"{ENGINE} tests/simulation/walls/test_walls.py tests/simulation/test_tracking.py",
     "kernels/particle.py": TILES,
     "kernels/tiles.py": f"{TILES} tests/simulation/test_shear.py",

@@ -19,6 +19,7 @@ import numpy as np
 from mpi4py import MPI
 from support.gases import COIN, ELASTIC, ROLLING, equal_disks, mixture, start
 
+from ifrdem import ContactTime, Device
 from ifrdem.errors import EngineError
 from ifrdem.kernels import layout as k
 from ifrdem.kernels import windows
@@ -57,7 +58,7 @@ def walled() -> Gas:
         Wall.line((0.0, 129.0), (0.0, -1.0), temperature=2.0),
         Wall.post((30.0, 100.0), 3.0),
     ]
-    more = {"walls": walls, "gravity": (0.0, -0.05), "seed": 4, "ledger": True}
+    more = {"walls": walls, "gravity": (0.0, -0.05), "seed": 4, "record": ["energy"]}
     return disks, box, state, (0.98, *COIN[1:]), 10.0, more
 
 
@@ -91,7 +92,7 @@ def fast(make: Any = mixture) -> Gas:
     disks = Disks(N, np.where(np.arange(N) % 1000 == 0, 1e4, disks.mass), disks.radius, disks.k)
     box, state = start(disks, 0.1)
     state.velocity[::2000], state.velocity[1000::2000] = (40.0, 30.0), (-40.0, -30.0)
-    return disks, box, state, COIN, 6.0, {"ledger": True, "forces": [Rescale(0.2, energy=1e4)]}
+    return disks, box, state, COIN, 6.0, {"record": ["energy"], "forces": [Rescale(0.2, energy=1e4)]}
 
 
 def spreading(make: Any = mixture) -> Gas:
@@ -100,7 +101,7 @@ def spreading(make: Any = mixture) -> Gas:
     box, state = start(disks, 0.2)
     wide = Box((4.0 * box.lengths[0], box.lengths[1]))
     state.velocity[:, 0] += 4.0
-    return disks, wide, state, COIN, 16.0, {"ledger": True}
+    return disks, wide, state, COIN, 16.0, {"record": ["energy"]}
 
 
 def driven() -> Gas:
@@ -110,19 +111,19 @@ def driven() -> Gas:
         SpinKicks(0.08, power=0.2),
         TableFriction(0.05, mu=0.02, gravity=10.0),
     ]
-    return periodic(0.3, COIN, 5.0, mixture, seed=3, ledger=True, forces=[*forces, Drag(0.1, rate=0.3)])
+    return periodic(0.3, COIN, 5.0, mixture, seed=3, record=["energy"], forces=[*forces, Drag(0.1, rate=0.3)])
 
 
 GASES: dict[str, Any] = {
-    "elastic": lambda: periodic(0.3, ELASTIC, 20.0, mixture, ledger=True),
-    "cooling": lambda: periodic(0.4, COIN, 80.0, ledger=True, angles=True, partners=True),
-    "mixture": lambda: periodic(0.4, ROLLING, 5.0, mixture, contact_time=1e-3),
+    "elastic": lambda: periodic(0.3, ELASTIC, 20.0, mixture, record=["energy"]),
+    "cooling": lambda: periodic(0.4, COIN, 80.0, record=["energy", "partner", "angle"]),
+    "mixture": lambda: periodic(0.4, ROLLING, 5.0, mixture, collapse=ContactTime(1e-3)),
     "walls": walled,
     "shear": sheared,
     "driven": driven,
     "fast": fast,
     "spreading": spreading,
-    "sizes": lambda: periodic(0.2, COIN, 20.0, lambda n: sizes(n, 0.3), ledger=True),
+    "sizes": lambda: periodic(0.2, COIN, 20.0, lambda n: sizes(n, 0.3), record=["energy"]),
     "fast sizes": lambda: fast(sizes),
     "spreading sizes": lambda: spreading(sizes),
 }
@@ -131,7 +132,7 @@ GASES: dict[str, Any] = {
 def after(gas: Gas, comm: Any) -> tuple[Engine, dict[str, Any]]:
     """A gas at its end, all numbers that it has."""
     disks, box, state, law, per_disk, more = gas
-    options = {"order": "tiled", "tile_disks": 150, "threads": 1} | more
+    options = {"order": "tiled", "tile_disks": 150, "device": Device(threads=1)} | more
     if comm is not None and comm.rank:  # those of the first are taken
         disks, state = None, None  # type: ignore[assignment]
     engine = Engine(disks, box, state, np.array([[law]]), comm=comm, **options)
@@ -297,7 +298,9 @@ def told(comm: Any, name: str) -> dict[str, Any]:
         counted["whole"] = engine.arrays.communication.whole
         counted["moved"] = engine.arrays.communication.moved
     own = int(np.sum(np.asarray(getattr(engine.arrays, "own", [])) >= 0))
-    differ = [each for each in differ if each != "statistics run_again"]  # depends on room for claims too
+    differ = [
+        each for each in differ if each != "statistics run_again"
+    ]  # depends on room for ghost records too
     return {"differ": differ, **counted, "tiles": engine.arrays.tiles, "own": own}
 
 

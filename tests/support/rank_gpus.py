@@ -35,7 +35,7 @@ def after(comm: Any) -> tuple[Engine, dict[str, Any]]:
         disks = state = None
     forces = [Rescale(0.3, energy=1.0)]
     engine = Engine(
-        disks, box, state, np.array([[COIN]]), comm=comm, arch="cuda", partners=True, forces=forces
+        disks, box, state, np.array([[COIN]]), comm=comm, device="cuda", record=["partner"], forces=forces
     )
     goal = engine.collisions + N
     while engine.collisions < goal:

@@ -55,10 +55,8 @@ def simulation(
         disks, box, law, state = start(ids)
     change(disks, box, state)
     options: Any = {
-        "partners": True,
-        "angles": True,
-        "dissipated": True,
-        "threads": 1,
+        "record": ["partner", "angle", "disk_energy"],
+        "device": ifrdem.Device(threads=1),
         "comm": comm,
     }
     return ifrdem.Simulation(disks, box, law, state, **options)

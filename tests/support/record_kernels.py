@@ -1,4 +1,4 @@
-"""Kernels that use columns by name, for tests. Import only after `device.start`."""
+"""Kernels that use columns by name, for tests. Import only after `backend.start`."""
 
 import taichi as ti
 

@@ -1,6 +1,6 @@
 """Gate for changes that must leave the compiled program as it is: bits of small gases, and kernels compiled for them.
 
-    TI_OFFLINE_CACHE_FILE_PATH=FOLDER python tests/support/same_kernels.py [--arch ARCH] [--ranks] [GAS ...]
+    TI_OFFLINE_CACHE_FILE_PATH=FOLDER python tests/support/same_kernels.py [--device NAME] [--ranks] [GAS ...]
 
 Run it once before a change, with an empty folder, and after each step of the change with the same folder. It prints the
 SHA-256 of the state and the sums of each gas, and how many kernels were compiled for it: files that the cache gained.
@@ -28,19 +28,20 @@ from support import mpi
 from support.gases import COIN, ROLLING, equal_disks, mixture, start
 
 import ifrdem
+from ifrdem import ContactTime, Device, Rest
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, Langevin, RandomKicks, Rescale, TableFriction
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Piston, Turn, Wall
-from ifrdem.simulation import arrays, device, snapshot
+from ifrdem.simulation import arrays, backend, snapshot
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.tracking import Tracking
 from ifrdem.theory.driven_gas import Drive
 
 N = 700
 arrays.SINGLE_TILE = 100  # windows as short as those of gases in tiles
-ALL_SUMS = {"ledger": True, "itemised": True, "partners": True, "angles": True}
+ALL_SUMS: dict[str, Any] = {"record": ["disk_energy", "partner", "angle"]}
 RANK_GASES = ("2:walls", "2:fast sizes", "2:driven", "2:shear")
 
 
@@ -68,7 +69,12 @@ def two_sizes(**options: Any) -> Engine:
 
 def with_tracking(disks: Disks, box: Box, state: State, walls: list[Wall], **options: Any) -> Engine:
     law = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
-    tracking = Tracking(np.array([0, 3, 40], np.int32), disks, [[law]], walls)
+    columns = disks.mass, disks.radius, disks.k, disks.material
+
+    def disks_of(ids: Any) -> Disks:
+        return Disks(len(ids), *(each[ids] for each in columns))
+
+    tracking = Tracking(np.array([0, 3, 40], np.int32), disks.n, disks_of, [[law]], walls)
     return Engine(disks, box, state, np.array([[law.table_row()]]), walls=walls, tracking=tracking, **options)
 
 
@@ -87,9 +93,9 @@ def walled(**options: Any) -> Engine:
         Wall.polyline([(32.0, 43.0), (34.0, 44.0), (36.0, 43.0)], moves_from=0.1, moves_until=1.0,
                       motion=Motion("steady", speed=0.2, direction=(0.0, 1.0))),
     ]  # fmt: skip
-    options = (
-        {"gravity": (0.0, -0.3), "seed": 4, "wall_sums": True, "contact_time": 1e-4} | ALL_SUMS | options
-    )
+    options = {
+        "gravity": (0.0, -0.3), "seed": 4, "collapse": ContactTime(1e-4), "record": [*ALL_SUMS["record"], "wall"],
+    } | options  # fmt: skip
     disks = mixture(N)
     return with_tracking(disks, box, lattice(N, box, 1.2, (0.8, 1.4)), walls, **options)
 
@@ -109,7 +115,7 @@ def pistons(**options: Any) -> Engine:
         Wall.line((0.0, 26.0), (0.0, -1.0), piston=Piston(40.0, force=20.0)),
     ]
     state = lattice(250, box, 1.2, (0.8, 1.0))
-    options = {"gravity": (0.0, -0.2), "wall_sums": True, "ledger": True} | options
+    options = {"gravity": (0.0, -0.2), "record": ["energy", "wall"]} | options
     return Engine(equal_disks(250), box, state, np.array([[COIN]]), walls=walls, **options)
 
 
@@ -124,7 +130,7 @@ def resting(**options: Any) -> Engine:
     ]
     state = lattice(60, box, 1.1, (1.2, 6.0), speed=0.3)
     law = (0.4, -0.5, 0.4, 0.0, 0.02)
-    options = {"gravity": (0.0, -10.0), "resting_speed": 0.1} | ALL_SUMS | options
+    options = {"gravity": (0.0, -10.0), "collapse": Rest(0.1)} | ALL_SUMS | options
     return Engine(mixture(60), box, state, np.array([[law]]), walls=walls, **options)
 
 
@@ -132,7 +138,7 @@ def resting_bed(**options: Any) -> Engine:
     """A bed of equal disks in a box that is periodic along x, without sums."""
     box = Box((15.0, 20.0), (True, False))
     state = lattice(60, box, 1.1, (0.6, 0.7), speed=0.2)
-    options = {"gravity": (0.0, -10.0), "resting_speed": 0.1} | options
+    options = {"gravity": (0.0, -10.0), "collapse": Rest(0.1)} | options
     return Engine(equal_disks(60), box, state, np.array([[(0.4, -0.5, 0.4, 0.0, 0.0)]]), **options)
 
 
@@ -154,7 +160,7 @@ def driven(**options: Any) -> Engine:
 def of_own_law(**options: Any) -> Engine:
     from support.law_examples import Viscoelastic
 
-    return periodic(equal_disks(N), 0.4, (0.1, -0.6, 0.2), law=Viscoelastic, ledger=True, **options)
+    return periodic(equal_disks(N), 0.4, (0.1, -0.6, 0.2), law=Viscoelastic, record=["energy"], **options)
 
 
 GASES: dict[str, Callable[..., Engine]] = {
@@ -171,8 +177,10 @@ GASES: dict[str, Callable[..., Engine]] = {
     "shear": sheared,
     "driven": driven,
     "own law": of_own_law,
-    "f32": lambda **o: periodic(mixture(N), 0.4, COIN, precision="f32", order="tiled", tile_disks=60, **o),
-    "walls, f32": lambda **o: walled(order="serial", precision="f32", **o),
+    "f32": lambda **o: periodic(
+        mixture(N), 0.4, COIN, device=Device(precision="f32"), order="tiled", tile_disks=60, **o
+    ),
+    "walls, f32": lambda **o: walled(order="serial", device=Device(precision="f32"), **o),
 }
 ON_GPU = ("plain, tiles", "mixture", "walls, tiles", "shear", "two sizes")
 
@@ -205,7 +213,7 @@ def numbers_of(engine: Engine) -> dict[str, Any]:
 
 def after(make: Callable[..., Engine], **options: Any) -> str:
     """Hash of a gas that was run to times, to numbers of collisions within a window, and from a snapshot."""
-    options = {"threads": 1} | options
+    options = {"device": Device(threads=1)} | options
     engine, end = make(**options), 0.0
     for _ in range(4):
         end += 0.11
@@ -228,13 +236,13 @@ def after(make: Callable[..., Engine], **options: Any) -> str:
     return digest(found)
 
 
-def dsmc(arch: str, threads: int) -> str:
+def dsmc(device: str, threads: int) -> str:
     """Hash of a homogeneous gas without places."""
     disks = Disks(400, mass=1.0, radius=0.5)
     velocity = ifrdem.initial.maxwellian(disks.mass, temperature=1.0, seed=1)
     drive = Drive(0.5, 0.1, 0.2)
     law = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
-    gas = ifrdem.DSMC(disks, law, 0.2, velocity, drive=drive, seed=1, arch=arch, threads=threads)
+    gas = ifrdem.DSMC(disks, law, 0.2, velocity, drive=drive, seed=1, device=Device(device, threads=threads))
     found = gas.run(collisions_per_disk=5, samples=5)
     return digest({"T": found.T, "velocity": gas.velocity, "spin": gas.spin})
 
@@ -249,24 +257,24 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--arch", default="cpu")
+    parser.add_argument("--device", default="cpu")
     parser.add_argument("--ranks", action="store_true")
     parser.add_argument("gases", nargs="*")
     given = parser.parse_args()
     Path(os.environ["TI_OFFLINE_CACHE_FILE_PATH"]).mkdir(parents=True, exist_ok=True)
     runs: dict[str, Callable[[], str]] = {
-        name: lambda make=make: after(make, arch=given.arch)
+        name: lambda make=make: after(make, device=given.device)
         for name, make in GASES.items()
-        if given.arch == "cpu" or name in ON_GPU
+        if given.device == "cpu" or name in ON_GPU
     }
-    for threads in (1, 2) if given.arch == "cpu" else (1,):
-        runs[f"dsmc, {threads} threads"] = lambda threads=threads: dsmc(given.arch, threads)
+    for threads in (1, 2) if given.device == "cpu" else (1,):
+        runs[f"dsmc, {threads} threads"] = lambda threads=threads: dsmc(given.device, threads)
     begun = compiled()
     before = begun
     for name, run in runs.items():
         if not given.gases or name in given.gases:
             found = run()
-            device.stop()  # kernels are written when Taichi ends
+            backend.stop()  # kernels are written when Taichi ends
             print(f"{found}  {compiled() - before:3d} compiled  {name}", flush=True)
             before = compiled()
     if given.ranks:

@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 from ifrdem.cli import main as cli
-from ifrdem.simulation import device
+from ifrdem.simulation import backend
 from ifrdem.study.task import Task
 from ifrdem.validation.report import runner
 from ifrdem.validation.report.registry import Result, Row
@@ -24,7 +24,7 @@ def shout(name: str) -> tuple[str, int, int]:
         os._exit(3)
     if name.startswith("slow"):
         time.sleep(1.0)
-    return name.upper(), os.getpid(), device.start().threads if "threads" in name else 0
+    return name.upper(), os.getpid(), backend.start().threads if "threads" in name else 0
 
 
 def case(name: str, *, quick: bool, seed: int) -> runner.Verdict:

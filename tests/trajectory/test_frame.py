@@ -303,7 +303,7 @@ def test_describe_speaks_of_series_ledger_and_what_is_beside(tmp_path):
     for part in (
         "series (7 rows, time 0 to 0.12)",
         "collisions_by_regime    int64 x 5: sliding, sticking",
-        f"energy ledger closes to {worst:.3g}, {worst / np.max(given['energy']):.1e} of",
+        f"energy balance: largest error {worst:.3g}, {worst / np.max(given['energy']):.1e} of",
         "checkpoint        run.checkpoint.h5 (2 kB)",
         "run.status.json: interrupted, by SIGTERM",
     ):

@@ -268,7 +268,7 @@ def test_a_file_that_is_deleted_or_replaced_meanwhile_is_said(tmp_path, queued):
         if queued:
             writer.write(some_state(3, 1))
         write_or_wait = writer.flush if queued else lambda: plain.write(some_state(3, 1))  # noqa: B023 called at once
-        with pytest.raises(TrajectoryError, match=f"somebody has {'replaced' if replace else 'deleted'}"):
+        with pytest.raises(TrajectoryError, match="replaced" if replace else "deleted"):
             write_or_wait()
         writer.close()
         assert path.exists() == replace

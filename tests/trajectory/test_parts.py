@@ -261,7 +261,7 @@ def shorten(path: Path, number: int, frames: int = 3) -> None:
 
 WRONG = {
     "is missing": lambda path, number: part(path, number).unlink(),
-    "is no file": lambda path, number: (part(path, number).unlink(), part(path, number).mkdir()),
+    "is not a file": lambda path, number: (part(path, number).unlink(), part(path, number).mkdir()),
     "it belongs to another run": foreign,
     "it is part 1": lambda path, number: shutil.copy(part(path, 1), part(path, number)),
     "cannot be opened": lambda path, number: os.truncate(part(path, number), 5000),
@@ -426,7 +426,7 @@ def test_data_that_lie_elsewhere_than_in_the_parts_are_refused(made, place):
 def test_a_folder_of_parts_elsewhere_is_refused(made):
     with h5py.File(made, "r+") as file:
         file["parts"].attrs["folder"] = np.bytes_("../run.parts")
-    with pytest.raises(DamageError, match="is no folder beside it"):
+    with pytest.raises(DamageError, match="is no folder"):
         Trajectory(made)
 
 

@@ -66,8 +66,8 @@ def test_an_uncommitted_end_is_cut_off(tmp_path):
         file["particles/all/position/step"].resize(3, axis=0)
     place, lines = repaired(path)
     assert_frames(place, [0, 1, 2])
-    assert "  particles/all/velocity/value_2d: 1 uncommitted behind the last frame" in lines
-    assert "  timeseries/time: 1 uncommitted behind the last row" in lines
+    assert "  particles/all/velocity/value_2d: 1 uncommitted after the last frame" in lines
+    assert "  timeseries/time: 1 uncommitted after the last row" in lines
     assert not repair(place, tmp_path / "again.h5", say=lines.append)  # nothing is wrong any more
 
 
@@ -192,7 +192,7 @@ def test_an_observable_that_is_damaged_is_left_out(tmp_path):
 def test_what_cannot_be_repaired_is_said_with_what_can_be_done(tmp_path):
     path = tmp_path / "run.h5"
     path.write_bytes(b"not HDF5 at all")
-    with pytest.raises(InputError, match=r"not an HDF5 file.*there is no checkpoint beside it"):
+    with pytest.raises(InputError, match=r"not an HDF5 file.*no checkpoint"):
         repair(path, tmp_path / "whole.h5")
     (tmp_path / "run.checkpoint.h5").write_bytes(b"")
     with pytest.raises(InputError, match=r"run\.checkpoint\.h5 holds a state from which the run can go on"):

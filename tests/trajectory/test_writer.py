@@ -72,7 +72,7 @@ def test_series_rows_that_do_not_fit_are_refused_and_the_file_unchanged(tmp_path
         for name in ("time", "step"):
             with pytest.raises(InputError, match=f"name of series = '{name}'"):
                 writer.write_series(0.0, {name: 1.0})
-        with pytest.raises(InputError, match="without any quantity"):
+        with pytest.raises(InputError, match="one quantity or more"):
             writer.write_series(0.0, {})
         with pytest.raises(InputError, match=r"columns of series a = .*the series has \(2,\)"):
             writer.write_series(0.0, {"a": [1.0, 2.0]}, {"a": ["x"]})
@@ -131,7 +131,7 @@ def test_histories_that_do_not_fit_are_refused_and_the_file_unchanged(tmp_path):
     with TrajectoryWriter(path, some_disks(N), BOX) as writer:
         state = some_state(N, 0)
         writer.write(state)
-        for ids, reason in (([40], "from 0 to 39"), ([], "from 0"), ([1, 1], "disk 1 is there twice")):
+        for ids, reason in (([40], "from 0 to 39"), ([], "from 0"), ([1, 1], "disk 1 is given twice")):
             with pytest.raises(InputError, match=reason):
                 writer.begin_histories(ids, state)
         with pytest.raises(InputError, match="begin_histories comes before"):

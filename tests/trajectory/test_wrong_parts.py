@@ -120,7 +120,7 @@ def test_views_show_what_is_there_and_lead_to_no_pipe(wrong):
     place = wrong.with_name("run.parts") / "0002.h5"
     with no_hang():
         if place.exists() and not place.is_file():
-            with pytest.raises(InputError, match=f"{NAMED} is no file"):
+            with pytest.raises(InputError, match=f"{NAMED} is not a file"):
                 write_views(wrong)
             assert not Path("run.nc").exists()
         else:

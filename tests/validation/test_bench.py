@@ -19,11 +19,12 @@ import pytest
 from support import manual
 
 import ifrdem
+from ifrdem import Device
 from ifrdem.case import summary
 from ifrdem.case.gas import CaseGas
 from ifrdem.cli import main as cli
 from ifrdem.errors import EngineError, InputError
-from ifrdem.simulation import device
+from ifrdem.simulation import backend
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.tools.arguments import script
 from ifrdem.validation.speed import bench, start, table
@@ -57,7 +58,7 @@ def case_file(tmp_path: Path) -> str:
 def unprofiled() -> Iterator[None]:
     """Ends a Taichi that runs with its profiler."""
     yield
-    device.stop()
+    backend.stop()
 
 
 def output(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
@@ -107,7 +108,7 @@ def test_json_is_one_object_with_every_figure(capsys: pytest.CaptureFixture[str]
     assert own["ifrdem"] == ifrdem.__version__
     assert own["taichi"].startswith("1.7")
     assert own["python"] == ".".join(str(part) for part in sys.version_info[:3])
-    assert own["processor"] == device.cpu_name()
+    assert own["processor"] == backend.cpu_name()
     assert re.fullmatch(r"\d{4}-\d\d-\d\dT.*", own["date"])
     assert own["profile"] is None
 
@@ -220,9 +221,9 @@ def test_a_case_at_rest_ends_with_a_message(case_file: str, capsys: pytest.Captu
         (["--n", "inf"], "--n inf: a whole number"),
         (["--phi", "1.2"], "--phi 1.2: a packing fraction from 1e-05 to 0.9068 is needed"),
         (["--phi", "nan"], "--phi nan: a packing fraction"),
-        (["--device", "cdua"], "--device = 'cdua': must be one of cpu, cuda (did you mean 'cuda'?)"),
-        (["--precision", "f23"], "--precision = 'f23': must be one of f64, f32 (did you mean 'f32'?)"),
-        (["--threads", "0"], f"--threads 0: a whole number from 1 to {device.cores()} is needed"),
+        (["--device", "cdua"], "--device = 'cdua': must be one of 'cpu', 'cuda' (did you mean 'cuda'?)"),
+        (["--precision", "f23"], "--precision = 'f23': must be one of 'f64', 'f32' (did you mean 'f32'?)"),
+        (["--threads", "0"], f"--threads 0: a whole number from 1 to {backend.cores()} is needed"),
         (["--runs", "none"], "--runs none: a whole number from 1 to 10000 is needed"),
         (["--seconds", "-1"], "--seconds -1: a positive number of seconds is needed"),
         (["--seed", "-1"], "--seed -1: a whole number from 0"),
@@ -249,7 +250,7 @@ def test_all_mistakes_are_told_at_once(capsys: pytest.CaptureFixture[str]) -> No
 def test_a_gas_beyond_the_memory_is_refused_before_anything_runs(
     monkeypatch: pytest.MonkeyPatch, case_file: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(device, "memory_available", lambda: 10_000_000)
+    monkeypatch.setattr(backend, "memory_available", lambda: 10_000_000)
     monkeypatch.setattr(CaseGas, "from_case", lambda *_: pytest.fail("it was made"))
     for arguments in (
         ["--n", "1e5"],
@@ -260,7 +261,7 @@ def test_a_gas_beyond_the_memory_is_refused_before_anything_runs(
     assert script(table.table, []) == 2
     assert "of memory, and 10 MB are free" in capsys.readouterr().err
     assert cli.main(["run", case_file, "--set", "species[0].number=100000"]) == cli.BAD_INPUT
-    monkeypatch.setattr(device, "gpu_memory", lambda: 1_000_000_000)
+    monkeypatch.setattr(backend, "gpu_memory", lambda: 1_000_000_000)
     with pytest.raises(InputError, match="500000 disks: the GPU has 1 GB of memory, in which 400000 fit"):
         summary.refuse_beyond_memory(500_000, "cuda")
     with pytest.raises(
@@ -356,10 +357,10 @@ def test_the_profile_is_of_the_time_that_passed(capsys: pytest.CaptureFixture[st
 
 @pytest.mark.usefixtures("unprofiled")
 def test_a_profiled_device_serves_a_simulation_that_asks_for_no_profile() -> None:
-    profiled = device.start("cpu", threads=1, profile=True)
-    assert device.start("cpu", threads=1) is profiled
-    device.stop()
-    assert not device.start("cpu", threads=1).profile
+    profiled = backend.start(Device("cpu", threads=1), profile=True)
+    assert backend.start(Device("cpu", threads=1)) is profiled
+    backend.stop()
+    assert not backend.start(Device("cpu", threads=1)).profile
 
 
 # --- the table --------------------------------------------------------------------------------------------
@@ -410,7 +411,7 @@ def test_the_table_measures_each_of_its_gases(
     small = [replace(each, n=500) for each in table.ROWS if each.n <= 200_000]
     monkeypatch.setattr(table, "ROWS", (*small[:1], *small[2:5], *small[-2:], Memory(500, 1e6)))
     monkeypatch.setattr(table, "AFTER", 2.0)
-    monkeypatch.setattr(device, "stop", lambda: None)  # to give memory back: kernels would be lost
+    monkeypatch.setattr(backend, "stop", lambda: None)  # to give memory back: kernels would be lost
     assert script(table.table, ["--runs", "1", "--seconds", "0.01", "--threads", "1"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("1 thread of ")

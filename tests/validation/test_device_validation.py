@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from ifrdem.cli import main as cli
-from ifrdem.simulation import device
+from ifrdem.simulation import backend
 from ifrdem.validation.devices import bits, speed
 from ifrdem.validation.report.registry import Skip
 
-WITHOUT_GPU = pytest.mark.skipif(device.cuda_absence() is None, reason="there is a GPU")
+WITHOUT_GPU = pytest.mark.skipif(backend.cuda_absence() is None, reason="there is a GPU")
 
 
 @pytest.mark.parametrize("name", bits.EXACT)
@@ -53,7 +53,7 @@ def test_without_a_gpu_there_is_one_message_and_no_report(tmp_path, monkeypatch,
 
 
 def test_every_row_of_the_cpu_against_itself_passes() -> None:
-    result = bits.run(True, arch="cpu")
+    result = bits.run(True, device="cpu")
     assert len(result.rows) > 20
     assert [row.quantity for row in result.rows if not row.passed] == []
 

@@ -15,7 +15,7 @@ import pytest
 from support import worker_calls
 
 from ifrdem.cli import main as cli
-from ifrdem.simulation import device
+from ifrdem.simulation import backend
 from ifrdem.tools.processes import Died
 from ifrdem.validation.report import registry, runner, terminal
 from ifrdem.validation.report.registry import Result, Row
@@ -66,7 +66,7 @@ def test_each_call_has_a_process_of_its_own_with_its_part_of_the_cores() -> None
     processes = [process for _, process, _ in found.values()]
     assert len(set(processes)) == 3
     assert os.getpid() not in processes
-    assert {threads for *_, threads in found.values()} == {max(1, device.cores() // 2)}
+    assert {threads for *_, threads in found.values()} == {max(1, backend.cores() // 2)}
     assert ["slow threads 1", "slow threads 2"] in seen
 
 
@@ -130,7 +130,7 @@ def test_an_impossible_number_of_jobs_is_refused(tmp_path, capsys, jobs) -> None
 
 
 def test_only_gases_run_at_once_without_being_asked_to(monkeypatch) -> None:
-    monkeypatch.setattr(device, "cores", lambda: 4)
+    monkeypatch.setattr(backend, "cores", lambda: 4)
     gases = list(registry.GAS)
     assert runner._jobs(None, list(registry.PAPER)) == 1
     assert runner._jobs(None, [*registry.PAPER, *gases[:1]]) == 1

@@ -167,7 +167,7 @@ def test_requests_without_the_token_or_for_another_host_are_refused(server):
         ("frame?frame=0&window=2,1,0,1", 400, "ascending"),
         ("frame?frame=0&window=0,nan,0,1", 400, "ascending"),
         ("disk?id=40&frame=0", 400, "there are 40 disks"),
-        ("head?run=abc", 400, "this is no study"),
+        ("head?run=abc", 400, "this is not a study"),
         ("../../etc/passwd", 404, "no such page"),
         ("secret", 404, "no such page"),
     ],

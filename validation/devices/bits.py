@@ -21,7 +21,8 @@ from ...model.ifr import IFRLaw
 from ...model.overlaps import close_pairs
 from ...model.state import Disks, State
 from ...model.walls import Motion, Wall
-from ...simulation import device
+from ...simulation import backend
+from ...simulation.device import Device
 from ...simulation.engine import Engine
 from ..report.registry import Result, Skip
 
@@ -81,7 +82,7 @@ EXACT: dict[str, Callable[[int], Gas]] = {
 }
 
 
-def after(gas: Gas, per_disk: float, arch: str, **options: Any) -> Engine:
+def after(gas: Gas, per_disk: float, device: str, **options: Any) -> Engine:
     """The engine of a gas, when its disks have had so many collisions."""
     disks, box, state, law, more = gas
     engine = Engine(
@@ -89,9 +90,8 @@ def after(gas: Gas, per_disk: float, arch: str, **options: Any) -> Engine:
         box,
         state,
         np.array([[law]]),
-        arch=arch,
-        window_collisions=WINDOW,
-        ledger=True,
+        device=Device(device, window_collisions=WINDOW),
+        record=["energy"],
         **more,
         **options,
     )
@@ -106,23 +106,23 @@ def differing(one: State, other: State) -> int:
     return sum(int(np.count_nonzero(getattr(one, name) != getattr(other, name))) for name in SEEN)
 
 
-def run(quick: bool, arch: str = "cuda") -> Result:
-    """On this device against the CPU; a GPU that is not there skips the case."""
-    absence = device.cuda_absence() if arch == "cuda" else None
+def run(quick: bool, device: str = "cuda") -> Result:
+    """Compare this device with the CPU; without a GPU the case is skipped."""
+    absence = backend.cuda_absence() if device == "cuda" else None
     if absence is not None:
         raise Skip(f"no GPU: {absence}")
     n, per_disk = (2_000, 6.0) if quick else (20_000, 10.0)
     result = Result()
     for name, make in EXACT.items():
         gas = make(n)
-        engine = after(gas, per_disk, arch)
+        engine = after(gas, per_disk, device)
         state = engine.state()
         what = f"numbers that differ after {per_disk:g} collisions of each of {engine.n} disks, {name}"
         result.near(
-            f"{what}, run twice", differing(state, after(gas, per_disk, arch).state()), 0, 0.0, "bits", BITS
+            f"{what}, run twice", differing(state, after(gas, per_disk, device).state()), 0, 0.0, "bits", BITS
         )
         for tile in (30, 250):
-            other = after(gas, per_disk, arch, order="tiled", tile_disks=tile).state()
+            other = after(gas, per_disk, device, order="tiled", tile_disks=tile).state()
             result.near(f"{what}, tiles of {tile}", differing(state, other), 0, 0.0, "bits", BITS)
         if "forces" not in gas[-1]:
             _keeps(result, name, gas, engine)
@@ -130,7 +130,7 @@ def run(quick: bool, arch: str = "cuda") -> Result:
         cpu = after(gas, per_disk, "cpu").state()
         result.near(f"{what}, CPU", differing(state, cpu), 0, 0.0, "bits", BITS)
     gas = shaken(n)
-    states = [after(gas, 2.0, each).state() for each in (arch, "cpu")]
+    states = [after(gas, 2.0, each).state() for each in (device, "cpu")]
     reason = "last bits of sines, grown tenfold by each collision of a disk, of which some had ten"
     result.all_near(
         "positions on a floor that swings [diameters]",

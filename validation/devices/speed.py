@@ -1,15 +1,15 @@
-"""Speed and memory of a GPU: elastic gases at equilibrium, and the same on all cores beside it.
+"""Speed and memory of a GPU: elastic gases at equilibrium, and the same on all CPU cores.
 
 Energy is kept by each collision to rounding: after each measurement the temperature is what it was at the start.
 """
 
 from __future__ import annotations
 
-from ...simulation import device
+from ...simulation import backend
 from ..report.registry import Result, Skip
 from ..speed import bench
 
-QUESTION = "How fast is a GPU, beside the cores of this machine, and what memory does it take?"
+QUESTION = "How fast is a GPU compared with the cores of this machine, and what memory does it take?"
 REFERENCE = "measured; conservation of energy"
 
 SIZES = (10_000, 100_000, 1_000_000, 10_000_000)
@@ -28,13 +28,13 @@ HEADER = (
 )
 
 
-def run(quick: bool, arch: str = "cuda") -> Result:
-    """On this device, with a CPU beside it; a GPU that is not there skips the case."""
-    absence = device.cuda_absence() if arch == "cuda" else None
+def run(quick: bool, device: str = "cuda") -> Result:
+    """Run on this device and on a CPU; without a GPU the case is skipped."""
+    absence = backend.cuda_absence() if device == "cuda" else None
     if absence is not None:
         raise Skip(f"no GPU: {absence}")
     result = Result()
-    for name in dict.fromkeys((arch, "cpu")):
+    for name in dict.fromkeys((device, "cpu")):
         rows = []
         for n in SIZES:
             if n > MOST_QUICK and (quick or (name == "cpu" and n > MOST_CPU)):
@@ -42,22 +42,23 @@ def run(quick: bool, arch: str = "cuda") -> Result:
             for phi in DENSITIES if n == 1_000_000 else (0.3,):
                 for precision in ("f64", "f32") if phi == 0.3 and n == 1_000_000 else ("f64",):
                     rows.append(_timed(result, name, n, phi, precision))
-        what = device.device(name).description
+        what = backend.describe(name).description
         result.table(
             f"elastic gases on {what}", HEADER, rows, "medians of three runs of half a second or more"
         )
     return result
 
 
-def _timed(result: Result, arch: str, n: int, phi: float, precision: str) -> tuple[str | float, ...]:
-    _gas, simulation = bench.prepared(bench.elastic_gas(n, phi, device=arch, precision=precision))
-    begun = simulation.measure().energy
+def _timed(result: Result, device: str, n: int, phi: float, precision: str) -> tuple[str | float, ...]:
+    _gas, simulation = bench.prepared(bench.elastic_gas(n, phi, device=device, precision=precision))
+    start = simulation.measure().energy
     runs = [bench.timed(simulation, bench.SECONDS) for _ in range(3)]
     rates = sorted(each.rate for each in runs)
     windows = sum(each.done["windows"] for each in runs)
     tolerance = 1e-11 if precision == "f64" else 1e-3
     result.near(
-        f"energy after the measurement, {n} disks at {phi:g}, {precision}, {arch}", simulation.measure().energy / begun,
+        f"energy after the measurement, {n} disks at {phi:g}, {precision}, {device}",
+        simulation.measure().energy / start,
         1.0, tolerance, "rounding of each collision", "conservation",
     )  # fmt: skip
     window = 1e3 * sum(each.seconds for each in runs) / windows

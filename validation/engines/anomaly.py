@@ -26,11 +26,11 @@ IN_WORDS: list[tuple[str | float, ...]] = [
      "to sticking, for any masses, radii and k."),
     ("proves", "That the engine's book-keeping between collisions is right: which disks meet, when, and in which "
      "order, with walls, for as long as rounding lets two codes have the same collisions (bullet_box)."),
-    ("does not prove", "The IFR closure itself, P_et = (1 + e_t) m_t g_t acting at every angle beside friction. No "
+    ("does not prove", "The IFR closure itself, P_et = (1 + e_t) m_t g_t acting at every angle, with friction. No "
      "code compared here has it. It makes the slope (1 + e_t) / (3 (1 + e_n)) above, which the paper sees in its "
      "experiments, and which Coulomb's law alone cannot make with any mu or e_n."),
     ("does not prove", "Sticking at the percussion centre (Eq. 15), the paper's choice and our default, nor rolling "
-     "friction: these are held against the paper's equations by the other cases."),
+     "friction: the other cases compare these with the paper's equations."),
 ]  # fmt: skip
 
 

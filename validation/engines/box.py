@@ -15,6 +15,7 @@ from ...model.box import Box
 from ...model.ifr import IFRLaw
 from ...model.state import Disks, State
 from ...model.walls import sides
+from ...simulation.device import Device
 from ...simulation.simulation import Simulation
 from ...tools.checked import Array
 from ..report import style
@@ -124,13 +125,13 @@ def start(seed: int) -> State:
 
 def exact(law: IFRLaw, begin: State, times: Sequence[float] | Array) -> Snapshots:
     """Our engine's run; timed without stops on the way."""
-    gas = Simulation(DISKS, BOX, law, begin, threads=1)
+    gas = Simulation(DISKS, BOX, law, begin, device=Device(threads=1))
     states, counts = [], []
     for t in times:
         gas.run(t_end=float(t))
         states.append(gas.state)
         counts.append((gas.collisions, gas.wall_hits))
-    timed = Simulation(DISKS, BOX, law, begin, threads=1)
+    timed = Simulation(DISKS, BOX, law, begin, device=Device(threads=1))
     began = time.process_time()
     timed.run(t_end=float(times[-1]))
     collisions, wall_hits = np.array(counts).T
@@ -202,7 +203,7 @@ def _power(found: dict[str, BoxMeasures], times: Array, others: list[str]) -> Ta
         f"Differences from ifrdem at e_t = -1 at t = {times[-1]:g}, means over the starts",
         ("code", "quantity", "difference", "standard error", "in standard errors"),
         rows,
-        "The last two rows say what the comparison can tell: IFR at the e_t of an aluminium coin is another gas.",
+        "The last two rows show the sensitivity of the comparison: IFR at the e_t of an aluminium coin is another gas.",
     )
 
 
@@ -237,7 +238,7 @@ def _figure(found: dict[str, BoxMeasures], times: Array, others: list[str]) -> P
                     label="ifrdem" if line == "-" else r"ifrdem, $e_t = -0.88$")  # fmt: skip
             ax.fill_between(times, mean - error, mean + error, color=style.GREY, alpha=0.3, lw=0)
         for i, code in enumerate(others):
-            some = slice(i, None, 2)  # markers of two codes beside each other
+            some = slice(i, None, 2)  # markers of two codes alternate
             look = {"ms": 4, "lw": 0.8, "capsize": 2}
             values = getattr(found[code], attribute)[:, some]
             style.errorbars(ax, times[some], values, COLOURS[code], code, MARKERS[code], **look)

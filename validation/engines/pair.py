@@ -17,7 +17,7 @@ from ..report.registry import Picture, Result
 from . import bullet_world, picture, stepped
 from .stepped import deviation
 
-QUESTION = "Does code that nobody here wrote collide two disks as our kernels do at e_t = -1, contact-point sticking?"
+QUESTION = "Does independent code collide two disks as our kernels do at e_t = -1, contact-point sticking?"
 REFERENCE = (
     "PyBullet and pymunk at the exact geometry of contact, one step each; Eqs. 19, 21 and 24 (corrected)"
 )

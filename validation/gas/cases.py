@@ -24,14 +24,14 @@ from pathlib import Path
 from typing import Any
 
 from ...case import file as case_file
-from ...case import summary
+from ...case import report as reporting
 from ...case.file import CaseFile
+from ...case.objects import options_of
 from ...case.summary import REFUSED_HERE
 from ...errors import EngineError, InputError, Stopped
 from ...runs import run as running
 from ...runs.outputs import Outputs
 from ...simulation import checks
-from ...simulation.engine import EngineOptions
 from ...simulation.turning import check_turning
 from ..report.registry import Result
 
@@ -318,10 +318,10 @@ def disagreement(case: dict[str, Any], rows: str | None, folder: Path) -> tuple[
     try:
         with _silence():
             file = case_file.read(path)
-            warned = summary.check(file.gas, folder).warnings
+            warned = reporting.check(file.gas, folder).warnings
     except InputError as error:
         return "refused", None if str(error).strip() else "check: no reason"
-    except Exception as error:  # the fault that is looked for, told with its kind
+    except Exception as error:  # the error that is searched for, with its type
         return "refused", f"check: {type(error).__name__}: {error}"
     here = any(REFUSED_HERE in each for each in warned)
     ends = ENDS[case["run"].get("collapse", "none") != "none" :]  # a remedy prevents the first one
@@ -352,27 +352,15 @@ def _silence() -> Iterator[None]:
 def _on_ranks(file: CaseFile) -> str | None:
     """Text on a disagreement between the rules of cases and of the engine on two ranks; None if they agree."""
     gas = file.gas
-    case, run, box = gas.case, gas.case.run, gas.case.box
+    case = gas.case
     count, why = gas.usable_ranks(2)
     if count == 1 and "cannot be divided" not in why:  # too few tiles, which the engine finds later
         return None
-    options = EngineOptions(
-        precision=run.precision, gravity=(box.gravity[0], box.gravity[1]),
-        gravity_rotation_rate=box.gravity_rotation_rate, gravity_rotation_step=box.gravity_rotation_step,
-        resting_speed=run.resting_speed or 0.0,
-    )  # fmt: skip
+    options = options_of(case)
     try:
-        checks.check_pistons(
-            gas.walls,
-            gas.n,
-            run.device,
-            run.precision,
-            options.resting_speed,
-            ranks=2,
-            gravity_rotation_rate=box.gravity_rotation_rate,
-        )
-        check_turning(options, gas.box.periodic, case.output.tracks, 2)
-        checks.check_ranks(2, gas.box, options, case.output.tracks)
+        checks.check_pistons(gas.walls, gas.n, options, ranks=2)
+        check_turning(options.gravity, gas.box.periodic, case.output.tracks, 2)
+        checks.check_ranks(2, gas.n, gas.box, options, case.output.tracks)
     except InputError as error:
         return None if why else f"on ranks: {error}"
     return f"on ranks: {why}" if why else None

@@ -1,7 +1,7 @@
 r"""A million smooth disks that cool until they form clusters.
 
-*Before clusters.* Transverse waves grow beside thermal velocities (`hydrodynamics`): with the energy S of a mode in
-units of its thermal share, S = 1 at the start and x = k^2 xi^2,
+*Before clusters.* Transverse waves grow relative to thermal velocities (`hydrodynamics`): with the energy S of a mode
+in units of its thermal share, S = 1 at the start and x = k^2 xi^2,
 
     S = 1 + [exp(z tau (1 - x)) - 1] / (1 - x);
 
@@ -37,6 +37,7 @@ import numpy as np
 from ... import analysis, theory
 from ...analysis import common
 from ...model.box import Box
+from ...model.collapse import ContactTime
 from ...model.ifr import IFRLaw
 from ...model.state import State
 from ...simulation.simulation import Simulation
@@ -58,7 +59,7 @@ REFERENCE = (
 LAW = IFRLaw(e_n=0.7, e_t=-1.0, mu=0.0)
 PHI = 0.2
 CELL = 20.0  # diameters
-EARLY = (4.0, 8.0)  # collisions per disk at which waves are held against theory
+EARLY = (4.0, 8.0)  # collisions per disk at which waves are compared with theory
 T_AT = 8.0  # collisions per disk at which T is: earlier, what is uncertain is as much as what waves add
 BANDS = ((0.1, 0.25), (0.25, 0.4), (0.4, 0.6), (0.6, 0.8), (0.8, 1.0), (1.0, 1.2))  # of k xi
 QUICK_BANDS = ((0.1, 0.4), (0.4, 0.6), (0.6, 0.9), (0.9, 1.2))  # there are fewer waves in a smaller box
@@ -111,7 +112,7 @@ def cooled(n: int, end: float, seed: int) -> tuple[Box, list[Look]]:
     gas = Simulation(disks, box, ELASTIC, scattered(disks, box, seed, temperature=1.0))
     gas.run(collisions_per_disk=5.0)
     soon = 1e-3 / theory.collision_rate(PHI, 1.0, 1.0, 0.5)
-    gas = restarted(gas, LAW, collapse="tc", contact_time=soon)
+    gas = restarted(gas, LAW, collapse=ContactTime(soon))
     looks: list[Look] = []
     for tau in sorted({0.0, 2.0, *EARLY, *np.linspace(10.0, end, int(end / 5.0) - 1)}):
         if tau:

@@ -15,8 +15,8 @@ the closed form; the third may be off by as much as the closed form's own, by wh
 over closed form. *What DSMC leaves out*: correlations of places. Waves slow the cooling by a factor that `waves`
 derives, with its uncertainty: it is proportional to density and losses, nothing in the dilute gas and some percent at
 packing fraction 0.3. Disks that meet again have spins that know of each other, which slows the decay of hot spins at
-0.3 by up to a tenth in theta (the table): theta is not held against DSMC there, nor where waves hold more than a
-twentieth of T, of which nobody knows how much the spins see.
+0.3 by up to a tenth in theta (the table): theta is not compared with DSMC there, nor where waves hold more than a
+twentieth of T, whose effect on the spins is not known.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ QUICK_SIZES = {0.003: Size(4096, 24)}
 """A dilute gas without waves, of so many disks that rates off by 1 %, which make 4 % of T after 20 collisions per disk
 from cold spins, are seen. From hot ones theta of a replica scatters by 15 % by then: left to the full run."""
 DISKS_OF_DSMC, REPLICAS_OF_DSMC = 10_000, 12
-SPINS = (0.1, 0.05)  # packing fraction, and share of waves, up to which theta is held against DSMC
+SPINS = (0.1, 0.05)  # packing fraction, and share of waves, up to which theta is compared with DSMC
 
 
 class Cooling(NamedTuple):

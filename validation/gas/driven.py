@@ -3,7 +3,7 @@ r"""Steady states: coins that kicks heat, disks that a flow heats, and a column 
 *Kicks.* Power per disk equals what collisions take: by `driven_gas` of a Gaussian gas, by DSMC of what distribution
 there is. Of smooth disks it is known how much more a gas that is not Gaussian takes: 1 + (3/16) a_2 times as much, so
 that T, whose power 3/2 the loss goes with, is less by 2/3 of that; a_2 = -0.020 at e_n = 0.9, and its next orders a
-tenth of it. Rough coins are held against DSMC alone, as nobody knows that number. Kicks feed waves too: see
+tenth of it. Rough coins are compared with DSMC only, because that number is not known. Kicks feed waves too: see
 `waves.driven_streams`.
 
 *Flow.* Lees and Edwards' sides, against `sheared_gas`: velocities that are Gaussian but not isotropic. That they are

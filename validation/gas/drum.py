@@ -28,6 +28,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...model.box import Box
+from ...model.collapse import Rest
+from ...model.gravity import RotatingGravity
 from ...model.ifr import IFRLaw
 from ...model.state import Disks, State
 from ...model.walls import Wall
@@ -86,8 +88,8 @@ def turned(rate: float, seed: int, pieces: int, resting_speed: float = RESTING_S
     """Angles of our disks in a drum that turns at a rate [rad/time], piece by piece."""
     disks, drum, begin = start(seed)
     simulation = Simulation(
-        disks, BOX, LAW, begin, walls=[drum], gravity=(0.0, -1.0), gravity_rotation_rate=-rate, collapse="rest",
-        resting_speed=resting_speed,
+        disks, BOX, LAW, begin, walls=[drum], gravity=RotatingGravity((0.0, -1.0), rate=-rate),
+        collapse=Rest(resting_speed),
     )  # fmt: skip
     end = BEGIN + pieces * PIECE
     states, _ = sampled_run(simulation, round(end / SAMPLE), t_end=end / rate, progress=False)

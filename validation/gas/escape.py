@@ -8,7 +8,7 @@ collisions are elastic, so that none comes to rest on a post.
 `--room corners`: disks in a star, around polylines and arcs with many corners, joints and ends, some of which turn or
 swing.
 
-After every stretch of collisions each disk is held against each wall: a gap below zero by more than rounding is an
+After every stretch of collisions each disk is checked against each wall: a gap below zero by more than rounding is an
 escape, or the beginning of one, and the engine itself refuses a state with a disk outside of the box.
 """
 
@@ -24,12 +24,13 @@ from ...errors import EngineError
 from ...initial import maxwellian, random_positions
 from ...model.box import Box
 from ...model.coin_table import coins
+from ...model.collapse import VelocityCutoff
 from ...model.ifr import IFRLaw
 from ...model.state import Disks, State
 from ...model.walls import Motion, Turn, Wall
 from ...simulation.engine import ORDERS, Engine
 from ...tools.arguments import script, whole
-from ...tools.checked import one_of
+from ...tools.checked import choice
 
 ROUNDING = 1e-9  # of the gap [length]: thousands of times the rounding of a place in this room
 
@@ -68,7 +69,7 @@ def room(order: str = "serial", *, seed: int = 1) -> Engine:
     law = np.array([[coins["1 pta"].law.table_row()]])
     return Engine(
         disks, Box((30.0, 30.0), (False, False)), state, law, order=order, walls=walls, gravity=(0.0, -0.02),
-        velocity_cutoff=0.01, seed=seed,
+        collapse=VelocityCutoff(0.01), seed=seed,
     )  # fmt: skip
 
 
@@ -104,7 +105,7 @@ def corners(order: str = "serial", *, seed: int = 1) -> Engine:
         order=order,
         walls=walls,
         gravity=(0.0, -0.02),
-        velocity_cutoff=1e-3,
+        collapse=VelocityCutoff(1e-3),
         seed=seed,
     )
 
@@ -150,8 +151,8 @@ def escape(*, hits: str = "1e7", room: str = "kinds", order: str = "serial", see
     seed
         seed
     """
-    one_of("--order", order, ORDERS)
-    one_of("--room", room, ROOMS)
+    choice("--order", order, ORDERS)
+    choice("--room", room, ROOMS)
     found = run(whole("--hits", hits, 1), order, where=room, seed=whole("--seed", seed, 0))
     print(
         f"{found.hits} wall hits and {found.collisions} collisions to t = {found.time:.6g}; {found.states} states "

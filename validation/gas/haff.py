@@ -1,13 +1,12 @@
 r"""Smooth disks that cool: Haff's law with what shear modes add to it, and how far velocities are from Gaussian.
 
 *Haff's law.* Each collision of a disk takes (1 - e^2) / 2 of its temperature, times a factor of the cumulant a_2
-(`theory.cooling_factor`); so T falls like exp(-z tau) in collisions per disk, and like 1 / (1 + t / t_H)^2 in time
-(P. K. Haff, J. Fluid Mech. 134, 401 (1983)). T is taken over that after 5 collisions per disk, when a_2 has come near
-its end. One gas is dilute, in a box below the shear length: nothing grows there. In the other, waves above the shear
-length grow beside thermal velocities, and T is F times as large (validation/gas/waves.py; T. P. C. van Noije, M. H.
-Ernst, R. Brito and J. A. G. Orza, Phys. Rev. Lett. 79, 411 (1997), doi:10.1103/PhysRevLett.79.411; J. J. Brey and M.
-J. Ruiz-Montero, arXiv:cond-mat/0701249). A fifth of a_2, by which its first order is off, changes z by a twentieth of
-a_2.
+(`theory.cooling_factor`); so T falls like exp(-z tau) in collisions per disk, and like 1 / (1 + t / t_H)^2 in time (P.
+K. Haff, J. Fluid Mech. 134, 401 (1983)). T is taken over that after 5 collisions per disk, when a_2 has come near its
+end. One gas is dilute, in a box below the shear length: nothing grows there. In the other, waves above the shear length
+grow relative to thermal velocities, and T is F times as large (validation/gas/waves.py; T. P. C. van Noije, M. H.
+Ernst, R. Brito and J. A. G. Orza, Phys. Rev. Lett. 79, 411 (1997), doi:10.1103/PhysRevLett.79.411; J. J. Brey and M. J.
+Ruiz-Montero, arXiv:cond-mat/0701249). A fifth of a_2, by which its first order is off, changes z by a twentieth of a_2.
 
 *Cumulant.* T. P. C. van Noije and M. H. Ernst, Granul. Matter 1, 57 (1998). Their first order in a_2, which the
 package has, is off by a tenth and more; polynomials up to the sixth, by quadrature (validation/gas/sonine_series.py),

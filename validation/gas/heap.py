@@ -2,7 +2,7 @@
 
 The heap of the case `heap`: 650 disks of e_n = 0.5 and mu = 0.5 rain onto a plate of 30 diameters with a rim. The
 angle is the mean of both sides, by straight lines through the surface (the highest point of all disks at 60 places)
-from 2 to 13 diameters beside the middle of the plate. The packing fraction is the covered part of the rectangle from
+from 2 to 13 diameters from the middle of the plate. The packing fraction is the covered part of the rectangle from
 -5 to 5 diameters across and 1.5 to 4.5 above the plate, which lies below the surface (`Heap.cover`).
 """
 
@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...model.box import Box
+from ...model.collapse import Rest
 from ...model.state import Disks, State
 from ...model.walls import Wall, sides
 from ...simulation.simulation import Simulation
@@ -58,9 +59,7 @@ def start(seed: int) -> tuple[Disks, list[Wall], State]:
 def rained(seed: int, resting_speed: float) -> Heap:
     """Our heap."""
     disks, walls, begin = start(seed)
-    heap = Simulation(
-        disks, BOX, LAW, begin, walls=walls, gravity=(0.0, -1.0), collapse="rest", resting_speed=resting_speed
-    )
+    heap = Simulation(disks, BOX, LAW, begin, walls=walls, gravity=(0.0, -1.0), collapse=Rest(resting_speed))
     heap.run(t_end=END, progress=False)
     return of(disks, heap.state.position, NUMBER - heap.asleep)
 

@@ -18,7 +18,7 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from ...simulation import device
+from ...simulation import backend
 from ..report import style
 from . import drum, heap
 from .sample import Mean
@@ -39,7 +39,7 @@ HEAD = """\
 
 By `python -m ifrdem.validation.gas.heaps_measured`, {date}, on one thread of a virtual machine (AMD EPYC). Units:
 mean diameter d, its mass per area and g are 1. LAMMPS: soft disks, `pair_style granular`, the same e_n = 0.5, mu = 0.5
-and starts (`validation/gas/soft_grains.py`), with contacts of 0.03 unless another duration is told. Chipmunk: rigid
+and starts (`validation/gas/soft_grains.py`), with contacts of 0.03 unless another duration is given. Chipmunk: rigid
 disks in time steps (`validation/gas/rigid_grains.py`). In brackets: standard errors of the last digits, from the
 scatter of pieces or heaps.
 
@@ -168,7 +168,7 @@ def row(cells: Sequence[str]) -> str:
 
 def main() -> None:
     """Run what is missing."""
-    device.limit_threads(1)
+    backend.limit_threads(1)
     wanted = sys.argv[1:] or ("lammps", "drum", "peers", "heap", "tables")
     for code, seeds in SEEDS.items():
         if ("drum" if code == "ifrdem" else "lammps") in wanted:

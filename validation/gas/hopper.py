@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from ...model.box import Box
+from ...model.collapse import Rest
 from ...model.ifr import IFRLaw
 from ...model.state import Disks
 from ...model.walls import Wall
@@ -71,9 +72,7 @@ def flow(outlet: float, seed: int) -> float:
     box = Box((width, top + math.pi * n / (4.0 * 0.3 * width) + 1.0), (False, False))
     disks = Disks(n, mass=4.0 * radius**2, radius=radius)
     start = scattered(disks, box, seed, walls, speed_rms=0.3)
-    hopper = Simulation(
-        disks, box, LAW, start, walls=walls, gravity=(0.0, -1.0), collapse="rest", resting_speed=0.05
-    )
+    hopper = Simulation(disks, box, LAW, start, walls=walls, gravity=(0.0, -1.0), collapse=Rest(0.05))
     hopper.run(t_end=RESTED)
     states, _ = sampled_run(hopper, 400, t_end=RESTED + 1.5 * n / (outlet - 1.5) ** 1.5)
     t = np.array([state.time for state in states])

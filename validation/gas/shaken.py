@@ -41,6 +41,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...model.box import Box
+from ...model.collapse import VelocityCutoff
 from ...model.ifr import IFRLaw
 from ...model.state import Disks
 from ...model.walls import Motion, Wall
@@ -129,8 +130,7 @@ def _bed(strength: float, layers: int, seed: int, long: float) -> Bed:
     disks, box = equal_disks(n), Box((BED, 200.0), (True, False))
     start = scattered(disks, Box((BED, 60.0), (True, False)), seed, [floor], temperature=1.0)
     bed = Simulation(
-        disks, box, SHAKEN, start, walls=[floor], gravity=(0.0, -1.0), collapse="velocity_cutoff",
-        velocity_cutoff=1e-3,
+        disks, box, SHAKEN, start, walls=[floor], gravity=(0.0, -1.0), collapse=VelocityCutoff(1e-3),
     )  # fmt: skip
     bed.run(t_end=0.2 * long)
     states, _ = sampled_run(bed, round(1.6 * long), t_end=long)

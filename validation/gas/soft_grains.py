@@ -42,7 +42,8 @@ def run(
     t_end, every : float
         End of the run, and time between two samples [time].
     walls : sequence of (str, str)
-        Walls beside the sides of the box: arguments of LAMMPS's `region`, and "in" or "out", the side of the disks.
+        Walls in addition to the sides of the box: arguments of LAMMPS's `region`, and "in" or "out", the side of the
+        disks.
     gravity_rotation_rate : float
         Rate at which gravity turns, counter-clockwise [rad/time].
     contact_time : float

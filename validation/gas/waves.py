@@ -43,7 +43,7 @@ from ...tools.checked import Array
 PATHS = 2.0
 """Wave numbers up to 1 / (2 mean free paths) count as hydrodynamic."""
 MOST_SHARE = 0.08
-"""Of T, that waves may hold where a gas is held against theories: with more of them they are no small noise."""
+"""Largest share of T in waves at which a gas is compared with theories: beyond, they are no small correction."""
 
 
 class Streams(NamedTuple):

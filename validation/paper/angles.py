@@ -256,7 +256,7 @@ def _figure_5(result: Result) -> Picture:
     caption = (
         "Figure 5. Angle of disk 2 after the impact of two equal coins. The classic laws (dotted: tangential "
         "restitution of the slip is constant until Coulomb's law limits it; dashed: Hertz-Mindlin springs with "
-        "Coulomb's law, integrated in time) end on the horizontal line tan(delta_2) = mu; IFR goes on with "
+        "Coulomb's law, integrated in time) end on the horizontal line tan(delta_2) = mu; IFR continues with "
         "slope (1 + e_t) / (3 (1 + e_n)). Panel a is captioned copper-aluminium in print; its coefficients are "
         "those of the bronze-aluminium 5 pts coin."
     )

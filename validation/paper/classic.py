@@ -1,4 +1,4 @@
-"""Other collision laws, drawn beside IFR for contrast: constant tangential restitution, and springs in time.
+"""Other collision laws, for comparison with IFR: constant tangential restitution, and springs in time.
 
 Both are for two equal homogeneous disks, disk 2 at rest, as in Fig. 5.
 

@@ -3,7 +3,7 @@
 Source: A. Domenech-Carbo, "Independent friction-restitution modeling of two-disk collisions".
 
 A disk 1 with velocity v_o and spin omega_o hits a disk 2 that is at rest. These are the paper's own results,
-written out independently of `ifrdem.model.ifr.collide`, to hold that against them. A function is named after what
+written out independently of `ifrdem.model.ifr.collide`, to compare that with them. A function is named after what
 it gives, in the paper's symbols; `Printed` has the printed forms of those that are wrong. Every function takes an
 `Impact`, whose fields may be arrays, and returns an array.
 
@@ -272,7 +272,7 @@ CLOSURES = {"percussion_center": PERCUSSION_CENTER, "contact_point": CONTACT_POI
 
 
 class Printed:
-    """Equations as printed, by number; each comment says what is wrong."""
+    """Equations as printed, by number; each comment gives the error."""
 
     # Above Eq. 3, with R for R^2: not even a moment of inertia by its unit.
     inertia: Callable[..., Array] = staticmethod(lambda m, R, k: np.asarray(m * R / k))

@@ -196,5 +196,5 @@ def _summary(result: Result) -> Table:
         cells,
         "500 pts on 100 pts coins, 45 degrees (sliding) or 20 degrees (sticking), v_o = 1 m/s, unless the row says "
         "otherwise. Eqs. 10, 14, 35 and 38 happen to be right at M = 1. One more is text against text: Table II lists "
-        "25 cts coins where Sec. III has a 50 cts coin of the same alloy; as M = 1 either way, no collision can tell.",
+        "25 cts coins where Sec. III has a 50 cts coin of the same alloy; as M = 1 either way, no collision shows it.",
     )

@@ -1,4 +1,4 @@
-"""Pairs after their collision by the paper's closed forms: what `pairs.fly` is held against.
+"""Pairs after their collision by the paper's closed forms, for comparison with `pairs.fly`.
 
 The equations stand in `equations.py`; here the regime is chosen (the smaller friction impulse acts), and what the
 paper leaves out is derived.

@@ -70,7 +70,7 @@ def _springs(result: Result) -> None:
 
 
 def _figure(n: int) -> Picture:
-    """e_t* against cot(psi), IFR beside the classic laws."""
+    """e_t* against cot(psi), IFR and the classic laws."""
     row, cot = ALUMINIUM, np.linspace(0.05, 4.0, n)
     coefficients, psi = (row.e_n, row.e_t, row.mu), np.arctan(1.0 / cot)
 

@@ -192,7 +192,7 @@ def _observables(got: After) -> dict[str, Array]:
 def _inertia(quantity: str, centre: Readings, other: Readings, **off: float) -> float:
     """1 + k by impulse and angular momentum alone, from e_com and spins or slips of the same impacts.
 
-    Readings are taken to be off by as much as told, by the names of `READ`.
+    Readings are shifted by these errors, with the names of `READ`.
     """
     v, psi = SPEED + off.get("speed", 0.0), centre.psi + np.radians(off.get("psi", 0.0))
     lost = np.sum(v * np.sin(psi) * (1.0 - centre.value - off.get("e_com", 0.0)))
@@ -265,7 +265,7 @@ def _residuals(result: Result, points: dict[tuple[str, str], Readings]) -> None:
          "mu fitted, 3", "e_t fitted, 7/2", "e_t fitted, 3"),
         cells,
         "e_n = 0.98 throughout. A factor that is right must give one mu for all four quantities. e_com and the "
-        "angle of the centre do not tell the factors: there they are less apart than the residuals of either.",
+        "angle of the centre do not discriminate: there the factors differ by less than the residuals of either.",
     )  # fmt: skip
 
 

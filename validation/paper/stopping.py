@@ -43,9 +43,9 @@ class Slides:
 
 def _kernels() -> Any:
     from ...kernels import table_friction  # imports Taichi, which is slow
-    from ...simulation import device
+    from ...simulation import backend
 
-    device.start()
+    backend.start()
     return table_friction
 
 

@@ -1,4 +1,4 @@
-"""The report: one HTML file with its pictures inside, and every figure as PNG and PDF beside it."""
+"""The report: one HTML file with its pictures inside, and every figure as PNG and PDF."""
 
 from __future__ import annotations
 

@@ -24,16 +24,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PAPER = ("angles", "velocities", "restitution", "stopping", "rolling", "reductions", "misprints", "energy")
-"""Cases that hold the kernels against the paper."""
+"""Cases that compare the kernels with the paper."""
 
 BULLET = ("bullet_pair", "bullet_anomaly", "bullet_flight", "bullet_box", "bullet_ifr", "bullet_defaults")
-"""Cases that hold them against code that nobody here wrote; they need PyBullet."""
+"""Cases that compare them with independent code; they need PyBullet."""
 
 GAS = (
     "gas_state", "gas_equilibrium", "gas_elastic", "gas_haff", "gas_rough", "gas_cooling", "gas_driven",
     "gas_piston", "gas_collapse", "gas_clusters", "gas_shaken", "gas_hopper", "gas_cases",
 )  # fmt: skip
-"""Cases that hold many disks against the literature and kinetic theory; they take minutes, and a seed."""
+"""Cases that compare many disks with the literature and kinetic theory; they take minutes, and a seed."""
 
 DEVICE = ("device_bits", "device_speed")
 """Cases for a GPU that is new: against the CPU, and its speed; ten minutes."""

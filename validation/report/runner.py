@@ -19,7 +19,7 @@ from typing import Any
 
 from ... import bullet
 from ...errors import InputError
-from ...simulation import device
+from ...simulation import backend
 from ...tools.files import write_text
 from ...tools.processes import Died, Worker
 from ...tools.versions import __version__, revision
@@ -75,7 +75,7 @@ def validate(
         takers = ", ".join(registry.GAS)
         raise InputError(f"--seed {seed}: only the cases of the group gas take a seed: {takers}")
     jobs = _jobs(jobs, chosen)
-    if chosen and {*chosen} <= {*registry.DEVICE} and (absence := device.cuda_absence()) is not None:
+    if chosen and {*chosen} <= {*registry.DEVICE} and (absence := backend.cuda_absence()) is not None:
         raise InputError(f"{' '.join(names)}: there is no GPU to validate: {absence}")
     seed = 1 if seed is None else seed
     place = _folder(folder, force)
@@ -110,14 +110,14 @@ def _folder(folder: str, force: bool) -> Path:
     except FileNotFoundError:
         raise InputError(f"output folder {place.parent}: does not exist") from None
     except OSError as error:
-        raise InputError(f"-o {folder}: a folder cannot be made there: {error.strerror}") from error
+        raise InputError(f"-o {folder}: a folder cannot be created there: {error.strerror}") from error
     return place
 
 
 def _jobs(jobs: int | None, chosen: Sequence[str]) -> int:
     """Number of cases that run at a time."""
     if jobs is None:
-        jobs = min(device.cores(), sum(name in registry.GAS for name in chosen))
+        jobs = min(backend.cores(), sum(name in registry.GAS for name in chosen))
     return max(1, min(jobs, len(chosen)))
 
 
@@ -157,7 +157,7 @@ def in_workers(
     ends, and `waiting` with the names in work after `every` seconds without an end. At its end, by Ctrl-C included, no
     process stays.
     """
-    todo, threads = list(names), max(1, device.cores() // jobs)
+    todo, threads = list(names), max(1, backend.cores() // jobs)
     busy: dict[Any, tuple[str, Worker]] = {}
     try:
         while todo or busy:
@@ -181,15 +181,15 @@ def in_workers(
 
 def _alone(work: Callable[[str], Any], name: str, threads: int) -> Any:
     """One call in a process of its own."""
-    device.limit_threads(threads)
+    backend.limit_threads(threads)
     try:
         return work(name)
     finally:
-        device.stop()  # which keeps the kernels that it compiled
+        backend.stop()  # which keeps the kernels that it compiled
 
 
 def run_case(name: str, *, quick: bool, seed: int) -> Verdict:
-    """Run one case and render its pictures, here and now; whatever it raises is told of in the outcome."""
+    """Run one case and render its pictures, in this process; an exception becomes part of the outcome."""
     import matplotlib as mpl
 
     case = registry.load(name)
@@ -270,7 +270,7 @@ def environment(*, quick: bool, seconds: float) -> dict[str, str]:
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "samples": "quick" if quick else "full",
         "seconds for the cases": f"{seconds:.1f}",
-        "processor": f"{device.cpu_name()}, {device.cores()} cores",
+        "processor": f"{backend.cpu_name()}, {backend.cores()} cores",
         "system": platform.platform(),
         "python": platform.python_version(),
         **{name: metadata.version(name) for name in packages},

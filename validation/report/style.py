@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 # Where Matplotlib's own STIX fonts are missing, DejaVu takes their place: not worth a line for each text.
 logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)
 
-# Okabe and Ito's colours: told apart with every kind of colour blindness.
+# Okabe and Ito's colours: distinct with every kind of colour blindness.
 BLUE, VERMILION, GREEN, SKY, ORANGE, PURPLE, BLACK = (
     "#0072B2", "#D55E00", "#009E73", "#56B4E9", "#E69F00", "#CC79A7", "#000000",
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Lines of `ifrdem validate` on its way: which case begins, its table, what runs, and the end."""
+"""Progress lines of `ifrdem validate`: case started, its table, running cases, and the end."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ class Pace:
         self._took: dict[str, float] = {}
 
     def begun(self, name: str) -> None:
-        """Say which case begins."""
+        """Print which case starts."""
         self._todo.remove(name)
         self._running[name] = self._clock()
         number = len(self._expected) - len(self._todo)
         self._say(f"[{number}/{len(self._expected)}] {name}: {registry.load(name).QUESTION}")
 
     def ended(self, outcome: Verdict) -> None:
-        """Show the table of a case."""
+        """Print the table of a finished case."""
         self._took[outcome.name] = self.seconds(outcome.name)
         del self._running[outcome.name]
         self._say(table(outcome))
@@ -54,7 +54,7 @@ class Pace:
         return self._clock() - self._running[name]
 
     def waiting(self) -> None:
-        """Say what runs, and when all will be done if that can be said."""
+        """Print the running cases, and the estimated time left if there is one."""
         running = ", ".join(f"{name} ({clock_face(self.seconds(name))})" for name in self._running)
         left = self.seconds_left
         self._say(f"  in work: {running}" + ("" if left is None else f"; ETA {clock_face(left)}"))

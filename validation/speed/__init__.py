@@ -1,1 +1,1 @@
-"""Benchmarks: this engine, the parts of its time, and peers beside it."""
+"""Benchmarks: this engine, the parts of its time, and other codes."""

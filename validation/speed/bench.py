@@ -28,9 +28,10 @@ from ...case import file as case_file
 from ...case import shipped, summary
 from ...case.case import UNITS, Case
 from ...case.gas import CaseGas
+from ...case.objects import device_of
 from ...errors import InputError
 from ...mpi import SERIAL, Communicator
-from ...simulation import device as backend
+from ...simulation import backend
 from ...simulation.simulation import Simulation
 from ...tools.progress import Progress
 from ...tools.versions import __version__
@@ -282,7 +283,7 @@ def measure(
     """
     run = case.run
     if comm.size > 1 and profile:
-        raise InputError("--profile: not on several ranks; run it without mpiexec")
+        raise InputError("--profile: cannot be combined with several ranks; run it without mpiexec")
     gas, simulation = prepared(case, folder, after=after, comm=comm)
     before = simulation.collisions
     done, sent = [], _sent(simulation)
@@ -300,7 +301,7 @@ def measure(
         del simulation  # its arrays end with the Taichi that they belong to
         gc.collect()
         try:
-            backend.start(run.device, threads=run.threads, precision=run.precision, profile=True)
+            backend.start(device_of(run), profile=True)
             simulation = gas.simulation(state)
             warm_up(simulation)
             profiled = _profiled(simulation, seconds)
@@ -335,7 +336,7 @@ def prepared(
 ) -> tuple[CaseGas, Simulation]:
     """The gas of a case and its simulation, warm; arguments and errors as for `measure`."""
     run = case.run
-    backend.check(run.device, run.threads, run.precision)
+    backend.check(device_of(run))
     summary.refuse_beyond_memory(sum(each.number for each in case.species), run.device, case.start.positions)
     gas = CaseGas.from_case(case, folder)
     simulation = gas.simulation(comm=comm)

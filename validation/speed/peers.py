@@ -24,7 +24,7 @@ runs to the same time from the same start, and its number of collisions there is
 LAMMPS costs the same whatever happens in it, so it runs for less long: one collision per disk, fewer above 10,000
 disks. For e_n < 1 that is in its favour, for the gas cools, and has fewer collisions a step, later.
 
-**Is it the same gas?** An untimed run of LAMMPS, sampled every contact time, is held against ifrdem:
+**Is it the same gas?** An untimed run of LAMMPS, sampled every contact time, is compared with ifrdem:
 
 - its energy per disk, kinetic and springs, against ifrdem's T(t) at ten times, within 1 %;
 - for e_n = 1, energy is kept within 1e-3 (seen: 1e-5);
@@ -33,7 +33,7 @@ disks. For e_n < 1 that is in its favour, for the gas cools, and has fewer colli
 
 A comparison that fails is said and ends with exit status 1; a code that is not installed is `not measured`.
 
-EDMD and DynamO are held against ifrdem in each run: elastic, T within 1e-3 and collisions per disk and time, scaled to
+EDMD and DynamO are compared with ifrdem in each run: elastic, T within 1e-3 and collisions per disk and time, scaled to
 T = 1, within 1 % + 5 / sqrt(collisions); else ln T at the end within 5 % + 5 / sqrt(collisions).
 
 Event-driven codes have the same collisions until rounding separates them, after some ten per disk; from then on a
@@ -68,7 +68,8 @@ from ...model.box import Box
 from ...model.ifr import IFRLaw
 from ...model.observables import measure
 from ...model.state import Disks, State
-from ...simulation import device
+from ...simulation import backend
+from ...simulation.device import Device
 from ...simulation.simulation import Simulation
 from ...tools.arguments import script, whole
 from ...tools.versions import __version__
@@ -140,7 +141,7 @@ class GasAtStart:
 
     def simulation(self) -> Simulation:
         """A new simulation from the start."""
-        return Simulation(self.disks, self.box, self.law, self.state, threads=self.threads)
+        return Simulation(self.disks, self.box, self.law, self.state, device=Device(threads=self.threads))
 
     def temperature(self, simulation: Simulation) -> float:
         """Its present temperature [energy]."""
@@ -155,7 +156,9 @@ def start(options: Options) -> GasAtStart:
     velocity = placement.maxwellian(disks.mass, temperature=1.0, seed=options.seed)
     spin = np.zeros(options.n)
     elastic = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
-    mixing = Simulation(disks, box, elastic, State(position, velocity, spin), threads=options.threads)
+    mixing = Simulation(
+        disks, box, elastic, State(position, velocity, spin), device=Device(threads=options.threads)
+    )
     mixing.run(collisions_per_disk=MIXING)
     mixed = mixing.state
     law = IFRLaw(e_n=options.e_n, e_t=-1.0, mu=0.0)
@@ -211,7 +214,7 @@ def _soft(row: Timing, gas: GasAtStart, options: Options, folder: Path) -> Calla
 
 
 def _same_gas(row: Timing, gas: GasAtStart, options: Options, soft: SoftDisks, contact_times: int) -> int:
-    """Hold LAMMPS against ifrdem, and return the latter's number of collisions by the same time."""
+    """Compare LAMMPS with ifrdem, and return the latter's number of collisions by the same time."""
     run = soft.run(contact_times, sampled=True)
     simulation = gas.simulation()
     deviation = 0.0
@@ -276,7 +279,7 @@ def _spheres(
 
 
 def compare(options: Options, say: Callable[[str], None]) -> list[Timing]:
-    """Run all codes in turn and return their rows, ifrdem's first."""
+    """Run all codes, alternating, and return their rows, ifrdem's first."""
     say(f"start: {options.n} disks, packing fraction {options.phi}, {MIXING} elastic collisions per disk")
     gas = start(options)
     ours = Timing("ifrdem", options.threads)
@@ -326,7 +329,7 @@ def compare(options: Options, say: Callable[[str], None]) -> list[Timing]:
 
 
 def _attempt(row: Timing, work: Callable[[], T]) -> T | None:
-    """The result of a code's work; None, and told in its row, if the code fails."""
+    """The result of a code's run; None, with the reason in its row, if it fails."""
     try:
         return work()
     except SoftDisksError as error:
@@ -342,8 +345,8 @@ def report(options: Options, rows: Sequence[Timing]) -> dict[str, Any]:
     ours = statistics.median(rows[0].rates)
     return {
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
-        "cpu": device.cpu_name(),
-        "cores": device.cores(),
+        "cpu": backend.cpu_name(),
+        "cores": backend.cores(),
         "load_average": list(os.getloadavg()) if hasattr(os, "getloadavg") else None,
         "versions": _versions(),
         **{name: getattr(options, name) for name in SHOWN},
@@ -431,7 +434,7 @@ def _number(option: str, text: str, least: float, most: float) -> float:
     except ValueError:
         value = math.nan
     if not least <= value <= most:
-        raise InputError(f"{option} = {text}: a number from {least:g} to {most:g} is needed")
+        raise InputError(f"{option} = {text}: must be a number from {least:g} to {most:g}")
     return value
 
 
@@ -487,7 +490,7 @@ def peers(
         length = _number("--collisions-per-disk", collisions_per_disk, 0.1, 1e4)
     if soft_collisions_per_disk is not None:
         soft_length = _number("--soft-collisions-per-disk", soft_collisions_per_disk, 0.1, 100.0)
-    cores = device.cores()
+    cores = backend.cores()
     options = Options(
         n=disks,
         phi=_number("--phi", phi, 0.01, 0.72),

@@ -11,9 +11,9 @@ How it finds every collision, in order:
 - A disk holds its earliest contact with the disks of its own and the eight neighbouring cells, as they moved
   when it was predicted, and the time it leaves its cell. The heap orders disks by the earlier of the two.
 - A contact carries the partner's number of collisions. If the partner collided since, the contact is void, and the
-  disk is predicted anew when the void one comes up: no real contact of that disk can come before, for it would
+  disk is predicted again when the void one comes up: no real contact of that disk can come before, for it would
   have been its earliest, or else is held by a disk that changed later.
-- A disk that collides is predicted anew against all neighbours; one that enters a cell, against the three cells
+- A disk that collides is predicted again with all neighbours; one that enters a cell, against the three cells
   that became its neighbours.
 
 Limits: equal disks of mass 1, at least four cells along each side, no remedy for inelastic collapse. Times count from

@@ -11,7 +11,7 @@ w^2 = k / m_n - gamma^2 / 4, so
     t_c = pi / w,   e_n = exp(-gamma t_c / 2);   solved:   gamma = -2 ln(e_n) / t_c,
     k = m_n (w^2 + gamma^2 / 4) = m_n (pi^2 + ln(e_n)^2) / t_c^2.
 
-**Equal accuracy.** A soft gas is the hard one as far as contacts are short beside free flights: t_c is 1/100 of
+**Equal accuracy.** A soft gas is the hard one as far as contacts are short compared with free flights: t_c is 1/100 of
 Enskog's mean free time at the start, so some 1 % of the disks are in contact at any time. The step is t_c / 50. What
 that buys, computed with LAMMPS's integrator (velocity Verlet, damping by the velocities of the half step) over all
 phases of first touch against the steps: an elastic pair keeps its speed to 2e-5; of e_n = 0.9 the mean is 0.8999

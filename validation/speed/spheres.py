@@ -89,11 +89,11 @@ def edmd(program: Path, folder: Path, box: Box, state: State) -> SpheresRun:
     (folder / "init.sph").write_text("\n".join(lines) + "\n", encoding="ascii")
     end = folder / "snapshot_end.sph"
     end.unlink(missing_ok=True)
-    told, status = _timed_output([str(program)], folder, "--edmd")
-    text = "\n".join(line for _, line in told)
+    printed, status = _timed_output([str(program)], folder, "--edmd")
+    text = "\n".join(line for _, line in printed)
     layers = re.search(r"^Cells: \d+, \d+, (\d+)$", text, re.MULTILINE)
     progress = r"Simtime: (\S+), Collisions: (\d+), .*\bT: (\S+),"
-    at = [(when, match) for when, line in told if (match := re.match(progress, line))]
+    at = [(when, match) for when, line in printed if (match := re.match(progress, line))]
     if status != 0 or layers is None or len(at) < 2 or not end.exists():
         raise _failure("--edmd", program, EDMD, status, text)
     if int(layers[1]) < 3:
@@ -132,7 +132,7 @@ def dynamo(program: Path, folder: Path, box: Box, e_n: float, state: State, coll
     output = folder / "output.xml"
     output.unlink(missing_ok=True)
     options = ["-c", str(collisions), "-o", "end.xml", "--out-data-file", output.name]
-    told, status = _timed_output([str(program), *options, "config.xml"], folder, "--dynamo")
+    printed, status = _timed_output([str(program), *options, "config.xml"], folder, "--dynamo")
     try:
         if status != 0:
             raise ValueError("it failed")
@@ -154,7 +154,7 @@ def dynamo(program: Path, folder: Path, box: Box, e_n: float, state: State, coll
             temperature=1.5 * kT / temperature,  # kT is <v^2> / 3
         )
     except (OSError, ValueError, LookupError, ZeroDivisionError, ElementTree.ParseError):
-        text = "\n".join(line for _, line in told)
+        text = "\n".join(line for _, line in printed)
         raise _failure("--dynamo", program, DYNAMO, status, text) from None
 
 
@@ -201,7 +201,7 @@ def _timed_output(command: Sequence[str], folder: Path, option: str) -> tuple[li
         raise InputError(f"{option}: not on Windows, where a program's lines cannot be timed as they come")
     # At a terminal, C programs hand over each line when it is complete, else thousands at once.
     reader, writer = os.openpty()
-    told: list[tuple[float, str]] = []
+    output: list[tuple[float, str]] = []
     with open(reader, encoding="utf-8", errors="replace") as lines:
         try:
             process = subprocess.Popen(
@@ -214,18 +214,18 @@ def _timed_output(command: Sequence[str], folder: Path, option: str) -> tuple[li
         with process:
             try:
                 for line in lines:
-                    told.append((time.perf_counter(), line.rstrip()))
+                    output.append((time.perf_counter(), line.rstrip()))
             except OSError:  # how Linux ends a terminal, once its program has ended
                 pass
             except KeyboardInterrupt:
                 process.kill()
                 raise
-    return told, process.returncode
+    return output, process.returncode
 
 
 def _failure(option: str, program: Path, wanted: str, status: int, text: str) -> InputError:
     said = "; ".join([line.strip() for line in text.splitlines() if line.strip()][-3:])
     return InputError(
         f"{option} = {program}: it ended with status {status} and not the output of {wanted}; "
-        f"its last words: {said[-300:] or 'none'}"
+        f"its last output: {said[-300:] or 'none'}"
     )

@@ -28,13 +28,7 @@ def start(
     the first progress of `ifrdem run`."""
     from ...case import template
 
-    options = [
-        "--device",
-        device,
-        "--precision",
-        precision,
-        *(["--threads", str(threads)] if threads else []),
-    ]
+    flags = ["--device", device, "--precision", precision, *(["--threads", str(threads)] if threads else [])]
     with tempfile.TemporaryDirectory(prefix="ifrdem-start-") as folder:
         path = Path(folder) / "cooling.toml"
         path.write_text(template.write("cooling"), encoding="utf-8")
@@ -47,7 +41,7 @@ def start(
             folder,
             "--force",
             "--no-picture",
-            *options,
+            *flags,
         ]
         gas = [json.dumps({"n": n, "phi": 0.3, "threads": threads, "device": device, "precision": precision})]
         for function, arguments in (("start_a_gas", gas), ("start_a_run", run)):

@@ -1,4 +1,4 @@
-"""Gases beside the speeds to reach, as Markdown: `python -m ifrdem.validation.speed.table --most 1000000`."""
+"""Gases compared with target speeds, as Markdown: `python -m ifrdem.validation.speed.table --most 1000000`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 from ...case import summary
 from ...case.case import Case
 from ...errors import InputError
-from ...simulation import device as backend
+from ...simulation import backend
 from ...tools.arguments import script
 from . import bench
 from .bench import Benchmark, Run
@@ -99,9 +99,11 @@ class Memory:
         return _row(name, f"{size:.4g} bytes a disk", f"{self.target:g} bytes a disk", size <= self.target)
 
 
-def coins(n: int, phi: float, *, threads: int | None, **run: Any) -> Case:
+def coins(n: int, phi: float, *, device: str, threads: int | None, **run: Any) -> Case:
     """Coins of 1 pta that cool from a random start."""
-    run |= {"name": "coins", "collisions_per_disk": AFTER} | ({} if threads is None else {"threads": threads})
+    run |= {"name": "coins", "device": device, "collisions_per_disk": AFTER} | (
+        {} if threads is None else {"threads": threads}
+    )
     species = {"name": "1 pta", "number": n, "coin": "1 pta", "speed_rms": 1.0}
     return Case.model_validate({"run": run, "box": {"packing_fraction": phi}, "species": [species]})
 

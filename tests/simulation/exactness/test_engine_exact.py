@@ -11,10 +11,11 @@ import pytest
 from support.gases import COIN, ELASTIC, equal_disks, equilibrated, mixture, partners, run
 from support.serial_reference import simulate
 
+from ifrdem import Device
 from ifrdem.initial import placement
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
-from ifrdem.simulation import device
+from ifrdem.simulation import backend
 from ifrdem.simulation.engine import Engine
 
 pytestmark = pytest.mark.optimised
@@ -38,7 +39,7 @@ WAYS = {
     "larger tiles": {"order": "tiled", "tile_disks": 1000},
 }
 # Gases are prepared on all cores: the same number first, because changing it starts Taichi anew.
-THREADS = [t for t in (2, 1) if t <= device.cores()]
+THREADS = [t for t in (2, 1) if t <= backend.cores()]
 
 
 def n_compared(phi: float, kind: str) -> int:
@@ -62,7 +63,7 @@ def test_every_way_of_running_gives_the_serial_sequence(
 ) -> None:
     disks, box, state, pairs, times = expected(phi, kind, law)
     for way, options in WAYS.items():
-        engine = Engine(disks, box, state, np.array([[LAWS[law]]]), threads=threads, **options)  # type: ignore[arg-type]
+        engine = Engine(disks, box, state, np.array([[LAWS[law]]]), device=Device(threads=threads), **options)  # type: ignore[arg-type]
         found = run(engine, len(pairs))
         np.testing.assert_array_equal(partners(found.pair), partners(pairs), err_msg=way)
         np.testing.assert_allclose(found.time, times, rtol=0.0, atol=3e-6, err_msg=way)
@@ -117,7 +118,7 @@ def test_single_precision_keeps_energy_and_contacts_to_its_rounding() -> None:
         for order, given in options.items()
     }
     for order, given in options.items():
-        engine = Engine(disks, box, state, np.array([[ELASTIC]]), precision="f32", **given)
+        engine = Engine(disks, box, state, np.array([[ELASTIC]]), device=Device(precision="f32"), **given)
         assert (
             engine.bytes_allocated < 0.9 * double[order]
         )  # the scratch space of so few disks is half of all

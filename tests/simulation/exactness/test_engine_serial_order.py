@@ -67,10 +67,10 @@ def equal_gas(packing_fraction: float, law: tuple[float, ...]) -> tuple[Disks, B
 @pytest.mark.parametrize("law", [ELASTIC, COIN, ROLLING], ids=["elastic", "coin", "rolling"])
 @pytest.mark.parametrize("packing_fraction", [0.1, 0.3, 0.6, 0.7])
 def test_collisions_are_those_of_the_serial_code(
-    packing_fraction: float, law: tuple[float, ...], order: str, arch: str
+    packing_fraction: float, law: tuple[float, ...], order: str, device: str
 ) -> None:
     disks, box, state, per_disk, by_serial = equal_gas(packing_fraction, law)
-    engine = Engine(disks, box, state, np.array([[law]]), arch=arch, order=order, tile_disks=60)
+    engine = Engine(disks, box, state, np.array([[law]]), device=device, order=order, tile_disks=60)
     assert_same_as_serial(disks, box, state, law, engine, per_disk, by_serial)
     assert engine.statistics.in_order < engine.statistics.windows
 
@@ -95,10 +95,10 @@ def test_none_of_many_disks_ever_overlap(order: str, n: int) -> None:
 
 
 @pytest.mark.parametrize("packing_fraction", [0.1, 0.3, 0.55])
-def test_collisions_of_a_mixture_are_those_of_the_serial_code(packing_fraction: float, arch: str) -> None:
+def test_collisions_of_a_mixture_are_those_of_the_serial_code(packing_fraction: float, device: str) -> None:
     disks = mixture(1000)
     box, state = equilibrated(disks, packing_fraction)
-    engine = Engine(disks, box, state, np.array([[COIN]]), arch=arch)
+    engine = Engine(disks, box, state, np.array([[COIN]]), device=device)
     assert_same_as_serial(disks, box, state, COIN, engine, per_disk=4 if packing_fraction < 0.2 else PER_DISK)
 
 

@@ -12,6 +12,7 @@ import pytest
 from test_same_bits import GASES, NARROW, SEEN, N, made, narrowed
 from test_same_bits import windows_of_tiles as windows_of_tiles
 
+from ifrdem import ContactTime
 from ifrdem.model.state import State
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.schedule import Due, earlier
@@ -19,7 +20,7 @@ from ifrdem.simulation.windows import Windows
 
 LOOKED_AT = (*SEEN, "angle", "last_partner", "dissipated", "latest_collision")
 KEPT: dict[str, Any] = {
-    "angles": True, "partners": True, "ledger": True, "itemised": True, "wall_sums": True, "contact_time": 1e-9,
+    "record": ["energy", "disk_energy", "partner", "angle", "wall"], "collapse": ContactTime(1e-9),
 }  # fmt: skip
 FRAMES = [Due(collisions=int(0.4 * N / 2 * i)) for i in range(1, 13)]  # one to four in each window
 

@@ -8,12 +8,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from support import mpi
 
-from ifrdem.errors import InputError
-from ifrdem.simulation import device
+from ifrdem.simulation import backend
 
 GASES = Path(__file__).parents[2] / "support" / "rank_gases.py"
 
@@ -66,7 +64,7 @@ def test_all_bits_are_those_of_one_rank(run: str, told: dict[str, dict[str, Any]
 
 
 @mpi.needed
-@pytest.mark.skipif(device.cuda_absence() is not None, reason="no CUDA device on this machine")
+@pytest.mark.skipif(backend.cuda_absence() is not None, reason="no CUDA device on this machine")
 def test_a_gpu_a_rank_has_the_bits_of_one_gpu() -> None:
     """Of a state with latest partners, after tiles ran again; three ranks share GPUs as they are told to."""
     script = GASES.with_name("rank_gpus.py")
@@ -99,27 +97,6 @@ def test_faults_are_found_out(told: dict[str, dict[str, Any]]) -> None:
     assert {"position", "velocity", "spin", "totals"} <= set(wrong_row)
 
 
-def owners(count: list[int], tiles: tuple[int, int], size: int) -> np.ndarray:
-    from ifrdem.simulation import ranks  # imports Taichi
-
-    return ranks.owners(np.array(count), tiles, size)
-
-
-@pytest.mark.parametrize("size", [1, 2, 3, 5, 7, 12])
-def test_every_tile_has_an_owner_and_every_rank_a_block(size: int) -> None:
-    owner = owners([10] * 12, (4, 3), size).reshape(4, 3)
-    for rank in range(size):
-        x, y = np.nonzero(owner == rank)
-        assert len(x) == (np.ptp(x) + 1) * (np.ptp(y) + 1) > 0
-    # The best that blocks of whole tiles can do for 2 and 3; no rank has more than twice its share.
-    assert np.bincount(owner.reshape(-1)).max() <= {2: 6, 3: 6}.get(size, 2 * -(-12 // size))
-
-
-def test_blocks_have_as_many_disks_each_as_tiles_allow() -> None:
-    """All disks in the first quarter of a row of eight tiles: the cut is in the middle of them."""
-    assert owners([50, 50, 1, 1, 1, 1, 1, 1], (8, 1), 2).tolist() == [0, 1, 1, 1, 1, 1, 1, 1]
-
-
 @pytest.mark.parametrize("n", [1, 2**31 - 1, 2**31, 3 * 10**9, 2**32 - 1])
 def test_ids_of_up_to_2_to_the_32_disks_have_32_bits(n: int) -> None:
     from ifrdem.simulation import ranks  # imports Taichi
@@ -127,11 +104,6 @@ def test_ids_of_up_to_2_to_the_32_disks_have_32_bits(n: int) -> None:
     first = ranks.first_id(n)
     assert -(2**31) <= first <= first + n - 1 < 2**31
     assert first == 0 or n > 2**31 - 1  # random numbers of smaller gases stay what they are
-
-
-def test_more_ranks_than_tiles_are_refused() -> None:
-    with pytest.raises(InputError, match=r"3 ranks: 20 disks make 2 x 1 tiles.*start 2 or fewer"):
-        owners([10, 10], (2, 1), 3)
 
 
 def test_a_plain_run_imports_no_mpi() -> None:

@@ -14,12 +14,13 @@ import numpy as np
 import pytest
 from support.gases import COIN, ELASTIC, ROLLING, equal_disks, equilibrated, mixture
 
+from ifrdem import Device
 from ifrdem.kernels.columns import TABLES, named
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Langevin, RandomKicks, Rescale
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
-from ifrdem.simulation import device
+from ifrdem.simulation import backend
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.windows import Windows
 
@@ -27,7 +28,7 @@ pytestmark = pytest.mark.optimised
 
 N = 4000
 SEEN = ("time", "position", "velocity", "spin", "collisions", "image", "wall_hits")
-THREADS = [t for t in (2, 1) if t <= device.cores()]
+THREADS = [t for t in (2, 1) if t <= backend.cores()]
 TILES = (60, 250, 1000)
 Gas = tuple[Disks, Box, State, tuple[float, ...], dict[str, Any]]
 
@@ -131,7 +132,7 @@ def same(one: State, other: State) -> bool:
 def test_tiles_and_threads_and_the_whole_box_in_order_give_the_same_bits(name: str, threads: int) -> None:
     expected = in_order(name)
     for tile_disks in TILES if threads > 1 or name.startswith("phi") else TILES[1:2]:
-        engine, state = after(name, order="tiled", tile_disks=tile_disks, threads=threads)
+        engine, state = after(name, order="tiled", tile_disks=tile_disks, device=Device(threads=threads))
         for each in SEEN:
             assert np.array_equal(getattr(state, each), getattr(expected, each)), (tile_disks, each)
         assert engine.arrays.tiles > 1
@@ -194,7 +195,7 @@ def test_a_pair_that_no_tile_sees_is_found_by_the_width_of_halos_alone(
 ) -> None:
     """Two disks of speed 1 fly at each other for a window of 3, from tiles whose halos do not hold the other one.
 
-    Both tiles find free flights, and agree on them: no claim that counts is wrong. Tiles have sides of 12.
+    Both tiles find free flights, and agree on them: no ghost record that counts is wrong. Tiles have sides of 12.
 
     *Head on*, 3.4 on either side of x = 24: contact after (6.8 - 1) / 2 = 2.9. Around the tiles of the pair, where
     disks come by 3, a halo has to be 1 + 3 wide: in 12 tiles, which have one of these two as a neighbour.
@@ -252,7 +253,7 @@ def with_half_halos_unverified(monkeypatch: pytest.MonkeyPatch) -> None:
     unverified(monkeypatch, 0.5)
 
 
-def without_claims(monkeypatch: pytest.MonkeyPatch) -> None:
+def without_ghosts(monkeypatch: pytest.MonkeyPatch) -> None:
     from ifrdem.kernels.windows import verify
     from ifrdem.simulation.arrays import DeviceArrays
 
@@ -269,7 +270,7 @@ def without_claims(monkeypatch: pytest.MonkeyPatch) -> None:
     narrowed(monkeypatch, NARROW)
 
 
-@pytest.mark.parametrize("fault", [unverified, with_half_halos_unverified, without_claims])
+@pytest.mark.parametrize("fault", [unverified, with_half_halos_unverified, without_ghosts])
 def test_without_verification_the_bits_would_change(
     fault: Callable[[pytest.MonkeyPatch], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -280,7 +281,7 @@ def test_without_verification_the_bits_would_change(
 
 def hash_of(*collisions: tuple[float, int]) -> tuple[int, int]:
     """Of the history of a disk with these collisions (time, partner)."""
-    device.start()
+    backend.start()
     import taichi as ti
     from support.history_kernels import enter
 
@@ -319,7 +320,7 @@ def test_hashes_that_agree_are_as_rare_as_chance_makes_them(partners: int) -> No
 
     Five standard errors of a Poisson number.
     """
-    device.start()
+    backend.start()
     import taichi as ti
     from support.history_kernels import enter_each
 
@@ -341,7 +342,14 @@ def test_ids_up_to_the_last_of_32_bits_on_one_thread() -> None:
     found = []
     for first in (0, shift):
         engine = Engine(
-            disks, box, state, np.array([[law]]), order="tiled", tile_disks=250, threads=1, partners=True
+            disks,
+            box,
+            state,
+            np.array([[law]]),
+            order="tiled",
+            tile_disks=250,
+            device=Device(threads=1),
+            record=["partner"],
         )
         meta = engine.arrays.meta.to_numpy()
         named(meta[:N], "meta").id += first

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import ifrdem
+from ifrdem import Device, Rest
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.ifr import IFRLaw
@@ -27,7 +28,7 @@ def piston_gas(
     disks: Disks, box: Box, law: IFRLaw, state: State, walls: list[Wall], **options: Any
 ) -> Simulation:
     """With sums of walls, so that all tests share kernels."""
-    return Simulation(disks, box, law, state, walls=walls, **({"wall_sums": True} | options))
+    return Simulation(disks, box, law, state, walls=walls, **({"record": ["wall"]} | options))
 
 
 def lid(height: float = 12.0, **options: Any) -> Wall:
@@ -99,7 +100,7 @@ def test_a_soft_spring_is_as_good_as_none(stop: float | None) -> None:
     np.testing.assert_allclose(found[2], found[0], rtol=1e-7)
 
 
-TOLD: dict[str, Any] = {"ledger": True, "dissipated": True, "tracked": range(30)}
+TOLD: dict[str, Any] = {"record": ["disk_energy", "wall"], "tracked": range(30)}
 
 
 def test_two_pistons_under_friction_lose_what_the_ledger_says() -> None:
@@ -272,11 +273,15 @@ def lid_with(**options: Any) -> Wall:
     [
         (Wall.segment((0.0, 5.0), (9.0, 5.0), piston=Piston(1.0)), {}, "from side to side of the box"),
         (Wall.segment((0.0, 5.0), (10.0, 6.0), piston=Piston(1.0)), {}, "from side to side of the box"),
-        (lid(mass=1.0), {"precision": "f32"}, 'wall 0 is a piston: precision = "f32" not supported'),
         (
             lid(mass=1.0),
-            {"collapse": "rest", "resting_speed": 1e-3, "gravity": (0.0, -1.0)},
-            'collapse = "rest" not supported',
+            {"device": Device(precision="f32")},
+            'wall 0 is a piston: precision = "f32" not supported',
+        ),
+        (
+            lid(mass=1.0),
+            {"collapse": Rest(1e-3), "gravity": (0.0, -1.0)},
+            r"collapse = Rest\(speed=0\.001\) not supported",
         ),
     ],
 )
@@ -292,10 +297,11 @@ def test_a_piston_through_a_periodic_side_and_too_many_disks_are_refused() -> No
     with pytest.raises(InputError, match="as a piston it would leave through a periodic side"):
         Simulation(disks, Box((10.0, 10.0), (False, True)), ELASTIC, start, walls=[wall])
     from ifrdem.simulation.checks import check_pistons
+    from ifrdem.simulation.engine import EngineOptions
 
     with pytest.raises(InputError, match="20001 disks, more than 20000, not supported"):
-        check_pistons([wall], 20_001, "cpu", "f64", 0.0)
+        check_pistons([wall], 20_001, EngineOptions())
     with pytest.raises(InputError, match='device = "cuda" not supported'):
-        check_pistons([wall], 10, "cuda", "f64", 0.0)
+        check_pistons([wall], 10, EngineOptions(Device("cuda")))
     with pytest.raises(InputError, match="several ranks"):
-        check_pistons([wall], 10, "cpu", "f64", 0.0, ranks=2)
+        check_pistons([wall], 10, EngineOptions(), ranks=2)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import pdist
 
+from ifrdem import Device, Rest
 from ifrdem.errors import InputError
 from ifrdem.initial import maxwellian, random_positions
 from ifrdem.kernels.columns import RESTING_BYTES
@@ -32,7 +33,7 @@ def gas(
     """Disks of radius 1/2 in a box of 12 x 10 with walls all around, under g = 1; at rest if no velocity is told."""
     n = len(position)
     given: dict[str, Any] = {
-        "gravity": (0.0, -1.0), "collapse": "rest", "resting_speed": SLOW, "ledger": True,
+        "gravity": (0.0, -1.0), "collapse": Rest(SLOW), "record": ["energy"],
     } | options  # fmt: skip
     return Simulation(
         Disks(n, mass=mass, radius=0.5), Box((12.0, 10.0), periodic=(False, False)),
@@ -47,7 +48,7 @@ def said_asleep(run: Simulation, asleep: list[int], **law: float) -> Simulation:
     state.asleep = np.array(asleep)
     return Simulation(
         run.disks, run.box, IFRLaw(**law), state,
-        gravity=(0.0, -1.0), collapse="rest", resting_speed=SLOW, ledger=True,
+        gravity=(0.0, -1.0), collapse=Rest(SLOW), record=["energy"],
     )  # fmt: skip
 
 
@@ -129,7 +130,7 @@ def test_a_disk_that_cannot_roll_rests_on_a_slope_up_to_the_angle_of_friction(
     angle, time, slow = math.radians(30.0), 15.0, 0.002
     law = IFRLaw(e_n=0.6, e_t=-1.0, mu=part * math.tan(angle), rho=math.tan(angle))
     gravity = (math.sin(angle), -math.cos(angle))
-    run = gas([[3.0, 0.5 + 1e-9]], law=law, gravity=gravity, resting_speed=slow)
+    run = gas([[3.0, 0.5 + 1e-9]], law=law, gravity=gravity, collapse=Rest(slow))
     run.run(t_end=time)
     assert run.asleep == int(rests)
     shift = run.state.position[0, 0] - 3.0
@@ -156,7 +157,7 @@ def test_a_disk_rolls_down_a_slope_without_slip_up_to_a_third_of_the_angle_of_fr
     run = Simulation(
         Disks(1, mass=1.0, radius=0.5, k=k), Box((12.0, 10.0), (False, False)), law,
         State([[1.0, 0.5 + 1e-9]], [[0.0, 0.0]], [0.0]), gravity=(math.sin(angle), -math.cos(angle)),
-        collapse="rest", resting_speed=slow, ledger=True,
+        collapse=Rest(slow), record=["energy"],
     )  # fmt: skip
     run.run(t_end=time)
     along, spin = run.state.velocity[0, 0], run.state.spin[0]
@@ -201,7 +202,7 @@ def test_a_pyramid_of_three_stands_by_friction(mu: float, stands: bool) -> None:
     run = Simulation(
         Disks(3, mass=1.0, radius=0.5, material=1), Box((12.0, 10.0), periodic=(False, False)),
         [[floor, floor], [floor, between]], State(place, np.zeros((3, 2)), np.zeros(3)),
-        gravity=(0.0, -1.0), collapse="rest", resting_speed=0.005, ledger=True,
+        gravity=(0.0, -1.0), collapse=Rest(0.005), record=["energy"],
     )  # fmt: skip
     run.run(t_end=40.0)
     top = run.state.position[2, 1]
@@ -222,7 +223,7 @@ def sleeper_and(position: tuple[float, float], velocity: tuple[float, float], mu
     state.asleep = np.array([1, 0])
     return Simulation(
         run.disks, run.box, IFRLaw(e_n=0.6, e_t=-1.0, mu=mu), state,
-        gravity=(0.0, -1.0), collapse="rest", resting_speed=SLOW, ledger=True,
+        gravity=(0.0, -1.0), collapse=Rest(SLOW), record=["energy"],
     )  # fmt: skip
 
 
@@ -343,7 +344,7 @@ def test_disks_of_many_sizes_rest_anywhere(box: Box, walls: list[Wall], law: IFR
     start = State(random_positions(box, radius, seed=1, walls=walls), np.zeros((80, 2)), np.zeros(80))
     run = Simulation(
         Disks(80, mass=radius**2, radius=radius), box, law, start, walls=walls,
-        gravity=(0.0, -1.0), collapse="rest", resting_speed=SLOW, ledger=True,
+        gravity=(0.0, -1.0), collapse=Rest(SLOW), record=["energy"],
     )  # fmt: skip
     run.run(t_end=150.0)
     assert run.asleep == 80
@@ -383,7 +384,7 @@ def test_a_heap_takes_the_memory_that_the_estimate_says() -> None:
     arrays = run._engine.arrays
     of_heaps = arrays.bytes_of("rest", "residual_acceleration", "contact", "cached_force", "held", "slept")
     assert of_heaps == 30 * RESTING_BYTES
-    plain = pile(30, collapse="none", resting_speed=None)
+    plain = pile(30, collapse=None)
     plain.run(t_end=0.1)
     assert arrays.bytes_allocated - plain._engine.arrays.bytes_allocated == pytest.approx(of_heaps, rel=0.01)
 
@@ -424,10 +425,8 @@ def test_frames_series_and_checkpoints_change_no_bit(tmp_path: Path) -> None:
     ("change", "told"),
     [
         ({"gravity": (0.0, 0.0)}, "only gravity holds disks"),
-        ({"resting_speed": 0.2}, r"a resting_speed of 0\.1 at most"),
-        ({"resting_speed": None}, r'collapse = "rest" needs a finite number above 0'),
-        ({"collapse": "tc", "contact_time": 0.1}, r'used with collapse = "rest" only'),
-        ({"precision": "f32"}, "in double precision"),
+        ({"collapse": Rest(0.2)}, r"resting speed must be at most 0\.1"),
+        ({"device": Device(precision="f32")}, "in double precision"),
     ],
 )
 def test_where_the_model_does_not_hold_it_is_refused(change: dict[str, Any], told: str) -> None:
@@ -449,8 +448,8 @@ def test_a_gate_that_opens_under_sleeping_disks_wakes_them() -> None:
     start = State(position, np.zeros((9, 2)), np.zeros(9))
     law = IFRLaw(e_n=0.6, e_t=-1.0, mu=0.3)
     gas = Simulation(
-        disks, box, law, start, walls=[plate], gravity=(0.0, -1.0), collapse="rest", resting_speed=0.05,
-        dissipated=True,
+        disks, box, law, start, walls=[plate], gravity=(0.0, -1.0), collapse=Rest(0.05),
+        record=["disk_energy"],
     )  # fmt: skip
     gas.run(t_end=59.0)
     assert gas.asleep == 9
@@ -475,8 +474,8 @@ def test_nothing_sleeps_on_the_slope_of_an_arc(angle: float) -> None:
     for bowl in (Wall.arc((10.0, 10.0), radius, (np.pi, 2.0 * np.pi)), Wall.container((10.0, 10.0), radius)):
         run = Simulation(
             Disks(1, mass=1.0, radius=0.5), Box((20.0, 20.0), (False, False)), IFRLaw(e_n=0.5, e_t=-1.0, mu=0.5),
-            State([place], [[0.0, 0.0]], [0.0]), walls=[bowl], gravity=(0.0, -1.0), collapse="rest",
-            resting_speed=SLOW, ledger=True,
+            State([place], [[0.0, 0.0]], [0.0]), walls=[bowl], gravity=(0.0, -1.0), collapse=Rest(SLOW),
+            record=["energy"],
         )  # fmt: skip
         run.run(t_end=4.0)
         found.append(run.state.position[0])

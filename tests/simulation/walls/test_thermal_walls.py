@@ -12,13 +12,14 @@ from scipy import stats
 from scipy.integrate import cumulative_trapezoid, solve_ivp
 from support.gases import COIN, ELASTIC
 
+from ifrdem import Device
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
-from ifrdem.simulation import device
+from ifrdem.simulation import backend
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
 
@@ -141,11 +142,11 @@ def test_every_way_of_running_draws_the_same_numbers() -> None:
     assert np.abs(other.velocity - ends["serial"].velocity).max() > 0.1
 
 
-@pytest.mark.skipif(device.cores() < 2, reason="needs two cores")
+@pytest.mark.skipif(backend.cores() < 2, reason="needs two cores")
 def test_two_threads_give_the_same_bits() -> None:
     found = []
     for threads in (2, 1):  # another number starts Taichi anew, which takes seconds
-        engines = [furnished(order, threads=threads) for order in ORDERS]
+        engines = [furnished(order, device=Device(threads=threads)) for order in ORDERS]
         ends = [run_to(engine, 4.0) for engine in engines]
         found.append(
             [
@@ -176,7 +177,7 @@ def test_a_run_from_a_stored_state_draws_on() -> None:
 
 @pytest.mark.parametrize(("precision", "error"), [("f64", 1e-11), ("f32", 1e-4)])
 def test_heat_and_work_are_what_elastic_disks_gain(precision: str, error: float) -> None:
-    engine = furnished("tiled", law=ELASTIC, precision=precision)
+    engine = furnished("tiled", law=ELASTIC, device=Device(precision=precision))
     begin = measure(engine.disks, engine.state(), gravity=engine.gravity)
     end = measure(
         engine.disks, run_to(engine, 12.0), gravity=engine.gravity, wall_work=engine.wall_work,

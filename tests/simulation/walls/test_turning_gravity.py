@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ifrdem import Rest, RotatingGravity
 from ifrdem.errors import InputError
 from ifrdem.initial import random_positions
 from ifrdem.model.box import Box
@@ -21,11 +22,16 @@ ROUGH = IFRLaw(e_n=0.6, e_t=-1.0, mu=0.5)
 BOX = Box((12.0, 12.0), periodic=(False, False))
 
 
+def turns(rate: float, **step: float) -> RotatingGravity:
+    """Gravity of size 1 that points down at first."""
+    return RotatingGravity((0.0, -1.0), rate=rate, **step)
+
+
 def gas(position: Any, velocity: Any = None, law: IFRLaw = ROUGH, **options: Any) -> Simulation:
     """Disks of radius 1/2 in a box of 12 x 12 with walls all around, g = 1."""
     n = len(position)
     state = State(position, np.zeros((n, 2)) if velocity is None else velocity, np.zeros(n))
-    given = {"gravity": (0.0, -1.0), "gravity_rotation_rate": 0.05, "ledger": True, "box": BOX} | options
+    given = {"gravity": turns(0.05), "record": ["energy"], "box": BOX} | options
     return Simulation(Disks(n, mass=1.0, radius=0.5), given.pop("box"), law, state, **given)
 
 
@@ -33,10 +39,10 @@ def drum(**options: Any) -> Simulation:
     """Forty disks of three sizes in a drum of radius 5.5, which may rest."""
     wall, radius = Wall.container((6.0, 6.0), 5.5), np.repeat([0.4, 0.5, 0.6], [14, 13, 13])
     start = State(random_positions(BOX, radius, seed=1, walls=[wall]), np.zeros((40, 2)), np.zeros(40))
-    given = {"gravity": (0.0, -1.0), "gravity_rotation_rate": -0.04, "gravity_rotation_step": 0.01} | options
+    given = {"gravity": turns(-0.04, step=0.01)} | options
     return Simulation(
-        Disks(40, mass=radius**2, radius=radius), BOX, ROUGH, start, walls=[wall], ledger=True, collapse="rest",
-        resting_speed=0.05, **given,
+        Disks(40, mass=radius**2, radius=radius), BOX, ROUGH, start, walls=[wall], record=["energy"],
+        collapse=Rest(0.05), **given,
     )  # fmt: skip
 
 
@@ -46,7 +52,7 @@ def test_a_flight_converges_to_that_in_gravity_that_turns_all_the_time() -> None
     exact = np.array([(t - math.sin(rate * t) / rate) / rate, -(1.0 - math.cos(rate * t)) / rate**2])
     errors = []
     for step in (0.1, 0.05, 0.025):
-        run = gas([[3.0, 8.0]], gravity_rotation_rate=rate, gravity_rotation_step=step)
+        run = gas([[3.0, 8.0]], gravity=turns(rate, step=step))
         run.run(t_end=t)
         errors.append(np.linalg.norm(run.state.position[0] - [3.0, 8.0] - exact))
     assert errors[0] < 1e-2
@@ -58,7 +64,7 @@ def test_the_change_of_potential_energy_is_put_in_and_elastic_disks_lose_nothing
     """Every step puts in -m (g' - g).x, here from places at its time; g after k steps is turned by k times 0.05."""
     position = random_positions(BOX, np.full(8, 0.5), seed=2)
     law = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
-    run = gas(position, np.full((8, 2), 0.3), law, gravity_rotation_rate=0.1, gravity_rotation_step=0.05)
+    run = gas(position, np.full((8, 2), 0.3), law, gravity=turns(0.1, step=0.05))
     first, work = run.measure().energy - np.sum(position @ run.gravity), 0.0
     for k in range(20):
         run.run(t_end=(k + 0.5) * 0.5)
@@ -82,7 +88,7 @@ def test_a_disk_wakes_when_rolling_friction_holds_it_no_longer(rate: float, othe
     law = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.5, rho=0.5 * math.tan(math.radians(10.0)))
     run = gas(
         [[8.0, 0.5], [2.0, 9.0]][: 1 + others], law=law, walls=[Wall.segment((4.0, 0.0), (4.0, 12.0))],
-        collapse="rest", resting_speed=0.02, gravity_rotation_rate=rate, gravity_rotation_step=math.radians(0.1),
+        collapse=Rest(0.02), gravity=turns(rate, step=math.radians(0.1)),
     )  # fmt: skip
     run.run(t_end=math.radians(9.8) / 0.01)
     assert run.asleep == 1
@@ -126,18 +132,8 @@ def test_a_drum_flows_its_ledger_closes_and_looks_and_checkpoints_change_no_bit(
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        (
-            {"gravity": (0.0, 0.0)},
-            r"gravity_rotation_rate = 0\.05: gravity = \(0\.0, 0\.0\), and nothing turns",
-        ),
         ({"box": Box((12.0, 12.0), periodic=(True, False))}, "for ever along x, which is periodic"),
-        ({"gravity_rotation_rate": math.inf}, "gravity_rotation_rate = inf: must be a finite number"),
-        (
-            {"gravity_rotation_step": 0.0},
-            r"gravity_rotation_step = 0\.0: an angle above 0 and up to 0\.1 rad",
-        ),
-        ({"gravity_rotation_step": 0.11}, r"gravity_rotation_step = 0\.11: an angle"),
-        ({"tracked": [0]}, "disks cannot be tracked"),
+        ({"tracked": [0]}, "cannot be combined with tracked disks"),
     ],
 )
 def test_gravity_that_cannot_turn_is_refused(change: dict[str, Any], told: str) -> None:
@@ -145,6 +141,21 @@ def test_gravity_that_cannot_turn_is_refused(change: dict[str, Any], told: str) 
         gas([[6.0, 6.0]], **change)
 
 
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"start": (0.0, 0.0)}, r"start = \(0\.0, 0\.0\): must not be \(0, 0\)"),
+        ({"rate": math.inf}, "rate = inf: must be a finite number"),
+        ({"rate": 0.0}, "rate = 0: must not be 0"),
+        ({"step": 0.0}, r"step = 0\.0: must be an angle above 0 and up to 0\.1 rad"),
+        ({"step": 0.11}, r"step = 0\.11: must be an angle"),
+    ],
+)
+def test_a_rotation_without_direction_rate_or_step_is_refused(change: dict[str, Any], told: str) -> None:
+    with pytest.raises(InputError, match=told):
+        RotatingGravity(**({"start": (0.0, -1.0), "rate": 0.05} | change))
+
+
 def test_gravity_that_turns_cannot_be_set() -> None:
-    with pytest.raises(InputError, match=r"it turns \(gravity_rotation_rate = 0\.05\), and cannot be set"):
+    with pytest.raises(InputError, match=r"cannot be set where gravity rotates \(RotatingGravity"):
         gas([[6.0, 6.0]]).set_gravity((1.0, 0.0))

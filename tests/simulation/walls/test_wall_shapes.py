@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from support.gases import COIN, ELASTIC
 
+from ifrdem import Device, VelocityCutoff
 from ifrdem.errors import InputError
 from ifrdem.initial import maxwellian, random_positions
 from ifrdem.model.box import Box
@@ -64,8 +65,8 @@ def gas(
     position = random_positions(BOX, disks.radius, seed=3, walls=walls)
     state = State(position, maxwellian(disks.mass, speed_rms=1.0, seed=3), np.zeros(n))
     return Engine(
-        disks, BOX, state, np.array([[law]]), order=order, walls=walls, gravity=gravity, wall_sums=sums, tile_disks=30,
-        threads=threads, velocity_cutoff=cutoff,
+        disks, BOX, state, np.array([[law]]), order=order, walls=walls, gravity=gravity, record=["wall"] * sums,
+        tile_disks=30, device=Device(threads=threads), collapse=VelocityCutoff(cutoff) if cutoff else None,
     )  # fmt: skip
 
 
@@ -183,7 +184,7 @@ def test_a_wall_that_turns_is_seen_as_a_frame_that_turns() -> None:
         [[15.0 + d * math.cos(beta), 15.0 + d * math.sin(beta)], [28.0, 28.0]], np.zeros((2, 2)), [0.0] * 2
     )
     blade = Wall.segment(MIDDLE, (20.0, 15.0), turn=Turn("steady", center=MIDDLE, rate=w))
-    engine = Engine(disks, BOX, start, np.array([[ELASTIC]]), walls=[blade, *CORNER], wall_sums=True)
+    engine = Engine(disks, BOX, start, np.array([[ELASTIC]]), walls=[blade, *CORNER], record=["wall"])
     t = (beta - math.asin(R / d)) / w
     run_to(engine, t - 1e-12)
     assert engine.wall_hits == 0
@@ -207,7 +208,7 @@ def test_a_gate_opens_at_its_time_and_after_its_collisions_to_the_collision(orde
 
     def engine_of(state: State, walls: list[Wall]) -> Engine:
         return Engine(
-            disks, BOX, state, np.array([[COIN]]), walls=walls, order=order, tile_disks=20, wall_sums=True
+            disks, BOX, state, np.array([[COIN]]), walls=walls, order=order, tile_disks=20, record=["wall"]
         )
 
     def gated(**options: float) -> Engine:
@@ -245,7 +246,7 @@ def test_a_wall_moves_from_one_time_to_another() -> None:
     def above(y: float, speed: float, t: float) -> Engine:
         start = State([[15.0, y], [25.0, 25.0]], [[0.0, speed], [0.0, 0.0]], np.zeros(2), time=t)
         walls = [floor, *CORNER]
-        return Engine(disks, BOX, start, np.array([[ELASTIC]]), walls=walls, wall_sums=True)
+        return Engine(disks, BOX, start, np.array([[ELASTIC]]), walls=walls, record=["wall"])
 
     engine = above(10.7, 0.0, 0.0)  # the floor stands at 10 before
     run_to(engine, 1.4 - 1e-9)
@@ -303,9 +304,9 @@ def test_sums_are_there_only_where_they_are_asked_for() -> None:
     start = State([[8.0, 15.0]], [[0.0, 0.0]], [0.0])
     law = IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
     run = Simulation(disks, BOX, law, start)
-    with pytest.raises(InputError, match="wall_sums=True"):
+    with pytest.raises(InputError, match="wall_sums: not recorded"):
         _ = run.wall_sums
-    run = Simulation(disks, BOX, law, start, walls=room()[:3], wall_sums=True)
+    run = Simulation(disks, BOX, law, start, walls=room()[:3], record=["wall"])
     assert run.wall_sums.values.shape == (7, 6)
     assert run.measure().walls is not None
     assert run.wall_sums.of("paddle").values.shape == (1, 6)

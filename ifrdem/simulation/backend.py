@@ -1,0 +1,449 @@
+"""Starting Taichi on a device, and saying which devices there are."""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import ctypes
+import functools
+import gc
+import io
+import logging
+import os
+import shutil
+import signal
+import tempfile
+import threading
+import time
+import warnings
+import weakref
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from ..errors import EngineError, InputError
+from .device import NAMES, Device
+
+GPU_LANES = 65536  # tiles that have scratch space at the same time
+LOG = logging.getLogger("ifrdem")
+
+
+@dataclass(frozen=True)
+class DeviceInfo:
+    """A device that kernels can run on: its name, and what it is."""
+
+    name: str
+    description: str
+
+
+@dataclass(frozen=True)
+class Running:
+    """Options with which Taichi was started."""
+
+    device: str
+    threads: int
+    precision: str = "f64"
+    profile: bool = False
+
+
+_running: Running | None = None
+_process: int | None = None  # the one that started Taichi
+_asked = False  # the driver, for GPUs
+_shown: str | None = None  # the GPU that `show_gpu` has chosen
+_in_use = threading.RLock()
+_most_threads: int | None = None
+
+
+def cpu_name() -> str:
+    """Name of the processor."""
+    try:
+        with open("/proc/cpuinfo") as info:
+            for line in info:
+                if line.startswith("model name"):
+                    return line.split(":", 1)[1].strip()
+    except OSError:
+        pass
+    return "CPU"
+
+
+def cores() -> int:
+    """Cores that this process may use (a container or a batch system may allow fewer than there are)."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def check_process() -> None:
+    """Raise EngineError in a process that was forked after Taichi started: its threads are not in the copy."""
+    if _process not in (None, os.getpid()):
+        raise EngineError(
+            "this process is a copy (fork) of one in which a simulation has started already, and Taichi's threads are "
+            'not copied: a simulation here would wait for them for ever. Start processes by "spawn" instead: '
+            'multiprocessing.get_context("spawn"), or ProcessPoolExecutor(mp_context=get_context("spawn"))'
+        )
+
+
+@contextlib.contextmanager
+def sole_use() -> Iterator[None]:
+    """Keep Taichi to the present thread; a decorator too.
+
+    EngineError if another thread uses it, or the process is a forked copy (`check_process`).
+    """
+    check_process()
+    if not _in_use.acquire(blocking=False):
+        raise EngineError(
+            "another thread of this process is running a simulation: one thread at a time can, because Taichi is one "
+            "per process. Wait until it is done, or run each simulation in a process of its own: "
+            'multiprocessing.get_context("spawn")'
+        )
+    try:
+        yield
+    finally:
+        _in_use.release()
+
+
+@contextlib.contextmanager
+def deferred_interrupts() -> Iterator[None]:
+    """Delay Ctrl-C: KeyboardInterrupt is raised at the end of the block, where the gas is in a whole state.
+
+    A second Ctrl-C raises it at once. Nothing is delayed in a thread other than the main one, or where a handler other
+    than Python's own is installed for SIGINT, such as that of the command `ifrdem run`.
+    """
+    usual, came = signal.default_int_handler, False
+    if (
+        threading.current_thread() is not threading.main_thread()
+        or signal.getsignal(signal.SIGINT) is not usual
+    ):
+        yield
+        return
+
+    def note(_number: int, _frame: FrameType | None) -> None:
+        nonlocal came
+        if came:
+            raise KeyboardInterrupt
+        came = True
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, usual)
+    if came:
+        raise KeyboardInterrupt
+
+
+def limit_threads(most: int) -> None:
+    """Have what is started from now on without a number of threads take so many at most: others share the cores."""
+    global _most_threads
+    _most_threads = most
+
+
+def memory_available() -> int | None:
+    """Bytes of memory that a process could still take, or None where the system does not tell.
+
+    A container's limit counts as well, less what is in use in it already.
+    """
+    found = []
+    try:
+        with open("/proc/meminfo") as info:
+            found += [1024 * int(line.split()[1]) for line in info if line.startswith("MemAvailable:")]
+    except OSError:
+        pass
+    try:
+        with open("/sys/fs/cgroup/memory.max") as most, open("/sys/fs/cgroup/memory.current") as used:
+            found.append(int(most.read()) - int(used.read()))
+    except (OSError, ValueError):  # no such group, or "max": no limit
+        pass
+    return min(found, default=None)
+
+
+def show_gpu(number: int) -> None:
+    """Have this process see one GPU only: of those that CUDA_VISIBLE_DEVICES names, in turn, or of all of the machine.
+
+    `number` is that of a rank among those of its machine. Without that variable rank 2 gets GPU 2, or there is none for
+    it: ranks share GPUs only where the user, or the batch system, says so by naming fewer. InputError if the driver,
+    which looks at the variable once, has been asked before and shows another one.
+    """
+    global _shown
+    if _shown is not None:
+        return
+    named = os.environ.get("CUDA_VISIBLE_DEVICES")
+    entries = [str(number)] if named is None else [each.strip() for each in named.split(",")]
+    wanted = entries[number % len(entries)]
+    if _asked and wanted != named:
+        raise InputError(
+            f"device = 'cuda': rank {number} of this machine is to see GPU {wanted}, but it has asked for GPUs "
+            "before, and the driver looks once: set CUDA_VISIBLE_DEVICES for each rank, or make the gas that is on "
+            "several ranks first"
+        )
+    os.environ["CUDA_VISIBLE_DEVICES"] = _shown = wanted
+
+
+def cuda_absence() -> str | None:
+    """Reason why no GPU can be used through CUDA, with a way out; None if one can. Asks the driver itself."""
+    global _asked
+    _asked = True
+    try:
+        driver = ctypes.CDLL("libcuda.so")  # under this name Taichi opens it
+    except OSError:
+        try:
+            ctypes.CDLL("libcuda.so.1")
+        except OSError:
+            return "no NVIDIA driver (libcuda.so)"
+        return (
+            "the NVIDIA driver is here as libcuda.so.1 only, and Taichi opens libcuda.so: put a link of that name to "
+            "it into a folder, and the folder into LD_LIBRARY_PATH"
+        )
+    failed = driver.cuInit(0)
+    if failed:
+        return f"the NVIDIA driver finds no device that works (cuInit gives error {failed}){_told_of_ranks()}"
+    count = ctypes.c_int(0)
+    failed = driver.cuDeviceGetCount(ctypes.byref(count))
+    if failed or count.value < 1:
+        visible = os.environ.get("CUDA_VISIBLE_DEVICES")
+        return f"the NVIDIA driver has no device (CUDA_VISIBLE_DEVICES = {visible}){_told_of_ranks()}"
+    from .. import kernels  # noqa: F401  (keeps Taichi from printing its banner)
+
+    import taichi as ti  # isort: skip
+
+    if not ti._lib.core.with_cuda():
+        return "Taichi cannot use this NVIDIA driver: it needs one for CUDA 10 or later"
+    return None
+
+
+def _told_of_ranks() -> str:
+    """A remedy where each rank was to see another GPU."""
+    if _shown is None:
+        return ""
+    return (
+        f"; this rank was to have GPU {_shown}: start as many ranks on a machine as it has GPUs, or name those that "
+        "ranks are to share in CUDA_VISIBLE_DEVICES"
+    )
+
+
+def _gpu() -> tuple[ctypes.CDLL, ctypes.c_int]:
+    """The driver and its first device; there must be one (`cuda_absence`)."""
+    driver, handle = ctypes.CDLL("libcuda.so"), ctypes.c_int(0)
+    driver.cuInit(0)
+    driver.cuDeviceGet(ctypes.byref(handle), 0)
+    return driver, handle
+
+
+def gpu_name() -> str:
+    """Name of the GPU."""
+    driver, handle = _gpu()
+    name = ctypes.create_string_buffer(256)
+    driver.cuDeviceGetName(name, 256, handle)
+    return name.value.decode(errors="replace")
+
+
+def gpu_memory() -> int:
+    """Bytes of memory of the GPU."""
+    driver, handle = _gpu()
+    memory = ctypes.c_size_t(0)
+    driver.cuDeviceTotalMem_v2(ctypes.byref(memory), handle)
+    return memory.value
+
+
+def describe(name: str) -> DeviceInfo:
+    """A device, which may be there or not."""
+    if name == "cpu":
+        return DeviceInfo(name, f"{cpu_name()}, {cores()} threads")
+    if cuda_absence() is not None:
+        return DeviceInfo(name, "NVIDIA GPU (CUDA)")
+    return DeviceInfo(name, f"{gpu_name()} (CUDA)")
+
+
+def available() -> list[DeviceInfo]:
+    """The devices that a simulation can run on."""
+    return [describe(name) for name in NAMES if name == "cpu" or cuda_absence() is None]
+
+
+def check(device: Device | str) -> None:
+    """Raise InputError unless the device and as many threads are there. Starts nothing."""
+    device = Device.of(device)
+    absence = cuda_absence() if device.name == "cuda" else None  # a run on the CPU asks no driver
+    if absence is not None:
+        raise InputError(
+            f"device = '{device.name}': no such device on this machine; present: cpu (see `ifrdem devices`): {absence}"
+        )
+    # More threads than cores wait for each other at the end of every parallel loop.
+    if device.threads is not None and device.threads > cores():
+        raise InputError(f"threads = {device.threads}: must be from 1 to the {cores()} cores that are here")
+
+
+def _usual_cache() -> Path:
+    """Folder in which Taichi keeps compiled kernels."""
+    return Path(os.environ.get("TI_OFFLINE_CACHE_FILE_PATH") or Path("~/.cache/taichi/ticache").expanduser())
+
+
+def kernel_cache_trouble() -> str | None:
+    """Reason why compiled kernels cannot be kept for other processes, with a remedy; None if they can."""
+    folder = _usual_cache()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        _remove_stale_lock(folder)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        return (
+            f"kernel cache {folder}: cannot be written to ({error.strerror or error}): every process compiles its "
+            "kernels again; set TI_OFFLINE_CACHE_FILE_PATH to a folder that can be written to"
+        )
+    return None
+
+
+def _kernel_cache() -> str | None:
+    """Folder of compiled kernels: Taichi's usual one, else a temporary one; None if neither can be written.
+
+    Taichi itself crashes when it cannot write its cache.
+    """
+    if (trouble := kernel_cache_trouble()) is None:
+        return str(_usual_cache())
+    if trouble not in _warned:  # once
+        _warned.add(trouble)
+        warnings.warn(trouble, stacklevel=3)
+    return _temporary_cache()
+
+
+@functools.cache
+def _temporary_cache() -> str | None:
+    """A folder that is removed when this process ends; None if none can be made."""
+    try:
+        folder = tempfile.mkdtemp(prefix="ifrdem-kernels-")
+    except OSError:
+        return None
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
+
+
+_warned: set[str] = set()  # texts on kernel caches that were shown
+
+STALE = 60.0
+"""Seconds after which a lock of the kernel cache is that of a killed process; Taichi holds one for milliseconds."""
+
+
+def _remove_stale_lock(folder: Path) -> None:
+    """Remove a lock that a killed process left: with one there, Taichi neither reads nor writes its cache."""
+    lock = folder / "ticache.lock"
+    with contextlib.suppress(FileNotFoundError):  # there is none, or another process removed it
+        if time.time() - lock.stat().st_mtime > STALE:
+            lock.unlink()
+
+
+_users: weakref.WeakSet[Any] = weakref.WeakSet()
+
+
+def register(user: Any) -> None:
+    """Have `user.release()`, which gives its arrays up, called before Taichi ends or starts anew."""
+    _users.add(user)
+
+
+def lanes() -> int:
+    """Tiles that the device runs at the same time."""
+    assert _running is not None
+    return _running.threads if _running.device == "cpu" else GPU_LANES
+
+
+def kernels() -> int:
+    """Number of kernels compiled so far, or found in the cache."""
+    import taichi as ti
+
+    return int(ti.lang.impl.get_runtime().get_num_compiled_functions())
+
+
+def free_array(array: Any) -> None:
+    """Give the memory of a Taichi array back, whoever still refers to it; the array cannot be used any more.
+
+    Taichi frees arrays of numbers when Python forgets them, and arrays of vectors only when it ends.
+    """
+    import taichi as ti
+
+    runtime = ti.lang.impl.get_runtime()
+    if runtime.prog is not None and array.arr is not None:
+        runtime.prog.delete_ndarray(array.arr)
+        array.arr = None
+
+
+def _release_all() -> None:
+    """Free every array of this Taichi, which is about to end.
+
+    One that Python forgot only later (a traceback can hold it for long) would take an array of the next Taichi with
+    it: Taichi knows arrays by their addresses, and a new array may have the address of an old one.
+    """
+    import taichi as ti
+
+    for user in list(_users):
+        user.release()
+    _users.clear()
+    for thing in gc.get_objects():
+        if issubclass(type(thing), ti.Ndarray):  # isinstance would ask every proxy what it stands for
+            free_array(thing)
+
+
+def start(device: Device | str = "cpu", *, profile: bool = False) -> Running:
+    """Start Taichi, or do nothing if it already runs with the same settings.
+
+    Taichi is one per process: starting it with other settings ends every simulation of the process so far.
+
+    Parameters
+    ----------
+    device : Device or str
+        A device that is not there is refused; there is no fall-back. Without threads those of all cores, or as many as
+        `limit_threads` says. The precision is the type of literals and of real numbers whose type is not said.
+    profile : bool
+        Let Taichi time every kernel, for `ifrdem.validation.speed.bench`. Without it, a Taichi that runs so already
+        is kept, so that simulations can be made under the profiler; `stop` ends that.
+
+    InputError if the device is not there, or there are not so many cores;
+    EngineError if the process is a forked copy of one that has started Taichi.
+    """
+    global _running, _process
+    check_process()
+    device = Device.of(device)
+    check(device)
+    threads = device.threads or min(cores(), _most_threads or cores())
+    wanted = Running(device.name, threads, device.precision, profile)
+    from .. import kernels  # noqa: F401  (keeps Taichi from printing its banner)
+
+    import taichi as ti  # isort: skip
+
+    os.environ.pop("TI_ARCH", None)  # Taichi would follow it instead of what was asked for
+    good_enough = (wanted, replace(wanted, profile=True))
+    if _running is not None and _running in good_enough and ti.lang.impl.get_runtime().prog is not None:
+        return _running
+    _release_all()
+    cache = _kernel_cache()
+    ti.set_logging_level(ti.ERROR)  # it would warn of variables of the environment that arguments override
+    with contextlib.redirect_stdout(io.StringIO()):  # Taichi announces itself on stdout, where results go
+        ti.init(
+            arch=getattr(ti, wanted.device),
+            default_fp=getattr(ti, wanted.precision),
+            default_ip=ti.i32,
+            fast_math=False,  # with it, contact times lose bits and collisions are missed
+            cpu_max_num_threads=wanted.threads,
+            offline_cache=cache is not None,
+            offline_cache_file_path=cache or "",
+            log_level=ti.WARN,
+            enable_fallback=False,
+            unrolling_limit=0,  # no warning of Taichi's own copies of walls, which have 38 columns, to a GPU
+            cfg_optimization=False,  # the same bits and speed, a quarter of the time to compile
+            kernel_profiler=profile,
+        )
+    _running, _process = wanted, os.getpid()
+    LOG.debug("device %s, %d threads, %s", wanted.device, wanted.threads, wanted.precision)
+    LOG.debug("kernel cache %s", cache or "none")
+    return wanted
+
+
+def stop() -> None:
+    """End Taichi, and with it every simulation of this process."""
+    global _running, _process
+    if _running is not None:
+        check_process()
+        import taichi as ti
+
+        _release_all()
+        ti.reset()
+        _running = _process = None
