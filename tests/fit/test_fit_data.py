@@ -98,7 +98,7 @@ def test_obvious_spellings_are_understood(tmp_path: Path, column: str, name: str
             r"columns of a table of angles \(psi, delta_2\) and of whole collisions \(vx_1\) are both given",
         ),
         ("psi,delta_2,delta2\n10,4,4\n", r"column 'delta_2' stands twice"),
-        ("psi,delta_2,delta_1_error\n10,4,1\n", r"column 'delta_1_error' needs a column 'delta_1'"),
+        ("psi,delta_2,delta_1_error\n10,4,1\n", r"column 'delta_1_error' requires a column 'delta_1'"),
     ],
 )
 def test_wrong_columns_are_refused(tmp_path: Path, text: str, says: str) -> None:
