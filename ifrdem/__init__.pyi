@@ -27,9 +27,9 @@ from .model.ifr import collide as collide
 from .model.law import CollisionLaw as CollisionLaw
 from .model.state import Disks as Disks
 from .model.state import State as State
-from .model.walls import Motion as Motion
-from .model.walls import Piston as Piston
-from .model.walls import Turn as Turn
+from .model.wall_motion import Motion as Motion
+from .model.wall_motion import Piston as Piston
+from .model.wall_motion import Turn as Turn
 from .model.walls import Wall as Wall
 from .model.walls import WallSums as WallSums
 from .mpi.communicator import slice_of as slice_of

@@ -337,8 +337,8 @@ DSMC_TABLES: dict[str, Columns] = {
     "counter": Columns(open=2, **columns("collisions", "cut")),
     # Of random numbers: number of the batch or of the kick (low, high word), seed (low, high word).
     "key": Columns(**columns("number_low", "number_high", "seed_low", "seed_high")),
-    # The two numbers of contact values (`contact.crowding_of_mixture`); the largest g_ij sigma_ij |v_i - v_j| that may
-    # occur; the square of the highest speed for which that holds.
+    # Coefficients of contact values (`contact.contact_value_coefficients`); the largest g_ij sigma_ij |v_i - v_j| that
+    # may occur; the square of the highest speed for which that holds.
     "crowding": Columns(**columns("one", "two", "majorant", "cap")),
     # Factors of a velocity and of a spin by friction; energy that noise gives to the motion and to the spin.
     "factors": Columns(**columns("velocity", "spin", "energy", "spin_energy")),

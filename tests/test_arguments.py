@@ -55,7 +55,7 @@ THEORY: dict[str, dict[str, Any]] = {
     "collision_rate": {"packing_fraction": 0.2, "T": 1.0, "mass": 1.0, "radius": 0.5, "g": 1.2},
     "compressibility": {"packing_fraction": 0.2, "radius": [0.5, 1.0], "fraction": [1.0, 2.0],
                         "contact": "virial"},
-    "contact_value": {"packing_fraction": 0.2},
+    "contact_value": {"packing_fraction": 0.2, "contact": "henderson"},
     "cooling": {**GAS, "packing_fraction": 0.2, "T0": 1.0, "T_rot0": 0.5, "times": [0.0, 1.0]},
     "cooling_factor": {"a_2": 0.1},
     "cooling_rates": {"T": 1.0, "T_rot": 0.5, **GAS, "number_density": 0.1},
@@ -65,7 +65,6 @@ THEORY: dict[str, dict[str, Any]] = {
     "haff": {"T0": 1.0, "e_n": 0.9, "rate0": 1.0, "times": [0.0, 1.0]},
     "haff_time": {"e_n": 0.9, "rate0": 1.0},
     "heated_sonine": {"e_n": 0.9},
-    "henderson": {"packing_fraction": 0.2},
     "mean_free_path": {"packing_fraction": 0.2, "radius": 0.5},
     "mixture_collision_rates": {"T": [1.0, 2.0], "mass": [1.0, 4.0], "radius": [0.5, 1.0],
                                 "number_density": [0.1, 0.1], "g": np.ones((2, 2))},
@@ -608,7 +607,7 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
                         "device": "cpu"}),
         "Simulation": (gas, simulation),
         "Simulation.run": (lambda **given: gas().run(**given), {
-            "t_end": 0.0, "frames": 1, "observers": (), "series": None, "samplers": (), "progress": None,
+            "t_end": 0.0, "frames": 1, "frame_callbacks": (), "series": None, "series_callbacks": (), "progress": None,
         }),
         "DSMC.run": (lambda **given: dsmc().run(**given), {"t_end": 0.0, "samples": [0.0]}),
         "Simulation.collide": (made.collide, {"count": 0}),
@@ -617,6 +616,9 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "Simulation.set_piston_force": (lambda **given: driven().set_piston_force(**given),
                                         {"wall": 0, "force": 1.0}),
         "Simulation.switch_ledger": (gas(record=["energy"]).switch_ledger, {"on": True}),
+        "Simulation.run_for": (lambda **given: gas().run_for(**given), {
+            "time": 1e-9, "frames": 1, "frame_callbacks": (), "series": None, "series_callbacks": (),
+        }),
         "Simulation.set_law": (made.set_law, {"law": law}),
         "Simulation.set_forces": (made.set_forces, {"forces": ()}),
         "Simulation.set_gravity": (made.set_gravity, {"gravity": (0.0, 0.0)}),
@@ -628,8 +630,8 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
 GASES = [
     "DSMC", "DSMC.run", "Simulation",
     *(f"Simulation.{name}" for name in (
-        "collide", "collide_until", "load_checkpoint", "run", "save_checkpoint", "set_forces", "set_gravity", "set_law",
-        "set_piston_force", "set_velocities", "switch_ledger")),
+        "collide", "collide_until", "load_checkpoint", "run", "run_for", "save_checkpoint", "set_forces", "set_gravity",
+        "set_law", "set_piston_force", "set_velocities", "switch_ledger")),
 ]  # fmt: skip
 
 

@@ -22,8 +22,9 @@ from ..model.box import Box
 from ..model.free_area import FreeArea
 from ..model.overlaps import check_no_overlap, relax
 from ..model.state import DiskKinds
-from ..model.walls import Wall, check_place, pieces
-from ..model.walls import check as check_free_of_walls
+from ..model.wall_checks import check as check_free_of_walls
+from ..model.wall_checks import check_place
+from ..model.walls import Wall, pieces
 from ..mpi import current, distribution
 from ..mpi.decomposition import counted_tiles, most_ranks
 from ..simulation.checks import check_pistons

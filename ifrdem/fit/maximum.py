@@ -572,7 +572,7 @@ def _redundancies(points: Points, *, with_coefficients: bool = True) -> Array:
 
 
 def _factors(problem: Problem, points: Points, groups: tuple[str, ...]) -> dict[str, float]:
-    """By what to multiply the errors of groups, so that their squared residuals are as many as their redundancy."""
+    """Factors of the errors of groups that make the sum of squared residuals equal to the redundancy."""
     redundancy = _redundancies(points)
     squares = points.weight[:, None] * points.residual**2
     found = {}

@@ -131,7 +131,7 @@ class Fitted:
 
     @property
     def correlation(self) -> Array:
-        """Of the free coefficients (p, p); NaN where the likelihood is flat."""
+        """Correlation matrix of the free coefficients (p, p); NaN where the likelihood is flat."""
         with np.errstate(invalid="ignore"):
             scale = np.sqrt(np.diag(self.covariance))
             return np.asarray(self.covariance / np.outer(scale, scale))

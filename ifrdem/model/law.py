@@ -1,6 +1,6 @@
 """Collision laws: what the engine needs of one, how users write their own, and the laws of all pairs of materials.
 
-`try_on` tries a law of one's own on random pairs: it keeps disks apart, or not; it adds energy, or not.
+`check_by_sampling` checks a custom law on random pairs: whether it keeps disks apart, and whether it adds energy.
 """
 
 from __future__ import annotations
@@ -163,7 +163,9 @@ def checked_class(laws: list[list[CollisionLaw]]) -> type[CollisionLaw]:
     return kinds[0]
 
 
-def try_on(kind: type[CollisionLaw], table: Array, disks: Disks, walls: Sequence[int], speed: float) -> None:
+def check_by_sampling(
+    kind: type[CollisionLaw], table: Array, disks: Disks, walls: Sequence[int], speed: float
+) -> None:
     """Try a law on pairs drawn from these disks and walls, always the same ones.
 
     Angles are uniform, spins up to twice the speed at the rim, and speeds spread over 1e-3 to 10 times `speed`.

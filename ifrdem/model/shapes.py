@@ -10,6 +10,7 @@ import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..tools.checked import Array
@@ -333,7 +334,7 @@ class Polyline(Shape):
             return away * sign[:, None], distance * sign
         return away, distance
 
-    def _nearest_side(self, position: Array) -> tuple[Array, Array, Array]:
+    def _nearest_side(self, position: Array) -> tuple[Array, Array, NDArray[np.int64]]:
         """Unit vectors and distances from the nearest side, and how many sides a ray along +x crosses."""
         corners = self.outline()
         a, q = corners[:-1], np.diff(corners, axis=0)

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..kernels.columns import MECHANISM, MOST_IDS
-from ..mpi import SERIAL, Communicator, current
+from ..mpi import SERIAL, current
 from ..mpi.distribution import broadcast_constant_rows
 from ..tools import checked
 from ..tools.checked import Array, Integer, Numbers, validated
 from ..tools.pictured import Pictured
+from ..tools.read_only import ReadOnlyAttributes
 from ..tools.reprs import Brief
-from ..tools.sealed import Sealed
 
 NumberOfDisks = Annotated[int, Integer(0, MOST_IDS)]
 _TINY, _HUGE = np.finfo(np.float64).smallest_subnormal, np.finfo(np.float64).max
@@ -216,7 +216,7 @@ _COUNTS = (
 
 
 @dataclass(eq=False, repr=False)
-class State(Brief, Sealed, Pictured):
+class State(Brief, ReadOnlyAttributes, Pictured):
     """Positions and motion of n disks at one time.
 
     InputError if shapes do not fit or a value is not finite (the first such disk is named).
@@ -329,32 +329,31 @@ OF_STATE = tuple(each.name for each in fields(State) if each.name not in ("time"
 """Names of what a state has of each disk, beside the flow, which the box gives."""
 
 
-def scatter_state(
-    communicator: Communicator, disks: Disks | None, state: State | None
-) -> tuple[Disks, State]:
+def scatter_state(disks: Disks | None, state: State | None) -> tuple[Disks, State]:
     """Disks and state of the own slice, of those that the root has; what the other ranks give is not looked at."""
-    if communicator.size == 1:
+    comm = current()
+    if comm.size == 1:
         assert disks is not None
         assert state is not None
         return disks, state
     arrays: list[NDArray[Any]] | None = None
     n, time = 0, 0.0
-    if communicator.is_root:
+    if comm.is_root:
         assert disks is not None
         assert state is not None
         n, time = disks.n, float(state.time)
         arrays = [broadcast_constant_rows(getattr(disks, name)) for name in COLUMNS]
         arrays += [broadcast_constant_rows(getattr(state, name)) for name in OF_STATE]
-    n, time = communicator.bcast((n, time))
-    found = communicator.scatter_rows(n, arrays)
-    own = Disks(len(communicator.slice_of(n)), *found[: len(COLUMNS)])
+    n, time = comm.bcast((n, time))
+    found = comm.scatter_rows(n, arrays)
+    own = Disks(len(comm.slice_of(n)), *found[: len(COLUMNS)])
     return own, State(time=time, **dict(zip(OF_STATE, found[len(COLUMNS) :], strict=True)))
 
 
-def gather_state(communicator: Communicator, n: int, state: State) -> State | None:
+def gather_state(n: int, state: State) -> State | None:
     """The state of all n disks, of which each rank gives its slice: on the root; None on the others."""
     names = [name for name in sorted(State.assignable - {"time"}) if getattr(state, name) is not None]
-    rows = communicator.gather_rows(n, [getattr(state, name) for name in names])
+    rows = current().gather_rows(n, [getattr(state, name) for name in names])
     if rows is None:
         return None
     whole = copy.copy(state)

@@ -17,215 +17,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError, nearest
-from ..kernels.columns import MOST_WALLS, WALL, Named, named
+from ..kernels.columns import WALL, Named, named
 from ..kernels.layout import FAR
 from ..kernels.walls.kinds import FREE, MOTIONS, PIECES, TURNS
-from ..mpi import current
-from ..tools.checked import Array, Integer, Number, Numbers, validated
+from ..tools.checked import Array, Integer, Numbers, validated
 from . import outlines
 from .box import Box
-from .outlines import MOST
 from .shapes import FULL_TURN, SHAPES, Pieces, Shape
+from .wall_motion import Length, Motion, Piston, Point, Positive, Size, Turn
 
-Length = Annotated[float, Number(-MOST, MOST, f"a finite number, at most {MOST:g} in size")]
-Size = Annotated[float, Number(0.0, MOST, f"a number from 0 to {MOST:g}")]
-Positive = Annotated[float, Number(1e-300, MOST, f"a positive number, at most {MOST:g}")]
-Point = tuple[Length, Length]
 SUMS = ("momentum_x", "momentum_y", "torque", "work", "heat", "hits")
 """Columns of `Simulation.wall_sums`."""
 PISTONS = ("displacement", "velocity", "energy", "force")
 """Columns of `Simulation.pistons`."""
 OF_PISTONS = "piston_"
 """Prefix of their names in frames and rows of the time series."""
-
-
-@validated
-@dataclass(frozen=True)
-class Motion:
-    """Motion of a wall as a whole: a displacement s(t) along a direction; t is the time of the run.
-
-    InputError if a number is not finite or out of its range.
-
-    Parameters
-    ----------
-    kind : {"still", "steady", "sine", "sawtooth"}
-        steady: s = speed t. sine: s = amplitude sin(2 pi frequency t + phase). sawtooth: at constant speed from
-        -amplitude to +amplitude in the part `rise`, between 0 and 1, of a period, and back in the rest of it.
-    direction : two floats
-        Any length but 0; only the direction counts.
-    speed, amplitude, frequency : float
-        [length/time], [length], [1/time].
-    phase : float
-        At t = 0 [rad]; 2 pi is a whole period.
-
-    Examples
-    --------
-    >>> import ifrdem
-    >>> floor = ifrdem.Motion("sine", amplitude=0.01, frequency=20.0)
-    >>> floor.kind, floor.direction
-    ('sine', (0.0, 1.0))
-    """
-
-    kind: Literal["still", "steady", "sine", "sawtooth"] = "still"
-    direction: Point = (0.0, 1.0)
-    speed: Length = 0.0
-    amplitude: Size = 0.0
-    frequency: Size = 0.0
-    phase: Length = 0.0
-    rise: Annotated[float, Number(1e-15, 1.0 - 1e-15, "a number between 0 and 1")] = 0.5
-
-    def __post_init__(self) -> None:
-        x, y = self.direction
-        length = math.hypot(x, y)
-        if length == 0.0:
-            raise InputError("direction = (0, 0): must not be 0")
-        object.__setattr__(self, "direction", (x / length, y / length))
-        if self.kind in ("sine", "sawtooth") and self.frequency == 0.0:
-            raise InputError(f"frequency = 0: must be above 0 for a motion of kind '{self.kind}'")
-
-    @property
-    def most_speed(self) -> float:
-        """The largest speed [length/time]."""
-        if self.kind == "steady":
-            return abs(self.speed)
-        if self.kind == "sine":
-            return 2.0 * math.pi * self.frequency * self.amplitude
-        if self.kind == "sawtooth":
-            return 2.0 * self.amplitude * self.frequency / min(self.rise, 1.0 - self.rise)
-        return 0.0
-
-    @property
-    def extent(self) -> float:
-        """Largest displacement from its middle position [length]; infinite for a steady motion."""
-        return math.inf if self.kind == "steady" and self.speed != 0.0 else self.amplitude
-
-    @validated
-    def displacement(self, t: Length) -> float:
-        """s(t) [length]."""
-        if self.kind == "steady":
-            return self.speed * t
-        if self.kind == "sine":
-            return self.amplitude * math.sin(2.0 * math.pi * self.frequency * t + self.phase)
-        if self.kind == "sawtooth":
-            part = (self.frequency * t + self.phase / (2.0 * math.pi)) % 1.0
-            if part < self.rise:
-                return self.amplitude * (2.0 * part / self.rise - 1.0)
-            return self.amplitude * (1.0 - 2.0 * (part - self.rise) / (1.0 - self.rise))
-        return 0.0
-
-
-@validated
-@dataclass(frozen=True)
-class Turn:
-    """Rotation of a wall as a whole about a centre, counter-clockwise; t is the time of the run.
-
-    InputError if a number is not finite or out of its range.
-
-    Parameters
-    ----------
-    kind : {"still", "steady", "sine"}
-        steady: the angle is rate t. sine: it is amplitude sin(2 pi frequency t + phase).
-    center : two floats
-        Of the rotation [length]; where the wall has a motion too, this carries it along.
-    rate : float
-        Angular velocity [rad/time].
-    amplitude, frequency, phase : float
-        Largest angle [rad], [1/time], [rad].
-
-    Examples
-    --------
-    >>> import ifrdem
-    >>> mixer = ifrdem.Turn("steady", center=(0.5, 0.5), rate=2.0)
-    >>> mixer.angle(0.25)
-    0.5
-    """
-
-    kind: Literal["still", "steady", "sine"] = "still"
-    center: Point = (0.0, 0.0)
-    rate: Length = 0.0
-    amplitude: Size = 0.0
-    frequency: Size = 0.0
-    phase: Length = 0.0
-
-    def __post_init__(self) -> None:
-        if self.kind == "sine" and self.frequency == 0.0:
-            raise InputError("frequency = 0: must be above 0 for a turn of kind 'sine'")
-
-    @property
-    def most_rate(self) -> float:
-        """The largest angular velocity [rad/time]."""
-        if self.kind == "sine":
-            return FULL_TURN * self.frequency * self.amplitude
-        return abs(self.rate) if self.kind == "steady" else 0.0
-
-    @validated
-    def angle(self, t: Length) -> float:
-        """Angle at a time [rad]."""
-        if self.kind == "sine":
-            return self.amplitude * math.sin(FULL_TURN * self.frequency * t + self.phase)
-        return self.rate * t if self.kind == "steady" else 0.0
-
-
-@validated
-@dataclass(frozen=True)
-class Piston:
-    """A mass by which a wall moves freely along its normal, driven by the disks that hit it.
-
-    Its displacement s, from where the wall is given, follows M s'' = force + M g.n - spring s between hits; n is the
-    normal of a line, towards the disks, or to the left of a segment on the way from its start to its end. A collision
-    with a disk is one by the law, with the normal effective mass m M/(m + M) and the tangential one of a fixed wall.
-
-    InputError if a number is not finite or out of its range.
-
-    Parameters
-    ----------
-    mass : float
-        M, above 0 [mass].
-    force : float
-        Constant force along n [mass length/time^2]; of a line, a positive one presses on the disks.
-    spring : float
-        Stiffness of a spring that is relaxed at s = 0, not below 0 [mass/time^2].
-    displacement, velocity : float
-        s and s' at the start [length], [length/time].
-    low, high : float, optional
-        Stops, which reflect it elastically: the least and the largest s [length]; none by default.
-
-    Examples
-    --------
-    >>> import ifrdem
-    >>> piston = ifrdem.Piston(mass=50.0, force=3.0, spring=2.0)
-    >>> piston.energy(1.0, velocity=0.5)  # 50 0.5^2 / 2 - 3 + 2 / 2
-    4.25
-    """
-
-    mass: Positive
-    force: Length = 0.0
-    spring: Size = 0.0
-    displacement: Length = 0.0
-    velocity: Length = 0.0
-    low: Length | None = None
-    high: Length | None = None
-
-    def __post_init__(self) -> None:
-        low, high = self.stops
-        if not low < high:
-            raise InputError(f"piston low = {low:g}, high = {high:g}: low must be below high")
-        if not low <= self.displacement <= high:
-            raise InputError(
-                f"piston displacement = {self.displacement:g}: it must not be below low, {low:g}, or above high, "
-                f"{high:g}"
-            )
-
-    @property
-    def stops(self) -> Point:
-        """The least and the largest displacement [length], infinite where there is no stop."""
-        return -math.inf if self.low is None else self.low, math.inf if self.high is None else self.high
-
-    @validated
-    def energy(self, displacement: Length, velocity: Length, pull: Length = 0.0) -> float:
-        """Kinetic and potential energy, 0 at rest at s = 0; `pull` is M g.n, the component of its weight [energy]."""
-        s = displacement
-        return 0.5 * self.mass * velocity**2 - (self.force + pull) * s + 0.5 * self.spring * s * s
+_STILL, _UNTURNED = Motion(), Turn()
 
 
 class WallOptions(TypedDict, total=False):
@@ -293,8 +100,8 @@ class Wall:
     """Of a polygon: the side on which disks start, for placements and packing fractions; disks collide with both."""
     material: Annotated[int, Integer(0)] = 0
     """Row of the law's table."""
-    motion: Motion = Motion()
-    turn: Turn = Turn()
+    motion: Motion = _STILL
+    turn: Turn = _UNTURNED
     moves_from: Length | None = None
     moves_until: Length | None = None
     """moves_from, moves_until: times between which motion and turn go on [time]; before and after, the wall stands
@@ -737,110 +544,6 @@ def wall_names(walls: Sequence[Wall], box: Box) -> tuple[str, ...]:
                 if not box.is_open and not box.periodic[axis]]  # fmt: skip
     given = walls[: len(walls) - len(at_sides)]
     return (*(f"{wall.group or 'wall'} {i} {wall.shape}" for i, wall in enumerate(given)), *at_sides)
-
-
-def check_types(walls: Sequence[Wall]) -> None:
-    """Raise InputError unless these are walls."""
-    if isinstance(walls, Wall) or not isinstance(walls, Sequence):
-        raise InputError(f"walls = {walls!r}: a list of walls is needed, [wall] for one")
-    for w, one in enumerate(walls):
-        if not isinstance(one, Wall):
-            raise InputError(f"walls[{w}] = {one!r}: a Wall is needed, such as Wall.line(...)")
-
-
-def check_place(wall: Wall, box: Box) -> None:
-    """Raise InputError if a wall reaches across a periodic side of the box, where it is not repeated.
-
-    Also if it is a segment and a piston, and does not reach from side to side.
-    """
-    if wall.piston is not None and wall.shape == "segment":
-        _check_spans(wall, box)
-    low, high = wall.bounds()
-    reach = 0.0 if math.isinf(wall.motion.extent) else wall.motion.extent
-    for axis, side in enumerate(box.lengths):
-        if not box.periodic[axis]:
-            continue
-        if wall.geometry.is_endless:
-            if wall.towards[axis] != 0.0:
-                raise InputError(
-                    f"a line across a periodic direction of the box ({'xy'[axis]}); make that direction not periodic"
-                )
-            continue
-        if wall.piston is not None and wall.normal_of_piston[axis] != 0.0:
-            raise InputError(
-                f"as a piston it would leave through a periodic side of the box ({'xy'[axis]}); make that direction "
-                "not periodic"
-            )
-        if math.isinf(wall.motion.extent) and wall.motion.direction[axis] != 0.0:
-            raise InputError(
-                f"its steady motion carries it across a periodic side of the box ({'xy'[axis]}), where walls are not "
-                "repeated; let it oscillate, or make that direction not periodic"
-            )
-        if low[axis] - reach < 0.0 or high[axis] + reach > side:
-            raise InputError(
-                f"at ({wall.place[0]:.6g}, {wall.place[1]:.6g}) it reaches beyond a periodic side of the box, where "
-                "walls are not repeated; move it inside, or make that direction not periodic"
-            )
-
-
-def _check_spans(wall: Wall, box: Box) -> None:
-    """Raise InputError unless a segment reaches across the box along an axis: its ends would be hit aslant."""
-    for axis in range(2):
-        ends = wall.place[axis], wall.place[axis] + wall.towards[axis]
-        if wall.towards[1 - axis] == 0.0 and min(ends) <= 0.0 and max(ends) >= box.lengths[axis]:
-            return
-    raise InputError(
-        "as a piston a segment must run from side to side of the box, along x or y, so that disks hit it along the way "
-        "that it moves; give such a one, or a line"
-    )
-
-
-def check(
-    walls: Sequence[Wall], box: Box, position: Array, radius: Array, materials: int | None = None,
-    time: float = 0.0, tolerance: float = 0.0, collisions: int = 0,
-) -> None:  # fmt: skip
-    """Refuse walls that cannot be simulated, or that disks overlap at the start, at `time` [time], after `collisions`.
-
-    Of ranks of MPI, each gives the disks of its slice, and all raise the same.
-
-    `materials` is how many the law's table has, if it is known; overlaps up to `tolerance` [length] do not count.
-    InputError names wall and disk, and by how much they overlap.
-    """
-    if walls and box.is_open:
-        instead = "use a box with sides, large enough for the disks not to reach them"
-        raise InputError(f"walls are not supported in an open box: {instead}")
-    if (count := pieces(walls)) > MOST_WALLS:
-        most = f"{MOST_WALLS} at most are supported, pieces of polylines and the sides of the box included"
-        raise InputError(f"{count} walls: {most}")
-    comm = current()
-    ids, n = comm.number(len(position))
-    for w, wall in enumerate(walls):
-        name = f"wall {w} ({wall.shape})"
-        if materials is not None and not 0 <= wall.material < materials:
-            index = f"material index {wall.material}"
-            raise InputError(f"{name}: {index}: the law table has {materials} materials")
-        try:
-            check_place(wall, box)
-        except InputError as error:
-            raise InputError(f"{name}: {error}") from None
-        if n and wall.stands(time, collisions):
-            told = math.inf, 0, ""
-            if len(position):
-                gap = wall.gap(position, radius, time)
-                i = int(np.argmin(gap))
-                told = float(gap[i]), ids.start + i, f"({position[i, 0]:.6g}, {position[i, 1]:.6g})"
-            least, disk, place = min(comm.allgather(told))
-            if least < -tolerance:
-                raise InputError(
-                    f"disk {disk} at {place} overlaps {name}{_standing(wall, time)} by {-least:.3g}"
-                )
-
-
-def _standing(wall: Wall, time: float) -> str:
-    """Text on the time or displacement of a wall that moves or opens, for a message; "" for others."""
-    if wall.piston is not None:
-        return f" at its displacement {wall.piston.displacement:g}"
-    return f" at t = {time:g}" if wall.changes_with_time else ""
 
 
 def to_json(walls: Sequence[Wall]) -> str:

@@ -9,7 +9,8 @@ import numpy as np
 
 from ..analysis import result
 from ..errors import InputError
-from ..model.walls import OF_PISTONS, Turn
+from ..model.wall_motion import Turn
+from ..model.walls import OF_PISTONS
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .style import ACROSS, KINDS, RATIO, ROTATION, TRANSLATION, grid, label, legend_above
@@ -33,7 +34,7 @@ def along(trajectory: Trajectory, when: Array, over: str) -> Array:
 
 
 def series(trajectory: Trajectory, over: str, *names: str) -> tuple[Array, list[Array]]:
-    """Whole-gas quantities by name, and where they stand on such an axis."""
+    """Whole-gas quantities by name, and their coordinates on such an axis."""
     when, values = result.series(trajectory, *names)
     return along(trajectory, when, over), values
 

@@ -279,7 +279,7 @@ def run_root(
         with stops, progress:
             with recorder:
                 simulation.follow(
-                    running.course, observers=[frame], samplers=[row], progress=report, between=between,
+                    running.course, frame_callbacks=[frame], series_callbacks=[row], progress=report, between=between,
                     stored=_single(case),
                 )  # fmt: skip
             # A signal that comes while the latest frames are written is that of a run that is about to end anyway.
@@ -345,7 +345,7 @@ def run_worker(case: Case, simulation: Simulation, course: Course, writer: Parts
     with contextlib.nullcontext() if writer is None else writer:
         try:
             with stops:
-                simulation.follow(course, observers=[frame], between=between, stored=_single(case))
+                simulation.follow(course, frame_callbacks=[frame], between=between, stored=_single(case))
             if writer is not None:
                 writer.flush()
         except Stopped:
@@ -360,7 +360,8 @@ def _as_written(simulation: Simulation, writer: AsyncWriter | PartsWriter | None
         return writer.shares(state)
     if not simulation.comm.is_distributed:
         return state
-    return gather_state(simulation.comm, simulation.disks.n, state)
+    with simulation.comm:
+        return gather_state(simulation.disks.n, state)
 
 
 def _single(case: Case) -> Collection[str] | None:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from ..errors import DamageError, InputError
 from ..kernels.columns import named
 from ..model.state import State
-from ..mpi import SERIAL, Communicator
+from ..mpi import SERIAL, Communicator, current
 from ..tools import files
 from ..tools.versions import package_versions
 from ..trajectory import damage
@@ -187,7 +187,7 @@ def read(
     InputError if there is no such file, or it is none of ours, or damaged, or a part is missing.
     """
     arrays, record = _read(path)
-    return (arrays | _rows(path, record, SERIAL) if rows else arrays), record
+    return (arrays | _rows(path, record) if rows else arrays), record
 
 
 def read_parts(
@@ -211,22 +211,21 @@ def read_parts(
     place, arrays, record = found
     rows, error = {}, None
     try:
-        rows = _rows(place, record, comm)
+        with comm:
+            rows = _rows(place, record)
     except InputError as raised:
         error = raised
     comm.raise_collectively(error)
     return arrays | rows, record, True
 
 
-def _rows(
-    path: str | os.PathLike[str], record: Mapping[str, Any], comm: Communicator
-) -> dict[str, NDArray[Any]]:
+def _rows(path: str | os.PathLike[str], record: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
     """Rows of this rank's slice of the disks, from the parts of a checkpoint; none if it has no parts."""
     if "parts" not in record:
         return {}
     with as_damage_error(path, "its parts"):
         mark, first = str(record["parts"]["mark"]), [int(each) for each in record["parts"]["first"]]
-    own, pieces = comm.slice_of(first[-1]), []
+    own, pieces = current().slice_of(first[-1]), []
     for number, (start, end) in enumerate(itertools.pairwise(first)):
         low, high = max(start, own.start), min(end, own.stop)
         if low < high:

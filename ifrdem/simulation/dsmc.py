@@ -27,15 +27,15 @@ from ..kernels.layout import Uses
 from ..model.ifr import IFRLaw
 from ..model.law import (
     CollisionLaw,
+    check_by_sampling,
     check_energy,
     checked_class,
     coefficient_table,
     compiled,
     law_table,
-    try_on,
 )
 from ..model.state import Disks, State
-from ..theory.contact import Contact, PackingFraction, crowding_of_mixture
+from ..theory.contact import Contact, PackingFraction, contact_value_coefficients
 from ..theory.driven_gas import Drive
 from ..theory.sonine import sonine_coefficient
 from ..tools import checked, seeds
@@ -49,7 +49,7 @@ from ..tools.checked import (
     check_of,
     validated,
 )
-from ..tools.sealed import Sealed
+from ..tools.read_only import ReadOnlyAttributes
 from . import backend
 from .device import Device
 from .schedule import warn_of_end
@@ -175,7 +175,7 @@ Samples = Annotated[int | ArrayLike, _samples]
 """A number of samples, or the moments at which they are taken, shape (q,)."""
 
 
-class DSMC(Sealed):
+class DSMC(ReadOnlyAttributes):
     """A homogeneous gas of rough disks, without places.
 
     Parameters
@@ -185,7 +185,7 @@ class DSMC(Sealed):
     law : CollisionLaw or sequence of sequences of CollisionLaw
         As for `Simulation`: an `IFRLaw`, rolling friction included, or a law of one's own.
     packing_fraction : float
-        Part of the area that the disks cover; it sets the area, and how much crowding raises collision rates.
+        Part of the area that the disks cover; it sets the area and the contact values.
     velocity : array_like (n, 2)
         Velocities at the start [length/time].
     spin : array_like (n,), optional
@@ -198,7 +198,7 @@ class DSMC(Sealed):
         Power, spin power and linear friction of every disk, whatever its mass: white noise, or a heat bath
         (`driven_gas.Drive`). The total momentum is then not kept. The same for all masses.
     contact : {"virial", "henderson", "dilute"}
-        Contact values (`contact.crowding_of_mixture`); "dilute" solves Boltzmann's equation.
+        Contact values (`contact.contact_value_coefficients`); "dilute" solves Boltzmann's equation.
     device : Device or str
         As for `Simulation`. What comes out is the same to the last bit for any number of threads.
 
@@ -273,7 +273,7 @@ class DSMC(Sealed):
             running = backend.start(device := Device.of(device))
         self._alone = device.name == "cpu" and running.threads == 1
         self._real: Any = np.float32 if device.precision == "f32" else np.float64
-        a, b = crowding_of_mixture(packing_fraction, disks.radius, None, contact)
+        a, b = contact_value_coefficients(packing_fraction, disks.radius, None, contact)
         largest = float(disks.radius.max())
         self._section = 2.0 * a * largest + b * largest**2  # the largest g_ij sigma_ij
         self._crowding = np.array([a, b, 0.0, 0.0], dtype=self._real)
@@ -282,7 +282,7 @@ class DSMC(Sealed):
         self._make_arrays(start, compiled(kind), table)
         if kind is not IFRLaw:  # whether it adds energy is not known
             fastest = max(float(np.abs(part).max()) for part in (start.velocity, disks.radius * spins))
-            try_on(kind, table, disks, [], fastest or 1.0)
+            check_by_sampling(kind, table, disks, [], fastest or 1.0)
         self._set(time=0.0, collisions=0, energy_input=0.0, candidates=0, cut_for_speed=0)
         self._batches = self._kicks = 0
 

@@ -128,13 +128,13 @@ class ForceSteps:
             n, size = force.totals, self._sizes[index]
             while True:  # once, where sizes are as in the last step
                 found = told(sum_totals, (1 + LEVELS) * n, rounders=_rounders(size, self.arrays.n))
-                size = _size(self.arrays.most_of(found)[:n])
+                size = _size(self.arrays.domain.largest(found)[:n])
                 if np.array_equal(size, self._sizes[index]):
                     break
                 self._sizes[index] = size
-            sums = self.arrays.sums_of(found)[n:].reshape(LEVELS, n)
+            sums = self.arrays.domain.sums(found)[n:].reshape(LEVELS, n)
             totals = np.array([math.fsum(each) for each in sums.T])
-        gained = self.arrays.sums_of(told(apply_force, 2, totals=totals))
+        gained = self.arrays.domain.sums(told(apply_force, 2, totals=totals))
         self.next_steps[index] = k + 1
         if not math.isfinite(gained[0]):
             raise EngineError(

@@ -20,8 +20,8 @@ from ..model.state import State
 from ..tools import checked
 from ..tools.progress import size_of_time
 
-Observer = Callable[[State, Measure], None]
-Sampler = Callable[[Measure], None]
+FrameCallback = Callable[[State, Measure], None]
+SeriesCallback = Callable[[Measure], None]
 Progress = Callable[[float, int], None]
 
 
@@ -34,9 +34,9 @@ class Course:
     span : Span
         Its beginning and end.
     frames : Cadence
-        When observers are called, beside the beginning: exactly then.
+        When frame callbacks are called after the beginning: exactly then.
     series : Cadence or None
-        When samplers are called, beside the beginning and the end.
+        When series callbacks are called, in addition to the beginning and the end.
     next_frame, next_row : int
         What is due next, counted from 1; 0 is the beginning.
     """
@@ -215,6 +215,33 @@ class Span:
             raise checked.must_be("collisions_per_disk", collisions_per_disk, had)
         return cls(n, time, collisions, Due(collisions=end))
 
+    @classmethod
+    def for_more(
+        cls,
+        n: int,
+        time: float,
+        collisions: int,
+        *,
+        more_time: float | None = None,
+        collisions_per_disk: float | None = None,
+    ) -> Span:
+        """For a further time [time], or for so many further collisions per disk: at least one collision.
+
+        InputError if not exactly one is given, or it is not positive.
+        """
+        if (more_time is None) == (collisions_per_disk is None):
+            raise InputError("exactly one of time and collisions_per_disk must be given")
+        if more_time is not None:
+            more = checked.finite("time", more_time, "must be a positive finite number", 0.0, open_=True)
+            if time + more == time:
+                raise InputError(
+                    f"time = {more:g}: must be above {math.ulp(time):.3g}, the rounding of {time:g}"
+                )
+            return cls(n, time, collisions, Due(time=time + more))
+        needed = "must be a positive finite number"
+        more = checked.finite("collisions_per_disk", collisions_per_disk, needed, 0.0, open_=True)
+        return cls(n, time, collisions, Due(collisions=collisions + math.ceil(Fraction(str(more)) * n / 2)))
+
     @property
     def is_over(self) -> bool:
         """True if its end was reached before, by a gas that has moved."""
@@ -227,7 +254,7 @@ def warn_of_end(**end: float | None) -> None:
     ((name, asked),) = ((name, value) for name, value in end.items() if value is not None)
     warnings.warn(
         f"{name} = {asked:g} is reached already: this run does nothing. Ends count from the start of the gas, not from "
-        f"this call: for as much again, {name} = {2 * asked:g}",
+        f"this call: for as much again, {name} = {2 * asked:g}, or run_for",
         RunWarning,
         stacklevel=4,
     )

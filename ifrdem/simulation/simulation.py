@@ -16,15 +16,23 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, SlowRunWarning
 from ..model import crush
-from ..model.box import Box
+from ..model.box import Box, describe_sides
 from ..model.collapse import Collapse
 from ..model.gravity import RotatingGravity
 from ..model.ifr import EnergyWarning, IFRLaw
-from ..model.law import CollisionLaw, check_energy, checked_class, coefficient_table, law_table, try_on
+from ..model.law import (
+    CollisionLaw,
+    check_by_sampling,
+    check_energy,
+    checked_class,
+    coefficient_table,
+    law_table,
+)
 from ..model.observables import Measure, from_totals, sums
 from ..model.overlaps import check_no_overlap
 from ..model.state import COLUMNS, DiskKinds, Disks, State, scatter_state
-from ..model.walls import Wall, WallSums, check_types, sides
+from ..model.wall_checks import check_types
+from ..model.walls import Wall, WallSums, sides
 from ..mpi import Communicator, current
 from ..mpi.distribution import bounds
 from ..tools import checked
@@ -32,7 +40,7 @@ from ..tools.checked import LATER, Comm, Integer, Real, Seed, validated
 from ..tools.pictured import PicturedDisks
 from ..tools.progress import Progress as Bar
 from ..tools.progress import seen
-from ..tools.sealed import Sealed
+from ..tools.read_only import ReadOnlyAttributes
 from . import backend, checkpoint, checks
 from .device import Device
 from .engine import CollisionTimes, Engine
@@ -40,9 +48,9 @@ from .schedule import (
     MOST,
     Cadence,
     Course,
-    Observer,
+    FrameCallback,
     Progress,
-    Sampler,
+    SeriesCallback,
     SlowRunCheck,
     Span,
     earlier,
@@ -87,7 +95,7 @@ class _Stopped(Exception):
     """The end of a run that `Simulation.stop` has asked for."""
 
 
-class Simulation(Sealed, PicturedDisks):
+class Simulation(ReadOnlyAttributes, PicturedDisks):
     """Rough disks in a box, periodic, sheared or between walls, collided exactly by the IFR law.
 
     Parameters
@@ -134,10 +142,10 @@ class Simulation(Sealed, PicturedDisks):
     comm : mpi4py.MPI.Comm or Communicator, optional
         Ranks of MPI that have a part of the gas each (`ifrdem docs ranks`); bitwise the same trajectory. All make the
         same simulation and call the same methods. `disks` and `state` are taken from the first rank (the root), and may
-        be None on the others; observers and samplers are called on the root only. With `Communicator(comm,
+        be None on the others; callbacks are called on the root only. With `Communicator(comm,
         distributed=True)`, each rank gives `disks` and `state` of its slice (`slice_of`), and no rank ever has all
-        disks; `state`, and states for observers, which are called on all ranks, are those of the slice. By default the
-        communicator of the `with` block, if there is one.
+        disks; `state`, and states for frame callbacks, which are called on all ranks, are those of the slice.
+        By default the communicator of the `with` block, if there is one.
 
     Raises
     ------
@@ -237,9 +245,9 @@ class Simulation(Sealed, PicturedDisks):
                 self._first = self._energy()
             else:
                 self._first = comm.result_of_holders(lambda: self._energy_of(disks, begin))
-            self._judged = law_class is IFRLaw  # whether it is known not to add energy
-            if not self._judged:
-                self._try_on(law_class, table, begin if known else self._engine.state_here())
+            self._passive_known = law_class is IFRLaw  # whether it is known not to add energy
+            if not self._passive_known:
+                self._check_by_sampling(law_class, table, begin if known else self._engine.state_here())
 
     def _follow_disks(
         self, tracked: Sequence[int] | NDArray[np.integer], n: int, box: Box, walls: Sequence[Wall]
@@ -257,6 +265,29 @@ class Simulation(Sealed, PicturedDisks):
             return Disks(len(wanted), *self.comm.rows_of(n, wanted, rows))
 
         return Tracking(ids, n, disks_of, self._laws, [*walls, *sides(box)])
+
+    def __repr__(self) -> str:
+        """What the gas is, and on a second line where it stands."""
+        engine, n, box = self._engine, self.disks.n, self.box
+        size = (
+            "open box"
+            if box.is_open
+            else "box {:.6g} x {:.6g} ({})".format(*box.lengths, describe_sides(box))
+        )
+        parts = [f"{n} disk{'s' * (n != 1)}", size, self._law_name]
+        parts += [f"{len(self.walls)} wall{'s' * (len(self.walls) != 1)}"] * bool(self.walls)
+        parts += [f"gravity {engine.options.gravity}"] * any(self.gravity)
+        parts += [", ".join(type(force).__name__ for force in self.forces)] * bool(self.forces)
+        parts += [str(engine.options.collapse)] * (engine.options.collapse is not None)
+        parts.append(f"{engine.options.device.name} {engine.precision}")
+        count = self.collisions
+        now = f"t = {self.time:.6g}, {count} collision{'s' * (count != 1)} ({2.0 * count / max(n, 1):.6g} per disk)"
+        of_walls = f", {self.wall_hits} with walls" if engine.walls else ""
+        return f"Simulation: {', '.join(parts)}\n{now}{of_walls}"
+
+    @property
+    def _law_name(self) -> str:
+        return type(self._laws[0][0]).__name__
 
     @property
     def has_ledger(self) -> bool:
@@ -290,10 +321,10 @@ class Simulation(Sealed, PicturedDisks):
         checks.check_coefficients(table, self._engine.precision)
         with backend.sole_use():
             if kind is not IFRLaw:
-                self._try_on(kind, table, self._engine.state_here())
+                self._check_by_sampling(kind, table, self._engine.state_here())
             self._engine.set_law(table, kind)
         self._laws = laws
-        self._judged = self._judged and kind is IFRLaw
+        self._passive_known = self._passive_known and kind is IFRLaw
         if self._tracking is not None:
             self._tracking.laws = laws
 
@@ -362,7 +393,8 @@ class Simulation(Sealed, PicturedDisks):
             raise InputError(f"spin has {state.n} entries, there are {present.n} disks: they must agree")
         before = self.measure()
         if not self.comm.is_distributed:
-            state = scatter_state(self.comm, self.disks, state)[1]
+            with self.comm:
+                state = scatter_state(self.disks, state)[1]
         self._engine.set_velocities(state)
         self._count_change(before)
 
@@ -372,13 +404,13 @@ class Simulation(Sealed, PicturedDisks):
             after.energy + after.potential_energy - before.energy - before.potential_energy
         )
 
-    def _try_on(self, kind: type[CollisionLaw], table: NDArray[np.float64], state: State) -> None:
+    def _check_by_sampling(self, kind: type[CollisionLaw], table: NDArray[np.float64], state: State) -> None:
         """Try a law that nobody has judged."""
         fastest = self.comm.largest(checks.fastest(self.disks_here, state.velocity, state.spin))
         disks = self._engine.kinds
         disks = disks.rows if isinstance(disks, DiskKinds) else disks
         of_walls = [wall.material for wall in self._engine.walls]
-        self.comm.run_on_root(lambda: try_on(kind, table, disks, of_walls, fastest or 1.0))
+        self.comm.run_on_root(lambda: check_by_sampling(kind, table, disks, of_walls, fastest or 1.0))
 
     @property
     def tracked(self) -> NDArray[np.int32]:
@@ -388,7 +420,7 @@ class Simulation(Sealed, PicturedDisks):
     def take_events(self) -> Events:
         """Every collision of tracked disks since the last call, or the start, and what forces did to them.
 
-        In an observer, those until its frame. Of ranks, the root gets all, and the others none.
+        In a frame callback, those until its frame. Of ranks, the root gets all, and the others none.
         """
         if self._tracking is None:
             raise InputError("no disk is tracked: Simulation(..., tracked=[0, 1]) follows the first two")
@@ -402,7 +434,7 @@ class Simulation(Sealed, PicturedDisks):
     @property
     def communication(self) -> CommunicationStats | None:
         """Messages and bytes that this rank has sent to others so far; None if one rank has all of the gas."""
-        found: CommunicationStats | None = getattr(self._engine.arrays, "communication", None)
+        found: CommunicationStats | None = getattr(self._engine.arrays.domain, "communication", None)
         return found
 
     @property
@@ -630,9 +662,9 @@ class Simulation(Sealed, PicturedDisks):
         t_end: Annotated[float | None, LATER] = None,
         collisions_per_disk: Annotated[float | None, LATER] = None,
         frames: Annotated[int | Cadence, LATER] = 1,
-        observers: Iterable[Observer] = (),
+        frame_callbacks: Iterable[FrameCallback] = (),
         series: Annotated[int | Cadence | None, LATER] = None,
-        samplers: Iterable[Sampler] = (),
+        series_callbacks: Iterable[SeriesCallback] = (),
         progress: Annotated[Progress | bool | None, LATER] = None,
     ) -> None:
         """Run to a time, or until each disk has had so many collisions on average since the start.
@@ -643,19 +675,19 @@ class Simulation(Sealed, PicturedDisks):
             End [time], not before the present time.
         collisions_per_disk : float
             End by 2 * collisions / n. Exactly one of the two must be given. Both count from the start of the gas, not
-            from this call: to run on, give a later end.
+            from this call: to run on, give a later end, or use `run_for`.
         frames : int or Cadence
             Frames after the first one, evenly spaced in the quantity that ends the run, or another cadence
             (`ifrdem.simulation.schedule.Cadence`); a frame at
             a number of collisions stands right after the last of them, and after any others at exactly that time.
-        observers : iterable of callables
-            Each is called as `observer(state, measure)` at the beginning and at every frame. What tells mechanisms
-            and regimes, `measure.dissipated` and `measure.regimes`, is None: samplers get them, and `measure()` gives
-            them at the end. The simulation itself is further by then, and cannot be asked or saved there.
+        frame_callbacks : iterable of callables
+            Each is called as `callback(state, measure)` at the beginning and at every frame. `measure.dissipated`
+            and `measure.regimes` are None there: series callbacks get them, and `measure()` gives them at the end. The
+            simulation itself is further by then, and cannot be asked or saved there.
         series : int or Cadence, optional
-            How often samplers are called, likewise.
-        samplers : iterable of callables
-            Each is called as `sampler(measure)` at the beginning, the end, and in between.
+            How often series callbacks are called, likewise.
+        series_callbacks : iterable of callables
+            Each is called as `callback(measure)` at the beginning, the end, and in between.
         progress : bool or callable, optional
             A bar in a notebook or on a terminal, which says how many kernels it has compiled until the gas moves; by
             default only there, and not of a run below half a second. True writes lines elsewhere, False nothing
@@ -664,9 +696,9 @@ class Simulation(Sealed, PicturedDisks):
 
         Notes
         -----
-        `stop` ends a run early. Whatever an observer raises ends it too, at the frame that the observer was given. So
+        `stop` ends a run early. An exception raised by a callback ends it too, at the frame of a frame callback. So
         does Ctrl-C (KeyboardInterrupt), at the end of the window; a second one ends it at once, and the state is
-        lost unless an observer was just at work. In all other cases the gas can be run on.
+        lost unless a frame callback was just at work. In all other cases the gas can be run on.
 
         Raises
         ------
@@ -682,35 +714,95 @@ class Simulation(Sealed, PicturedDisks):
             If another thread runs a simulation, or the process is a forked copy of one that has; or if a guarantee of
             the engine is violated.
         """
+        span = Span.to(
+            self.disks.n, self.time, self.collisions, t_end=t_end, collisions_per_disk=collisions_per_disk
+        )
+        if span.is_over and self.comm.is_root:
+            warn_of_end(t_end=t_end, collisions_per_disk=collisions_per_disk)
+        self._run(span, frames, frame_callbacks, series, series_callbacks, progress)
+
+    @validated
+    def run_for(
+        self,
+        *,
+        time: Annotated[float | None, LATER] = None,
+        collisions_per_disk: Annotated[float | None, LATER] = None,
+        frames: Annotated[int | Cadence, LATER] = 1,
+        frame_callbacks: Iterable[FrameCallback] = (),
+        series: Annotated[int | Cadence | None, LATER] = None,
+        series_callbacks: Iterable[SeriesCallback] = (),
+        progress: Annotated[Progress | bool | None, LATER] = None,
+    ) -> None:
+        """Run on from the present state: `run` with an end that counts from this call.
+
+        Parameters
+        ----------
+        time : float
+            Further time [time].
+        collisions_per_disk : float
+            Further collisions of each disk on average. Exactly one of the two must be given.
+        frames, frame_callbacks, series, series_callbacks, progress
+            As for `run`.
+
+        Raises
+        ------
+        InputError
+            If not exactly one of the two is given, or it is not positive.
+        EngineError
+            As `run`.
+
+        Examples
+        --------
+        >>> import ifrdem
+        >>> disks = ifrdem.Disks(2, mass=1.0, radius=0.5)
+        >>> start = ifrdem.State([[1.0, 5.0], [4.0, 5.0]], [[1.0, 0.0], [0.0, 0.0]], [0.0, 0.0])
+        >>> gas = ifrdem.Simulation(disks, ifrdem.Box((10.0, 10.0)), ifrdem.IFRLaw(e_n=0.5, e_t=-1.0, mu=0.0), start)
+        >>> gas.run_for(time=1.5)
+        >>> gas.run_for(time=1.5)
+        >>> print(gas)
+        Simulation: 2 disks, box 10 x 10 (periodic), IFRLaw, cpu f64
+        t = 3, 1 collision (1 per disk)
+        """
+        span = Span.for_more(
+            self.disks.n, self.time, self.collisions, more_time=time, collisions_per_disk=collisions_per_disk
+        )
+        self._run(span, frames, frame_callbacks, series, series_callbacks, progress)
+
+    def _run(
+        self,
+        span: Span,
+        frames: int | Cadence,
+        frame_callbacks: Iterable[FrameCallback],
+        series: int | Cadence | None,
+        series_callbacks: Iterable[SeriesCallback],
+        progress: Progress | bool | None,
+    ) -> None:
         if not (progress is None or isinstance(progress, bool) or callable(progress)):
             raise InputError(f"progress = {progress!r}: must be True, False or a function")
         if not isinstance(frames, Cadence):
             frames = Cadence(number=checked.integer("frames", frames, 1, MOST))
         if series is not None and not isinstance(series, Cadence):
             series = Cadence(number=checked.integer("series", series, 1, MOST))
-        span = Span.to(
-            self.disks.n, self.time, self.collisions, t_end=t_end, collisions_per_disk=collisions_per_disk
-        )
         for cadence in (frames, series):
             if cadence is not None:
                 refuse_endless(cadence, span)
-        if span.is_over and self.comm.is_root:
-            warn_of_end(t_end=t_end, collisions_per_disk=collisions_per_disk)
         self._warn_of_pinches(span.end.time)
         bar, comm = None, self.comm
         if progress is True or (progress is None and comm.size == 1 and seen()):
             series = Cadence(number=BAR_STEPS) if series is None else series  # pauses, which change no bit
             progress = None
             if comm.is_root:
+                n, end = self.disks.n, span.end
                 progress = bar = Bar(
-                    self.disks.n, t_end=t_end, collisions_per_disk=collisions_per_disk, unit="",
+                    n, t_end=end.time if end.collisions is None else None, unit="",
+                    collisions_per_disk=None if end.collisions is None else 2.0 * end.collisions / max(n, 1),
                     begin=(span.time, span.collisions), kernels=backend.kernels, brief=True,
                 )  # fmt: skip
         with bar or contextlib.nullcontext():
             self.follow(
                 Course(span, frames, series),
-                observers=observers,
-                samplers=samplers,
+                frame_callbacks=frame_callbacks,
+                series_callbacks=series_callbacks,
                 progress=progress or None,
             )
 
@@ -721,7 +813,7 @@ class Simulation(Sealed, PicturedDisks):
         for text in crush.wall_pinch_warnings(
             self._engine.walls, self.box, self.disks.radius, self.time, t_end
         ):
-            warnings.warn(text, crush.WallWarning, stacklevel=4)
+            warnings.warn(text, crush.WallWarning, stacklevel=5)
         self._pinches_checked = True
 
     def switch_ledger(self, on: bool) -> None:
@@ -744,19 +836,22 @@ class Simulation(Sealed, PicturedDisks):
         self,
         course: Course,
         *,
-        observers: Iterable[Observer] = (),
-        samplers: Iterable[Sampler] = (),
+        frame_callbacks: Iterable[FrameCallback] = (),
+        series_callbacks: Iterable[SeriesCallback] = (),
         progress: Progress | None = None,
         between: Callable[[], None] | None = None,
         stored: Collection[str] | None = None,
     ) -> None:
         """Run as `run` does, from where a course is to its end; `between()` is called wherever the run could stop.
 
-        Observers that want no more than what a file in single precision has, with the fields `stored`, get frames as
-        `StoredState` where the engine looks back, which is faster.
+        Frame callbacks that want no more than what a file in single precision has, with the fields `stored`, get frames
+        as `StoredState` where the engine looks back, which is faster.
         The course is kept up to date: after an exception it tells what is due next.
         """
-        observers, samplers = _callables("observers", observers), _callables("samplers", samplers)
+        frame_callbacks, series_callbacks = (
+            _callables("frame_callbacks", frame_callbacks),
+            _callables("series_callbacks", series_callbacks),
+        )
         for name, value in (("progress", progress), ("between", between)):
             if value is not None and not callable(value):
                 raise InputError(f"{name} = {value!r}: must be a function")
@@ -765,21 +860,21 @@ class Simulation(Sealed, PicturedDisks):
         if (comm := self.comm).size > 1:
             comm.require_equal(repr(course), "the end of a run, its frames or its series")
             if comm.is_distributed:
-                comm.require_equal(str(len(observers)), "the numbers of observers")
-            numbers = comm.bcast((len(observers), len(samplers)))
+                comm.require_equal(str(len(frame_callbacks)), "the number of frame callbacks")
+            numbers = comm.bcast((len(frame_callbacks), len(series_callbacks)))
             if not comm.is_root:  # where none is called, but all take part
                 nobody: list[Any] = [lambda *_: None]
-                samplers = nobody * numbers[1]
-                observers = observers if comm.is_distributed else nobody * numbers[0]
+                series_callbacks = nobody * numbers[1]
+                frame_callbacks = frame_callbacks if comm.is_distributed else nobody * numbers[0]
         with backend.sole_use(), contextlib.suppress(_Stopped):
-            self._follow(course, observers, samplers, progress, between, stored)
-        if not self._judged:
+            self._follow(course, frame_callbacks, series_callbacks, progress, between, stored)
+        if not self._passive_known:
             self._report_gain()
 
     def stop(self) -> None:
-        """End the run at the frame that the calling observer is given; it returns as if that were its end.
+        """End the run at the frame of the calling frame callback; it returns as if that were its end.
 
-        Called by a sampler, `progress` or another thread, it ends the run at the end of the window.
+        Called by a series callback, `progress` or another thread, it ends the run at the end of the window.
         """
         self._stopping = True
 
@@ -791,22 +886,22 @@ class Simulation(Sealed, PicturedDisks):
     def _follow(
         self,
         course: Course,
-        observers: list[Observer],
-        samplers: list[Sampler],
+        frame_callbacks: list[FrameCallback],
+        series_callbacks: list[SeriesCallback],
         progress: Progress | None,
         between: Callable[[], None] | None,
         stored: Collection[str] | None,
     ) -> None:
         frames, rows, end = course.frame_schedule, course.row_schedule, course.span.end
-        sampling = course.series is not None and bool(samplers)
+        sampling = course.series is not None and bool(series_callbacks)
         exact = sampling and course.series is not None and course.series.exact
         if course.next_row == 0:
             course.next_row = 1
             if sampling:
-                self._sample(samplers)
+                self._call_at_row(series_callbacks)
         if course.next_frame == 0:
             course.next_frame = 1
-            self._observe(observers, stored)
+            self._call_at_frame(frame_callbacks, stored)
             if between is not None:
                 between()
         pace = SlowRunCheck(end)
@@ -826,13 +921,13 @@ class Simulation(Sealed, PicturedDisks):
                 if course.series is not None and row.reached(self.time, self.collisions):
                     course.next_row = rows.after(course.next_row, self.time, self.collisions)
                     if sampling:
-                        self._sample(samplers)
+                        self._call_at_row(series_callbacks)
                 if between is not None and not frame.reached(self.time, self.collisions):
                     between()
                 self._stop_if_asked()
-            # First: an observer that raises has had its frame.
+            # First: a callback that raises has had its frame.
             course.next_frame = frames.after(course.next_frame + 1, self.time, self.collisions)
-            self._observe(observers, stored)
+            self._call_at_frame(frame_callbacks, stored)
             if between is not None and not end.reached(self.time, self.collisions):
                 between()
 
@@ -888,26 +983,26 @@ class Simulation(Sealed, PicturedDisks):
             np.concatenate([c.time for c in found]), np.concatenate([c.pair for c in found])
         )
 
-    def _observe(self, observers: list[Observer], stored: Collection[str] | None) -> None:
-        if not observers:
+    def _call_at_frame(self, frame_callbacks: list[FrameCallback], stored: Collection[str] | None) -> None:
+        if not frame_callbacks:
             return
         state, totals = self._engine.observed(stored)
         measured = from_totals(self.disks, totals, self.time, self.wall_hits, **self._energy_terms())
 
         def tell() -> None:
             assert state is not None
-            for observer in observers:
-                observer(state, measured)
+            for callback in frame_callbacks:
+                callback(state, measured)
 
         (self.comm.run_on_all if self.comm.is_distributed else self.comm.run_on_root)(tell)
         self._stop_if_asked()
 
-    def _sample(self, samplers: list[Sampler]) -> None:
+    def _call_at_row(self, series_callbacks: list[SeriesCallback]) -> None:
         measured = self.measure()
 
         def tell() -> None:
-            for sampler in samplers:
-                sampler(measured)
+            for callback in series_callbacks:
+                callback(measured)
 
         self.comm.run_on_root(tell)
 

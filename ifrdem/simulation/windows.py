@@ -73,6 +73,7 @@ class Windows:
 
     def __init__(self, arrays: DeviceArrays, statistics: Statistics, time: float) -> None:
         self.arrays: DeviceArrays = arrays
+        self.domain: Any = arrays.domain
         self.statistics: Statistics = statistics
         self.begin: float = time
         self.end: float = time
@@ -399,8 +400,8 @@ class Windows:
         for m, each in enumerate(self._moments):
             if math.isnan(each.at) and each.begin <= moment <= each.until:
                 a = self.arrays
-                a.launch(interpolate_snapshot, m, moment, self._noted, a.rows_here(k.SNAPSHOT))
-                a.share()
+                a.launch(interpolate_snapshot, m, moment, self._noted, a.domain.n_here(k.SNAPSHOT))
+                a.domain.share()
                 each.at, each.sums = moment, self._tally(k.AT_MOMENT + m)
                 return m
         kept = self._watched, self.fresh, self._watching

@@ -136,7 +136,7 @@ class EnsembleSection(_Part):
 
 
 class StudyOutput(_Part):
-    """Output that is kept of every run."""
+    """Output kept for every run."""
 
     series: int | None = Field(default=None, ge=1, le=100_000)
     series_spacing: Literal["even", "log"] | None = None
@@ -164,7 +164,7 @@ class ClusterSection(_Part):
 
 
 class StudyFile(_Part):
-    """Everything that a study file says."""
+    """The content of a study file."""
 
     case: str
     set: list[str] = Field(default=[])

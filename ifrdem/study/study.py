@@ -351,7 +351,7 @@ class Study:
         return collect(self.plan, self._checked_cases[0], self.tasks, {})
 
     def dataset(self) -> xarray.Dataset:
-        """The same as a data set of xarray (extra `analysis`), with means and standard errors over seeds.
+        """The results as an xarray data set (extra `analysis`), with means and standard errors over seeds.
 
         Raises InputError if no run is done, or xarray is not installed.
         """

@@ -149,13 +149,13 @@ def _series_alone(file: CaseFile) -> dict[str, Variable]:
     return _at_rows(file.case, file.gas.n, {name: np.array([one[name] for one in rows]) for name in rows[0]})
 
 
-def _advance(gas: CaseGas, samplers: list[Any], *, short: bool = False) -> None:
+def _advance(gas: CaseGas, series_callbacks: list[Any], *, short: bool = False) -> None:
     t_end, per_disk = gas.case.run.t_end, gas.case.run.collisions_per_disk
     gas.simulation().run(
         t_end=1e-3 * t_end if short and t_end is not None else t_end,
         collisions_per_disk=2.0 / gas.n if short and per_disk is not None else per_disk,
         series=1 if short else gas.case.output.series_cadence,
-        samplers=samplers or [lambda measure: None],
+        series_callbacks=series_callbacks or [lambda measure: None],
     )
 
 

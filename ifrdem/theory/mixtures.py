@@ -67,7 +67,7 @@ class Mixture:
     fraction : array_like (s,), optional
         What part of all disks each species is, in any unit (numbers of disks do); equal parts without it.
     contact : {"virial", "henderson", "dilute"}
-        Contact values: see `contact.crowding_of_mixture`.
+        Contact values: see `contact.contact_value_coefficients`.
 
     Examples
     --------

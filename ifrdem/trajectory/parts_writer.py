@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError, TrajectoryError
 from ..model.box import Box
 from ..model.state import Disks, State
-from ..mpi import Communicator
+from ..mpi import Communicator, current
 from ..mpi.distribution import bounds
 from ..tools.checked import Comm, Count, validated
 from . import layout
@@ -136,7 +136,8 @@ class PartsWriter:
         with contextlib.ExitStack() as undo:
             undo.callback(_remove_empty, place)
             parts = ranks.root_result(begin)
-            here = _each_part(parts, ranks, own, part, undo)
+            with ranks:
+                here = _each_part(parts, own, part, undo)
             first = ranks.run_on_root(head)
             undo.pop_all()
         return cls(parts, here, first, fields, ranks, place)
@@ -163,7 +164,8 @@ class PartsWriter:
             return TrajectoryWriter.resume(place.parent / parts.name(i), of, box, fields=fields, **options)
 
         with contextlib.ExitStack() as undo:
-            here = _each_part(parts, ranks, own, part, undo)
+            with ranks:
+                here = _each_part(parts, own, part, undo)
             undo.pop_all()
         return cls(parts, here, head, fields, ranks, place)
 
@@ -171,7 +173,9 @@ class PartsWriter:
         """A state of this rank's disks as the parts get it that this rank writes; called by all ranks."""
         columns = {name: getattr(state, name) for name in sorted(self._attributes)}
         states = {}
-        for number, rows in _rows_of_parts(self.parts, self._comm, columns).items():
+        with self._comm:
+            rows_of_parts = _rows_of_parts(self.parts, columns)
+        for number, rows in rows_of_parts.items():
             states[number] = copy.copy(state)
             for name, values in rows.items():
                 setattr(states[number], name, values)
@@ -270,13 +274,12 @@ class PartsWriter:
 
 def _each_part(
     parts: Parts,
-    ranks: Communicator,
     own: Disks,
     make: Callable[[int, Disks], TrajectoryWriter],
     undo: contextlib.ExitStack,
 ) -> dict[int, TrajectoryWriter]:
     """A writer for each part that this rank writes, by its number; `undo` closes them."""
-    rows = _rows_of_parts(parts, ranks, {name: getattr(own, name) for name in layout.STATIC})
+    rows = _rows_of_parts(parts, {name: getattr(own, name) for name in layout.STATIC})
 
     def all_made() -> dict[int, TrajectoryWriter]:
         found = {}
@@ -285,13 +288,14 @@ def _each_part(
             undo.callback(found[number].close)
         return found
 
-    return ranks.run_on_all(all_made)
+    return current().run_on_all(all_made)
 
 
 def _rows_of_parts(
-    parts: Parts, ranks: Communicator, columns: Mapping[str, NDArray[Any] | None]
+    parts: Parts, columns: Mapping[str, NDArray[Any] | None]
 ) -> dict[int, dict[str, NDArray[Any]]]:
     """Rows of the disks of all ranks, each of which has its own, as rows of the parts that this one writes."""
+    ranks = current()
     present = {name: each for name, each in columns.items() if each is not None}
     rows = list(present.values())
     if parts.first != tuple(bounds(parts.n, ranks.size).tolist()):

@@ -39,7 +39,7 @@ from ..mpi.distribution import GATHERED
 from ..tools import checked
 from ..tools.checked import Integer, validated
 from ..tools.pictured import Pictured, PicturedDisks, plots, refuse_unknown
-from ..tools.sealed import Sealed
+from ..tools.read_only import ReadOnlyAttributes
 from . import damage, history, layout, tables
 from . import parts as parted
 from .history import History
@@ -60,7 +60,7 @@ SPIN = "angular_velocity"
 """Name of the spin in H5MD; both names are understood."""
 
 
-class Frame(Sealed, PicturedDisks):
+class Frame(ReadOnlyAttributes, PicturedDisks):
     """One frame of a trajectory; each array is read when asked for. Floats are float64 whatever is stored.
 
     Every stored field is there by its name, as `frame["velocity"]` and as `frame.velocity`; "spin" is another name of
@@ -193,7 +193,7 @@ class Frame(Sealed, PicturedDisks):
         return self.trajectory.box.unwrap(self.position, self.image, self.time)
 
 
-class Series(Sealed, Mapping[str, NDArray[Any]]):
+class Series(ReadOnlyAttributes, Mapping[str, NDArray[Any]]):
     """Quantities by name: arrays over a time of their own, shape (rows, ...), read when asked for.
 
     A quantity with named columns gives one of them too: `series["dissipated_by_mechanism/sliding"]`,
@@ -305,7 +305,7 @@ class DiskPath:
         )
 
 
-class Trajectory(Sealed, Pictured, Sequence[Frame]):
+class Trajectory(ReadOnlyAttributes, Pictured, Sequence[Frame]):
     """A trajectory file as a sequence of frames, read lazily: memory holds what was asked for.
 
     Only committed frames count. A file that a run is still writing can be read; what it adds after opening is seen

@@ -21,7 +21,7 @@ from ..model.state import Disks, State, StoredState
 from ..model.walls import Wall, to_json
 from ..tools import checked
 from ..tools.checked import validated
-from ..tools.sealed import Sealed
+from ..tools.read_only import ReadOnlyAttributes
 from . import damage, layout
 from . import parts as parted
 from .file import OutputFile
@@ -32,7 +32,7 @@ from .rows import checked as checked_row
 DEFAULT_FIELDS = ("position", "velocity", "angular_velocity", "collisions", "image")
 
 
-class TrajectoryWriter(Sealed):
+class TrajectoryWriter(ReadOnlyAttributes):
     """Writes frames, time series and histories of a run into a new H5MD file.
 
     Each frame is committed in two phases: everything but its step is written and flushed, then the step. A

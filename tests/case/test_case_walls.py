@@ -27,7 +27,8 @@ from ifrdem.errors import InputError
 from ifrdem.model.collapse import ContactTime, Rest, VelocityCutoff
 from ifrdem.model.free_area import FreeArea
 from ifrdem.model.observables import measure
-from ifrdem.model.walls import Motion, Piston, Turn, Wall, from_json, to_json
+from ifrdem.model.wall_motion import Motion, Piston, Turn
+from ifrdem.model.walls import Wall, from_json, to_json
 from ifrdem.plots import profiles
 from ifrdem.plots.temperatures import theory
 from ifrdem.runs.info import describe

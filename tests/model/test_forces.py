@@ -122,7 +122,9 @@ def test_velocities_of_free_disks_in_a_bath_forget_exponentially() -> None:
     velocities: list[NDArray[np.float64]] = []
     spins: list[NDArray[np.float64]] = []
     simulation.run(
-        t_end=8.0, frames=4, observers=[lambda s, _: (velocities.append(s.velocity), spins.append(s.spin))]
+        t_end=8.0,
+        frames=4,
+        frame_callbacks=[lambda s, _: (velocities.append(s.velocity), spins.append(s.spin))],
     )  # type: ignore[func-returns-value]
     for t, v, w in zip((2.0, 4.0, 6.0, 8.0), velocities[1:], spins[1:], strict=True):
         variance = 1.5 * (1.0 - math.exp(-t))
@@ -151,7 +153,7 @@ def test_an_elastic_gas_in_a_bath_reaches_its_temperature() -> None:
     simulation.run(
         t_end=45.0,
         frames=20,
-        observers=[lambda _, m: found.append((m.temperature, m.rotational_temperature))],
+        frame_callbacks=[lambda _, m: found.append((m.temperature, m.rotational_temperature))],
     )
     assert simulation.collisions > 20 * disks.n
     mean = np.mean(found, axis=0)
@@ -175,7 +177,7 @@ def test_kicks_keep_the_momentum_and_put_in_the_power_that_was_set(strength: dic
     simulation.run(
         t_end=4.0,
         frames=400,
-        observers=[lambda _, m: (energies.append(m.energy), momenta.append(m.momentum))],  # type: ignore[func-returns-value]
+        frame_callbacks=[lambda _, m: (energies.append(m.energy), momenta.append(m.momentum))],  # type: ignore[func-returns-value]
     )
     scale = float(np.sum(disks.mass) * math.sqrt(2.0 * 0.6 * 4.0))
     np.testing.assert_allclose(np.array(momenta) / scale, 0.0, atol=1e-14)

@@ -12,7 +12,9 @@ from ifrdem.initial import packing, placement
 from ifrdem.initial import placement as lattice
 from ifrdem.model.box import Box
 from ifrdem.model.free_area import FreeArea
-from ifrdem.model.walls import Motion, Wall, check
+from ifrdem.model.wall_checks import check
+from ifrdem.model.wall_motion import Motion
+from ifrdem.model.walls import Wall
 
 WALLED, MIXED = (False, False), (True, False)
 

@@ -23,7 +23,9 @@ def test_a_disk_rebounds_from_an_immovable_one_which_stays(tmp_path):
     path = tmp_path / "wall.h5"
     with warnings.catch_warnings(), TrajectoryWriter(path, disks, box, precision="f8") as file:
         warnings.simplefilter("error")  # no NaN on the way, not even a hidden one
-        simulation.run(t_end=2.0, observers=[lambda state, seen: file.write(state, {"energy": seen.energy})])
+        simulation.run(
+            t_end=2.0, frame_callbacks=[lambda state, seen: file.write(state, {"energy": seen.energy})]
+        )
     with Trajectory(path) as trajectory:
         assert list(trajectory[-1].collisions) == [1, 1]
         np.testing.assert_allclose(trajectory[-1].velocity, [[-1.2, 0.0], [0.0, 0.0]], atol=1e-14)

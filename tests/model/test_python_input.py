@@ -94,11 +94,14 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "speeds beyond numbers": (lambda: placement.maxwellian([1.0, 1.0], speed_rms=1e300, seed=1), "speed_rms = 1e"),
     "spins beyond numbers": (lambda: placement.gaussian_spins(3, spin_rms=1e300, seed=1), "spin_rms = 1e"),
     "complex radii": (lambda: placement.random_positions(Box((9, 9)), [0.5j], seed=1), r"radius = \[0\.5j\]: must be"),
-    "observers that are none": (lambda: gas().run(t_end=1.0, observers=[1]), r"observers\[0\] = 1"),
-    "one observer": (lambda: gas().run(t_end=1.0, observers=print), r"observers = .*: must be a list"),
+    "frame_callbacks that are none": (lambda: gas().run(t_end=1.0, frame_callbacks=[1]), r"frame_callbacks\[0\] = 1"),
+    "one observer": (lambda: gas().run(t_end=1.0, frame_callbacks=print), r"frame_callbacks = .*: must be a list"),
     "progress that is 0": (lambda: gas().run(t_end=1.0, progress=0), "progress = 0: must be True, False or a function"),
     "progress that is empty": (lambda: gas().run(t_end=1.0, progress=[]), r"progress = \[\]: must be True, False or"),
-    "samplers that are none": (lambda: gas().run(t_end=1.0, samplers=[1]), r"samplers\[0\] = 1"),
+    "series_callbacks that are none": (
+        lambda: gas().run(t_end=1.0, series_callbacks=[1]),
+        r"series_callbacks\[0\] = 1",
+    ),
     "progress that is none": (lambda: gas().run(t_end=1.0, progress=1), "progress = 1"),
     "frames without end": (lambda: gas().run(t_end=1.0, frames=10**18), "frames = 10+: .* 1 to 10000000"),
     "half a frame": (lambda: gas().run(t_end=1.0, frames=0.5), "frames = 0.5"),
@@ -198,7 +201,7 @@ def things(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     one = gas(tracked=[0])
     writer = TrajectoryWriter(path, one.disks, one.box)
     writer.begin_histories([0], one.state)
-    one.run(t_end=1.0, observers=[lambda state, measure: writer.write(state)])
+    one.run(t_end=1.0, frame_callbacks=[lambda state, measure: writer.write(state)])
     writer.write_histories(one.take_events().columns(), one.time)
     trajectory = Trajectory(path)
     velocity = placement.maxwellian(np.ones(20), speed_rms=1.0, seed=1)

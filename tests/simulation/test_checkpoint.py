@@ -16,7 +16,8 @@ from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, RandomKicks
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.state import State
-from ifrdem.model.walls import Motion, Turn, Wall
+from ifrdem.model.wall_motion import Motion, Turn
+from ifrdem.model.walls import Wall
 from ifrdem.simulation import checkpoint
 from ifrdem.simulation.simulation import Simulation
 

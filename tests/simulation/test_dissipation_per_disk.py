@@ -114,7 +114,7 @@ def trajectory(tmp_path):
     run = gas(200)
     fields = ["position", "velocity", "angular_velocity", "dissipated"]
     with ifrdem.TrajectoryWriter(tmp_path / "g.h5", run.disks, run.box, fields=fields) as writer:
-        run.run(t_end=4.0, frames=4, observers=[lambda state, _: writer.write(state)])
+        run.run(t_end=4.0, frames=4, frame_callbacks=[lambda state, _: writer.write(state)])
     with ifrdem.Trajectory(tmp_path / "g.h5") as trajectory:
         np.testing.assert_allclose(trajectory[-1].dissipated, run.state.dissipated, rtol=1e-6, atol=1e-7)
         yield trajectory

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from support import gases
 
-from ifrdem import ContactTime, EngineError, IFRLaw, Simulation, State
+from ifrdem import ContactTime, EngineError, IFRLaw, InputError, Simulation, State
 from ifrdem.model.observables import Measure
 from ifrdem.simulation.engine import Engine
 
@@ -71,14 +71,14 @@ def test_a_run_ends_at_the_frame_of_the_observer_that_ends_it(
         gas(record=["energy"], tracked=[3], **options),
     )
     frames: list[State] = []
-    whole.run(**end, frames=50, observers=[lambda state, measure: frames.append(state)])
+    whole.run(**end, frames=50, frame_callbacks=[lambda state, measure: frames.append(state)])
     seen: list[State] = []
     observer = halting({"stop": part.stop, "raise": halt, "interrupt": interrupt}[way], 20, seen)
     if raised is None:
-        part.run(**end, frames=50, observers=[observer])
+        part.run(**end, frames=50, frame_callbacks=[observer])
     else:
         with pytest.raises(raised):
-            part.run(**end, frames=50, observers=[observer])
+            part.run(**end, frames=50, frame_callbacks=[observer])
     assert len(seen) == 21
     assert part.time == seen[-1].time == frames[20].time
     assert part.collisions == int(frames[20].collisions.sum()) // 2
@@ -103,7 +103,7 @@ def test_stopping_within_a_window_changes_no_bit_in_any_order_of_the_engine(
     box, state = gases.start(disks, 0.3)
     whole = Simulation(disks, box, LAW, state)
     frames: list[State] = []
-    whole.run(t_end=1.0, frames=32, observers=[lambda state, measure: frames.append(state)])
+    whole.run(t_end=1.0, frames=32, frame_callbacks=[lambda state, measure: frames.append(state)])
     monkeypatch.setattr(
         "ifrdem.simulation.simulation.Engine", functools.partial(Engine, order=order, tile_disks=60)
     )
@@ -112,7 +112,9 @@ def test_stopping_within_a_window_changes_no_bit_in_any_order_of_the_engine(
     for stops_at in (7, 6, 11):  # frames at 7/32, 13/32 and 24/32 of the way: exact numbers
         seen.clear()
         part.run(
-            t_end=1.0, frames=round(32 * (1.0 - part.time)), observers=[halting(part.stop, stops_at, seen)]
+            t_end=1.0,
+            frames=round(32 * (1.0 - part.time)),
+            frame_callbacks=[halting(part.stop, stops_at, seen)],
         )
         at = round(32 * part.time)
         assert part.time == at / 32
@@ -125,7 +127,7 @@ def test_a_stop_asked_for_by_a_sampler_or_progress_ends_the_run_at_the_end_of_a_
     one.run(collisions_per_disk=5000.0, progress=lambda time, collisions: one.stop())
     assert 0 < one.collisions < 5_000_000
     here = one.collisions
-    one.run(collisions_per_disk=5000.0, series=1000, samplers=[lambda measure: one.stop()])
+    one.run(collisions_per_disk=5000.0, series=1000, series_callbacks=[lambda measure: one.stop()])
     assert here < one.collisions < 5_000_000
     one.run(t_end=one.time + 0.01)  # an earlier stop does not end a later run
 
@@ -186,7 +188,7 @@ def test_a_second_thread_is_told_that_another_one_runs_a_simulation() -> None:
         thread.start()
         thread.join()
 
-    one.run(t_end=0.1, frames=1, observers=[observer])
+    one.run(t_end=0.1, frames=1, frame_callbacks=[observer])
     assert len(raised) == 6
     assert all("another thread" in str(error) and '"spawn"' in str(error) for error in raised)
     thread = threading.Thread(target=lambda: one.run(t_end=0.2))  # one after the other they can
@@ -220,3 +222,44 @@ for number, act in enumerate(acts):
 one.run(t_end=0.2)
 """
     subprocess.run([sys.executable, "-c", program], check=True, timeout=120)
+
+
+def test_run_for_adds_to_what_has_been_and_run_is_a_total() -> None:
+    """100 disks: 1.5 collisions of each are 75; after 75, and 75 more, the total is 3 per disk."""
+    total, added = gas(), gas()
+    total.run(collisions_per_disk=3.0)
+    for _ in range(2):
+        added.run_for(collisions_per_disk=1.5)
+    assert added.collisions == total.collisions == 150
+    np.testing.assert_array_equal(added.state.position, total.state.position)
+    begin = added.time
+    added.run_for(time=0.25)
+    total.run(t_end=begin + 0.25)
+    assert added.time == total.time == begin + 0.25
+    np.testing.assert_array_equal(added.state.velocity, total.state.velocity)
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ({}, "exactly one of time and collisions_per_disk"),
+        ({"time": 1.0, "collisions_per_disk": 1.0}, "exactly one of"),
+        ({"time": 0.0}, "time = 0.0: must be a positive finite number"),
+        ({"time": float("inf")}, "time = inf: must be"),
+        ({"collisions_per_disk": -1.0}, "collisions_per_disk = -1.0: must be"),
+        ({"collisions_per_disk": "x"}, "collisions_per_disk = 'x': must be"),
+    ],
+)
+def test_run_for_nothing_is_refused(more: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        gas(4).run_for(**more)
+
+
+def test_a_simulation_prints_what_it_is_and_where_it_stands() -> None:
+    made = gas(16, record=["energy"])
+    made.run(t_end=0.5)
+    what, where = str(made).splitlines()
+    assert what.startswith("Simulation: 16 disks, box ")
+    assert "IFRLaw" in what
+    count = made.collisions
+    assert where == f"t = 0.5, {count} collision{'s' * (count != 1)} ({count / 8:g} per disk)"

@@ -61,7 +61,7 @@ def test_frictional_gas_keeps_momentum_and_loses_energy_at_every_frame(device: s
     simulation.run(
         collisions_per_disk=20,
         frames=20,
-        observers=[lambda _, m: (energies.append(m.energy), momenta.append(m.momentum))],  # type: ignore[func-returns-value]
+        frame_callbacks=[lambda _, m: (energies.append(m.energy), momenta.append(m.momentum))],  # type: ignore[func-returns-value]
     )
     assert len(energies) == 21
     assert (np.diff(energies) < 0.0).all()
@@ -160,11 +160,13 @@ def test_frames_stand_at_exactly_the_asked_collisions_and_times() -> None:
     box, state = start(disks, 0.3)
     simulation = Simulation(disks, box, COIN_LAW, state)
     counts: list[int] = []
-    simulation.run(collisions_per_disk=2.5, frames=5, observers=[lambda _, m: counts.append(m.collisions)])
+    simulation.run(
+        collisions_per_disk=2.5, frames=5, frame_callbacks=[lambda _, m: counts.append(m.collisions)]
+    )
     assert counts == [0, 100, 200, 300, 400, 500]
     times: list[float] = []
     begin = simulation.time
-    simulation.run(t_end=begin + 1.0, frames=4, observers=[lambda s, _: times.append(s.time)])
+    simulation.run(t_end=begin + 1.0, frames=4, frame_callbacks=[lambda s, _: times.append(s.time)])
     np.testing.assert_array_equal(times, np.linspace(begin, begin + 1.0, 5))
 
 

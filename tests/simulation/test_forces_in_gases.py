@@ -93,7 +93,7 @@ def test_driven_coins_stay_at_the_temperatures_of_kinetic_theory() -> None:
     simulation.run(
         collisions_per_disk=50.0,
         frames=60,
-        observers=[lambda _, m: found.append((m.temperature, m.rotational_temperature))],
+        frame_callbacks=[lambda _, m: found.append((m.temperature, m.rotational_temperature))],
     )
     mean = np.mean(found, axis=0)
     assert mean[0] == pytest.approx(T, rel=0.05)

@@ -15,7 +15,8 @@ from ifrdem.model.forces import Drag, RandomKicks
 from ifrdem.model.ifr import IFRLaw, Regime, collide
 from ifrdem.model.observables import MECHANISMS, REGIMES, Measure
 from ifrdem.model.state import Disks, State
-from ifrdem.model.walls import Motion, Wall
+from ifrdem.model.wall_motion import Motion
+from ifrdem.model.walls import Wall
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.schedule import Cadence
 from ifrdem.simulation.simulation import Simulation
@@ -109,7 +110,7 @@ def test_the_ledger_closes_where_spins_hold_nearly_all_energy(device):
     state.spin[::2] *= 1e6
     measures: list[Measure] = []
     simulation = Simulation(disks, box, COIN, state, device=device, record=["energy"])
-    simulation.run(collisions_per_disk=2.0, series=2, samplers=[measures.append])
+    simulation.run(collisions_per_disk=2.0, series=2, series_callbacks=[measures.append])
     assert measures[-1].dissipated.sum() > 0.1 * measures[0].energy
     assert abs(residual(measures[0], measures[-1])) < 1e-13
 
@@ -126,7 +127,7 @@ def test_the_ledger_closes_where_heavy_disks_are_slow_among_light_ones(device, m
     state.spin[:] = 0.0
     measures: list[Measure] = []
     simulation = Simulation(disks, box, law, state, device=device, record=["energy"])
-    simulation.run(collisions_per_disk=5.0, series=3, samplers=[measures.append])
+    simulation.run(collisions_per_disk=5.0, series=3, series_callbacks=[measures.append])
     assert measures[-1].dissipated.sum() > 0.1 * measures[0].energy
     assert max(abs(residual(measures[0], each)) for each in measures) < 1e-12
 
@@ -157,7 +158,7 @@ def test_the_ledger_closes_where_a_law_drives_spins(device):
     box, state = start(disks, 0.3)
     measures: list[Measure] = []
     simulation = Simulation(disks, box, Driving(), state, device=device, record=["energy"])
-    simulation.run(collisions_per_disk=3.0, series=3, samplers=[measures.append])
+    simulation.run(collisions_per_disk=3.0, series=3, series_callbacks=[measures.append])
     assert measures[-1].dissipated[MECHANISMS.index("rolling")] < -1e-3
     assert abs(residual(measures[0], measures[-1])) < 1e-13
 
@@ -169,7 +170,7 @@ def test_the_ledger_closes_in_a_cooling_gas(device, n, law):
     box, state = start(disks, 0.3)
     measures: list[Measure] = []
     simulation = Simulation(disks, box, law, state, device=device, record=["energy"])
-    simulation.run(collisions_per_disk=5.0, series=5, samplers=[measures.append])
+    simulation.run(collisions_per_disk=5.0, series=5, series_callbacks=[measures.append])
     assert measures[-1].dissipated[0] > 0.0
     assert measures[-1].regimes.sum() == simulation.collisions
     # Sums of some 5e3 rounded numbers.
@@ -192,7 +193,7 @@ def test_the_ledger_closes_between_walls_that_shake_and_heat_under_gravity(devic
         disks, box, COIN, state, device=device, walls=walls, gravity=(0.0, -1.0), record=["energy"],
         collapse=VelocityCutoff(1e-3),
     )  # fmt: skip
-    simulation.run(t_end=6.0, series=3, samplers=[measures.append])
+    simulation.run(t_end=6.0, series=3, series_callbacks=[measures.append])
     last = measures[-1]
     assert last.dissipated[MECHANISMS.index("walls")] > 0.0
     assert last.wall_heat != 0.0
@@ -211,7 +212,7 @@ def test_the_ledger_closes_with_forces_and_in_a_sheared_gas(device):
     sheared = Simulation(disks, sheared_box, COIN, moving, device=device, record=["energy"])
     for simulation in (driven, sheared):
         measures: list[Measure] = []
-        simulation.run(t_end=2.0, series=4, samplers=[measures.append])
+        simulation.run(t_end=2.0, series=4, series_callbacks=[measures.append])
         assert measures[-1].energy_input != 0.0
         assert abs(residual(measures[0], measures[-1])) < 1e-12
 
@@ -249,7 +250,7 @@ def test_series_at_the_ends_of_windows_change_nothing(device):
     ends, rows = [], []
     for series in (None, Cadence(number=200, exact=False)):
         simulation = Simulation(disks, box, COIN, state, device=device, record=["energy"])
-        simulation.run(collisions_per_disk=40.0, series=series, samplers=[rows.append])
+        simulation.run(collisions_per_disk=40.0, series=series, series_callbacks=[rows.append])
         ends.append(simulation.state)
     assert len(rows) > 5
     assert np.array_equal(ends[0].position, ends[1].position)
@@ -261,7 +262,7 @@ def test_exact_series_stand_where_they_are_due(device):
     box, state = start(disks, 0.3)
     rows: list[Measure] = []
     simulation = Simulation(disks, box, COIN, state, device=device)
-    simulation.run(t_end=1.0, series=40, samplers=[rows.append])
+    simulation.run(t_end=1.0, series=40, series_callbacks=[rows.append])
     assert [row.time for row in rows] == pytest.approx(np.linspace(0.0, 1.0, 41), abs=1e-15)
     assert rows[0].dissipated is None  # no ledger was asked for
     simulation.run(t_end=1.1, series=3)  # nobody samples: it ends all the same
@@ -276,7 +277,7 @@ def test_totals_on_the_device_are_those_of_the_state(device):
     state.velocity[7], state.spin[7] = 0.0, 0.0
     simulation = Simulation(disks, box, COIN, state, device=device, record=["energy"])
     seen: list[Measure] = []
-    simulation.run(collisions_per_disk=2.0, observers=[lambda _state, measure: seen.append(measure)])
+    simulation.run(collisions_per_disk=2.0, frame_callbacks=[lambda _state, measure: seen.append(measure)])
     device, host = simulation.measure(), seen[-1]
     for name in (
         "time", "collisions", "translational_energy", "rotational_energy", "temperature", "rotational_temperature",

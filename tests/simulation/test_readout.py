@@ -49,7 +49,7 @@ def gas(*, n: int = 1500, box: Box | None = None, **options: object) -> Simulati
 
 def frames_of(simulation: Simulation, **course: object) -> Frames:
     found: Frames = []
-    simulation.run(**course, observers=[lambda state, measure: found.append((state, measure))])
+    simulation.run(**course, frame_callbacks=[lambda state, measure: found.append((state, measure))])
     return found
 
 
@@ -80,7 +80,7 @@ def test_series_tracked_disks_and_the_ledger_change_no_bit(order: str) -> None:
     expected = bare.state
     followed = gas(tracked=[0, 7, 700])
     rows: list[Measure] = []
-    followed.run(t_end=0.6, series=41, samplers=[rows.append])
+    followed.run(t_end=0.6, series=41, series_callbacks=[rows.append])
     assert len(rows) == 42
     assert len(followed.take_events()) > 0
     for name in SEEN[:5]:
@@ -235,7 +235,7 @@ def test_a_run_that_an_observer_ends_can_go_on() -> None:
 
     stopped, whole = gas(), gas()
     with pytest.raises(Enough):
-        stopped.run(t_end=0.6, frames=20, observers=[stop])
+        stopped.run(t_end=0.6, frames=20, frame_callbacks=[stop])
     assert stopped.time == pytest.approx(0.21)  # frame 7 of 20
     stopped.run(t_end=0.6)
     whole.run(t_end=0.6)
@@ -259,7 +259,7 @@ def test_single_frames_are_the_exact_ones_rounded_and_lie_in_the_box(order: str)
         span = Span.to(1500, 0.0, 0, t_end=0.6)
         simulation.follow(
             Course(span, Cadence(number=12)),
-            observers=[lambda state, _, to=frames: to.append(state)],
+            frame_callbacks=[lambda state, _, to=frames: to.append(state)],
             stored=stored,
         )
     exact, rounded = found
@@ -287,7 +287,7 @@ def test_frames_that_are_kept_are_not_written_over(stored: tuple[str, ...] | Non
         copies.append(tuple(np.array(getattr(state, name)) for name in SEEN))
 
     gas(n=300).follow(
-        Course(Span.to(300, 0.0, 0, t_end=0.6), Cadence(number=20)), observers=[look], stored=stored
+        Course(Span.to(300, 0.0, 0, t_end=0.6), Cadence(number=20)), frame_callbacks=[look], stored=stored
     )
     assert len(kept) == 21
     for state, copy in zip(kept, copies, strict=True):
@@ -326,7 +326,7 @@ def test_an_observer_may_ask_the_simulation_and_save_it(order: str, tmp_path: Pa
         asked_of.append((state, told, asked.state, asked.measure()))
         asked.save_checkpoint(path)
 
-    asked.run(t_end=0.4, frames=7, observers=[ask])
+    asked.run(t_end=0.4, frames=7, frame_callbacks=[ask])
     plain.run(t_end=0.4)
     assert len(asked_of) == 8
     for state, told, present, measured in asked_of:
@@ -338,16 +338,16 @@ def test_an_observer_may_ask_the_simulation_and_save_it(order: str, tmp_path: Pa
     same(asked.state, plain.state)
 
 
-def test_samplers_are_told_of_the_exact_moment(order: str) -> None:
+def test_series_callbacks_get_the_exact_moment(order: str) -> None:
     simulation = gas(n=900)
     frames: Frames = []
     rows: list[Measure] = []
     simulation.run(
         t_end=0.4,
         frames=5,
-        observers=[lambda state, told: frames.append((state, told))],
+        frame_callbacks=[lambda state, told: frames.append((state, told))],
         series=10,
-        samplers=[rows.append],
+        series_callbacks=[rows.append],
     )
     assert [row.time for row in rows] == pytest.approx(0.04 * np.arange(11), abs=1e-15)
     for (state, told), row in zip(frames, rows[::2], strict=True):

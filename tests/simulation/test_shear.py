@@ -383,7 +383,7 @@ def test_nothing_jumps_at_the_seam() -> None:
     gas = Simulation(disks, box, IFRLaw(e_n=0.95, e_t=-1.0, mu=0.0), state)
     gas.run(collisions_per_disk=30.0)
     frames: list[State] = []
-    gas.run(collisions_per_disk=130.0, frames=100, observers=[lambda state, _: frames.append(state)])
+    gas.run(collisions_per_disk=130.0, frames=100, frame_callbacks=[lambda state, _: frames.append(state)])
     y = np.concatenate([frame.position[:, 1] for frame in frames])
     peculiar = np.concatenate([frame.peculiar_velocity for frame in frames])
     slab = (10.0 * y / box.lengths[1]).astype(int)
@@ -419,7 +419,7 @@ def test_temperature_and_stress_settle_at_those_of_kinetic_theory(start: float) 
     gas.run(
         collisions_per_disk=340.0,
         frames=280,
-        observers=[lambda _, m: found.append((m.temperature, m.shear_pressure / disks.n))],
+        frame_callbacks=[lambda _, m: found.append((m.temperature, m.shear_pressure / disks.n))],
     )
     mean_T, kinetic = np.mean(found, axis=0)
     assert mean_T == pytest.approx(T, rel=0.05)

@@ -43,7 +43,7 @@ def test_shear_modes_of_cooling_coins_grow_as_linear_theory_says() -> None:
     position = placement.random_positions(box, disks.radius, seed=1)
     velocity = placement.maxwellian(disks.mass, temperature=1.0, seed=1)
     gas = Simulation(disks, box, law, State(position, velocity, np.zeros(n)))
-    gas.run(collisions_per_disk=AGE, frames=1, observers=[observe])
+    gas.run(collisions_per_disk=AGE, frames=1, frame_callbacks=[observe])
     at_start, later = shares
     assert later == pytest.approx(shear_mode_energy(AGE, law, 0.5, PHI, (SIDE, SIDE), theta0=0.0), rel=0.2)
     assert abs(at_start) < 0.1 * later  # thermal: 136 / (2 n), of which a part 1 / sqrt(68) is noise

@@ -12,7 +12,8 @@ from ifrdem.model.box import Box
 from ifrdem.model.forces import RandomKicks
 from ifrdem.model.ifr import IFRLaw, collide
 from ifrdem.model.state import Disks, State
-from ifrdem.model.walls import Motion, Wall
+from ifrdem.model.wall_motion import Motion
+from ifrdem.model.walls import Wall
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.simulation.tracking import ELASTIC, KICK, UNKNOWN, Events
 
@@ -50,7 +51,7 @@ def check_path(
         t, v, w = rows["time"][i], rows["velocity_after"][i], rows["spin_after"][i]
 
 
-@pytest.mark.parametrize("serial", [True, False])
+@pytest.mark.parametrize("alone", [True, False])
 def test_paths_lead_through_every_collision(device, alone, monkeypatch):
     if not alone:
         monkeypatch.setattr("ifrdem.simulation.arrays.SINGLE_TILE", 100)

@@ -167,7 +167,7 @@ def test_a_trajectory_says_that_there_are_no_boundaries(tmp_path: Path) -> None:
     path = tmp_path / "open.h5"
     with TrajectoryWriter(path, disks, Box.open(), precision="f8", fields=["position", "image"]) as file:
         gas = Simulation(disks, Box.open(), LAW, state)
-        gas.run(t_end=100.0, frames=2, observers=[lambda state, _: file.write(state)])
+        gas.run(t_end=100.0, frames=2, frame_callbacks=[lambda state, _: file.write(state)])
     with Trajectory(path) as trajectory:
         assert trajectory.box == Box.open()
         assert list(trajectory._file["particles/all/box"].attrs["boundary"]) == [b"none"] * 3

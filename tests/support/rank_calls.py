@@ -1,6 +1,6 @@
 """`mpiexec -n 3 python rank_calls.py`: two of the ranks share a gas, do wrong things with it, and tell what came.
 
-Of disks, start, observers and samplers only the first one has any.
+Of disks, start, frame_callbacks and series_callbacks only the first one has any.
 """
 
 from __future__ import annotations
@@ -57,11 +57,11 @@ if __name__ == "__main__":
     found["one_of_none"] = outcome(lambda: simulation.set_forces(drag if RANK == 0 else [None]))
     found["kinds"] = outcome(lambda: (simulation.disks.n, len(simulation.disks.mass)))
     found["end"] = outcome(lambda: simulation.run(collisions_per_disk=1.0 + RANK))
-    observers = [lambda _state, measure: seen.append(measure.collisions)] if RANK == 0 else []
-    simulation.run(collisions_per_disk=0.5, observers=observers)
+    frame_callbacks = [lambda _state, measure: seen.append(measure.collisions)] if RANK == 0 else []
+    simulation.run(collisions_per_disk=0.5, frame_callbacks=frame_callbacks)
     found["seen"] = repr(seen)
     found["fails"] = outcome(
-        lambda: simulation.run(collisions_per_disk=1.0, observers=[fails] if RANK == 0 else [])
+        lambda: simulation.run(collisions_per_disk=1.0, frame_callbacks=[fails] if RANK == 0 else [])
     )
     simulation.run(collisions_per_disk=1.5)  # it goes on
     state = simulation.state

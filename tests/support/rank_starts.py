@@ -17,7 +17,7 @@ from mpi4py import MPI
 
 import ifrdem
 from ifrdem.case import file
-from ifrdem.initial.from_csv import Given
+from ifrdem.initial.from_csv import StartData
 from ifrdem.mpi import Communicator, distribution
 
 COMM = Communicator(MPI.COMM_WORLD, distributed=True)
@@ -95,11 +95,11 @@ plain = simulation(None, range(N)) if COMM.rank == 0 else None
 found["start"] = differing(gas.state, plain and plain.state)
 found["disks"] = [gas.disks.n, len(gas.disks.mass), gas.disks_here.n]
 frames: list[Any] = []
-gas.run(collisions_per_disk=1.0, frames=2, observers=[lambda state, _: frames.append(state)])
+gas.run(collisions_per_disk=1.0, frames=2, frame_callbacks=[lambda state, _: frames.append(state)])
 expected: list[Any] = [None] * 3
 if plain is not None:
     expected = []
-    plain.run(collisions_per_disk=1.0, frames=2, observers=[lambda state, _: expected.append(state)])
+    plain.run(collisions_per_disk=1.0, frames=2, frame_callbacks=[lambda state, _: expected.append(state)])
 for i, (own, whole) in enumerate(zip(frames, expected, strict=True)):
     found[f"frame {i}"] = differing(own, whole)
 found["energy"] = repr((gas.dissipated_energy, gas.measure().energy))
@@ -126,7 +126,7 @@ for name, changes in (("case", []), ("random case", ["start.positions=random"]),
     gas_of_case = file.read(sys.argv[1], changes).gas
     whole = gas_of_case.simulation().state if COMM.rank == 0 else None
     if name == "given" and COMM.rank == 0:
-        gas_of_case = replace(gas_of_case, given=Given(gas_of_case.start().position, None, None))
+        gas_of_case = replace(gas_of_case, given=StartData(gas_of_case.start().position, None, None))
     sliced = gas_of_case.simulation(comm=COMM)
     found[name] = differing(sliced.state, whole, FIELDS[:3])
     found["case sliced"] = sliced.comm.is_distributed

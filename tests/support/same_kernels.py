@@ -33,7 +33,8 @@ from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, Langevin, RandomKicks, Rescale, TableFriction
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
-from ifrdem.model.walls import Motion, Piston, Turn, Wall
+from ifrdem.model.wall_motion import Motion, Piston, Turn
+from ifrdem.model.walls import Wall
 from ifrdem.simulation import arrays, backend, snapshot
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.tracking import Tracking

@@ -22,14 +22,16 @@ def test_each_turn_times_the_same_time_bare_with_the_ledger_and_with_all(
     lengths: list[float] = []
     follow = Simulation.follow
 
-    def sampled_run(self: Simulation, course: Course, *, observers=(), **options) -> None:  # type: ignore[no-untyped-def]
+    def sampled_run(self: Simulation, course: Course, *, frame_callbacks=(), **options) -> None:  # type: ignore[no-untyped-def]
         if course.next_frame == 0:  # a warming up
-            follow(self, course, observers=observers, **options)
+            follow(self, course, frame_callbacks=frame_callbacks, **options)
             return
         frames: list[float] = []
         before = self.measure()
-        watching = [*observers, lambda _state, measure: frames.append(measure.time)] if observers else []
-        follow(self, course, observers=watching, **options)
+        watching = (
+            [*frame_callbacks, lambda _state, measure: frames.append(measure.time)] if frame_callbacks else []
+        )
+        follow(self, course, frame_callbacks=watching, **options)
         after = self.measure()
         assert before.regimes is not None
         assert after.regimes is not None

@@ -338,12 +338,12 @@ def disagreement(case: dict[str, Any], rows: str | None, folder: Path) -> tuple[
 
 
 def _ignore(_text: str) -> None:
-    """Show nothing of what a run says."""
+    """Discard the output of a run."""
 
 
 @contextlib.contextmanager
 def _silence() -> Iterator[None]:
-    """Nothing is shown of progress, and no warning."""
+    """Suppress progress output and warnings."""
     with contextlib.redirect_stderr(io.StringIO()), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         yield

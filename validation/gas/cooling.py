@@ -148,7 +148,7 @@ def measured(law: IFRLaw, phi: float, T_rot: float, seeds: range, n: int) -> Coo
 
 
 def by_dsmc(law: IFRLaw, T_rot: float, seeds: range) -> tuple[Cooling, float]:
-    """The same by DSMC, and the mean a_2 of spins at the end."""
+    """Gases by DSMC, and the mean a_2 of spins at the end."""
     found, tails = [], []
     for seed in seeds:
         disks, velocity, spin = thermal(DISKS_OF_DSMC, seed, T_rot=T_rot)

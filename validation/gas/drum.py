@@ -99,7 +99,7 @@ def turned(rate: float, seed: int, pieces: int, resting_speed: float = RESTING_S
 
 
 def turned_by_lammps(rate: float, seed: int, pieces: int, contact_time: float, folder: Path) -> list[Angles]:
-    """The same by LAMMPS, which writes its files into a folder."""
+    """Angles of disks by LAMMPS in the same drum; LAMMPS writes its files into a folder."""
     disks, _, begin = start(seed)
     time, position = soft_grains.run(
         folder, disks, BOX, LAW, begin, t_end=(BEGIN + pieces * PIECE) / rate, every=SAMPLE / rate,

@@ -27,7 +27,8 @@ from ...model.coin_table import coins
 from ...model.collapse import VelocityCutoff
 from ...model.ifr import IFRLaw
 from ...model.state import Disks, State
-from ...model.walls import Motion, Turn, Wall
+from ...model.wall_motion import Motion, Turn
+from ...model.walls import Wall
 from ...simulation.engine import ORDERS, Engine
 from ...tools.arguments import script, whole
 from ...tools.checked import choice

@@ -22,7 +22,8 @@ import numpy as np
 
 from ...model.box import Box
 from ...model.observables import Measure
-from ...model.walls import Piston, Wall
+from ...model.wall_motion import Piston
+from ...model.walls import Wall
 from ...simulation.simulation import Simulation
 from ...tools.checked import Array
 from ..report import style
@@ -84,7 +85,7 @@ def adiabat(begin: Equilibrium, n: int) -> Array:
 
 @dataclass(frozen=True)
 class Path:
-    """Of one gas: means of height and temperature at both forces, enthalpies then and back at the first."""
+    """Results of one gas: mean height and temperature at both forces, enthalpies then and back at the first."""
 
     h: tuple[float, float]
     T: tuple[float, float]
@@ -115,7 +116,7 @@ def follow(n: int, seed: int, forces: tuple[float, float], stay: float, ramp: fl
         gas.run(t_end=gas.time + 0.1 * stay, progress=False)
         heights.clear()
         temperatures.clear()
-        gas.run(t_end=gas.time + stay, series=round(2.0 * stay), samplers=[sample], progress=False)
+        gas.run(t_end=gas.time + stay, series=round(2.0 * stay), series_callbacks=[sample], progress=False)
         return float(np.mean(heights)), float(np.mean(temperatures)), F * heights[-1] + n * temperatures[-1]
 
     ways = []

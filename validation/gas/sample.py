@@ -194,6 +194,6 @@ def restarted(gas: Simulation, law: IFRLaw = ELASTIC, **options: Any) -> Simulat
 def sampled_run(gas: Simulation, frames: int, **end: Any) -> tuple[list[State], list[Measure]]:
     """States and measures of a run to an end (`t_end`, `collisions_per_disk`): at its start, and at even times."""
     seen: list[tuple[State, Measure]] = []
-    gas.run(frames=frames, observers=[lambda *one: seen.append(one)], **end)
+    gas.run(frames=frames, frame_callbacks=[lambda *one: seen.append(one)], **end)
     states, measures = zip(*seen, strict=True)
     return list(states), list(measures)

@@ -49,7 +49,7 @@ class After:
 
     @classmethod
     def seen(cls, impact: Impact, w_2o: Array, normal: Array, velocity: Array, spin: Array) -> After:
-        """From velocities (n, 2, 2) and counter-clockwise spins (n, 2) after: pair, disk, component."""
+        """Pairs from velocities (n, 2, 2) and counter-clockwise spins (n, 2) after: pair, disk, component."""
         along = (normal, perpendicular(normal))
         v = [np.sum(velocity[:, disk] * unit, axis=1) for disk in (0, 1) for unit in along]
         Rw = impact.R_1 * spin[:, 0], -impact.R_2 * spin[:, 1]

@@ -95,7 +95,7 @@ class Profile:
         }
 
     def lines(self) -> list[str]:
-        """The same to read."""
+        """The figures as lines of text."""
         rows = [(each.kernel, each.calls, each.seconds) for each in self.kernels]
         return [
             f"share of each kernel, in a run of {self.run.seconds:.3g} s under the profiler "

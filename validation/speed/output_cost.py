@@ -59,7 +59,10 @@ def output_cost(
                 rows = Cadence(number=ROWS_PER_FRAME * FRAMES, exact=False) if way == ALL else None
                 # As in a run that goes on: the piece before has its last frame and row.
                 course = Course(span, frames, rows, next_frame=1, next_row=1)
-                output: dict[str, Any] = {"observers": [recorder.frame], "samplers": [recorder.row]}
+                output: dict[str, Any] = {
+                    "frame_callbacks": [recorder.frame],
+                    "series_callbacks": [recorder.row],
+                }
                 before, began = simulation.collisions, time.perf_counter()
                 simulation.follow(course, **(output if way == ALL else {}))
                 recorder.write()

@@ -37,7 +37,11 @@ def temperatures(law):
     """Times and temperatures over 40 frames."""
     gas = ifrdem.Simulation(disks, box, law, ifrdem.State(position, velocity, np.zeros(disks.n)))
     rows = []
-    gas.run(t_end=200.0, frames=40, observers=[lambda state, now: rows.append((state.time, now.temperature))])
+    gas.run(
+        t_end=200.0,
+        frames=40,
+        frame_callbacks=[lambda state, now: rows.append((state.time, now.temperature))],
+    )
     return np.array(rows).T
 
 

@@ -16,7 +16,8 @@ from ifrdem.model.box import Box
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.observables import Measure
 from ifrdem.model.state import Disks, State
-from ifrdem.model.walls import Motion, Piston, Turn, Wall, from_json, to_json
+from ifrdem.model.wall_motion import Motion, Piston, Turn
+from ifrdem.model.walls import Wall, from_json, to_json
 from ifrdem.simulation.simulation import Simulation
 
 ELASTIC = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
@@ -134,7 +135,7 @@ def test_the_mean_height_of_a_piston_on_one_disk_is_that_of_the_virial() -> None
         assert measured.pistons is not None
         heights.append(5.0 - float(measured.pistons[0, 0]) - 1.0)
 
-    simulation.run(t_end=3000 * 7.3, series=3000, samplers=[look], progress=False)
+    simulation.run(t_end=3000 * 7.3, series=3000, series_callbacks=[look], progress=False)
     assert len(heights) == 3001
     # Scatter of h about 0.7 <h>; some 3000 values, correlated over a few: 0.7 / sqrt(600) = 3 %.
     assert np.mean(heights) == pytest.approx(2.0 * energy / (3.0 * 0.5), rel=0.06)
@@ -177,7 +178,7 @@ def test_a_run_goes_on_from_a_checkpoint_to_the_bit(tmp_path: Path, cut: float) 
     first.save_checkpoint(tmp_path / "one.ckpt")
     second.load_checkpoint(tmp_path / "one.ckpt")
     np.testing.assert_array_equal(second.pistons, first.pistons)
-    second.run(t_end=15.0, series=11, samplers=[lambda measure: None])
+    second.run(t_end=15.0, series=11, series_callbacks=[lambda measure: None])
     np.testing.assert_array_equal(whole.pistons, second.pistons)
     assert whole.pistons[0, 0] != first.pistons[0, 0]
     for name in ("position", "velocity", "spin"):

@@ -403,7 +403,11 @@ def test_frames_series_and_checkpoints_change_no_bit(tmp_path: Path) -> None:
     assert 0 < plain.asleep < 40
     looked = pile(40)
     looked.run(
-        t_end=7.0, frames=37, observers=[lambda state, measure: None], series=91, samplers=[lambda _: None]
+        t_end=7.0,
+        frames=37,
+        frame_callbacks=[lambda state, measure: None],
+        series=91,
+        series_callbacks=[lambda _: None],
     )
     stopped = pile(40)
     for k, stop in enumerate((3.3, 5.1, 6.77)):

@@ -18,7 +18,8 @@ from ifrdem.model.box import Box
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
-from ifrdem.model.walls import Motion, Wall
+from ifrdem.model.wall_motion import Motion
+from ifrdem.model.walls import Wall
 from ifrdem.simulation import backend
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
@@ -332,7 +333,7 @@ def test_the_simulation_tells_heat_by_wall_and_in_its_measures() -> None:
         walls=[Wall.line((0.0, 0.0), (1.0, 0.0), temperature=2.0), Wall.post((6.0, 0.5), 0.1)], seed=2,
     )  # fmt: skip
     seen = []
-    run.run(t_end=20.0, frames=4, observers=[lambda _, m: seen.append(m)])
+    run.run(t_end=20.0, frames=4, frame_callbacks=[lambda _, m: seen.append(m)])
     assert run.wall_heats.shape == (2,)
     assert run.wall_heats[1] == 0.0
     assert seen[-1].wall_heat == run.wall_heat == run.wall_heats[0] > 0.0

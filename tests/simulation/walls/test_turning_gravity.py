@@ -105,7 +105,7 @@ def test_a_drum_flows_its_ledger_closes_and_looks_and_checkpoints_change_no_bit(
         return state.position, state.velocity, state.spin, state.asleep, state.collisions, run.gravity
 
     plain, numbers = drum(), []
-    plain.run(t_end=24.0, series=48, samplers=[lambda measure: numbers.append(measure.asleep)])
+    plain.run(t_end=24.0, series=48, series_callbacks=[lambda measure: numbers.append(measure.asleep)])
     # They come to rest, but not on a slope of 0.96 rad, which would be there without avalanches.
     rested = int(np.argmax(numbers))
     assert numbers[rested] > 30
@@ -115,7 +115,7 @@ def test_a_drum_flows_its_ledger_closes_and_looks_and_checkpoints_change_no_bit(
     assert plain.energy_input > 0.0
     assert plain.dissipated_energy == pytest.approx(lost.sum(), rel=1e-12)
     looked = drum()
-    looked.run(t_end=24.0, frames=61, observers=[lambda state, measure: None])
+    looked.run(t_end=24.0, frames=61, frame_callbacks=[lambda state, measure: None])
     stopped = drum()
     for k, stop in enumerate((0.1, 5.3, 16.125)):  # the last one where gravity turns
         stopped.run(t_end=stop)

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from ..errors import AttributeRefused, nearest
 
 
-class Sealed:
+class ReadOnlyAttributes:
     """Base of classes whose public attributes are read-only, and of which unknown ones are refused.
 
     Attributes
