@@ -246,7 +246,7 @@ def law_warnings(fitted: Fitted, others: Sequence[tuple[Array, float]], *, robus
         values = ", ".join(f"{name} = {value:.4g}" for name, value in zip(fitted.law.free, free, strict=True))
         found.append(
             f"another solution, outside of these intervals, fits nearly as well: {values}, chi2 = {chi2:.4g}; impacts "
-            "over a wider range of psi, or another quantity, would tell"
+            "over a wider range of psi, or another quantity, would decide between them"
         )
     estimates, count = fitted.estimates, fitted.count()
     if fitted.law.has_transition and "mu" in fitted.law.free:

@@ -232,14 +232,13 @@ class Span:
         if (more_time is None) == (collisions_per_disk is None):
             raise InputError("exactly one of time and collisions_per_disk must be given")
         if more_time is not None:
-            more = checked.finite("time", more_time, "must be a positive finite number", 0.0, open_=True)
+            more = checked.POSITIVE("time", more_time)
             if time + more == time:
                 raise InputError(
                     f"time = {more:g}: must be above {math.ulp(time):.3g}, the rounding of {time:g}"
                 )
             return cls(n, time, collisions, Due(time=time + more))
-        needed = "must be a positive finite number"
-        more = checked.finite("collisions_per_disk", collisions_per_disk, needed, 0.0, open_=True)
+        more = checked.POSITIVE("collisions_per_disk", collisions_per_disk)
         return cls(n, time, collisions, Due(collisions=collisions + math.ceil(Fraction(str(more)) * n / 2)))
 
     @property

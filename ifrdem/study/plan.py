@@ -362,7 +362,7 @@ def _axes(groups: list[dict[str, list[Any]]]) -> tuple[Axis, ...]:
         case_file.parse_assignment(f"{key}=0")  # which refuses what is no key
         if key in keys[:i]:
             raise InputError(f"{key}: two axes of this name; it can vary along one")
-        own = "the study's own [output] says what is kept" if key.startswith("output") else None
+        own = "the study's own [output] sets what is kept" if key.startswith("output") else None
         if why := FIXED.get(key, own):
             raise InputError(f"{key}: cannot be swept: {why}")
     names: dict[str, str] = {}

@@ -43,7 +43,7 @@ class TrajectoryWriter(ReadOnlyAttributes):
 
     Use it as a context manager. A writer that is closed before its first frame leaves no file, and with
     `force` the old file stays in place until the first frame of the new one is committed. `resume` continues
-    a file that a run has left.
+    with a file that a run has left.
 
     Parameters
     ----------

@@ -222,7 +222,7 @@ def bad(tmp_path: Path, capsys: pytest.CaptureFixture[str], *words: str) -> str:
         (["--vary", "material[0].mu=0.1,0.2;material[0].e_n=0.7"], "as many values each"),
         (["--vary", "nonsense"], "must be KEY=VALUES"),
         (["--seeds", "0"], "a number of seeds"),
-        (["--part", "3/2"], "K/M is needed"),
+        (["--part", "3/2"], "must be K/M"),
         (["--workers", "1", "--scheduler", "tcp://a:1"], "--workers: cannot be combined with --scheduler"),
         (["--scheduler", "nonsense://127.0.0.1:9"], "does not answer"),
     ],

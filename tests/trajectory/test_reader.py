@@ -561,8 +561,8 @@ def test_impossible_outputs_are_refused(tmp_path):
         unwritable.mkdir(mode=0o500)
     for path, reason in (
         (tmp_path, "is a folder"),
-        (tmp_path / "absent" / "run.h5", "the folder .* does not exist|is not a folder"),
-        (file / "run.h5", "the folder .* does not exist|is not a folder"),
+        (tmp_path / "absent" / "run.h5", "does not exist"),
+        (file / "run.h5", "does not exist"),
         (unwritable / "run.h5", "cannot be created"),
         (tmp_path / ("x" * 300), "name too long"),
         (Path("/dev/null"), "not a regular file"),
@@ -584,7 +584,7 @@ def test_impossible_outputs_are_refused(tmp_path):
         ({"parameters": {"": 1}}, "name of parameter"),
         ({"parameters": {"case": "a\0b"}}, "cannot be written"),
         ({"units": {"length": 1}}, r"units\['length'\] = 1: must be"),
-        ({"units": {"length": "reduced", "time": "s"}}, "unit of time = 's': must be 'reduced'"),
+        ({"units": {"length": "reduced", "time": "s"}}, "unit of time = 's': must be 'reduced' for all"),
     ],
 )
 def test_wrong_options_are_refused_and_leave_nothing(tmp_path, options, reason):
