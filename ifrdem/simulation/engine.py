@@ -806,19 +806,22 @@ class Engine:
 
     def _take_watched(self, watching: int, was: float) -> None:
         windows = self.windows
-        gather = self.comm.allgather if watching == k.PAIRS else self.comm.gather  # histories are the root's
-        parts = gather(windows.watched()) or [windows.watched(none=True)]
-        real, whole = (np.concatenate(each) for each in zip(*parts, strict=True))
         if watching == k.PAIRS:
-            event = named(whole, "event_int")
-            time = windows.begin + named(real, "event").time.astype(np.float64)
+            times, whole = (
+                np.concatenate(each) for each in zip(*self.comm.allgather(windows.pairs()), strict=True)
+            )
+            ids = named(whole, "pair")
+            time = windows.begin + times.astype(np.float64)
             now = ((time > was) | (windows.begin == was)) & (time <= self.time)
-            pair = np.sort(np.stack([event.id, event.partner], axis=1)[now], axis=1).astype(np.int64)
+            pair = np.sort(np.stack([ids.id, ids.partner], axis=1)[now], axis=1).astype(np.int64)
             pair -= self.arrays.domain.first_id
             order = np.lexsort((pair[:, 1], pair[:, 0], time[now]))
             self.last_collisions = CollisionTimes(time[now][order], pair[order])
         elif self.tracking is not None and windows.fresh:
             windows.fresh = False
+            # Histories are the root's.
+            parts = self.comm.gather(windows.watched()) or [windows.watched(none=True)]
+            real, whole = (np.concatenate(each) for each in zip(*parts, strict=True))
             if self.comm.bcast(len(real)):
                 self.tracking.gather(windows.begin, real, whole, self.box)
 
