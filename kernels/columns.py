@@ -142,7 +142,7 @@ DISK = Columns(**columns("x", "y", "vx", "vy", "spin"))
 META = Columns(**columns("id", "events", "image_x", "image_y"))
 # Time of the latest collision, and angle turned.
 PAST = Columns(**columns("latest", "angle"))
-HITS = Columns(**columns("wall_hits", "last_partner"))
+HITS = Columns(**columns("wall_collisions", "last_partner"))
 # What collisions take, by mechanism.
 MECHANISM = Columns(**columns("normal", "restitution", "sliding", "sticking", "rolling", "walls", "rest"))
 KIND = Columns(**columns("inverse_mass", "k", "radius", "material", "mass", "inertia"))
@@ -194,7 +194,7 @@ EVENT_INFO = Columns(**columns(
 ))  # fmt: skip
 # Slot at the window's beginning; boxes travelled in this window; collisions before it, and with walls in it; tile that
 # lists it.
-IMAGE_INFO = Columns(**columns("slot", "lap_x", "lap_y", "events_before", "wall_hits", "home_tile"))
+IMAGE_INFO = Columns(**columns("slot", "lap_x", "lap_y", "events_before", "wall_collisions", "home_tile"))
 START_POSITION = Columns(**columns("x", "y"))
 CANDIDATE = Columns(**columns("slot", "cell", "own_rank", "step"))
 # AWAKE, ASLEEP or WOKEN since the window's beginning; 1 where the disk may fall asleep in it; quick hits of something
@@ -301,11 +301,12 @@ WALL = Columns(
 
 # Sums over all disks.
 READOUT = Columns(**columns(
-    "translational", "rotational", "momentum_x", "momentum_y", "shear_pressure", "fall", "all_events", "excess", "mass",
+    "translational", "rotational", "momentum_x", "momentum_y", "momentum_flux_xy", "fall", "all_events", "excess",
+    "mass",
 ))  # fmt: skip
 REAL_OUT = Columns(**columns("x", "y", "vx", "vy", "spin"))
 INT_OUT = Columns(**columns("events", "image_x", "image_y"))
-HITS_OUT = Columns(**columns("wall_hits", "last_partner", "asleep"))
+HITS_OUT = Columns(**columns("wall_collisions", "last_partner", "asleep"))
 
 # Coefficients of the IFR law (`IFRLaw.table_row`).
 LAW = Columns(**columns("e_n", "e_t", "mu", "contact_point", "rho"))
@@ -337,7 +338,7 @@ DSMC_TABLES: dict[str, Columns] = {
     "counter": Columns(open=2, **columns("collisions", "cut")),
     # Of random numbers: number of the batch or of the kick (low, high word), seed (low, high word).
     "key": Columns(**columns("number_low", "number_high", "seed_low", "seed_high")),
-    # The two numbers of contact values (`contact.crowding_of_mixture`); the largest g_ij sigma_ij |v_i - v_j| that may
+    # The two numbers of contact values (`contact.contact_value_terms`); the largest g_ij sigma_ij |v_i - v_j| that may
     # occur; the square of the highest speed for which that holds.
     "crowding": Columns(**columns("one", "two", "majorant", "cap")),
     # Factors of a velocity and of a spin by friction; energy that noise gives to the motion and to the spin.

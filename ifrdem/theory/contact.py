@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from ..errors import InputError
+from ..model import contact as contact_formulas
 from ..tools.checked import (
     LEAST,
     Array,
@@ -84,8 +85,7 @@ def henderson(packing_fraction: PackingFraction) -> float:
     >>> round(theory.henderson(0.3), 4)  # (1 - 7 phi / 16) / (1 - phi)^2
     1.773
     """
-    phi = packing_fraction
-    return (1.0 - 7.0 * phi / 16.0) / (1.0 - phi) ** 2
+    return contact_formulas.henderson(packing_fraction)
 
 
 @validated
@@ -100,7 +100,7 @@ def of_equal_disks(packing_fraction: PackingFraction, contact: Contact = "virial
 
 
 @validated
-def crowding_of_mixture(
+def contact_value_terms(
     packing_fraction: PackingFraction,
     radius: PositiveColumn,
     fraction: NonNegativeColumn | None = None,
@@ -148,7 +148,7 @@ def mixture_contact_values(
     fraction: NonNegativeColumn | None = None,
     contact: Contact = "virial",
 ) -> Array:
-    """Contact values g_ij of hard disks of different sizes, shape (s, s); see `crowding_of_mixture`.
+    """Contact values g_ij of hard disks of different sizes, shape (s, s); see `contact_value_terms`.
 
     Examples
     --------
@@ -157,7 +157,7 @@ def mixture_contact_values(
     array([[1.356, 1.391],
            [1.391, 1.461]])
     """
-    a, b = crowding_of_mixture(packing_fraction, radius, fraction, contact)
+    a, b = contact_value_terms(packing_fraction, radius, fraction, contact)
     R = np.asarray(radius, dtype=np.float64)
     return a + b * R[:, None] * R / (R[:, None] + R)
 
@@ -172,7 +172,7 @@ def compressibility(
     """Z = P / (n T) of elastic hard disks of one or several sizes: 1 + (pi/2) n sum_ij x_i x_j sigma_ij^2 g_ij.
 
     The virial theorem in two dimensions; n sum_i x_i sigma_i^2 = 4 phi / pi. For equal disks it is 1 + 2 phi g.
-    Arguments as for `crowding_of_mixture`; without radii, equal disks.
+    Arguments as for `contact_value_terms`; without radii, equal disks.
 
     Examples
     --------

@@ -4,7 +4,7 @@ Symbols: nu collision rate of a disk; z nu the rate at which T falls, l nu that 
 isotropic (`sheared_gas.relaxation`); g contact value; n, m, R as everywhere.
 
 *Viscosity.* The kinetic stress of a gas with a velocity gradient G obeys d p_xy/dt = -G c_1 n T - l nu p_xy, c_1 being
-what crowding adds (`sheared_gas.crowding`). In a gas that cools p_xy = -eta G falls like sqrt(T), at z nu / 2:
+what crowding adds (`sheared_gas.density_factors`). In a gas that cools p_xy = -eta G falls like sqrt(T), at z nu / 2:
 eta = (n T / nu) [c_1^2 / (l - z/2) + c_2], with c_2 from disks that touch. For elastic smooth disks it is Enskog's, in
 the first Sonine approximation,
 
@@ -42,7 +42,7 @@ from ..tools.checked import Array, Fraction, NonNegative, Number, Positive, vali
 from .collisions import KineticLaw, collision_rate
 from .contact import compressibility, contact_value
 from .cooling_gas import changes_per_collision
-from .sheared_gas import crowding, relaxation
+from .sheared_gas import density_factors, relaxation
 
 ELASTIC = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
 _COLDEST = math.log(1e200)  # of T0 / T: nothing comes after that
@@ -111,7 +111,7 @@ def shear_viscosity(
     """
     z, ell = _losses(law, k, _theta(law, theta))
     nu = collision_rate(packing_fraction, T, mass, radius)
-    more, contact = crowding(packing_fraction, law.e_n)
+    more, contact = density_factors(packing_fraction, law.e_n)
     return packing_fraction / (math.pi * radius**2) * T / nu * (more**2 / (ell - 0.5 * z) + contact)
 
 
