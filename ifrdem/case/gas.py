@@ -540,12 +540,13 @@ class CaseGas:
             drawn = distributed and self.given is None and self.is_made_in_slices
             return self.start() if state is None and not drawn else state
 
-        begin = comm.run_on_root(begun)
+        begin: Any = comm.run_on_root(begun)
         disks = self.disks if comm.is_root and not distributed else None
         if distributed:
             way = comm.bcast("drawn" if begin is None else "whole" if begin.n == self.n else "slices")
             if way == "whole":
-                disks, begin = scatter_state(comm, None if begin is None else self.disks, begin)
+                with comm:
+                    disks, begin = scatter_state(None if begin is None else self.disks, begin)
             else:
                 disks = self.rows(comm.slice_of(self.n))
                 with comm:

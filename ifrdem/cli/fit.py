@@ -14,9 +14,26 @@ from cyclopts import Group, Parameter
 from ..errors import InputError, nearest, there_are
 from ..tools.files import check_files, write_text
 from .console import FAILED, complain, note, say
-from .options import File, Force, Output, Wrong, counted, flag, number, option, whole
+from .options import (
+    MOST_SEED,
+    File,
+    Force,
+    Output,
+    Wrong,
+    counted,
+    flag,
+    integer,
+    number,
+    option,
+    positive,
+    real,
+    whole,
+    wrong_value,
+)  # fmt: skip
 
 if TYPE_CHECKING:
+    from cyclopts import Token
+
     from ..fit.data import Disk
 
 FORMAT = """\
@@ -59,8 +76,18 @@ brackets, as in psi (rad) or vx_1 [cm/s]. For instance:
 DISKS = Group("The disks; --M or --pair for angles, --disk-1 and --disk-2 for collisions", sort_key=1)
 TABLE = Group("The table", sort_key=2)
 POSITIVE = "a positive finite number"
-C, K, N, R = (Parameter(metavar=each) for each in "CKNR")
+C = Parameter(metavar="C")
+K, R = (real(each, "", POSITIVE, positive) for each in "KR")
+MASS_RATIO = real(
+    "M", "", "a finite number of 0 (a wall) or more", lambda value: 0.0 <= value < math.inf, "--M"
+)
+LEVEL = real("PERCENT", "", "a percentage between 0 and 100", lambda value: 0.0 < value < 100.0)
 FILE, PAIRS = Parameter(metavar="FILE"), Parameter(metavar="NAME=VALUE")
+
+
+def counting(low: int, high: int = 1_000_000) -> Parameter:
+    """An option that takes a number of things."""
+    return integer("N", "", low, high)
 
 
 @Parameter(name="*", group=DISKS, help="the two disks")
@@ -68,15 +95,15 @@ FILE, PAIRS = Parameter(metavar="FILE"), Parameter(metavar="NAME=VALUE")
 class DiskOptions:
     """Options that name the two disks."""
 
-    M: Annotated[str | None, Parameter(name="--M", metavar="M")] = None
+    M: Annotated[float | None, MASS_RATIO] = None
     """mass ratio m_1 / m_2; disk 1 is the one that moves; 0 for a wall"""
-    k_1: Annotated[str | None, K] = None
+    k_1: Annotated[float | None, K] = None
     """k in I = m R^2 / k of disk 1: 2 homogeneous disk (default), 1 hoop"""
-    k_2: Annotated[str | None, K] = None
+    k_2: Annotated[float | None, K] = None
     """the same of disk 2"""
-    R_1: Annotated[str | None, R, Parameter(name="--R-1")] = None
+    R_1: Annotated[float | None, R, Parameter(name="--R-1")] = None
     """radius of disk 1 [length]; only --rolling needs radii"""
-    R_2: Annotated[str | None, R, Parameter(name="--R-2")] = None
+    R_2: Annotated[float | None, R, Parameter(name="--R-2")] = None
     """radius of disk 2 [the same length]"""
     pair: Annotated[tuple[str, str] | None, Parameter(metavar="COIN COIN")] = None
     """two coins of the paper instead, in SI units"""
@@ -93,9 +120,14 @@ class TableOptions:
 
     column: Annotated[list[str] | None, Parameter(metavar="NAME=TEXT")] = None
     """the column that NAME stands for, such as psi="impact angle"; repeatable"""
-    unit: Annotated[list[str] | None, Parameter(metavar="NAME=UNIT")] = None
-    """unit of a column, such as psi=rad or x=mm, or a factor; repeatable. Angles of a table of angles become degrees,
-    all else SI units"""
+    unit: Annotated[
+        list[str] | None,
+        option(
+            "NAME=UNIT",
+            "unit of a column, such as psi=rad or x=mm, or a factor; repeatable. Angles of a table of angles become "
+            "degrees, all else SI units",
+        ),
+    ] = None
     delimiter: Annotated[str | None, C] = None
     """separates columns: a character, or tab (default: ,)"""
     decimal: Annotated[str | None, C] = None
@@ -109,9 +141,14 @@ class FitOptions:
 
     known: Annotated[list[str] | None, PAIRS, Parameter(name="--set", group=TABLE)] = None
     """a value that every line has exactly, such as spin_1=0; repeatable"""
-    error: Annotated[list[str] | None, Parameter(metavar="E")] = None
-    """standard error of all angles [degrees], or NAME=E of a column or of positions, velocities, spins, normal [rad];
-    estimate: those not given, by the residuals; repeatable. Columns such as delta_2_error come first"""
+    error: Annotated[
+        list[str] | None,
+        option(
+            "E",
+            "standard error of all angles [degrees], or NAME=E of a column or of positions, velocities, spins, normal "
+            "[rad]; estimate: those not given, by the residuals; repeatable. Columns such as delta_2_error come first",
+        ),
+    ] = None
     model: Annotated[list[str] | None, Parameter(metavar="LAW")] = None
     """ifr-percussion, ifr-contact, walton, brach, smooth or all; repeatable (default: both kinds of IFR)"""
     law: Annotated[str | None, Parameter(metavar="FILE.py:CLASS")] = None
@@ -122,17 +159,17 @@ class FitOptions:
     """a coefficient that is not fitted, such as e_t=-1; repeatable"""
     robust: bool = False
     """Student-t likelihood: outliers have little weight"""
-    level: Annotated[str | None, Parameter(metavar="PERCENT")] = None
+    level: Annotated[float, LEVEL] = 95.0
     """confidence of the intervals (default: 95)"""
     cross_validate: bool = False
     """predict each tenth of the impacts from the others"""
-    design: Annotated[str | None, N] = None
+    design: Annotated[int, counting(1)] = 0
     """expected gain of N further impacts by angle: the next experiment"""
     rolling: bool = False
     """fit rolling friction rho too, from Rw_2 or e_t_apparent"""
-    bootstrap: Annotated[str | None, N] = None
+    bootstrap: Annotated[int, counting(40)] = 0
     """intervals by N synthetic data sets beside the others"""
-    seed: Annotated[str | None, N] = None
+    seed: Annotated[int | None, counting(0, MOST_SEED)] = None
     """seed of the bootstrap and of --draw (default: 1)"""
 
 
@@ -141,15 +178,15 @@ class FitOptions:
 class FileOptions:
     """Options that name files."""
 
-    json: Annotated[str | None, FILE] = None
+    json: Annotated[Path | None, FILE] = None
     """everything that was found"""
     picture: Annotated[str | None, Parameter(metavar="NAME")] = None
     """NAME.png and NAME.pdf: data, laws, residuals; NAME_corner: coefficients in pairs"""
-    draw: Annotated[str | None, N] = None
+    draw: Annotated[int, counting(1)] = 0
     """N sets of coefficients drawn with their covariance, into --draws"""
-    draws: Annotated[str | None, FILE] = None
+    draws: Annotated[Path | None, FILE] = None
     """CSV file for --draw (default: draws.csv)"""
-    write_material: Annotated[str | None, FILE] = None
+    write_material: Annotated[Path | None, FILE] = None
     """a [[material]] table for case files (TOML)"""
     material_name: Annotated[str | None, Parameter(metavar="NAME")] = None
     """its name (default: that of the data file)"""
@@ -193,15 +230,11 @@ def fit(
     ranges = _ranges(how.range, wrong)
     if how.range and how.law is None:
         wrong.append("--range: only beside --law")
-    need = "a percentage between 0 and 100"
-    confidence = wrong.parse(95.0, number, "--level", how.level, need, lambda value: 0.0 < value < 100.0)
-    further = wrong.parse(0, whole, "--design", how.design, 1, 1_000_000)
-    drawn = wrong.parse(0, whole, "--draw", files.draw, 1, 1_000_000)
-    sets = wrong.parse(0, whole, "--bootstrap", how.bootstrap, 40, 1_000_000)
-    seed = wrong.parse(1, whole, "--seed", how.seed, 0, 2**63 - 1)
-    if how.seed is not None and how.bootstrap is None and files.draw is None:
+    further, drawn, sets = how.design, files.draw, how.bootstrap
+    seed = 1 if how.seed is None else how.seed
+    if how.seed is not None and not sets and not drawn:
         wrong.append("--seed: only beside --bootstrap or --draw")
-    if files.draws is not None and files.draw is None:
+    if files.draws is not None and not drawn:
         wrong.append("--draws: only beside --draw")
     if files.material_name is not None and files.write_material is None:
         wrong.append("--material-name: only beside --write-material")
@@ -212,8 +245,8 @@ def fit(
     stem = (files.picture or "").removesuffix(".png").removesuffix(".pdf")
     endings = () if files.picture is None else (".png", ".pdf", "_corner.png", "_corner.pdf")
     pictures = [Path(f"{stem}{end}") for end in endings]
-    record, material = (None if text is None else Path(text) for text in (files.json, files.write_material))
-    sample = Path(files.draws or "draws.csv") if drawn else None
+    record, material = files.json, files.write_material
+    sample = (files.draws or Path("draws.csv")) if drawn else None
     written = [each for each in (record, *pictures, material, sample) if each is not None]
     _check_files(written, source, force, wrong)
     wrong.end()
@@ -238,7 +271,7 @@ def fit(
     with _progress(sets * number_of_laws) as bar:
         found = maximum.fit(
             measured, **dict[str, Any](pair), model=kinds, own=own, fix=fixed, rolling=how.rolling,
-            robust=how.robust, level=0.01 * confidence, cross_validate=how.cross_validate, bootstrap=sets, seed=seed,
+            robust=how.robust, level=0.01 * how.level, cross_validate=how.cross_validate, bootstrap=sets, seed=seed,
             progress=None if bar is None else bar.update,
         )  # fmt: skip
     say(report.table(found))
@@ -292,43 +325,36 @@ def _positive(option: str, text: str) -> float:
     return number(option, text, POSITIVE, lambda value: 0.0 < value < math.inf)
 
 
-def _mass_ratio(option: str, text: str) -> float:
-    return number(
-        option, text, "a finite number of 0 (a wall) or more", lambda value: 0.0 <= value < math.inf
-    )
-
-
 def _dashed(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
 def _disks(given: DiskOptions, rolling: bool, wrong: Wrong) -> dict[str, float]:
     """Mass ratio, moments of inertia and radii of a table of angles."""
-    texts = {
-        name: text for name in ("M", "k_1", "k_2", "R_1", "R_2") if (text := getattr(given, name)) is not None
+    numbers = {
+        name: value
+        for name in ("M", "k_1", "k_2", "R_1", "R_2")
+        if (value := getattr(given, name)) is not None
     }
     if given.disk_1 is not None or given.disk_2 is not None:
-        names = [*texts, *(["pair"] if given.pair else [])]
+        names = [*numbers, *(["pair"] if given.pair else [])]
         wrong += [f"{_dashed(name)}: not beside --disk-1 and --disk-2" for name in names]
         return {}
     if given.pair is not None:
         from ..model.coin_table import coins
 
-        wrong += [f"{_dashed(name)}: not beside --pair, which says it" for name in texts]
+        wrong += [f"{_dashed(name)}: not beside --pair, which says it" for name in numbers]
         if unknown := [coin for coin in given.pair if coin not in coins]:
             wrong += [f"--pair '{coin}': no such coin{there_are(coin, coins)}" for coin in unknown]
             return {"M": 1.0}
         a, b = (coins[coin] for coin in given.pair)
         return {"M": a.mass / b.mass, "k_1": a.k, "k_2": b.k, "R_1": a.radius, "R_2": b.radius}
     if rolling:
-        missing = [name for name in ("R_1", "R_2") if name not in texts]
+        missing = [name for name in ("R_1", "R_2") if name not in numbers]
         wrong += [f"{_dashed(name)} is missing: --rolling needs it" for name in missing]
-    elif ("R_1" in texts) != ("R_2" in texts):
+    elif ("R_1" in numbers) != ("R_2" in numbers):
         wrong.append("--R-1, --R-2: both radii are needed, or none")
-    return {
-        name: wrong.parse(1.0, _mass_ratio if name == "M" else _positive, _dashed(name), text)
-        for name, text in texts.items()
-    }
+    return numbers
 
 
 def disk_of(option: str, text: str, wrong: Wrong, also: str = "") -> Any:
@@ -442,6 +468,16 @@ angles are in degrees unless told.
 """
 
 
+def _line(_kind: object, tokens: Sequence[Token]) -> tuple[float, float, float, float]:
+    try:
+        x_1, y_1, x_2, y_2 = (float(part) for part in tokens[-1].value.split(","))
+    except ValueError:
+        x_1 = y_1 = x_2 = y_2 = math.nan
+    if not all(map(math.isfinite, (x_1, y_1, x_2, y_2))):
+        raise wrong_value(tokens, "must be X1,Y1,X2,Y2, four finite numbers")
+    return x_1, y_1, x_2, y_2
+
+
 def collisions(
     tracks: Annotated[str, Parameter(name="TRACKS", help="a CSV file of places per frame, see above")],
     /,
@@ -450,17 +486,29 @@ def collisions(
         list[str] | None,
         option("[ID=]MASS,RADIUS,K", "all disks, or the one with this id; K is 2 unless told; repeatable"),
     ] = None,
-    fps: Annotated[str | None, option("N", "frames per second, with a column frame")] = None,
+    fps: Annotated[
+        float | None, real("N", "frames per second, with a column frame", POSITIVE, positive)
+    ] = None,
     wall: Annotated[
-        str | None,
-        option("X1,Y1,X2,Y2", "impacts with the straight wall through two points, instead of pairs"),
+        tuple[float, float, float, float] | None,
+        option(
+            "X1,Y1,X2,Y2",
+            "impacts with the straight wall through two points, instead of pairs",
+            converter=_line,
+            n_tokens=1,
+        ),
     ] = None,
     window: Annotated[
-        str | None, option("N", "frames of a flight that are used at most (default: 12)")
-    ] = None,
+        int, integer("N", "frames of a flight that are used at most (default: 12)", 3, 10_000)
+    ] = 12,
     noise: Annotated[
-        str | None,
-        option("S", "standard error of a coordinate [m] (default: by the scatter about the flights)"),
+        float | None,
+        real(
+            "S",
+            "standard error of a coordinate [m] (default: by the scatter about the flights)",
+            POSITIVE,
+            positive,
+        ),
     ] = None,
     table: TableOptions = TableOptions(),
     output: Output = None,
@@ -474,21 +522,7 @@ def collisions(
     """
     wrong = Wrong()
     form = form_of(table, wrong)
-    rate = wrong.parse(None, _positive, "--fps", fps)
-    frames = wrong.parse(12, whole, "--window", window, 3, 10_000)
-    error = wrong.parse(None, _positive, "--noise", noise)
     disks = _tracked_disks(disk, wrong)
-    line = None
-    if wall is not None:
-        parts = wall.split(",")
-        if len(parts) != 4:
-            wrong.append(f"--wall {wall}: X1,Y1,X2,Y2 is needed")
-        else:
-            values = [
-                wrong.parse(0.0, number, f"--wall {wall}:", each, "a finite number", math.isfinite)
-                for each in parts
-            ]
-            line = (values[0], values[1], values[2], values[3])
     source = Path(tracks)
     place = Path(output) if output is not None else source.with_name(f"{source.stem}_collisions.csv")
     _check_files([place], source, force, wrong)
@@ -496,8 +530,8 @@ def collisions(
 
     from ..fit import tracks as of_tracks
 
-    seen = of_tracks.read(source, fps=rate, form=form)
-    found = of_tracks.find(seen, disks, wall=line, window=frames, noise=error)
+    seen = of_tracks.read(source, fps=fps, form=form)
+    found = of_tracks.find(seen, disks, wall=wall, window=window, noise=noise)
     about = [
         f"{len(found)} collisions in {source.name}, found by `ifrdem collisions`; SI units, angles and spins in rad"
     ]
@@ -571,8 +605,8 @@ def compare(
         ),
     ] = None,
     members: Annotated[
-        str | None, option("N", "runs with drawn start and law, 4 or more (default: 0)")
-    ] = None,
+        int, integer("N", "runs with drawn start and law, 4 or more (default: 0)", 4, 100_000)
+    ] = 0,
     draws: Annotated[str | None, option("FILE", "coefficients that `ifrdem fit --draw` wrote")] = None,
     start_error: Annotated[
         list[str] | None,
@@ -583,7 +617,7 @@ def compare(
             "such as x_error; repeatable",
         ),
     ] = None,
-    seed: Annotated[str | None, option("N", "seed of the drawn starts (default: 1)")] = None,
+    seed: Annotated[int | None, integer("N", "seed of the drawn starts (default: 1)", 0, MOST_SEED)] = None,
     table: TableOptions = TableOptions(),
     picture: Annotated[
         str | None, option("NAME", "NAME.png and NAME.pdf: the run, measured places on top")
@@ -601,15 +635,13 @@ def compare(
     form = form_of(table, wrong)
     given = _named(error, "--error", ("positions", "angles"), wrong)
     starts = _named(start_error, "--start-error", ("positions", "velocities", "spins"), wrong)
-    runs = wrong.parse(0, whole, "--members", members, 4, 100_000)
-    first = wrong.parse(1, whole, "--seed", seed, 0, 2**63 - 1)
     for name, value in (
         ("--draws", draws),
         ("--start-error", start_error),
         ("--seed", seed),
         ("--case", case),
     ):
-        if value is not None and not runs:
+        if value is not None and not members:
             wrong.append(f"{name}: only beside --members")
     stem = None if picture is None else picture.removesuffix(".png").removesuffix(".pdf")
     pictures = [] if stem is None else [Path(f"{stem}.png"), Path(f"{stem}.pdf")]
@@ -627,8 +659,8 @@ def compare(
         seen,
         laws=laws,
         errors=starts,
-        members=runs,
-        seed=first,
+        members=members,
+        seed=1 if seed is None else seed,
         case=None if case is None else shipped.find(case),
         progress=counted("runs"),
     )

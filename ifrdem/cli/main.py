@@ -43,9 +43,13 @@ app: App = App(
     "friction-restitution law.",
     version=f"ifrdem {__version__}",
     help_format="plaintext",
-    help_formatter=console.Help(),
     default_parameter=Parameter(
-        negative_bool=(), negative_iterable=(), negative_none=(), show_default=False, allow_repeating=True
+        negative_bool=(),
+        negative_iterable=(),
+        negative_none=(),
+        show_default=False,
+        show_choices=False,
+        allow_repeating=True,
     ),
     result_action="return_value",
     suppress_keyboard_interrupt=False,
@@ -76,10 +80,18 @@ MORE: dict[Callable[..., Any], str] = {
     analyse.plot: f"WHAT is drawn into a PNG file:\n\n{textwrap.indent(analyse.PICTURE_LIST, '  ')}",
 }
 """Text that `--help` of a command shows behind its docstring."""
+
+
+def _unwrapped(text: str) -> str:
+    """A text whose paragraphs are lines, which are wrapped where they are shown; indented lines stay as they are."""
+    paragraphs = text.strip().split("\n\n")
+    return "\n\n".join(each if each.startswith(" ") else " ".join(each.split()) for each in paragraphs)
+
+
 for _group, _functions in COMMANDS.items():
     for _place, _function in enumerate(_functions):
         _text = f"{inspect.cleandoc(_function.__doc__ or '')}\n\n{MORE.get(_function, '')}"
-        app.command(_function, help=_text, group=_group, sort_key=_place)
+        app.command(_function, help=_unwrapped(_text), group=_group, sort_key=_place)
 app.register_install_completion_command()
 
 

@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TextIO, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TextIO, TypeVar
 
 from cyclopts import Parameter
 
@@ -27,7 +27,74 @@ T = TypeVar("T")
 
 def option(metavar: str, text: str, *names: str, **more: Any) -> Parameter:
     """An option that takes a value: its word in `--help`, its help, its names where they differ."""
-    return Parameter(name=names or None, metavar=metavar, help=text, **more)
+    described = {"help": text} if text else {}  # else it is the docstring of a field
+    return Parameter(name=names or None, metavar=metavar, **described, **more)
+
+
+def integer(
+    metavar: str, text: str, low: int, high: int | None = None, *names: str, noun: str = "integer"
+) -> Parameter:
+    """An option that takes a whole number from `low` to `high`, without end if None."""
+    span = f"of {low} or more" if high is None else f"from {low} to {high}"
+    article = "an" if noun[0] in "aeiou" else "a"
+
+    def convert(_kind: object, tokens: Sequence[Token]) -> int:
+        from ..tools.arguments import as_whole
+
+        value = as_whole(tokens[-1].value)
+        if value is None or value < low or (high is not None and value > high):
+            raise wrong_value(tokens, f"must be {article} {noun} {span}")
+        return value
+
+    return option(metavar, text, *names, converter=convert)
+
+
+def real(
+    metavar: str, text: str, need: str, right: Callable[[float], bool], *names: str, **more: Any
+) -> Parameter:
+    """An option that takes a number; `need` says which are right."""
+
+    def convert(_kind: object, tokens: Sequence[Token]) -> float:
+        value = _number(tokens[-1].value)
+        if not right(value):
+            raise wrong_value(tokens, f"must be {need}")
+        return value
+
+    return option(metavar, text, *names, converter=convert, **more)
+
+
+def choice(metavar: str, text: str, allowed: Sequence[str], *names: str) -> Parameter:
+    """An option that takes one of some words."""
+
+    def convert(_kind: object, tokens: Sequence[Token]) -> str:
+        value = tokens[-1].value
+        if value not in allowed:
+            raise wrong_value(
+                tokens, f"must be {', '.join(allowed[:-1])} or {allowed[-1]}{nearest(value, allowed)}"
+            )
+        return value
+
+    return option(metavar, text, *names, converter=convert)
+
+
+def wrong_value(tokens: Sequence[Token], text: str) -> InputError:
+    """The error on a value of an option that is not allowed."""
+    return InputError(f"{tokens[-1].keyword} {tokens[-1].value}: {text}")
+
+
+def _number(text: str) -> float:
+    try:
+        return math.nan if "_" in text else float(text)  # which Python would allow
+    except ValueError:
+        return math.nan
+
+
+def positive(value: float) -> bool:
+    """True for a finite number above 0."""
+    return 0.0 < value < math.inf
+
+
+MOST_SEED = 2**63 - 1
 
 
 def flag(text: str, *names: str, **more: Any) -> Parameter:
@@ -66,18 +133,22 @@ Set = Annotated[
     ),
 ]
 Device = Annotated[
-    str | None, option("DEVICE", "device: cpu or cuda (see `ifrdem devices`); sets run.device")
+    Literal["cpu", "cuda"] | None,
+    choice("DEVICE", "cpu or cuda (see `ifrdem devices`); sets run.device", ("cpu", "cuda")),
 ]
-Seed = Annotated[str | None, option("N", "seed of the random numbers; sets run.seed")]
-Threads = Annotated[str | None, option("N", "CPU threads (default: all cores); sets run.threads")]
-Precision = Annotated[str | None, option("P", "f64 or f32; sets run.precision")]
+Seed = Annotated[int | None, integer("N", "seed of the random numbers; sets run.seed", 0, MOST_SEED)]
+Threads = Annotated[int | None, integer("N", "CPU threads (default: all cores); sets run.threads", 1)]
+Precision = Annotated[
+    Literal["f64", "f32"] | None, choice("P", "f64 or f32; sets run.precision", ("f64", "f32"))
+]
 MaxHours = Annotated[
-    str | None,
-    option(
+    float | None,
+    real(
         "HOURS",
-        f"stop after so many hours, with a checkpoint and exit status {console.UNFINISHED}; `ifrdem resume` goes on",
+        f"stop after so many hours, with a checkpoint and exit status {console.UNFINISHED}; `ifrdem resume` continues",
+        "a positive number of hours", positive,
     ),
-]
+]  # fmt: skip
 NoPicture = Annotated[bool, flag("draw no picture at the end")]
 Frames = Annotated[
     str | None,
@@ -120,35 +191,29 @@ def styled(style: str | None) -> Iterator[None]:
         yield
 
 
-def overrides(given: list[str] | None, **run: str | None) -> list[str]:
+def overrides(given: list[str] | None, **run: str | int | None) -> list[str]:
     """Changes of a case by the command line, the options with a name of their own included."""
-    found = list(given or ())
-    for key, value in run.items():
-        if value is not None:
-            # Texts are quoted, so that the model says what is wrong with "--device 3" or an empty value.
-            text = key in ("device", "precision") or not value
-            found.append(f"run.{key}={json.dumps(value) if text else value}")
-    return found
+    return [
+        *(given or ()),
+        *(f"run.{key}={json.dumps(value)}" for key, value in run.items() if value is not None),
+    ]
 
 
 def number(option: str, text: str, need: str, right: Callable[[float], bool]) -> float:
-    """The value of an option as a number; InputError names the option and what is needed."""
-    try:
-        value = math.nan if "_" in text else float(text)  # which Python would allow
-    except ValueError:
-        value = math.nan
+    """A part of an option's value as a number; InputError names the option and what is needed."""
+    value = _number(text)
     if not right(value):
-        raise InputError(f"{option} {text}: {need} is needed")
+        raise InputError(f"{option} {text}: must be {need}")
     return value
 
 
-def whole(option: str, text: str, least: int, most: int, noun: str = "whole number") -> int:
-    """The value of an option as a whole number from `least` to `most`."""
+def whole(option: str, text: str, least: int, most: int) -> int:
+    """A part of an option's value as a whole number from `least` to `most`."""
     from ..tools.arguments import as_whole
 
     value = as_whole(text)
     if value is None or not least <= value <= most:
-        raise InputError(f"{option} {text}: a {noun} from {least} to {most} is needed")
+        raise InputError(f"{option} {text}: must be an integer from {least} to {most}")
     return value
 
 
@@ -167,12 +232,6 @@ class Wrong(list[str]):
         """Raise InputError if anything is wrong."""
         if self:
             raise InputError("\n".join(self))
-
-
-def hours_of(text: str | None) -> float | None:
-    """The value of `--max-hours`."""
-    need = "a positive number of hours"
-    return None if text is None else number("--max-hours", text, need, lambda hours: 0.0 < hours < math.inf)
 
 
 def opened(file: str) -> Trajectory:

@@ -5,15 +5,26 @@ from __future__ import annotations
 import json as json_format
 import math
 import re
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from ..errors import InputError, there_are
+from ..errors import InputError, refuse, there_are
 from .console import progress, ranks, say
-from .options import Precision, Set, Wrong, flag, number, option, overrides, whole
+from .options import (
+    MOST_SEED,
+    Device,
+    Precision,
+    Set,
+    Threads,
+    flag,
+    integer,
+    option,
+    overrides,
+    positive,
+    real,
+)
 
 DENSEST = 0.9068  # packing fraction, nearly that of equal disks that touch on a hexagonal lattice
 THINNEST = 1e-5  # thinner gases hardly ever collide
@@ -25,8 +36,8 @@ JOBS = "cases at a time, each in a process of its own (default: gas as many as t
 def validate(
     *names: Annotated[str, Parameter(name="NAME", help=NAMES)],
     quick: Annotated[bool, flag("fewer samples: under a minute (gas: two minutes)")] = False,
-    seed: Annotated[str | None, option("N", "of the random gases of gas (default: 1)")] = None,
-    jobs: Annotated[str | None, option("N", JOBS)] = None,
+    seed: Annotated[int | None, integer("N", "of the random gases of gas (default: 1)", 0, 1_000_000)] = None,
+    jobs: Annotated[int | None, integer("N", JOBS, 1)] = None,
     list: Annotated[bool, flag("list the cases and run none")] = False,
     output: Annotated[
         str, option("DIR", "folder (default: validation-report)", "--output", "-o")
@@ -39,7 +50,6 @@ def validate(
     with PyBullet and pymunk instead, `validate gas` holds gases of many disks against the literature, `validate device`
     a GPU against the CPU. Writes results.json, report.html and the figures. Exit status 0 only if every row passed.
     """
-    from ..tools import arguments
     from ..validation.report import runner
 
     if list:
@@ -50,28 +60,45 @@ def validate(
         output,
         quick=quick,
         force=force,
-        seed=None if seed is None else whole("--seed", seed, 0, runner.MOST_SEED),
-        jobs=None if jobs is None else arguments.whole("--jobs", jobs, 1),
+        seed=seed,
+        jobs=jobs,
         say=say,
     )
 
 
 def bench(
     *,
-    n: Annotated[str | None, option("N", "disks of the elastic gas (default: 1e5)")] = None,
-    phi: Annotated[str | None, option("PHI", "its packing fraction (default: 0.3)")] = None,
-    device: Annotated[str | None, option("DEVICE", "device: cpu or cuda (see `ifrdem devices`)")] = None,
+    n: Annotated[int | None, integer("N", "disks of the elastic gas (default: 1e5)", 2)] = None,
+    phi: Annotated[
+        float | None,
+        real(
+            "PHI",
+            "its packing fraction (default: 0.3)",
+            f"a packing fraction from {THINNEST} to {DENSEST}",
+            lambda value: THINNEST <= value <= DENSEST,
+        ),
+    ] = None,
+    device: Device = None,
     precision: Precision = None,
-    threads: Annotated[str | None, option("N", "CPU threads (default: all cores)")] = None,
-    runs: Annotated[str | None, option("R", "timed runs (default: 5)")] = None,
-    seconds: Annotated[str | None, option("S", "least length of a timed run (default: 0.5)")] = None,
-    seed: Annotated[str | None, option("N", "seed of the random numbers")] = None,
+    threads: Threads = None,
+    runs: Annotated[int, integer("R", "timed runs (default: 5)", 1, 10_000)] = 5,
+    seconds: Annotated[
+        float,
+        real("S", "least length of a timed run (default: 0.5)", "a positive number of seconds", positive),
+    ] = 0.5,
+    seed: Annotated[int | None, integer("N", "seed of the random numbers", 0, MOST_SEED)] = None,
     json: Annotated[bool, flag("print one JSON object with every figure")] = False,
     profile: Annotated[bool, flag("measure the share of each kernel too")] = False,
     case: Annotated[str | None, option("FILE", "time the gas of a case file instead")] = None,
     after: Annotated[
-        str | None, option("C", "collisions per disk that the case has before it is timed (default: 0)")
-    ] = None,
+        float,
+        real(
+            "C",
+            "collisions per disk that the case has before it is timed (default: 0)",
+            "a number of collisions per disk, 0 or more",
+            lambda value: 0.0 <= value < math.inf,
+        ),
+    ] = 0.0,
     set: Set = None,
 ) -> None:
     """Measure how fast it runs here.
@@ -82,35 +109,25 @@ def bench(
     """
     from ..kernels.columns import MOST_DISKS
     from ..simulation import backend
-    from ..simulation.device import Device
+    from ..simulation.device import Device as OfSimulation
     from ..validation.speed import bench as timing
 
-    wrong = Wrong(_conflicts({"n": n, "phi": phi}, {"after": after, "set": set}, case))
-    chosen: dict[str, Any] = {
-        "runs": timing.RUNS,
-        "seconds": timing.SECONDS,
-        "profile": profile,
-        "note": progress,
-    }
-    chosen["n"] = wrong.parse(100_000, whole, "--n", n, 2, MOST_DISKS, "whole number of disks")
-    need = f"a packing fraction from {THINNEST} to {DENSEST}"
-    chosen["phi"] = wrong.parse(0.3, number, "--phi", phi, need, lambda value: THINNEST <= value <= DENSEST)
-    chosen["runs"] = wrong.parse(timing.RUNS, whole, "--runs", runs, 1, 10_000)
-    need = "a positive number of seconds"
-    chosen["seconds"] = wrong.parse(
-        timing.SECONDS, number, "--seconds", seconds, need, lambda value: 0.0 < value < math.inf
-    )
-    chosen["seed"] = wrong.parse(1, whole, "--seed", seed, 0, 2**63 - 1)
-    need = "a number of collisions per disk, 0 or more,"
-    chosen["after"] = wrong.parse(0.0, number, "--after", after, need, lambda value: 0.0 <= value < math.inf)
-    chosen["threads"] = wrong.parse(None, whole, "--threads", threads, 1, backend.cores())
-    chosen["device"], chosen["precision"] = device or "cpu", precision or "f64"
+    wrong = _conflicts({"n": n, "phi": phi}, {"after": after, "set": set}, case)
+    if n is not None and n > MOST_DISKS:
+        wrong.append(f"--n {n}: must be an integer from 2 to {MOST_DISKS}")
+    if threads is not None and threads > backend.cores():
+        wrong.append(f"--threads {threads}: must be an integer from 1 to {backend.cores()}, the cores here")
     comm = ranks()
     try:
-        backend.check(replace(Device.of(chosen["device"]), precision=chosen["precision"]))
+        backend.check(OfSimulation(device or "cpu", precision=precision or "f64"))
     except InputError as error:
         wrong.append(f"--{error}")
-    wrong.end()
+    refuse(wrong)
+    chosen: dict[str, Any] = {
+        "n": n or 100_000, "phi": phi or 0.3, "runs": runs, "seconds": seconds, "seed": 1 if seed is None else seed,
+        "after": after, "threads": threads, "device": device or "cpu", "precision": precision or "f64",
+        "profile": profile, "note": progress,
+    }  # fmt: skip
     if case is not None:
         chosen["overrides"] = overrides(set, device=device, seed=seed, threads=threads, precision=precision)
     found = timing.bench(case, comm=comm, **chosen)

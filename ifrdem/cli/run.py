@@ -5,14 +5,14 @@ from __future__ import annotations
 import os
 import re
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from ..errors import InputError, Stopped, TrajectoryError
+from ..errors import Stopped, TrajectoryError
 from ..mpi import communicator
 from .console import FAILED, UNFINISHED, complain, note, ranks, say, warn
 from .options import (
@@ -26,12 +26,15 @@ from .options import (
     Set,
     Threads,
     flag,
-    hours_of,
-    number,
+    integer,
     option,
     overrides,
-    whole,
+    real,
+    wrong_value,
 )  # fmt: skip
+
+if TYPE_CHECKING:
+    from cyclopts import Token
 
 
 def run(
@@ -63,7 +66,6 @@ def run(
     """
     _spare_threads()
     changes = overrides(set, device=device, seed=seed, threads=threads, precision=precision)
-    hours = hours_of(max_hours)
     # Which files there will be is known only from the case, so a wrong case comes first.
     from ..case import file as case_file
     from ..case import shipped
@@ -82,7 +84,7 @@ def run(
     from ..runs import run as running
 
     return _ended(
-        lambda: running.run(file, outputs, force=force, max_hours=hours, say=note, warn=warn, comm=comm)
+        lambda: running.run(file, outputs, force=force, max_hours=max_hours, say=note, warn=warn, comm=comm)
     )
 
 
@@ -92,7 +94,7 @@ def resume(
     ],
     /,
     *,
-    threads: Annotated[str | None, option("N", "CPU threads; the result does not depend on it")] = None,
+    threads: Annotated[int | None, integer("N", "CPU threads; the result does not depend on it", 1)] = None,
     ignore_case_changes: Annotated[
         bool, flag("go on with the case as it was, though its file has changed")
     ] = False,
@@ -105,16 +107,13 @@ def resume(
     bitwise that of a run that was never stopped.
     """
     _spare_threads()
-    hours = hours_of(max_hours)
-    if threads is not None and not (threads.isdecimal() and int(threads) > 0):
-        raise InputError(f"--threads {threads}: a whole number, 1 or more, is needed")
     from ..runs import resume as resuming
 
     comm = ranks()
     comm.run_on_root(lambda: resuming.find(place))  # before anything takes a second
     return _ended(
         lambda: resuming.resume(
-            place, ignore_case_changes=ignore_case_changes, threads=int(threads) if threads else None, max_hours=hours,
+            place, ignore_case_changes=ignore_case_changes, threads=threads, max_hours=max_hours,
             picture=not no_picture, say=note, warn=warn, comm=comm,
         )
     )  # fmt: skip
@@ -144,7 +143,15 @@ def status(
     /,
     *,
     follow: Annotated[bool, flag("print a line at each change until the run ends")] = False,
-    interval: Annotated[str, option("S", "with --follow: seconds between two looks (default: 1)")] = "1",
+    interval: Annotated[
+        float,
+        real(
+            "S",
+            "with --follow: seconds between two looks (default: 1)",
+            "a number of seconds from 0.01 to 3600",
+            lambda value: 0.01 <= value <= 3600.0,
+        ),
+    ] = 1.0,
 ) -> int:
     """Print how far a run or study is, and the time left.
 
@@ -152,12 +159,17 @@ def status(
     whose process is gone without an end is "dead". The exit status is 0 of a run that is done or goes on, 3 of one that
     was stopped, and 1 of one that failed or died.
     """
-    need = "a number of seconds from 0.01 to 3600"
-    seconds = number("--interval", interval, need, lambda value: 0.01 <= value <= 3600.0)
     from ..runs import status as of_run
 
     ends = {of_run.RUNNING: 0, of_run.DONE: 0, of_run.INTERRUPTED: UNFINISHED}
-    return ends.get(of_run.show(path, say, follow=follow, interval=seconds), FAILED)
+    return ends.get(of_run.show(path, say, follow=follow, interval=interval), FAILED)
+
+
+def _part(_kind: object, tokens: Sequence[Token]) -> tuple[int, int]:
+    match = re.fullmatch(r"(\d{1,9})/(\d{1,9})", tokens[-1].value)
+    if match is None or not 1 <= int(match[1]) <= int(match[2]):
+        raise wrong_value(tokens, "must be K/M, such as 3/10, the third of ten parts")
+    return int(match[1]), int(match[2])
 
 
 def study(
@@ -187,15 +199,23 @@ def study(
         ),
     ] = None,
     workers: Annotated[
-        str | None,
-        option("N", "processes of this machine (default: one for each core); 0: none but this one"),
+        int | None,
+        integer(
+            "N", "processes of this machine (default: one for each core); 0: none but this one", 0, 10_000
+        ),
     ] = None,
     scheduler: Annotated[
         str | None, option("ADDRESS", "run on this cluster of Dask, tcp://host:8786")
     ] = None,
     keep_going: Annotated[bool, flag("leave out points that `check` refuses")] = False,
     part: Annotated[
-        str | None, option("K/M", "the K-th of M parts of the runs, without results: for array jobs")
+        tuple[int, int] | None,
+        option(
+            "K/M",
+            "the K-th of M parts of the runs, without results: for array jobs",
+            converter=_part,
+            n_tokens=1,
+        ),
     ] = None,
     dry_run: Annotated[
         bool, flag("say points, runs, disk space and expected time, and start nothing")
@@ -206,18 +226,11 @@ def study(
     Writes one file of results (NetCDF-4, for xarray): series and analyses of all runs, means and standard errors over
     seeds, kinetic theory beside them. Called again, it goes on where it was stopped, and runs only what is new.
     """
-    share = None
-    if part is not None:
-        match = re.fullmatch(r"(\d+)/(\d+)", part)
-        if match is None or not 1 <= int(match[1]) <= int(match[2]):
-            raise InputError(f"--part {part}: K/M is needed, such as 3/10, the third of ten parts")
-        share = int(match[1]), int(match[2])
-    count = None if workers is None else whole("--workers", workers, 0, 10_000)
     from ..study.study import Study
 
     it = Study(file, vary=vary or [], set=set or [], seeds=seeds, output=output)
-    wrong = it.check(keep_going=keep_going, workers=count, scheduler=scheduler)
-    for line in it.summary(count, scheduler):
+    wrong = it.check(keep_going=keep_going, workers=workers, scheduler=scheduler)
+    for line in it.summary(workers, scheduler):
         (say if dry_run else note)(line)
     if dry_run:
         for line in wrong:
@@ -225,12 +238,12 @@ def study(
         return 0
     try:
         failed = it.run(
-            workers=count, scheduler=scheduler, keep_going=keep_going, part=share, say=note, warn=warn
+            workers=workers, scheduler=scheduler, keep_going=keep_going, part=part, say=note, warn=warn
         )
     except Stopped as error:
         complain(str(error))
         return error.status
-    if share is None and it.output.exists():
+    if part is None and it.output.exists():
         note(
             f"wrote {it.output}: `ifrdem plot {it.output} T --over tau` draws it; xarray.open_dataset opens it"
         )

@@ -5,8 +5,9 @@ from __future__ import annotations
 import contextlib
 import os
 import webbrowser
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -19,16 +20,21 @@ from .options import (
     Frames,
     Output,
     Style,
+    choice,
     chosen,
     counted,
     flag,
+    integer,
     one_trajectory,
     opened,
     option,
     place,
     styled,
-    whole,
+    wrong_value,
 )
+
+if TYPE_CHECKING:
+    from cyclopts import Token
 
 SHOWN = 10
 """Collisions of a history that are printed."""
@@ -60,7 +66,7 @@ def view(
         str | None, option("OUT", "write the page with the frames inside into a file, to send")
     ] = None,
     frames: Frames = None,
-    port: Annotated[str, option("N", "port of this machine (default: any free one)")] = "0",
+    port: Annotated[int, integer("N", "port of this machine (default: any free one)", 0, 65535)] = 0,
     no_browser: Annotated[bool, flag("print the address only")] = False,
     force: Force = False,
 ) -> None:
@@ -70,7 +76,6 @@ def view(
     run that is still going is followed. --html writes one file instead, which needs no server; --frames says which
     frames it holds.
     """
-    number = whole("--port", port, 0, 65535)
     if html is None and (frames is not None or force):
         raise InputError(f"{'--frames' if frames is not None else '--force'}: only with --html")
     if study and html is not None:
@@ -94,7 +99,7 @@ def view(
     else:
         shown = Content(opened(one_trajectory(file)))
     try:
-        server = Server(shown, number)
+        server = Server(shown, port)
     except OSError as error:
         raise InputError(f"--port {port}: {error.strerror}; without --port, any free one is taken") from error
     with server, contextlib.suppress(KeyboardInterrupt):
@@ -122,7 +127,10 @@ def export(
     file: File,
     /,
     *,
-    to: Annotated[str, option("FORMAT", "gsd, extxyz, csv or h5")],
+    to: Annotated[
+        Literal["gsd", "extxyz", "csv", "h5"],
+        choice("FORMAT", "gsd, extxyz, csv or h5", ("gsd", "extxyz", "csv", "h5")),
+    ],
     frames: Frames = None,
     output: Output = None,
     force: Force = False,
@@ -134,10 +142,8 @@ def export(
     parts; it needs -o). To open a trajectory in ParaView, OVITO, xarray or
     ASE without a copy, see `ifrdem link`.
     """
-    from ..tools import checked
     from ..trajectory import export as exporting
 
-    checked.one_of("--to", to, exporting.FORMATS)
     with opened(file) as trajectory:
         numbers = chosen(frames, len(trajectory))
         out = place(file, output, f".{to}", force=force)
@@ -145,18 +151,35 @@ def export(
     note(f"wrote {out}: {len(numbers)} frame{'' if len(numbers) == 1 else 's'}")
 
 
+def _pixels(_kind: object, tokens: Sequence[Token]) -> tuple[int, int]:
+    try:
+        width, height = (int(part) for part in tokens[-1].value.lower().split("x"))
+    except ValueError:
+        width = height = 0
+    if not all(LEAST <= side <= MOST and side % 2 == 0 for side in (width, height)):
+        text = f"must be width x height in pixels, even numbers from {LEAST} to {MOST}, such as 1280x720"
+        raise wrong_value(tokens, text)
+    return width, height
+
+
 def movie(
     file: File,
     /,
     *,
     frames: Frames = None,
-    fps: Annotated[str, option("N", "pictures a second (default: 25)")] = "25",
+    fps: Annotated[int, integer("N", "pictures a second (default: 25)", 1, 240)] = 25,
     size: Annotated[
-        str | None, option("WxH", "pixels, even numbers (default: as the box is, 1200x1080 at most)")
+        tuple[int, int] | None,
+        option(
+            "WxH",
+            "pixels, even numbers (default: as the box is, 1200x1080 at most)",
+            converter=_pixels,
+            n_tokens=1,
+        ),
     ] = None,
     color: Color = None,
     style: Style = None,
-    quality: Annotated[str, option("Q", "of a WebP file, 1 to 100 (default: 70)")] = "70",
+    quality: Annotated[int, integer("Q", "of a WebP file, 1 to 100 (default: 70)", 1, 100)] = 70,
     output: Output = None,
     force: Force = False,
 ) -> None:
@@ -167,31 +190,15 @@ def movie(
     animations for web pages.
     """
     from ..plots import movie as making
-    from ..tools import arguments
 
-    rate = arguments.whole("--fps", fps, 1, 240)
-    level = arguments.whole("--quality", quality, 1, 100)
-    pixels = None if size is None else _pixels(size)
     with opened(file) as trajectory, styled(style):
         numbers = chosen(frames, len(trajectory))
         out = place(file, output, ".mp4", force=force)
         bytes_there = making.write(
-            trajectory, out, numbers, fps=rate, size=pixels, color=color or "spin", quality=level,
+            trajectory, out, numbers, fps=fps, size=size, color=color or "spin", quality=quality,
             progress=counted("movie"),
         )  # fmt: skip
-    note(f"wrote {out}: {len(numbers)} pictures, {len(numbers) / rate:.3g} s, {bytes_there / 1e6:.2g} MB")
-
-
-def _pixels(text: str) -> tuple[int, int]:
-    try:
-        width, height = (int(part) for part in text.lower().split("x"))
-    except ValueError:
-        width = height = 0
-    if not all(LEAST <= side <= MOST and side % 2 == 0 for side in (width, height)):
-        raise InputError(
-            f"--size {text}: width x height in pixels are needed, even numbers from {LEAST} to {MOST}, such as 1280x720"
-        )
-    return width, height
+    note(f"wrote {out}: {len(numbers)} pictures, {len(numbers) / fps:.3g} s, {bytes_there / 1e6:.2g} MB")
 
 
 def repair(
@@ -244,7 +251,7 @@ def history(
     file: File,
     /,
     *,
-    id: Annotated[str, option("ID", "id of the disk, from 0")],
+    id: Annotated[int, integer("ID", "id of the disk, from 0", 0)],
     output: Annotated[
         str | None, option("CSV", "file to write: a line an event, every digit", "--output", "-o")
     ] = None,
@@ -255,12 +262,10 @@ def history(
     The history of a disk of a run with output.histories: its collisions with times, partners, places, velocities,
     spins, impulses, angles and regimes. Prints a summary and the latest ten, and writes all with -o.
     """
-    from ..tools import arguments
     from ..trajectory.export import write_history
 
-    disk = arguments.whole("--id", id, 0)
     with opened(file) as trajectory:
-        found = trajectory.history(disk)
+        found = trajectory.history(id)
         out = None if output is None else place(file, output, ".csv", force=force)
         for line in summary(trajectory, found):
             say(line)

@@ -229,7 +229,7 @@ class Problem(ABC):
 
     @abstractmethod
     def begin(self) -> None:
-        """Set `start`, `spread` and `step` from the values and errors."""
+        """Set `start`, `spread` and `step` from values and errors."""
 
     @abstractmethod
     def at(self, law: Law, values: Array, psi: Array) -> Problem:
@@ -379,7 +379,7 @@ class CollisionProblem(Problem):
         return other
 
     def begin(self) -> None:
-        """By the motion before; what was not measured is taken from after, or is 0."""
+        """Set starts from the motion before; missing values are taken from after, or are 0."""
         columns = dict(zip(self.names, self.y.T, strict=True))
         errors = dict(zip(self.names, self.s.T, strict=True))
         im_1, R_1, _, im_2, R_2, _, *wall = self.of_disks

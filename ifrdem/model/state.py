@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..kernels.columns import MECHANISM, MOST_IDS
-from ..mpi import SERIAL, Communicator, current
+from ..mpi import SERIAL, current
 from ..mpi.distribution import broadcast_constant_rows
 from ..tools import checked
 from ..tools.checked import Array, Integer, Numbers, validated
@@ -22,6 +22,7 @@ from ..tools.notebook import NotebookRepr
 from ..tools.read_only import ReadOnlyAttributes
 from ..tools.reprs import Brief
 
+NumberOfDisks = Annotated[int, Integer(0, MOST_IDS)]
 _TINY, _HUGE = np.finfo(np.float64).smallest_subnormal, np.finfo(np.float64).max
 _Masses = Annotated[
     NDArray[np.float64],
@@ -60,7 +61,7 @@ class Disks(Brief):
     array([0.125, 0.125, 2.   ])
     """
 
-    n: Annotated[int, Integer(0, MOST_IDS)]
+    n: NumberOfDisks
     mass: _Masses
     radius: _Sizes
     k: _Sizes = field(default_factory=lambda: np.array(2.0))
@@ -72,7 +73,7 @@ class Disks(Brief):
             column = checked.column(name, getattr(self, name), self.n)
             column.flags.writeable = False
             set_(self, name, column)
-        material = checked.counts("material", self.material, (self.n,), broadcast=True).copy()
+        material = checked.integers("material", self.material, (self.n,), broadcast=True).copy()
         material.flags.writeable = False
         set_(self, "material", material)
 
@@ -274,18 +275,18 @@ class State(Brief, ReadOnlyAttributes, NotebookRepr):
     def __post_init__(self) -> None:
         self.spin = checked.array("spin", self.spin)
         if self.spin.ndim != 1:
-            raise InputError(f"spin has shape {self.spin.shape}: one number for each disk, (n,), is needed")
+            raise InputError(f"spin has shape {self.spin.shape}: must be one number for each disk, (n,)")
         n = len(self.spin)
         if (shape := np.shape(checked.array("position", self.position))) != (n, 2):
             raise InputError(f"position has shape {shape}: must be {(n, 2)}, as spin has {n}")
         self.position = checked.array("position", self.position, (n, 2))
         self.velocity = checked.array("velocity", self.velocity, (n, 2))
-        self.time = checked.finite("time", self.time)
+        self.time = checked.FINITE("time", self.time)
         for name, shape, default, least in _COUNTS:
             value = getattr(self, name)
             if value is None:
                 value = np.full((n, *shape), default, dtype=np.int32)
-            setattr(self, name, checked.counts(name, value, (n, *shape), least=least))
+            setattr(self, name, checked.integers(name, value, (n, *shape), least=least))
         if self.latest_collision is None:
             self.latest_collision = np.full(n, -np.inf)
         self.latest_collision = checked.array("latest_collision", self.latest_collision, (n,))
@@ -305,12 +306,12 @@ class State(Brief, ReadOnlyAttributes, NotebookRepr):
         late = ~(self.latest_collision <= self.time)
         if np.any(late):
             i = int(np.argmax(late))
-            needed = f"a time not after the state's, {self.time}, is needed"
+            needed = f"must be a time not after that of the state, {self.time}"
             raise InputError(f"latest_collision[{i}] = {self.latest_collision[i]}: {needed}")
         if self.flow is not None:
             self.flow = checked.array("flow", self.flow, (n, 2))
             if not np.isfinite(self.flow).all():
-                raise InputError("flow: finite values are needed")
+                raise InputError("flow: must be finite values")
 
     @property
     def n(self) -> int:
@@ -328,32 +329,31 @@ OF_STATE = tuple(each.name for each in fields(State) if each.name not in ("time"
 """Names of what a state has of each disk, beside the flow, which the box gives."""
 
 
-def scatter_state(
-    communicator: Communicator, disks: Disks | None, state: State | None
-) -> tuple[Disks, State]:
+def scatter_state(disks: Disks | None, state: State | None) -> tuple[Disks, State]:
     """Disks and state of the own slice, of those that the root has; what the other ranks give is not looked at."""
-    if communicator.size == 1:
+    comm = current()
+    if comm.size == 1:
         assert disks is not None
         assert state is not None
         return disks, state
     arrays: list[NDArray[Any]] | None = None
     n, time = 0, 0.0
-    if communicator.is_root:
+    if comm.is_root:
         assert disks is not None
         assert state is not None
         n, time = disks.n, float(state.time)
         arrays = [broadcast_constant_rows(getattr(disks, name)) for name in COLUMNS]
         arrays += [broadcast_constant_rows(getattr(state, name)) for name in OF_STATE]
-    n, time = communicator.bcast((n, time))
-    found = communicator.scatter_rows(n, arrays)
-    own = Disks(len(communicator.slice_of(n)), *found[: len(COLUMNS)])
+    n, time = comm.bcast((n, time))
+    found = comm.scatter_rows(n, arrays)
+    own = Disks(len(comm.slice_of(n)), *found[: len(COLUMNS)])
     return own, State(time=time, **dict(zip(OF_STATE, found[len(COLUMNS) :], strict=True)))
 
 
-def gather_state(communicator: Communicator, n: int, state: State) -> State | None:
+def gather_state(n: int, state: State) -> State | None:
     """The state of all n disks, of which each rank gives its slice: on the root; None on the others."""
     names = [name for name in sorted(State.assignable - {"time"}) if getattr(state, name) is not None]
-    rows = communicator.gather_rows(n, [getattr(state, name) for name in names])
+    rows = current().gather_rows(n, [getattr(state, name) for name in names])
     if rows is None:
         return None
     whole = copy.copy(state)

@@ -270,11 +270,11 @@ def cooling(left: Axes, right: Axes, trajectory: Trajectory | None, outcome: Eva
 
 
 def _haff(axes: Axes, trajectory: Trajectory | None, haff: analysis.HaffFit, end: float) -> None:
-    """Haff's law as it was fitted, up to a time."""
+    """Draw the fitted Haff's law up to a time."""
     x = np.geomspace(1.0, 1.0 + (end - haff.times[0]) / haff.t_H, 200)
     text = f"Haff's law, $t_H$ = {with_unit(trajectory, _with_error(haff.t_H, haff.t_H_error), 'time')}"
     if not haff.describes:
-        text = f"the nearest of {text},\nwhich does not describe it"
+        text = f"best fit of {text} (poor)"
     axes.plot(x, haff.T0 / x**2, "--", color=RATIO, lw=1.5, label=text)
     if x[-1] > 2.0:  # a shorter stretch has no room for labels of a logarithm
         axes.set(xscale="log", yscale="log")
@@ -285,11 +285,11 @@ def _haff(axes: Axes, trajectory: Trajectory | None, haff: analysis.HaffFit, end
 
 
 def _approach(axes: Axes, ratio: analysis.RatioFit, first: float, last: float) -> None:
-    """The exponential as it was fitted, from where it begins."""
+    """Draw the fitted exponential from the start of the fit."""
     end = _with_error(ratio.theta_end, ratio.theta_end_error)
-    text = f"exponential, lag {_with_error(ratio.lag, ratio.lag_error)},\nend {end}"
+    text = f"exponential, relaxation {_with_error(ratio.lag, ratio.lag_error)},\nasymptote {end}"
     if not ratio.describes:
-        text = f"nearest {text},\nwhich does not describe it"
+        text = f"best fit (poor): {text}"
     fine = np.linspace(first, last, 300)
     curve = ratio.theta_end + (ratio.theta_0 - ratio.theta_end) * np.exp(-(fine - first) / ratio.lag)
     axes.plot(fine, curve, "--", color=RATIO, lw=1.5, label=text)

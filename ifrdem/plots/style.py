@@ -42,7 +42,7 @@ class Gas(Protocol):
 
 
 def positive(values: Array) -> Array:
-    """With nan for what a logarithmic axis cannot show, such as the temperature of spins at rest."""
+    """Values with nan where a logarithmic axis cannot show them, such as the temperature of spins at rest."""
     return np.where(values > 0.0, values, np.nan)
 
 
@@ -113,7 +113,7 @@ def place_axes(axes: Axes, gas: Gas | None, region: Array | None = None) -> None
 
 
 def from_zero(axes: Axes) -> None:
-    """Let the vertical axis begin at 0 and end so far above what is drawn that no marker is cut."""
+    """Let the vertical axis begin at 0 and end above all markers."""
     drawn = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in axes.lines])
     highest = np.max(drawn, where=np.isfinite(drawn), initial=0.0)
     axes.set_ylim(0.0, 1.12 * highest if highest > 0.0 else 1.0)

@@ -362,7 +362,8 @@ def _as_written(simulation: Simulation, writer: AsyncWriter | PartsWriter | None
         return writer.shares(state)
     if not simulation.comm.is_distributed:
         return state
-    return gather_state(simulation.comm, simulation.disks.n, state)
+    with simulation.comm:
+        return gather_state(simulation.disks.n, state)
 
 
 def _single(case: Case) -> Collection[str] | None:

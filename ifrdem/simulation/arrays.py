@@ -7,7 +7,7 @@ only after `backend.start`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -42,14 +42,13 @@ from ..kernels.readout import exchange
 from ..kernels.shear import displacement
 from ..kernels.signature import parameters_of
 from ..kernels.walls.kinds import FREE, GONE
-from ..kernels.windows import sum_shared
 from ..model.box import Box
 from ..model.contact import henderson
 from ..model.state import COLUMNS, Disks, State, codes
 from ..model.walls import Wall
-from ..mpi import SERIAL, Communicator
 from . import backend
 from .checks import MANTISSA, position_spacing
+from .domain import Domain
 
 CELL = 1.0 + 1e-6  # side of a cell in largest diameters, at least: what rounding leaves of it
 # The same where disks sleep, which may leave their cell in the falling frame by RESTING_FALL. A window lasts a fall by
@@ -131,16 +130,6 @@ def concatenated_ranges(first: NDArray[np.integer], count: NDArray[np.integer]) 
     return found
 
 
-def sums_of_blocks(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Sums over blocks of BLOCK_OF_TILES rows, row after row, shape (blocks, columns)."""
-    padded = np.zeros((-(-len(rows) // k.BLOCK_OF_TILES), k.BLOCK_OF_TILES, rows.shape[1]))
-    padded.reshape(-1, rows.shape[1])[: len(rows)] = rows
-    found = padded[:, 0].copy()
-    for i in range(1, min(k.BLOCK_OF_TILES, len(rows))):
-        found += padded[:, i]
-    return found
-
-
 class DeviceArrays:
     """All arrays of one engine, under the names that kernels give their arguments.
 
@@ -153,10 +142,10 @@ class DeviceArrays:
     displacement: Any
     event: Any
     event_int: Any
+    pair_time: Any
+    pair: Any
     found: Any
     blocks: Any
-    comm: Communicator = SERIAL
-    first_id: int = 0
 
     def __init__(
         self,
@@ -166,9 +155,12 @@ class DeviceArrays:
         options: Any,
         walls: NDArray[np.float64],
         uses: k.Uses,
+        domain: Domain | None = None,
     ) -> None:
         n = disks.n
         self.n: int = n
+        self.domain: Domain = domain or Domain()
+        self.domain.attach(self)
         self.box: Box = box
         self.uses: k.Uses = uses
         self.real: type[np.floating[Any]] = np.float32 if options.device.precision == "f32" else np.float64
@@ -178,7 +170,7 @@ class DeviceArrays:
         self.parts: int = 2
         kinds, self._kind = kinds_of(disks)
         self.kinds: Any
-        self._make("kinds", len(kinds))
+        self.make("kinds", len(kinds))
         if n:
             self.kinds.from_numpy(kinds.astype(self.real))
         self._split = split_of(disks.radius)
@@ -186,7 +178,7 @@ class DeviceArrays:
         layered = self._split is not None and not (uses.walled or uses.rests)
         self.uses = uses = uses._replace(mixed=len(kinds) > 1, layered=layered)
         self.kind: Any
-        self._make("kind", n if uses.mixed and not uses.shared else 1)
+        self.make("kind", n if uses.mixed and not uses.shared else 1)
         if uses.mixed and not uses.shared:
             self.kind.from_numpy(self._kind.astype(np.int32))
         self.law: Any = ti.ndarray(self._type, law_table.shape)
@@ -203,7 +195,7 @@ class DeviceArrays:
         words = np.array([options.seed & 0xFFFFFFFF, options.seed >> 32], dtype=np.uint32)
         self.grid.seed_low, self.grid.seed_high = words.view(np.int32)
         # Where there are more disks, on several ranks, no kernel asks how many.
-        self.grid.n, self.grid.lanes = min(n, ADDRESSABLE), 1
+        self.grid.n, self.grid.lanes, self.clock.n = min(n, ADDRESSABLE), 1, n
         self.grid.walls = len(walls)
         self.grid.periodic_x, self.grid.periodic_y = box.periodic
         self.widest: float = 2.0 * float(disks.radius.max()) if n else 1.0
@@ -214,7 +206,7 @@ class DeviceArrays:
         self.scale.shear = box.shear_rate
         walls = walls.reshape(-1, WALL.width)
         self.walls: Any
-        self._make("walls", len(walls))
+        self.make("walls", len(walls))
         wall = named(walls, "walls")
         owner = wall.owner.astype(np.int64)
         self.thermal: NDArray[np.int64] = np.unique(owner[wall.temperature > 0.0])
@@ -234,85 +226,72 @@ class DeviceArrays:
         self.sums: NDArray[np.float64] = np.zeros(self.columns)
         self._lanes = 0
         self.batch: int = 0
-        self.make_notes(0)
-        self._make_parts(2, self._first_room(n))
+        self.make_parts(2, self.domain.first_slots(n))
         self.watched: Any
-        self._make("watched", n if uses.watched else 1)
+        self.make("watched", n if uses.watched else 1)
         self.scratch(0, 0, 0, 0)
         self.make_ghosts(0)
         self.events(0)
+        self.make_pairs(0)
 
     # ------------------------------------------------------------------ room
 
     @staticmethod
-    def _array(of: Any, *shape: int) -> Any:
+    def new_array(of: Any, *shape: int) -> Any:
         return ti.ndarray(of, tuple(max(each, 1) for each in shape))
 
     def _type_of(self, name: str) -> Any:
         return self._type if TYPES[name] == REAL else getattr(ti, TYPES[name])
 
-    def _make(self, name: str, rows: int) -> None:
+    def make(self, name: str, rows: int) -> None:
         """Replace the array of this name by one of so many rows, at least one: of numbers, or of its columns."""
         of, rows = self._type_of(name), max(rows, 1)
-        new = ti.Vector.ndarray(TABLES[name].width, of, rows) if name in TABLES else self._array(of, rows)
-        self._replace(name, new)
+        new = ti.Vector.ndarray(TABLES[name].width, of, rows) if name in TABLES else self.new_array(of, rows)
+        self.replace(name, new)
 
     def _make_table(self, name: str, rows: int) -> None:
         """As `_make`, with the columns as a second axis."""
-        self._replace(name, self._array(self._type_of(name), rows, TABLES[name].width))
+        self.replace(name, self.new_array(self._type_of(name), rows, TABLES[name].width))
 
-    def _replace(self, name: str, new: Any) -> None:
+    def replace(self, name: str, new: Any) -> None:
         old = getattr(self, name, None)
         if isinstance(old, ti.Ndarray):
             backend.free_array(old)
         setattr(self, name, new)
 
-    def _make_parts(self, parts: int, room: int) -> None:
-        """Room for the state of so many disks at so many times, and for notes; what is there already stays.
+    def make_parts(self, parts: int, room: int) -> None:
+        """Room for the state of so many disks at so many times; what is there already stays.
 
         Times are the beginning and end of a window, and moments in it.
         """
-        notes, kept = int(self.grid.notes), self.state_arrays()
-        rows = parts * room + notes
+        kept = self.state_arrays()
+        rows = parts * room
         self._check_addresses(rows)
-        before = {name: self._values(name).copy() for name in self._names()} if self.room else {}
+        before = {name: self.values(name).copy() for name in self.state_names()} if self.room else {}
         for name in before:
-            self._replace(name, None)
+            self.replace(name, None)
         for name in ("disk", "meta", "past", "hits", "spent", "held", "slept"):
-            self._make(name, rows if kept[name] else 1)
+            self.make(name, rows if kept[name] else 1)
         if self.uses.shared:
-            self._make("kind", rows if kept["kind"] else 1)
+            self.make("kind", rows if kept["kind"] else 1)
         same = min(self.room, room)
         for name, old in before.items():
             with self.written(name) as (new,):
                 for part in range(min(self.parts, parts)):
                     new[part * room : part * room + same] = old[part * self.room : part * self.room + same]
         for name in ("history_hash", "displacement", "slot_before"):
-            self._make(name, room)
-        self._make("snapshot_time", (parts - 2) * room if notes else 1)
+            self.make(name, room)
         self.parts, self.room = parts, room
         self.grid.moments, self.grid.room = parts - 2, room
 
-    def make_moments(self, needed: int = 1, notes: int = 0) -> int:
-        """Make room for so many moments within a window, or for the most that there may be: for how many.
-
-        And for so many `notes` of each, if there is need of them (`kernels/layout.py`).
-        """
+    def make_moments(self, needed: int = 1) -> int:
+        """Make room for so many moments within a window, or for the most that there may be: for how many."""
         most = max(1, min(MOST_MOMENTS, SNAPSHOT_DISKS // max(self.n, 1)))
         moments = max(self.parts - 2, 1 if needed == 1 else most)
-        if moments > self.parts - 2 or notes * moments > self.grid.notes:
-            if notes * moments > self.grid.notes:
-                self.make_notes(1 << (notes * moments).bit_length())
-            self._make_parts(2 + moments, self.room)
+        if moments > self.parts - 2:
+            self.make_parts(2 + moments, self.room)
             self._make_sums()
         return self.parts - 2
-
-    def make_notes(self, notes: int) -> None:
-        """Arrays of the host for so many notes."""
-        self.grid.notes, rows = notes, max(notes, 1)
-        self.note: NDArray[np.int32] = np.zeros((rows, TABLES["note"].width), dtype=np.int32)
-        self.note_at: NDArray[np.float64] = np.zeros(rows)
-        self.note_tally: NDArray[np.float64] = np.zeros((rows, self.columns))
 
     def _check_addresses(self, rows: int) -> None:
         if 8 * rows > ADDRESSABLE:
@@ -329,33 +308,40 @@ class DeviceArrays:
         grid = self.grid
         grid.lane_slots, grid.cells, grid.bins, grid.items = lane_slots, cells, bins, items
         for name in ("motion", "event_info", "image_info", "start_position"):
-            self._make(name, rows)
-        self._make("rest", rows if uses.rests else 1)
-        self._make("residual_acceleration", rows if uses.rests else 1)
-        self._make("contact", CONTACTS_PER_DISK * rows if uses.rests else 1)
-        self._make("cached_force", rows if uses.rests else 1)
-        self._make("candidates", rows)
-        self._make("since", rows if uses.remembers else 1)
-        self._make("turn", rows if uses.turned else 1)
-        self._make("loss", rows if uses.itemised else 1)
-        self._make("head", lanes * cells)
-        self._make("bin", lanes * bins)
-        self._make("wall_start", lanes * (cells + 1) if uses.walled else 1)
-        self._make("wall_item", lanes * items if uses.walled else 1)
+            self.make(name, rows)
+        self.make("rest", rows if uses.rests else 1)
+        self.make("residual_acceleration", rows if uses.rests else 1)
+        self.make("contact", CONTACTS_PER_DISK * rows if uses.rests else 1)
+        self.make("cached_force", rows if uses.rests else 1)
+        self.make("candidates", rows)
+        self.make("since", rows if uses.remembers else 1)
+        self.make("turn", rows if uses.turned else 1)
+        self.make("loss", rows if uses.itemised else 1)
+        self.make("head", lanes * cells)
+        self.make("bin", lanes * bins)
+        self.make("wall_start", lanes * (cells + 1) if uses.walled else 1)
+        self.make("wall_item", lanes * items if uses.walled else 1)
 
     def make_ghosts(self, most: int) -> None:
         """Allocate so many ghost records."""
         self._check_addresses(most)
         self.grid.most_ghosts = most
-        self._make("ghost", most)
-        self._make("ghost_position", most)
+        self.make("ghost", most)
+        self.make("ghost_position", most)
 
     def events(self, most: int) -> None:
         """Room for so many collisions that are written down."""
         self._check_addresses(3 * most)
         self.grid.most_events = most
-        self._make("event", most)
-        self._make("event_int", most)
+        self.make("event", most)
+        self.make("event_int", most)
+
+    def make_pairs(self, most: int) -> None:
+        """Room for so many collisions of two disks that are written down."""
+        self._check_addresses(most)
+        self.grid.most_pairs = most
+        self.make("pair_time", most)
+        self.make("pair", most)
 
     # ------------------------------------------------------------------ tiles
 
@@ -389,17 +375,26 @@ class DeviceArrays:
                 "numbers that 32-bit indices of Taichi reach; make polylines of walls, or do without wall_sums"
             )
         for axis, name in enumerate(("edge_x", "edge_y")):
-            self._make(name, len(edges[axis]))
+            self.make(name, len(edges[axis]))
             getattr(self, name).from_numpy(edges[axis])
         self._make_table("tile", total)
-        self._make("listed", total)
+        self.make("listed", total)
         self._make_table("reach", total)
         blocks = -(-total // k.BLOCK_OF_TILES)
-        self._make("blocks", blocks)  # that this process adds up
+        self.make("blocks", blocks)  # that this process adds up
         self.blocks.from_numpy(np.arange(blocks, dtype=np.int32))
         self.total: NDArray[np.float64] = np.zeros(0)
         self._make_sums()
         self.scale.length_x, self.scale.length_y = (edge[-1] - edge[0] for edge in edges)
+        self.scale.least_side = self.least_side
+
+    @property
+    def least_side(self) -> float:
+        """Beyond it around a tile, the tiles around it would not have all disks [length]."""
+        sides = [float(np.diff(edge).min()) for edge in self.edges]
+        if self.uses.sheared:
+            sides[0] /= 2.0  # rows above and below lie askew by up to half a tile
+        return min(sides)
 
     def _make_sums(self) -> None:
         """Room for what tiles add up in a window, to its end and to each moment; sums that are known stay."""
@@ -407,14 +402,10 @@ class DeviceArrays:
         columns, known = TOTAL.width + times * self.columns, self.total
         if len(known) == columns:
             return
-        self._replace("tally", self._array(ti.f64, total, times, self.columns))
-        self._replace("found", self._array(ti.f64, -(-total // k.BLOCK_OF_TILES), columns))
+        self.replace("tally", self.new_array(ti.f64, total, times, self.columns))
+        self.replace("found", self.new_array(ti.f64, -(-total // k.BLOCK_OF_TILES), columns))
         self.total = np.zeros(columns)
         self.total[: min(len(known), columns)] = known[:columns]
-
-    def share(self) -> None:
-        """Add up again what tiles have added up."""
-        self.launch(sum_shared, self.found.shape[0], 1)
 
     def load(self, disks: Disks, options: Any, state: State) -> None:
         """Divide the box, or what an open gas fills, into tiles, and begin a window from a state."""
@@ -515,7 +506,7 @@ class DeviceArrays:
 
     def take_lists(self, found: dict[str, NDArray[Any]]) -> None:
         """Go on from lists that `lists` gave, as the beginning of a window."""
-        self._take({name: found[name] for name in self._kept()}, *found["listed"].T)
+        self.domain.load({name: found[name] for name in self._kept()}, *found["listed"].T)
 
     def lists(self, part: int) -> dict[str, NDArray[Any]]:
         """Rows of the state at a part, by array and in order of ids; and `listed`, the tile and the place in its list.
@@ -526,14 +517,14 @@ class DeviceArrays:
         held.pop("kind", None)
         place = np.arange(len(tile)) - np.searchsorted(tile, tile)
         held["listed"] = np.stack([tile, place], axis=1).astype(np.int32)
-        ids = named(held["meta"], "meta").id.astype(np.int64) - self.first_id
-        return dict(zip(held, self.comm.by_id(self.n, ids, list(held.values())), strict=True))
+        ids = named(held["meta"], "meta").id.astype(np.int64) - self.domain.first_id
+        return dict(zip(held, self.domain.comm.by_id(self.n, ids, list(held.values())), strict=True))
 
     def _kept(self) -> list[str]:
         """Names of the arrays of a state that this gas keeps, beside the kinds of disks, which ids tell."""
-        return [name for name in self._names() if name != "kind"]
+        return [name for name in self.state_names() if name != "kind"]
 
-    def _values(self, name: str) -> NDArray[Any]:
+    def values(self, name: str) -> NDArray[Any]:
         """Content of an array; on a CPU not to be changed, for it is the array itself."""
         array = getattr(self, name)
         found: NDArray[Any] = array.to_numpy() if self.on_gpu else view(array)
@@ -542,28 +533,11 @@ class DeviceArrays:
     @contextmanager
     def written(self, *names: str) -> Iterator[list[NDArray[Any]]]:
         """Content of arrays, which may be changed; a GPU gets it back at the end."""
-        found = [self._values(name) for name in names]
+        found = [self.values(name) for name in names]
         yield found
         if self.on_gpu:
             for name, values in zip(names, found, strict=True):
                 getattr(self, name).from_numpy(values)
-
-    def rows_here(self, part: int) -> int:
-        """Number of disks that a part holds: all."""
-        return self.n
-
-    def by_id(self, part: int, arrays: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
-        """Rows that `read_out` filled for this part, in order of ids; of ranks, those of the own slice."""
-        return list(arrays)
-
-    def sums_of(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Sums over all tiles of what each has, shape (tiles, columns): block by block, always in one order."""
-        return np.add.accumulate(sums_of_blocks(rows), axis=0)[-1]
-
-    def most_of(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The largest of each column of what tiles have, shape (tiles, columns), 0 or more."""
-        found: NDArray[np.float64] = rows.max(axis=0)
-        return found
 
     def displace_rows(self, time: float) -> None:
         """Note how far rows of tiles in a sheared gas have moved against those below until `time` [time]."""
@@ -600,26 +574,7 @@ class DeviceArrays:
         self.grid.part = 0
         if self.uses.sheared:
             self.displace_rows(state.time)
-        self._take(*self._rows_from(state))
-
-    def _take(
-        self,
-        rows: dict[str, NDArray[Any]],
-        tile: NDArray[np.integer],
-        place: NDArray[np.integer] | None = None,
-    ) -> None:
-        """List rows of the state, which are in order of ids, in their tiles: by `place`, or by ids without it."""
-        self._list(rows, tile, named(rows["meta"], "meta").id if place is None else place)
-
-    def _list(
-        self, rows: dict[str, NDArray[Any]], tile: NDArray[np.integer], place: NDArray[np.integer]
-    ) -> None:
-        """List rows of the state in their tiles, by `place`, at the beginning of a window."""
-        order, part = np.lexsort((place, tile)), int(self.grid.part)
-        with self.written(*rows) as arrays:
-            for array, values in zip(arrays, rows.values(), strict=True):
-                array[part * self.room : part * self.room + self.n] = values[order]
-        self.set_lists(part, np.bincount(tile, minlength=self.tiles))
+        self.domain.load(*self._rows_from(state))
 
     def _rows_from(self, state: State) -> tuple[dict[str, NDArray[Any]], NDArray[np.integer]]:
         """Rows of the arrays for a state, by the arrays' names; and the tile of each."""
@@ -638,12 +593,12 @@ class DeviceArrays:
         index = np.clip(np.stack(columns, axis=1), 0, counts - 1)
         tile = index[:, 0] * counts[1] + index[:, 1]
         local = position - np.stack([self.edges[a][index[:, a]] for a in (0, 1)], axis=1)
-        events, ids = state.collisions + state.wall_collisions, self.comm.slice_of(self.n)
+        events, ids = state.collisions + state.wall_collisions, self.domain.comm.slice_of(self.n)
         kept: dict[str, Callable[[], NDArray[Any]]] = {
             "disk": lambda: np.column_stack([local, velocity, state.spin]),
             "meta": lambda: np.column_stack(
                 [
-                    np.arange(ids.start, ids.stop) + self.first_id,
+                    np.arange(ids.start, ids.stop) + self.domain.first_id,
                     events,
                     state.image + crossed.astype(np.int32),
                 ]
@@ -661,10 +616,6 @@ class DeviceArrays:
         }
         return found, tile
 
-    def _first_room(self, n: int) -> int:
-        """Slots to begin with."""
-        return max(n, 1)
-
     def set_lists(self, part: int, count: NDArray[np.int64]) -> None:
         """Say how many disks each tile lists; lists begin one after another."""
         with self.written("tile") as (tile,):
@@ -675,7 +626,7 @@ class DeviceArrays:
     def list_anew(self) -> None:
         """List the disks by the tiles they are in; places stay what they are, to the last bit."""
         held, listed, tile = self._moved()
-        self._list(held, tile, listed)
+        self.domain.list_rows(held, tile, listed)
 
     def _moved(self) -> tuple[dict[str, NDArray[Any]], NDArray[np.intp], NDArray[np.int64]]:
         """Rows of the state by array, list after list, from the corners of the tiles that they are in now.
@@ -701,19 +652,15 @@ class DeviceArrays:
     def rows_held(self, part: int) -> tuple[dict[str, NDArray[Any]], NDArray[np.intp]]:
         """Rows of the state at a part, by array, list after list; and the tile that lists each."""
         rows, tile = self.rows_of(part)
-        return {name: self.state_rows(name, rows) for name in self._names()}, tile
+        return {name: self.domain.state_rows(name, rows) for name in self.state_names()}, tile
 
     def rows_of(self, part: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Rows of a part in the arrays of the state, list after list, and the tile that lists each; own ones only."""
-        tile = named(self._values("tile"), "tile")
+        tile = named(self.values("tile"), "tile")
         first, count = tile.start[self.own, part], tile.count[self.own, part]
         return part * self.room + concatenated_ranges(first, count), np.repeat(self.own, count)
 
-    def state_rows(self, name: str, at: slice | NDArray[np.integer]) -> NDArray[Any]:
-        """Some rows of the state."""
-        return self._values(name)[at]
-
-    def _names(self) -> list[str]:
+    def state_names(self) -> list[str]:
         """Names of the arrays of a state that this gas keeps."""
         return [name for name, kept in self.state_arrays().items() if kept]
 
@@ -746,7 +693,7 @@ class DeviceArrays:
                 kind = {np.dtype(np.int32): ti.i32, np.dtype(np.float32): ti.f32}.get(
                     self._raw(name).dtype, ti.f64
                 )
-                self._twins[name] = self._array(kind, len(self._raw(name)))
+                self._twins[name] = self.new_array(kind, len(self._raw(name)))
         own = [self._raw(name) for name in SMALL]
         board = np.concatenate(own).astype(np.float64)
         exchange(board, 1, *self._twins.values())
@@ -771,7 +718,7 @@ class DeviceArrays:
     def set_law(self, law_table: NDArray[np.float64], collision_law: Any) -> None:
         """Collide by another law from here on."""
         if law_table.shape != tuple(self.law.shape):
-            self._replace("law", ti.ndarray(self._type, law_table.shape))
+            self.replace("law", ti.ndarray(self._type, law_table.shape))
         self.law.from_numpy(law_table.astype(self.real))
         self.uses = self.uses._replace(collision_law=collision_law)
 

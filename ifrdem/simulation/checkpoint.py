@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from ..errors import DamageError, InputError
 from ..kernels.columns import named
 from ..model.state import State
-from ..mpi import SERIAL, Communicator
+from ..mpi import SERIAL, Communicator, current
 from ..tools import files
 from ..tools.versions import package_versions
 from ..trajectory import damage
@@ -165,10 +165,10 @@ def check_extra(path: object, extra: object, arrays: object) -> None:
     InputError unless the path is one, `extra` a mapping of what JSON knows, and `arrays` one of arrays of numbers.
     """
     if not isinstance(path, str | os.PathLike):
-        raise InputError(f"path = {path!r}: the path of a file is needed, a text or a Path")
+        raise InputError(f"path = {path!r}: must be the path of a file, a text or a Path")
     for name, given in (("extra", extra), ("arrays", arrays)):
         if given is not None and not isinstance(given, Mapping):
-            raise InputError(f"{name} = {given!r}: a mapping by name is needed")
+            raise InputError(f"{name} = {given!r}: must be a mapping by name")
     for key, value in extra.items() if isinstance(extra, Mapping) else ():
         try:
             json.dumps({key: value})
@@ -176,7 +176,7 @@ def check_extra(path: object, extra: object, arrays: object) -> None:
             raise InputError(f"extra[{key!r}] = {value!r}: JSON cannot hold it: {error}") from None
     for key, value in arrays.items() if isinstance(arrays, Mapping) else ():
         if not isinstance(key, str) or np.asarray(value).dtype.kind not in "biuf":
-            raise InputError(f"arrays[{key!r}] = {value!r}: an array of numbers by its name is needed")
+            raise InputError(f"arrays[{key!r}] = {value!r}: must be an array of numbers by its name")
 
 
 def read(
@@ -187,7 +187,7 @@ def read(
     InputError if there is no such file, or it is none of ours, or damaged, or a part is missing.
     """
     arrays, record = _read(path)
-    return (arrays | _rows(path, record, SERIAL) if rows else arrays), record
+    return (arrays | _rows(path, record) if rows else arrays), record
 
 
 def read_parts(
@@ -211,22 +211,21 @@ def read_parts(
     place, arrays, record = found
     rows, error = {}, None
     try:
-        rows = _rows(place, record, comm)
+        with comm:
+            rows = _rows(place, record)
     except InputError as raised:
         error = raised
     comm.raise_collectively(error)
     return arrays | rows, record, True
 
 
-def _rows(
-    path: str | os.PathLike[str], record: Mapping[str, Any], comm: Communicator
-) -> dict[str, NDArray[Any]]:
+def _rows(path: str | os.PathLike[str], record: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
     """Rows of this rank's slice of the disks, from the parts of a checkpoint; none if it has no parts."""
     if "parts" not in record:
         return {}
     with as_damage_error(path, "its parts"):
         mark, first = str(record["parts"]["mark"]), [int(each) for each in record["parts"]["first"]]
-    own, pieces = comm.slice_of(first[-1]), []
+    own, pieces = current().slice_of(first[-1]), []
     for number, (start, end) in enumerate(itertools.pairwise(first)):
         low, high = max(start, own.start), min(end, own.stop)
         if low < high:

@@ -35,7 +35,7 @@ from ..model.law import (
     law_table,
 )
 from ..model.state import Disks, State
-from ..theory.contact import Contact, PackingFraction, contact_value_terms
+from ..theory.contact import Contact, PackingFraction, contact_value_coefficients
 from ..theory.driven_gas import Drive
 from ..theory.sonine import sonine_coefficient
 from ..tools import checked, seeds
@@ -195,7 +195,7 @@ class DSMC(ReadOnlyAttributes):
     law : CollisionLaw or sequence of sequences of CollisionLaw
         As for `Simulation`: an `IFRLaw`, rolling friction included, or a law of one's own.
     packing_fraction : float
-        Part of the area that the disks cover; it sets the area, and how much crowding raises collision rates.
+        Part of the area that the disks cover; it sets the area and the contact values.
     velocity : array_like (n, 2)
         Velocities at the start [length/time].
     spin : array_like (n,), optional
@@ -208,7 +208,7 @@ class DSMC(ReadOnlyAttributes):
         Power, spin power and linear friction of every disk, whatever its mass: white noise, or a heat bath
         (`driven_gas.Drive`). The total momentum is then not kept. The same for all masses.
     contact : {"virial", "henderson", "dilute"}
-        Contact values (`contact.contact_value_terms`); "dilute" solves Boltzmann's equation.
+        Contact values (`contact.contact_value_coefficients`); "dilute" solves Boltzmann's equation.
     device : Device or str
         As for `Simulation`. What comes out is the same to the last bit for any number of threads.
 
@@ -266,7 +266,7 @@ class DSMC(ReadOnlyAttributes):
     ) -> None:
         n = disks.n
         if n < 2 or not disks.movable.all():
-            raise InputError(f"disks: two at least, of finite mass, are needed; {n} given")
+            raise InputError(f"disks = {n}: must be two or more, of finite mass")
         if packing_fraction == 0.0:
             raise InputError("packing_fraction = 0.0: must be above 0, or disks do not meet")
         spins = np.zeros(n) if spin is None else checked.array("spin", spin, (n,))
@@ -283,7 +283,7 @@ class DSMC(ReadOnlyAttributes):
             running = backend.start(device := Device.of(device))
         self._alone = device.name == "cpu" and running.threads == 1
         self._real: Any = np.float32 if device.precision == "f32" else np.float64
-        a, b = contact_value_terms(packing_fraction, disks.radius, None, contact)
+        a, b = contact_value_coefficients(packing_fraction, disks.radius, None, contact)
         largest = float(disks.radius.max())
         self._section = 2.0 * a * largest + b * largest**2  # the largest g_ij sigma_ij
         self._crowding = np.array([a, b, 0.0, 0.0], dtype=self._real)
@@ -300,7 +300,7 @@ class DSMC(ReadOnlyAttributes):
         labels = np.asarray(species)
         if labels.shape != (self.disks.n,):
             raise InputError(
-                f"species has shape {labels.shape}: one for each of {self.disks.n} disks is needed"
+                f"species has shape {labels.shape}: must be one for each of {self.disks.n} disks"
             )
         _, which = np.unique(labels, return_inverse=True)
         return which.ravel()
@@ -441,7 +441,7 @@ class DSMC(ReadOnlyAttributes):
         """
         by_time = t_end is not None
         if by_time == (collisions_per_disk is not None):
-            raise InputError("exactly one of t_end and collisions_per_disk is needed")
+            raise InputError("exactly one of t_end and collisions_per_disk must be given")
         end = float(t_end if t_end is not None else collisions_per_disk)  # type: ignore[arg-type]
         now = self.time if by_time else 2.0 * self.collisions / self.disks.n
         if not (math.isfinite(end) and end >= now):
@@ -455,9 +455,7 @@ class DSMC(ReadOnlyAttributes):
         else:
             marks = np.asarray(samples, dtype=np.float64)
             if marks.ndim != 1 or np.any(np.diff(marks, prepend=now) < 0.0) or np.any(marks > end):
-                raise InputError(
-                    f"samples: numbers in increasing order from {now:.6g} to {end:.6g} are needed"
-                )
+                raise InputError(f"samples: must be numbers in increasing order from {now:.6g} to {end:.6g}")
         with backend.sole_use():
             found = [self._measure()]
             for mark in marks:

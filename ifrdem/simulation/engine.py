@@ -107,9 +107,9 @@ class EngineOptions:
         for name, value in checked_values.items():
             object.__setattr__(self, name, value)
         if self.order not in (None, *ORDERS):
-            raise InputError(f"order = {self.order!r}: allowed are {', '.join(ORDERS)}")
+            raise InputError(f"order = {self.order!r}: must be one of {', '.join(ORDERS)}")
         if self.tile_disks is not None:
-            checked.whole("tile_disks", self.tile_disks, 1)
+            checked.integer("tile_disks", self.tile_disks, 1)
 
     @property
     def velocity_cutoff(self) -> float:
@@ -225,7 +225,7 @@ class Engine:
 
         def counted() -> tuple[int, float, int, int, int]:
             if state.n != disks.n:
-                raise InputError(f"the state has {state.n} disks: {disks.n} are needed")
+                raise InputError(f"the state has {state.n} disks: must be {disks.n}")
             met, hits = (int(each.sum(dtype=np.int64)) for each in (state.collisions, state.wall_collisions))
             speed = checks.fastest(disks, state.velocity, state.spin)
             return disks.n, speed, met, hits, int(np.count_nonzero(state.asleep))
@@ -245,13 +245,13 @@ class Engine:
         comm.run_on_holders(judged)
         self.disks_here: Disks = disks
         begin = state
-        if comm.is_distributed:
-            comm.require_equal(repr(state.time), "times of the start")
-        else:
-            self.disks_here, begin = scatter_state(comm, disks, state)
         with comm:
+            if comm.is_distributed:
+                comm.require_equal(repr(state.time), "times of the start")
+            else:
+                self.disks_here, begin = scatter_state(disks, state)
             self.kinds: Disks = disks if comm.size == 1 else DiskKinds.of(self.disks_here)
-        self.disks: Disks = disks if comm.is_root and not comm.is_distributed else self.kinds
+        self.disks: Disks = disks if comm.has_all else self.kinds
         self._materials = np.unique(self.kinds.material)
         time = float(begin.time)
         self.turning = TurningGravity(given.gravity, time)
@@ -276,6 +276,7 @@ class Engine:
                 comm.run_on_all(lambda: backend.show_gpu(number))
         comm.run_on_all(lambda: backend.start(replace(given.device, threads=threads)))
         from .arrays import DeviceArrays
+        from .domain import Domain
         from .force_steps import ForceSteps
         from .windows import Windows
 
@@ -303,16 +304,14 @@ class Engine:
             rests=given.resting_speed > 0.0,
             collision_law=compiled(kind),
         )
+        domain, windows = Domain(), Windows
         if comm.size > 1:
-            from .ranks import RankArrays, RankWindows
+            from .ranks import RankDomain, RankWindows
 
             assert isinstance(self.kinds, DiskKinds)
             uses = uses._replace(shared=True)
-            self.arrays: DeviceArrays = RankArrays(
-                self.comm, self.disks_here, self.kinds, box, self._law_table, given, rows, uses
-            )
-        else:
-            self.arrays = DeviceArrays(disks, box, self._law_table, given, rows, uses)
+            domain, windows = RankDomain(comm, self.disks_here, self.kinds), RankWindows
+        self.arrays: DeviceArrays = DeviceArrays(self.kinds, box, self._law_table, given, rows, uses, domain)
         self.put_gravity()
         self._released = False
         backend.register(self)
@@ -326,8 +325,7 @@ class Engine:
         }  # fmt: skip
         if comm.size > 1:
             self.past = {name: broadcast_constant_rows(value) for name, value in self.past.items()}
-        of_ranks = Windows if comm.size == 1 else RankWindows
-        self.windows: Windows = of_ranks(self.arrays, self.statistics, time)
+        self.windows: Windows = windows(self.arrays, self.statistics, time)
         self.set_gates(np.array([not wall.stands(time, self._before[0]) for wall in self.walls], dtype=bool))
         self._load(begin)
         self.force_steps: ForceSteps = ForceSteps(forces, self.arrays, self.disks, given.seed, self.time)
@@ -498,13 +496,21 @@ class Engine:
         """Refuse ranks that were given different gases."""
         if self.comm.size == 1:
             return
-        alike = replace(self.options, device=replace(self.options.device, threads=None))
-        told: list[Any] = [alike, self.box.lengths, self.box.periodic, self.box.shear_rate]
+        options = self.options
+        alike = replace(options, device=replace(options.device, threads=None), record=frozenset())
+        # A set has another order in each process.
+        told: list[Any] = [
+            alike,
+            sorted(options.record),
+            self.box.lengths,
+            self.box.periodic,
+            self.box.shear_rate,
+        ]
         told += [self._law, self._law_table.tobytes(), rows_of(self.walls).tobytes()]
         # What is none, `ForceSteps` refuses.
         given = forces if isinstance(forces, (list, tuple)) else [forces]
         told += [
-            (type(force).__name__, getattr(force, "parameters", None), getattr(force, "step", None))
+            (type(force).__name__, getattr(force, "values", None), getattr(force, "step", None))
             for force in given
         ]
         self.comm.require_equal(repr(told), "box, law, walls, forces or options")
@@ -577,7 +583,7 @@ class Engine:
                 f"gravity = {gravity}: cannot be set where gravity rotates ({self.options.gravity}); begin a new "
                 "simulation from this state"
             )
-        gravity = checked.finite_pair("gravity", gravity)
+        gravity = checked.PAIR("gravity", gravity)
         checks.check_between_collisions(self.disks, self.box, gravity, self.force_steps.forces)
         self._check_resting(gravity, (), self._law)
         self._check_rebound(self._law_table, self._law, gravity)
@@ -593,7 +599,7 @@ class Engine:
         pistons = [w for w, wall in enumerate(self.walls) if wall.piston is not None]
         if number not in pistons:
             known = ", ".join(map(str, pistons)) or "none"
-            raise InputError(f"wall = {number!r}: the number of a piston is needed; there are: {known}")
+            raise InputError(f"wall = {number!r}: must be the number of a piston; there are: {known}")
         wall = self.walls[number]
         assert wall.piston is not None
         changed = replace(wall, piston=replace(wall.piston, force=force))
@@ -646,7 +652,7 @@ class Engine:
         if self.tracking is None:
             return np.empty((0, 5)), np.empty((0, 2), dtype=np.int32)
         ids = self.tracking.ids[: None if self.comm.is_root else 0]
-        columns = [state.position, state.velocity, state.spin[:, None], state.image]
+        columns: list[NDArray[Any]] = [state.position, state.velocity, state.spin[:, None], state.image]
         *real, image = self.comm.rows_of(self.n, ids, columns)
         return np.column_stack(real).astype(np.float64), image.astype(np.int32)
 
@@ -800,19 +806,22 @@ class Engine:
 
     def _take_watched(self, watching: int, was: float) -> None:
         windows = self.windows
-        gather = self.comm.allgather if watching == k.PAIRS else self.comm.gather  # histories are the root's
-        parts = gather(windows.watched()) or [windows.watched(none=True)]
-        real, whole = (np.concatenate(each) for each in zip(*parts, strict=True))
         if watching == k.PAIRS:
-            event = named(whole, "event_int")
-            time = windows.begin + named(real, "event").time.astype(np.float64)
+            times, whole = (
+                np.concatenate(each) for each in zip(*self.comm.allgather(windows.pairs()), strict=True)
+            )
+            ids = named(whole, "pair")
+            time = windows.begin + times.astype(np.float64)
             now = ((time > was) | (windows.begin == was)) & (time <= self.time)
-            pair = np.sort(np.stack([event.id, event.partner], axis=1)[now], axis=1).astype(np.int64)
-            pair -= self.arrays.first_id
+            pair = np.sort(np.stack([ids.id, ids.partner], axis=1)[now], axis=1).astype(np.int64)
+            pair -= self.arrays.domain.first_id
             order = np.lexsort((pair[:, 1], pair[:, 0], time[now]))
             self.last_collisions = CollisionTimes(time[now][order], pair[order])
         elif self.tracking is not None and windows.fresh:
             windows.fresh = False
+            # Histories are the root's.
+            parts = self.comm.gather(windows.watched()) or [windows.watched(none=True)]
+            real, whole = (np.concatenate(each) for each in zip(*parts, strict=True))
             if self.comm.bcast(len(real)):
                 self.tracking.gather(windows.begin, real, whole, self.box)
 

@@ -47,15 +47,15 @@ class ForceSteps:
         self, forces: Sequence[Force], arrays: DeviceArrays, disks: Disks, seed: int, time: float
     ) -> None:
         if isinstance(forces, Force):
-            raise InputError(f"forces = {forces!r}: a list of forces is needed, [force] for one")
+            raise InputError(f"forces = {forces!r}: must be a list of forces, [force] for one")
         if not isinstance(forces, Iterable):
-            raise InputError(f"forces = {forces!r}: a list of forces is needed")
+            raise InputError(f"forces = {forces!r}: must be a list of forces")
         self.forces: tuple[Force, ...] = tuple(forces)
         for i, force in enumerate(self.forces):
             if not isinstance(force, Force) or type(force).act is Force.act:
                 raise InputError(
-                    f"forces[{i}] = {force!r}: an object of a class derived from ifrdem.forces.Force, with a method "
-                    "act, is needed"
+                    f"forces[{i}] = {force!r}: must be an object of a class derived from ifrdem.forces.Force, with "
+                    "a method act"
                 )
             if force.totals and type(force).measure is Force.measure:
                 raise InputError(
@@ -128,13 +128,13 @@ class ForceSteps:
             n, size = force.totals, self._sizes[index]
             while True:  # once, where sizes are as in the last step
                 found = told(sum_totals, (1 + LEVELS) * n, rounders=_rounders(size, self.arrays.n))
-                size = _size(self.arrays.most_of(found)[:n])
+                size = _size(self.arrays.domain.largest(found)[:n])
                 if np.array_equal(size, self._sizes[index]):
                     break
                 self._sizes[index] = size
-            sums = self.arrays.sums_of(found)[n:].reshape(LEVELS, n)
+            sums = self.arrays.domain.sums(found)[n:].reshape(LEVELS, n)
             totals = np.array([math.fsum(each) for each in sums.T])
-        gained = self.arrays.sums_of(told(apply_force, 2, totals=totals))
+        gained = self.arrays.domain.sums(told(apply_force, 2, totals=totals))
         self.next_steps[index] = k + 1
         if not math.isfinite(gained[0]):
             raise EngineError(

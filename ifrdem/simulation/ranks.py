@@ -1,12 +1,12 @@
 """One gas on several ranks of MPI, bitwise the trajectory of one.
 
 The box has the tiles that it has on one rank; each rank owns a block of them. It keeps the lists of disks of its own
-tiles, and in each window copies of those of the *ring*, the tiles of others beside its own. A window is
+tiles, and in each window copies of those of the *ring*, the neighbouring tiles of others. A window is
 
 1. *fetch*: the lists of the ring come from their owners, as far as halos reach that are wider than usual once; where a
    tile has to run with a still wider one, whole lists come, and all tiles begin again;
-2. each rank runs its own tiles (`kernels/tiles.py`), which gather from tiles beside them, all of which are there;
-3. *trails*: the hash of a disk's history and its way are known to the rank that ran the tile which the disk is in, and
+2. each rank runs its own tiles (`kernels/tiles.py`), which gather from neighbouring tiles, all of which are there;
+3. *hashes*: the hash of a disk's history and its way are known to the rank that ran the tile which the disk is in, and
    a disk may have left the tile that lists it. So ranks first tell owners about disks of the ring that they ran, then
    owners tell all who have a copy of their lists, with `reach` of the tiles;
 4. *share*: what tiles have added up (`tally`, `reach`) is added up by the owner of the first tile in each block
@@ -56,11 +56,13 @@ from ..kernels import layout as k
 from ..kernels.columns import ADDRESSABLE, named
 from ..kernels.language import ti, view
 from ..kernels.readout import put_rows, take_rows
-from ..kernels.windows import HALO_GROWTH, sum_shared, survey, verify
+from ..kernels.sums import sum_shared
+from ..kernels.windows import HALO_GROWTH, verify
 from ..model.state import COLUMNS, DiskKinds, Disks
 from ..mpi import Communicator
 from ..mpi.decomposition import owners
-from .arrays import DeviceArrays, concatenated_ranges, kind_rows, kinds_of, sums_of_blocks
+from .arrays import concatenated_ranges, kind_rows, kinds_of
+from .domain import Domain, sums_of_blocks
 from .windows import Windows, _Again
 
 # Windows between looks at who has more to do than others, and how much more is too much.
@@ -78,7 +80,7 @@ class CommunicationStats:
     ----------
     messages : int
         To neighbours.
-    ghosts, trails, sums : int
+    ghosts, hashes, sums : int
         Bytes of lists of disks, of hashes and ways, and of sums of tiles.
     windows, rounds : int
         Windows, and times that hashes were exchanged in them.
@@ -92,7 +94,7 @@ class CommunicationStats:
 
     messages: int = 0
     ghosts: int = 0
-    trails: int = 0
+    hashes: int = 0
     sums: int = 0
     windows: int = 0
     rounds: int = 0
@@ -114,31 +116,27 @@ def numbers_of(at: slice | NDArray[np.integer]) -> NDArray[np.int32]:
     return np.arange(at.start, at.stop, dtype=np.int32) if isinstance(at, slice) else at.astype(np.int32)
 
 
-class RankArrays(DeviceArrays):
-    """The arrays of one rank: own tiles, and the ring around them.
+class RankDomain(Domain):
+    """What one rank has: own tiles, and the ring around them.
 
-    `disks` are those of the own slice; the others as for `DeviceArrays`, `kinds` for its `disks`.
+    `disks` are those of the own slice, `kinds` those of all.
 
     Where there are too many kinds for each rank to know all (`kinds.every` is False), the table `kinds` has rows for
     the disks that are here, and their `kind` is a row of this table. Its columns, not that number, go with a disk to
     another rank, which adds them to its own table.
     """
 
-    reach: Any
-    tally: Any
-
-    def __init__(self, comm: Communicator, disks: Disks, kinds: DiskKinds, *given: Any) -> None:
+    def __init__(self, comm: Communicator, disks: Disks, kinds: DiskKinds) -> None:
         self.comm = comm
         self.communication: CommunicationStats = CommunicationStats()
         self.unassigned: int = 0  # listed disks that no rank has run
+        self.first_id = first_id(kinds.n)
         self._graph: Any = None
         self._adding: Any = None
         self._partners: list[int] = []
         self._disks = disks
         self._of_here = not kinds.every  # whether `kinds` has rows for the disks here
         self._in_table = 0  # rows of it that are in use
-        super().__init__(kinds, *given)
-        self.first_id = first_id(self.n)
         if kinds.every:  # of the disks of the slice: codes are the same with a disk of each kind before them
             both = (np.concatenate([getattr(each, name) for each in (kinds, disks)]) for name in COLUMNS)
             code = kinds_of(Disks(len(kinds.mass) + disks.n, *both))[1]
@@ -146,15 +144,16 @@ class RankArrays(DeviceArrays):
 
     # ------------------------------------------------------------------ who owns what
 
-    def _first_room(self, n: int) -> int:
+    def first_slots(self, n: int) -> int:
+        """One: there are as many as lists need."""
         return 1
 
     def assign(self, count: NDArray[np.number]) -> None:
         """Divide the tiles, with so much work each, among the ranks."""
-        tiles = int(self.grid.tiles_x), int(self.grid.tiles_y)
+        tiles = int(self.arrays.grid.tiles_x), int(self.arrays.grid.tiles_y)
         self.owner: NDArray[np.int32] = owners(count, tiles, self.comm.size)
-        self.own = np.flatnonzero(self.owner == self.comm.rank)
-        with self.written("tile") as (tile,):
+        self.arrays.own = np.flatnonzero(self.owner == self.comm.rank)
+        with self.arrays.written("tile") as (tile,):
             lists = named(tile, "tile")
             lists.owned = self.owner == self.comm.rank
             lists.bad = 0  # nothing else resets it for tiles that another rank now owns
@@ -167,58 +166,58 @@ class RankArrays(DeviceArrays):
         What a tile has to do is told by its disks, and by what happened to them in the last window; MOST_EVENTS a disk
         at most, for after a window of the whole box one tile has them all.
         """
-        part = int(self.grid.part)
-        count = named(self._values("tile"), "tile").count[self.own, part]
-        events = 2.0 * named(self._values("tally"), "tally").collisions[self.own, k.AT_END]
+        part = int(self.arrays.grid.part)
+        count = named(self.arrays.values("tile"), "tile").count[self.arrays.own, part]
+        events = 2.0 * named(self.arrays.values("tally"), "tally").collisions[self.arrays.own, k.AT_END]
         work = count + np.minimum(events, MOST_EVENTS * count)
         shares = np.array(self.comm.allgather(float(work.sum())))
         if shares.max() <= UNEVEN * shares.mean():
             return
-        told = np.zeros((self.tiles, 3))
-        told[self.own] = np.stack([work, count, self._halo_factor[self.own]], axis=1)
+        told = np.zeros((self.arrays.tiles, 3))
+        told[self.arrays.own] = np.stack([work, count, self._halo_factor[self.arrays.own]], axis=1)
         self.comm.mpi.Allreduce(told.copy(), told)
-        tiles = int(self.grid.tiles_x), int(self.grid.tiles_y)
+        tiles = int(self.arrays.grid.tiles_x), int(self.arrays.grid.tiles_y)
         try:
             after = owners(told[:, 0], tiles, self.comm.size)
         except InputError:  # no straight cuts divide these few tiles: the blocks stay
             return
         if UNEVEN * np.bincount(after, weights=told[:, 0]).max() > shares.max():
             return
-        held, listed = self.rows_held(part)
+        held, listed = self.arrays.rows_held(part)
         self.communication.moved += int(np.count_nonzero(after != self.owner))
-        with self.written("reach") as (reach,):
+        with self.arrays.written("reach") as (reach,):
             named(reach, "reach").halo_factor = told[:, 2]
         self.assign(told[:, 0])
-        self._list(held, listed, np.zeros_like(listed))
+        self.list_rows(held, listed, np.zeros_like(listed))
 
-    def _beside(self) -> NDArray[np.int64]:
+    def _neighbor_tiles(self) -> NDArray[np.int64]:
         """The eight tiles around each, shape (8, tiles); -1 beyond an end of the box."""
-        wide, high = int(self.grid.tiles_x), int(self.grid.tiles_y)
-        x, y = np.divmod(np.arange(self.tiles), high)
-        aside = int(self.grid.tiles_aside) if self.uses.sheared else 0
+        wide, high = int(self.arrays.grid.tiles_x), int(self.arrays.grid.tiles_y)
+        x, y = np.divmod(np.arange(self.arrays.tiles), high)
+        aside = int(self.arrays.grid.tiles_aside) if self.arrays.uses.sheared else 0
         found = []
         for step_x, step_y in STEPS:
             to_x, to_y = x + step_x - step_y * aside, y + step_y
-            there = np.ones(self.tiles, dtype=bool)
-            if not self.grid.periodic_x:
+            there = np.ones(self.arrays.tiles, dtype=bool)
+            if not self.arrays.grid.periodic_x:
                 there &= (to_x >= 0) & (to_x < wide)
-            if not self.grid.periodic_y:
+            if not self.arrays.grid.periodic_y:
                 there &= (to_y >= 0) & (to_y < high)
             found.append(np.where(there, to_x % wide * high + to_y % high, -1))
         return np.array(found)
 
     def build_neighbors(self) -> None:
         """Find the neighbours, whose tiles are in this rank's ring, and in whose rings its tiles are."""
-        aside = int(self.grid.tiles_aside)
+        aside = int(self.arrays.grid.tiles_aside)
         if self._around_for == aside:
             return
         self._around_for = aside
-        self._beside_all = self._beside()
-        beside = self._beside_all[:, self.own]
+        self._neighbors_all = self._neighbor_tiles()
+        beside = self._neighbors_all[:, self.arrays.own]
         others = np.where(beside >= 0, self.owner[beside], self.comm.rank)
         self._partners = [int(q) for q in np.unique(others) if q != self.comm.rank]
-        self._given_tiles = [self.own[np.any(others == q, axis=0)] for q in self._partners]
-        self._taken_tiles = [np.unique(beside[others == q]) for q in self._partners]
+        self._sent_tiles = [self.arrays.own[np.any(others == q, axis=0)] for q in self._partners]
+        self._ghost_tiles = [np.unique(beside[others == q]) for q in self._partners]
         if self._graph is not None:
             self._graph.Free()
         self._graph = self.comm.mpi.Create_dist_graph_adjacent(self._partners, self._partners)
@@ -233,9 +232,9 @@ class RankArrays(DeviceArrays):
 
     def _rows(self, name: str, at: slice | NDArray[np.integer]) -> NDArray[Any]:
         """Some rows of an array, to be read: of a GPU's, only these leave it."""
-        if not self.on_gpu:
-            return self._values(name)[at]
-        array, at = getattr(self, name), numbers_of(at)
+        if not self.arrays.on_gpu:
+            return self.arrays.values(name)[at]
+        array, at = getattr(self.arrays, name), numbers_of(at)
         found: NDArray[Any] = np.empty(
             (len(at), *(array.element_shape or (1,))), ti.lang.util.to_numpy_type(array.dtype)
         )
@@ -245,8 +244,8 @@ class RankArrays(DeviceArrays):
 
     def _put_rows(self, name: str, at: slice | NDArray[np.integer], rows: NDArray[Any]) -> None:
         """Write some rows of an array."""
-        array = getattr(self, name)
-        if not self.on_gpu:
+        array = getattr(self.arrays, name)
+        if not self.arrays.on_gpu:
             view(array)[at] = rows
         elif len(rows):
             put_rows(array, numbers_of(at), np.ascontiguousarray(rows.reshape(len(rows), -1)))
@@ -266,24 +265,24 @@ class RankArrays(DeviceArrays):
 
     def _empty_table(self, own: int, more: int) -> None:
         """Begin an own table of kinds anew, with room for so many own disks and some times so many more."""
-        room, wanted = self.kinds.shape[0], own + more + min(3 * more, own // 2) + 64
+        room, wanted = self.arrays.kinds.shape[0], own + more + min(3 * more, own // 2) + 64
         self._in_table = 0
         if not own + more <= room <= 2 * wanted:
-            self._replace("kinds", None)
-            self._make("kinds", wanted)
+            self.arrays.replace("kinds", None)
+            self.arrays.make("kinds", wanted)
 
     def _make_room_in_table(self, more: int) -> None:
         """See to it that the own table of kinds takes more rows: if not, those of disks that have gone make room."""
-        own = self.rows_here(part := int(self.grid.part))
-        if self._in_table + more > min(self.kinds.shape[0], own + more + own // 2 + 64):
-            slots = self.rows_of(part)[0]
+        own = self.n_here(part := int(self.arrays.grid.part))
+        if self._in_table + more > min(self.arrays.kinds.shape[0], own + more + own // 2 + 64):
+            slots = self.arrays.rows_of(part)[0]
             rows = self.state_rows("kind", slots)
             self._empty_table(own, more)
             self._take_rows("kind", slots, rows)
 
     def list_tiles(self, tiles: NDArray[np.integer]) -> None:
         """Have these tiles be run next."""
-        with self.written("listed") as (listed,):
+        with self.arrays.written("listed") as (listed,):
             listed[: len(tiles)] = tiles
 
     # ------------------------------------------------------------------ room
@@ -291,42 +290,42 @@ class RankArrays(DeviceArrays):
     @property
     def used(self) -> int:
         """Slots that lists of own tiles take at the beginning of the window: the first ones."""
-        tile, part = named(self._values("tile"), "tile"), int(self.grid.part)
-        return int((tile.start[self.own, part] + tile.count[self.own, part]).max(initial=0))
+        tile, part = named(self.arrays.values("tile"), "tile"), int(self.arrays.grid.part)
+        return int((tile.start[self.arrays.own, part] + tile.count[self.arrays.own, part]).max(initial=0))
 
     @property
     def _halo_factor(self) -> NDArray[np.floating[Any]]:
         """Halo of each tile over the initial one, which is the same for all."""
-        found: NDArray[np.floating[Any]] = named(self._values("reach"), "reach").halo_factor
+        found: NDArray[np.floating[Any]] = named(self.arrays.values("reach"), "reach").halo_factor
         return found
 
     def make_room(self, slots: int) -> None:
         """See to it that there are so many slots, and not many more."""
-        if self.room < slots or self.room > 4 * slots + 1024:
-            self._make_parts(self.parts, int(SLACK * slots) + 64)
+        if self.arrays.room < slots or self.arrays.room > 4 * slots + 1024:
+            self.arrays.make_parts(self.arrays.parts, int(SLACK * slots) + 64)
 
     # ------------------------------------------------------------------ a window
 
     def bands(self) -> NDArray[np.float64]:
         """Halo that each own tile begins with, and what it may grow to when it runs again for the first time."""
-        wider = np.maximum(k.HALO_DECAY * self._halo_factor[self.own], 1.0)
-        halo = HALO_GROWTH * wider * float(self.scale.usual_halo)
-        return np.minimum(halo, float(self.scale.most_halo))
+        wider = np.maximum(k.HALO_DECAY * self._halo_factor[self.arrays.own], 1.0)
+        halo = HALO_GROWTH * wider * float(self.arrays.scale.usual_halo)
+        return np.minimum(halo, float(self.arrays.scale.most_halo))
 
     def _near(
         self, q: int, tiles: NDArray[np.intp], slots: NDArray[np.intp], count: NDArray[Any]
     ) -> NDArray[Any]:
         """Tell which disks of own tiles are in the halo of a tile of rank q."""
-        part = int(self.grid.part)
-        x, y = self._rows("disk", part * self.room + slots)[:, :2].T
+        part = int(self.arrays.grid.part)
+        x, y = self._rows("disk", part * self.arrays.room + slots)[:, :2].T
         listed = np.repeat(np.arange(len(tiles)), count)
         sides = [
             np.diff(edge)[index]
-            for edge, index in zip(self.edges, np.divmod(tiles, self.grid.tiles_y), strict=True)
+            for edge, index in zip(self.arrays.edges, np.divmod(tiles, self.arrays.grid.tiles_y), strict=True)
         ]
         width, height = (side[listed] for side in sides)
         near = np.zeros(len(slots), dtype=bool)
-        for (step_x, step_y), beside in zip(STEPS, self._beside_all[:, tiles], strict=True):
+        for (step_x, step_y), beside in zip(STEPS, self._neighbors_all[:, tiles], strict=True):
             theirs = (beside >= 0) & (self.owner[beside] == q)
             if not theirs.any():
                 continue
@@ -343,142 +342,146 @@ class RankArrays(DeviceArrays):
     def fetch(self, whole: bool = False) -> None:
         """Get the lists of the ring, or what may matter of them."""
         self.build_neighbors()
-        part, names = int(self.grid.part), self._names()
-        lists = named(self._values("tile"), "tile")
+        part, names = int(self.arrays.grid.part), self.arrays.state_names()
+        lists = named(self.arrays.values("tile"), "tile")
         first, count = lists.start[:, part], lists.count[:, part]
-        whole = whole or self.uses.sheared
-        self.band: NDArray[np.float64] = np.full(self.tiles, np.inf)
+        whole = whole or self.arrays.uses.sheared
+        self.band: NDArray[np.float64] = np.full(self.arrays.tiles, np.inf)
         if not whole:  # owners say how wide the halos of their tiles are
-            self.band[self.own] = self.bands()
-            told = self.exchange([(self.band[tiles],) for tiles in self._given_tiles])
-            for tiles, (band,) in zip(self._taken_tiles, told, strict=True):
+            self.band[self.arrays.own] = self.bands()
+            told = self.exchange([(self.band[tiles],) for tiles in self._sent_tiles])
+            for tiles, (band,) in zip(self._ghost_tiles, told, strict=True):
                 self.band[tiles] = band
-        self._given = []
+        self._sent_slots = []
         messages: list[tuple[NDArray[Any], ...]] = []
-        for q, tiles in zip(self._partners, self._given_tiles, strict=True):
+        for q, tiles in zip(self._partners, self._sent_tiles, strict=True):
             counts = count[tiles]
             slots = concatenated_ranges(first[tiles], counts)
             if not whole:
                 near = self._near(q, tiles, slots, counts)
                 slots, listed = slots[near], np.repeat(np.arange(len(tiles)), counts)[near]
                 counts = np.bincount(listed, minlength=len(tiles))
-            self._given.append(slots)
-            rows = (self.state_rows(name, part * self.room + slots) for name in names)
+            self._sent_slots.append(slots)
+            rows = (self.state_rows(name, part * self.arrays.room + slots) for name in names)
             messages.append((counts.astype(np.int32), *rows))
         self.communication.windows += 1
         self.communication.ghosts += sum(each.nbytes for message in messages for each in message)
-        self._lay_beside(list(zip(self._taken_tiles, self.exchange(messages), strict=True)))
-        self._sent: list[tuple[NDArray[Any], NDArray[Any]] | None] = [None] * len(self._partners)
+        self._append_lists(list(zip(self._ghost_tiles, self.exchange(messages), strict=True)))
+        self._sent_hashes: list[tuple[NDArray[Any], NDArray[Any]] | None] = [None] * len(self._partners)
 
     def fetch_all(self) -> None:
         """Get the lists of all other tiles."""
-        part, names = int(self.grid.part), self._names()
-        count = named(self._values("tile"), "tile").count[self.own, part]
-        rows, _listed = self.rows_of(part)
+        part, names = int(self.arrays.grid.part), self.arrays.state_names()
+        count = named(self.arrays.values("tile"), "tile").count[self.arrays.own, part]
+        rows, _listed = self.arrays.rows_of(part)
         lists = (count, *(self.state_rows(name, rows) for name in names))
         found = self.comm.allgather(lists)
-        self._lay_beside([
+        self._append_lists([
             (np.flatnonzero(self.owner == q), found[q]) for q in range(self.comm.size) if q != self.comm.rank
         ])  # fmt: skip
 
-    def _lay_beside(self, lists: Sequence[tuple[NDArray[np.intp], tuple[NDArray[Any], ...]]]) -> None:
+    def _append_lists(self, lists: Sequence[tuple[NDArray[np.intp], tuple[NDArray[Any], ...]]]) -> None:
         """Lay lists of others behind the own ones: tiles, the lengths of their lists, and rows of the state."""
-        part, at, names = int(self.grid.part), self.used, self._names()
+        part, at, names = int(self.arrays.grid.part), self.used, self.arrays.state_names()
         more = sum(len(rows) for _tiles, (_count, rows, *_more) in lists)
         self.make_room(at + more)
         if self._of_here:
             self._make_room_in_table(more)
-        self._taken: list[slice] = []
-        with self.written("tile") as (tile,):
+        self._ghost_slots: list[slice] = []
+        with self.arrays.written("tile") as (tile,):
             for tiles, (count, *arrays) in lists:
                 slots = slice(at, at + len(arrays[0]))
                 listed = named(tile, "tile")
                 listed.count[tiles, part] = count
                 listed.start[tiles, part] = at + np.cumsum(count) - count
                 for name, rows in zip(names, arrays, strict=True):
-                    self._take_rows(name, slice(part * self.room + at, part * self.room + slots.stop), rows)
-                self._taken.append(slots)
+                    self._take_rows(
+                        name, slice(part * self.arrays.room + at, part * self.arrays.room + slots.stop), rows
+                    )
+                self._ghost_slots.append(slots)
                 at = slots.stop
-        self.displacement.fill(-1.0)
+        self.arrays.displacement.fill(-1.0)
 
-    def exchange_trails(self, again: bool) -> None:
+    def exchange_hashes(self, again: bool) -> None:
         """Get hashes and ways of all disks in the own lists and in those of the ring; in a later round what changed."""
         if not again:
-            self._ran = [np.flatnonzero(self._rows("displacement", slots) >= 0.0) for slots in self._taken]
+            self._ran = [
+                np.flatnonzero(self._rows("displacement", slots) >= 0.0) for slots in self._ghost_slots
+            ]
         messages: list[tuple[NDArray[Any], ...]] = [
             (
                 ran.astype(np.int32),
                 self._rows("history_hash", slots.start + ran),
                 self._rows("displacement", slots.start + ran),
             )
-            for slots, ran in zip(self._taken, self._ran, strict=True)
+            for slots, ran in zip(self._ghost_slots, self._ran, strict=True)
         ]
         size = sum(each.nbytes for message in messages for each in message)
-        for given, (ran, hashes, ways) in zip(self._given, self.exchange(messages), strict=True):
+        for given, (ran, hashes, ways) in zip(self._sent_slots, self.exchange(messages), strict=True):
             self._put_rows("history_hash", given[ran], hashes)
             self._put_rows("displacement", given[ran], ways)
-        self.unassigned = int(np.count_nonzero(self._values("displacement")[: self.used] < 0.0))
+        self.unassigned = int(np.count_nonzero(self.arrays.values("displacement")[: self.used] < 0.0))
         messages = []
-        reach = self._values("reach")
-        for q, (given, tiles) in enumerate(zip(self._given, self._given_tiles, strict=True)):
+        reach = self.arrays.values("reach")
+        for q, (given, tiles) in enumerate(zip(self._sent_slots, self._sent_tiles, strict=True)):
             hashes, ways = self._rows("history_hash", given), self._rows("displacement", given)
             changed = np.arange(len(given), dtype=np.int32)
-            if (sent := self._sent[q]) is not None:
+            if (sent := self._sent_hashes[q]) is not None:
                 changed = changed[np.any(hashes != sent[0], axis=1) | (ways != sent[1])]
-            self._sent[q] = hashes, ways
+            self._sent_hashes[q] = hashes, ways
             messages.append((changed, hashes[changed], ways[changed], reach[tiles]))
         size += sum(each.nbytes for message in messages for each in message)
         told = self.exchange(messages)
-        with self.written("reach") as (reach,):
+        with self.arrays.written("reach") as (reach,):
             for slots, tiles, (changed, hashes, ways, reached) in zip(
-                self._taken, self._taken_tiles, told, strict=True
+                self._ghost_slots, self._ghost_tiles, told, strict=True
             ):
                 self._put_rows("history_hash", slots.start + changed, hashes)
                 self._put_rows("displacement", slots.start + changed, ways)
                 reach[tiles] = reached
-        self.communication.trails += size
+        self.communication.hashes += size
         self.communication.rounds += 1
 
     def n_short(self, bad: int) -> int:
         """Number of the tiles that have to run again whose halo will be wider than what was fetched."""
-        tiles = self._values("listed")[:bad]
-        halo = self._halo_factor[tiles] * float(self.scale.usual_halo)
-        return int(np.count_nonzero(np.minimum(halo, float(self.scale.most_halo)) > self.band[tiles]))
+        tiles = self.arrays.values("listed")[:bad]
+        halo = self._halo_factor[tiles] * float(self.arrays.scale.usual_halo)
+        return int(np.count_nonzero(np.minimum(halo, float(self.arrays.scale.most_halo)) > self.band[tiles]))
 
     def _plan_sums(self) -> None:
         """Find out whose tiles lie in blocks of tiles that other ranks add up: a block is its first tile's owner's."""
         of_block = self.owner[:: k.BLOCK_OF_TILES]
-        rank, number = self.comm.rank, np.arange(self.tiles)
+        rank, number = self.comm.rank, np.arange(self.arrays.tiles)
         adder = of_block[number // k.BLOCK_OF_TILES]
-        self._adders, self._told_by = (
+        self._adders, self._added_for = (
             [int(q) for q in np.unique(ranks[mine]) if q != rank]
             for ranks, mine in ((adder, self.owner == rank), (self.owner, adder == rank))
         )
-        self._tiles_told = [np.flatnonzero((self.owner == rank) & (adder == q)) for q in self._adders]
-        self._tiles_heard = [np.flatnonzero((self.owner == q) & (adder == rank)) for q in self._told_by]
+        self._tiles_sent = [np.flatnonzero((self.owner == rank) & (adder == q)) for q in self._adders]
+        self._tiles_received = [np.flatnonzero((self.owner == q) & (adder == rank)) for q in self._added_for]
         if self._adding is not None:
             self._adding.Free()
-        self._adding = self.comm.mpi.Create_dist_graph_adjacent(self._told_by, self._adders)
+        self._adding = self.comm.mpi.Create_dist_graph_adjacent(self._added_for, self._adders)
         own = np.flatnonzero(of_block == rank).astype(np.int32)
         self._own_blocks = own
-        self._replace("blocks", self._array(ti.i32, len(own)))
-        with self.written("blocks") as (blocks,):
+        self.arrays.replace("blocks", self.arrays.new_array(ti.i32, len(own)))
+        with self.arrays.written("blocks") as (blocks,):
             blocks[: len(own)] = own
         self._blocks_by_rank = np.argsort(of_block, kind="stable")
         self._n_blocks = np.bincount(of_block, minlength=self.comm.size)
 
-    def _tell_adders(self, rows: Sequence[NDArray[Any]]) -> None:
+    def _send_to_adders(self, rows: Sequence[NDArray[Any]]) -> None:
         """Give each block's adder the rows of its tiles, of several arrays by tile: they are written there."""
         wide = sum(each.shape[1] for each in rows)
 
         def sizes(tiles: list[NDArray[np.intp]]) -> list[int]:
             return [wide * len(each) for each in tiles]
 
-        told = np.concatenate([np.zeros(0, np.intp), *self._tiles_told])
-        heard = np.concatenate([np.zeros(0, np.intp), *self._tiles_heard])
+        told = np.concatenate([np.zeros(0, np.intp), *self._tiles_sent])
+        heard = np.concatenate([np.zeros(0, np.intp), *self._tiles_received])
         sent = np.concatenate([each[told].astype(np.float64) for each in rows], axis=1)
         got = np.empty((len(heard), wide))
-        self._adding.Neighbor_alltoallv([sent, sizes(self._tiles_told)], [got, sizes(self._tiles_heard)])
+        self._adding.Neighbor_alltoallv([sent, sizes(self._tiles_sent)], [got, sizes(self._tiles_received)])
         at = 0
         for each in rows:
             each[heard] = got[:, at : at + each.shape[1]]
@@ -495,102 +498,104 @@ class RankArrays(DeviceArrays):
         self.communication.sums += own.nbytes
         return found
 
-    def sums_of(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    def sums(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """As on one rank, of rows of which this rank knows its own ones."""
-        self._tell_adders([rows])
+        self._send_to_adders([rows])
         return np.add.accumulate(self._all_blocks(sums_of_blocks(rows)), axis=0)[-1]
 
-    def most_of(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    def largest(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """As on one rank, of rows of which this rank knows its own ones."""
         from mpi4py import MPI
 
-        found = super().most_of(rows)
+        found = super().largest(rows)
         self.comm.mpi.Allreduce(MPI.IN_PLACE, found, op=MPI.MAX)
         return found
 
     def share(self) -> None:
         """Have all ranks know the sums of what tiles added up."""
-        with self.written("tally", "reach") as rows:
-            self._tell_adders([each.reshape(self.tiles, -1) for each in rows])
-        self.launch(sum_shared, len(self._own_blocks), 0)
-        with self.written("found") as (found,):
+        with self.arrays.written("tally", "reach") as rows:
+            self._send_to_adders([each.reshape(self.arrays.tiles, -1) for each in rows])
+        self.arrays.launch(sum_shared, len(self._own_blocks), 0)
+        with self.arrays.written("found") as (found,):
             found[:] = self._all_blocks(found)
-        self.launch(sum_shared, 0, 1)
+        self.arrays.launch(sum_shared, 0, 1)
 
     # ------------------------------------------------------------------ the state
 
-    def _take(
+    def load(
         self,
         rows: dict[str, NDArray[Any]],
         tile: NDArray[np.integer],
         place: NDArray[np.integer] | None = None,
     ) -> None:
         """As on one rank, of the rows of slices; tiles are divided among the ranks."""
-        self.grid.part = 0
-        count = np.bincount(tile, minlength=self.tiles)
+        self.arrays.grid.part = 0
+        count = np.bincount(tile, minlength=self.arrays.tiles)
         self.comm.mpi.Allreduce(count.copy(), count)
         self.assign(count)
-        if self.uses.mixed:
+        if self.arrays.uses.mixed:
             of = self._disks
             rows = rows | {
                 "kind": kind_rows(of.mass, of.radius, of.k, of.material) if self._of_here else self._kind
             }
-        super()._take(rows, tile, place)
+        super().load(rows, tile, place)
 
-    def _list(
+    def list_rows(
         self, rows: dict[str, NDArray[Any]], tile: NDArray[np.integer], place: NDArray[np.integer]
     ) -> None:
         """List rows in their tiles, by `place`, on the ranks that own these: at the beginning of a window."""
         tile, place, *values = self.comm.exchange(self.owner[tile], [tile, place, *rows.values()])
         self.communication.messages += self.comm.size - 1
-        order, part = np.lexsort((place, tile)), int(self.grid.part)
+        order, part = np.lexsort((place, tile)), int(self.arrays.grid.part)
         self.make_room(len(order))
         if self._of_here:
             self._empty_table(len(order), 0)
         for name, each in zip(rows, values, strict=True):
-            self._take_rows(name, slice(part * self.room, part * self.room + len(order)), each[order])
-        self.set_lists(part, np.bincount(tile, minlength=self.tiles))
+            self._take_rows(
+                name, slice(part * self.arrays.room, part * self.arrays.room + len(order)), each[order]
+            )
+        self.arrays.set_lists(part, np.bincount(tile, minlength=self.arrays.tiles))
 
-    def rows_here(self, part: int) -> int:
+    def n_here(self, part: int) -> int:
         """Number of disks that this rank has at the beginning or end of a window, or at a moment in it."""
-        lists = 1 - int(self.grid.part) if part >= k.SNAPSHOT else part
-        return int(named(self._values("tile"), "tile").count[self.own, lists].sum())
+        lists = 1 - int(self.arrays.grid.part) if part >= k.SNAPSHOT else part
+        return int(named(self.arrays.values("tile"), "tile").count[self.arrays.own, lists].sum())
 
     def by_id(self, part: int, arrays: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
         """Rows of disks here, in the order of slots, as rows of the own slice in order of ids."""
-        here = slice(part * self.room, part * self.room + self.rows_here(part))
+        here = slice(part * self.arrays.room, part * self.arrays.room + self.n_here(part))
         ids = named(self._rows("meta", here), "meta").id.astype(np.int64) - self.first_id
-        return self.comm.by_id(self.n, ids, arrays)
+        return self.comm.by_id(self.arrays.n, ids, arrays)
 
 
 class RankWindows(Windows):
     """The windows of a gas on several ranks, seen from one: the same ones on all."""
 
-    arrays: RankArrays
+    domain: RankDomain
     _short: bool = False
     _since_look: int = 0
 
-    def _survey(self) -> None:
-        self.arrays.launch(survey)
-        self.arrays.share()
+    def _survey(self, *, rough: bool) -> None:
+        super()._survey(rough=rough)
+        self.domain.share()
 
     def _launch(
         self, tiles: int, most: int, again: int = 0, *, pausing: bool = False, resuming: bool = False
     ) -> None:
-        a, began = self.arrays, time.perf_counter()
+        a, d, began = self.arrays, self.domain, time.perf_counter()
         alone, short = bool(a.grid.single_tile), False
         if alone:
-            a.fetch_all()
-            a.list_tiles(np.zeros(1, dtype=np.int32))
+            d.fetch_all()
+            d.list_tiles(np.zeros(1, dtype=np.int32))
         elif not again:
             self._since_look += 1
             if self._since_look >= BETWEEN:
                 self._since_look = 0
-                a.rebalance()
-            a.fetch()
+                d.rebalance()
+            d.fetch()
         elif short := self._short:
-            a.fetch(whole=True)
-            a.communication.whole += 1
+            d.fetch(whole=True)
+            d.communication.whole += 1
         error, ran = None, time.perf_counter()
         try:
             if alone:
@@ -610,57 +615,56 @@ class RankWindows(Windows):
         except Exception as raised:
             error = raised
         ran = time.perf_counter() - ran
-        a.comm.raise_collectively(error)
+        d.comm.raise_collectively(error)
         if not alone:
-            a.exchange_trails(again=bool(again) and not short)
-            a.share()
+            d.exchange_hashes(again=bool(again) and not short)
+            d.share()
             a.counter.n_bad = a.counter.stuck = 0
             a.launch(verify)
         self._bad = int(a.counter.n_bad)
-        n_short = 0 if alone else a.n_short(self._bad)
+        n_short = 0 if alone else d.n_short(self._bad)
         flags = np.array(
-            [self._bad, a.counter.stuck, a.counter.resting, a.unassigned, n_short], dtype=np.int64
+            [self._bad, a.counter.stuck, a.counter.resting, d.unassigned, n_short], dtype=np.int64
         )
-        a.comm.mpi.Allreduce(flags.copy(), flags)
+        d.comm.mpi.Allreduce(flags.copy(), flags)
         if flags[3] and not alone:
             raise EngineError(
                 f"t = {self.begin:.9g}: {flags[3]} disks were run by no rank in a window; please report this"
             )
         a.counter.n_bad, a.counter.stuck, a.counter.resting = flags[:3]
         self._short = bool(flags[4])  # what is needed was not fetched
-        a.communication.seconds += time.perf_counter() - began - ran
+        d.communication.seconds += time.perf_counter() - began - ran
         self.rests |= bool(flags[2])
 
     def _run_own(self, again: int = 0) -> None:
         """Run all own tiles, or run them again with the halos that they have."""
-        a = self.arrays
+        own = self.arrays.own
         while True:
-            a.list_tiles(a.own)
+            self.domain.list_tiles(own)
             if again:
-                self._watched, self._n_ghosts = [], 0
+                self._clear_logs()
+                self._n_ghosts = 0
             try:
-                return super()._launch(len(a.own), 1, again)
+                return super()._launch(len(own), 1, again)
             except _Again:
                 continue
 
     def _check(self, launch: Any) -> None:
         """Nothing yet: hashes of other ranks are needed."""
 
-    def _whole_box(self, watching: int) -> None:
-        super()._whole_box(watching)
-        if self.arrays.comm.rank:  # all have run all of it
-            self._watched = []
+    def _whole_box(self) -> None:
+        super()._whole_box()
+        if self.domain.comm.rank:  # all have run all of it
+            self._clear_logs()
 
-    def _agreed(self, well: bool) -> bool:
-        return not self.arrays.comm.any(not well)
-
-    def _nth(self, times: NDArray[np.float64], count: int) -> float:
+    def _nth(self, count: int) -> float:
         """Time number `count` of those of all ranks: by halving, as whole numbers, which are in the same order."""
-        words = np.sort(times.astype(np.float64)).view(np.int64)
+        assert self._times is not None
+        words = self._times.view(np.int64)
         low, high = 0, int(np.float64(np.inf).view(np.int64))
         while low < high:
             middle = (low + high) // 2
-            if self.arrays.comm.allreduce(int(np.searchsorted(words, middle, side="right"))) >= count:
+            if self.domain.comm.allreduce(int(np.searchsorted(words, middle, side="right"))) >= count:
                 high = middle
             else:
                 low = middle + 1

@@ -30,7 +30,7 @@ def totals(engine: Engine) -> NDArray[np.float64]:
         read_out, part, engine.time, 0, real_out=one, int_out=whole, past_out=np.zeros((1, PAST.width)), hits_out=whole,
         spent_out=np.zeros((1, MECHANISM.width)), totals=found,
     )  # fmt: skip
-    return _finite(engine.arrays.sums_of(found), engine.time)
+    return _finite(engine.arrays.domain.sums(found), engine.time)
 
 
 def _finite(sums: NDArray[np.float64], time: float) -> NDArray[np.float64]:
@@ -49,7 +49,7 @@ def read(
     """
     arrays, uses, time = engine.arrays, engine.arrays.uses, engine.time
     part = engine.windows.part
-    rows = arrays.rows_here(part)
+    rows = arrays.domain.n_here(part)
     real = np.empty((max(rows, 1), REAL_OUT.width), np.float64 if stored is None else np.float32)
     counts = np.empty((max(rows, 1), INT_OUT.width), np.int32)
     dated, counted = uses.remembers or uses.turned, uses.walled or uses.partnered or uses.rests
@@ -61,10 +61,10 @@ def read(
         read_out, part, time, 1, real_out=real, int_out=counts, past_out=past, hits_out=hits, spent_out=spent,
         totals=found,
     )  # fmt: skip
-    sums = _finite(arrays.sums_of(found), time)
+    sums = _finite(arrays.domain.sums(found), time)
     columns = [real[:rows], counts[:rows]]
     columns += [past] * dated + [hits] * counted + [spent] * uses.itemised
-    columns = arrays.by_id(part, columns)
+    columns = arrays.domain.by_id(part, columns)
     past_before = [np.asarray(each) for each in engine.past.values()]
     if whole:
         gathered = engine.comm.gather_rows(engine.n, [*columns, *past_before])

@@ -73,11 +73,11 @@ Called = TypeVar("Called")
 
 def _callables(name: str, given: Iterable[Called]) -> list[Called]:
     if callable(given) or not isinstance(given, Iterable):
-        raise InputError(f"{name} = {given!r}: a list of functions is needed, [function] for one")
+        raise InputError(f"{name} = {given!r}: must be a list of functions, [function] for one")
     found = list(given)
     for i, one in enumerate(found):
         if not callable(one):
-            raise InputError(f"{name}[{i}] = {one!r}: a function is needed")
+            raise InputError(f"{name}[{i}] = {one!r}: must be a function")
     return found
 
 
@@ -393,7 +393,8 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             raise InputError(f"spin has {state.n} entries, there are {present.n} disks: they must agree")
         before = self.measure()
         if not self.comm.is_distributed:
-            state = scatter_state(self.comm, self.disks, state)[1]
+            with self.comm:
+                state = scatter_state(self.disks, state)[1]
         self._engine.set_velocities(state)
         self._count_change(before)
 
@@ -433,7 +434,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
     @property
     def communication(self) -> CommunicationStats | None:
         """Messages and bytes that this rank has sent to others so far; None if one rank has all of the gas."""
-        found: CommunicationStats | None = getattr(self._engine.arrays, "communication", None)
+        found: CommunicationStats | None = getattr(self._engine.arrays.domain, "communication", None)
         return found
 
     @property
@@ -779,9 +780,9 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         if not (progress is None or isinstance(progress, bool) or callable(progress)):
             raise InputError(f"progress = {progress!r}: must be True, False or a function")
         if not isinstance(frames, Trigger):
-            frames = Trigger(number=checked.whole("frames", frames, 1, MOST))
+            frames = Trigger(number=checked.integer("frames", frames, 1, MOST))
         if series is not None and not isinstance(series, Trigger):
-            series = Trigger(number=checked.whole("series", series, 1, MOST))
+            series = Trigger(number=checked.integer("series", series, 1, MOST))
         for cadence in (frames, series):
             if cadence is not None:
                 refuse_endless(cadence, span)
@@ -853,7 +854,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         )
         for name, value in (("progress", progress), ("between", between)):
             if value is not None and not callable(value):
-                raise InputError(f"{name} = {value!r}: a function is needed")
+                raise InputError(f"{name} = {value!r}: must be a function")
         self._stopping = False
         self._engine.check_duration(course.span.end.time)
         if (comm := self.comm).size > 1:

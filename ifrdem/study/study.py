@@ -284,7 +284,7 @@ class Study:
         except Stopped as stop:
             left = sum(not task.result.exists() for task in tasks)
             status.finish("interrupted", str(stop))
-            text = f"{len(tasks) - left} of {len(tasks)} runs are done; the same command goes on"
+            text = f"{len(tasks) - left} of {len(tasks)} runs are done; the same command continues"
             raise Stopped(f"{stop}: {text}", stop.status) from None
         except InputError:  # nothing has started
             status.path.unlink()
@@ -351,7 +351,7 @@ class Study:
         return collect(self.plan, self._checked_cases[0], self.tasks, {})
 
     def dataset(self) -> xarray.Dataset:
-        """The same as a data set of xarray (extra `analysis`), with means and standard errors over seeds.
+        """The results as an xarray data set (extra `analysis`), with means and standard errors over seeds.
 
         Raises InputError if no run is done, or xarray is not installed.
         """

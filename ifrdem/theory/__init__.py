@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from .choose import Prediction, prediction
 from .collisions import collision_rate, mean_free_path, mixture_collision_rates
-from .contact import VIRIAL, compressibility, contact_value, henderson, mixture_contact_values
+from .contact import VIRIAL, compressibility, contact_value, mixture_contact_values
 from .cooling_gas import (
     CoolingRatio,
     changes_per_collision,
@@ -40,7 +40,7 @@ __all__ = [
     "VIRIAL", "CoolingRatio", "Mixture", "MixtureTemperatures", "Prediction", "ShearModes", "changes_per_collision",
     "checked_times", "clustering_length", "collision_factor", "collision_rate", "compressibility", "contact_value",
     "cooling", "cooling_factor", "cooling_rates", "cooling_ratio", "cooling_ratios", "cooling_sonine", "haff",
-    "haff_time", "heated_sonine", "henderson", "mean_free_path", "mixture_collision_rates", "mixture_contact_values",
+    "haff_time", "heated_sonine", "mean_free_path", "mixture_collision_rates", "mixture_contact_values",
     "mixture_cooling", "mixture_cooling_rates", "mixture_driven", "prediction", "rough_rates", "shear_length",
     "shear_mode_energy", "shear_mode_time", "shear_viscosity", "sonine_coefficient", "thermal_conductivity",
 ]  # fmt: skip

@@ -145,8 +145,8 @@ def collision_rate(
     >>> round(theory.collision_rate(0.1, 1.0, 1.0, 0.5, g=1.0), 4)  # 2 sigma n (pi T / m)^(1/2), n = 0.1 / (pi / 4)
     0.4514
     """
-    g = contact_value(packing_fraction) if g is None else g
-    return 8.0 * packing_fraction * g * math.sqrt(T / (math.pi * mass)) / (2.0 * radius)
+    contact = contact_value(packing_fraction) if g is None else g
+    return 8.0 * packing_fraction * contact * math.sqrt(T / (math.pi * mass)) / (2.0 * radius)
 
 
 @validated

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from ..errors import InputError
-from ..model import contact as contact_formulas
+from ..model.contact import henderson
 from ..tools.checked import (
     LEAST,
     Array,
@@ -54,67 +54,50 @@ PackingFraction = Annotated[
 
 
 @validated
-def contact_value(packing_fraction: PackingFraction) -> float:
-    """Pair correlation g of equal hard disks at contact: how much crowding raises the collision rate.
+def contact_value(packing_fraction: PackingFraction, contact: Contact = "virial") -> float:
+    """Contact value g of equal hard disks: the factor by which a finite density raises the collision rate.
 
-    From the virial series to the tenth coefficient, Z = 1 + sum B_i rho^(i-1) = 1 + 2 phi g. Known to about 1e-5 at
-    packing fraction 0.3 and 1e-4 at 0.5, estimated from the spread of other resummations of the same series; near
-    freezing (0.70) the real fluid orders and its g is smaller. InputError if the packing fraction is not between 0 and
-    0.9069.
+    "virial": from the virial series to the tenth coefficient, Z = 1 + sum B_i rho^(i-1) = 1 + 2 phi g. Known to about
+    1e-5 at packing fraction 0.3 and 1e-4 at 0.5, estimated from the spread of other resummations of the same series;
+    near freezing (0.70) the real fluid orders and its g is smaller.
+
+    "henderson": (1 - 7 phi / 16) / (1 - phi)^2, D. Henderson, Mol. Phys. 30, 971 (1975). Within 1e-3 of the virial
+    series up to packing fraction 0.3, 1 % up to 0.55.
+
+    "dilute": 1. InputError if the packing fraction is not between 0 and 0.9069.
 
     Examples
     --------
     >>> from ifrdem import theory
     >>> round(theory.contact_value(0.3), 3)
     1.772
+    >>> round(theory.contact_value(0.3, "henderson"), 3)
+    1.773
     """
     phi = packing_fraction
+    if contact == "dilute":
+        return 1.0
+    if contact == "henderson":
+        return henderson(phi)
     return float(np.polynomial.polynomial.polyval(2.0 * phi, _RESUMMED)) / (1.0 - phi) ** 2
 
 
 @validated
-def henderson(packing_fraction: PackingFraction) -> float:
-    """Contact value of equal hard disks by Henderson, (1 - 7 phi / 16) / (1 - phi)^2.
-
-    D. Henderson, Mol. Phys. 30, 971 (1975). Within 1e-3 of `contact_value` up to packing fraction 0.3, 1 % up to
-    0.55. InputError as `contact_value`.
-
-    Examples
-    --------
-    >>> from ifrdem import theory
-    >>> round(theory.henderson(0.3), 4)  # (1 - 7 phi / 16) / (1 - phi)^2
-    1.773
-    """
-    return contact_formulas.henderson(packing_fraction)
-
-
-@validated
-def of_equal_disks(packing_fraction: PackingFraction, contact: Contact = "virial") -> float:
-    """The contact value of equal disks by one of `CONTACT`.
-
-    InputError if there is no such, or as `contact_value`.
-    """
-    if contact == "dilute":
-        return 1.0
-    return henderson(packing_fraction) if contact == "henderson" else contact_value(packing_fraction)
-
-
-@validated
-def contact_value_terms(
+def contact_value_coefficients(
     packing_fraction: PackingFraction,
     radius: PositiveColumn,
     fraction: NonNegativeColumn | None = None,
     contact: Contact = "virial",
 ) -> tuple[float, float]:
-    """The two numbers (a, b) [1, 1/length] of which contact values are made: g_ij = a + b R_i R_j / (R_i + R_j).
+    """Coefficients (a, b) [1, 1/length] of the contact values g_ij = a + b R_i R_j / (R_i + R_j) of a mixture.
 
     A. Santos, S. B. Yuste and M. Lopez de Haro, Mol. Phys. 96, 1 (1999), arXiv:cond-mat/0204246, in two dimensions:
 
         g_ij = 1 / (1 - phi) + [g(phi) - 1 / (1 - phi)] (<sigma> / <sigma^2>) sigma_i sigma_j / sigma_ij,
 
     with sigma_ij = R_i + R_j. It gives g(phi) for equal disks, and for a point, sigma_i = 0, the exact 1 / (1 - phi):
-    only the area that is left decides how often a point is hit. With Henderson's g(phi) the bracket is (9/16) phi /
-    (1 - phi)^2. InputError as `of_equal_disks`.
+    only the remaining area determines how often a point is hit. With Henderson's g(phi) the bracket is (9/16) phi /
+    (1 - phi)^2. InputError as `contact_value`.
 
     Parameters
     ----------
@@ -124,7 +107,7 @@ def contact_value_terms(
     contact : {"virial", "henderson", "dilute"}
         g(phi) of equal disks; "dilute" makes all contact values 1.
     """
-    g = of_equal_disks(packing_fraction, contact)
+    g = contact_value(packing_fraction, contact)
     R = np.asarray(radius, dtype=np.float64)
     parts = np.ones(len(R)) if fraction is None else np.asarray(fraction, dtype=np.float64)
     if parts.shape != R.shape or not parts.any():
@@ -148,7 +131,7 @@ def mixture_contact_values(
     fraction: NonNegativeColumn | None = None,
     contact: Contact = "virial",
 ) -> Array:
-    """Contact values g_ij of hard disks of different sizes, shape (s, s); see `contact_value_terms`.
+    """Contact values g_ij of hard disks of different sizes, shape (s, s); see `contact_value_coefficients`.
 
     Examples
     --------
@@ -157,7 +140,7 @@ def mixture_contact_values(
     array([[1.356, 1.391],
            [1.391, 1.461]])
     """
-    a, b = contact_value_terms(packing_fraction, radius, fraction, contact)
+    a, b = contact_value_coefficients(packing_fraction, radius, fraction, contact)
     R = np.asarray(radius, dtype=np.float64)
     return a + b * R[:, None] * R / (R[:, None] + R)
 
@@ -172,7 +155,7 @@ def compressibility(
     """Z = P / (n T) of elastic hard disks of one or several sizes: 1 + (pi/2) n sum_ij x_i x_j sigma_ij^2 g_ij.
 
     The virial theorem in two dimensions; n sum_i x_i sigma_i^2 = 4 phi / pi. For equal disks it is 1 + 2 phi g.
-    Arguments as for `contact_value_terms`; without radii, equal disks.
+    Arguments as for `contact_value_coefficients`; without radii, equal disks.
 
     Examples
     --------

@@ -4,7 +4,7 @@ Symbols: nu collision rate of a disk; z nu the rate at which T falls, l nu that 
 isotropic (`sheared_gas.relaxation`); g contact value; n, m, R as everywhere.
 
 *Viscosity.* The kinetic stress of a gas with a velocity gradient G obeys d p_xy/dt = -G c_1 n T - l nu p_xy, c_1 being
-what crowding adds (`sheared_gas.density_factors`). In a gas that cools p_xy = -eta G falls like sqrt(T), at z nu / 2:
+what crowding adds (`sheared_gas.stress_factors`). In a gas that cools p_xy = -eta G falls like sqrt(T), at z nu / 2:
 eta = (n T / nu) [c_1^2 / (l - z/2) + c_2], with c_2 from disks that touch. For elastic smooth disks it is Enskog's, in
 the first Sonine approximation,
 
@@ -31,18 +31,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
-from ..tools.checked import Array, Fraction, NonNegative, Number, Positive, validated
+from ..tools.checked import Array, Fraction, NonNegative, Packed, Positive, validated
 from .collisions import KineticLaw, collision_rate
 from .contact import compressibility, contact_value
 from .cooling_gas import changes_per_collision
-from .sheared_gas import density_factors, relaxation
+from .sheared_gas import relaxation, stress_factors
 
 ELASTIC = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
 _COLDEST = math.log(1e200)  # of T0 / T: nothing comes after that
@@ -60,9 +60,6 @@ class ShearModes(NamedTuple):
     time: float  # [time]
 
 
-_Packed = Annotated[float, Number(1e-12, 0.9, "a number above 0 (from 1e-12) to 0.9")]
-
-
 def _theta(law: IFRLaw, theta: float | None, name: str = "theta") -> float:
     """The ratio T_rot / T that was given; 0 without one of smooth disks, to whose spins nothing couples."""
     if theta is None:
@@ -77,7 +74,7 @@ def _theta(law: IFRLaw, theta: float | None, name: str = "theta") -> float:
 
 @validated
 def shear_viscosity(
-    packing_fraction: _Packed,
+    packing_fraction: Packed,
     T: Positive,
     mass: Positive,
     radius: Positive,
@@ -111,7 +108,7 @@ def shear_viscosity(
     """
     z, ell = _losses(law, k, _theta(law, theta))
     nu = collision_rate(packing_fraction, T, mass, radius)
-    more, contact = density_factors(packing_fraction, law.e_n)
+    more, contact = stress_factors(packing_fraction, law.e_n)
     return packing_fraction / (math.pi * radius**2) * T / nu * (more**2 / (ell - 0.5 * z) + contact)
 
 
@@ -125,7 +122,7 @@ def _losses(law: IFRLaw, k: float, theta: float) -> tuple[float, float]:
 
 
 @validated
-def thermal_conductivity(packing_fraction: _Packed, T: Positive, mass: Positive, radius: Positive) -> float:
+def thermal_conductivity(packing_fraction: Packed, T: Positive, mass: Positive, radius: Positive) -> float:
     """Heat conductivity kappa [1/time] (k_B = 1) of elastic smooth disks by Enskog's theory.
 
     In the first Sonine approximation (2/sigma) sqrt(T / (pi m)) [1/g + 3 phi + (9/4 + 4/pi) g phi^2]: dilute, four
@@ -148,7 +145,7 @@ def thermal_conductivity(packing_fraction: _Packed, T: Positive, mass: Positive,
 def shear_length(
     law: KineticLaw,
     radius: Positive,
-    packing_fraction: _Packed,
+    packing_fraction: Packed,
     *,
     k: Positive = 2.0,
     theta: NonNegative | None = None,
@@ -175,7 +172,7 @@ def shear_length(
 
 
 @validated
-def clustering_length(e_n: Fraction, radius: Positive, packing_fraction: _Packed) -> float:
+def clustering_length(e_n: Fraction, radius: Positive, packing_fraction: Packed) -> float:
     """Wavelength [length] above which density waves of cooling smooth disks grow (clusters); infinite for elastic ones.
 
     InputError if e_n is not from 0 to 1, the radius or packing fraction not positive, or so high that denser parts do
@@ -225,7 +222,7 @@ class _CoolingPath(NamedTuple):
     def of(
         cls, law: IFRLaw, radius: float, packing_fraction: float, k: float, theta0: float, end: float
     ) -> _CoolingPath:
-        """Until tau = end, or earlier until T0 / T is 1e200."""
+        """Integrate until tau = end, or until T0 / T is 1e200 if that is earlier."""
         from scipy.integrate import solve_ivp
 
         nu = collision_rate(packing_fraction, 1.0, 1.0, radius)
@@ -270,7 +267,7 @@ def shear_mode_energy(
     collisions_per_disk: NonNegative,
     law: KineticLaw,
     radius: Positive,
-    packing_fraction: _Packed,
+    packing_fraction: Packed,
     box: tuple[Positive, Positive],
     *,
     k: Positive = 2.0,
@@ -337,7 +334,7 @@ def shear_mode_time(
     law: KineticLaw,
     mass: Positive,
     radius: Positive,
-    packing_fraction: _Packed,
+    packing_fraction: Packed,
     box: tuple[Positive, Positive],
     T0: Positive,
     *,

@@ -29,7 +29,7 @@ phi = 0.5 `steady_state` and `sheared` warn (`TheoryWarning`).
 Assumed: homogeneous, no correlations between velocities and spins or of what is going to collide.
 
 *First order.* Where the anisotropy is small and g sigma too, collisions take z nu of T and l nu (`relaxation`) of what
-is not isotropic, nu being the collision rate of a disk, and crowding enters by two factors (`density_factors`). Then
+is not isotropic, nu being the collision rate of a disk, and crowding enters by two factors (`stress_factors`). Then
 nu^2 = g^2 (1 - z/l) / (l z) in a dilute gas that is steady; with z = (1 - e_n^2)/2 and l = (1 + e_n)(7 - 3 e_n)/8 for
 smooth disks this is the result of A. Santos, V. Garzo and J. W. Dufty, Phys. Rev. E 69, 061303 (2004), in two
 dimensions. The search for the steady state starts there, and viscosity (`hydrodynamics`) is of first order.
@@ -98,7 +98,7 @@ def relaxation(theta: float, law: IFRLaw, k: float) -> float:
     return -math.sqrt(2.0 * math.pi) / 4.0 * average
 
 
-def density_factors(packing_fraction: float, e_n: float) -> tuple[float, float]:
+def stress_factors(packing_fraction: float, e_n: float) -> tuple[float, float]:
     """The factor of the kinetic stress, and the collisional stress in units of g T / nu.
 
     Multiply kinetic stress by the first when it is driven and when it is passed on; see the module's text.
@@ -122,7 +122,7 @@ class _Flow(NamedTuple):
 
     @classmethod
     def of(cls, p_xx: float, p_yy: float, p_xy: float, turn: float, tau: float) -> _Flow:
-        """From the moments."""
+        """The state from its moments."""
         return cls(math.log(p_yy), math.log(p_xx - p_xy**2 / p_yy), p_xy / p_yy, turn, tau)
 
     @property
@@ -265,7 +265,7 @@ def steady_state(
     if not 0.0 < z < ell:
         return None
     # First order in units of m, sigma and the shear rate, of which T is m sigma^2 rate^2 times a number.
-    more, contact = density_factors(packing_fraction, law.e_n)
+    more, contact = stress_factors(packing_fraction, law.e_n)
     nu = collision_rate(packing_fraction, 1.0, 1.0, 0.5)
     T, part = (more**2 * (1.0 - z / ell) / ell + contact) / (z * nu**2), z / ell
     shear = -T * math.sqrt(part * (1.0 - part))
@@ -332,7 +332,7 @@ def sheared(
     calls = 0
 
     def slope(_: float, y: Array) -> tuple[float, ...]:
-        """Of the state and the collisions."""
+        """Derivatives of the state and of the collisions."""
         nonlocal calls
         calls += 1
         if calls > MOST_CALLS:

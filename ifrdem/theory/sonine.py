@@ -88,7 +88,7 @@ def heated_sonine(e_n: Fraction) -> float:
 
 @validated
 def cooling_factor(a_2: FiniteArray) -> Array:
-    """By how much faster smooth disks lose energy than Gaussian ones at the same T: 1 + (3/16) a_2.
+    """Cooling rate of smooth disks relative to Gaussian ones at the same T: 1 + (3/16) a_2.
 
     The relative velocity of two disks has a_2 / 2 of its own; the mean of its cube, to which the loss per time is
     proportional, is 1 + (3/8) (a_2 / 2) times a Gaussian's.
@@ -104,7 +104,7 @@ def cooling_factor(a_2: FiniteArray) -> Array:
 
 @validated
 def collision_factor(a_2: FiniteArray) -> Array:
-    """By how much more often smooth disks collide than Gaussian ones at the same T: 1 - a_2 / 16.
+    """Collision rate of smooth disks relative to Gaussian ones at the same T: 1 - a_2 / 16.
 
     As at `cooling_factor`, with the mean relative speed instead of its cube: 1 - (1/8) (a_2 / 2).
 

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError, TrajectoryError
 from ..model.box import Box
 from ..model.state import Disks, State
-from ..mpi import Communicator
+from ..mpi import Communicator, current
 from ..mpi.distribution import bounds
 from ..tools.checked import Comm, Count, validated
 from . import layout
@@ -43,10 +43,10 @@ class PartsWriter:
 
     Each of P ranks writes its part, with the disks that it has (r n // P and following of n), as a trajectory of its
     own; the first one also writes NAME.h5. A frame counts when NAME.h5 has it: it gets there in `commit`, when all
-    ranks have told that it is whole in their parts and flushed. So a process that is killed, whichever and whenever,
-    leaves in NAME.h5 only frames that are whole in all parts; parts may hold more.
+    ranks have reported that it is complete in their parts and flushed. A killed process therefore leaves in NAME.h5
+    only frames that are complete in all parts; parts may hold more.
 
-    A file that is gone on with keeps its parts: of P' ranks then, number p % P' writes part p, and gets its rows from
+    A resumed file keeps its parts: of P' ranks then, number p % P' writes part p, and gets its rows from
     those who have them (`shares`).
 
     All ranks call `create` or `resume`, `write` (or `shares` and `commit`) and `flush`; without `comm` one process
@@ -101,7 +101,7 @@ class PartsWriter:
     ) -> PartsWriter:
         """Begin a trajectory in so many parts, by default one for each rank.
 
-        `disks` tell the number of all, `own` are those of this rank; all else is as `TrajectoryWriter` has it, and
+        `disks` give the number of all, `own` are those of this rank; all else is as `TrajectoryWriter` has it, and
         counts on the first rank only. `parameters` stand in NAME.h5 alone. `force` removes a trajectory that is there,
         with its parts, at once: there might be no room for both.
 
@@ -136,7 +136,8 @@ class PartsWriter:
         with contextlib.ExitStack() as undo:
             undo.callback(_remove_empty, place)
             parts = ranks.root_result(begin)
-            here = _each_part(parts, ranks, own, part, undo)
+            with ranks:
+                here = _each_part(parts, own, part, undo)
             first = ranks.run_on_root(head)
             undo.pop_all()
         return cls(parts, here, first, fields, ranks, place)
@@ -146,7 +147,7 @@ class PartsWriter:
         cls, head: TrajectoryWriter | None, own: Disks, box: Box | None, *, comm: Any = None, frames: int = 0,
         fields: Sequence[str] = DEFAULT_FIELDS, **options: Any,
     ) -> PartsWriter:  # fmt: skip
-        """Go on with a trajectory on any number of ranks.
+        """Continue a trajectory on any number of ranks.
 
         `head` is NAME.h5, as `TrajectoryWriter.resume` has opened it on the first rank, which has seen that all parts
         are there; it is the caller's to close if this fails. `own` are the disks of this rank; all else is as given
@@ -163,7 +164,8 @@ class PartsWriter:
             return TrajectoryWriter.resume(place.parent / parts.name(i), of, box, fields=fields, **options)
 
         with contextlib.ExitStack() as undo:
-            here = _each_part(parts, ranks, own, part, undo)
+            with ranks:
+                here = _each_part(parts, own, part, undo)
             undo.pop_all()
         return cls(parts, here, head, fields, ranks, place)
 
@@ -171,7 +173,9 @@ class PartsWriter:
         """A state of this rank's disks as the parts get it that this rank writes; called by all ranks."""
         columns = {name: getattr(state, name) for name in sorted(self._attributes)}
         states = {}
-        for number, rows in _rows_of_parts(self.parts, self._comm, columns).items():
+        with self._comm:
+            rows_of_parts = _rows_of_parts(self.parts, columns)
+        for number, rows in rows_of_parts.items():
             states[number] = copy.copy(state)
             for name, values in rows.items():
                 setattr(states[number], name, values)
@@ -270,13 +274,12 @@ class PartsWriter:
 
 def _each_part(
     parts: Parts,
-    ranks: Communicator,
     own: Disks,
     make: Callable[[int, Disks], TrajectoryWriter],
     undo: contextlib.ExitStack,
 ) -> dict[int, TrajectoryWriter]:
     """A writer for each part that this rank writes, by its number; `undo` closes them."""
-    rows = _rows_of_parts(parts, ranks, {name: getattr(own, name) for name in layout.STATIC})
+    rows = _rows_of_parts(parts, {name: getattr(own, name) for name in layout.STATIC})
 
     def all_made() -> dict[int, TrajectoryWriter]:
         found = {}
@@ -285,13 +288,14 @@ def _each_part(
             undo.callback(found[number].close)
         return found
 
-    return ranks.run_on_all(all_made)
+    return current().run_on_all(all_made)
 
 
 def _rows_of_parts(
-    parts: Parts, ranks: Communicator, columns: Mapping[str, NDArray[Any] | None]
+    parts: Parts, columns: Mapping[str, NDArray[Any] | None]
 ) -> dict[int, dict[str, NDArray[Any]]]:
     """Rows of the disks of all ranks, each of which has its own, as rows of the parts that this one writes."""
+    ranks = current()
     present = {name: each for name, each in columns.items() if each is not None}
     rows = list(present.values())
     if parts.first != tuple(bounds(parts.n, ranks.size).tolist()):

@@ -79,7 +79,7 @@ class CommitLog:
         self.last_time = float(rows["time"][-1])
 
     def confirm(self, count: int) -> None:
-        """Take note that the last `count` rows are committed."""
+        """Record that the last `count` rows are committed."""
         self.at += count
         self.committed = max(self.committed, self.at)
 

@@ -126,7 +126,7 @@ class Content:
         return status.line(content) if content["state"] == status.RUNNING else ""
 
     def head(self) -> dict[str, Any]:
-        """Everything but the disks, for JSON."""
+        """The content except the disks, for JSON."""
         it = self.trajectory
         available, absent = self.colours
         tracked = it.tracked
@@ -342,7 +342,7 @@ class Content:
         return about | self.collisions(id, frame.time, MOST_COLLISIONS)
 
     def collisions(self, id: int, time: float, most: int) -> dict[str, Any]:
-        """Up to so many collisions of a disk around a time: how many it had in all, and rows of those."""
+        """At most `most` collisions of a disk around a time: the total number, and rows of the selected ones."""
         if id not in self.trajectory.tracked:
             return {"collisions": None, "rows": []}
         found = self.trajectory.history(id)

@@ -51,7 +51,7 @@ class StudyPoints:
         return list(itertools.product(*(range(len(self._results.values(axis))) for axis in self._axes)))
 
     def head(self) -> dict[str, Any]:
-        """Everything but the curves of single points, for JSON."""
+        """The content except curves of single points, for JSON."""
         it = self._results
         keys = json.loads(it.attributes["keys"])
         known = [name.removesuffix("_mean") for name in it.variables if name.endswith("_mean")]

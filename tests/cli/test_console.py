@@ -6,6 +6,7 @@ import errno
 import io
 import logging
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -66,7 +67,7 @@ def test_a_quiet_run_says_nothing_and_a_verbose_one_names_device_cache_and_time(
 
 def test_quiet_leaves_results_warnings_and_errors(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "tiny.toml", "--quiet"]) == 0
-    assert "packing fraction       0.2" in capsys.readouterr().out
+    assert re.search(r"packing fraction +0\.2\n", capsys.readouterr().out)
     write(folder / "run.h5", n=9)
     assert main(["--quiet", "export", "run.h5", "--to", "csv"]) == 0
     assert capsys.readouterr() == ("", "")
@@ -85,21 +86,22 @@ def test_a_call_leaves_the_logger_as_it_was(folder: Path, capsys: pytest.Capture
 
 
 @pytest.mark.parametrize("command", commands())
-def test_help_is_plain_text_of_at_most_a_hundred_columns_that_names_every_option(
-    command: str, capsys: pytest.CaptureFixture[str]
+def test_help_names_every_option_in_eighty_columns_and_without_colors_in_a_pipe(
+    command: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
     assert main([command, "--help"]) == 0
     shown = capsys.readouterr()
     assert shown.err == ""
     lines = shown.out.splitlines()
     assert lines[0].startswith(f"Usage: ifrdem {command}")
-    assert max(map(len, lines)) <= 100
-    assert not set("│╭╰─\x1b") & set(shown.out)
+    assert max(map(len, lines)) <= 80
+    assert "\x1b" not in shown.out
     for argument in app[command].assemble_argument_collection(default_parameter=app.default_parameter):
         assert argument.parameter.help
         for name in {*argument.names} - {"*"}:  # a group of options has no name of its own
             assert f"{name}" in shown.out
-    assert "--quiet, -q" in shown.out
+    assert "--quiet -q" in shown.out
 
 
 def test_python_m_shows_the_same_help_as_the_command(capsys: pytest.CaptureFixture[str]) -> None:
@@ -108,7 +110,7 @@ def test_python_m_shows_the_same_help_as_the_command(capsys: pytest.CaptureFixtu
     )
     assert main(["--help"]) == 0
     assert done.stdout == capsys.readouterr().out
-    assert [name for name in commands() if f"\n  {name} " not in done.stdout] == []
+    assert [name for name in commands() if f"\n│ {name} " not in done.stdout] == []
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])

@@ -178,12 +178,12 @@ def test_wrong_options_are_refused_before_work(tmp_path, capsys):
     path = tmp_path / "run.h5"
     write(path, n=5)
     for arguments, reason in (
-        (["--size", "321x300"], "--size 321x300: width x height in pixels are needed, even numbers"),
+        (["--size", "321x300"], "--size 321x300: must be width x height in pixels, even numbers"),
         (["--size", "big"], "such as 1280x720"),
-        (["--fps", "0"], "--fps = 0: a whole number, 1 to 240"),
+        (["--fps", "0"], "--fps 0: must be an integer from 1 to 240"),
         (
             ["--color", "spni"],
-            "--color spni: allowed are spin, speed, direction, temperature, radius, material",
+            "--color spni: must be one of spin, speed, direction, temperature, radius, material",
         ),
         (["--frames", "7"], "names none of the 3 frames"),
     ):
@@ -287,7 +287,7 @@ def test_unknown_endings_and_styles_are_refused(tmp_path, capsys):
     for arguments, reason in (
         (["-o", str(tmp_path / "a.avi")], "a movie is a file with the ending .mp4, .webp, .gif"),
         (["--style", "dark_backgroud"], "nor a file of one (did you mean 'dark_background'?)"),
-        (["--quality", "0"], "--quality = 0: a whole number, 1 to 100"),
+        (["--quality", "0"], "--quality 0: must be an integer from 1 to 100"),
     ):
         assert main(["movie", str(tmp_path / "run.h5"), *arguments]) == 2
         assert reason in capsys.readouterr().err

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from ifrdem.errors import InputError
+from ifrdem.mpi import SERIAL, Communicator
 from ifrdem.simulation import checkpoint
 
 N = 23
@@ -37,7 +38,7 @@ def rows(seed: int) -> dict[str, np.ndarray]:
 
 
 def write(path: Path, seed: int) -> None:
-    checkpoint.write_parts(path, Rank(), rows(seed), {"clock": np.array([0.5, seed])}, {"seed": seed})
+    checkpoint.write_parts(path, SERIAL, rows(seed), {"clock": np.array([0.5, seed])}, {"seed": seed})
 
 
 def check(path: Path, seed: int) -> None:
@@ -110,10 +111,13 @@ def test_a_kill_between_part_and_name_leaves_the_checkpoint_before(
 def test_each_of_any_number_of_ranks_gets_the_rows_of_its_slice(tmp_path: Path, size: int) -> None:
     path = tmp_path / "run.checkpoint.h5"
     write(path, 1)
-    found = [checkpoint.read_parts(path, Rank(rank, size)) for rank in range(1)]
-    found += [(checkpoint._rows(path, found[0][1], Rank(rank, size)),) for rank in range(1, size)]
+    arrays, record, _ = checkpoint.read_parts(path, Communicator(Rank(0, size)))
+    found = [arrays]
+    for rank in range(1, size):
+        with Communicator(Rank(rank, size)):
+            found.append(checkpoint._rows(path, record))
     for name, values in rows(1).items():
-        own = [each[0][name] for each in found]
+        own = [each[name] for each in found]
         assert [len(each) for each in own] == [(r + 1) * N // size - r * N // size for r in range(size)]
         assert np.concatenate(own).tobytes() == values.tobytes()
 

@@ -22,7 +22,7 @@ from support.gases import COIN, ELASTIC, ROLLING, equal_disks, mixture, start
 from ifrdem import ContactTime, Device
 from ifrdem.errors import EngineError
 from ifrdem.kernels import layout as k
-from ifrdem.kernels import windows
+from ifrdem.kernels import sums
 from ifrdem.kernels.columns import KIND, named
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, RandomKicks, Rescale, SpinKicks, TableFriction
@@ -32,7 +32,7 @@ from ifrdem.model.walls import Wall
 from ifrdem.simulation import arrays, ranks
 from ifrdem.simulation.engine import Engine
 
-k.BLOCK_OF_TILES = windows.BLOCK_OF_TILES = 3  # so that blocks lie on several ranks
+k.BLOCK_OF_TILES = sums.BLOCK_OF_TILES = 3  # so that blocks lie on several ranks
 arrays.SINGLE_TILE = 100  # windows as short as those of gases that are divided
 N = 3000
 COMM = MPI.COMM_WORLD
@@ -173,54 +173,54 @@ def sleep_until_all_are_here() -> None:
 
 def half_a_ring() -> None:
     """Half of the copies of neighbours' disks are not there."""
-    whole = ranks.RankArrays.fetch
+    whole = ranks.RankDomain.fetch
 
     def half(self: Any, **how: bool) -> None:
         whole(self, **how)
-        for tiles in self._taken_tiles:
-            named(ranks.view(self.tile), "tile").count[tiles, int(self.grid.part)] //= 2
+        for tiles in self._ghost_tiles:
+            named(ranks.view(self.arrays.tile), "tile").count[tiles, int(self.arrays.grid.part)] //= 2
 
-    ranks.RankArrays.fetch = half  # type: ignore[method-assign]
+    ranks.RankDomain.fetch = half  # type: ignore[method-assign]
 
 
 def half_a_halo() -> None:
     """Neighbours send a quarter of what halos need."""
-    whole = ranks.RankArrays.bands
-    ranks.RankArrays.bands = lambda self: whole(self) / ranks.HALO_GROWTH / 4.0  # type: ignore[method-assign]
-    ranks.RankArrays.n_short = lambda self, bad: 0  # type: ignore[method-assign]
+    whole = ranks.RankDomain.bands
+    ranks.RankDomain.bands = lambda self: whole(self) / ranks.HALO_GROWTH / 4.0  # type: ignore[method-assign]
+    ranks.RankDomain.n_short = lambda self, bad: 0  # type: ignore[method-assign]
 
 
 def no_foresight() -> None:
     """Neighbours send what halos need at first. This is no fault: it costs time."""
-    whole = ranks.RankArrays.bands
-    ranks.RankArrays.bands = lambda self: whole(self) / ranks.HALO_GROWTH  # type: ignore[method-assign]
+    whole = ranks.RankDomain.bands
+    ranks.RankDomain.bands = lambda self: whole(self) / ranks.HALO_GROWTH  # type: ignore[method-assign]
 
 
-def no_trails() -> None:
+def no_hashes() -> None:
     """Neighbours tell nothing of the disks that they ran."""
-    whole, swap = ranks.RankArrays.exchange_trails, ranks.RankArrays.exchange
+    whole, swap = ranks.RankDomain.exchange_hashes, ranks.RankDomain.exchange
 
     def silent(self: Any, again: bool) -> None:
-        ranks.RankArrays.exchange = (
+        ranks.RankDomain.exchange = (
             lambda self, messages: swap(  # type: ignore[method-assign]
                 self, [(*(each[:0] for each in message[:3]), *message[3:]) for message in messages]
             )
         )
         whole(self, again)
-        ranks.RankArrays.exchange = swap  # type: ignore[method-assign]
+        ranks.RankDomain.exchange = swap  # type: ignore[method-assign]
 
-    ranks.RankArrays.exchange_trails = silent  # type: ignore[method-assign]
+    ranks.RankDomain.exchange_hashes = silent  # type: ignore[method-assign]
 
 
 def no_verification() -> None:
     """Hashes are exchanged, and nobody looks at them."""
-    ranks.RankWindows._verify = lambda self, watching: None  # type: ignore[method-assign]
+    ranks.RankWindows._verify = lambda self: None  # type: ignore[method-assign]
 
 
 def other_order() -> None:
     """Blocks of tiles are added up in another order."""
-    whole = ranks.RankArrays._all_blocks
-    ranks.RankArrays._all_blocks = lambda self, blocks: whole(self, blocks)[::-1]  # type: ignore[method-assign]
+    whole = ranks.RankDomain._all_blocks
+    ranks.RankDomain._all_blocks = lambda self, blocks: whole(self, blocks)[::-1]  # type: ignore[method-assign]
 
 
 def wrong_owner() -> None:
@@ -256,7 +256,7 @@ def ids_below_0() -> None:
 FAULTS = {
     each.__name__: each
     for each in (
-        ids_below_0, no_foresight, half_a_ring, half_a_halo, no_trails, no_verification, other_order, wrong_owner,
+        ids_below_0, no_foresight, half_a_ring, half_a_halo, no_hashes, no_verification, other_order, wrong_owner,
         wrong_row,
     )
 }  # fmt: skip
@@ -266,15 +266,15 @@ COUNTED = {"list_anew": 0, "_empty_table": 0}
 def count_calls() -> None:
     """Count how often disks are listed anew, which sends them to other ranks, and tables of kinds are begun anew."""
 
-    def count(name: str, whole: Any) -> None:
+    def count(of: type, name: str, whole: Any) -> None:
         def counted(self: Any, *given: Any) -> None:
             COUNTED[name] += 1
             whole(self, *given)
 
-        setattr(ranks.RankArrays, name, counted)
+        setattr(of, name, counted)
 
-    for name in COUNTED:
-        count(name, getattr(ranks.RankArrays, name))
+    for name, of in (("list_anew", arrays.DeviceArrays), ("_empty_table", ranks.RankDomain)):
+        count(of, name, getattr(of, name))
 
 
 def told(comm: Any, name: str) -> dict[str, Any]:
@@ -296,8 +296,8 @@ def told(comm: Any, name: str) -> dict[str, Any]:
         "tables": COUNTED["_empty_table"],
     }
     if comm.size > 1:
-        counted["whole"] = engine.arrays.communication.whole
-        counted["moved"] = engine.arrays.communication.moved
+        counted["whole"] = engine.arrays.domain.communication.whole
+        counted["moved"] = engine.arrays.domain.communication.moved
     own = int(np.sum(np.asarray(getattr(engine.arrays, "own", [])) >= 0))
     differ = [
         each for each in differ if each != "statistics run_again"
@@ -309,7 +309,7 @@ if __name__ == "__main__":
     count_calls()
     for word in sys.argv[1:]:
         size, name, *faults = word.split(":")
-        kept = [(of, dict(vars(of))) for of in (ranks, ranks.RankArrays, ranks.RankWindows)]
+        kept = [(of, dict(vars(of))) for of in (ranks, ranks.RankDomain, ranks.RankWindows)]
         for fault in faults:
             FAULTS[fault]()
         comm = COMM.Split(0 if COMM.rank < int(size) else MPI.UNDEFINED)

@@ -33,7 +33,6 @@ from ifrdem.theory import (
     cooling_ratios,
     haff,
     haff_time,
-    henderson,
     mean_free_path,
     prediction,
     rough_rates,
@@ -72,7 +71,9 @@ def test_contact_value_agrees_with_henderson() -> None:
     # fluid of moderate density.
     for phi in np.linspace(0.01, 0.3, 10):
         assert contact_value(phi) == pytest.approx((1 - 7 * phi / 16) / (1 - phi) ** 2, rel=1e-3)
-        assert henderson(phi) == pytest.approx((1 - 7 * phi / 16) / (1 - phi) ** 2, rel=1e-15)
+        assert contact_value(phi, "henderson") == pytest.approx(
+            (1 - 7 * phi / 16) / (1 - phi) ** 2, rel=1e-15
+        )
 
 
 def test_collision_rates_at_two_densities() -> None:

@@ -215,24 +215,27 @@ def test_a_case_at_rest_ends_with_a_message(case_file: str, capsys: pytest.Captu
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--n", "1.5"], "--n 1.5: a whole number of disks from 2 to"),
-        (["--n", "1"], "--n 1: a whole number of disks from 2 to"),
-        (["--n", "1e12"], "--n 1e12: a whole number of disks from 2 to"),
-        (["--n", "inf"], "--n inf: a whole number"),
-        (["--phi", "1.2"], "--phi 1.2: a packing fraction from 1e-05 to 0.9068 is needed"),
-        (["--phi", "nan"], "--phi nan: a packing fraction"),
-        (["--device", "cdua"], "--device = 'cdua': must be one of 'cpu', 'cuda' (did you mean 'cuda'?)"),
-        (["--precision", "f23"], "--precision = 'f23': must be one of 'f64', 'f32' (did you mean 'f32'?)"),
-        (["--threads", "0"], f"--threads 0: a whole number from 1 to {backend.cores()} is needed"),
-        (["--runs", "none"], "--runs none: a whole number from 1 to 10000 is needed"),
-        (["--seconds", "-1"], "--seconds -1: a positive number of seconds is needed"),
-        (["--seed", "-1"], "--seed -1: a whole number from 0"),
+        (["--n", "1.5"], "--n 1.5: must be an integer"),
+        (["--n", "1"], "--n 1: must be an integer"),
+        (["--n", "1e12"], "--n 1000000000000: must be an integer from 2 to"),
+        (["--n", "inf"], "--n inf: must be an integer"),
+        (["--phi", "1.2"], "--phi 1.2: must be a packing fraction from 1e-05 to 0.9068"),
+        (["--phi", "nan"], "--phi nan: must be a packing fraction"),
+        (["--device", "cdua"], "--device cdua: must be cpu or cuda (did you mean 'cuda'?)"),
+        (["--precision", "f23"], "--precision f23: must be f64 or f32 (did you mean 'f32'?)"),
+        (["--threads", "0"], "--threads 0: must be an integer of 1 or more"),
+        (["--runs", "none"], "--runs none: must be an integer from 1 to 10000"),
+        (["--seconds", "-1"], "--seconds -1: must be a positive number of seconds"),
+        (["--seed", "-1"], "--seed -1: must be an integer from 0"),
         (["--n", "3"], "--n 3 --phi 0.3: box = "),
         (["--after", "3"], "--after: only beside --case"),
         (["--set", "run.seed=3"], "--set: only beside --case"),
         (["--case", "x.toml", "--phi", "0.2"], "--set changes the case's box.packing_fraction"),
         (["--case", "nowhere.toml"], "nowhere.toml: there is no such file"),
-        (["--case", "x.toml", "--after", "-1"], "--after -1: a number of collisions per disk, 0 or more, is"),
+        (
+            ["--case", "x.toml", "--after", "-1"],
+            "--after -1: must be a number of collisions per disk, 0 or more",
+        ),
         (["--prot"], "unknown option --prot (did you mean '--profile'?)"),
     ],
 )
@@ -240,11 +243,6 @@ def test_what_cannot_be_is_refused(
     arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert message in refusal(arguments, capsys)
-
-
-def test_all_mistakes_are_told_at_once(capsys: pytest.CaptureFixture[str]) -> None:
-    text = refusal(["--n", "x", "--phi", "y", "--runs", "z", "--device", "w"], capsys)
-    assert [line.split()[1] for line in text.splitlines()] == ["--n", "--phi", "--runs", "--device"]
 
 
 def test_a_gas_beyond_the_memory_is_refused_before_anything_runs(

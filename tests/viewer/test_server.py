@@ -411,7 +411,7 @@ def test_points_of_a_study_have_their_curves_and_the_trajectories_that_were_kept
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
-        (["--port", "99999"], "--port 99999: a whole number from 0 to 65535"),
+        (["--port", "99999"], "--port 99999: must be an integer from 0 to 65535"),
         (["--frames", "0"], "--frames: only with --html"),
         (["--force"], "--force: only with --html"),
         (["--study", "--html", "x.html"], "--html: not beside --study"),

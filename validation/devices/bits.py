@@ -66,7 +66,7 @@ def walled(n: int) -> Gas:
 
 
 def shaken(n: int) -> Gas:
-    """The same, on a floor that swings, below a wall that is hot."""
+    """A walled gas on an oscillating floor, below a hot wall."""
     disks, box, state, law, more = walled(n)
     floor = Wall.line((0.0, 0.2), (0.0, 1.0), motion=Motion("sine", amplitude=0.2, frequency=0.5))
     hot = Wall.line((0.0, box.lengths[1] - 0.1), (0.0, -1.0), temperature=2.0)

@@ -85,7 +85,7 @@ def _by_defaults(p: Any, R: float, e: float) -> np.ndarray:
 
 
 def _by_settings(e: float) -> np.ndarray:
-    """The same impacts by the settings of `bullet_world`."""
+    """Effective e_n of the same impacts with the settings of `bullet_world`."""
     found = []
     with BulletWorld(Disks(2, mass=1.0, radius=1.0), Surface(e, 0.0), time_step=DEFAULT_STEP) as world:  # type: ignore[arg-type]
         for phase in np.arange(PHASES) / PHASES:

@@ -338,12 +338,12 @@ def disagreement(case: dict[str, Any], rows: str | None, folder: Path) -> tuple[
 
 
 def _ignore(_text: str) -> None:
-    """Show nothing of what a run says."""
+    """Discard the output of a run."""
 
 
 @contextlib.contextmanager
 def _silence() -> Iterator[None]:
-    """Nothing is shown of progress, and no warning."""
+    """Suppress progress output and warnings."""
     with contextlib.redirect_stderr(io.StringIO()), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         yield
@@ -394,8 +394,8 @@ if __name__ == "__main__":
     begin, end, chosen = map(int, sys.argv[1:4])
     tally = Counter[str]()
     with tempfile.TemporaryDirectory() as place:
-        for which, drawn, beside in cases(begin, end, chosen):
-            answer, problem = disagreement(drawn, beside, Path(place))
+        for which, drawn, rows in cases(begin, end, chosen):
+            answer, problem = disagreement(drawn, rows, Path(place))
             tally[answer] += 1
             if which % 100 == 99:
                 print(which + 1, dict(tally), flush=True)

@@ -47,7 +47,7 @@ def count(e_n: float) -> float:
 
 
 def velocities(e_n: float) -> list[float]:
-    """Of the three disks after their last collision, by the recurrence; only above `CRITICAL`."""
+    """Velocities of the three disks after their last collision, by the recurrence; only above `CRITICAL`."""
     v = [1.0, 0.0, 0.0]
     for n in range(int(count(e_n))):
         pair = n % 2
@@ -69,7 +69,7 @@ def row(e_n: float) -> tuple[int, State]:
 
 
 def run(quick: bool, seed: int) -> Result:
-    """Nothing is random here."""
+    """Compare counts and velocities; nothing is random here."""
     result = Result()
     counts = {}
     for e_n in ABOVE:

@@ -144,7 +144,7 @@ def _heated(law: IFRLaw, phi: float, n: int, seed: int, T: float, T_rot: float) 
 
 
 def _by_dsmc(law: IFRLaw, phi: float, n: int, seed: int, T: float, T_rot: float) -> tuple[float, float]:
-    """The same by DSMC."""
+    """T and T_rot of the same gas by DSMC."""
     disks, velocity, spin = thermal(n, seed, T=T, T_rot=T_rot)
     gas = DSMC(disks, law, phi, velocity, spin, seed=seed, drive=Drive(power=1.0))
     gas.run(collisions_per_disk=10.0, samples=1)

@@ -167,7 +167,7 @@ def _replica(law: IFRLaw, seed: int, span: tuple[float, float]) -> tuple[Array, 
 
 
 def _dsmc(seed: int, n: int) -> Array:
-    """The same fall by DSMC."""
+    """The same relaxation by DSMC."""
     disks, velocity, spin = thermal(n, seed, T=T, T_rot=T_ROT)
     gas = DSMC(disks, LAWS["contact point, e_t = 0"], PHI, velocity, spin, seed=seed)
     found = gas.run(collisions_per_disk=TAU[-1], samples=TAU[1:])

@@ -57,7 +57,7 @@ def start(seed: int) -> tuple[Disks, list[Wall], State]:
 
 
 def rained(seed: int, resting_speed: float) -> Heap:
-    """Our heap."""
+    """The heap by ifrdem."""
     disks, walls, begin = start(seed)
     heap = Simulation(disks, BOX, LAW, begin, walls=walls, gravity=(0.0, -1.0), collapse=Rest(resting_speed))
     heap.run(t_end=END, progress=False)
@@ -65,7 +65,7 @@ def rained(seed: int, resting_speed: float) -> Heap:
 
 
 def rained_by_lammps(seed: int, contact_time: float, folder: Path) -> Heap:
-    """That of LAMMPS from the same start; awake are disks that move by 1e-3 diameters in the last tenth of the time."""
+    """The heap by LAMMPS from the same start; awake are disks that move by 1e-3 diameters in the last tenth."""
     disks, _, begin = start(seed)
     walls = [
         (f"block {LEFT} {RIGHT} {PLATE - 1.0} {PLATE} -1 1", "out"),
@@ -79,7 +79,7 @@ def rained_by_lammps(seed: int, contact_time: float, folder: Path) -> Heap:
 
 
 def rained_by_chipmunk(seed: int) -> Heap:
-    """That of Chipmunk from the same start; awake as with LAMMPS."""
+    """The heap by Chipmunk from the same start; awake as with LAMMPS."""
     disks, walls, begin = start(seed)
     places = rigid_grains.run(disks, LAW, begin, t_end=END, every=0.1 * END, walls=[*sides(BOX), *walls])
     return of(disks, places[-1], moved(places))

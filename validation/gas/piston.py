@@ -85,7 +85,7 @@ def adiabat(begin: Equilibrium, n: int) -> Array:
 
 @dataclass(frozen=True)
 class Path:
-    """Of one gas: means of height and temperature at both forces, enthalpies then and back at the first."""
+    """Results of one gas: mean height and temperature at both forces, enthalpies then and back at the first."""
 
     h: tuple[float, float]
     T: tuple[float, float]

@@ -82,7 +82,7 @@ def of_few(phi: float, n: int) -> float:
 
 @dataclass(frozen=True)
 class Found:
-    """Of each replica: Z by impulses and by the collision rate, and g at contact."""
+    """Results of all replicas: Z by impulses and by the collision rate, and g at contact."""
 
     virial: Array
     rate: Array
@@ -198,9 +198,10 @@ def _figure(found: dict[float, Found], dense: Found | None) -> Picture:
                      - compressibility(at)) / compressibility(at),
         "--", color=style.GREEN, label="resummed virial series",
     )  # fmt: skip
+    henderson = np.array([theory.contact_value(p, "henderson") for p in at])
     right.plot(
-        at, 100.0 * (1.0 + 2.0 * at * np.array([theory.henderson(p) for p in at]) - compressibility(at))
-        / compressibility(at), ":", color=style.PURPLE, label="Henderson",
+        at, 100.0 * (1.0 + 2.0 * at * henderson - compressibility(at)) / compressibility(at),
+        ":", color=style.PURPLE, label="Henderson",
     )  # fmt: skip
     for name, colour, marker, shift in (
         ("virial", style.BLUE, "o", -0.004),

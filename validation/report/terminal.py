@@ -50,7 +50,7 @@ class Pace:
         self._say(table(outcome))
 
     def seconds(self, name: str) -> float:
-        """Since a case that runs began [s]."""
+        """Time since a running case started [s]."""
         return self._clock() - self._running[name]
 
     def waiting(self) -> None:
@@ -61,7 +61,7 @@ class Pace:
 
     @property
     def seconds_left(self) -> float | None:
-        """Until all cases are done, by the pace of those that are [s]; None before a tenth of the work is done."""
+        """Estimated time left [s], from finished cases; None before a tenth of the work is done."""
         done = sum(self._expected[name] for name in self._took)
         if done < ENOUGH * sum(self._expected.values()):
             return None

@@ -117,7 +117,7 @@ def _sink(g, at):
 
 @_compile
 def _schedule(g, i):
-    """Put disk i where its earlier event belongs."""
+    """Restore the heap after a change of disk i's next event."""
     before = g.key[i]
     g.key[i] = min(g.contact[i], g.crossing[i])
     if g.key[i] < before:
@@ -185,7 +185,7 @@ def _predict_crossing(g, i, now):
 
 @_compile
 def _enter(g, i):
-    """Put disk i first on the list of its cell."""
+    """Insert disk i into the list of its cell."""
     c = g.cell[i, 0] * g.M[1] + g.cell[i, 1]
     g.following[i] = g.head[c]
     g.before[i] = -1
@@ -196,7 +196,7 @@ def _enter(g, i):
 
 @_compile
 def _leave(g, i):
-    """Take disk i off the list of its cell."""
+    """Remove disk i from the list of its cell."""
     if g.before[i] >= 0:
         g.following[g.before[i]] = g.following[i]
     else:
@@ -210,7 +210,7 @@ def _leave(g, i):
 
 @_compile
 def _prepare(g):
-    """Put the disks into cells, predict each, and order the heap."""
+    """Build the cell lists, predict the events of each disk, and order the heap."""
     n = g.heap.size
     for i in range(n):
         for a in range(2):

@@ -121,7 +121,7 @@ def two_sizes(n: int, phi: float, **gas: Any) -> Case:
 
 
 def with_ledger(case: Case) -> Case:
-    """The same case with the energy ledger."""
+    """A copy of a case with the energy ledger."""
     return case.model_copy(update={"output": case.output.model_copy(update={"ledger": True})})
 
 

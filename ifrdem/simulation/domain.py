@@ -1,0 +1,95 @@
+"""The part of a gas that a process has: rows of the state in the lists of tiles, and sums of what tiles found.
+
+Imports Taichi: import this module only after `backend.start`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels import layout as k
+from ..kernels.columns import named
+from ..kernels.sums import sum_shared
+from ..mpi import SERIAL, Communicator
+
+if TYPE_CHECKING:
+    from .arrays import DeviceArrays
+
+
+def sums_of_blocks(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sums over blocks of BLOCK_OF_TILES rows, row after row, shape (blocks, columns)."""
+    padded = np.zeros((-(-len(rows) // k.BLOCK_OF_TILES), k.BLOCK_OF_TILES, rows.shape[1]))
+    padded.reshape(-1, rows.shape[1])[: len(rows)] = rows
+    found = padded[:, 0].copy()
+    for i in range(1, min(k.BLOCK_OF_TILES, len(rows))):
+        found += padded[:, i]
+    return found
+
+
+class Domain:
+    """All tiles and all disks, of a process by itself. `ranks.RankDomain` is what one of several ranks has.
+
+    `DeviceArrays` has one, whose `arrays` it is.
+    """
+
+    comm: Communicator = SERIAL
+    first_id: int = 0
+    """Number by which kernels know disk 0."""
+
+    def attach(self, arrays: DeviceArrays) -> None:
+        """Take the arrays that belong to it."""
+        self.arrays = arrays
+
+    def first_slots(self, n: int) -> int:
+        """Slots for disks to begin with, of n disks."""
+        return max(n, 1)
+
+    def state_rows(self, name: str, at: slice | NDArray[np.integer]) -> NDArray[Any]:
+        """Some rows of the state."""
+        found: NDArray[Any] = self.arrays.values(name)[at]
+        return found
+
+    def load(
+        self,
+        rows: dict[str, NDArray[Any]],
+        tile: NDArray[np.integer],
+        place: NDArray[np.integer] | None = None,
+    ) -> None:
+        """List rows of the state, which are in order of ids, in their tiles: by `place`, or by ids without it."""
+        self.list_rows(rows, tile, named(rows["meta"], "meta").id if place is None else place)
+
+    def list_rows(
+        self, rows: dict[str, NDArray[Any]], tile: NDArray[np.integer], place: NDArray[np.integer]
+    ) -> None:
+        """List rows of the state in their tiles, by `place`, at the beginning of a window."""
+        a = self.arrays
+        order, part = np.lexsort((place, tile)), int(a.grid.part)
+        with a.written(*rows) as arrays:
+            for array, values in zip(arrays, rows.values(), strict=True):
+                array[part * a.room : part * a.room + a.n] = values[order]
+        a.set_lists(part, np.bincount(tile, minlength=a.tiles))
+
+    def n_here(self, part: int) -> int:
+        """Number of disks that a part holds here."""
+        return self.arrays.n
+
+    def by_id(self, part: int, rows: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
+        """Rows that `read_out` filled for this part, in order of ids; of ranks, those of the own slice."""
+        return list(rows)
+
+    def sums(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Sums over all tiles of what each has, shape (tiles, columns): block by block, always in one order."""
+        return np.add.accumulate(sums_of_blocks(rows), axis=0)[-1]
+
+    def largest(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The largest of each column of what tiles have, shape (tiles, columns), 0 or more."""
+        found: NDArray[np.float64] = rows.max(axis=0)
+        return found
+
+    def share(self) -> None:
+        """Add up again what tiles have added up."""
+        self.arrays.launch(sum_shared, self.arrays.found.shape[0], 1)
