@@ -148,14 +148,14 @@ def _autoregression(rest: Array, modes: Array) -> tuple[float, float]:
         moved = _correlated(modes, rho)
         inner = modes.T @ moved
         square = n - float(np.sum(modes * moved))
-        beside = (n - 1) * rho - float(np.sum(modes[:-1] * moved[1:] + moved[:-1] * modes[1:]))
-        return square, beside + float(np.sum((modes[:-1] @ inner) * modes[1:]))
+        off_diagonal = (n - 1) * rho - float(np.sum(modes[:-1] * moved[1:] + moved[:-1] * modes[1:]))
+        return square, off_diagonal + float(np.sum((modes[:-1] @ inner) * modes[1:]))
 
     seen = float(rest[:-1] @ rest[1:]) / max(float(rest @ rest), 1e-300)
 
     def excess(rho: float) -> float:
-        square, beside = means(rho)
-        return beside / square - seen
+        square, off_diagonal = means(rho)
+        return off_diagonal / square - seen
 
     low, high = 0.0, 1.0 - 0.1 / n
     rho = low if excess(low) >= 0.0 else high

@@ -93,7 +93,7 @@ def between_cells(what: str, values: Sequence[Array], positions: Sequence[Array]
     mean = sums.sum(axis=1) / total
     # What cells add to the ratio of the sums, to first order: more disks in a cell are no change by themselves.
     parts = (sums - mean[:, None] * counts) / total[:, None]
-    parts = parts[:, counts.any(axis=0)]  # cells above a heap tell nothing of its scatter
+    parts = parts[:, counts.any(axis=0)]  # cells above a heap carry no information on its scatter
     cells = parts.shape[1]
     error = float(np.std(parts[1] - parts[0], ddof=1) * np.sqrt(cells)) if cells > 1 else 0.0
     return _change(what, float(mean[0]), float(mean[1]), error, cells - 1)

@@ -1,12 +1,12 @@
 """One gas on several ranks of MPI, bitwise the trajectory of one.
 
 The box has the tiles that it has on one rank; each rank owns a block of them. It keeps the lists of disks of its own
-tiles, and in each window copies of those of the *ring*, the tiles of others beside its own. A window is
+tiles, and in each window copies of those of the *ring*, the neighbouring tiles of others. A window is
 
 1. *fetch*: the lists of the ring come from their owners, as far as halos reach that are wider than usual once; where a
    tile has to run with a still wider one, whole lists come, and all tiles begin again;
-2. each rank runs its own tiles (`kernels/tiles.py`), which gather from tiles beside them, all of which are there;
-3. *trails*: the hash of a disk's history and its way are known to the rank that ran the tile which the disk is in, and
+2. each rank runs its own tiles (`kernels/tiles.py`), which gather from neighbouring tiles, all of which are there;
+3. *hashes*: the hash of a disk's history and its way are known to the rank that ran the tile which the disk is in, and
    a disk may have left the tile that lists it. So ranks first tell owners about disks of the ring that they ran, then
    owners tell all who have a copy of their lists, with `reach` of the tiles;
 4. *share*: what tiles have added up (`tally`, `reach`) is added up by the owner of the first tile in each block
@@ -56,7 +56,8 @@ from ..kernels import layout as k
 from ..kernels.columns import ADDRESSABLE, named
 from ..kernels.language import ti, view
 from ..kernels.readout import put_rows, take_rows
-from ..kernels.windows import HALO_GROWTH, sum_shared, verify
+from ..kernels.sums import sum_shared
+from ..kernels.windows import HALO_GROWTH, verify
 from ..model.state import COLUMNS, DiskKinds, Disks
 from ..mpi import Communicator
 from ..mpi.decomposition import owners
@@ -79,7 +80,7 @@ class CommunicationStats:
     ----------
     messages : int
         To neighbours.
-    ghosts, trails, sums : int
+    ghosts, hashes, sums : int
         Bytes of lists of disks, of hashes and ways, and of sums of tiles.
     windows, rounds : int
         Windows, and times that hashes were exchanged in them.
@@ -93,7 +94,7 @@ class CommunicationStats:
 
     messages: int = 0
     ghosts: int = 0
-    trails: int = 0
+    hashes: int = 0
     sums: int = 0
     windows: int = 0
     rounds: int = 0
@@ -189,7 +190,7 @@ class RankDomain(Domain):
         self.assign(told[:, 0])
         self.list_rows(held, listed, np.zeros_like(listed))
 
-    def _beside(self) -> NDArray[np.int64]:
+    def _neighbor_tiles(self) -> NDArray[np.int64]:
         """The eight tiles around each, shape (8, tiles); -1 beyond an end of the box."""
         wide, high = int(self.arrays.grid.tiles_x), int(self.arrays.grid.tiles_y)
         x, y = np.divmod(np.arange(self.arrays.tiles), high)
@@ -211,12 +212,12 @@ class RankDomain(Domain):
         if self._around_for == aside:
             return
         self._around_for = aside
-        self._beside_all = self._beside()
-        beside = self._beside_all[:, self.arrays.own]
+        self._neighbors_all = self._neighbor_tiles()
+        beside = self._neighbors_all[:, self.arrays.own]
         others = np.where(beside >= 0, self.owner[beside], self.comm.rank)
         self._partners = [int(q) for q in np.unique(others) if q != self.comm.rank]
-        self._given_tiles = [self.arrays.own[np.any(others == q, axis=0)] for q in self._partners]
-        self._taken_tiles = [np.unique(beside[others == q]) for q in self._partners]
+        self._sent_tiles = [self.arrays.own[np.any(others == q, axis=0)] for q in self._partners]
+        self._ghost_tiles = [np.unique(beside[others == q]) for q in self._partners]
         if self._graph is not None:
             self._graph.Free()
         self._graph = self.comm.mpi.Create_dist_graph_adjacent(self._partners, self._partners)
@@ -324,7 +325,7 @@ class RankDomain(Domain):
         ]
         width, height = (side[listed] for side in sides)
         near = np.zeros(len(slots), dtype=bool)
-        for (step_x, step_y), beside in zip(STEPS, self._beside_all[:, tiles], strict=True):
+        for (step_x, step_y), beside in zip(STEPS, self._neighbors_all[:, tiles], strict=True):
             theirs = (beside >= 0) & (self.owner[beside] == q)
             if not theirs.any():
                 continue
@@ -348,25 +349,25 @@ class RankDomain(Domain):
         self.band: NDArray[np.float64] = np.full(self.arrays.tiles, np.inf)
         if not whole:  # owners say how wide the halos of their tiles are
             self.band[self.arrays.own] = self.bands()
-            told = self.exchange([(self.band[tiles],) for tiles in self._given_tiles])
-            for tiles, (band,) in zip(self._taken_tiles, told, strict=True):
+            told = self.exchange([(self.band[tiles],) for tiles in self._sent_tiles])
+            for tiles, (band,) in zip(self._ghost_tiles, told, strict=True):
                 self.band[tiles] = band
-        self._given = []
+        self._sent_slots = []
         messages: list[tuple[NDArray[Any], ...]] = []
-        for q, tiles in zip(self._partners, self._given_tiles, strict=True):
+        for q, tiles in zip(self._partners, self._sent_tiles, strict=True):
             counts = count[tiles]
             slots = concatenated_ranges(first[tiles], counts)
             if not whole:
                 near = self._near(q, tiles, slots, counts)
                 slots, listed = slots[near], np.repeat(np.arange(len(tiles)), counts)[near]
                 counts = np.bincount(listed, minlength=len(tiles))
-            self._given.append(slots)
+            self._sent_slots.append(slots)
             rows = (self.state_rows(name, part * self.arrays.room + slots) for name in names)
             messages.append((counts.astype(np.int32), *rows))
         self.communication.windows += 1
         self.communication.ghosts += sum(each.nbytes for message in messages for each in message)
-        self._lay_beside(list(zip(self._taken_tiles, self.exchange(messages), strict=True)))
-        self._sent: list[tuple[NDArray[Any], NDArray[Any]] | None] = [None] * len(self._partners)
+        self._append_lists(list(zip(self._ghost_tiles, self.exchange(messages), strict=True)))
+        self._sent_hashes: list[tuple[NDArray[Any], NDArray[Any]] | None] = [None] * len(self._partners)
 
     def fetch_all(self) -> None:
         """Get the lists of all other tiles."""
@@ -375,18 +376,18 @@ class RankDomain(Domain):
         rows, _listed = self.arrays.rows_of(part)
         lists = (count, *(self.state_rows(name, rows) for name in names))
         found = self.comm.allgather(lists)
-        self._lay_beside([
+        self._append_lists([
             (np.flatnonzero(self.owner == q), found[q]) for q in range(self.comm.size) if q != self.comm.rank
         ])  # fmt: skip
 
-    def _lay_beside(self, lists: Sequence[tuple[NDArray[np.intp], tuple[NDArray[Any], ...]]]) -> None:
+    def _append_lists(self, lists: Sequence[tuple[NDArray[np.intp], tuple[NDArray[Any], ...]]]) -> None:
         """Lay lists of others behind the own ones: tiles, the lengths of their lists, and rows of the state."""
         part, at, names = int(self.arrays.grid.part), self.used, self.arrays.state_names()
         more = sum(len(rows) for _tiles, (_count, rows, *_more) in lists)
         self.make_room(at + more)
         if self._of_here:
             self._make_room_in_table(more)
-        self._taken: list[slice] = []
+        self._ghost_slots: list[slice] = []
         with self.arrays.written("tile") as (tile,):
             for tiles, (count, *arrays) in lists:
                 slots = slice(at, at + len(arrays[0]))
@@ -397,46 +398,48 @@ class RankDomain(Domain):
                     self._take_rows(
                         name, slice(part * self.arrays.room + at, part * self.arrays.room + slots.stop), rows
                     )
-                self._taken.append(slots)
+                self._ghost_slots.append(slots)
                 at = slots.stop
         self.arrays.displacement.fill(-1.0)
 
-    def exchange_trails(self, again: bool) -> None:
+    def exchange_hashes(self, again: bool) -> None:
         """Get hashes and ways of all disks in the own lists and in those of the ring; in a later round what changed."""
         if not again:
-            self._ran = [np.flatnonzero(self._rows("displacement", slots) >= 0.0) for slots in self._taken]
+            self._ran = [
+                np.flatnonzero(self._rows("displacement", slots) >= 0.0) for slots in self._ghost_slots
+            ]
         messages: list[tuple[NDArray[Any], ...]] = [
             (
                 ran.astype(np.int32),
                 self._rows("history_hash", slots.start + ran),
                 self._rows("displacement", slots.start + ran),
             )
-            for slots, ran in zip(self._taken, self._ran, strict=True)
+            for slots, ran in zip(self._ghost_slots, self._ran, strict=True)
         ]
         size = sum(each.nbytes for message in messages for each in message)
-        for given, (ran, hashes, ways) in zip(self._given, self.exchange(messages), strict=True):
+        for given, (ran, hashes, ways) in zip(self._sent_slots, self.exchange(messages), strict=True):
             self._put_rows("history_hash", given[ran], hashes)
             self._put_rows("displacement", given[ran], ways)
         self.unassigned = int(np.count_nonzero(self.arrays.values("displacement")[: self.used] < 0.0))
         messages = []
         reach = self.arrays.values("reach")
-        for q, (given, tiles) in enumerate(zip(self._given, self._given_tiles, strict=True)):
+        for q, (given, tiles) in enumerate(zip(self._sent_slots, self._sent_tiles, strict=True)):
             hashes, ways = self._rows("history_hash", given), self._rows("displacement", given)
             changed = np.arange(len(given), dtype=np.int32)
-            if (sent := self._sent[q]) is not None:
+            if (sent := self._sent_hashes[q]) is not None:
                 changed = changed[np.any(hashes != sent[0], axis=1) | (ways != sent[1])]
-            self._sent[q] = hashes, ways
+            self._sent_hashes[q] = hashes, ways
             messages.append((changed, hashes[changed], ways[changed], reach[tiles]))
         size += sum(each.nbytes for message in messages for each in message)
         told = self.exchange(messages)
         with self.arrays.written("reach") as (reach,):
             for slots, tiles, (changed, hashes, ways, reached) in zip(
-                self._taken, self._taken_tiles, told, strict=True
+                self._ghost_slots, self._ghost_tiles, told, strict=True
             ):
                 self._put_rows("history_hash", slots.start + changed, hashes)
                 self._put_rows("displacement", slots.start + changed, ways)
                 reach[tiles] = reached
-        self.communication.trails += size
+        self.communication.hashes += size
         self.communication.rounds += 1
 
     def n_short(self, bad: int) -> int:
@@ -450,15 +453,15 @@ class RankDomain(Domain):
         of_block = self.owner[:: k.BLOCK_OF_TILES]
         rank, number = self.comm.rank, np.arange(self.arrays.tiles)
         adder = of_block[number // k.BLOCK_OF_TILES]
-        self._adders, self._told_by = (
+        self._adders, self._added_for = (
             [int(q) for q in np.unique(ranks[mine]) if q != rank]
             for ranks, mine in ((adder, self.owner == rank), (self.owner, adder == rank))
         )
-        self._tiles_told = [np.flatnonzero((self.owner == rank) & (adder == q)) for q in self._adders]
-        self._tiles_heard = [np.flatnonzero((self.owner == q) & (adder == rank)) for q in self._told_by]
+        self._tiles_sent = [np.flatnonzero((self.owner == rank) & (adder == q)) for q in self._adders]
+        self._tiles_received = [np.flatnonzero((self.owner == q) & (adder == rank)) for q in self._added_for]
         if self._adding is not None:
             self._adding.Free()
-        self._adding = self.comm.mpi.Create_dist_graph_adjacent(self._told_by, self._adders)
+        self._adding = self.comm.mpi.Create_dist_graph_adjacent(self._added_for, self._adders)
         own = np.flatnonzero(of_block == rank).astype(np.int32)
         self._own_blocks = own
         self.arrays.replace("blocks", self.arrays.new_array(ti.i32, len(own)))
@@ -467,18 +470,18 @@ class RankDomain(Domain):
         self._blocks_by_rank = np.argsort(of_block, kind="stable")
         self._n_blocks = np.bincount(of_block, minlength=self.comm.size)
 
-    def _tell_adders(self, rows: Sequence[NDArray[Any]]) -> None:
+    def _send_to_adders(self, rows: Sequence[NDArray[Any]]) -> None:
         """Give each block's adder the rows of its tiles, of several arrays by tile: they are written there."""
         wide = sum(each.shape[1] for each in rows)
 
         def sizes(tiles: list[NDArray[np.intp]]) -> list[int]:
             return [wide * len(each) for each in tiles]
 
-        told = np.concatenate([np.zeros(0, np.intp), *self._tiles_told])
-        heard = np.concatenate([np.zeros(0, np.intp), *self._tiles_heard])
+        told = np.concatenate([np.zeros(0, np.intp), *self._tiles_sent])
+        heard = np.concatenate([np.zeros(0, np.intp), *self._tiles_received])
         sent = np.concatenate([each[told].astype(np.float64) for each in rows], axis=1)
         got = np.empty((len(heard), wide))
-        self._adding.Neighbor_alltoallv([sent, sizes(self._tiles_told)], [got, sizes(self._tiles_heard)])
+        self._adding.Neighbor_alltoallv([sent, sizes(self._tiles_sent)], [got, sizes(self._tiles_received)])
         at = 0
         for each in rows:
             each[heard] = got[:, at : at + each.shape[1]]
@@ -497,7 +500,7 @@ class RankDomain(Domain):
 
     def sums(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """As on one rank, of rows of which this rank knows its own ones."""
-        self._tell_adders([rows])
+        self._send_to_adders([rows])
         return np.add.accumulate(self._all_blocks(sums_of_blocks(rows)), axis=0)[-1]
 
     def largest(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -511,7 +514,7 @@ class RankDomain(Domain):
     def share(self) -> None:
         """Have all ranks know the sums of what tiles added up."""
         with self.arrays.written("tally", "reach") as rows:
-            self._tell_adders([each.reshape(self.arrays.tiles, -1) for each in rows])
+            self._send_to_adders([each.reshape(self.arrays.tiles, -1) for each in rows])
         self.arrays.launch(sum_shared, len(self._own_blocks), 0)
         with self.arrays.written("found") as (found,):
             found[:] = self._all_blocks(found)
@@ -572,8 +575,8 @@ class RankWindows(Windows):
     _short: bool = False
     _since_look: int = 0
 
-    def _survey(self) -> None:
-        super()._survey()
+    def _survey(self, *, rough: bool) -> None:
+        super()._survey(rough=rough)
         self.domain.share()
 
     def _launch(
@@ -614,7 +617,7 @@ class RankWindows(Windows):
         ran = time.perf_counter() - ran
         d.comm.raise_collectively(error)
         if not alone:
-            d.exchange_trails(again=bool(again) and not short)
+            d.exchange_hashes(again=bool(again) and not short)
             d.share()
             a.counter.n_bad = a.counter.stuck = 0
             a.launch(verify)
@@ -639,7 +642,8 @@ class RankWindows(Windows):
         while True:
             self.domain.list_tiles(own)
             if again:
-                self._watched, self._n_ghosts = [], 0
+                self._clear_logs()
+                self._n_ghosts = 0
             try:
                 return super()._launch(len(own), 1, again)
             except _Again:
@@ -648,17 +652,15 @@ class RankWindows(Windows):
     def _check(self, launch: Any) -> None:
         """Nothing yet: hashes of other ranks are needed."""
 
-    def _whole_box(self, watching: int) -> None:
-        super()._whole_box(watching)
+    def _whole_box(self) -> None:
+        super()._whole_box()
         if self.domain.comm.rank:  # all have run all of it
-            self._watched = []
+            self._clear_logs()
 
-    def _agreed(self, well: bool) -> bool:
-        return not self.domain.comm.any(not well)
-
-    def _nth(self, times: NDArray[np.float64], count: int) -> float:
+    def _nth(self, count: int) -> float:
         """Time number `count` of those of all ranks: by halving, as whole numbers, which are in the same order."""
-        words = np.sort(times.astype(np.float64)).view(np.int64)
+        assert self._times is not None
+        words = self._times.view(np.int64)
         low, high = 0, int(np.float64(np.inf).view(np.int64))
         while low < high:
             middle = (low + high) // 2

@@ -49,7 +49,7 @@ BEYOND = 10.0
 class Results:
     """Variables by name, of which those that are called like a dimension are its coordinates; and texts about them.
 
-    A quantity `temperature` has the dimensions of the study, seeds and rows; beside it stand its mean over seeds,
+    A quantity `temperature` has the dimensions of the study, seeds and rows; with it are stored its mean over seeds,
     `temperature_mean`, the standard error of that, `temperature_error`, and, where a theory holds,
     `temperature_theory`.
     """

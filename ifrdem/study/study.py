@@ -284,7 +284,7 @@ class Study:
         except Stopped as stop:
             left = sum(not task.result.exists() for task in tasks)
             status.finish("interrupted", str(stop))
-            text = f"{len(tasks) - left} of {len(tasks)} runs are done; the same command goes on"
+            text = f"{len(tasks) - left} of {len(tasks)} runs are done; the same command continues"
             raise Stopped(f"{stop}: {text}", stop.status) from None
         except InputError:  # nothing has started
             status.path.unlink()

@@ -299,7 +299,7 @@ class OutputFile:
     def committing(self, what: str, kept: Callable[[], str]) -> Iterator[None]:
         """Turn what fails inside, where `what` is written, into a TrajectoryError; nothing is written after it.
 
-        `kept` says what the file keeps.
+        `kept` describes what the file keeps.
         """
         if self.failed or not self.file:
             raise TrajectoryError(f"{self.path} is closed: {what} cannot be added")

@@ -1,4 +1,4 @@
-"""Parts of a trajectory: NAME.h5, and beside it NAME.parts/0000.h5, 0001.h5, ..., with the fields of some disks each.
+"""Parts of a trajectory: NAME.h5, and files NAME.parts/0000.h5, 0001.h5, ..., with the fields of some disks each.
 
 A gas on several ranks of MPI is written by all of them. Each part is a trajectory of its own, of the disks with
 consecutive numbers that one rank had when the file was begun. NAME.h5 has what belongs to all disks (box, record,
@@ -27,7 +27,7 @@ from . import damage
 FOLDER = ".parts"
 """Ending of the folder with the parts, NAME.parts for NAME.h5."""
 GROUP, PART = "parts", "part"
-"""Groups that tell of the parts in NAME.h5, and in a part which one it is."""
+"""Groups that describe the parts in NAME.h5, and in a part its number."""
 ZEROS = f"{GROUP}/zeros"
 """Group with the z of vectors: numbers that are never written read as 0 and take no room."""
 SEE = "; `ifrdem repair` lists all parts"
@@ -65,7 +65,7 @@ class Parts:
     Attributes
     ----------
     folder : str
-        Name of their folder, beside NAME.h5.
+        Name of their folder, next to NAME.h5.
     run : str
         Mark of the run, which all parts bear.
     first : tuple of int
@@ -125,7 +125,7 @@ class Parts:
         """Make a virtual dataset `name` of the rows that the parts have in theirs at `source`.
 
         `tail` is the shape of a disk's values; `frames` comes before the disks, without end. A vector's view, named
-        `value`, has z = 0 beside the two numbers that are stored.
+        `value`, has z = 0 in addition to the two stored numbers.
         """
         flat = frames and tail == (2,) and name == "value"
         before, ends = ((1,), (None,)) if frames else ((), ())
@@ -289,7 +289,7 @@ def are_in(path: str | os.PathLike[str]) -> bool:
 
 
 def existing(path: str | os.PathLike[str]) -> list[Path]:
-    """Parts that are there in the folder beside a trajectory."""
+    """Existing parts in the folder of a trajectory's parts."""
     folder = folder_of(path)
     return sorted(each for each in folder.glob("*.h5") if re.fullmatch(r"\d{4,}\.h5", each.name))
 

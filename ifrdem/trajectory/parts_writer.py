@@ -43,10 +43,10 @@ class PartsWriter:
 
     Each of P ranks writes its part, with the disks that it has (r n // P and following of n), as a trajectory of its
     own; the first one also writes NAME.h5. A frame counts when NAME.h5 has it: it gets there in `commit`, when all
-    ranks have told that it is whole in their parts and flushed. So a process that is killed, whichever and whenever,
-    leaves in NAME.h5 only frames that are whole in all parts; parts may hold more.
+    ranks have reported that it is complete in their parts and flushed. A killed process therefore leaves in NAME.h5
+    only frames that are complete in all parts; parts may hold more.
 
-    A file that is gone on with keeps its parts: of P' ranks then, number p % P' writes part p, and gets its rows from
+    A resumed file keeps its parts: of P' ranks then, number p % P' writes part p, and gets its rows from
     those who have them (`shares`).
 
     All ranks call `create` or `resume`, `write` (or `shares` and `commit`) and `flush`; without `comm` one process
@@ -101,7 +101,7 @@ class PartsWriter:
     ) -> PartsWriter:
         """Begin a trajectory in so many parts, by default one for each rank.
 
-        `disks` tell the number of all, `own` are those of this rank; all else is as `TrajectoryWriter` has it, and
+        `disks` give the number of all, `own` are those of this rank; all else is as `TrajectoryWriter` has it, and
         counts on the first rank only. `parameters` stand in NAME.h5 alone. `force` removes a trajectory that is there,
         with its parts, at once: there might be no room for both.
 
@@ -147,13 +147,13 @@ class PartsWriter:
         cls, head: TrajectoryWriter | None, own: Disks, box: Box | None, *, comm: Any = None, frames: int = 0,
         fields: Sequence[str] = DEFAULT_FIELDS, **options: Any,
     ) -> PartsWriter:  # fmt: skip
-        """Go on with a trajectory on any number of ranks.
+        """Continue a trajectory on any number of ranks.
 
         `head` is NAME.h5, as `TrajectoryWriter.resume` has opened it on the first rank, which has seen that all parts
         are there; it is the caller's to close if this fails. `own` are the disks of this rank; all else is as given
         there, and counts on the first rank only.
 
-        Raises InputError, on all ranks, if a part cannot be gone on with, as `TrajectoryWriter.resume`.
+        Raises InputError, on all ranks, if a part cannot be continued, as `TrajectoryWriter.resume`.
         """
         options |= {"frames": frames}
         given: Any = None if head is None else (head.path, head.parts, box, fields, options)

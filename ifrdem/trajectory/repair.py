@@ -415,5 +415,5 @@ def _alternatives(path: Path) -> str:
     """Other files from which the run may be resumed, as text."""
     checkpoint = checkpoint_of(path)
     if checkpoint.exists():
-        return f"; {checkpoint.name} holds a state from which the run can go on"
+        return f"; {checkpoint.name} holds a state from which the run can be resumed"
     return "; there is no checkpoint in its folder: run the case again"

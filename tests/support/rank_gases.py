@@ -22,7 +22,7 @@ from support.gases import COIN, ELASTIC, ROLLING, equal_disks, mixture, start
 from ifrdem import ContactTime, Device
 from ifrdem.errors import EngineError
 from ifrdem.kernels import layout as k
-from ifrdem.kernels import windows
+from ifrdem.kernels import sums
 from ifrdem.kernels.columns import KIND, named
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, RandomKicks, Rescale, SpinKicks, TableFriction
@@ -32,7 +32,7 @@ from ifrdem.model.walls import Wall
 from ifrdem.simulation import arrays, ranks
 from ifrdem.simulation.engine import Engine
 
-k.BLOCK_OF_TILES = windows.BLOCK_OF_TILES = 3  # so that blocks lie on several ranks
+k.BLOCK_OF_TILES = sums.BLOCK_OF_TILES = 3  # so that blocks lie on several ranks
 arrays.SINGLE_TILE = 100  # windows as short as those of gases that are divided
 N = 3000
 COMM = MPI.COMM_WORLD
@@ -177,7 +177,7 @@ def half_a_ring() -> None:
 
     def half(self: Any, **how: bool) -> None:
         whole(self, **how)
-        for tiles in self._taken_tiles:
+        for tiles in self._ghost_tiles:
             named(ranks.view(self.arrays.tile), "tile").count[tiles, int(self.arrays.grid.part)] //= 2
 
     ranks.RankDomain.fetch = half  # type: ignore[method-assign]
@@ -196,9 +196,9 @@ def no_foresight() -> None:
     ranks.RankDomain.bands = lambda self: whole(self) / ranks.HALO_GROWTH  # type: ignore[method-assign]
 
 
-def no_trails() -> None:
+def no_hashes() -> None:
     """Neighbours tell nothing of the disks that they ran."""
-    whole, swap = ranks.RankDomain.exchange_trails, ranks.RankDomain.exchange
+    whole, swap = ranks.RankDomain.exchange_hashes, ranks.RankDomain.exchange
 
     def silent(self: Any, again: bool) -> None:
         ranks.RankDomain.exchange = (
@@ -209,12 +209,12 @@ def no_trails() -> None:
         whole(self, again)
         ranks.RankDomain.exchange = swap  # type: ignore[method-assign]
 
-    ranks.RankDomain.exchange_trails = silent  # type: ignore[method-assign]
+    ranks.RankDomain.exchange_hashes = silent  # type: ignore[method-assign]
 
 
 def no_verification() -> None:
     """Hashes are exchanged, and nobody looks at them."""
-    ranks.RankWindows._verify = lambda self, watching: None  # type: ignore[method-assign]
+    ranks.RankWindows._verify = lambda self: None  # type: ignore[method-assign]
 
 
 def other_order() -> None:
@@ -256,7 +256,7 @@ def ids_below_0() -> None:
 FAULTS = {
     each.__name__: each
     for each in (
-        ids_below_0, no_foresight, half_a_ring, half_a_halo, no_trails, no_verification, other_order, wrong_owner,
+        ids_below_0, no_foresight, half_a_ring, half_a_halo, no_hashes, no_verification, other_order, wrong_owner,
         wrong_row,
     )
 }  # fmt: skip

@@ -111,10 +111,10 @@ REFUSED = {
     "a disk beyond": (lambda run: run.read("position", (0, -6)), "selection -6 of position: there are 5"),
     "slice of text": (lambda run: run.read("spin", slice("a", None)), "must be integers and slices"),
     "number for a field": (lambda run: run.read(5, 0), "name = 5: must be a text"),
-    "text for a frame": (lambda run: run["a"], "frame = 'a': a whole number"),
-    "half a frame": (lambda run: run[1.5], "frame = 1.5: a whole number"),
-    "list of disks": (lambda run: run.disk([1, 2]), r"disk = \[1, 2\]: a whole number"),
-    "text for a history": (lambda run: run.history("x"), "disk = 'x': a whole number"),
+    "text for a frame": (lambda run: run["a"], "frame = 'a': must be an integer"),
+    "half a frame": (lambda run: run[1.5], "frame = 1.5: must be an integer"),
+    "list of disks": (lambda run: run.disk([1, 2]), r"disk = \[1, 2\]: must be an integer"),
+    "text for a history": (lambda run: run.history("x"), "disk = 'x': must be an integer"),
     "list of constants": (lambda run: run.constants("mass", [1]), r"disks = \[1\]: must be a slice"),
     "number for a constant": (lambda run: run.constants(5), "name = 5: must be a text"),
     "number for frames": (lambda run: run.plot("disks", frames=5), "frames = 5: must be a sequence"),
@@ -122,7 +122,7 @@ REFUSED = {
         lambda run: run.plot("disks", frames=["a"]),
         r"frames\[0\] = 'a': must be an integer",
     ),
-    "number for a file": (lambda run: Trajectory(5), "path = 5: the path of a file"),
+    "number for a file": (lambda run: Trajectory(5), "path = 5: must be a text or a path"),
 }
 
 
@@ -561,8 +561,8 @@ def test_impossible_outputs_are_refused(tmp_path):
         unwritable.mkdir(mode=0o500)
     for path, reason in (
         (tmp_path, "is a folder"),
-        (tmp_path / "absent" / "run.h5", "there is no folder"),
-        (file / "run.h5", "there is no folder"),
+        (tmp_path / "absent" / "run.h5", "does not exist"),
+        (file / "run.h5", "does not exist"),
         (unwritable / "run.h5", "cannot be created"),
         (tmp_path / ("x" * 300), "name too long"),
         (Path("/dev/null"), "not a regular file"),
@@ -578,13 +578,13 @@ def test_impossible_outputs_are_refused(tmp_path):
     [
         ({"fields": ("positon",)}, "did you mean 'position'"),
         ({"fields": ("position", "position")}, "once"),
-        ({"precision": "f2"}, "allowed are f4, f8"),
+        ({"precision": "f2"}, "must be one of 'f4', 'f8'"),
         ({"compression": "gzp"}, "did you mean 'gzip'"),
         ({"parameters": {"case": ["a"]}}, r"parameters\['case'\] = \['a'\]: must be"),
         ({"parameters": {"": 1}}, "name of parameter"),
         ({"parameters": {"case": "a\0b"}}, "cannot be written"),
         ({"units": {"length": 1}}, r"units\['length'\] = 1: must be"),
-        ({"units": {"length": "reduced", "time": "s"}}, "unit of time = 's': either all"),
+        ({"units": {"length": "reduced", "time": "s"}}, "unit of time = 's': must be 'reduced' for all"),
     ],
 )
 def test_wrong_options_are_refused_and_leave_nothing(tmp_path, options, reason):

@@ -315,9 +315,9 @@ def test_files_of_layout_1_0_are_read(tmp_path):
 @pytest.mark.parametrize(
     ("time", "values", "said"),
     [
-        ("a", {"energy": 1.0}, "time = a: a finite time"),
-        (None, {"energy": 1.0}, "time = None: a finite time"),
-        (True, {"energy": 1.0}, "time = True: a finite time"),
+        ("a", {"energy": 1.0}, "time = a: must be a finite time"),
+        (None, {"energy": 1.0}, "time = None: must be a finite time"),
+        (True, {"energy": 1.0}, "time = True: must be a finite time"),
         (0.5, [1.0], r"series: must be numbers by name, not \[1\.0\]"),
         (0.5, {"energy": "b"}, "series energy = 'b': must be a number or numbers"),
     ],

@@ -394,8 +394,8 @@ if __name__ == "__main__":
     begin, end, chosen = map(int, sys.argv[1:4])
     tally = Counter[str]()
     with tempfile.TemporaryDirectory() as place:
-        for which, drawn, beside in cases(begin, end, chosen):
-            answer, problem = disagreement(drawn, beside, Path(place))
+        for which, drawn, rows in cases(begin, end, chosen):
+            answer, problem = disagreement(drawn, rows, Path(place))
             tally[answer] += 1
             if which % 100 == 99:
                 print(which + 1, dict(tally), flush=True)

@@ -8,7 +8,7 @@ percent of T: both are theories of homogeneous gases. In collisions per disk nei
 
     [4 f(h) - f(2 h)] / (2 h) = df/dtau - (h^2 / 3) d^3 f/dtau^3 + ...
 
-does not depend on the second derivative, in which correlations of spins show first. It is compared with the same of
+does not depend on the second derivative, in which correlations of spins show first. It is compared with that of
 the closed form; the third may be off by as much as the closed form's own, by which the left side differs from df/dtau.
 
 *What the closed form leaves out.* Spins and velocities are soon correlated, and spins grow tails: the table lists DSMC

@@ -66,10 +66,10 @@ def draw(axes: Any, found: dict[str, dict[float, list[Angles]]]) -> None:
     looks = zip(
         found.items(), (style.BLACK, style.ORANGE, style.BLUE), "s^o", (-2e-4, 0.0, 2e-4), strict=False
     )
-    for (name, each), colour, marker, beside in looks:
+    for (name, each), colour, marker, shift in looks:
         means = [mean_of(pieces, "surface") for pieces in each.values()]
         axes.errorbar(
-            [rate + beside for rate in each], [one.value for one in means], [one.error for one in means],
+            [rate + shift for rate in each], [one.value for one in means], [one.error for one in means],
             fmt=marker, mfc="none", color=colour, capsize=2.0, label=name,
         )  # fmt: skip
     axes.set(xlabel=r"$\Omega\ (d / g)^{1/2}$", ylabel="angle of the surface [degrees]", xlim=(0.0, None))

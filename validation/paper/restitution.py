@@ -12,8 +12,8 @@ that slides to the end, tan psi > (1 + k) mu (1 + e_n),
     P_t / m v_o = (1 + e_t) / (1 + k) sin psi + mu (1 + e_n) cos psi,
 
 so that e_com = v'/v and the angle of the centre hold k in (1 + e_t) / (1 + k) only: between 7/2 and 3 e_com changes by
-0.002, less than what it was read off to. They cannot tell the two; omega, with k in front of it, can, and so can the
-slip, with 1 + k.
+0.002, less than what it was read off to. They cannot distinguish the two; omega, with k in front of it, can, and so
+can the slip, with 1 + k.
 """
 
 from __future__ import annotations

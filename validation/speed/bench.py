@@ -38,7 +38,7 @@ from ...tools.versions import __version__
 
 RUNS, SECONDS = 5, 0.5
 LEAST_LAUNCHES = 3  # in a timed run
-SENT = ("messages", "rounds", "ghosts", "trails", "sums", "seconds")
+SENT = ("messages", "rounds", "ghosts", "hashes", "sums", "seconds")
 PIECES = 20  # of what passes before the first timed run, for its progress
 RADIUS, MASS, TEMPERATURE = 0.5, 1.0, 1.0  # reduced units: lengths are in diameters
 
@@ -195,7 +195,7 @@ class Benchmark:
             "memory": f"{self.bytes_per_disk:.4g} bytes a disk",
         }
         if self.sent is not None:
-            kinds = (("ghosts", "disks"), ("trails", "hashes and ways"), ("sums", "sums"))
+            kinds = (("ghosts", "disks"), ("hashes", "hashes and ways"), ("sums", "sums"))
             sizes = ", ".join(f"{self.sent[name] / 1e3:.4g} kB of {what}" for name, what in kinds)
             rows["ranks"] = (
                 f"{self.ranks}; in a window one sends {self.sent['messages']:.3g} messages: {sizes}"

@@ -57,7 +57,7 @@ def output_cost(
                 span = Span.to(n, begun, simulation.collisions, t_end=begun + length)
                 frames = Cadence(number=FRAMES if way == ALL else 1)
                 rows = Cadence(number=ROWS_PER_FRAME * FRAMES, exact=False) if way == ALL else None
-                # As in a run that goes on: the piece before has its last frame and row.
+                # As in a longer run: the piece before has its last frame and row.
                 course = Course(span, frames, rows, next_frame=1, next_row=1)
                 output: dict[str, Any] = {
                     "frame_callbacks": [recorder.frame],

@@ -23,7 +23,7 @@ FAULTS = (
     "no_foresight",
     "half_a_ring",
     "half_a_halo",
-    "no_trails",
+    "no_hashes",
     "no_verification",
     "other_order",
     "wrong_owner",
@@ -86,7 +86,7 @@ def test_faults_are_found_out(told: dict[str, dict[str, Any]]) -> None:
     a window is left to the whole box, disks stand in another order in their lists.)
     """
     found = {fault: told[f"2:cooling:{fault}"] for fault in FAULTS}
-    for fault in ("half_a_ring", "no_trails", "wrong_owner"):
+    for fault in ("half_a_ring", "no_hashes", "wrong_owner"):
         assert "were run by no rank" in found[fault]["error"]
     assert set(found["no_foresight"]["differ"]) <= {"totals"}
     assert found["no_foresight"]["whole"] > 0

@@ -89,9 +89,9 @@ def scene(name: str, seed: int) -> tuple[Disks, State, list[tuple[float, int, in
 @pytest.mark.parametrize("serial", [True, False])
 @pytest.mark.parametrize("name", SCENES)
 def test_collisions_with_disks_and_walls_are_those_of_the_serial_code(
-    name: str, alone: bool, monkeypatch: pytest.MonkeyPatch
+    name: str, serial: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    if not alone:
+    if not serial:
         monkeypatch.setattr("ifrdem.simulation.arrays.SINGLE_TILE", 50)
     walls, (e_n, e_t, mu, contact_point, rho), gravity = SCENES[name]
     sticking = "contact_point" if contact_point else "percussion_center"
