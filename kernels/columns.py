@@ -38,7 +38,7 @@ class Columns:
     """Names of the columns of an array, in order.
 
     A name is followed by nothing, by a number of columns (`count=2`), by a table (`losses=MECHANISM`), or by both
-    (`moment=(9, MOMENT)`).
+    (`contact=(4, HELD_CONTACT)`).
 
     Attributes
     ----------
@@ -152,15 +152,13 @@ FORCES = 4
 HELD_CONTACT = Columns(other=None, force=FORCES)
 HELD = Columns(contact=(4, HELD_CONTACT))
 HISTORY_HASH = Columns(**columns("hash_1", "hash_2"))
-# Slot of a disk that collided, its tile, 1 for one of each pair.
-NOTE = Columns(**columns("slot", "tile", "counts"))
 
 # ---------------------------------------------------------------------- tiles
 
 # First slot (within its part) and number of disks at the window's beginning and end, by part; ghost records; 1 if it
 # has to be run again; disks gathered; 1 for a tile of this rank, if there are several ranks of MPI
-# (`ifrdem/simulation/ranks.py`); the first note that may be of its latest run.
-TILE = Columns(start=2, count=2, **columns("ghosts", "n_ghosts", "bad", "gathered", "owned", "noted"))
+# (`ifrdem/simulation/ranks.py`).
+TILE = Columns(start=2, count=2, **columns("ghosts", "n_ghosts", "bad", "gathered", "owned"))
 # Halo; bound on how far its own disks came beyond its sides; their largest displacement; how far they are beyond its
 # sides at the end; halo over the initial one of all tiles.
 REACH = Columns(**columns("halo", "excursion", "max_displacement", "overhang", "halo_factor"))
@@ -220,6 +218,8 @@ EVENT = Columns(
 EVENT_INT = Columns(
     **columns("tile", "id", "partner"), image=2, **columns("how", "number", "unused"),
 )  # fmt: skip
+# A collision of two disks: tile; ids of both, the smaller first.
+PAIR = Columns(**columns("tile", "id", "partner"))
 
 # ---------------------------------------------------------------------- of the whole gas
 
@@ -227,32 +227,31 @@ EVENT_INT = Columns(
 # on a wall, events without progress; bad tiles; events; windows; rows of events; 1 where only the listed tiles are run;
 # of a gas in one tile: 1 where it pauses at the moment of a snapshot; 1 where it resumes there; 1 where it has
 # paused at a time, BY_COUNT at a number of collisions; bad tiles with the widest halo; 1 where no window of a
-# launch may follow; windows in which resting disks were not determined, and disks that fell asleep at speed; notes.
+# launch may follow; windows in which resting disks were not determined, and disks that fell asleep at speed; rows
+# of pairs.
 COUNTER = Columns(**columns(
     "next_tile", "n_ghosts", "full", "n_slots", "needed", "resting", "stalled", "n_bad", "n_events", "n_windows",
-    "n_watched", "again", "pausing", "resuming", "paused", "stuck", "halted", "unjudged", "jammed", "n_noted",
+    "n_watched", "again", "pausing", "resuming", "paused", "stuck", "halted", "unjudged", "jammed", "n_pairs",
 ))  # fmt: skip
 # Begin and end of the window; where to stop (time, collisions in all), to pause, when a force acts; what sets the
 # length of windows: a path, the side of a tile, the speed of walls; unit of squares of speeds; path in a gas that fills
 # the box, collisions in a window of that; root mean square of speeds at the beginning; the longest window that may be;
-# when gravity last turned.
+# when gravity last turned; number of disks; at the window's beginning the largest speed, and how far disks are beyond
+# the sides of the tiles that list them.
 CLOCK = Columns(**columns(
     "begin", "end", "stop", "wanted", "pause", "pause_after", "kick", "path", "tile_side", "wall_speed",
-    "square_unit", "free_path", "in_window", "speed", "longest", "turned",
+    "square_unit", "free_path", "in_window", "speed", "longest", "turned", "n", "fastest", "overhang",
 ))  # fmt: skip
 # Disks; tiles; lanes; slots, cells, bins and walls of a lane; part of the window's beginning; periodic sides; walls;
 # seed; 1 where one tile is the whole box; ghost records; rows of cells of all; slots of a part; verification on; small
 # cells along a large one; a 0 that no compiler knows; threads of a GPU for each tile's events, of which one works; room
-# for moments and for notes; the first piston among the rows of walls, or -1.
+# for moments; rows of pairs; the first piston among the rows of walls, or -1.
 GRID = Columns(**columns(
     "n", "tiles_x", "tiles_y", "lanes", "lane_slots", "cells", "bins", "items", "part", "periodic_x", "periodic_y",
     "walls", "seed_low", "seed_high", "single_tile", "most_ghosts", "tiles_aside", "boxes_aside", "room", "watching",
-    "most_events", "coarse", "opaque_zero", "stride", "moments", "notes", "first_piston",
+    "most_events", "coarse", "opaque_zero", "stride", "moments", "most_pairs", "first_piston",
 ))  # fmt: skip
 MOST_MOMENTS = 8
-# Time at which the part of a moment is written; time until which notes are taken for it, which is later only for a
-# moment of a collision.
-MOMENT = Columns(**columns("begin", "until"))
 # Box; least side of a cell; window; largest diameter; what rounds positions; gravity; cut-off; contact time; shear
 # rate; speed of a row of tiles relative to the one below, and its shift beyond whole tiles; the largest radius of disks
 # in small cells; the halo that tiles begin with, and the widest; the part of it for disks that hit one another in
@@ -262,7 +261,7 @@ SCALE = Columns(
         "length_x", "length_y", "cell_side", "window", "widest", "rounding_constant", "gx", "gy", "cutoff",
         "contact_time", "shear", "drift", "aside", "split", "usual_halo", "most_halo", "chain", "least_side",
     ),
-    moment=(MOST_MOMENTS + 1, MOMENT),
+    moment=MOST_MOMENTS + 1,
 )  # fmt: skip
 
 # ---------------------------------------------------------------------- walls
@@ -349,11 +348,11 @@ DSMC_TABLES: dict[str, Columns] = {
 
 TABLES: dict[str, Columns] = {
     "disk": DISK, "meta": META, "past": PAST, "hits": HITS, "spent": MECHANISM, "held": HELD, "kinds": KIND,
-    "history_hash": HISTORY_HASH, "note": NOTE, "note_tally": TALLY,
+    "history_hash": HISTORY_HASH,
     "tile": TILE, "reach": REACH, "tally": TALLY, "found": TOTAL, "ghost": GHOST, "ghost_position": GHOST_POSITION,
     "motion": MOTION, "event_info": EVENT_INFO, "image_info": IMAGE_INFO, "start_position": START_POSITION,
     "candidates": CANDIDATE, "loss": MECHANISM, "rest": REST, "contact": CONTACT, "cached_force": HELD,
-    "residual_acceleration": RESIDUAL_ACCELERATION, "event": EVENT, "event_int": EVENT_INT,
+    "residual_acceleration": RESIDUAL_ACCELERATION, "event": EVENT, "event_int": EVENT_INT, "pair": PAIR,
     "counter": COUNTER, "clock": CLOCK, "grid": GRID, "scale": SCALE, "sums": TALLY, "total": TOTAL,
     "walls": WALL, "law": LAW,
     "real_out": REAL_OUT, "int_out": INT_OUT, "past_out": PAST, "hits_out": HITS_OUT, "spent_out": MECHANISM,
@@ -362,16 +361,16 @@ TABLES: dict[str, Columns] = {
 """Tables of the columns of arrays, by the names that kernels give them; others have numbers."""
 TYPES: dict[str, str] = {
     "disk": REAL, "meta": I32, "past": F64, "hits": I32, "spent": F64, "held": F64, "slept": I32, "kind": I32,
-    "kinds": REAL, "history_hash": I32, "displacement": F32, "slot_before": I32, "snapshot_time": REAL,
+    "kinds": REAL, "history_hash": I32, "displacement": F32, "slot_before": I32,
     "tile": I32, "listed": I32, "blocks": I32, "reach": REAL, "edge_x": F64, "edge_y": F64, "ghost": I32,
     "ghost_position": REAL, "motion": REAL, "event_info": I32, "image_info": I32, "start_position": REAL,
     "candidates": I32, "since": REAL, "turn": F64, "loss": F64, "rest": I32, "contact": F64, "cached_force": F64,
     "residual_acceleration": F64, "head": I32, "bin": I32, "wall_start": I32, "wall_item": I32, "walls": REAL,
-    "watched": I32, "event": REAL, "event_int": I32,
+    "watched": I32, "event": REAL, "event_int": I32, "pair_time": REAL, "pair": I32,
 }  # fmt: skip
 """Types of the numbers of arrays on the device."""
 AXES = {
-    "tile": 2, "reach": 2, "found": 2, "note": 2, "note_tally": 2, "tally": 3, "law": 3, "real_out": 2, "int_out": 2,
+    "tile": 2, "reach": 2, "found": 2, "tally": 3, "law": 3, "real_out": 2, "int_out": 2,
     "past_out": 2, "hits_out": 2, "spent_out": 2, "totals": 2, "todo": 2, "pairs": 2,
 }  # fmt: skip
 """Axes of arrays that have more than one, by the names that kernels give them; a vector of columns is none."""
@@ -418,10 +417,11 @@ MOST_IDS = 2**32 - 1
 _PARTS = 3  # of the state: at the beginning and end of a window, and at a moment in it
 GHOST_BYTES = 14  # of ghost records of disks in halos, for each disk
 # Bytes that the arrays take for each disk in double precision. Further moments of gases of up to SNAPSHOT_DISKS disks
-# have another 28 MB in all, those of collisions 8 bytes a disk more.
+# have another 28 MB in all. Frames at numbers of collisions in tiles take PAIR_BYTES for each collision in a window.
 BYTES_PER_DISK = (
     _PARTS * bytes_of("disk", "meta") + bytes_of("history_hash", "displacement", "slot_before") + GHOST_BYTES
 )
+PAIR_BYTES = bytes_of("pair_time", "pair")
 SNAPSHOT_DISKS = 500_000  # times moments of a window for which there is room, at least of one moment
 CONTACTS_PER_DISK = 8  # for which there is room, on average
 RESTING_BYTES = (  # more, of disks that may rest: room for contacts of each, and the forces at four

@@ -18,7 +18,7 @@ from .contact import ELASTIC, ROLLS, STICKS, collided
 from .flights import contact_delay, rounding
 from .language import on_gpu, ti
 from .layout import (
-    AT_END, AT_MOMENT, BY_COUNT, BY_LAW, BY_REMEDY, ELASTICALLY, FAR, FIRST_WALL, FULL_WATCHED, NO_PARTNER,
+    AT_END, AT_MOMENT, BY_COUNT, BY_LAW, BY_REMEDY, ELASTICALLY, FAR, FIRST_WALL, FULL_PAIRS, NO_PARTNER,
     PAIRS,
 )  # fmt: skip
 from .particle import (
@@ -28,7 +28,7 @@ from .particle import (
 from .rest import (
     count_hit, fall_asleep, is_support, is_wedged, set_at_rest, set_in_motion, sleeps, time_to_sleeper, wake,
 )  # fmt: skip
-from .tiles import head_at, layer_of, scale_of, take_note, write
+from .tiles import head_at, layer_of, scale_of, write
 from .walls.cells import first_wall, other_image
 from .walls.collision import hit_wall
 from .walls.images import from_partner, wall_of
@@ -327,15 +327,14 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     note_speed(b, gas)
     gas.event_info[a].last = b
     gas.event_info[b].last = a
-    if gas.grid.watching == PAIRS and gas.event_info[a].own_rank > 0:
-        row = ti.atomic_add(gas.counter.n_watched, 1)
-        if row < gas.grid.most_events:
-            gas.event[row].time = t
-            gas.event_int[row].tile = tile
-            gas.event_int[row].id = gas.event_info[a].id
-            gas.event_int[row].partner = gas.event_info[b].id
+    if (gas.grid.watching & PAIRS) > 0 and gas.event_info[a].own_rank > 0:
+        row = ti.atomic_add(gas.counter.n_pairs, 1)
+        if row < gas.grid.most_pairs:
+            gas.pair_time[row] = t
+            gas.pair[row].tile = tile
+            gas.pair[row].id, gas.pair[row].partner = gas.event_info[a].id, gas.event_info[b].id
         else:
-            ti.atomic_or(gas.counter.full, FULL_WATCHED)
+            ti.atomic_or(gas.counter.full, FULL_PAIRS)
     if ti.static(gas.uses.watched):
         before = ti.Vector([vx_a, vy_a_0, w_a_0, vx_b, vy_b_0, w_b_0])
         after = ti.Vector([new_vx_a, vy_a, w_a, new_vx_b, vy_b, w_b])
@@ -539,14 +538,13 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
     """All events of a window in a region of n disks at places from `places` on, which have been laid out.
 
     Own disks are written at moments that are asked for, and, on a CPU, at the end; on a GPU a team does, which has
-    predicted their first events too. Where the time of a moment is not known yet, disks that collide are noted. A gas
-    in one tile may pause at a moment, or after the last of so many collisions, and goes on when `resuming`.
+    predicted their first events too. A gas in one tile may pause at a moment, or after the last of so many collisions,
+    and goes on when `resuming`.
     """
     lane = region.lane
     offset, bins = lane * gas.grid.lane_slots, lane * gas.grid.bins
     window = gas.scale.window
-    moment = gas.scale.moment[0].begin
-    noting = -1.0 + 0.0 * window  # until when
+    moment = gas.scale.moment[0]
     present, fresh, written, going = 0, n, 0, 1
     if resuming == 0:
         fresh = 0
@@ -567,7 +565,6 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
         all_look, stop, stopped = 0, window, -1  # for a piston, after an event of it
         x_low, x_high, y_low, y_high = -1, 1, -1, 1
         keeps = 0
-        collided_at = FAR + 0.0 * window
         if fresh < n:
             first, looking, half, x_low = offset + fresh, 1, 1, 0
             fresh += 1
@@ -598,9 +595,8 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
             writing = -1
             if moment < FAR and (i < 0 or t > moment):
                 writing = AT_MOMENT + written
-                noting = ti.max(noting, gas.scale.moment[written].until)
                 written += 1
-                moment = gas.scale.moment[written].begin
+                moment = gas.scale.moment[written]
                 if pausing == 1:
                     gas.counter.paused = pauses
                     going = 0
@@ -636,11 +632,10 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                         take_out(partner, bins, gas)
                         collide(i, partner, t, tile, region, gas)
                         second, looking = partner, 2
-                        collided_at = t
                         if pausing == 1 and pauses == 1:
                             if gas.sums.collisions + gas.tally[tile, AT_END].collisions >= gas.clock.wanted:
                                 moment, written, pauses = t, 0, BY_COUNT
-                                gas.scale.moment[0].begin, gas.scale.moment[0].until = t, t
+                                gas.scale.moment[0] = t
                 else:
                     if ti.static(gas.uses.walled):
                         since = gas.motion[i].tau
@@ -652,7 +647,6 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                             if how >= ELASTIC and is_support(wall_of(from_partner(partner)), gas):
                                 count_hit(i, t, since, gas)
                                 fall_asleep(i, t, tile, gas)
-                        collided_at = t
                 if events - checked > patience:
                     # So many events without progress of time have no end.
                     if t - checked_at < 1e-9 * window:
@@ -667,8 +661,6 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
             i = first
             if q == 1:
                 i = second
-            if collided_at <= noting:
-                take_note(i, collided_at, tile, gas)
             if ti.static(gas.uses.pistons):
                 if all_look == 1:
                     i = offset + q

@@ -2,12 +2,10 @@
 
 A *slot* is an index in the list of a tile's disks. All that lasts from window to window is kept by slot, by *part*: the
 window's beginning and its end (0 and 1, which alternate), and moments in it that were asked for (2 and more, as
-many as there is room for). Slots of part p begin at p * room, *notes* behind all parts.
+many as there is room for). Slots of part p begin at p * room.
 
-A moment is a time, or that of a collision with a number, known only when all tiles have run. Of that the part is
-written somewhat before, with disks where their latest collisions left them (at `snapshot_time`), and until somewhat
-later each disk that collides leaves a note of the same kind. The latest note of a disk up to the moment, or else the
-part, has the flight on which it is then (`readout.interpolate_snapshot`).
+A moment is a time. That of a collision with a number follows from the times of all collisions in the window, which is
+then run again to write the moment.
 
 Real numbers are f64, or f32 where a run asks for that; sums and times of the run are f64 always (`columns.TYPES`).
 
@@ -20,17 +18,12 @@ past                   (rows,)        time of the latest collision, and angle tu
 hits                   (rows,)        hits of walls and the latest partner, of gases that ask
 spent                  (rows,)        energy that collisions took, by mechanism: half of a pair's; of gases that ask
 slept                  (rows,)        AWAKE, ASLEEP, WOKEN or ASLEEP_UNVERIFIED, of gases that rest (`rest.py`)
-snapshot_time          (parts room,)  time of the collision up to which a disk of parts from SNAPSHOT on was flown, in a
-                                      window
-note                   (notes,)       slot of a disk that collided, its tile, 1 for one of each pair
-note_at                (notes,)       when it was, since the beginning of the window
-note_tally             (notes, ...)   the tally of its tile after that
 kind                   (n,)           kind of each disk, by id; of a gas on several ranks by row of `disk`, (rows,)
 kinds                  (kinds,)       what disks of a kind share
 history_hash           (room,)        hash of the history of the disk at a slot of the window's beginning, by its tile
 displacement           (room,)        bound on how far it came, in largest diameters
 slot_before            (room,)        slot at the window's beginning of the one at its end
-tile                   (tiles, ...)   where its lists begin and how long they are, by part; ghosts; state; owner; notes
+tile                   (tiles, ...)   where its lists begin and how long they are, by part; ghosts; state; owner
 reach                  (tiles, ...)   halo, and what decides if it was wide enough
 edge_x/y               (tiles + 1,)   sides of the columns and rows of tiles, on the grid of positions
 tally                  (tiles,        sums over the window to its end, and to moments asked for; behind them those of
@@ -38,6 +31,7 @@ tally                  (tiles,        sums over the window to its end, and to mo
                        ...)
 ghost, ghost_position  (ghosts,)      of copies of other tiles' disks: slot, hash of the history here, where they began
 event, event_int       (events,)      collisions of tracked disks, and their ids
+pair_time, pair        (pairs,)       times of collisions of two disks, and their ids
 found                  (blocks, ...)  sums over BLOCK_OF_TILES tiles
 total                  (...)          the same over all
 watched                (n,)           1 for tracked disks, by id
@@ -56,9 +50,9 @@ ELASTICALLY = 4  # of the regimes in the tally
 AT_END, AT_MOMENT = range(2)  # times of the tally: end of the window, first of the moments
 AWAKE, ASLEEP, WOKEN, ASLEEP_UNVERIFIED = range(4)  # ASLEEP_UNVERIFIED: given by a state
 BY_COUNT = 2  # a gas in one tile has paused for the number of collisions
-FULL_SLOTS, FULL_CELLS, FULL_GHOSTS, FULL_WALLS, FULL_WATCHED = 1, 2, 4, 8, 16
+FULL_SLOTS, FULL_CELLS, FULL_GHOSTS, FULL_WALLS, FULL_WATCHED, FULL_PAIRS = 1, 2, 4, 8, 16, 32
 BY_LAW, BY_REMEDY, BY_HEAT = range(3)  # kind of a collision
-PAIRS, TRACKED = 1, 2  # what is watched: times of all pairs, or all that happens to some disks
+PAIRS, TRACKED = 1, 2  # what is written down: the collisions of all pairs, and all that happens to some disks
 TEAM = 32  # threads of a GPU that share a tile
 HALO_DECAY = 0.97  # a halo that had to be wider is so in the next windows too, less from window to window
 BLOCK = 1024

@@ -117,7 +117,7 @@ def watched_row(i, t, tile, region: ti.template(), gas: ti.template()):
     """Begin a row of `event` for a collision of the disk in slot i at time t; -1 if it is not tracked, or no room."""
     info, image = gas.event_info[i], gas.image_info[i]
     row = -1
-    if gas.grid.watching == TRACKED and info.own_rank > 0:
+    if (gas.grid.watching & TRACKED) > 0 and info.own_rank > 0:
         if gas.watched[info.id] > 0:
             row = ti.atomic_add(gas.counter.n_watched, 1)
             if row >= gas.grid.most_events:

@@ -5,11 +5,10 @@ And how the host gets small arrays, and rows of others, from a GPU and back.
 
 from .columns import MECHANISM, READOUT, REAL_OUT, SMALL
 from .language import Rows, Table, has_numbers, spread_of_loops, ti, width
-from .layout import ASLEEP, ASLEEP_UNVERIFIED, AT_MOMENT, SNAPSHOT
+from .layout import ASLEEP, ASLEEP_UNVERIFIED, SNAPSHOT
 from .particle import listed_kind, round_products
 from .shear import flow_at, frame_speed
 from .signature import Arrays, kernel
-from .tiles import fly
 
 
 @ti.func
@@ -132,47 +131,6 @@ def read_out(
                         )
             for c in ti.static(range(READOUT.width)):
                 gas.totals[k][c] = total[c]
-
-
-@kernel
-def interpolate_snapshot(
-    m: ti.i32,
-    time: ti.f64,
-    n_notes: ti.i32,
-    n_slots: ti.i32,
-    gas: Arrays("uses grid scale tile disk meta past hits spent snapshot_time note note_at note_tally tally"),
-):
-    """Bring moment m of a window, the time of which was not known, to a time since the window's beginning.
-
-    Latest notes first, then flights. Notes of a disk stand in the order of time, for one tile took them.
-    """
-    for _ in range(1):
-        first = gas.scale.moment[m].begin
-        for n in range(n_notes):
-            at, k = gas.note_at[n], gas.note[n].tile
-            if at > first and at <= time and n >= gas.tile[k].noted:
-                slot = m * gas.grid.room + gas.note[n].slot
-                row, noted = (
-                    SNAPSHOT * gas.grid.room + slot,
-                    (SNAPSHOT + gas.grid.moments) * gas.grid.room + n,
-                )
-                gas.snapshot_time[slot] = ti.cast(at, float)
-                gas.disk[row].vector, gas.meta[row].vector = gas.disk[noted].vector, gas.meta[noted].vector
-                if ti.static(gas.uses.remembers or gas.uses.turned):
-                    gas.past[row].vector = gas.past[noted].vector
-                if ti.static(gas.uses.walled or gas.uses.partnered):
-                    gas.hits[row].vector = gas.hits[noted].vector
-                if ti.static(gas.uses.itemised):
-                    gas.spent[row].vector = gas.spent[noted].vector
-                for column in range(gas.tally.shape[2]):
-                    gas.tally[k, AT_MOMENT + m][column] = gas.note_tally[n][column]
-    for slot in range(n_slots):
-        round_products(gas)
-        now = ti.cast(time, float)
-        fly(
-            (SNAPSHOT + m) * gas.grid.room + slot, now - gas.snapshot_time[m * gas.grid.room + slot], now,
-            gas.scale.gx * now, gas.scale.gy * now, gas,
-        )  # fmt: skip
 
 
 @kernel

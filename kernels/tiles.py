@@ -243,7 +243,6 @@ def begin(tile, gas: ti.template()):
     if gas.grid.single_tile == 1:
         last = gas.grid.tiles_x * gas.grid.tiles_y - 1
     for k in range(tile, last + 1):
-        gas.tile[k].noted = gas.counter.n_noted
         for when in range(AT_MOMENT + gas.grid.moments):
             for column in range(gas.tally.shape[2]):
                 gas.tally[k, when][column] = 0.0
@@ -522,43 +521,20 @@ def fly(row, dt, time, fall_x, fall_y, gas: ti.template()):
 
 
 @ti.func
-def take_note(i, t, tile, gas: ti.template()):
-    """Note the disk in slot i, if it is the tile's own, after its collision at t, and what the tile has added up."""
-    info = gas.event_info[i]
-    if info.own_rank > 0:
-        n = ti.atomic_add(gas.counter.n_noted, 1)
-        if n < gas.grid.notes:
-            slot, x, y, lap_x, lap_y = last_hit(i, gas)
-            if gas.grid.single_tile == 0:
-                slot += gas.tile[tile].start.other[gas.grid.part]
-            row = (SNAPSHOT + gas.grid.moments) * gas.grid.room + n
-            store(i, row, x, y, gas.motion[i].vx, gas.motion[i].vy, lap_x, lap_y, gas)
-            partner, counts = info.last, 0
-            if partner >= 0:
-                counts = ti.cast(info.id < gas.event_info[partner].id, ti.i32)
-            gas.note[n].slot, gas.note[n].tile, gas.note[n].counts = slot, tile, counts
-            gas.note_at[n] = ti.cast(t, ti.f64)
-            for column in range(gas.tally.shape[2]):
-                gas.note_tally[n][column] = gas.tally[tile, AT_END][column]
-
-
-@ti.func
 def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()):
     """Write own disks to their slots, as they are at the window's end, or at a moment asked for.
 
-    At the end, where a window begins next, histories and ghost records are written. A moment whose time is not known
-    yet has disks where their latest collisions left them. A `team` of threads shares the n disks.
+    At the end, where a window begins next, histories and ghost records are written. A `team` of threads shares the n
+    disks.
     """
     offset = region.lane * gas.grid.lane_slots
     base = gas.tile[tile].start.other[gas.grid.part]
     part = 1 - gas.grid.part
     time = gas.scale.window
-    known = 1
     if when >= AT_MOMENT:
         m = when - AT_MOMENT
         part = SNAPSHOT + m
-        time = gas.scale.moment[m].begin
-        known = ti.cast(gas.scale.moment[m].until <= time, ti.i32)
+        time = gas.scale.moment[m]
         for column in range(gas.tally.shape[2]):
             gas.tally[tile, when][column] = gas.tally[tile, AT_END][column]
     if ti.static(gas.uses.pistons):
@@ -582,10 +558,7 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
                 fall_x, fall_y = gas.scale.gx * time, gas.scale.gy * time
                 if gas.rest[i].asleep == ASLEEP:
                     fall_x, fall_y = 0.0 * time, 0.0 * time
-            if known == 1:
-                fly(row, time - gas.motion[i].tau, time, fall_x, fall_y, gas)
-            else:
-                gas.snapshot_time[row - SNAPSHOT * gas.grid.room] = gas.motion[i].tau
+            fly(row, time - gas.motion[i].tau, time, fall_x, fall_y, gas)
             if when == AT_END:
                 x, y = gas.disk[row].x, gas.disk[row].y
                 gas.history_hash[gas.image_info[i].slot].hash_1 = gas.event_info[i].hash_1

@@ -25,8 +25,8 @@ from ..tools.checked import (
     Count,
     Fraction,
     NonNegative,
-    Number,
     Numbers,
+    Packed,
     Positive,
     PositiveColumn,
     Real,
@@ -153,12 +153,9 @@ def compressibility(packing_fraction: Fraction, contact: NonNegative, e_n: Fract
     return 1.0 + (1.0 + e_n) * packing_fraction * contact
 
 
-_Packed = Annotated[float, Number(1e-12, 0.9, "a number above 0 (from 1e-12) to 0.9")]
-
-
 @validated
 def contact_from_rate(
-    rate: NonNegative, *, packing_fraction: _Packed, temperature: Positive, mass: Positive, radius: Positive
+    rate: NonNegative, *, packing_fraction: Packed, temperature: Positive, mass: Positive, radius: Positive
 ) -> float:
     """The contact value chi that a collision rate [1/time] of equal disks shows: `theory.collision_rate` inverted.
 

@@ -218,7 +218,7 @@ def contact_value(
     if np.count_nonzero(used) < 8:
         raise InputError(
             f"{pairs.sum():.0f} pairs between 1 and {1.0 + CONTACT_RANGE} diameters are too few to "
-            "extrapolate g to contact: more disks or frames are needed"
+            "extrapolate g to contact: take more disks or frames"
         )
     r = 0.5 * (counted.edges[1:] + counted.edges[:-1])
     x, y = r[used] / sigma - 1.0, np.log(counted.count[used] / counted.ideal[used])

@@ -206,6 +206,6 @@ def _refuse_changed(path: Path, extra: Mapping[str, Any]) -> None:
     more = f" (and {len(lines) - 6} lines more)" if len(lines) > 6 else ""
     raise InputError(
         f"{path}: the case file {case} has changed since the run began: {'; '.join(lines[:6])}{more}. A run goes on "
-        "only as it began: put the file back, or --ignore-case-changes goes on with the case as it was; for a new "
+        "only as it began: put the file back, or --ignore-case-changes resumes the case as it was; for a new "
         f'case, begin a new run from a stored frame: start.positions = "{extra["trajectory"]}"'
     )

@@ -146,6 +146,8 @@ class DeviceArrays:
     displacement: Any
     event: Any
     event_int: Any
+    pair_time: Any
+    pair: Any
     found: Any
     blocks: Any
 
@@ -197,7 +199,7 @@ class DeviceArrays:
         words = np.array([options.seed & 0xFFFFFFFF, options.seed >> 32], dtype=np.uint32)
         self.grid.seed_low, self.grid.seed_high = words.view(np.int32)
         # Where there are more disks, on several ranks, no kernel asks how many.
-        self.grid.n, self.grid.lanes = min(n, ADDRESSABLE), 1
+        self.grid.n, self.grid.lanes, self.clock.n = min(n, ADDRESSABLE), 1, n
         self.grid.walls = len(walls)
         self.grid.periodic_x, self.grid.periodic_y = box.periodic
         self.widest: float = 2.0 * float(disks.radius.max()) if n else 1.0
@@ -228,13 +230,13 @@ class DeviceArrays:
         self.sums: NDArray[np.float64] = np.zeros(self.columns)
         self._lanes = 0
         self.batch: int = 0
-        self.make_notes(0)
         self.make_parts(2, self.domain.first_slots(n))
         self.watched: Any
         self.make("watched", n if uses.watched else 1)
         self.scratch(0, 0, 0, 0)
         self.make_ghosts(0)
         self.events(0)
+        self.make_pairs(0)
 
     # ------------------------------------------------------------------ room
 
@@ -262,12 +264,12 @@ class DeviceArrays:
         setattr(self, name, new)
 
     def make_parts(self, parts: int, room: int) -> None:
-        """Room for the state of so many disks at so many times, and for notes; what is there already stays.
+        """Room for the state of so many disks at so many times; what is there already stays.
 
         Times are the beginning and end of a window, and moments in it.
         """
-        notes, kept = int(self.grid.notes), self.state_arrays()
-        rows = parts * room + notes
+        kept = self.state_arrays()
+        rows = parts * room
         self._check_addresses(rows)
         before = {name: self.values(name).copy() for name in self.state_names()} if self.room else {}
         for name in before:
@@ -283,30 +285,17 @@ class DeviceArrays:
                     new[part * room : part * room + same] = old[part * self.room : part * self.room + same]
         for name in ("history_hash", "displacement", "slot_before"):
             self.make(name, room)
-        self.make("snapshot_time", (parts - 2) * room if notes else 1)
         self.parts, self.room = parts, room
         self.grid.moments, self.grid.room = parts - 2, room
 
-    def make_moments(self, needed: int = 1, notes: int = 0) -> int:
-        """Make room for so many moments within a window, or for the most that there may be: for how many.
-
-        And for so many `notes` of each, if there is need of them (`kernels/layout.py`).
-        """
+    def make_moments(self, needed: int = 1) -> int:
+        """Make room for so many moments within a window, or for the most that there may be: for how many."""
         most = max(1, min(MOST_MOMENTS, SNAPSHOT_DISKS // max(self.n, 1)))
         moments = max(self.parts - 2, 1 if needed == 1 else most)
-        if moments > self.parts - 2 or notes * moments > self.grid.notes:
-            if notes * moments > self.grid.notes:
-                self.make_notes(1 << (notes * moments).bit_length())
+        if moments > self.parts - 2:
             self.make_parts(2 + moments, self.room)
             self._make_sums()
         return self.parts - 2
-
-    def make_notes(self, notes: int) -> None:
-        """Arrays of the host for so many notes."""
-        self.grid.notes, rows = notes, max(notes, 1)
-        self.note: NDArray[np.int32] = np.zeros((rows, TABLES["note"].width), dtype=np.int32)
-        self.note_at: NDArray[np.float64] = np.zeros(rows)
-        self.note_tally: NDArray[np.float64] = np.zeros((rows, self.columns))
 
     def _check_addresses(self, rows: int) -> None:
         if 8 * rows > ADDRESSABLE:
@@ -351,6 +340,13 @@ class DeviceArrays:
         self.make("event", most)
         self.make("event_int", most)
 
+    def make_pairs(self, most: int) -> None:
+        """Room for so many collisions of two disks that are written down."""
+        self._check_addresses(most)
+        self.grid.most_pairs = most
+        self.make("pair_time", most)
+        self.make("pair", most)
+
     # ------------------------------------------------------------------ tiles
 
     def divide(self, tiles: tuple[int, int], low: NDArray[np.float64], high: NDArray[np.float64]) -> None:
@@ -394,6 +390,15 @@ class DeviceArrays:
         self.total: NDArray[np.float64] = np.zeros(0)
         self._make_sums()
         self.scale.length_x, self.scale.length_y = (edge[-1] - edge[0] for edge in edges)
+        self.scale.least_side = self.least_side
+
+    @property
+    def least_side(self) -> float:
+        """Beyond it around a tile, the tiles around it would not have all disks [length]."""
+        sides = [float(np.diff(edge).min()) for edge in self.edges]
+        if self.uses.sheared:
+            sides[0] /= 2.0  # rows above and below lie askew by up to half a tile
+        return min(sides)
 
     def _make_sums(self) -> None:
         """Room for what tiles add up in a window, to its end and to each moment; sums that are known stay."""

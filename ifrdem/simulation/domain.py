@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..kernels import layout as k
 from ..kernels.columns import named
-from ..kernels.windows import sum_shared
+from ..kernels.sums import sum_shared
 from ..mpi import SERIAL, Communicator
 
 if TYPE_CHECKING:

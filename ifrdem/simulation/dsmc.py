@@ -256,7 +256,7 @@ class DSMC(ReadOnlyAttributes):
     ) -> None:
         n = disks.n
         if n < 2 or not disks.movable.all():
-            raise InputError(f"disks: two at least, of finite mass, are needed; {n} given")
+            raise InputError(f"disks = {n}: must be two or more, of finite mass")
         if packing_fraction == 0.0:
             raise InputError("packing_fraction = 0.0: must be above 0, or disks do not meet")
         spins = np.zeros(n) if spin is None else checked.array("spin", spin, (n,))
@@ -290,7 +290,7 @@ class DSMC(ReadOnlyAttributes):
         labels = np.asarray(species)
         if labels.shape != (self.disks.n,):
             raise InputError(
-                f"species has shape {labels.shape}: one for each of {self.disks.n} disks is needed"
+                f"species has shape {labels.shape}: must be one for each of {self.disks.n} disks"
             )
         _, which = np.unique(labels, return_inverse=True)
         return which.ravel()
@@ -431,7 +431,7 @@ class DSMC(ReadOnlyAttributes):
         """
         by_time = t_end is not None
         if by_time == (collisions_per_disk is not None):
-            raise InputError("exactly one of t_end and collisions_per_disk is needed")
+            raise InputError("exactly one of t_end and collisions_per_disk must be given")
         end = float(t_end if t_end is not None else collisions_per_disk)  # type: ignore[arg-type]
         now = self.time if by_time else 2.0 * self.collisions / self.disks.n
         if not (math.isfinite(end) and end >= now):
@@ -445,9 +445,7 @@ class DSMC(ReadOnlyAttributes):
         else:
             marks = np.asarray(samples, dtype=np.float64)
             if marks.ndim != 1 or np.any(np.diff(marks, prepend=now) < 0.0) or np.any(marks > end):
-                raise InputError(
-                    f"samples: numbers in increasing order from {now:.6g} to {end:.6g} are needed"
-                )
+                raise InputError(f"samples: must be numbers in increasing order from {now:.6g} to {end:.6g}")
         with backend.sole_use():
             found = [self._measure()]
             for mark in marks:

@@ -107,9 +107,9 @@ class EngineOptions:
         for name, value in checked_values.items():
             object.__setattr__(self, name, value)
         if self.order not in (None, *ORDERS):
-            raise InputError(f"order = {self.order!r}: allowed are {', '.join(ORDERS)}")
+            raise InputError(f"order = {self.order!r}: must be one of {', '.join(ORDERS)}")
         if self.tile_disks is not None:
-            checked.whole("tile_disks", self.tile_disks, 1)
+            checked.integer("tile_disks", self.tile_disks, 1)
 
     @property
     def velocity_cutoff(self) -> float:
@@ -225,7 +225,7 @@ class Engine:
 
         def counted() -> tuple[int, float, int, int, int]:
             if state.n != disks.n:
-                raise InputError(f"the state has {state.n} disks: {disks.n} are needed")
+                raise InputError(f"the state has {state.n} disks: must be {disks.n}")
             met, hits = (int(each.sum(dtype=np.int64)) for each in (state.collisions, state.wall_hits))
             speed = checks.fastest(disks, state.velocity, state.spin)
             return disks.n, speed, met, hits, int(np.count_nonzero(state.asleep))
@@ -583,7 +583,7 @@ class Engine:
                 f"gravity = {gravity}: cannot be set where gravity rotates ({self.options.gravity}); begin a new "
                 "simulation from this state"
             )
-        gravity = checked.finite_pair("gravity", gravity)
+        gravity = checked.PAIR("gravity", gravity)
         checks.check_between_collisions(self.disks, self.box, gravity, self.force_steps.forces)
         self._check_resting(gravity, (), self._law)
         self._check_rebound(self._law_table, self._law, gravity)
@@ -599,7 +599,7 @@ class Engine:
         pistons = [w for w, wall in enumerate(self.walls) if wall.piston is not None]
         if number not in pistons:
             known = ", ".join(map(str, pistons)) or "none"
-            raise InputError(f"wall = {number!r}: the number of a piston is needed; there are: {known}")
+            raise InputError(f"wall = {number!r}: must be the number of a piston; there are: {known}")
         wall = self.walls[number]
         assert wall.piston is not None
         changed = replace(wall, piston=replace(wall.piston, force=force))
@@ -806,19 +806,22 @@ class Engine:
 
     def _take_watched(self, watching: int, was: float) -> None:
         windows = self.windows
-        gather = self.comm.allgather if watching == k.PAIRS else self.comm.gather  # histories are the root's
-        parts = gather(windows.watched()) or [windows.watched(none=True)]
-        real, whole = (np.concatenate(each) for each in zip(*parts, strict=True))
         if watching == k.PAIRS:
-            event = named(whole, "event_int")
-            time = windows.begin + named(real, "event").time.astype(np.float64)
+            times, whole = (
+                np.concatenate(each) for each in zip(*self.comm.allgather(windows.pairs()), strict=True)
+            )
+            ids = named(whole, "pair")
+            time = windows.begin + times.astype(np.float64)
             now = ((time > was) | (windows.begin == was)) & (time <= self.time)
-            pair = np.sort(np.stack([event.id, event.partner], axis=1)[now], axis=1).astype(np.int64)
+            pair = np.sort(np.stack([ids.id, ids.partner], axis=1)[now], axis=1).astype(np.int64)
             pair -= self.arrays.domain.first_id
             order = np.lexsort((pair[:, 1], pair[:, 0], time[now]))
             self.last_collisions = CollisionTimes(time[now][order], pair[order])
         elif self.tracking is not None and windows.fresh:
             windows.fresh = False
+            # Histories are the root's.
+            parts = self.comm.gather(windows.watched()) or [windows.watched(none=True)]
+            real, whole = (np.concatenate(each) for each in zip(*parts, strict=True))
             if self.comm.bcast(len(real)):
                 self.tracking.gather(windows.begin, real, whole, self.box)
 

@@ -56,7 +56,8 @@ from ..kernels import layout as k
 from ..kernels.columns import ADDRESSABLE, named
 from ..kernels.language import ti, view
 from ..kernels.readout import put_rows, take_rows
-from ..kernels.windows import HALO_GROWTH, sum_shared, verify
+from ..kernels.sums import sum_shared
+from ..kernels.windows import HALO_GROWTH, verify
 from ..model.state import COLUMNS, DiskKinds, Disks
 from ..mpi import Communicator
 from ..mpi.decomposition import owners
@@ -574,8 +575,8 @@ class RankWindows(Windows):
     _short: bool = False
     _since_look: int = 0
 
-    def _survey(self) -> None:
-        super()._survey()
+    def _survey(self, *, rough: bool) -> None:
+        super()._survey(rough=rough)
         self.domain.share()
 
     def _launch(
@@ -641,7 +642,8 @@ class RankWindows(Windows):
         while True:
             self.domain.list_tiles(own)
             if again:
-                self._watched, self._n_ghosts = [], 0
+                self._clear_logs()
+                self._n_ghosts = 0
             try:
                 return super()._launch(len(own), 1, again)
             except _Again:
@@ -650,17 +652,15 @@ class RankWindows(Windows):
     def _check(self, launch: Any) -> None:
         """Nothing yet: hashes of other ranks are needed."""
 
-    def _whole_box(self, watching: int) -> None:
-        super()._whole_box(watching)
+    def _whole_box(self) -> None:
+        super()._whole_box()
         if self.domain.comm.rank:  # all have run all of it
-            self._watched = []
+            self._clear_logs()
 
-    def _agreed(self, well: bool) -> bool:
-        return not self.domain.comm.any(not well)
-
-    def _nth(self, times: NDArray[np.float64], count: int) -> float:
+    def _nth(self, count: int) -> float:
         """Time number `count` of those of all ranks: by halving, as whole numbers, which are in the same order."""
-        words = np.sort(times.astype(np.float64)).view(np.int64)
+        assert self._times is not None
+        words = self._times.view(np.int64)
         low, high = 0, int(np.float64(np.inf).view(np.int64))
         while low < high:
             middle = (low + high) // 2

@@ -73,11 +73,11 @@ Called = TypeVar("Called")
 
 def _callables(name: str, given: Iterable[Called]) -> list[Called]:
     if callable(given) or not isinstance(given, Iterable):
-        raise InputError(f"{name} = {given!r}: a list of functions is needed, [function] for one")
+        raise InputError(f"{name} = {given!r}: must be a list of functions, [function] for one")
     found = list(given)
     for i, one in enumerate(found):
         if not callable(one):
-            raise InputError(f"{name}[{i}] = {one!r}: a function is needed")
+            raise InputError(f"{name}[{i}] = {one!r}: must be a function")
     return found
 
 
@@ -780,9 +780,9 @@ class Simulation(ReadOnlyAttributes, PicturedDisks):
         if not (progress is None or isinstance(progress, bool) or callable(progress)):
             raise InputError(f"progress = {progress!r}: must be True, False or a function")
         if not isinstance(frames, Cadence):
-            frames = Cadence(number=checked.whole("frames", frames, 1, MOST))
+            frames = Cadence(number=checked.integer("frames", frames, 1, MOST))
         if series is not None and not isinstance(series, Cadence):
-            series = Cadence(number=checked.whole("series", series, 1, MOST))
+            series = Cadence(number=checked.integer("series", series, 1, MOST))
         for cadence in (frames, series):
             if cadence is not None:
                 refuse_endless(cadence, span)
@@ -854,7 +854,7 @@ class Simulation(ReadOnlyAttributes, PicturedDisks):
         )
         for name, value in (("progress", progress), ("between", between)):
             if value is not None and not callable(value):
-                raise InputError(f"{name} = {value!r}: a function is needed")
+                raise InputError(f"{name} = {value!r}: must be a function")
         self._stopping = False
         self._engine.check_duration(course.span.end.time)
         if (comm := self.comm).size > 1:

@@ -70,7 +70,7 @@ def take(engine: Engine) -> Snapshot:
             windows.go_on(engine.next_kick)
         found: Snapshot = a.lists(int(a.grid.part))
         found["edge_x"], found["edge_y"] = a.edges
-        found["protrudes"] = np.array([windows.overhang])
+        found["protrudes"] = np.array([a.clock.overhang])
         found["scales"] = np.array(
             [*(getattr(a.clock, name) for name in _LENGTHS), a.scale.cell_side, a.area], np.float64
         )
@@ -134,6 +134,7 @@ def _put_back(engine: Engine, found: Snapshot) -> None:
         a.edges[axis] = found[name]
         getattr(a, name).from_numpy(found[name])
     a.single_tile = a.single_tile and a.tiles == 1
+    a.grid.single_tile = int(a.single_tile)
     a.grid.part = 0
     a.take_lists(found)
     *lengths, a.scale.cell_side, a.area = found["scales"].tolist()
@@ -146,7 +147,7 @@ def _put_back(engine: Engine, found: Snapshot) -> None:
         step, engine.turning.work = found["turning"].tolist()
         engine.turning.next_step = int(step)
         engine.put_gravity()
-    windows.overhang = float(found["protrudes"].max())
+    a.clock.overhang = found["protrudes"].max()
     engine.set_gates(found["gates"])
     windows.put_back(found, k.TRACKED if engine.tracking is not None else 0)
     if engine.tracking is not None:

@@ -97,7 +97,7 @@ class Mixture:
             s = np.broadcast_shapes(*(column.shape for column in found.values()))[0]
         except ValueError:
             shapes = ", ".join(f"{name} {len(column)}" for name, column in found.items())
-            raise InputError(f"mixture: {shapes}: one number per species is needed") from None
+            raise InputError(f"mixture: {shapes}: must be one number per species") from None
         if s == 0:
             raise InputError("mass has shape (0,): must be a number for each of one species or more")
         if s > MOST_SPECIES:
@@ -130,7 +130,7 @@ class Mixture:
             material = kinds[:, 3].astype(int)
             if material.max() >= min(len(law), *map(len, law)):
                 most = material.max() + 1
-                raise InputError(f"law table: a square table of at least {most} materials is needed")
+                raise InputError(f"law table: must be a square table of at least {most} materials")
             table = [[law[a][b] for b in material] for a in material]
         mass, radius, k, _ = kinds.T
         mixture = cls(mass, radius, table, packing_fraction, k=k, fraction=number, contact=contact)
@@ -140,7 +140,7 @@ class Mixture:
         s = self.species
         rows = [[law] * s for _ in range(s)] if not isinstance(law, Sequence) else [list(row) for row in law]
         if len(rows) != s or any(len(row) != s for row in rows):
-            raise InputError(f"law table: {s} rows of {s} laws, one for each pair of species, are needed")
+            raise InputError(f"law table: must be {s} rows of {s} laws, one for each pair of species")
         for i in range(s):
             for j in range(i + 1):
                 if rows[i][j] is None or rows[j][i] is None:

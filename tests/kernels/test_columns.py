@@ -89,7 +89,7 @@ def test_kernels_read_and_write_columns_by_name() -> None:
     disk.from_numpy(np.arange(10.0).reshape(2, 5))
     tile = ti.ndarray(ti.i32, (1, columns.TILE.width))
     tile.fill(0)
-    scale.moment.until[2] = 0.5
+    scale.moment[2] = 0.5
     move(disk, tile, scale.array)
     rows = named(disk.to_numpy(), "disk")
     assert rows.x.tolist() == [0.0 + 0.5 * 2.0, 5.0 + 0.5 * 7.0]

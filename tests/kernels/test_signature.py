@@ -16,7 +16,7 @@ def test_each_array_is_a_parameter_in_the_order_of_the_names() -> None:
     backend.start()
     from ifrdem.kernels.readout import exchange
     from ifrdem.kernels.signature import parameters_of
-    from ifrdem.kernels.windows import sum_shared
+    from ifrdem.kernels.sums import sum_shared
 
     expected = ["n_blocks", "last", "uses", "grid", "tally", "reach", "found", "total", "blocks"]
     assert parameters_of(sum_shared) == expected

@@ -341,5 +341,5 @@ def test_what_is_no_remedy_is_refused(collapse: object) -> None:
 
 
 def test_a_collision_in_the_future_is_refused() -> None:
-    with pytest.raises(InputError, match=r"latest_collision\[0\] = 2.0: a time not after"):
+    with pytest.raises(InputError, match=r"latest_collision\[0\] = 2.0: must be a time not after"):
         State(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros(1), time=1.0, latest_collision=np.array([2.0]))

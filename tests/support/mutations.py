@@ -46,6 +46,8 @@ TESTS = {
     "kernels/particle.py": TILES,
     "kernels/tiles.py": f"{TILES} tests/simulation/test_shear.py",
     "kernels/windows.py": TILES,
+    "kernels/planner.py": TILES,
+    "kernels/sums.py": TILES,
 }
 OTHER = {
     "Add": "-", "Sub": "+", "Mult": "/", "Div": "*", "Pow": "*", "FloorDiv": "*", "Mod": "//", "Lt": "<=", "LtE": "<",

@@ -22,7 +22,7 @@ from support.gases import COIN, ELASTIC, ROLLING, equal_disks, mixture, start
 from ifrdem import ContactTime, Device
 from ifrdem.errors import EngineError
 from ifrdem.kernels import layout as k
-from ifrdem.kernels import windows
+from ifrdem.kernels import sums
 from ifrdem.kernels.columns import KIND, named
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, RandomKicks, Rescale, SpinKicks, TableFriction
@@ -32,7 +32,7 @@ from ifrdem.model.walls import Wall
 from ifrdem.simulation import arrays, ranks
 from ifrdem.simulation.engine import Engine
 
-k.BLOCK_OF_TILES = windows.BLOCK_OF_TILES = 3  # so that blocks lie on several ranks
+k.BLOCK_OF_TILES = sums.BLOCK_OF_TILES = 3  # so that blocks lie on several ranks
 arrays.SINGLE_TILE = 100  # windows as short as those of gases that are divided
 N = 3000
 COMM = MPI.COMM_WORLD
@@ -214,7 +214,7 @@ def no_hashes() -> None:
 
 def no_verification() -> None:
     """Hashes are exchanged, and nobody looks at them."""
-    ranks.RankWindows._verify = lambda self, watching: None  # type: ignore[method-assign]
+    ranks.RankWindows._verify = lambda self: None  # type: ignore[method-assign]
 
 
 def other_order() -> None:

@@ -7,10 +7,10 @@ from ifrdem.kernels.signature import Arrays, kernel
 
 @kernel
 def move(gas: Arrays("disk tile scale")):
-    """Fly disks along x until the end of moment 2; count them in part 1 of a tile, and let its part 0 begin at 3."""
+    """Fly disks along x until moment 2; count them in part 1 of a tile, and let its part 0 begin at 3."""
     for i in range(gas.disk.shape[0]):
         body, m = gas.disk[i], 2
-        body.x += gas.scale.moment[m].until * body.vx
+        body.x += gas.scale.moment[m] * body.vx
         part = 0
         ti.atomic_add(gas.tile[0].count.other[part], 1)
         gas.tile[0].start[part] = 3

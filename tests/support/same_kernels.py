@@ -116,7 +116,7 @@ def pistons(**options: Any) -> Engine:
         Wall.line((0.0, 26.0), (0.0, -1.0), piston=Piston(40.0, force=20.0)),
     ]
     state = lattice(250, box, 1.2, (0.8, 1.0))
-    options = {"gravity": (0.0, -0.2), "record": ["energy", "wall"]} | options
+    options = {"gravity": (0.0, -0.2), "record": ["energy", "wall"], "order": "serial"} | options
     return Engine(equal_disks(250), box, state, np.array([[COIN]]), walls=walls, **options)
 
 

@@ -31,7 +31,7 @@ from ...model.wall_motion import Motion, Turn
 from ...model.walls import Wall
 from ...simulation.engine import ORDERS, Engine
 from ...tools.arguments import script, whole
-from ...tools.checked import one_of
+from ...tools.checked import choice
 
 ROUNDING = 1e-9  # of the gap [length]: thousands of times the rounding of a place in this room
 
@@ -152,8 +152,8 @@ def escape(*, hits: str = "1e7", room: str = "kinds", order: str = "serial", see
     seed
         seed
     """
-    one_of("--order", order, ORDERS)
-    one_of("--room", room, ROOMS)
+    choice("--order", order, ORDERS)
+    choice("--room", room, ROOMS)
     found = run(whole("--hits", hits, 1), order, where=room, seed=whole("--seed", seed, 0))
     print(
         f"{found.hits} wall hits and {found.collisions} collisions to t = {found.time:.6g}; {found.states} states "

@@ -156,13 +156,13 @@ FAULTY = {"name": "phi = 0.6", "per_disk": 60}
 
 
 def narrowed(monkeypatch: pytest.MonkeyPatch, part: float) -> None:
-    set_halos = Windows._set_halos
+    plan = Windows._plan
 
-    def narrow(self: Windows) -> None:
-        set_halos(self)
+    def narrow(self: Windows, **steps: bool) -> None:
+        plan(self, **steps)
         self.arrays.scale.usual_halo *= part
 
-    monkeypatch.setattr(Windows, "_set_halos", narrow)
+    monkeypatch.setattr(Windows, "_plan", narrow)
 
 
 def in_tiles() -> tuple[Engine, State]:
@@ -217,10 +217,10 @@ def test_a_pair_that_no_tile_sees_is_found_by_the_width_of_halos_alone(
     state = State(
         np.concatenate((start, at_rest)), np.concatenate((velocity, np.zeros((16, 2)))), np.zeros(18)
     )
-    set_halos = Windows._set_halos
+    plan = Windows._plan
 
-    def narrow(self: Windows) -> None:
-        set_halos(self)
+    def narrow(self: Windows, **steps: bool) -> None:
+        plan(self, **steps)
         self.arrays.scale.usual_halo = halo
 
     run_again, found_bad = Windows._run_again, []
@@ -229,11 +229,11 @@ def test_a_pair_that_no_tile_sees_is_found_by_the_width_of_halos_alone(
         found_bad.append(tiles)
         run_again(self, tiles)
 
-    monkeypatch.setattr(Windows, "_set_halos", narrow)
+    monkeypatch.setattr(Windows, "_plan", narrow)
     monkeypatch.setattr(Windows, "_run_again", count)
-    monkeypatch.setattr("ifrdem.simulation.windows.window_length", lambda *_: 3.0)
     engine = Engine(disks, Box((48.0, 48.0)), state, np.array([[ELASTIC]]), order="tiled", tile_disks=1)
     assert engine.arrays.tiles == 16
+    engine.arrays.clock.path, engine.arrays.clock.longest = 1e9, 3.0
     engine.advance(t_end=3.0)
     found = engine.state()
     assert found.time == 3.0
@@ -247,7 +247,7 @@ def test_a_pair_that_no_tile_sees_is_found_by_the_width_of_halos_alone(
 
 def unverified(monkeypatch: pytest.MonkeyPatch, part: float = NARROW) -> None:
     narrowed(monkeypatch, part)
-    monkeypatch.setattr(Windows, "_verify", lambda self, watching: None)
+    monkeypatch.setattr(Windows, "_verify", lambda self: None)
 
 
 def with_half_halos_unverified(monkeypatch: pytest.MonkeyPatch) -> None:
