@@ -33,7 +33,7 @@ from ..tools.checked import (
     Vectors,
     validated,
 )
-from ..tools.pictured import PicturedResult
+from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
 from .common import mean_with_error
 
@@ -47,7 +47,7 @@ def blocks(span: tuple[float, float]) -> list[tuple[float, float]]:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Pressure(Brief, PicturedResult):
+class Pressure(Brief, ResultPlot):
     """The pressure of a gas, in two dimensions a force on a length [energy/length^2]."""
 
     kinetic: float

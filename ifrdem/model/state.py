@@ -18,7 +18,7 @@ from ..mpi import SERIAL, current
 from ..mpi.distribution import broadcast_constant_rows
 from ..tools import checked
 from ..tools.checked import Array, Integer, Numbers, validated
-from ..tools.pictured import Pictured
+from ..tools.notebook import NotebookRepr
 from ..tools.read_only import ReadOnlyAttributes
 from ..tools.reprs import Brief
 
@@ -208,7 +208,7 @@ _LOWEST = -(2**31)
 _COUNTS = (
     ("collisions", (), 0, 0),
     ("image", (2,), 0, _LOWEST),
-    ("wall_hits", (), 0, 0),
+    ("wall_collisions", (), 0, 0),
     ("last_partner", (), -1, _LOWEST),
     ("asleep", (), 0, 0),
 )
@@ -216,7 +216,7 @@ _COUNTS = (
 
 
 @dataclass(eq=False, repr=False)
-class State(Brief, ReadOnlyAttributes, Pictured):
+class State(Brief, ReadOnlyAttributes, NotebookRepr):
     """Positions and motion of n disks at one time.
 
     InputError if shapes do not fit or a value is not finite (the first such disk is named).
@@ -229,7 +229,7 @@ class State(Brief, ReadOnlyAttributes, Pictured):
         Angular velocities, counter-clockwise [rad/time].
     time : float
         [time].
-    collisions, wall_hits, image : array (n,), (n,) and (n, 2) of int32
+    collisions, wall_collisions, image : array (n,), (n,) and (n, 2) of int32
         Collisions that each disk has had, those with walls, and how often it has left the box through each side, of
         which `Box.unwrap` makes paths. Thermal walls count their hits to draw random numbers.
     latest_collision : array (n,)
@@ -264,7 +264,7 @@ class State(Brief, ReadOnlyAttributes, Pictured):
     time: float = 0.0
     collisions: NDArray[np.int32] = None  # type: ignore[assignment]
     image: NDArray[np.int32] = None  # type: ignore[assignment]
-    wall_hits: NDArray[np.int32] = None  # type: ignore[assignment]
+    wall_collisions: NDArray[np.int32] = None  # type: ignore[assignment]
     latest_collision: Array = None  # type: ignore[assignment]
     last_partner: NDArray[np.int32] = None  # type: ignore[assignment]
     angle: Array = None  # type: ignore[assignment]

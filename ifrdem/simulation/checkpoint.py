@@ -278,7 +278,7 @@ def state_of(arrays: Mapping[str, NDArray[Any]]) -> State:
     """
     collisions = named(arrays["meta"], "meta").events
     if "hits" in arrays:
-        collisions = collisions - named(arrays["hits"], "hits").wall_hits
+        collisions = collisions - named(arrays["hits"], "hits").wall_collisions
     return State(
         position=arrays["state_position"],
         velocity=arrays["state_velocity"],

@@ -226,7 +226,7 @@ class Engine:
         def counted() -> tuple[int, float, int, int, int]:
             if state.n != disks.n:
                 raise InputError(f"the state has {state.n} disks: must be {disks.n}")
-            met, hits = (int(each.sum(dtype=np.int64)) for each in (state.collisions, state.wall_hits))
+            met, hits = (int(each.sum(dtype=np.int64)) for each in (state.collisions, state.wall_collisions))
             speed = checks.fastest(disks, state.velocity, state.spin)
             return disks.n, speed, met, hits, int(np.count_nonzero(state.asleep))
 
@@ -319,7 +319,7 @@ class Engine:
             self.arrays.watched.from_numpy((tracking.rows > 0).astype(np.int32))
         self.arrays.clock.wall_speed = max((wall.most_speed for wall in self.walls), default=0.0)
         self.past: dict[str, Any] = {
-            "wall_hits": begin.wall_hits, "latest_collision": begin.latest_collision,
+            "wall_collisions": begin.wall_collisions, "latest_collision": begin.latest_collision,
             "last_partner": begin.last_partner, "angle": begin.angle, "dissipated": begin.dissipated,
             "asleep": begin.asleep,
         }  # fmt: skip
@@ -365,7 +365,7 @@ class Engine:
         return self._before[0] + int(self._sum(TALLY.collisions))
 
     @property
-    def wall_hits(self) -> int:
+    def wall_collisions(self) -> int:
         """Collisions with walls, those before the start included."""
         return self._before[1] + int(self._sum(TALLY.wall_collisions))
 

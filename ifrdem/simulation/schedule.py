@@ -26,24 +26,24 @@ Progress = Callable[[float, int], None]
 
 
 @dataclass
-class Course:
-    """Course of a run, and what of it is done.
+class RunPlan:
+    """Plan of a run: its end, frames and series, and what of it is done.
 
     Attributes
     ----------
     span : Span
         Its beginning and end.
-    frames : Cadence
+    frames : Trigger
         When frame callbacks are called after the beginning: exactly then.
-    series : Cadence or None
+    series : Trigger or None
         When series callbacks are called, in addition to the beginning and the end.
     next_frame, next_row : int
         What is due next, counted from 1; 0 is the beginning.
     """
 
     span: Span
-    frames: Cadence
-    series: Cadence | None = None
+    frames: Trigger
+    series: Trigger | None = None
     next_frame: int = 0
     next_row: int = 0
 
@@ -52,7 +52,7 @@ class Course:
         return {"span": asdict(self.span), "next_frame": self.next_frame, "next_row": self.next_row}
 
     @classmethod
-    def from_record(cls, record: Mapping[str, Any], frames: Cadence, series: Cadence | None) -> Course:
+    def from_record(cls, record: Mapping[str, Any], frames: Trigger, series: Trigger | None) -> RunPlan:
         """Go on from what `to_record` gave."""
         span = dict(record["span"])
         end = Due(**span.pop("end"))
@@ -66,7 +66,7 @@ class Course:
     @property
     def row_schedule(self) -> Schedule:
         """Times at which rows of series are due; only at the end if there are none."""
-        return Schedule(self.series or Cadence(number=1), self.span)
+        return Schedule(self.series or Trigger(number=1), self.span)
 
     def ahead(self, rows: bool) -> list[Due]:
         """The next few points at which frames, or `rows` of series, are due."""
@@ -86,7 +86,7 @@ MOST = 10_000_000
 
 
 @dataclass(frozen=True)
-class Cadence:
+class Trigger:
     """Interval of frames or rows. Exactly one of `number`, `interval` and `collisions` is given.
 
     Attributes
@@ -259,7 +259,7 @@ def warn_of_end(**end: float | None) -> None:
     )
 
 
-def refuse_endless(cadence: Cadence, span: Span) -> None:
+def refuse_endless(cadence: Trigger, span: Span) -> None:
     """Raise InputError for more than `MOST` points in a run whose length is known."""
     ahead = (span.end.collisions or span.collisions) - span.collisions
     many = cadence.count(
@@ -320,7 +320,7 @@ class Schedule:
     InputError if at the end of the run an interval is lost in the rounding of the time.
     """
 
-    def __init__(self, cadence: Cadence, span: Span) -> None:
+    def __init__(self, cadence: Trigger, span: Span) -> None:
         self._cadence, self._span = cadence, span
         end = span.end.time
         if cadence.interval is not None and math.isfinite(end) and end > span.time:

@@ -172,14 +172,14 @@ class Mixture:
 class MixtureTemperatures(NamedTuple):
     """Temperatures of the s species of a mixture over time; arrays (steps, s)."""
 
-    T: Array  # [energy]
-    T_rot: Array  # [energy]
+    temperature: Array  # [energy]
+    rotational_temperature: Array  # [energy]
     collisions_per_disk: Array  # that a disk of each species has had on average
 
     def mean(self, mixture: Mixture) -> tuple[Array, Array, Array]:
         """T, T_rot and collisions of all disks together, shape (steps,) each, as `observables.measure` has them."""
         x = mixture.fraction
-        return self.T @ x, self.T_rot @ x, self.collisions_per_disk @ x
+        return self.temperature @ x, self.rotational_temperature @ x, self.collisions_per_disk @ x
 
 
 @validated
@@ -255,7 +255,7 @@ def mixture_cooling(
     >>> law = IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
     >>> mixture = theory.Mixture([1.0, 4.0], [0.5, 1.0], law, 0.2)
     >>> found = theory.mixture_cooling(mixture, 1.0, 0.0, [0.0, 10.0])
-    >>> found.T.shape, bool(found.T[1, 1] > found.T[1, 0])
+    >>> found.temperature.shape, bool(found.temperature[1, 1] > found.temperature[1, 0])
     ((2, 2), True)
     """
     when = checked_times(times)

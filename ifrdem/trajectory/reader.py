@@ -38,7 +38,7 @@ from ..model.walls import from_json as walls_from_json
 from ..mpi.distribution import GATHERED
 from ..tools import checked
 from ..tools.checked import Integer, validated
-from ..tools.pictured import Pictured, PicturedDisks, plots, refuse_unknown
+from ..tools.notebook import DisksRepr, NotebookRepr, plots, refuse_unknown
 from ..tools.read_only import ReadOnlyAttributes
 from . import damage, history, layout, tables
 from . import parts as parted
@@ -60,7 +60,7 @@ SPIN = "angular_velocity"
 """Name of the spin in H5MD; both names are understood."""
 
 
-class Frame(ReadOnlyAttributes, PicturedDisks):
+class Frame(ReadOnlyAttributes, DisksRepr):
     """One frame of a trajectory; each array is read when asked for. Floats are float64 whatever is stored.
 
     Every stored field is there by its name, as `frame["velocity"]` and as `frame.velocity`; "spin" is another name of
@@ -305,7 +305,7 @@ class DiskPath:
         )
 
 
-class Trajectory(ReadOnlyAttributes, Pictured, Sequence[Frame]):
+class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
     """A trajectory file as a sequence of frames, read lazily: memory holds what was asked for.
 
     Only committed frames count. A file that a run is still writing can be read; what it adds after opening is seen

@@ -525,7 +525,7 @@ def test_a_run_between_walls_stores_them_and_its_ledger(
             assert np.all(FreeArea(gas.box).gap(frame.position, gas.disks.radius) > -1e-9)
         assert theory(trajectory) == (None, None, "walls: no kinetic theory here")
     assert totals["potential_energy"][-1] == pytest.approx(2.0 * np.sum(height), rel=1e-12)  # m g y
-    assert np.all(np.diff(totals["wall_hits"]) > 0)
+    assert np.all(np.diff(totals["wall_collisions"]) > 0)
     assert totals["wall_work"][-1] > 0.0
     balance = (
         totals["energy"] + totals["potential_energy"] + totals["dissipated_energy"] - totals["wall_work"]
@@ -549,12 +549,12 @@ def test_elastic_walls_are_hit_as_often_as_kinetic_theory_says(
     case = Case.model_validate(changed(text=ELASTIC))
     estimate = RunEstimate.of(CaseGas.from_case(case))
     with Trajectory("elastic.h5") as trajectory:
-        hits = trajectory.observables["wall_hits"]
+        hits = trajectory.observables["wall_collisions"]
         energy = trajectory.observables["energy"]
         dissipated = trajectory.observables["dissipated_energy"]
         collisions = trajectory.observables["collisions"][-1]
     # Some 400 hits: standard error 5 %.
-    assert hits[-1] == pytest.approx(20.0 * estimate.wall_hits, rel=0.15)
+    assert hits[-1] == pytest.approx(20.0 * estimate.wall_collisions, rel=0.15)
     np.testing.assert_allclose(dissipated, 0.0, atol=1e-12 * energy[0])
     assert estimate.collisions_are == "about"  # nothing slows it: chance makes them more or fewer
     assert collisions == pytest.approx(estimate.collisions, rel=0.15)

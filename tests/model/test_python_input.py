@@ -32,7 +32,7 @@ from ifrdem import (
     forces,
 )
 from ifrdem.initial import placement
-from ifrdem.simulation.schedule import Cadence
+from ifrdem.simulation.schedule import Trigger
 
 LAW = IFRLaw(e_n=0.9, e_t=-0.5, mu=0.2)
 
@@ -64,7 +64,7 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "images that are not whole": (lambda: state(image=np.full((3, 2), 0.5)), r"image\[0, 0\] = 0.5"),
     "negative collisions": (lambda: state(collisions=[1, -2, 0]), r"collisions\[1\] = -2"),
     "collisions of a wrong shape": (lambda: state(collisions=[1, 2]), r"collisions has shape \(2,\)"),
-    "negative wall hits": (lambda: state(wall_hits=[-1, 0, 0]), r"wall_hits\[0\] = -1"),
+    "negative wall hits": (lambda: state(wall_collisions=[-1, 0, 0]), r"wall_collisions\[0\] = -1"),
     "angle that is not finite": (lambda: state(angle=[0.0, np.nan, 0.0]), r"angle\[1\] = nan"),
     "time that is not finite": (lambda: state(time=np.inf), "time = inf"),
     "text for time": (lambda: state(time="now"), "time = 'now'"),
@@ -107,9 +107,9 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "half a frame": (lambda: gas().run(t_end=1.0, frames=0.5), "frames = 0.5"),
     "text for frames": (lambda: gas().run(t_end=1.0, frames="many"), "frames = 'many'"),
     "series without end": (lambda: gas().run(t_end=1.0, series=10**18), "series = 10+"),
-    "intervals without end": (lambda: gas().run(t_end=1.0, frames=Cadence(interval=1e-12)), "times in this run"),
+    "intervals without end": (lambda: gas().run(t_end=1.0, frames=Trigger(interval=1e-12)), "times in this run"),
     "collisions without end": (
-        lambda: gas().run(collisions_per_disk=1.0, frames=Cadence(collisions=1e-12)), "times in this run",
+        lambda: gas().run(collisions_per_disk=1.0, frames=Trigger(collisions=1e-12)), "times in this run",
     ),
     "text for the end": (lambda: gas().run(t_end="soon"), "t_end = 'soon'"),
     "state that is none": (lambda: Simulation(Disks(1, 1.0, 0.5), Box((9, 9)), LAW, 3), "state = 3: must be a State"),
@@ -224,7 +224,7 @@ def things(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         "Series": trajectory.observables,
         "History": trajectory.history(0),
         "Ledger": Ledger(),
-        "Cadence": Cadence(number=3),
+        "Trigger": Trigger(number=3),
     }
 
 
@@ -258,7 +258,7 @@ READ_ONLY = {
     "Series": ["time"],
     "History": ["disk"],
     "Ledger": [],
-    "Cadence": ["number"],
+    "Trigger": ["number"],
 }
 
 

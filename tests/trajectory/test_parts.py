@@ -378,7 +378,7 @@ def test_repair_finds_nothing_wrong_and_does_not_replace_parts(made, capsys):
     shorten(made, 1)
     before = made.read_bytes()
     assert main(["repair", str(made), "--in-place"]) == 2
-    assert "--in-place cannot put them together" in capsys.readouterr().err
+    assert "--in-place cannot merge them" in capsys.readouterr().err
     assert made.read_bytes() == before
 
 

@@ -64,7 +64,7 @@ def test_a_piston_on_one_disk_makes_as_many_hits_as_digits_of_pi(ratio: float, c
     box = Box((10.0, 1000.0), (False, False))  # which the piston leaves later
     simulation = piston_gas(disks, box, ELASTIC, start, [piston])
     simulation.run(t_end=500.0)
-    assert simulation.wall_hits == count
+    assert simulation.wall_collisions == count
     # All energy was the piston's, and it keeps all of it but what is left to the disk.
     assert whole_energy(simulation) == pytest.approx(0.5 * ratio, rel=1e-12)  # 1e4 roundings of 1e-16
 
