@@ -44,10 +44,13 @@
 --help`. Names are imported when they are first used (`__init__.pyi` lists them), so that `import ifrdem` is quick.
 """
 
+import importlib as _importlib
 import os as _os
 import tempfile as _tempfile
 
 import lazy_loader as _lazy_loader
+
+from .tools import renderer as _renderer
 
 # Taichi, imported later by whomever, prints a banner unless told not to, and in a notebook a line for each kernel.
 _os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
@@ -55,6 +58,9 @@ _os.environ.setdefault("TI_ENABLE_PYBUF", "0")
 if "HOME" not in _os.environ:  # as batch systems and containers may leave it: Taichi would abort the process
     _home = _os.path.expanduser("~")  # "~" itself for a user without an entry
     _os.environ["HOME"] = _home if _os.path.isabs(_home) else _tempfile.gettempdir()
+
+# Objects of lower layers show themselves in notebooks by the plots, which are imported when one is drawn.
+_renderer.set_renderer(lambda: _importlib.import_module("ifrdem.plots.objects"))
 
 # There is no __all__: with it, `help(ifrdem)` would print every class in full, 2,500 lines.
 __getattr__, __dir__, _ = _lazy_loader.attach_stub(__name__, __file__)

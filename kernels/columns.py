@@ -142,7 +142,7 @@ DISK = Columns(**columns("x", "y", "vx", "vy", "spin"))
 META = Columns(**columns("id", "events", "image_x", "image_y"))
 # Time of the latest collision, and angle turned.
 PAST = Columns(**columns("latest", "angle"))
-HITS = Columns(**columns("wall_hits", "last_partner"))
+HITS = Columns(**columns("wall_collisions", "last_partner"))
 # What collisions take, by mechanism.
 MECHANISM = Columns(**columns("normal", "restitution", "sliding", "sticking", "rolling", "walls", "rest"))
 KIND = Columns(**columns("inverse_mass", "k", "radius", "material", "mass", "inertia"))
@@ -192,7 +192,7 @@ EVENT_INFO = Columns(**columns(
 ))  # fmt: skip
 # Slot at the window's beginning; boxes travelled in this window; collisions before it, and with walls in it; tile that
 # lists it.
-IMAGE_INFO = Columns(**columns("slot", "lap_x", "lap_y", "events_before", "wall_hits", "home_tile"))
+IMAGE_INFO = Columns(**columns("slot", "lap_x", "lap_y", "events_before", "wall_collisions", "home_tile"))
 START_POSITION = Columns(**columns("x", "y"))
 CANDIDATE = Columns(**columns("slot", "cell", "own_rank", "step"))
 # AWAKE, ASLEEP or WOKEN since the window's beginning; 1 where the disk may fall asleep in it; quick hits of something
@@ -300,11 +300,12 @@ WALL = Columns(
 
 # Sums over all disks.
 READOUT = Columns(**columns(
-    "translational", "rotational", "momentum_x", "momentum_y", "shear_pressure", "fall", "all_events", "excess", "mass",
+    "translational", "rotational", "momentum_x", "momentum_y", "momentum_flux_xy", "fall", "all_events", "excess",
+    "mass",
 ))  # fmt: skip
 REAL_OUT = Columns(**columns("x", "y", "vx", "vy", "spin"))
 INT_OUT = Columns(**columns("events", "image_x", "image_y"))
-HITS_OUT = Columns(**columns("wall_hits", "last_partner", "asleep"))
+HITS_OUT = Columns(**columns("wall_collisions", "last_partner", "asleep"))
 
 # Coefficients of the IFR law (`IFRLaw.table_row`).
 LAW = Columns(**columns("e_n", "e_t", "mu", "contact_point", "rho"))

@@ -31,7 +31,7 @@ def count_in(s, x, y, flow, total: ti.template(), gas: ti.template()):
     total[READOUT.momentum_y] += mass * vy
     total[READOUT.translational] += 0.5 * mass * (vx * vx + vy * vy)
     total[READOUT.rotational] += 0.5 * ti.cast(gas.kinds[kind].inertia, ti.f64) * spin * spin
-    total[READOUT.shear_pressure] += mass * vx * vy
+    total[READOUT.momentum_flux_xy] += mass * vx * vy
     total[READOUT.fall] += (x * gas.scale.gx + y * gas.scale.gy) * mass
     total[READOUT.mass] += mass
 
@@ -123,7 +123,7 @@ def read_out(
                         for column in ti.static(range(MECHANISM.width)):
                             gas.spent_out[i][column] = gas.spent[s][column]
                     if ti.static(gas.uses.walled or gas.uses.partnered):
-                        gas.hits_out[i].wall_hits = gas.hits[s].wall_hits
+                        gas.hits_out[i].wall_collisions = gas.hits[s].wall_collisions
                         gas.hits_out[i].last_partner = gas.hits[s].last_partner
                     if ti.static(gas.uses.rests):
                         gas.hits_out[i].asleep = ti.cast(

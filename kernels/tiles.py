@@ -363,7 +363,7 @@ def load(m, tile, region: ti.template(), gas: ti.template()):
     gas.event_info[i].own_rank = rank
     gas.image_info[i].lap_x, gas.image_info[i].lap_y = lap_x - boxes_x, lap_y - boxes_y
     gas.event_info[i].shear_row = row
-    gas.image_info[i].wall_hits = 0
+    gas.image_info[i].wall_collisions = 0
     gas.image_info[i].events_before = gas.meta[s].events
     if ti.static(gas.uses.mixed):
         gas.event_info[i].kind = listed_kind(s, gas)
@@ -497,7 +497,7 @@ def store(i, row, x, y, vx, vy, lap_x, lap_y, gas: ti.template()):
         for column in ti.static(range(MECHANISM.width)):
             gas.spent[row][column] = gas.spent[s][column] + gas.loss[i][column]
     if ti.static(gas.uses.walled):
-        gas.hits[row].wall_hits = gas.hits[s].wall_hits + gas.image_info[i].wall_hits
+        gas.hits[row].wall_collisions = gas.hits[s].wall_collisions + gas.image_info[i].wall_collisions
     if ti.static(gas.uses.partnered):
         partner = gas.hits[s].last_partner
         last = info.last

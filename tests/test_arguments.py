@@ -153,7 +153,7 @@ FORCES: dict[str, dict[str, Any]] = {
 MEASURE = ifrdem.observables.measure(DISKS, STATE)
 OBSERVABLES: dict[str, dict[str, Any]] = {
     "drift_text": {"velocity": [1.0, 0.0]},
-    "from_totals": {"disks": DISKS, "totals": np.ones(9), "time": 1.0, "wall_hits": 0,
+    "from_totals": {"disks": DISKS, "totals": np.ones(9), "time": 1.0, "wall_collisions": 0,
                     "about_mean": (True, True)},
     "measure": {"disks": DISKS, "state": STATE, "energy_input": 0.0, "wall_work": 0.0, "wall_heat": 0.0,
                 "gravity": (0.0, 0.0), "dissipated": np.zeros(7), "regimes": np.zeros(5, dtype=int),
@@ -214,7 +214,7 @@ IFRDEM: dict[str, dict[str, Any]] = {
     "Rest": {"speed": 0.1},
     "RotatingGravity": {"start": (0.0, -1.0), "rate": 0.1, "step": 0.01},
     "State": {"position": np.ones((2, 2)), "velocity": np.ones((2, 2)), "spin": [0.0, 0.0], "time": 0.0,
-              "collisions": [0, 0], "image": np.zeros((2, 2), dtype=int), "wall_hits": [0, 0],
+              "collisions": [0, 0], "image": np.zeros((2, 2), dtype=int), "wall_collisions": [0, 0],
               "latest_collision": [0.0, 0.0], "last_partner": [-1, -1], "angle": [0.0, 0.0],
               "dissipated": np.zeros((2, 7)), "flow": np.zeros((2, 2)), "asleep": [0, 0]},
     "Study": {"path": "cooling", "vary": (), "set": (), "seeds": 2, "output": None},

@@ -21,7 +21,7 @@ from support.manual import block, blocks, page
 
 import ifrdem
 from ifrdem import Trajectory, analysis
-from ifrdem.case import shipped, summary, template
+from ifrdem.case import report, shipped, template
 from ifrdem.case.case import Case
 from ifrdem.case.gas import CaseGas
 from ifrdem.cases import gallery
@@ -437,7 +437,7 @@ def test_costs_of_a_size_ratio_are_those_that_check_prints() -> None:
     for name in ("starts.md", "results/size_ratio.md"):
         row = re.search(r"^\| N = 1e4, relative \|(.*)\|$", page(name), flags=re.MULTILINE)
         assert row is not None
-        assert [float(cell) for cell in row[1].split("|")] == list(summary.COST_OF_RATIO.values())
+        assert [float(cell) for cell in row[1].split("|")] == list(report.COST_OF_RATIO.values())
 
 
 def test_reading_examples_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

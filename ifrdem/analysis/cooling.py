@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..tools.checked import Array, Column, Count, Real, validated
-from ..tools.pictured import PicturedResult
+from ..tools.notebook import ResultPlot
 from .common import correlation_time
 
 MODES = 5
@@ -167,7 +167,7 @@ def _autoregression(rest: Array, modes: Array) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class HaffFit(Goodness, PicturedResult):
+class HaffFit(Goodness, ResultPlot):
     """T(t) = T0 / (1 + (t - t_first) / t_H)^2: P. K. Haff, J. Fluid Mech. 134, 401 (1983).
 
     Attributes
@@ -188,7 +188,7 @@ class HaffFit(Goodness, PicturedResult):
 
 
 @dataclass(frozen=True)
-class RatioFit(Goodness, PicturedResult):
+class RatioFit(Goodness, ResultPlot):
     """theta(x) = theta_end + (theta_0 - theta_end) exp(-(x - x_first) / lag), x a time or collisions per disk.
 
     Attributes

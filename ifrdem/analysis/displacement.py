@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..tools.checked import Array, Count, Numbers, Real, must_be, validated
-from ..tools.pictured import PicturedResult
+from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
 from .common import BoxLike
 
@@ -19,7 +19,7 @@ EVEN = 1e-3  # of the mean interval: how far intervals may differ where all orig
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Correlation(Brief, PicturedResult):
+class Correlation(Brief, ResultPlot):
     """A mean over disks at lags in time, such as a mean-square displacement."""
 
     lag: Array

@@ -20,13 +20,13 @@ from ..tools.checked import (
     column,
     validated,
 )
-from ..tools.pictured import PicturedResult
+from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
 from .common import BoxLike
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Fields(Brief, PicturedResult):
+class Fields(Brief, ResultPlot):
     """Fields on a grid of a x b cells."""
 
     x: Array

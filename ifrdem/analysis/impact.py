@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from ..model.ifr import Regime
 from ..tools.checked import Array, Integer, Numbers, validated
-from ..tools.pictured import PicturedResult
+from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
 
 REGIMES = {
@@ -36,7 +36,7 @@ PER_BIN = 40
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Impacts(Brief, PicturedResult):
+class Impacts(Brief, ResultPlot):
     """Distributions of the angle of impact psi, and of the regimes.
 
     psi is the angle between the relative velocity of the centres and the line of centres at contact. Where velocities

@@ -25,15 +25,15 @@ from ..tools.checked import (
     Count,
     Fraction,
     NonNegative,
-    Number,
     Numbers,
+    Packed,
     Positive,
     PositiveColumn,
     Real,
     Vectors,
     validated,
 )
-from ..tools.pictured import PicturedResult
+from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
 from .common import mean_with_error
 
@@ -47,7 +47,7 @@ def blocks(span: tuple[float, float]) -> list[tuple[float, float]]:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Pressure(Brief, PicturedResult):
+class Pressure(Brief, ResultPlot):
     """The pressure of a gas, in two dimensions a force on a length [energy/length^2]."""
 
     kinetic: float
@@ -153,12 +153,9 @@ def compressibility(packing_fraction: Fraction, contact: NonNegative, e_n: Fract
     return 1.0 + (1.0 + e_n) * packing_fraction * contact
 
 
-_Packed = Annotated[float, Number(1e-12, 0.9, "a number above 0 (from 1e-12) to 0.9")]
-
-
 @validated
 def contact_from_rate(
-    rate: NonNegative, *, packing_fraction: _Packed, temperature: Positive, mass: Positive, radius: Positive
+    rate: NonNegative, *, packing_fraction: Packed, temperature: Positive, mass: Positive, radius: Positive
 ) -> float:
     """The contact value chi that a collision rate [1/time] of equal disks shows: `theory.collision_rate` inverted.
 

@@ -22,7 +22,7 @@ from ..tools.checked import (
     column,
     validated,
 )
-from ..tools.pictured import PicturedResult
+from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
 from .common import BoxLike, Positions, Times, cells_of, freud_frame, load, neighbours
 
@@ -38,7 +38,7 @@ Bins = Annotated[int, Integer(1, 1_000_000)]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PairCorrelation(Brief, PicturedResult):
+class PairCorrelation(Brief, ResultPlot):
     """Frequency of centres at a distance r, relative to an ideal gas of the same density."""
 
     r: Array
@@ -218,7 +218,7 @@ def contact_value(
     if np.count_nonzero(used) < 8:
         raise InputError(
             f"{pairs.sum():.0f} pairs between 1 and {1.0 + CONTACT_RANGE} diameters are too few to "
-            "extrapolate g to contact: more disks or frames are needed"
+            "extrapolate g to contact: take more disks or frames"
         )
     r = 0.5 * (counted.edges[1:] + counted.edges[:-1])
     x, y = r[used] / sigma - 1.0, np.log(counted.count[used] / counted.ideal[used])
@@ -233,7 +233,7 @@ def contact_value(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class StructureFactor(Brief, PicturedResult):
+class StructureFactor(Brief, ResultPlot):
     """S(k) = <|sum_j exp(-i k r_j)|^2> / n in rings of k."""
 
     k: Array
@@ -385,7 +385,7 @@ def _passes(lengths: Array, k_max: float) -> list[tuple[int, float]]:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Clusters(Brief, PicturedResult):
+class Clusters(Brief, ResultPlot):
     """Disks joined wherever the gap between two surfaces is below `gap`; a disk alone is a cluster of one."""
 
     label: NDArray[np.intp]
@@ -484,7 +484,7 @@ def clusters(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Hexatic(Brief, PicturedResult):
+class Hexatic(Brief, ResultPlot):
     """psi_6 of disk i: the mean of exp(6 i theta) over the directions theta to its neighbours."""
 
     psi6: NDArray[np.complex128]

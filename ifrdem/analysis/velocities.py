@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..tools.checked import Array, FiniteArray, Integer, Positive, PositivePerDisk, Real, column, validated
-from ..tools.pictured import PicturedResult
+from ..tools.notebook import ResultPlot
 from ..tools.reprs import Brief
 from .common import Positions, Spins
 
@@ -54,7 +54,7 @@ class SonineCoefficients:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class VelocityDistribution(Brief, PicturedResult):
+class VelocityDistribution(Brief, ResultPlot):
     """Distributions of velocity components and spins over their thermal speeds."""
 
     speed: Array

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 OBSERVABLES = {
     "translational_energy": 1, "rotational_energy": 1, "energy": 1, "temperature": 1, "rotational_temperature": 1,
     "momentum": 2, "potential_energy": 1, "energy_input": 1, "wall_work": 1, "wall_heat": 1, "dissipated_energy": 1,
-    "collisions": 1, "wall_hits": 1,
+    "collisions": 1, "wall_collisions": 1,
 }  # fmt: skip
 """Quantities of the whole gas in each frame and row of the time series, with the number of components."""
 LEDGER = {
@@ -161,7 +161,7 @@ class RunEstimate:
     # "" if asked for or by theory, "about" if by the rate at the start, "at most" if that rate can only fall.
     collisions_are: Literal["", "about", "at most"]
     steady_state: tuple[float, float] | None  # T and T_rot [energy] at which a driven or sheared gas stays
-    wall_hits: float  # per time [1/time] at the start; 0 without walls
+    wall_collisions: float  # per time [1/time] at the start; 0 without walls
     file_bytes: int  # of the trajectory
     array_bytes: int  # of the engine's arrays
     frames: int  # at most
@@ -208,7 +208,7 @@ class RunEstimate:
             collisions=0.5 * n * per_disk,
             collisions_are=collisions_are,
             steady_state=steady,
-            wall_hits=_wall_hits(gas),
+            wall_collisions=_wall_hits(gas),
             file_bytes=_trajectory_bytes(n, case, frames=frames, rows=rows, tracked=tracked, events=events),
             array_bytes=n
             * (columns.BYTES_PER_DISK + (columns.RESTING_BYTES if case.run.resting_speed else 0)),

@@ -39,7 +39,7 @@ def of_attribute(model: type[Section], name: str, error: ValidationError) -> str
     for each in error.errors(include_url=False):
         place = place_of(each["loc"] or (name,), model)
         if each["type"] == "no_such_attribute":
-            each = {**each, "type": "extra_forbidden"}  # type: ignore[typeddict-item]
+            each = {**each, "type": "extra_forbidden"}
         problem = _translated(each, place)
         lines.append(str(Problem(heading + problem.key, problem.value, problem.text)))
     return "\n".join(lines)

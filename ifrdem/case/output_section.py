@@ -12,7 +12,7 @@ from pydantic import Field, field_validator
 from ..errors import InputError, nearest
 from ..mpi.distribution import GATHERED
 from ..simulation.schedule import MOST as MOST_FRAMES
-from ..simulation.schedule import Cadence
+from ..simulation.schedule import Trigger
 from .section import Section, field, refusal
 
 FieldName = Literal[
@@ -132,13 +132,13 @@ class OutputSection(Section):
         return wrong
 
     @property
-    def frame_cadence(self) -> Cadence:
+    def frame_cadence(self) -> Trigger:
         """Times or collisions at which frames are due."""
         ways = (self.frames_interval, self.frames_collisions)
         return self._cadence(self.frames, *ways, self.frames_spacing, exact=True)
 
     @property
-    def series_cadence(self) -> Cadence:
+    def series_cadence(self) -> Trigger:
         """Times or collisions at which rows of the time series are due."""
         ways = (self.series_interval, self.series_collisions)
         if self.series is not None or any(each is not None for each in ways):
@@ -152,10 +152,10 @@ class OutputSection(Section):
 
     def _cadence(
         self, number: int, interval: float | None, collisions: float | None, spacing: str, *, exact: bool
-    ) -> Cadence:
+    ) -> Trigger:
         if interval is None and collisions is None:
-            return Cadence(number=number, spacing=spacing, log_from=self.log_from, exact=exact)
-        return Cadence(interval=interval, collisions=collisions, exact=exact)
+            return Trigger(number=number, spacing=spacing, log_from=self.log_from, exact=exact)
+        return Trigger(interval=interval, collisions=collisions, exact=exact)
 
     def in_parts(self, n: int, ranks: int) -> bool:
         """True if a run of n disks on so many ranks writes a file for each."""

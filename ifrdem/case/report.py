@@ -208,9 +208,9 @@ def _walls(gas: CaseGas, estimate: RunEstimate, units: Units) -> Iterator[Row]:
             yield Row(f"{name}: opens at t", f"{wall.opens_at:g}", units.time)
         if wall.opens_after is not None:
             yield Row(f"{name}: opens after", f"{wall.opens_after}", "collisions")
-    if estimate.wall_hits > 0.0:
+    if estimate.wall_collisions > 0.0:
         quantity = "estimated wall collision rate (homogeneous, Maxwellian)"
-        yield Row(quantity, f"{estimate.wall_hits:.3g}", units.rate or "per unit time")
+        yield Row(quantity, f"{estimate.wall_collisions:.3g}", units.rate or "per unit time")
 
 
 def _motion(name: str, wall: Wall, g: float, mass: float, units: Units) -> Iterator[Row]:

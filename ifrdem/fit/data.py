@@ -98,7 +98,7 @@ class Data:
     def __post_init__(self) -> None:
         wrong = _unknown(self.measured, MEASURED)
         if not self.measured:
-            wrong.append(f"nothing was measured: at least one is needed of {', '.join(MEASURED)}")
+            wrong.append(f"measured: must have at least one of {', '.join(MEASURED)}")
         values = {"psi": self.psi, **self.measured}
         refuse(wrong + _wrong_names(values, self.errors), self.source)
         n = np.size(self.psi)
@@ -215,9 +215,9 @@ class Collisions:
         wrong = _unknown(self.measured, COLLISION_COLUMNS)
         normal, places = (all(name in self.measured for name in names) for names in (NORMAL, PLACES))
         if not normal and not places:
-            wrong.append("the normal is missing: columns nx, ny or x_1, y_1, x_2, y_2 are needed")
+            wrong.append("the normal is missing: give columns nx, ny or x_1, y_1, x_2, y_2")
         if not any(name in self.measured for name in AFTER):
-            text = "nothing was measured after the impact: at least one is needed of"
+            text = "measured: must have a quantity after the impact, one of"
             wrong.append(f"{text} {', '.join(AFTER)}")
         given = {name: value for name, value in self.errors.items() if name != "normal"}
         turned = [name for name in NORMAL if "normal" in self.errors and name in {*self.measured} - {*given}]
@@ -240,18 +240,18 @@ class Collisions:
         found: list[tuple[int, str]] = []
         for name, e in errors.items():
             bad = ~(np.isnan(e) | (np.isfinite(e) & (e >= 0.0))) & ~np.isnan(arrays[name])
-            found += _rows(bad, f"error of {name}", e, "a number of 0 or more is needed")
-            found += _rows(np.isinf(arrays[name]), name, arrays[name], "a finite number is needed")
+            found += _rows(bad, f"error of {name}", e, "must be a number of 0 or more")
+            found += _rows(np.isinf(arrays[name]), name, arrays[name], "must be a finite number")
         disks = []
         for number, disk in ((1, self.disk_1), (2, self.disk_2)):
             numbers = _per_collision(disk, n)
             for key, v in numbers.items():
                 bad = ~((v > 0.0) & (np.isfinite(v) | ((number == 2) & (key == "mass"))))
-                found += _rows(bad, f"{key}_{number}", v, "a positive finite number is needed")
+                found += _rows(bad, f"{key}_{number}", v, "must be a positive finite number")
             disks.append(_of_columns(numbers))
         walls = np.isinf(np.asarray(disks[1].mass))
         if walls.any() and not walls.all():
-            text = "mass_2 is infinite: walls and disks cannot stand in one table"
+            text = "mass_2 is infinite: walls and disks cannot be combined in one table"
             found.append((int(np.argmax(walls)), text))
         x, y = (arrays[NORMAL[i]] if normal else arrays[PLACES[i + 2]] - arrays[PLACES[i]] for i in (0, 1))
         found += _rows((x == 0.0) & (y == 0.0), "the normal has no length")
@@ -462,7 +462,7 @@ def _disk(source: str, i: int, columns: Mapping[str, Array], disk: Disk | None) 
     if disk is not None:
         return _of_columns({**vars(disk), **values})
     if not {"mass", "radius"} <= set(values):
-        return f"{source}: disk {i} is not known: --disk-{i} MASS,RADIUS,K{' or wall' * (i == 2)}, or columns mass_{i} and radius_{i}, are needed"  # noqa: E501
+        return f"{source}: disk {i} is not known: give --disk-{i} MASS,RADIUS,K{' or wall' * (i == 2)}, or columns mass_{i} and radius_{i}"  # noqa: E501
     return _of_columns(values)
 
 
@@ -539,7 +539,7 @@ def _column(source: str, name: str, value: ArrayLike, n: int) -> Array:
     """Values of n impacts, (n,); a number stands for all."""
     array = np.array(np.broadcast_to(value, n) if np.ndim(value) == 0 else value, dtype=np.float64)
     if array.shape != (n,):
-        raise InputError(f"{source}: {name} has shape {array.shape}: ({n},) is needed, as psi has")
+        raise InputError(f"{source}: {name} has shape {array.shape}: must be ({n},), as psi has")
     return array
 
 
@@ -554,7 +554,7 @@ def _end(source: str, found: list[tuple[int, str]], line: NDArray[np.int64] | No
 def _rows(
     wrong: NDArray[np.bool_], name: str, values: Array | None = None, need: str = ""
 ) -> list[tuple[int, str]]:
-    """Index and complaint of each row that is wrong: `name` alone, or with its value and what is needed."""
+    """Index and complaint of each row that is wrong: `name` alone, or with its value and what it must be."""
     text = (lambda i: name) if values is None else (lambda i: f"{name} = {values[i]:g}: {need}")
     return [(int(i), text(i)) for i in np.flatnonzero(wrong)]
 
@@ -563,20 +563,20 @@ def _wrong_values(name: str, values: Array) -> list[tuple[int, str]]:
     """Index and complaint of each value that cannot be."""
     if name == "psi":
         right = (values >= 0.0) & (values < 90.0)
-        need = "an impact angle from 0 to below 90 degrees is needed"
+        need = "must be an impact angle from 0 to below 90 degrees"
     else:
         low, high = MEASURED[name].low, MEASURED[name].high
         above = values > low if name == "sqrt_d2_d1" else values >= low
         right = np.isnan(values) | (np.isfinite(values) & above & (values <= high))
-        need = "a finite number is needed"
+        need = "must be a finite number"
         if name in ANGLES:
-            need = f"an angle from {low:g} to {high:g} degrees is needed"
+            need = f"must be an angle from {low:g} to {high:g} degrees"
         elif low == 0.0:
-            need = "a positive finite number is needed"
+            need = "must be a positive finite number"
     return _rows(~right, name, values, need)
 
 
 def _wrong_errors(name: str, errors: Array, values: Array) -> list[tuple[int, str]]:
-    least = f"a finite number of at least {LEAST_ERROR:g} is needed"
+    least = f"must be a finite number of at least {LEAST_ERROR:g}"
     wrong = ~np.isnan(errors) & ~((errors >= LEAST_ERROR) & (errors < math.inf)) & ~np.isnan(values)
     return _rows(wrong, f"error of {name}", errors, least)

@@ -263,12 +263,12 @@ def own(kind: type[CollisionLaw], ranges: Mapping[str, Range] | None = None) -> 
         if name not in kind.coefficients
     ]
     wrong += [
-        f"range of {name} = {low:g}:{high:g}: two finite numbers, the lower first, are needed"
+        f"range of {name} = {low:g}:{high:g}: must be two finite numbers, the lower first"
         for name, (low, high) in given.items()
         if not (low < high and math.isfinite(low) and math.isfinite(high))
     ]
     missing = [name for name in kind.coefficients if name not in given and name not in RANGES]
-    wrong += [f"a range of {name} is needed (--range {name}=LOW:HIGH)" for name in missing]
+    wrong += [f"range of {name}: missing (--range {name}=LOW:HIGH)" for name in missing]
     refuse(wrong, kind.__name__)
     whole = {name: given.get(name, RANGES.get(name, (0.0, 0.0))) for name in kind.coefficients}
     tried = {name: given.get(name, _TRIED.get(name, (0.0, 0.0))) for name in kind.coefficients}
@@ -287,7 +287,7 @@ def own_from_file(text: str, ranges: Mapping[str, Range] | None = None) -> Law:
     name, colon, title = text.rpartition(":")
     path = Path(name)
     if not colon or path.suffix != ".py":
-        raise InputError(f"--law {text}: FILE.py:CLASS is needed")
+        raise InputError(f"--law {text}: must be FILE.py:CLASS")
     if not path.is_file():
         raise InputError(f"--law {text}: there is no file {path}")
     spec = importlib.util.spec_from_file_location(path.stem, path)
@@ -325,7 +325,7 @@ def chosen(
             )
     found |= {law.name: law for law in own_laws}
     if not found and not wrong:
-        wrong.append(f"model: at least one is needed of {', '.join(LAWS)}, all")
+        wrong.append(f"model: must name at least one of {', '.join(LAWS)}, all")
     fixed = dict(fixed or {})
     known = {name for law in found.values() for name in law.ranges}
     for name, value in fixed.items():
@@ -335,7 +335,7 @@ def chosen(
             wrong.append(f"{name} = {value:g} cannot be fixed: no such coefficient{named}")
         elif any(not low <= value <= high for low, high in ranges):
             low, high = ranges[0]
-            wrong.append(f"{name} = {value:g} cannot be fixed: a value from {low:g} to {high:g} is needed")
+            wrong.append(f"{name} = {value:g} must be a value from {low:g} to {high:g}")
     refuse(wrong)
     laws = {}
     for name, law in found.items():

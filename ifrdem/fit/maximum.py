@@ -119,14 +119,12 @@ def fit(
         pair = Pair(M=M, k_1=k_1, k_2=k_2, R_1=R_1, R_2=R_2)
         problem: Problem = data.problem(pair)
         if (rolling or fixed.get("rho", 0.0) > 0.0) and not pair.has_radii:
-            wrong.append("R_1, R_2: the radii are needed for rolling friction")
+            wrong.append("rolling friction requires R_1 and R_2, the radii")
     else:
         problem = data.problem()
     if rolling:
         if not set(SPINNING) & set(data.names):
-            text = (
-                f"rolling friction changes spins only: a column {' or '.join(SPINNING)} is needed to fit rho"
-            )
+            text = f"rolling friction changes spins only: rho requires a column {' or '.join(SPINNING)}"
             wrong.append(f"{data.source}: {text}; there are {', '.join(data.names)}")
         r = float(np.max(of_laws.reach(problem.probe())))
         chosen = {name: _rolling(law, r) if "rho" in law.ranges else law for name, law in chosen.items()}
@@ -372,7 +370,7 @@ class _LawFit:
             p = len(self.law.free)
             redundancy = int(np.sum(problem.redundancy))
             if redundancy <= p + len(problem.estimated):
-                needed = f"more than {p + len(problem.estimated)} are needed for {p} coefficients"
+                needed = f"{p} coefficients require more than {p + len(problem.estimated)}"
                 raise InputError(
                     f"{self.data.source}: {counted(redundancy, 'value')} measured after the impact: {needed}"
                     + f" and {len(problem.estimated)} errors" * bool(problem.estimated)
@@ -546,7 +544,7 @@ def covariance_of(information: Array) -> Array:
 
 
 def _unit(information: Array) -> Array:
-    """Scale (p,) of each coefficient by its own information; 1 where there is none."""
+    """Scale (p,) of each coefficient from its information; 1 where there is none."""
     diagonal = np.diag(information)
     return np.asarray(1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)))
 

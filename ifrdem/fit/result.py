@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..model.ifr import Admissibility, IFRLaw, Regime
-from ..tools.checked import Count, Positive, Seed, one_of, validated
+from ..tools.checked import Count, Positive, Seed, choice, validated
 from .data import Collisions, Data
 from .laws import Law, ifr_law
 from .likelihood import Array
@@ -210,7 +210,7 @@ class Fit:
 
         Raises InputError if it is another law, or can add energy in collisions of these disks.
         """
-        chosen = self.best if name is None else one_of("name", name, self.laws)
+        chosen = self.best if name is None else choice("name", name, self.laws)
         return self.laws[chosen].ifr(self.smallest_k)
 
     @property
@@ -258,10 +258,10 @@ def law_warnings(fitted: Fitted, others: Sequence[tuple[Array, float]], *, robus
                 known = f"beyond being above {mu.low:.3g}"
                 if transition is not None:
                     known += f" (and the transition above {transition.interval.low:.3g} degrees)"
-            found.append(f"no impact slides: mu is not determined {known}; impacts at larger psi are needed")
+            found.append(f"no impact slides: mu is not determined {known}; measure impacts at larger psi")
         elif mu.high_open:
             found.append(
-                "mu is not determined: the data set no upper end to it; more sliding impacts are needed"
+                "mu is not determined: the data set no upper end to it; measure more sliding impacts"
             )
         if sliding == len(fitted.psi):
             below = ""
@@ -269,7 +269,7 @@ def law_warnings(fitted: Fitted, others: Sequence[tuple[Array, float]], *, robus
                 high = transition.interval.high
                 below = f", and the transition is only known to be below {high:.3g} degrees"
             text = "no impact sticks: the kind of sticking is not tested"
-            found.append(f"{text}{below}; impacts at smaller psi are needed")
+            found.append(f"{text}{below}; measure impacts at smaller psi")
     for name, whole in (("e_n", 1.0), ("e_t", 2.0), ("beta", 2.0)):
         if name not in estimates:
             continue

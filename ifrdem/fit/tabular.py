@@ -86,9 +86,9 @@ class TableFormat:
     def __post_init__(self) -> None:
         wrong = []
         if len(self.delimiter) != 1:
-            wrong.append(f"delimiter = {self.delimiter!r}: one character is needed")
+            wrong.append(f"delimiter = {self.delimiter!r}: must be one character")
         if self.decimal not in (".", ","):
-            wrong.append(f"decimal = {self.decimal!r}: one character is needed, . or ,")
+            wrong.append(f"decimal = {self.decimal!r}: must be one character, . or ,")
         if not wrong and self.delimiter == self.decimal:
             wrong.append(f"delimiter and decimal are both {self.delimiter!r}: they must differ")
         refuse(wrong)
@@ -139,7 +139,7 @@ def read(
         rows = csv_rows.each(path, most=most, delimiter=form.delimiter)
         header, at = next(rows, ([], 0))
         if not header:
-            raise InputError("is empty: a first line with the names of the columns is needed")
+            raise InputError("is empty: must have a first line with the names of the columns")
         names, factors, unused = _header(at, header, kinds, spellings, form)
         values = {name: array("d") for name in names if name}
         lines, wrong = array("q"), list[str]()
@@ -175,7 +175,7 @@ def _add(
 ) -> tuple[list[str], int]:  # fmt: skip
     """Add a row to the values; return its errors, and the number of missing values."""
     if len(row) != len(names):
-        count = f"{counted(len(row), 'value')}, and {len(names)} are needed"
+        count = f"{counted(len(row), 'value')}: must be {len(names)}"
         return [f"{count} ({', '.join(header)})"], 0
     wrong, missing = [], 0
     for name, factor, text in zip(names, factors, row, strict=True):
@@ -186,13 +186,13 @@ def _add(
         if text.lower() in _MISSING:
             missing += 1
             if not gaps:
-                wrong.append(f"{name} = {text or 'nothing'}: a finite number is needed")
+                wrong.append(f"{name} = {text or 'nothing'}: must be a finite number")
         elif not csv_rows.is_number(number) or (form.decimal == "," and "." in text):
             commas = form.decimal == "." and csv_rows.is_number(text.replace(",", "."))
             hint = "; --decimal , reads a comma" if commas else ""
-            wrong.append(f"{name} = {printable(text)}: a number is needed{hint}")
+            wrong.append(f"{name} = {printable(text)}: must be a number{hint}")
         elif not math.isfinite(float(number)) and not name.startswith("mass_"):
-            wrong.append(f"{name} = {text}: a finite number is needed")
+            wrong.append(f"{name} = {text}: must be a finite number")
         else:
             value = factor * float(number)
         values[name].append(value)
@@ -210,11 +210,11 @@ def _check_format(source: str, form: TableFormat, kinds: Mapping[str, str]) -> N
     for name, unit in form.units.items():
         kind = kinds.get(name.removesuffix("_error"))
         if kind and unit not in UNITS[kind] and not _factor(unit):
-            needed = f"{', '.join(UNITS[kind])} or a positive factor is needed{nearest(unit, UNITS[kind])}"
+            needed = f"must be {', '.join(UNITS[kind])} or a positive factor{nearest(unit, UNITS[kind])}"
             wrong.append(f"unit {name}={unit}: {needed}")
     for name, value in form.known.items():
         if not math.isfinite(value):
-            wrong.append(f"known value {name} = {value}: a finite number is needed")
+            wrong.append(f"known value {name} = {value}: must be a finite number")
     wrong += [
         f"{name}: is named as a column and as a known value" for name in form.known if name in form.columns
     ]

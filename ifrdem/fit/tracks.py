@@ -102,13 +102,13 @@ def read(path: Path | str, *, fps: float | None = None, form: TableFormat = Tabl
     if "t" not in columns and "frame" in columns and fps is None:
         wrong.append("a column frame needs --fps, the frames per second")
     if fps is not None and not 0.0 < fps < math.inf:
-        wrong.append(f"fps = {fps:g}: a positive finite number is needed")
+        wrong.append(f"fps = {fps:g}: must be a positive finite number")
     refuse(wrong, source)
     times = columns["t"] if "t" in columns else columns["frame"] / float(fps or 1.0)
     ids = columns["id"]
     whole = np.all([~np.isnan(each) for each in (times, ids, columns["x"], columns["y"])], axis=0)
     bad = np.flatnonzero(whole & (ids != np.round(ids)))
-    found = [f"line {table.line[i]}: id = {ids[i]:g}: a whole number is needed" for i in bad]
+    found = [f"line {table.line[i]}: id = {ids[i]:g}: must be an integer" for i in bad]
     time, position, angle = {}, {}, {}
     for one in np.unique(ids[whole]) if not found else ():
         rows = np.flatnonzero(whole & (ids == one))
@@ -154,11 +154,11 @@ def find(
     """
     wrong = []
     if window < LEAST:
-        wrong.append(f"window = {window}: at least {LEAST} frames are needed")
+        wrong.append(f"window = {window}: must be at least {LEAST} frames")
     if noise is not None and not 0.0 < noise < math.inf:
-        wrong.append(f"noise = {noise:g}: a positive finite number is needed")
+        wrong.append(f"noise = {noise:g}: must be a positive finite number")
     if wall is not None and (wall[:2] == wall[2:] or not all(map(math.isfinite, wall))):
-        wrong.append(f"wall = {wall}: two different points are needed")
+        wrong.append(f"wall = {wall}: must be two different points")
     of = {one: disks if isinstance(disks, Disk) else disks.get(one) for one in tracks.time}
     wrong += [f"disk {one}: its mass and radius are not given" for one, disk in of.items() if disk is None]
     refuse(wrong)
@@ -360,7 +360,7 @@ def _fit(
         rows = np.concatenate([before[-window:], here, after[:window]])
         if min(len(before), len(after)) < LEAST:
             flights = f"{len(before)} frames of its flight before and {len(after)} after"
-            return f"disk {one} is seen in {flights}, and {LEAST} are needed"
+            return f"disk {one} is seen in {flights}: must be {LEAST} or more"
         if len(rows) > 1 and float(np.max(np.diff(t[rows]))) > 3.5 * step:
             return f"disk {one} was lost near the impact"
         seen.append(rows)

@@ -109,7 +109,7 @@ def read(path: Path, n: int, box: Box | None = None, form: TableFormat | None = 
     texts = [
         f"line {table.line[i]}: {name} = {value:g}: "
         + (
-            "a finite number is needed"
+            "must be a finite number"
             if not math.isfinite(value)
             else f"must be {expected[i]}: rows are in the order of the species"
             if name == "id"
@@ -148,8 +148,7 @@ def _as_keys(text: str) -> str:
 def _wrong_columns(names: list[str], unused: tuple[str, ...]) -> list[str]:
     allowed = tuple(KINDS)
     wrong = [
-        f"unknown column '{name}'{nearest(name, allowed)}; allowed are {', '.join(allowed)}"
-        for name in unused
+        f"unknown column '{name}'{nearest(name, allowed)}; there are {', '.join(allowed)}" for name in unused
     ]
     missing = [name for name in POSITION if name not in names]
     given = [name for name in MOTION if name in names]

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
-from ..kernels.columns import MOST_IDS
 from ..model.box import Box
 from ..model.free_area import FreeArea
 from ..model.overlaps import (
@@ -26,10 +25,11 @@ from ..model.overlaps import (
     refuse_wider_than_box,
     size_classes,
 )
+from ..model.state import NumberOfDisks
 from ..model.walls import Wall
 from ..mpi import collective, current, distribution
 from ..tools import seeds
-from ..tools.checked import Array, Integer, Number, PositiveColumn, Seed, validated
+from ..tools.checked import Array, Number, PositiveColumn, Seed, validated
 
 # Of the diameter among sites, of the radius at walls: room for rounding.
 CLOSER, CLEAR = 1.0 - 1e-9, 1.0 + 1e-9
@@ -533,7 +533,6 @@ def hexagonal_positions(
 
 
 _Size = Annotated[float, Number(0.0, MOST_SPEED, f"a finite number, 0 or more and at most {MOST_SPEED:g}")]
-_Number = Annotated[int, Integer(0, MOST_IDS)]
 
 
 @validated
@@ -592,7 +591,7 @@ def maxwellian(
 
 @validated
 @collective
-def gaussian_spins(n: _Number, *, spin_rms: _Size, seed: Seed) -> Array:
+def gaussian_spins(n: NumberOfDisks, *, spin_rms: _Size, seed: Seed) -> Array:
     """Draw spins [rad/time], shape (n,), from a normal distribution with mean 0 and exactly this rms value.
 
     Of ranks of MPI (`Communicator`), each gives the number of disks in its slice, and gets their spins.

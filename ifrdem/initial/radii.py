@@ -15,10 +15,10 @@ from typing import Annotated
 import numpy as np
 
 from ..errors import InputError
-from ..kernels.columns import MOST_IDS
+from ..model.state import NumberOfDisks
 from ..mpi import collective, current
 from ..tools import seeds
-from ..tools.checked import Array, Integer, OneOf, Positive, Seed, validated
+from ..tools.checked import Array, Choice, Positive, Seed, validated
 
 TRUNCATION = 3.0
 """Standard deviations from the mean at which a Gaussian is cut off where the case does not say."""
@@ -35,13 +35,12 @@ PARAMETERS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 """Of each distribution, the parameters that it needs and those that it may have."""
 
 
-Distribution = Annotated[str, OneOf(tuple(PARAMETERS))]
-_Number = Annotated[int, Integer(0, MOST_IDS)]
+Distribution = Annotated[str, Choice(tuple(PARAMETERS))]
 
 
 @validated
 @collective
-def uniform(n: _Number, *, low: Positive, high: Positive, seed: Seed) -> Array:
+def uniform(n: NumberOfDisks, *, low: Positive, high: Positive, seed: Seed) -> Array:
     """Radii that are equally frequent between `low` and `high` [length].
 
     InputError if not 0 < low < high, or a number is not finite.
@@ -59,7 +58,7 @@ def uniform(n: _Number, *, low: Positive, high: Positive, seed: Seed) -> Array:
 @validated
 @collective
 def gaussian(
-    n: _Number,
+    n: NumberOfDisks,
     *,
     mean: Positive,
     deviation: Positive,
@@ -87,7 +86,7 @@ def gaussian(
 @validated
 @collective
 def lognormal(
-    n: _Number,
+    n: NumberOfDisks,
     *,
     mean: Positive,
     deviation: Positive,
@@ -113,7 +112,9 @@ def lognormal(
 
 @validated
 @collective
-def bidisperse(n: _Number, *, low: Positive, high: Positive, large_fraction: Positive, seed: Seed) -> Array:
+def bidisperse(
+    n: NumberOfDisks, *, low: Positive, high: Positive, large_fraction: Positive, seed: Seed
+) -> Array:
     """Radii of two sizes [length], of which the part `large_fraction` of all disks has `high`, in random order.
 
     Their number is the whole number nearest to `large_fraction * n`, not a random one. InputError if not 0 < low <
@@ -131,7 +132,9 @@ def bidisperse(n: _Number, *, low: Positive, high: Positive, large_fraction: Pos
 
 @validated
 @collective
-def sample(distribution: Distribution, n: _Number, *, seed: Seed, **parameters: Positive | None) -> Array:
+def sample(
+    distribution: Distribution, n: NumberOfDisks, *, seed: Seed, **parameters: Positive | None
+) -> Array:
     """Radii [length], shape (n,), of a distribution by its name (`PARAMETERS`); see the functions of these names.
 
     InputError as `check`.
@@ -150,7 +153,7 @@ def sample(distribution: Distribution, n: _Number, *, seed: Seed, **parameters: 
 
 @validated
 def of_ids(
-    distribution: Distribution, n: _Number, ids: range, *, seed: Seed, **parameters: Positive | None
+    distribution: Distribution, n: NumberOfDisks, ids: range, *, seed: Seed, **parameters: Positive | None
 ) -> Array:
     """Radii [length], shape (len(ids),), of some of n disks: those that `sample` gives them among all.
 
@@ -219,7 +222,7 @@ def check(distribution: Distribution, **parameters: Positive | None) -> None:
         _, _, begin, end = _normal(distribution, given)
         if end - begin < LEAST_SHARE:
             raise InputError(
-                f"low = {low:g}, high = {high:g}: only {end - begin:.2g} of the distribution lies between them, "
+                f"low = {low:g}, high = {high:g}: only {end - begin:.2g} of the distribution lies between them: "
                 f"must be {LEAST_SHARE:g} or more"
             )
 

@@ -21,4 +21,4 @@ def named_numbers(owner: str, what: str, names: Sequence[str], given: Mapping[st
     for name in names:
         if name not in given:
             raise InputError(f"{owner}: {name} is missing; it has: {', '.join(names)}")
-    return {name: checked.finite(f"{owner}: {name}", given[name]) for name in names}
+    return {name: checked.FINITE(f"{owner}: {name}", given[name]) for name in names}

@@ -12,7 +12,6 @@ The module imports Taichi: `act` and `measure` are compiled to run on the device
 
 from __future__ import annotations
 
-import math
 from typing import Any, ClassVar
 
 from ..errors import InputError
@@ -458,7 +457,7 @@ class Rescale(Force):
         self, step: Positive, *, temperature: float | None = None, energy: float | None = None
     ) -> None:
         if (temperature is None) == (energy is None):
-            raise InputError("rescale: exactly one of temperature and energy is needed")
+            raise InputError("rescale: exactly one of temperature and energy must be given")
         name, value = ("temperature", temperature) if energy is None else ("energy", energy)
         wanted = number(name, value, positive=True)
         super().__init__(step, target=wanted, with_spins=0.0 if energy is None else 1.0)
@@ -503,16 +502,14 @@ def _velocity_kick(disk, step, p):
 
 def number(name: str, value: float | None, *, positive: bool = False, negative: bool = False) -> float:
     """The value as a float if it is a finite number of the kind that is needed (0 or more unless told)."""
-    kind = (
-        "a positive finite number" if positive else "a finite number" + ("" if negative else ", 0 or more,")
-    )
-    return checked.finite(name, value, f"{kind} is needed", -math.inf if negative else 0.0, open_=positive)
+    check = checked.POSITIVE if positive else checked.FINITE if negative else checked.NON_NEGATIVE
+    return check(name, value)
 
 
 def _strength(power: float | None, diffusion: float | None) -> dict[str, float]:
     """Parameters of kicks, of which one is 0."""
     if (power is None) == (diffusion is None):
-        raise InputError("kicks: exactly one of power and diffusion is needed")
+        raise InputError("kicks: exactly one of power and diffusion must be given")
     if power is not None:
         return {"power": number("power", power, positive=True), "diffusion": 0.0}
     return {"power": 0.0, "diffusion": number("diffusion", diffusion, positive=True)}
@@ -521,4 +518,4 @@ def _strength(power: float | None, diffusion: float | None) -> dict[str, float]:
 def _some(**given: float) -> None:
     """Raise InputError unless one of the numbers is not 0."""
     if not any(given.values()):
-        raise InputError(f"{', '.join(given)}: one of them above 0 is needed")
+        raise InputError(f"{', '.join(given)}: one of them must be above 0")

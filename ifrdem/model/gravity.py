@@ -63,4 +63,4 @@ Gravity = tuple[float, float] | RotatingGravity
 
 def validate(gravity: Any) -> Gravity:
     """A gravity as users give it, its numbers checked: InputError if it is neither."""
-    return gravity if isinstance(gravity, RotatingGravity) else checked.finite_pair("gravity", gravity)
+    return gravity if isinstance(gravity, RotatingGravity) else checked.PAIR("gravity", gravity)

@@ -7,6 +7,7 @@ itself is `ifrdem.kernels.law.collide_pair`, which the engine calls too.
 from __future__ import annotations
 
 import math
+import sys
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -16,7 +17,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError, nearest
+from ..errors import InputError
 from ..tools import checked
 from ..tools.checked import LEAST, MOST, Array, Number, Numbers, validated
 from .law import CollisionLaw, EnergyWarning
@@ -33,11 +34,15 @@ _UNIT = 1e-12
 # Of k and of mu: powers of both are multiplied.
 _MOST = 1e50
 
+_SHAPE = Number(math.ulp(0.0), _MOST, f"a positive number, at most {_MOST:g}")
 _RANGES = {
-    "e_n": (0.0, 1.0, "normal restitution must lie from 0 to 1; above 1 every collision would add energy"),
-    "e_t": (-1.0, 1.0, "tangential restitution must lie from -1 to 1, or it would add energy"),
-    "mu": (0.0, math.inf, "friction must be a finite number of 0 or more"),
-    "rho": (0.0, math.inf, "rolling friction [length] must be finite, 0 or more"),
+    "e_n": Number(0.0, 1.0, "a number from 0 to 1 (normal restitution; above 1 collisions would add energy)"),
+    "e_t": Number(
+        -1.0, 1.0, "a number from -1 to 1 (tangential restitution; beyond, collisions would add energy)"
+    ),
+    "mu": Number(0.0, _MOST, f"a number from 0 to {_MOST:g} (friction)"),
+    "rho": Number(0.0, sys.float_info.max, "a finite number, 0 or more (rolling friction [length])"),
+    "k": _SHAPE,
 }
 
 
@@ -91,13 +96,6 @@ class Collision(NamedTuple):
     (-n_y, n_x); shape (...)."""
     regime: NDArray[np.int8]
     """Values of `Regime`; shape (...)."""
-
-
-def _number(name: str, value: object, low: float, high: float, why: str) -> float:
-    number = checked.real(name, value)
-    if not low <= number <= high or math.isinf(number):
-        raise InputError(f"{name} = {number:g}: {why}")
-    return number
 
 
 _Mass = Annotated[float, Number(float(np.finfo(float).tiny), math.inf, "a positive number, or inf")]
@@ -170,14 +168,9 @@ class IFRLaw(CollisionLaw):
     k: float = field(default=2.0, compare=False)
 
     def __post_init__(self) -> None:
-        for name, range_ in _RANGES.items():
-            object.__setattr__(self, name, _number(name, getattr(self, name), *range_))
-        object.__setattr__(self, "k", _positive("k", self.k))
-        if self.sticking not in STICKING:
-            allowed = ", ".join(repr(name) for name in STICKING)
-            hint = nearest(str(self.sticking), STICKING)
-            raise InputError(f"sticking = {self.sticking!r}: must be one of {allowed}{hint}")
-        _bounded("mu", self.mu)
+        for name, check in _RANGES.items():
+            object.__setattr__(self, name, check(name, getattr(self, name)))
+        checked.choice("sticking", self.sticking, STICKING)
         verdict = self._admissibility(self.k)  # kbar = k for a like pair, whatever the masses
         if not verdict.admissible:
             raise InputError(f"{verdict.message}; for disks of another shape pass their k")
@@ -190,10 +183,10 @@ class IFRLaw(CollisionLaw):
         Masses, in any one unit, matter only where the k differ; one of them may be infinite, a wall. InputError if a k
         is not positive and finite, a mass is not positive, or both masses are infinite.
         """
-        k_i, k_j = _positive("k_i", k_i), _positive("k_j", k_j)
+        k_i, k_j = _SHAPE("k_i", k_i), _SHAPE("k_j", k_j)
         if not (m_i > 0.0 and m_j > 0.0) or (math.isinf(m_i) and math.isinf(m_j)):
             raise InputError(
-                f"m_i = {m_i}, m_j = {m_j}: positive masses are needed, at most one of them infinite"
+                f"m_i = {m_i}, m_j = {m_j}: must be positive masses, at most one of them infinite"
             )
         return self._admissibility(float(_mean_k(k_i, k_j, m_i, m_j)))
 
@@ -246,7 +239,7 @@ class IFRLaw(CollisionLaw):
                 True, True, f"{law}: no collision adds energy, because mu = 0 and -1 <= e_t <= 1"
             )
         if e_t == 1.0:
-            text = f"{law}: a grazing collision would add energy; with mu > 0, e_t < 1 is needed"
+            text = f"{law}: a grazing collision would add energy; with mu > 0, e_t must be below 1"
             return Admissibility(False, False, text)
         corner = "where sliding turns into sticking, a (1 - e_n) >= (e_s^2 - 1) (1 + e_n) mu^2 / c^2"
         needed = [(corner, a * (1.0 - e_n), (e_s**2 - 1.0) * (1.0 + e_n) * mu**2 / c**2)]
@@ -282,19 +275,6 @@ class IFRLaw(CollisionLaw):
         if 1.0 - ac >= -1.0:
             remedies.insert(0, f"e_t <= {1.0 - ac:g}")
         return f"With {' or '.join(remedies)} it would not"
-
-
-def _positive(name: str, value: object) -> float:
-    number = _number(name, value, 0.0, math.inf, "a positive finite number is needed")
-    _bounded(name, number)
-    if number == 0.0:
-        raise InputError(f"{name} = 0: a positive finite number is needed")
-    return number
-
-
-def _bounded(name: str, number: float) -> None:
-    if number > _MOST:
-        raise InputError(f"{name} = {number:g}: at most {_MOST:g} can be computed with")
 
 
 def _mean_k(k_i: ArrayLike, k_j: ArrayLike, m_i: ArrayLike, m_j: ArrayLike) -> Array:
@@ -381,7 +361,7 @@ def collide(
     _refuse("radius", R, flat & ~wall, "only an infinite mass may have an infinite radius")
     _refuse("spin", w, flat & (w != 0.0), "a flat wall (infinite radius) cannot spin")
     off = ~(np.abs(np.hypot(n[..., :1], n[..., 1:]) - 1.0) <= _UNIT)
-    _refuse("normal", n, off, "a unit vector is needed, to 1e-12")
+    _refuse("normal", n, off, "must be a unit vector, to 1e-12")
 
     largest_k = float(np.max(_mean_k(k_[..., 0], k_[..., 1], m[..., 0], m[..., 1]), initial=0.0))
     if largest_k > law.k:  # at or below law.k its construction has already said what is to be said

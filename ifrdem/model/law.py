@@ -150,8 +150,8 @@ def checked_class(laws: list[list[CollisionLaw]]) -> type[CollisionLaw]:
         kind: Any = type(law)
         if not isinstance(law, CollisionLaw) or kind.impulses() is CollisionLaw.collide:
             raise InputError(
-                f"law = {law!r}: an IFRLaw, or an object of a class derived from ifrdem.CollisionLaw with a method "
-                "collide, is needed"
+                f"law = {law!r}: must be an IFRLaw, or an object of a class derived from ifrdem.CollisionLaw with a "
+                "method collide"
             )
         if kind not in kinds:
             kinds.append(kind)
@@ -287,10 +287,10 @@ def law_table(
     if not isinstance(law, Sequence) or isinstance(law, str):
         checked_class([[law]])  # refuses it by name
     if not all(isinstance(row, Sequence) for row in law):
-        raise InputError("law table: a list of lists of laws, [[law]], is needed, or one law for all")
+        raise InputError("law table: must be a list of lists of laws, [[law]], or one law for all")
     table = [list(row) for row in law]
     if len(table) < materials or any(len(row) != len(table) for row in table):
-        raise InputError(f"law table: a square table of at least {materials} materials is needed")
+        raise InputError(f"law table: must be a square table of at least {materials} materials")
     checked_class(table)
     for a, row in enumerate(table):
         for b, one in enumerate(row):

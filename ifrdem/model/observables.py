@@ -32,7 +32,7 @@ class Measure:
 
     Attributes
     ----------
-    time, collisions, wall_hits : float, int, int
+    time, collisions, wall_collisions : float, int, int
         The time [time]; collisions between two disks so far, each once; collisions with walls.
     translational_energy, rotational_energy : float
         Sums of m v^2 / 2 and of I w^2 / 2 [energy].
@@ -59,7 +59,7 @@ class Measure:
         Sums of each wall, the sides of the box last (`WallSums`); None unless they are asked for.
     pistons : array (P, 4) or None
         Displacement, velocity, energy and force of each piston (`Simulation.pistons`); None without pistons.
-    shear_pressure : float
+    momentum_flux_xy : float
         Kinetic part of the pressure tensor times the area, sum of m v_x v_y, v as in the temperature [energy].
 
     Notes
@@ -83,17 +83,22 @@ class Measure:
     rotational_temperature: float
     momentum: Array
     energy_input: float = 0.0
-    shear_pressure: float = 0.0
+    momentum_flux_xy: float = 0.0
     wall_work: float = 0.0
     wall_heat: float = 0.0
     potential_energy: float = 0.0
-    wall_hits: int = 0
+    wall_collisions: int = 0
     asleep: int = 0
     drift_energy: float = 0.0
     dissipated: Array | None = None
     regimes: NDArray[np.int64] | None = None
     walls: Array | None = None
     pistons: Array | None = None
+
+    @property
+    def theta(self) -> float:
+        """Ratio of the rotational to the translational temperature; nan at rest."""
+        return self.rotational_temperature / self.temperature if self.temperature else math.nan
 
     @property
     def unspent(self) -> float:
@@ -151,9 +156,9 @@ def measure(
         totals = sums(disks, state, gravity)
     put_in = {"energy_input": energy_input, "wall_work": wall_work, "wall_heat": wall_heat}
     counted: Any = {"dissipated": dissipated, "regimes": regimes}
-    wall_hits = int(np.sum(state.wall_hits, dtype=np.int64))
+    wall_collisions = int(np.sum(state.wall_collisions, dtype=np.int64))
     return from_totals(
-        disks, totals, float(state.time), wall_hits, about_mean=about_mean, **put_in, **counted
+        disks, totals, float(state.time), wall_collisions, about_mean=about_mean, **put_in, **counted
     )
 
 
@@ -179,7 +184,7 @@ def sums(disks: Disks, state: State, gravity: tuple[Real, Real] = (0.0, 0.0)) ->
     v_x, v_y = np.ascontiguousarray(state.peculiar_velocity.T)
     columns: list[NDArray[Any]] = [
         mass * (v_x**2 + v_y**2), inertia * state.spin**2, mass * v_x, mass * v_y, mass * v_x * v_y,
-        mass * (state.position @ np.array(gravity)), state.collisions.astype(np.int64) + state.wall_hits, mass,
+        mass * (state.position @ np.array(gravity)), state.collisions.astype(np.int64) + state.wall_collisions, mass,
     ]  # fmt: skip
     found = [float(current().total(each)) for each in columns]
     return np.array([0.5 * found[0], 0.5 * found[1], *found[2:-1], 0.0, found[-1]])
@@ -190,7 +195,7 @@ def from_totals(
     disks: Disks,
     totals: Annotated[Array, Numbers((READOUT.width,), -math.inf, math.inf)],
     time: float,
-    wall_hits: Annotated[int, Integer(0, 2**63 - 1)],
+    wall_collisions: Annotated[int, Integer(0, 2**63 - 1)],
     *,
     about_mean: tuple[bool, bool] = (True, True),
     **put_in: Any,
@@ -203,11 +208,11 @@ def from_totals(
     >>> import numpy as np
     >>> disks = ifrdem.Disks(2, mass=1.0, radius=0.5)
     >>> totals = np.array([1.0, 0.5, 0.0, 0.0, 0.0, 0.0, 4.0, 0.0, 2.0])
-    >>> found = ifrdem.observables.from_totals(disks, totals, time=1.0, wall_hits=0)
+    >>> found = ifrdem.observables.from_totals(disks, totals, time=1.0, wall_collisions=0)
     >>> found.temperature, found.collisions
     (0.5, 2)
     """
-    translational, rotational, *momentum, shear_pressure, fall, events, _, mass = totals.tolist()
+    translational, rotational, *momentum, momentum_flux_xy, fall, events, _, mass = totals.tolist()
     n = max(disks.n_movable, 1)
     if disks.n_movable < disks.n:  # which hold the gas
         about_mean = (False, False)
@@ -217,7 +222,7 @@ def from_totals(
     return Measure(
         time=time,
         # Each collision is counted at both of its disks, those with walls once.
-        collisions=(round(events) - wall_hits) // 2,
+        collisions=(round(events) - wall_collisions) // 2,
         translational_energy=translational,
         rotational_energy=rotational,
         temperature=(translational - drift_energy) / n,
@@ -225,11 +230,11 @@ def from_totals(
         momentum=np.array(momentum),
         drift_energy=drift_energy,
         # sum m (v_x - u_x) (v_y - u_y)
-        shear_pressure=shear_pressure
+        momentum_flux_xy=momentum_flux_xy
         - mean[0] * momentum[1]
         - mean[1] * momentum[0]
         + mass * mean[0] * mean[1],
         potential_energy=-fall or 0.0,
-        wall_hits=wall_hits,
+        wall_collisions=wall_collisions,
         **put_in,
     )

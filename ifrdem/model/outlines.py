@@ -46,8 +46,8 @@ def checked_points(name: str, points: Any, *, closed: bool) -> tuple[tuple[float
     double back or enclose no area.
     """
     if not isinstance(points, Sequence | np.ndarray) or isinstance(points, str):
-        raise InputError(f"{name}, points = {points!r}: a list of points [x, y] is needed")
-    found = [checked.finite_pair(f"{name}, points[{i}]", point) for i, point in enumerate(points)]
+        raise InputError(f"{name}, points = {points!r}: must be a list of points [x, y]")
+    found = [checked.PAIR(f"{name}, points[{i}]", point) for i, point in enumerate(points)]
     for i, point in enumerate(found):
         if max(map(abs, point)) > MOST:
             raise InputError(f"{name}, points[{i}] = {point}: numbers up to {MOST:g} are allowed")
@@ -55,7 +55,7 @@ def checked_points(name: str, points: Any, *, closed: bool) -> tuple[tuple[float
         del found[-1]
     least = 3 if closed else 2
     if len(found) < least:
-        raise InputError(f"{name}, points: {len(found)} of them, {least} at least are needed")
+        raise InputError(f"{name}, points: {len(found)} of them: must be {least} or more")
     around = [*found, found[0]] if closed else found
     for i, (one, other) in enumerate(itertools.pairwise(around)):
         if one == other:
@@ -100,7 +100,7 @@ def given(
     tolerance : float, optional
         Of the curves of a drawing [length]; see `of_path`.
     """
-    unit = checked.finite(f"{name}, scale", scale, "a positive length is needed", 0.0, open_=True)
+    unit = checked.POSITIVE(f"{name}, scale", scale)
     if not isinstance(points, str | os.PathLike):
         if unit != 1.0:
             raise InputError(f"{name}, scale = {scale}: only a file has it; points are lengths")
@@ -172,10 +172,10 @@ def of_csv(path: str | os.PathLike[str]) -> list[tuple[float, float]]:
             if not found and len(parts) == 2 and not any(re.match(r"[-+.\d]", each) for each in parts):
                 continue  # names of columns
             raise InputError(
-                f"{path}, line {number} = {line.strip()!r}: two numbers, x and y, are needed"
+                f"{path}, line {number} = {line.strip()!r}: must be two numbers, x and y"
             ) from None
         if not (math.isfinite(x) and math.isfinite(y)):
-            raise InputError(f"{path}, line {number} = {line.strip()!r}: finite numbers are needed")
+            raise InputError(f"{path}, line {number} = {line.strip()!r}: must be finite numbers")
         found.append((x, y))
     if not found:
         raise InputError(f"{path}: no points are in it")
@@ -196,7 +196,7 @@ def of_svg(
     elements = list(root.iter())
     paths = [each for each in elements if each.tag.rpartition("}")[2] == "path"]
     if len(paths) != 1:
-        raise InputError(f"{path}: {len(paths)} paths are in it, exactly one is needed")
+        raise InputError(f"{path} has {len(paths)} paths: must have exactly one")
     if moved := [each.tag.rpartition("}")[2] for each in elements if "transform" in each.attrib]:
         raise InputError(
             f"{path}: the transform of <{moved[0]}> is not supported; apply it to the path in the drawing"
@@ -206,7 +206,7 @@ def of_svg(
     except ValueError:
         box = []
     if len(box) != 4:
-        raise InputError(f"{path}: a viewBox of four numbers is needed, which says where y = 0 is")
+        raise InputError(f"{path}: must have a viewBox of four numbers, which says where y = 0 is")
     points, closed = of_path(paths[0].get("d", ""), tolerance, str(path))
     return [(x - box[0], box[1] + box[3] - y) for x, y in points], closed
 
@@ -220,7 +220,7 @@ def of_path(
     """
     commands = _commands(data, name)
     if tolerance is not None:
-        checked.finite(f"{name}, tolerance", tolerance, "a positive length is needed", 0.0, open_=True)
+        checked.POSITIVE(f"{name}, tolerance", tolerance)
     else:
         ends = np.array([args[-2:] for command, args in commands if len(args) >= 2] or [[0.0, 0.0]])
         tolerance = TOLERANCE * (float(np.ptp(ends, axis=0).max()) or 1.0)
@@ -280,7 +280,7 @@ def _commands(data: str, name: str) -> list[tuple[str, list[float]]]:
         if letter.isascii() and letter.isalpha():
             if letter.upper() not in _NUMBERS:
                 raise InputError(
-                    f"{name}: command {letter!r} at character {at + 1} is not known: allowed are "
+                    f"{name}: command {letter!r} at character {at + 1} is not known: must be one of "
                     f"{', '.join(_NUMBERS)} and their small letters"
                 )
             command, at = letter, at + 1

@@ -27,11 +27,11 @@ def checked_radii(radius: ArrayLike) -> Array:
     """The radii [length] as an array of shape (n,); InputError if one is not positive and finite."""
     column = checked.array("radius", radius)
     if column.ndim != 1:
-        raise InputError(f"radius has shape {column.shape}: one radius per disk, shape (n,), is needed")
+        raise InputError(f"radius has shape {column.shape}: must be one radius per disk, shape (n,)")
     wrong = ~(np.isfinite(column) & (column > 0.0))
     if wrong.any():
         i = int(np.argmax(wrong))
-        raise InputError(f"radius[{i}] = {column[i]}: a positive finite number is needed")
+        raise InputError(f"radius[{i}] = {column[i]}: must be a positive finite number")
     return column
 
 
@@ -128,7 +128,7 @@ def check_no_overlap(
     def looked_at() -> tuple[Array, Array]:
         radii, centres = checked_radii(radius), np.asarray(position, dtype=np.float64)
         if centres.shape != (len(radii), 2):
-            raise InputError(f"position has shape {centres.shape}: {(len(radii), 2)} is needed")
+            raise InputError(f"position has shape {centres.shape}: must be {(len(radii), 2)}")
         return radii, centres
 
     comm = current()

@@ -18,10 +18,11 @@ from ..mpi import SERIAL, current
 from ..mpi.distribution import broadcast_constant_rows
 from ..tools import checked
 from ..tools.checked import Array, Integer, Numbers, validated
-from ..tools.pictured import Pictured
+from ..tools.notebook import NotebookRepr
 from ..tools.read_only import ReadOnlyAttributes
 from ..tools.reprs import Brief
 
+NumberOfDisks = Annotated[int, Integer(0, MOST_IDS)]
 _TINY, _HUGE = np.finfo(np.float64).smallest_subnormal, np.finfo(np.float64).max
 _Masses = Annotated[
     NDArray[np.float64],
@@ -60,7 +61,7 @@ class Disks(Brief):
     array([0.125, 0.125, 2.   ])
     """
 
-    n: Annotated[int, Integer(0, MOST_IDS)]
+    n: NumberOfDisks
     mass: _Masses
     radius: _Sizes
     k: _Sizes = field(default_factory=lambda: np.array(2.0))
@@ -72,7 +73,7 @@ class Disks(Brief):
             column = checked.column(name, getattr(self, name), self.n)
             column.flags.writeable = False
             set_(self, name, column)
-        material = checked.counts("material", self.material, (self.n,), broadcast=True).copy()
+        material = checked.integers("material", self.material, (self.n,), broadcast=True).copy()
         material.flags.writeable = False
         set_(self, "material", material)
 
@@ -207,7 +208,7 @@ _LOWEST = -(2**31)
 _COUNTS = (
     ("collisions", (), 0, 0),
     ("image", (2,), 0, _LOWEST),
-    ("wall_hits", (), 0, 0),
+    ("wall_collisions", (), 0, 0),
     ("last_partner", (), -1, _LOWEST),
     ("asleep", (), 0, 0),
 )
@@ -215,7 +216,7 @@ _COUNTS = (
 
 
 @dataclass(eq=False, repr=False)
-class State(Brief, ReadOnlyAttributes, Pictured):
+class State(Brief, ReadOnlyAttributes, NotebookRepr):
     """Positions and motion of n disks at one time.
 
     InputError if shapes do not fit or a value is not finite (the first such disk is named).
@@ -228,7 +229,7 @@ class State(Brief, ReadOnlyAttributes, Pictured):
         Angular velocities, counter-clockwise [rad/time].
     time : float
         [time].
-    collisions, wall_hits, image : array (n,), (n,) and (n, 2) of int32
+    collisions, wall_collisions, image : array (n,), (n,) and (n, 2) of int32
         Collisions that each disk has had, those with walls, and how often it has left the box through each side, of
         which `Box.unwrap` makes paths. Thermal walls count their hits to draw random numbers.
     latest_collision : array (n,)
@@ -263,7 +264,7 @@ class State(Brief, ReadOnlyAttributes, Pictured):
     time: float = 0.0
     collisions: NDArray[np.int32] = None  # type: ignore[assignment]
     image: NDArray[np.int32] = None  # type: ignore[assignment]
-    wall_hits: NDArray[np.int32] = None  # type: ignore[assignment]
+    wall_collisions: NDArray[np.int32] = None  # type: ignore[assignment]
     latest_collision: Array = None  # type: ignore[assignment]
     last_partner: NDArray[np.int32] = None  # type: ignore[assignment]
     angle: Array = None  # type: ignore[assignment]
@@ -274,18 +275,18 @@ class State(Brief, ReadOnlyAttributes, Pictured):
     def __post_init__(self) -> None:
         self.spin = checked.array("spin", self.spin)
         if self.spin.ndim != 1:
-            raise InputError(f"spin has shape {self.spin.shape}: one number for each disk, (n,), is needed")
+            raise InputError(f"spin has shape {self.spin.shape}: must be one number for each disk, (n,)")
         n = len(self.spin)
         if (shape := np.shape(checked.array("position", self.position))) != (n, 2):
             raise InputError(f"position has shape {shape}: must be {(n, 2)}, as spin has {n}")
         self.position = checked.array("position", self.position, (n, 2))
         self.velocity = checked.array("velocity", self.velocity, (n, 2))
-        self.time = checked.finite("time", self.time)
+        self.time = checked.FINITE("time", self.time)
         for name, shape, default, least in _COUNTS:
             value = getattr(self, name)
             if value is None:
                 value = np.full((n, *shape), default, dtype=np.int32)
-            setattr(self, name, checked.counts(name, value, (n, *shape), least=least))
+            setattr(self, name, checked.integers(name, value, (n, *shape), least=least))
         if self.latest_collision is None:
             self.latest_collision = np.full(n, -np.inf)
         self.latest_collision = checked.array("latest_collision", self.latest_collision, (n,))
@@ -305,12 +306,12 @@ class State(Brief, ReadOnlyAttributes, Pictured):
         late = ~(self.latest_collision <= self.time)
         if np.any(late):
             i = int(np.argmax(late))
-            needed = f"a time not after the state's, {self.time}, is needed"
+            needed = f"must be a time not after that of the state, {self.time}"
             raise InputError(f"latest_collision[{i}] = {self.latest_collision[i]}: {needed}")
         if self.flow is not None:
             self.flow = checked.array("flow", self.flow, (n, 2))
             if not np.isfinite(self.flow).all():
-                raise InputError("flow: finite values are needed")
+                raise InputError("flow: must be finite values")
 
     @property
     def n(self) -> int:

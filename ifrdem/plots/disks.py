@@ -133,7 +133,7 @@ def colour_of(name: str, option: str = "color =") -> Colour | None:
     """A colour by its name, None for "none"; InputError names those that there are."""
     known = [*COLOURS, "none"]
     if not isinstance(name, str) or name not in known:
-        raise InputError(f"{option} {name}: allowed are {', '.join(known)}{nearest(str(name), known)}")
+        raise InputError(f"{option} {name}: must be one of {', '.join(known)}{nearest(str(name), known)}")
     return COLOURS.get(name)
 
 

@@ -27,7 +27,7 @@ THUMBNAIL = (2.6, 2.6)
 
 
 def disks(thing: Frame | Simulation, axes: Any, color: str) -> Axes:
-    """Draw disks at one time; see `PicturedDisks.plot`."""
+    """Draw disks at one time; see `DisksRepr.plot`."""
     view = plot_disks.View.of(thing)
     if axes is None:
         axes = _new(plot_disks.figure_size(view, view.moving.position)).subplots()
@@ -46,7 +46,7 @@ def trajectory(thing: Trajectory, what: str, axes: Any, **options: Any) -> Any:
 
 
 def result(found: Any, axes: Any) -> Any:
-    """Draw a result of an analysis; see `PicturedResult.plot`."""
+    """Draw a result of an analysis; see `ResultPlot.plot`."""
     from .analyses import RESULTS
 
     panels = RESULTS[type(found)]

@@ -140,7 +140,7 @@ def checked_axes(what: str, axes: Any, most: int, least: int) -> list[Axes]:
             "ax=(left, right)" if least == 2 else "ax=axes" if most == 1 else "ax=axes or ax=(upper, lower)"
         )
         raise InputError(
-            f"{what} has {most} panel{'s' * (most > 1)}: {needed} is needed, not {len(given)} axes"
+            f"{what} has {most} panel{'s' * (most > 1)}: must be {needed}, not {len(given)} axes"
         )
     return given
 
@@ -168,7 +168,7 @@ def _numbers(trajectory: Trajectory, frames: Sequence[int] | None) -> list[int] 
     if frames is None:
         return None
     if isinstance(frames, str) or not isinstance(frames, Iterable):
-        raise InputError(f"frames = {frames!r}: a list of frame numbers is needed, [{frames!r}] for one")
+        raise InputError(f"frames = {frames!r}: must be a list of frame numbers, [{frames!r}] for one")
     return [trajectory[i].index for i in frames]
 
 
@@ -180,7 +180,7 @@ def _draw(
     from ..tools import checked
     from . import disks, dissipation, series, temperatures
 
-    checked.one_of("over", over, tuple(series.AXES))
+    checked.choice("over", over, tuple(series.AXES))
     if over != "t" and what not in OVER:
         raise InputError(f"over = {over}: only of {', '.join(OVER)}, not of {what}")
     if color is not None and what != "disks":

@@ -120,7 +120,7 @@ def piston(trajectory: Trajectory, over: str, *panels: Axes) -> None:
     quantities = [f"{OF_PISTONS}{name}" for name in ("displacement", "velocity")]
     if quantities[0] not in trajectory.observables:
         raise InputError(
-            f"{trajectory.path} has no piston: a wall with one, piston = {{ mass = ... }} in [[wall]], is needed"
+            f"{trajectory.path} has no piston: it requires a wall with piston = {{ mass = ... }} in [[wall]]"
         )
     x, columns = series(trajectory, over, *quantities)
     pistons = [(number, wall) for number, wall in enumerate(trajectory.walls) if wall.piston is not None]
@@ -144,7 +144,7 @@ def _wall_names(trajectory: Trajectory) -> list[str]:
     sums = trajectory.series
     if "walls_hits" not in sums:
         raise InputError(
-            f"{trajectory.path} does not hold what walls give to the disks: output.wall_sums = true is needed, "
+            f"{trajectory.path} does not hold what walls give to the disks: it requires output.wall_sums = true, "
             'as by `ifrdem run CASE --set output.wall_sums=true` (in Python record=["wall"])'
         )
     if len(sums.time) < 2:

@@ -84,7 +84,12 @@ class _Gas:
                 or elapsed[-1] > LONGER * np.ptp(trajectory.times[[0, -1]])
             ):
                 shown = slice(None) if over == "t" else slice(int(np.searchsorted(collisions, end)) + 1)
-                curves = elapsed + trajectory.times[0], found.T, found.T_rot, collisions
+                curves = (
+                    elapsed + trajectory.times[0],
+                    found.temperature,
+                    found.rotational_temperature,
+                    collisions,
+                )
                 return curves[0][shown], curves[1][shown], curves[2][shown], curves[3][shown]
             elapsed = np.append(elapsed, elapsed[-1] * 2.0 ** np.linspace(0.05, 1.0, 20))
 

@@ -1,4 +1,4 @@
-"""A run held against what was measured: places, with the spread that errors of the start and of the law give."""
+"""Comparison of a run with measured positions: places, with the spread that errors of the start and of the law give."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def read(path: Path | str, errors: Mapping[str, float], form: TableFormat) -> Me
     keep = np.all([~np.isnan(columns[name]) for name in ("id", "x", "y")], axis=0)
     ids = columns["id"]
     wrong = [
-        f"line {table.line[i]}: id = {ids[i]:g}: a whole number of 0 or more is needed"
+        f"line {table.line[i]}: id = {ids[i]:g}: must be an integer of 0 or more"
         for i in np.flatnonzero(keep & ((ids != np.round(ids)) | (ids < 0)))
     ]
     if not keep.any():
@@ -81,7 +81,7 @@ def read(path: Path | str, errors: Mapping[str, float], form: TableFormat) -> Me
     error = [columns.get(f"{name}_error", np.full(n, errors.get("positions", 0.0))) for name in ("x", "y")]
     for name, each in zip("xy", error, strict=True):
         wrong += [
-            f"line {table.line[i]}: error of {name} = {each[i]:g}: a number of 0 or more is needed"
+            f"line {table.line[i]}: error of {name} = {each[i]:g}: must be a number of 0 or more"
             for i in np.flatnonzero(keep & ~(each >= 0.0))
         ]
     refuse(wrong, source)
@@ -279,7 +279,7 @@ def compare(
     case: Path | str | None = None,
     progress: Callable[[Sequence[int]], object] | None = None,
 ) -> Comparison:
-    """Hold a run against measured places, and against itself with drawn starts and laws.
+    """Compare a run with measured positions, and with runs of drawn starts and laws.
 
     `laws` are coefficients drawn from a fit (`Fitted.draw`), which replace those of every pair of materials, in turn;
     `errors` standard errors of the start: "positions" [length], "velocities" [length/time], "spins" [rad/time], where
@@ -309,7 +309,7 @@ def compare(
         if between and any(box.periodic):
             ways = np.concatenate([*catalogue.unwrapped(trajectory, range(len(times)))], axis=1)
     if 0 < members < LEAST_MEMBERS:
-        raise InputError(f"members = {members}: 0, or {LEAST_MEMBERS} runs and more, are needed for a spread")
+        raise InputError(f"members = {members}: must be 0, or {LEAST_MEMBERS} runs and more for a spread")
     wrong = [f"disk {one}: the run has disks 0 to {n - 1}" for one in np.unique(measured.id) if one >= n]
     before_end = measured.time <= times[-1] * (1.0 + 1e-9)
     late = np.unique(measured.time[np.isfinite(measured.time) & ~(before_end & (measured.time >= times[0]))])

@@ -39,7 +39,7 @@ class Outputs:
                     "-o: an empty text is no place; give a folder, or the files' path without its ending"
                 )
             if os.path.exists(place) and not (os.path.isdir(place) or os.path.isfile(place)):
-                raise InputError(f"-o {place}: is neither a folder nor a file; files cannot stand beside it")
+                raise InputError(f"-o {place}: must be a folder, or the path of files without their ending")
             folder = os.path.isdir(place) or place.endswith(("/", os.sep))
             prefix = Path(place) / prefix if folder else Path(place.removesuffix(".h5").removesuffix(".png"))
         # Not with_suffix: a name such as "mu0.21" would lose its end.

@@ -22,7 +22,7 @@ from ..case.objects import device_of
 from ..errors import InputError
 from ..mpi import SERIAL, Communicator
 from ..simulation import backend, checkpoint
-from ..simulation.schedule import Course
+from ..simulation.schedule import RunPlan
 from ..simulation.tracking import Events
 from ..tools import text_file
 from ..tools.files import CHECKPOINT, checkpoint_of
@@ -113,7 +113,7 @@ def resume(
                 raise InputError(f"{path} belongs to {extra['trajectory']}: rename it back")
             begun = Path(extra["case_path"]), str(extra["case"]), tuple(map(str, extra["overrides"]))
             ledger = Ledger.from_record(extra["ledger"])
-            course = Course.from_record(
+            course = RunPlan.from_record(
                 extra["course"], case.output.frame_cadence, case.output.series_cadence
             )
             names = ("frames", "series_rows", "events")
@@ -206,6 +206,6 @@ def _refuse_changed(path: Path, extra: Mapping[str, Any]) -> None:
     more = f" (and {len(lines) - 6} lines more)" if len(lines) > 6 else ""
     raise InputError(
         f"{path}: the case file {case} has changed since the run began: {'; '.join(lines[:6])}{more}. A run goes on "
-        "only as it began: put the file back, or --ignore-case-changes goes on with the case as it was; for a new "
+        "only as it began: put the file back, or --ignore-case-changes resumes the case as it was; for a new "
         f'case, begin a new run from a stored frame: start.positions = "{extra["trajectory"]}"'
     )

@@ -28,7 +28,7 @@ from ..model.state import State, gather_state
 from ..model.walls import wall_names
 from ..mpi import SERIAL, Communicator
 from ..simulation import backend, checkpoint
-from ..simulation.schedule import Course, Span
+from ..simulation.schedule import RunPlan, Span
 from ..simulation.simulation import Simulation
 from ..simulation.tracking import Events
 from ..tools.checked import Array
@@ -52,7 +52,7 @@ class Run:
     file: CaseFile
     outputs: Outputs
     simulation: Simulation
-    course: Course
+    course: RunPlan
     ledger: Ledger
     writer: AsyncWriter | PartsWriter
     pending: Events | None = None
@@ -124,7 +124,7 @@ def run(
         gas.n, simulation.time, simulation.collisions,
         t_end=case.run.t_end, collisions_per_disk=case.run.collisions_per_disk,
     )  # fmt: skip
-    course = Course(span, case.output.frame_cadence, case.output.series_cadence)
+    course = RunPlan(span, case.output.frame_cadence, case.output.series_cadence)
     in_parts = case.output.in_parts(gas.n, comm.size)
     options = {"units": UNITS[case.run.units], "force": force, **stored(gas)}
 
@@ -316,7 +316,9 @@ def run_root(
     return progress.collisions_per_second
 
 
-def run_worker(case: Case, simulation: Simulation, course: Course, writer: PartsWriter | None = None) -> None:
+def run_worker(
+    case: Case, simulation: Simulation, course: RunPlan, writer: PartsWriter | None = None
+) -> None:
     """Run to the end, on a rank that writes nothing, or only its part; the first one drives."""
     stops = Stops(warn=lambda _text: None)
     comm = simulation.comm
@@ -532,7 +534,7 @@ def _balance(running: Run, last: Measure) -> Iterator[str]:
     lost = ledger.dissipated(last)
     if case.walled:
         heat = f" and {last.wall_heat:.6g}{energy} as heat" if last.wall_heat != 0.0 else ""
-        yield f"{last.wall_hits} collisions with walls, which gave {last.wall_work:.6g}{energy} as work{heat}"
+        yield f"{last.wall_collisions} collisions with walls, which gave {last.wall_work:.6g}{energy} as work{heat}"
     sources = [name for name, there in (("forces", case.force), ("the flow", gas.box.shear_rate)) if there]
     if sources or case.walled:
         put_in = f"{' and '.join(sources)} put in {last.energy_input:.6g}{energy}, " if sources else ""

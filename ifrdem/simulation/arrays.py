@@ -43,6 +43,7 @@ from ..kernels.shear import displacement
 from ..kernels.signature import parameters_of
 from ..kernels.walls.kinds import FREE, GONE
 from ..model.box import Box
+from ..model.contact import henderson
 from ..model.state import COLUMNS, Disks, State, codes
 from ..model.walls import Wall
 from . import backend
@@ -59,16 +60,11 @@ FEWER_WINDOWS = 4.0  # of gases in one tile, which need no halo
 CHAINS, GPU_CHAINS = 4.0, 4.0  # halo for those who hit one another in chains, in largest diameters
 GPU_COLLISIONS, GPU_TILE = 0.4, 64  # the same for a GPU
 GPU_THREADS = 32768  # of which some work on events, spread over all multiprocessors
+DENSEST_FLUID = 0.8  # packing fraction beyond which the estimate of collision rates stays the same: a crystal
 BURST = 64  # windows of a gas in one tile that one launch runs at most
 GPU_BURST = 20_000_000  # disks times windows, of a GPU
 ROOM = 0.5  # around an open gas, in extents of what it fills: beyond, its cells have no ends
 SLACK = 1.3  # of the scratch space of a lane, beyond what the densest tile needed
-
-
-def contact_value(packing_fraction: float) -> float:
-    """Pair distribution at contact of hard disks, D. Henderson, Mol. Phys. 30, 971 (1975), bounded for crystals."""
-    phi = min(packing_fraction, 0.8)
-    return (1.0 - 7.0 * phi / 16.0) / (1.0 - phi) ** 2
 
 
 def tile_parameters(packing_fraction: float) -> tuple[float, int]:
@@ -437,7 +433,9 @@ class DeviceArrays:
         if options.device.window_collisions is not None:  # whatever the device: windows decide the bits
             collisions = options.device.window_collisions
         mean = 2.0 * disks.mean_radius if n else 1.0
-        self.clock.path = collisions * free / (math.sqrt(2.0 * math.pi) * mean * contact_value(phi))
+        self.clock.path = (
+            collisions * free / (math.sqrt(2.0 * math.pi) * mean * henderson(min(phi, DENSEST_FLUID)))
+        )
         # A gas in one tile: nobody goes round the box in a window, for the grid of places.
         own = float((high - low).min())
         if options.device.window_collisions is not None:
@@ -595,7 +593,7 @@ class DeviceArrays:
         index = np.clip(np.stack(columns, axis=1), 0, counts - 1)
         tile = index[:, 0] * counts[1] + index[:, 1]
         local = position - np.stack([self.edges[a][index[:, a]] for a in (0, 1)], axis=1)
-        events, ids = state.collisions + state.wall_hits, self.domain.comm.slice_of(self.n)
+        events, ids = state.collisions + state.wall_collisions, self.domain.comm.slice_of(self.n)
         kept: dict[str, Callable[[], NDArray[Any]]] = {
             "disk": lambda: np.column_stack([local, velocity, state.spin]),
             "meta": lambda: np.column_stack(
@@ -606,7 +604,7 @@ class DeviceArrays:
                 ]
             ),
             "past": lambda: np.column_stack([state.latest_collision - state.time, state.angle]),
-            "hits": lambda: np.column_stack([state.wall_hits, state.last_partner]),
+            "hits": lambda: np.column_stack([state.wall_collisions, state.last_partner]),
             "spent": lambda: state.dissipated,
             # Either is to be judged.
             "slept": lambda: np.where(state.asleep, k.ASLEEP_UNVERIFIED, k.WOKEN),

@@ -354,7 +354,7 @@ def kernels() -> int:
 
 
 def free_array(array: Any) -> None:
-    """Give the memory of a Taichi array back, whoever still refers to it; the array cannot be used any more.
+    """Give the memory of a Taichi array back, also if it is still referred to; the array cannot be used any more.
 
     Taichi frees arrays of numbers when Python forgets them, and arrays of vectors only when it ends.
     """

@@ -165,10 +165,10 @@ def check_extra(path: object, extra: object, arrays: object) -> None:
     InputError unless the path is one, `extra` a mapping of what JSON knows, and `arrays` one of arrays of numbers.
     """
     if not isinstance(path, str | os.PathLike):
-        raise InputError(f"path = {path!r}: the path of a file is needed, a text or a Path")
+        raise InputError(f"path = {path!r}: must be the path of a file, a text or a Path")
     for name, given in (("extra", extra), ("arrays", arrays)):
         if given is not None and not isinstance(given, Mapping):
-            raise InputError(f"{name} = {given!r}: a mapping by name is needed")
+            raise InputError(f"{name} = {given!r}: must be a mapping by name")
     for key, value in extra.items() if isinstance(extra, Mapping) else ():
         try:
             json.dumps({key: value})
@@ -176,7 +176,7 @@ def check_extra(path: object, extra: object, arrays: object) -> None:
             raise InputError(f"extra[{key!r}] = {value!r}: JSON cannot hold it: {error}") from None
     for key, value in arrays.items() if isinstance(arrays, Mapping) else ():
         if not isinstance(key, str) or np.asarray(value).dtype.kind not in "biuf":
-            raise InputError(f"arrays[{key!r}] = {value!r}: an array of numbers by its name is needed")
+            raise InputError(f"arrays[{key!r}] = {value!r}: must be an array of numbers by its name")
 
 
 def read(
@@ -278,7 +278,7 @@ def state_of(arrays: Mapping[str, NDArray[Any]]) -> State:
     """
     collisions = named(arrays["meta"], "meta").events
     if "hits" in arrays:
-        collisions = collisions - named(arrays["hits"], "hits").wall_hits
+        collisions = collisions - named(arrays["hits"], "hits").wall_collisions
     return State(
         position=arrays["state_position"],
         velocity=arrays["state_velocity"],

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
-from ..tools.checked import Count, Number, OneOf, must_be, validated
+from ..tools.checked import Choice, Count, Number, must_be, validated
 
 NAMES = ("cpu", "cuda")
 
@@ -52,5 +52,5 @@ class Device:
         if device is None or isinstance(device, Device):
             return device or cls()
         if isinstance(device, str):
-            return cls(OneOf(NAMES)("device", device))
+            return cls(Choice(NAMES)("device", device))
         raise must_be("device", device, 'a Device, or its name, "cpu" or "cuda"')

@@ -65,12 +65,12 @@ class Relaxation:
         [time].
     collisions_per_disk : array (q,)
         Twice the collisions over the number of disks.
-    T, T_rot : array (q,)
+    temperature, rotational_temperature : array (q,)
         m <v^2> / 2, relative to the mean velocity, and I <w^2>, of all disks [energy].
     a_2, a_2_rot : array (q,)
         <c^4> / (2 <c^2>^2) - 1 with c^2 = m v^2, and <W^4> / (3 <W^2>^2) - 1 with W^2 = I w^2: 0 for Gaussians at one
         temperature; nan where nothing moves.
-    T_of, T_rot_of, a_2_of, a_2_rot_of, collisions_per_disk_of : array (q, s)
+    temperature_of, rotational_temperature_of, a_2_of, a_2_rot_of, collisions_per_disk_of : array (q, s)
         The same of each species.
     energy : array (q,)
         Kinetic energy of all disks, with spins [energy].
@@ -80,17 +80,22 @@ class Relaxation:
 
     time: NDArray[np.float64]
     collisions_per_disk: NDArray[np.float64]
-    T: NDArray[np.float64]
-    T_rot: NDArray[np.float64]
+    temperature: NDArray[np.float64]
+    rotational_temperature: NDArray[np.float64]
     a_2: NDArray[np.float64]
     a_2_rot: NDArray[np.float64]
-    T_of: NDArray[np.float64]
-    T_rot_of: NDArray[np.float64]
+    temperature_of: NDArray[np.float64]
+    rotational_temperature_of: NDArray[np.float64]
     a_2_of: NDArray[np.float64]
     a_2_rot_of: NDArray[np.float64]
     collisions_per_disk_of: NDArray[np.float64]
     energy: NDArray[np.float64]
     energy_input: NDArray[np.float64]
+
+    @property
+    def theta(self) -> NDArray[np.float64]:
+        """Ratio of the rotational to the translational temperature, shape (q,)."""
+        return self.rotational_temperature / self.temperature
 
 
 @dataclass(frozen=True)
@@ -154,7 +159,12 @@ def _moments(c: NDArray[np.float64], W: NDArray[np.float64]) -> dict[str, float]
     """Temperatures and fourth cumulants of velocities times sqrt(m) and spins times sqrt(I)."""
     T, T_rot = 0.5 * float(np.mean(np.sum(c**2, axis=1))), float(np.mean(W**2))
     a_2_rot = float(np.mean((W**2 / T_rot) ** 2)) / 3.0 - 1.0 if T_rot > 0.0 else math.nan
-    return {"T": T, "T_rot": T_rot, "a_2": sonine_coefficient(c), "a_2_rot": a_2_rot}
+    return {
+        "temperature": T,
+        "rotational_temperature": T_rot,
+        "a_2": sonine_coefficient(c),
+        "a_2_rot": a_2_rot,
+    }
 
 
 MARGIN = 1.15  # how much faster than the fastest disk one may become before a batch is cut short
@@ -226,7 +236,7 @@ class DSMC(ReadOnlyAttributes):
     >>> law = ifrdem.IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
     >>> velocity = ifrdem.initial.maxwellian(disks.mass, temperature=1.0, seed=1)
     >>> found = ifrdem.DSMC(disks, law, 0.1, velocity, seed=1).run(collisions_per_disk=5, samples=5)
-    >>> found.T.shape, bool(found.T[-1] < 0.7)
+    >>> found.temperature.shape, bool(found.temperature[-1] < 0.7)
     ((6,), True)
     """
 
@@ -256,7 +266,7 @@ class DSMC(ReadOnlyAttributes):
     ) -> None:
         n = disks.n
         if n < 2 or not disks.movable.all():
-            raise InputError(f"disks: two at least, of finite mass, are needed; {n} given")
+            raise InputError(f"disks = {n}: must be two or more, of finite mass")
         if packing_fraction == 0.0:
             raise InputError("packing_fraction = 0.0: must be above 0, or disks do not meet")
         spins = np.zeros(n) if spin is None else checked.array("spin", spin, (n,))
@@ -290,7 +300,7 @@ class DSMC(ReadOnlyAttributes):
         labels = np.asarray(species)
         if labels.shape != (self.disks.n,):
             raise InputError(
-                f"species has shape {labels.shape}: one for each of {self.disks.n} disks is needed"
+                f"species has shape {labels.shape}: must be one for each of {self.disks.n} disks"
             )
         _, which = np.unique(labels, return_inverse=True)
         return which.ravel()
@@ -431,7 +441,7 @@ class DSMC(ReadOnlyAttributes):
         """
         by_time = t_end is not None
         if by_time == (collisions_per_disk is not None):
-            raise InputError("exactly one of t_end and collisions_per_disk is needed")
+            raise InputError("exactly one of t_end and collisions_per_disk must be given")
         end = float(t_end if t_end is not None else collisions_per_disk)  # type: ignore[arg-type]
         now = self.time if by_time else 2.0 * self.collisions / self.disks.n
         if not (math.isfinite(end) and end >= now):
@@ -445,9 +455,7 @@ class DSMC(ReadOnlyAttributes):
         else:
             marks = np.asarray(samples, dtype=np.float64)
             if marks.ndim != 1 or np.any(np.diff(marks, prepend=now) < 0.0) or np.any(marks > end):
-                raise InputError(
-                    f"samples: numbers in increasing order from {now:.6g} to {end:.6g} are needed"
-                )
+                raise InputError(f"samples: must be numbers in increasing order from {now:.6g} to {end:.6g}")
         with backend.sole_use():
             found = [self._measure()]
             for mark in marks:

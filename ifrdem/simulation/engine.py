@@ -107,9 +107,9 @@ class EngineOptions:
         for name, value in checked_values.items():
             object.__setattr__(self, name, value)
         if self.order not in (None, *ORDERS):
-            raise InputError(f"order = {self.order!r}: allowed are {', '.join(ORDERS)}")
+            raise InputError(f"order = {self.order!r}: must be one of {', '.join(ORDERS)}")
         if self.tile_disks is not None:
-            checked.whole("tile_disks", self.tile_disks, 1)
+            checked.integer("tile_disks", self.tile_disks, 1)
 
     @property
     def velocity_cutoff(self) -> float:
@@ -225,8 +225,8 @@ class Engine:
 
         def counted() -> tuple[int, float, int, int, int]:
             if state.n != disks.n:
-                raise InputError(f"the state has {state.n} disks: {disks.n} are needed")
-            met, hits = (int(each.sum(dtype=np.int64)) for each in (state.collisions, state.wall_hits))
+                raise InputError(f"the state has {state.n} disks: must be {disks.n}")
+            met, hits = (int(each.sum(dtype=np.int64)) for each in (state.collisions, state.wall_collisions))
             speed = checks.fastest(disks, state.velocity, state.spin)
             return disks.n, speed, met, hits, int(np.count_nonzero(state.asleep))
 
@@ -319,7 +319,7 @@ class Engine:
             self.arrays.watched.from_numpy((tracking.rows > 0).astype(np.int32))
         self.arrays.clock.wall_speed = max((wall.most_speed for wall in self.walls), default=0.0)
         self.past: dict[str, Any] = {
-            "wall_hits": begin.wall_hits, "latest_collision": begin.latest_collision,
+            "wall_collisions": begin.wall_collisions, "latest_collision": begin.latest_collision,
             "last_partner": begin.last_partner, "angle": begin.angle, "dissipated": begin.dissipated,
             "asleep": begin.asleep,
         }  # fmt: skip
@@ -365,7 +365,7 @@ class Engine:
         return self._before[0] + int(self._sum(TALLY.collisions))
 
     @property
-    def wall_hits(self) -> int:
+    def wall_collisions(self) -> int:
         """Collisions with walls, those before the start included."""
         return self._before[1] + int(self._sum(TALLY.wall_collisions))
 
@@ -583,7 +583,7 @@ class Engine:
                 f"gravity = {gravity}: cannot be set where gravity rotates ({self.options.gravity}); begin a new "
                 "simulation from this state"
             )
-        gravity = checked.finite_pair("gravity", gravity)
+        gravity = checked.PAIR("gravity", gravity)
         checks.check_between_collisions(self.disks, self.box, gravity, self.force_steps.forces)
         self._check_resting(gravity, (), self._law)
         self._check_rebound(self._law_table, self._law, gravity)
@@ -599,7 +599,7 @@ class Engine:
         pistons = [w for w, wall in enumerate(self.walls) if wall.piston is not None]
         if number not in pistons:
             known = ", ".join(map(str, pistons)) or "none"
-            raise InputError(f"wall = {number!r}: the number of a piston is needed; there are: {known}")
+            raise InputError(f"wall = {number!r}: must be the number of a piston; there are: {known}")
         wall = self.walls[number]
         assert wall.piston is not None
         changed = replace(wall, piston=replace(wall.piston, force=force))

@@ -47,15 +47,15 @@ class ForceSteps:
         self, forces: Sequence[Force], arrays: DeviceArrays, disks: Disks, seed: int, time: float
     ) -> None:
         if isinstance(forces, Force):
-            raise InputError(f"forces = {forces!r}: a list of forces is needed, [force] for one")
+            raise InputError(f"forces = {forces!r}: must be a list of forces, [force] for one")
         if not isinstance(forces, Iterable):
-            raise InputError(f"forces = {forces!r}: a list of forces is needed")
+            raise InputError(f"forces = {forces!r}: must be a list of forces")
         self.forces: tuple[Force, ...] = tuple(forces)
         for i, force in enumerate(self.forces):
             if not isinstance(force, Force) or type(force).act is Force.act:
                 raise InputError(
-                    f"forces[{i}] = {force!r}: an object of a class derived from ifrdem.forces.Force, with a method "
-                    "act, is needed"
+                    f"forces[{i}] = {force!r}: must be an object of a class derived from ifrdem.forces.Force, with "
+                    "a method act"
                 )
             if force.totals and type(force).measure is Force.measure:
                 raise InputError(

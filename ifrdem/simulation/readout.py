@@ -85,7 +85,7 @@ def read(
         name: _read_only(value) for name, value in zip(engine.past, past_before, strict=True)
     }
     if uses.walled:
-        told["wall_hits"] = counts_of.wall_hits.copy()
+        told["wall_collisions"] = counts_of.wall_collisions.copy()
     if uses.rests:
         told["asleep"] = counts_of.asleep.copy()
     if uses.partnered:
@@ -97,7 +97,7 @@ def read(
         told["angle"] = dates.angle.copy()
     if uses.itemised:
         told["dissipated"] = spent
-    events = counts[:, 0] - (told["wall_hits"] if uses.walled else 0)
+    events = counts[:, 0] - (told["wall_collisions"] if uses.walled else 0)
     flow = engine.box.flow(place.astype(np.float64)) if engine.box.shear_rate else None
     state: State
     if stored is None:

@@ -10,7 +10,7 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -26,24 +26,24 @@ Progress = Callable[[float, int], None]
 
 
 @dataclass
-class Course:
-    """Course of a run, and what of it is done.
+class RunPlan:
+    """Plan of a run: its end, frames and series, and what of it is done.
 
     Attributes
     ----------
     span : Span
         Its beginning and end.
-    frames : Cadence
+    frames : Trigger
         When frame callbacks are called after the beginning: exactly then.
-    series : Cadence or None
+    series : Trigger or None
         When series callbacks are called, in addition to the beginning and the end.
     next_frame, next_row : int
         What is due next, counted from 1; 0 is the beginning.
     """
 
     span: Span
-    frames: Cadence
-    series: Cadence | None = None
+    frames: Trigger
+    series: Trigger | None = None
     next_frame: int = 0
     next_row: int = 0
 
@@ -52,7 +52,7 @@ class Course:
         return {"span": asdict(self.span), "next_frame": self.next_frame, "next_row": self.next_row}
 
     @classmethod
-    def from_record(cls, record: Mapping[str, Any], frames: Cadence, series: Cadence | None) -> Course:
+    def from_record(cls, record: Mapping[str, Any], frames: Trigger, series: Trigger | None) -> RunPlan:
         """Go on from what `to_record` gave."""
         span = dict(record["span"])
         end = Due(**span.pop("end"))
@@ -66,7 +66,7 @@ class Course:
     @property
     def row_schedule(self) -> Schedule:
         """Times at which rows of series are due; only at the end if there are none."""
-        return Schedule(self.series or Cadence(number=1), self.span)
+        return Schedule(self.series or Trigger(number=1), self.span)
 
     def ahead(self, rows: bool) -> list[Due]:
         """The next few points at which frames, or `rows` of series, are due."""
@@ -77,7 +77,7 @@ class Course:
 
 FEW = 9
 SPACINGS = ("even", "log")
-SHORTEST = 1e-200
+INTERVAL = checked.Number(1e-200, sys.float_info.max, "a finite number of 1e-200 or more")
 """Of intervals, in whatever unit: below, there are more of them than floating-point numbers count."""
 
 
@@ -86,7 +86,7 @@ MOST = 10_000_000
 
 
 @dataclass(frozen=True)
-class Cadence:
+class Trigger:
     """Interval of frames or rows. Exactly one of `number`, `interval` and `collisions` is given.
 
     Attributes
@@ -122,24 +122,20 @@ class Cadence:
         given = [name for name in ("number", "interval", "collisions") if getattr(self, name) is not None]
         if len(given) != 1:
             raise InputError(
-                f"cadence: exactly one of number, interval and collisions is needed; given: {given}"
+                f"cadence: exactly one of number, interval and collisions must be given; given: {given}"
             )
         if self.number is not None:
-            checked.whole("number", self.number, 1)
+            checked.integer("number", self.number, 1)
         for name in ("interval", "collisions"):
             value = getattr(self, name)
             if value is not None:
-                checked.real(name, value, "a positive finite number is needed")
-            if value is not None and not (math.isfinite(value) and value > 0.0):
-                raise InputError(f"{name} = {value}: a positive finite number is needed")
-            if value is not None and value < SHORTEST:
-                raise InputError(f"{name} = {value}: {SHORTEST:g} or more is needed")
+                INTERVAL(name, value)
         if self.spacing not in SPACINGS:
-            raise InputError(f"spacing = {self.spacing!r}: allowed are {', '.join(SPACINGS)}")
+            raise InputError(f"spacing = {self.spacing!r}: must be one of {', '.join(SPACINGS)}")
         if self.spacing == "log" and self.number is None:
             raise InputError('spacing = "log" needs a number')
         if not 0.0 < self.log_from < 1.0:
-            raise InputError(f"log_from = {self.log_from}: a part of the run, above 0 and below 1, is needed")
+            raise InputError(f"log_from = {self.log_from}: must be a part of the run, above 0 and below 1")
 
     def count(self, *, duration: float, collisions_per_disk: float) -> int:
         """About how many times in a run of such a length, after its beginning."""
@@ -201,22 +197,22 @@ class Span:
         InputError if not exactly one end is given, or it lies in the past.
         """
         if (t_end is None) == (collisions_per_disk is None):
-            raise InputError("exactly one of t_end and collisions_per_disk is needed")
+            raise InputError("exactly one of t_end and collisions_per_disk must be given")
         if t_end is not None:
-            needed = f"a finite time not before the present one, {time}, is needed"
-            if not (math.isfinite(checked.real("t_end", t_end, needed)) and t_end >= time):
-                raise InputError(f"t_end = {t_end}: {needed}")
-            return cls(n, time, collisions, Due(time=float(t_end)))
-        assert collisions_per_disk is not None
-        collisions_per_disk = checked.real("collisions_per_disk", collisions_per_disk)
-        # As a decimal fraction: 1.1 means 11 / 10, not the binary number that is a hair above.
-        finite = math.isfinite(collisions_per_disk)
-        end = math.ceil(Fraction(str(float(collisions_per_disk))) * n / 2) if finite else -1
-        if not (finite and end >= collisions):
-            raise InputError(
-                f"collisions_per_disk = {collisions_per_disk}: a finite number not below those already had, "
-                f"{2 * collisions / max(n, 1):.6g}, is needed"
+            needed = f"a finite time not before the present one, {time}"
+            return cls(
+                n,
+                time,
+                collisions,
+                Due(time=checked.Number(time, sys.float_info.max, needed)("t_end", t_end)),
             )
+        assert collisions_per_disk is not None
+        had = f"a finite number, not below those already had, {2 * collisions / max(n, 1):.6g}"
+        collisions_per_disk = replace(checked.FINITE, needed=had)("collisions_per_disk", collisions_per_disk)
+        # As a decimal fraction: 1.1 means 11 / 10, not the binary number that is a hair above.
+        end = math.ceil(Fraction(str(collisions_per_disk)) * n / 2)
+        if end < collisions:
+            raise checked.must_be("collisions_per_disk", collisions_per_disk, had)
         return cls(n, time, collisions, Due(collisions=end))
 
     @classmethod
@@ -236,14 +232,13 @@ class Span:
         if (more_time is None) == (collisions_per_disk is None):
             raise InputError("exactly one of time and collisions_per_disk must be given")
         if more_time is not None:
-            more = checked.finite("time", more_time, "must be a positive finite number", 0.0, open_=True)
+            more = checked.POSITIVE("time", more_time)
             if time + more == time:
                 raise InputError(
                     f"time = {more:g}: must be above {math.ulp(time):.3g}, the rounding of {time:g}"
                 )
             return cls(n, time, collisions, Due(time=time + more))
-        needed = "must be a positive finite number"
-        more = checked.finite("collisions_per_disk", collisions_per_disk, needed, 0.0, open_=True)
+        more = checked.POSITIVE("collisions_per_disk", collisions_per_disk)
         return cls(n, time, collisions, Due(collisions=collisions + math.ceil(Fraction(str(more)) * n / 2)))
 
     @property
@@ -264,7 +259,7 @@ def warn_of_end(**end: float | None) -> None:
     )
 
 
-def refuse_endless(cadence: Cadence, span: Span) -> None:
+def refuse_endless(cadence: Trigger, span: Span) -> None:
     """Raise InputError for more than `MOST` points in a run whose length is known."""
     ahead = (span.end.collisions or span.collisions) - span.collisions
     many = cadence.count(
@@ -325,15 +320,15 @@ class Schedule:
     InputError if at the end of the run an interval is lost in the rounding of the time.
     """
 
-    def __init__(self, cadence: Cadence, span: Span) -> None:
+    def __init__(self, cadence: Trigger, span: Span) -> None:
         self._cadence, self._span = cadence, span
         end = span.end.time
         if cadence.interval is not None and math.isfinite(end) and end > span.time:
             resolved = math.ulp(max(abs(end), abs(span.time)))
             if cadence.interval < resolved:
                 raise InputError(
-                    f"interval = {cadence.interval}: lost in the rounding of a time of {end:g}: {resolved:.3g} or "
-                    "more is needed"
+                    f"interval = {cadence.interval}: lost in the rounding of a time of {end:g}: must be "
+                    f"{resolved:.3g} or more"
                 )
 
     def due(self, k: int) -> Due:

@@ -37,7 +37,7 @@ from ..mpi import Communicator, current
 from ..mpi.distribution import bounds
 from ..tools import checked
 from ..tools.checked import LATER, Comm, Integer, Real, Seed, validated
-from ..tools.pictured import PicturedDisks
+from ..tools.notebook import DisksRepr
 from ..tools.progress import Progress as Bar
 from ..tools.progress import seen
 from ..tools.read_only import ReadOnlyAttributes
@@ -46,13 +46,13 @@ from .device import Device
 from .engine import CollisionTimes, Engine
 from .schedule import (
     MOST,
-    Cadence,
-    Course,
     FrameCallback,
     Progress,
+    RunPlan,
     SeriesCallback,
     SlowRunCheck,
     Span,
+    Trigger,
     earlier,
     refuse_endless,
     warn_of_end,
@@ -73,11 +73,11 @@ Called = TypeVar("Called")
 
 def _callables(name: str, given: Iterable[Called]) -> list[Called]:
     if callable(given) or not isinstance(given, Iterable):
-        raise InputError(f"{name} = {given!r}: a list of functions is needed, [function] for one")
+        raise InputError(f"{name} = {given!r}: must be a list of functions, [function] for one")
     found = list(given)
     for i, one in enumerate(found):
         if not callable(one):
-            raise InputError(f"{name}[{i}] = {one!r}: a function is needed")
+            raise InputError(f"{name}[{i}] = {one!r}: must be a function")
     return found
 
 
@@ -95,7 +95,7 @@ class _Stopped(Exception):
     """The end of a run that `Simulation.stop` has asked for."""
 
 
-class Simulation(ReadOnlyAttributes, PicturedDisks):
+class Simulation(ReadOnlyAttributes, DisksRepr):
     """Rough disks in a box, periodic, sheared or between walls, collided exactly by the IFR law.
 
     Parameters
@@ -282,7 +282,7 @@ class Simulation(ReadOnlyAttributes, PicturedDisks):
         parts.append(f"{engine.options.device.name} {engine.precision}")
         count = self.collisions
         now = f"t = {self.time:.6g}, {count} collision{'s' * (count != 1)} ({2.0 * count / max(n, 1):.6g} per disk)"
-        of_walls = f", {self.wall_hits} with walls" if engine.walls else ""
+        of_walls = f", {self.wall_collisions} with walls" if engine.walls else ""
         return f"Simulation: {', '.join(parts)}\n{now}{of_walls}"
 
     @property
@@ -468,9 +468,9 @@ class Simulation(ReadOnlyAttributes, PicturedDisks):
         return self._engine.collisions
 
     @property
-    def wall_hits(self) -> int:
+    def wall_collisions(self) -> int:
         """Collisions with walls so far."""
-        return self._engine.wall_hits
+        return self._engine.wall_collisions
 
     @property
     def asleep(self) -> int:
@@ -661,9 +661,9 @@ class Simulation(ReadOnlyAttributes, PicturedDisks):
         *,
         t_end: Annotated[float | None, LATER] = None,
         collisions_per_disk: Annotated[float | None, LATER] = None,
-        frames: Annotated[int | Cadence, LATER] = 1,
+        frames: Annotated[int | Trigger, LATER] = 1,
         frame_callbacks: Iterable[FrameCallback] = (),
-        series: Annotated[int | Cadence | None, LATER] = None,
+        series: Annotated[int | Trigger | None, LATER] = None,
         series_callbacks: Iterable[SeriesCallback] = (),
         progress: Annotated[Progress | bool | None, LATER] = None,
     ) -> None:
@@ -676,15 +676,15 @@ class Simulation(ReadOnlyAttributes, PicturedDisks):
         collisions_per_disk : float
             End by 2 * collisions / n. Exactly one of the two must be given. Both count from the start of the gas, not
             from this call: to run on, give a later end, or use `run_for`.
-        frames : int or Cadence
+        frames : int or Trigger
             Frames after the first one, evenly spaced in the quantity that ends the run, or another cadence
-            (`ifrdem.simulation.schedule.Cadence`); a frame at
+            (`ifrdem.simulation.schedule.Trigger`); a frame at
             a number of collisions stands right after the last of them, and after any others at exactly that time.
         frame_callbacks : iterable of callables
             Each is called as `callback(state, measure)` at the beginning and at every frame. `measure.dissipated`
             and `measure.regimes` are None there: series callbacks get them, and `measure()` gives them at the end. The
             simulation itself is further by then, and cannot be asked or saved there.
-        series : int or Cadence, optional
+        series : int or Trigger, optional
             How often series callbacks are called, likewise.
         series_callbacks : iterable of callables
             Each is called as `callback(measure)` at the beginning, the end, and in between.
@@ -727,9 +727,9 @@ class Simulation(ReadOnlyAttributes, PicturedDisks):
         *,
         time: Annotated[float | None, LATER] = None,
         collisions_per_disk: Annotated[float | None, LATER] = None,
-        frames: Annotated[int | Cadence, LATER] = 1,
+        frames: Annotated[int | Trigger, LATER] = 1,
         frame_callbacks: Iterable[FrameCallback] = (),
-        series: Annotated[int | Cadence | None, LATER] = None,
+        series: Annotated[int | Trigger | None, LATER] = None,
         series_callbacks: Iterable[SeriesCallback] = (),
         progress: Annotated[Progress | bool | None, LATER] = None,
     ) -> None:
@@ -771,25 +771,25 @@ class Simulation(ReadOnlyAttributes, PicturedDisks):
     def _run(
         self,
         span: Span,
-        frames: int | Cadence,
+        frames: int | Trigger,
         frame_callbacks: Iterable[FrameCallback],
-        series: int | Cadence | None,
+        series: int | Trigger | None,
         series_callbacks: Iterable[SeriesCallback],
         progress: Progress | bool | None,
     ) -> None:
         if not (progress is None or isinstance(progress, bool) or callable(progress)):
             raise InputError(f"progress = {progress!r}: must be True, False or a function")
-        if not isinstance(frames, Cadence):
-            frames = Cadence(number=checked.whole("frames", frames, 1, MOST))
-        if series is not None and not isinstance(series, Cadence):
-            series = Cadence(number=checked.whole("series", series, 1, MOST))
+        if not isinstance(frames, Trigger):
+            frames = Trigger(number=checked.integer("frames", frames, 1, MOST))
+        if series is not None and not isinstance(series, Trigger):
+            series = Trigger(number=checked.integer("series", series, 1, MOST))
         for cadence in (frames, series):
             if cadence is not None:
                 refuse_endless(cadence, span)
         self._warn_of_pinches(span.end.time)
         bar, comm = None, self.comm
         if progress is True or (progress is None and comm.size == 1 and seen()):
-            series = Cadence(number=BAR_STEPS) if series is None else series  # pauses, which change no bit
+            series = Trigger(number=BAR_STEPS) if series is None else series  # pauses, which change no bit
             progress = None
             if comm.is_root:
                 n, end = self.disks.n, span.end
@@ -800,7 +800,7 @@ class Simulation(ReadOnlyAttributes, PicturedDisks):
                 )  # fmt: skip
         with bar or contextlib.nullcontext():
             self.follow(
-                Course(span, frames, series),
+                RunPlan(span, frames, series),
                 frame_callbacks=frame_callbacks,
                 series_callbacks=series_callbacks,
                 progress=progress or None,
@@ -834,7 +834,7 @@ class Simulation(ReadOnlyAttributes, PicturedDisks):
 
     def follow(
         self,
-        course: Course,
+        course: RunPlan,
         *,
         frame_callbacks: Iterable[FrameCallback] = (),
         series_callbacks: Iterable[SeriesCallback] = (),
@@ -854,7 +854,7 @@ class Simulation(ReadOnlyAttributes, PicturedDisks):
         )
         for name, value in (("progress", progress), ("between", between)):
             if value is not None and not callable(value):
-                raise InputError(f"{name} = {value!r}: a function is needed")
+                raise InputError(f"{name} = {value!r}: must be a function")
         self._stopping = False
         self._engine.check_duration(course.span.end.time)
         if (comm := self.comm).size > 1:
@@ -885,7 +885,7 @@ class Simulation(ReadOnlyAttributes, PicturedDisks):
 
     def _follow(
         self,
-        course: Course,
+        course: RunPlan,
         frame_callbacks: list[FrameCallback],
         series_callbacks: list[SeriesCallback],
         progress: Progress | None,
@@ -987,7 +987,7 @@ class Simulation(ReadOnlyAttributes, PicturedDisks):
         if not frame_callbacks:
             return
         state, totals = self._engine.observed(stored)
-        measured = from_totals(self.disks, totals, self.time, self.wall_hits, **self._energy_terms())
+        measured = from_totals(self.disks, totals, self.time, self.wall_collisions, **self._energy_terms())
 
         def tell() -> None:
             assert state is not None
@@ -1014,7 +1014,9 @@ class Simulation(ReadOnlyAttributes, PicturedDisks):
             ledger["dissipated"], ledger["regimes"] = self._engine.dissipated()
         if "wall" in self._engine.options.record:
             ledger["walls"] = self._engine.wall_sums
-        return from_totals(self.disks, totals, self.time, self.wall_hits, **self._energy_terms(), **ledger)
+        return from_totals(
+            self.disks, totals, self.time, self.wall_collisions, **self._energy_terms(), **ledger
+        )
 
     def _energy_terms(self) -> dict[str, Any]:
         """Arguments of `measure` that a state does not contain: sums since the start, directions of a free drift."""

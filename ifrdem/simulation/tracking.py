@@ -119,7 +119,7 @@ def checked_ids(tracked: Sequence[int] | NDArray[np.integer], n: int) -> NDArray
     except ValueError:  # rows of different lengths
         given = np.empty((0, 0))
     if given.ndim != 1 or (given.size and given.dtype.kind not in "iu"):
-        raise InputError(f"tracked = {tracked!r}: a list of disks' numbers, 0 to {n - 1}, is needed")
+        raise InputError(f"tracked = {tracked!r}: must be a list of disks' numbers, 0 to {n - 1}")
     ids = np.sort(given).astype(np.int64)
     if ids.size and not 0 <= ids[0] <= ids[-1] < n:
         wrong = ids[0] if ids[0] < 0 else ids[-1]

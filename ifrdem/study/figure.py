@@ -121,7 +121,7 @@ def _x(results: Results, over: str | None, dims: tuple[str, ...]) -> str:
 
 
 def _dim(results: Results, option: str, given: str, allowed: Sequence[str]) -> str:
-    """A dimension, by its own name or by a key of the case that varies along it."""
+    """A dimension, by name or by a key of the case that varies along it."""
     keys: Mapping[str, str] = json.loads(results.attributes["keys"])
     names = {name: dim for dim, names in results.axes.items() for name in names}
     names |= {keys[name]: dim for name, dim in list(names.items()) if name in keys}

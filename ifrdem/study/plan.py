@@ -158,7 +158,7 @@ class ClusterSection(_Part):
     def _one_place(self) -> ClusterSection:
         given = [name for name in ("workers", "scheduler", "kind") if getattr(self, name) is not None]
         if len(given) > 1:
-            text = f"at most one is needed of workers, scheduler, kind; given: {given}"
+            text = f"at most one of workers, scheduler, kind must be given; given: {given}"
             raise PydanticCustomError("place", text)
         return self
 
@@ -315,7 +315,7 @@ def axis_of(text: str) -> dict[str, Any]:
         key, equals, values = (each.strip() for each in part.partition("="))
         if not (key and equals and values):
             such = "such as material[0].e_n=0.7,0.8,0.9 or material[0].mu=0.1:0.5:5"
-            raise InputError(f"--vary {text}: KEY=VALUES is needed, {such}")
+            raise InputError(f"--vary {text}: must be KEY=VALUES, {such}")
         if key in found:
             raise InputError(f"--vary {text}: {key} is there twice")
         number = r"[-+\d.eE_]+"
@@ -345,7 +345,7 @@ def _values(key: str, given: Any) -> list[Any]:
     elif isinstance(given, list):
         values = given
     else:
-        text = "a list of values is needed, or a range { from = 0.1, to = 0.9, number = 5 }"
+        text = "must be a list of values, or a range { from = 0.1, to = 0.9, number = 5 }"
         raise InputError(f"{key}: {text}")
     texts = [json.dumps(each) for each in values]
     if not values:
@@ -386,7 +386,7 @@ def _axes(groups: list[dict[str, list[Any]]]) -> tuple[Axis, ...]:
 
 
 def _seeds(given: Any, first: int) -> tuple[int, ...]:
-    need = f"seeds = {given}: a number of seeds, 1 or more, or a list such as 1,2,5 is needed"
+    need = f"seeds = {given}: must be a number of seeds, 1 or more, or a list such as 1,2,5"
     if isinstance(given, str):
         parts = [each.strip() for each in given.split(",")]
         if not all(each.isdecimal() for each in parts):

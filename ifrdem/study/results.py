@@ -275,4 +275,4 @@ def predicted(case: Case, folder: Path, end: float) -> tuple[NDArray[np.float64]
             )  # fmt: skip
     except (InputError, TheoryError):  # rolling friction, forces that are not linear, ...: there is no theory
         return None
-    return steps, found.collisions_per_disk, found.T, found.T_rot
+    return steps, found.collisions_per_disk, found.temperature, found.rotational_temperature

@@ -23,13 +23,18 @@ class Prediction(Brief):
     """Temperatures of a homogeneous gas over time."""
 
     kind: Literal["cooling", "driven", "sheared"]
-    T: Array
-    T_rot: Array
+    temperature: Array
+    rotational_temperature: Array
     collisions_per_disk: Array
-    """T, T_rot, collisions_per_disk: of all disks [energy], [energy], as `observables.measure` has them; shape
-    (steps,)."""
+    """temperature, rotational_temperature, collisions_per_disk: of all disks [energy], [energy], [1], as
+    `observables.measure` has them; shape (steps,)."""
     species: MixtureTemperatures | None = None
     """Temperatures of each species, in the order of `Mixture.of`; None in a sheared gas."""
+
+    @property
+    def theta(self) -> Array:
+        """Ratio of the rotational to the translational temperature, shape (steps,)."""
+        return self.rotational_temperature / self.temperature
 
 
 @validated
@@ -70,7 +75,7 @@ def prediction(
     >>> disks = ifrdem.Disks(100, mass=1.0, radius=0.5)
     >>> law = ifrdem.coins["1 pta"].law
     >>> found = theory.prediction(disks, law, 0.25, 1.0, 0.0, [0.0, 1.0, 10.0])
-    >>> found.kind, found.T.round(3)
+    >>> found.kind, found.temperature.round(3)
     ('cooling', array([1.   , 0.671, 0.113]))
     """
     mixture, _ = Mixture.of(disks, law, packing_fraction)

@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from ..errors import InputError
+from ..model.contact import henderson
 from ..tools.checked import (
     LEAST,
     Array,
@@ -77,7 +78,7 @@ def contact_value(packing_fraction: PackingFraction, contact: Contact = "virial"
     if contact == "dilute":
         return 1.0
     if contact == "henderson":
-        return (1.0 - 7.0 * phi / 16.0) / (1.0 - phi) ** 2
+        return henderson(phi)
     return float(np.polynomial.polynomial.polyval(2.0 * phi, _RESUMMED)) / (1.0 - phi) ** 2
 
 

@@ -31,14 +31,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
-from ..tools.checked import Array, Fraction, NonNegative, Number, Positive, validated
+from ..tools.checked import Array, Fraction, NonNegative, Packed, Positive, validated
 from .collisions import KineticLaw, collision_rate
 from .contact import compressibility, contact_value
 from .cooling_gas import changes_per_collision
@@ -60,9 +60,6 @@ class ShearModes(NamedTuple):
     time: float  # [time]
 
 
-_Packed = Annotated[float, Number(1e-12, 0.9, "a number above 0 (from 1e-12) to 0.9")]
-
-
 def _theta(law: IFRLaw, theta: float | None, name: str = "theta") -> float:
     """The ratio T_rot / T that was given; 0 without one of smooth disks, to whose spins nothing couples."""
     if theta is None:
@@ -77,7 +74,7 @@ def _theta(law: IFRLaw, theta: float | None, name: str = "theta") -> float:
 
 @validated
 def shear_viscosity(
-    packing_fraction: _Packed,
+    packing_fraction: Packed,
     T: Positive,
     mass: Positive,
     radius: Positive,
@@ -125,7 +122,7 @@ def _losses(law: IFRLaw, k: float, theta: float) -> tuple[float, float]:
 
 
 @validated
-def thermal_conductivity(packing_fraction: _Packed, T: Positive, mass: Positive, radius: Positive) -> float:
+def thermal_conductivity(packing_fraction: Packed, T: Positive, mass: Positive, radius: Positive) -> float:
     """Heat conductivity kappa [1/time] (k_B = 1) of elastic smooth disks by Enskog's theory.
 
     In the first Sonine approximation (2/sigma) sqrt(T / (pi m)) [1/g + 3 phi + (9/4 + 4/pi) g phi^2]: dilute, four
@@ -148,7 +145,7 @@ def thermal_conductivity(packing_fraction: _Packed, T: Positive, mass: Positive,
 def shear_length(
     law: KineticLaw,
     radius: Positive,
-    packing_fraction: _Packed,
+    packing_fraction: Packed,
     *,
     k: Positive = 2.0,
     theta: NonNegative | None = None,
@@ -175,7 +172,7 @@ def shear_length(
 
 
 @validated
-def clustering_length(e_n: Fraction, radius: Positive, packing_fraction: _Packed) -> float:
+def clustering_length(e_n: Fraction, radius: Positive, packing_fraction: Packed) -> float:
     """Wavelength [length] above which density waves of cooling smooth disks grow (clusters); infinite for elastic ones.
 
     InputError if e_n is not from 0 to 1, the radius or packing fraction not positive, or so high that denser parts do
@@ -270,7 +267,7 @@ def shear_mode_energy(
     collisions_per_disk: NonNegative,
     law: KineticLaw,
     radius: Positive,
-    packing_fraction: _Packed,
+    packing_fraction: Packed,
     box: tuple[Positive, Positive],
     *,
     k: Positive = 2.0,
@@ -337,7 +334,7 @@ def shear_mode_time(
     law: KineticLaw,
     mass: Positive,
     radius: Positive,
-    packing_fraction: _Packed,
+    packing_fraction: Packed,
     box: tuple[Positive, Positive],
     T0: Positive,
     *,

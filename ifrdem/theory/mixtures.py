@@ -97,7 +97,7 @@ class Mixture:
             s = np.broadcast_shapes(*(column.shape for column in found.values()))[0]
         except ValueError:
             shapes = ", ".join(f"{name} {len(column)}" for name, column in found.items())
-            raise InputError(f"mixture: {shapes}: one number per species is needed") from None
+            raise InputError(f"mixture: {shapes}: must be one number per species") from None
         if s == 0:
             raise InputError("mass has shape (0,): must be a number for each of one species or more")
         if s > MOST_SPECIES:
@@ -130,7 +130,7 @@ class Mixture:
             material = kinds[:, 3].astype(int)
             if material.max() >= min(len(law), *map(len, law)):
                 most = material.max() + 1
-                raise InputError(f"law table: a square table of at least {most} materials is needed")
+                raise InputError(f"law table: must be a square table of at least {most} materials")
             table = [[law[a][b] for b in material] for a in material]
         mass, radius, k, _ = kinds.T
         mixture = cls(mass, radius, table, packing_fraction, k=k, fraction=number, contact=contact)
@@ -140,7 +140,7 @@ class Mixture:
         s = self.species
         rows = [[law] * s for _ in range(s)] if not isinstance(law, Sequence) else [list(row) for row in law]
         if len(rows) != s or any(len(row) != s for row in rows):
-            raise InputError(f"law table: {s} rows of {s} laws, one for each pair of species, are needed")
+            raise InputError(f"law table: must be {s} rows of {s} laws, one for each pair of species")
         for i in range(s):
             for j in range(i + 1):
                 if rows[i][j] is None or rows[j][i] is None:
@@ -172,14 +172,14 @@ class Mixture:
 class MixtureTemperatures(NamedTuple):
     """Temperatures of the s species of a mixture over time; arrays (steps, s)."""
 
-    T: Array  # [energy]
-    T_rot: Array  # [energy]
+    temperature: Array  # [energy]
+    rotational_temperature: Array  # [energy]
     collisions_per_disk: Array  # that a disk of each species has had on average
 
     def mean(self, mixture: Mixture) -> tuple[Array, Array, Array]:
         """T, T_rot and collisions of all disks together, shape (steps,) each, as `observables.measure` has them."""
         x = mixture.fraction
-        return self.T @ x, self.T_rot @ x, self.collisions_per_disk @ x
+        return self.temperature @ x, self.rotational_temperature @ x, self.collisions_per_disk @ x
 
 
 @validated
@@ -255,7 +255,7 @@ def mixture_cooling(
     >>> law = IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
     >>> mixture = theory.Mixture([1.0, 4.0], [0.5, 1.0], law, 0.2)
     >>> found = theory.mixture_cooling(mixture, 1.0, 0.0, [0.0, 10.0])
-    >>> found.T.shape, bool(found.T[1, 1] > found.T[1, 0])
+    >>> found.temperature.shape, bool(found.temperature[1, 1] > found.temperature[1, 0])
     ((2, 2), True)
     """
     when = checked_times(times)

@@ -81,5 +81,5 @@ def whole(option: str, text: str, least: int, most: float = math.inf) -> int:
     allowed = f"{least} or more" if math.isinf(most) else f"{least} to {most:.0f}"
     value = as_whole(text)
     if value is None or not least <= value <= most:
-        raise InputError(f"{option} = {text}: a whole number, {allowed}, is needed")
+        raise InputError(f"{option} = {text}: must be an integer, {allowed}")
     return value

@@ -21,7 +21,7 @@ import sys
 import types
 import typing
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Real as RealNumber
 from pathlib import Path
 from typing import Annotated, Any, Literal, Protocol, TypeVar, Union
@@ -34,129 +34,6 @@ from ..mpi import Communicator, current
 
 Array = NDArray[np.float64]
 """An array of float64."""
-
-
-def real(name: str, value: object, needed: str = "a number is needed") -> float:
-    """A real number as a float; infinities and NaN pass."""
-    if isinstance(value, np.ndarray) and value.shape == () and not np.ma.isMaskedArray(value):
-        value = value.item()
-    if isinstance(value, str | bytes):
-        raise InputError(f"{name} = {shortened(value)}: {needed}, not text")
-    if not isinstance(value, RealNumber) or isinstance(value, bool | np.bool_):
-        raise InputError(f"{name} = {shortened(value)}: {needed}")
-    try:
-        return float(value)
-    except OverflowError:
-        raise InputError(f"{name}: {needed}, below {np.finfo(np.float64).max:.3g}") from None
-
-
-def finite(
-    name: str, value: object, needed: str = "a finite number is needed", low: float = -math.inf,
-    high: float = math.inf, *, open_: bool = False,
-) -> float:  # fmt: skip
-    """A finite number from `low` to `high`, or between them (`open_`), as a float."""
-    number = real(name, value, needed)
-    inside = low < number < high if open_ else low <= number <= high
-    if not (inside and math.isfinite(number)):
-        raise InputError(f"{name} = {shortened(value)}: {needed}")
-    return number
-
-
-def whole(name: str, value: object, least: int, most: float = math.inf) -> int:
-    """A whole number from `least` to `most` as an int; 3.0 is one."""
-    allowed = f"{least} or more" if math.isinf(most) else f"{least} to {most:.0f}"
-    needed = f"a whole number, {allowed}, is needed"
-    index = getattr(value, "__index__", None)
-    if index is not None and not isinstance(value, bool | np.bool_ | np.ndarray | type):
-        number = int(index())
-    elif real(name, value, needed).is_integer():
-        number = int(real(name, value))
-    else:
-        raise InputError(f"{name} = {shortened(value)}: {needed}")
-    if not least <= number <= most:
-        raise InputError(f"{name} = {shortened(value)}: {needed}")
-    return number
-
-
-def one_of(name: str, value: object, allowed: Iterable[str]) -> str:
-    """A text that is one of those allowed."""
-    known = list(allowed)
-    if not isinstance(value, str) or value not in known:
-        spelling = nearest(value, known) if isinstance(value, str) else ""
-        raise InputError(f"{name} = {shortened(value)}: allowed are {', '.join(known)}{spelling}")
-    return value
-
-
-def instance(name: str, value: object, kind: type) -> None:
-    """Refuse an object of another class."""
-    if not isinstance(value, kind):
-        raise InputError(f"{name} = {shortened(value)}: a {kind.__name__} is needed")
-
-
-def path(name: str, value: object) -> Path:
-    """The path of a file."""
-    if not isinstance(value, str | os.PathLike):
-        raise InputError(f"{name} = {shortened(value)}: the path of a file is needed")
-    return Path(value)
-
-
-def finite_pair(name: str, value: Any) -> tuple[float, float]:
-    """Two finite numbers."""
-    if isinstance(value, Sequence | np.ndarray) and not isinstance(value, str | bytes) and len(value) == 2:
-        x, y = (real(name, one, "two finite numbers are needed") for one in value)
-        if math.isfinite(x) and math.isfinite(y):
-            return x, y
-    raise InputError(f"{name} = {shortened(value)}: two finite numbers are needed")
-
-
-def array(name: str, value: Any, shape: tuple[int, ...] | None = None) -> NDArray[np.float64]:
-    """A contiguous array of real numbers in double precision, of the given shape if one is given."""
-    found = np.asarray(_numbers(name, value), dtype=np.float64, order="C")
-    if shape is not None and found.shape != shape:
-        raise InputError(f"{name} has shape {found.shape}: {shape} is needed")
-    return found
-
-
-def column(name: str, value: Any, n: int) -> NDArray[np.float64]:
-    """An array (n,) of real numbers in double precision, its own; a number stands for all."""
-    found = _numbers(name, value)
-    if found.shape not in ((), (1,), (n,)):
-        raise InputError(f"{name} has shape {found.shape}: a number or shape {(n,)} is needed")
-    return np.array(np.broadcast_to(found, (n,)), dtype=np.float64)
-
-
-def counts(
-    name: str, value: Any, shape: tuple[int, ...], *, least: int = 0, broadcast: bool = False
-) -> NDArray[np.int32]:
-    """An array of whole numbers of 32 bits, none below `least`, its own only if they were of another type."""
-    found = _numbers(name, value)
-    if found.shape != shape and not (broadcast and found.shape in ((), (1,))):
-        raise InputError(f"{name} has shape {found.shape}: {shape} is needed")
-    if found.dtype != np.int32 or (found.size and least > np.iinfo(np.int32).min):
-        most = np.iinfo(np.int32).max
-        with np.errstate(invalid="ignore"):
-            wrong = ~((found >= least) & (found <= most) & (found == np.floor(found)))
-        if np.any(wrong):
-            where = tuple(int(axis) for axis in np.argwhere(wrong)[0])
-            place = f"[{', '.join(map(str, where))}]" if where else ""
-            raise InputError(
-                f"{name}{place} = {found[where]}: whole numbers from {least} to {most} are needed"
-            )
-    return np.ascontiguousarray(np.broadcast_to(found, shape), dtype=np.int32)
-
-
-def _numbers(name: str, value: Any) -> NDArray[Any]:
-    """Real numbers as an array of their own type."""
-    if np.ma.isMaskedArray(value):
-        raise InputError(f"{name} is a masked array: leave its masked values out, or fill them")
-    try:
-        found = np.asarray(value)
-    except ValueError:  # rows of different lengths
-        raise InputError(f"{name}: an array of numbers is needed") from None
-    if found.dtype.kind not in "iuf":
-        what = "complex numbers" if found.dtype.kind == "c" else f"values of type {found.dtype}"
-        raise InputError(f"{name}: real numbers are needed, not {what}")
-    return found
 
 
 LEAST, MOST = 1e-100, 1e100
@@ -280,11 +157,16 @@ class Numbers:
         some = f", {self.least} or more," if self.least else ""
         return f"{'a real number or ' if self.scalar else ''}an array of real numbers{some} of shape ({axes})"
 
-    def __call__(self, name: str, value: Any) -> Array:
+    def typed(self, name: str, value: Any) -> NDArray[Any]:
+        """The value as an array of real numbers of its own type, of any shape."""
         found = value if type(value) is np.ndarray else self._as_array(name, value)
         if found.dtype.kind not in "iuf" and found.size:
             what = "complex numbers" if found.dtype.kind == "c" else f"values of type {found.dtype}"
             raise must_be(name, value, f"{self.needed}, not {what}")
+        return found
+
+    def __call__(self, name: str, value: Any) -> Array:
+        found = self.typed(name, value)
         if not self._fits(found.shape) or found.size < self.least:
             raise InputError(f"{name} has shape {found.shape}: must be {self.needed}")
         found = np.asarray(found, dtype=np.float64, order="C")
@@ -358,7 +240,7 @@ _NAMES: dict[type, str] = {str: "text", os.PathLike: "path", Callable: "function
 
 
 @dataclass(frozen=True)
-class OneOf:
+class Choice:
     """Check of a text that is one of those allowed."""
 
     allowed: tuple[Any, ...]
@@ -454,13 +336,75 @@ class Optional:
         return None if value is None else self.one(name, value)
 
 
+_LARGEST = sys.float_info.max
+FINITE = Number(-_LARGEST, _LARGEST, "a finite number")
+POSITIVE = Number(math.ulp(0.0), _LARGEST, "a positive finite number")
+NON_NEGATIVE = Number(0.0, _LARGEST, "a finite number, 0 or more")
+PAIR = Each(FINITE, "sequence", 2)
+NUMBERS = Numbers(low=-math.inf, high=math.inf, each="a number", gaps=True)
+"""Checks that functions call by themselves; of NUMBERS infinities and NaN pass."""
+
+
+def integer(name: str, value: Any, low: int, high: int = 2**63 - 1) -> int:
+    """A whole number from `low` to `high` as an int; 3.0 is one."""
+    return Integer(low, high)(name, value)
+
+
+def choice(name: str, value: Any, allowed: Iterable[str]) -> str:
+    """A text that is one of those allowed."""
+    found: str = Choice(tuple(allowed))(name, value)
+    return found
+
+
+def instance(name: str, value: Any, kind: type) -> None:
+    """Refuse an object of another class."""
+    Instance((kind,))(name, value)
+
+
+def path(name: str, value: Any) -> Path:
+    """The path of a file."""
+    return Path(Instance((str, os.PathLike))(name, value))
+
+
+def array(name: str, value: Any, shape: tuple[int, ...] | None = None) -> Array:
+    """A contiguous array of real numbers in double precision, of the given shape if one is given."""
+    return (NUMBERS if shape is None else replace(NUMBERS, shape=shape))(name, value)
+
+
+def column(name: str, value: Any, n: int) -> Array:
+    """An array (n,) of real numbers in double precision, its own; a number stands for all."""
+    found = NUMBERS.typed(name, value)
+    if found.shape not in ((), (1,), (n,)):
+        raise InputError(f"{name} has shape {found.shape}: must be a number or an array of shape {(n,)}")
+    return np.array(np.broadcast_to(found, (n,)), dtype=np.float64)
+
+
+def integers(
+    name: str, value: Any, shape: tuple[int, ...], *, least: int = 0, broadcast: bool = False
+) -> NDArray[np.int32]:
+    """An array of whole numbers of 32 bits, none below `least`, its own only if they were of another type."""
+    found = NUMBERS.typed(name, value)
+    if found.shape != shape and not (broadcast and found.shape in ((), (1,))):
+        raise InputError(f"{name} has shape {found.shape}: must be an array of integers of shape {shape}")
+    if found.dtype != np.int32 or (found.size and least > np.iinfo(np.int32).min):
+        most = np.iinfo(np.int32).max
+        with np.errstate(invalid="ignore"):
+            wrong = ~((found >= least) & (found <= most) & (found == np.floor(found)))
+        if np.any(wrong):
+            where = tuple(int(axis) for axis in np.argwhere(wrong)[0])
+            place = f"[{', '.join(map(str, where))}]" if where else ""
+            raise InputError(f"{name}{place} = {found[where]}: must be an integer from {least} to {most}")
+    return np.ascontiguousarray(np.broadcast_to(found, shape), dtype=np.int32)
+
+
 Real = Annotated[float, Number(-MOST, MOST, f"a finite number, at most {MOST:g} in size")]
 Positive = Annotated[float, Number(LEAST, MOST, f"a positive number from {LEAST:g} to {MOST:g}")]
 NonNegative = Annotated[float, Number(LEAST, MOST, f"0, or a number from {LEAST:g} to {MOST:g}", zero=True)]
 Fraction = Annotated[float, Number(0.0, 1.0, "a number from 0 to 1")]
+Packed = Annotated[float, Number(1e-12, 0.9, "a number above 0 (from 1e-12) to 0.9")]
 Count = Annotated[int, Integer(1)]
 Seed = Annotated[int, Integer(0, 2**64 - 1)]
-"""Numbers as public functions need them."""
+"""Numbers as public functions need them; `Packed` is a packing fraction."""
 
 
 Comm = Annotated[Any, lambda _name, value: Communicator.of(value)]
@@ -487,7 +431,7 @@ NonNegativePerDisk = Annotated[ArrayLike, Numbers(("n",), scalar=True, **_NOT_NE
 """Arrays as public functions need them; "per disk" is an array (n,), or a number for all."""
 
 _SIMPLE: dict[Any, Check] = {
-    float: Number(-sys.float_info.max, sys.float_info.max, "a finite number"),
+    float: FINITE,
     int: Integer(-(2**63), 2**63 - 1),
     bool: Instance((bool, np.bool_)),
     ArrayLike: Numbers(),
@@ -514,7 +458,7 @@ def check_of(annotation: Any) -> Check | None:
             return check
     origin, parts = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is Literal:
-        return OneOf(parts)
+        return Choice(parts)
     if origin in (Union, types.UnionType):
         some = [check_of(part) for part in parts if part is not type(None)]
         if None in some:

@@ -61,7 +61,7 @@ class Progress:
         brief: bool = False,
     ) -> None:
         if (t_end is None) == (collisions_per_disk is None):
-            raise ValueError("exactly one of t_end and collisions_per_disk is needed")
+            raise ValueError("exactly one of t_end and collisions_per_disk must be given")
         self._n, self._begin = n, begin
         self._t_end = t_end
         # A disk's collision is shared with its partner: n disks with c collisions each make n c / 2 of them.

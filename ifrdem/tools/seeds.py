@@ -27,7 +27,7 @@ def stream(seed: int, purpose: int, number: int = 0) -> np.random.Generator:
     Raises InputError if the seed is not a whole number of 0 or more.
     """
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise InputError(f"seed = {seed}: a whole number, 0 or more, is needed")
+        raise InputError(f"seed = {seed}: must be an integer, 0 or more")
     key = (purpose, number) if number else (purpose,)
     return np.random.default_rng(np.random.SeedSequence(int(seed), spawn_key=key))
 
@@ -88,5 +88,5 @@ def of_device(seed: int) -> int:
     Raises InputError if it is not a whole number from 0 to 2^64 - 1.
     """
     if not (hasattr(seed, "__index__") and 0 <= seed < 2**64):
-        raise InputError(f"seed = {seed}: a whole number from 0 to 2^64 - 1 is needed")
+        raise InputError(f"seed = {seed}: must be an integer from 0 to 2^64 - 1")
     return operator.index(seed)

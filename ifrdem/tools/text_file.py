@@ -26,7 +26,7 @@ def opened(path: Path) -> BinaryIO:
         raise InputError(f"cannot be read: {error.strerror}") from None
     if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
         file.close()
-        raise InputError("is a device or pipe: a regular file is needed")
+        raise InputError("is a device or pipe: must be a regular file")
     return file
 
 

@@ -51,7 +51,7 @@ def export(
     Raises InputError if the format is none of these, a field it needs is not stored, a package is missing, or it cannot
     be written.
     """
-    checked.one_of("to", to, FORMATS)
+    checked.choice("to", to, FORMATS)
     writers = {"gsd": _gsd, "extxyz": _extxyz, "csv": _csv, "h5": write_whole}
     if to in ("gsd", "extxyz"):
         trajectory.require("position")

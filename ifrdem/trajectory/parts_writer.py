@@ -153,7 +153,7 @@ class PartsWriter:
         are there; it is the caller's to close if this fails. `own` are the disks of this rank; all else is as given
         there, and counts on the first rank only.
 
-        Raises InputError, on all ranks, if a part cannot be gone on with, as `TrajectoryWriter.resume`.
+        Raises InputError, on all ranks, if a part cannot be continued, as `TrajectoryWriter.resume`.
         """
         options |= {"frames": frames}
         given: Any = None if head is None else (head.path, head.parts, box, fields, options)

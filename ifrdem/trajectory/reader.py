@@ -38,7 +38,7 @@ from ..model.walls import from_json as walls_from_json
 from ..mpi.distribution import GATHERED
 from ..tools import checked
 from ..tools.checked import Integer, validated
-from ..tools.pictured import Pictured, PicturedDisks, plots, refuse_unknown
+from ..tools.notebook import DisksRepr, NotebookRepr, plots, refuse_unknown
 from ..tools.read_only import ReadOnlyAttributes
 from . import damage, history, layout, tables
 from . import parts as parted
@@ -60,7 +60,7 @@ SPIN = "angular_velocity"
 """Name of the spin in H5MD; both names are understood."""
 
 
-class Frame(ReadOnlyAttributes, PicturedDisks):
+class Frame(ReadOnlyAttributes, DisksRepr):
     """One frame of a trajectory; each array is read when asked for. Floats are float64 whatever is stored.
 
     Every stored field is there by its name, as `frame["velocity"]` and as `frame.velocity`; "spin" is another name of
@@ -305,7 +305,7 @@ class DiskPath:
         )
 
 
-class Trajectory(ReadOnlyAttributes, Pictured, Sequence[Frame]):
+class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
     """A trajectory file as a sequence of frames, read lazily: memory holds what was asked for.
 
     Only committed frames count. A file that a run is still writing can be read; what it adds after opening is seen
@@ -583,7 +583,7 @@ class Trajectory(ReadOnlyAttributes, Pictured, Sequence[Frame]):
         def pair(given: Any) -> tuple[float, float]:
             x, y = (float(one) for one in given)
             if not (math.isfinite(x) and math.isfinite(y)):
-                raise ValueError(f"{given}: two finite numbers are needed")
+                raise ValueError(f"{given}: must be two finite numbers")
             return x, y
 
         return self.record("gravity", pair, "[0.0, 0.0]")
@@ -886,7 +886,7 @@ def check_file(path: Path) -> None:
         raise InputError(f"{path}: there is no such file")
     if not os.path.isfile(path):
         what = "a folder" if os.path.isdir(path) else "a device or pipe"
-        raise InputError(f"{path} is {what}: a trajectory file is needed")
+        raise InputError(f"{path} is {what}: must be a trajectory file")
 
 
 _LAW = {"e_n", "e_t", "mu", "sticking", "rho"}
@@ -899,7 +899,7 @@ def _laws(given: Any, materials: int) -> list[list[dict[str, Any] | None]]:
         if one is not None and (
             set(one) != _LAW or not all(math.isfinite(one[key]) for key in _LAW - {"sticking"})
         ):
-            raise ValueError(f"{one}: {', '.join(sorted(_LAW))} are needed, all numbers finite")
+            raise ValueError(f"{one}: must be {', '.join(sorted(_LAW))}, all numbers finite")
     return given
 
 
@@ -908,7 +908,7 @@ def _box(attributes: Mapping[str, Any]) -> Box:
     sides = [one.decode() if isinstance(one, bytes) else str(one) for one in attributes["boundary"]]
     if len(lengths) != 2 or len(sides) != 3 or not {*sides} <= {"periodic", "none"}:
         raise ValueError(
-            f"lengths {lengths} and boundary {sides}: two lengths and three of 'periodic' or 'none' are needed"
+            f"lengths {lengths} and boundary {sides}: must be two lengths and three of 'periodic' or 'none'"
         )
     periodic = (sides[0] == "periodic", sides[1] == "periodic")
     return Box((float(lengths[0]), float(lengths[1])), periodic, float(attributes.get("shear_rate", 0.0)))

@@ -64,7 +64,7 @@ def frame_columns(trajectory: Trajectory, index: int) -> dict[str, NDArray[Any]]
 
 def to_pandas(trajectory: Trajectory, which: str, index: int) -> pandas.DataFrame:
     """Implement `Trajectory.to_pandas`."""
-    checked.one_of("which", which, WHICH)
+    checked.choice("which", which, WHICH)
     pandas = optional_import("pandas", "analysis")
     if which == "frame":
         found = frame_columns(trajectory, index)

@@ -76,7 +76,7 @@ def write_views(path: str | os.PathLike[str]) -> tuple[Path, Path]:
             for number in trajectory.missing:
                 if (part := parts.place(path, number)).exists() and not part.is_file():
                     # Programs that open the view would wait for a pipe.
-                    raise InputError(f"{path}: its {parts.described(number)} is no file{SEE}")
+                    raise InputError(f"{path}: its {parts.described(number)} is not a file{SEE}")
         for place, fill in zip(made, (_fill_vtkhdf, _fill_netcdf), strict=True):
             _write(place, trajectory, fill)
     return made

@@ -127,11 +127,11 @@ class TrajectoryWriter(ReadOnlyAttributes):
         units = units or {}
         fields = [fields] if isinstance(fields, str) else list(fields)
         for name in fields:
-            checked.one_of("field", name, layout.FIELDS)
+            checked.choice("field", name, layout.FIELDS)
         if len(set(fields)) != len(fields):
             raise InputError(f"fields = {fields}: each may be given once")
-        checked.one_of("precision", precision, layout.PRECISIONS)
-        checked.one_of("compression", compression, layout.COMPRESSIONS)
+        checked.choice("precision", precision, layout.PRECISIONS)
+        checked.choice("compression", compression, layout.COMPRESSIONS)
         if compression == "zstd":
             layout.need_zstd('compression "zstd"')
         _check_record(parameters, units)

@@ -132,11 +132,11 @@ class view:
             every = np.linspace(0, len(opened) - 1, min(most, len(opened)))
             frames = np.unique(every.astype(int)).tolist()
         numbers = [
-            checked.whole(f"frames[{i}]", one, -MOST_FRAMES, MOST_FRAMES) for i, one in enumerate(frames)
+            checked.integer(f"frames[{i}]", one, -MOST_FRAMES, MOST_FRAMES) for i, one in enumerate(frames)
         ]
         if not numbers:
             raise InputError(f"frames = []: must be one or more of the {len(opened)} frames of {opened.path}")
-        self._height = checked.whole("height", height, 1, MOST_HEIGHT)
+        self._height = checked.integer("height", height, 1, MOST_HEIGHT)
         self._page = page(opened, [opened[i].index for i in numbers])
 
     def _repr_html_(self) -> str:

@@ -97,7 +97,7 @@ class Server(ThreadingHTTPServer):
                 return JSON, _json(content.disk(_number(query, "id"), frame))
             colours = [query["colour"]] if query.get("colour") else []
             for one in colours:
-                checked.one_of("colour", one, [each["name"] for each in content.colours[0]])
+                checked.choice("colour", one, [each["name"] for each in content.colours[0]])
             return BYTES, pack(*content.frame(frame, colours, _window(query.get("window"))))
 
     def _of_run(self, run: str) -> Content:

@@ -78,7 +78,7 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
     update_history_hash(i, t, -1 - w, gas)
     note_speed(i, gas)
     info.last = as_partner(owner)
-    gas.image_info[i].wall_hits = gas.image_info[i].wall_hits + 1
+    gas.image_info[i].wall_collisions = gas.image_info[i].wall_collisions + 1
     if info.own_rank > 0:
         add(tile, TALLY.wall_collisions, 1.0, gas)
         if how >= ELASTIC:

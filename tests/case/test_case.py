@@ -589,23 +589,23 @@ def test_start_file_with_positions_only_leaves_the_speeds_to_the_species(tmp_pat
         ("x,y\n1.0,0.2\n1.0,7.9\n", r"disks 0 and 1 overlap by 0\.7 "),  # 0.3 apart, across the side
         ("x,y\n1.0,1.0\n1.9,1.0\n", r"disks 0 and 1 overlap by 0\.1 "),
         ("x,y\n1.0,1.0\n", "has 1 disks: must be 2, the sum of the species' numbers"),
-        ("x,y\n1.0,nan\n3.0,3.0\n", "line 2: y = nan: a finite number is needed"),
-        ("x,y\n1.0,1.0\n3.0,abc\n", "line 3: y = abc: a number is needed"),
-        ("x,y\n1.0,1.0\n3.0\n", r"line 3: 1 value, and 2 are needed \(x, y\)"),
+        ("x,y\n1.0,nan\n3.0,3.0\n", "line 2: y = nan: must be a finite number"),
+        ("x,y\n1.0,1.0\n3.0,abc\n", "line 3: y = abc: must be a number"),
+        ("x,y\n1.0,1.0\n3.0\n", r"line 3: 1 value: must be 2 \(x, y\)"),
         ("x,y\n1.0,1.0\n3.0,8.0\n", "line 3: y = 8: must lie inside the box, from 0 to below 8"),
-        ("x,z\n1.0,1.0\n3.0,3.0\n", "unknown column 'z'.*allowed are x, y, vx, vy, spin"),
+        ("x,z\n1.0,1.0\n3.0,3.0\n", "unknown column 'z'.*there are x, y, vx, vy, spin"),
         ("x,vx\n1.0,1.0\n3.0,3.0\n", "missing column y, vy, spin"),
         ("x,y,spn\n", r"unknown column 'spn' \(did you mean 'spin'\?\)"),
         ("x,y,x\n1,1,1\n", "column 'x' stands twice"),
         ("", "is empty"),
-        ("x,y\n1_0,1\n3.0,3.0\n", "line 2: x = 1_0: a number is needed"),
-        ("x,y\n1.0,nan\n3.0,abc\n", "line 2: y = nan: a finite number is needed"),
-        ("x,y\n1.0,\n3.0,3.0\n", "line 2: y = nothing: a finite number is needed"),
+        ("x,y\n1_0,1\n3.0,3.0\n", "line 2: x = 1_0: must be a number"),
+        ("x,y\n1.0,nan\n3.0,abc\n", "line 2: y = nan: must be a finite number"),
+        ("x,y\n1.0,\n3.0,3.0\n", "line 2: y = nothing: must be a finite number"),
         ("x;y\n1;1\n", r'here are semicolons; start\.delimiter = ";" reads them'),
         ("x\ty\n1\t1\n", r'here are tabs; start\.delimiter = "\\t" reads them'),
         ("x|y\n1|1\n", r'here are bars; start\.delimiter = "\|" reads them'),
         ("x y\n1 1\n", r'here are blanks; start\.delimiter = " " reads them'),
-        ('x,y\n"1,5",1\n3.0,3.0\n', r'x = 1,5: a number is needed; start\.decimal = "," reads a comma'),
+        ('x,y\n"1,5",1\n3.0,3.0\n', r'x = 1,5: must be a number; start\.decimal = "," reads a comma'),
         ("x,y,spinn\n", r"did you mean 'spin'\?\); start\.columns = \{spin = \"spinn\"\} says that it is"),
     ],
 )
@@ -654,7 +654,7 @@ def test_start_file_with_other_names_units_and_small_overlaps(tmp_path: Path) ->
     found = mistakes(*wanted, "start.relax=0.03", folder=tmp_path)
     assert found == ['start.file = "start.csv": disks 0 and 1 overlap by 0.04, more than relax = 0.03']
     (found,) = mistakes(*wanted, 'start.units={x = "mn"}', folder=tmp_path)
-    assert "unit x=mn: m, cm, mm, um or a positive factor is needed (did you mean 'm" in found
+    assert "unit x=mn: must be m, cm, mm, um or a positive factor (did you mean 'm" in found
     (found,) = mistakes("start.relax=0.1", 'start.positions="random"', folder=tmp_path)
     assert "relax" in found
 

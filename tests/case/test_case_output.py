@@ -20,7 +20,7 @@ from ifrdem.errors import InputError
 from ifrdem.model.observables import MECHANISMS, measure
 from ifrdem.runs import run
 from ifrdem.runs.recorder import COLUMNS, Ledger
-from ifrdem.simulation.schedule import Cadence
+from ifrdem.simulation.schedule import Trigger
 from ifrdem.tools import seeds
 from ifrdem.trajectory import layout
 from ifrdem.trajectory.writer import TrajectoryWriter
@@ -61,17 +61,17 @@ def output(folder: Path, *overrides: str) -> OutputSection:
 @pytest.mark.parametrize(
     ("overrides", "frames", "series"),
     [
-        ((), Cadence(number=100), Cadence(number=1000, exact=False)),
-        (("frames=7",), Cadence(number=7), Cadence(number=70, exact=False)),
-        (("frames_interval=0.5",), Cadence(interval=0.5), Cadence(interval=0.05, exact=False)),
-        (("frames_collisions=2.0",), Cadence(collisions=2.0), Cadence(collisions=0.2, exact=False)),
+        ((), Trigger(number=100), Trigger(number=1000, exact=False)),
+        (("frames=7",), Trigger(number=7), Trigger(number=70, exact=False)),
+        (("frames_interval=0.5",), Trigger(interval=0.5), Trigger(interval=0.05, exact=False)),
+        (("frames_collisions=2.0",), Trigger(collisions=2.0), Trigger(collisions=0.2, exact=False)),
         (
             ("frames=9", "frames_spacing=log", "log_from=0.01"),
-            Cadence(number=9, spacing="log", log_from=0.01),
-            Cadence(number=90, spacing="log", log_from=0.01, exact=False),
+            Trigger(number=9, spacing="log", log_from=0.01),
+            Trigger(number=90, spacing="log", log_from=0.01, exact=False),
         ),
-        (("series=50",), Cadence(number=100), Cadence(number=50)),
-        (("series_interval=0.1",), Cadence(number=100), Cadence(interval=0.1)),
+        (("series=50",), Trigger(number=100), Trigger(number=50)),
+        (("series_interval=0.1",), Trigger(number=100), Trigger(interval=0.1)),
     ],
 )
 def test_cadences_are_those_of_the_case(folder, overrides, frames, series):

@@ -189,13 +189,13 @@ def test_a_wrong_wall_is_named_with_what_is_allowed(overrides: list[str], key: s
     ("wall", "says"),
     [
         ('shape = "polygon"\npoints = [[1.0, 1.0], [4.0, 4.0], [4.0, 1.0], [1.0, 4.0]]', r"\[0\] and .*\[2\] cross"),
-        ('shape = "polygon"\npoints = [[1.0, 1.0], [4.0, 4.0]]', "2 of them, 3 at least are needed"),
+        ('shape = "polygon"\npoints = [[1.0, 1.0], [4.0, 4.0]]', "2 of them: must be 3 or more"),
         ('shape = "polyline"\npoints = [[1.0, 1.0], [4.0, 4.0], [4.0, 4.0]]', r"points\[1\] and points\[2\] are both"),
         ('shape = "polygon"\nfile = "open.csv"', "begins at .1, 1. and ends at .1, 4.: a polygon must come back"),
         ('shape = "polygon"\npath = "M 1 1 L 4 1 L 4 4"', "begins at .1, 1. and ends at .4, 4.: a polygon"),
-        ('shape = "polyline"\nfile = "wrong.csv"', "wrong.csv, line 2 = '4, x': two numbers"),
+        ('shape = "polyline"\nfile = "wrong.csv"', "wrong.csv, line 2 = '4, x': must be two numbers"),
         ('shape = "polyline"\nfile = "none.csv"', "none.csv: cannot be read"),
-        ('shape = "polyline"\npath = "M 1 1 B 2 2 3 3"', "'B' at character 7 is not known: allowed are M, L, H"),
+        ('shape = "polyline"\npath = "M 1 1 B 2 2 3 3"', "'B' at character 7 is not known: must be one of M, L, H"),
         ('shape = "polyline"\nfile = "open.csv"\nscale = 0.0', "scale.*greater than 0|scale.*above 0"),
         ('shape = "polyline"\npoints = [[1.0, 1.0], [4.0, 4.0]]\nscale = 2.0', "scale: only a file has it"),
         ('shape = "polygon"\npoints = [[1.0, 1.0], [4.0, 4.0], [6.0, 6.0]]', r"points\[2\] = .6, 6.: the outline"),
@@ -525,7 +525,7 @@ def test_a_run_between_walls_stores_them_and_its_ledger(
             assert np.all(FreeArea(gas.box).gap(frame.position, gas.disks.radius) > -1e-9)
         assert theory(trajectory) == (None, None, "walls: no kinetic theory here")
     assert totals["potential_energy"][-1] == pytest.approx(2.0 * np.sum(height), rel=1e-12)  # m g y
-    assert np.all(np.diff(totals["wall_hits"]) > 0)
+    assert np.all(np.diff(totals["wall_collisions"]) > 0)
     assert totals["wall_work"][-1] > 0.0
     balance = (
         totals["energy"] + totals["potential_energy"] + totals["dissipated_energy"] - totals["wall_work"]
@@ -549,12 +549,12 @@ def test_elastic_walls_are_hit_as_often_as_kinetic_theory_says(
     case = Case.model_validate(changed(text=ELASTIC))
     estimate = RunEstimate.of(CaseGas.from_case(case))
     with Trajectory("elastic.h5") as trajectory:
-        hits = trajectory.observables["wall_hits"]
+        hits = trajectory.observables["wall_collisions"]
         energy = trajectory.observables["energy"]
         dissipated = trajectory.observables["dissipated_energy"]
         collisions = trajectory.observables["collisions"][-1]
     # Some 400 hits: standard error 5 %.
-    assert hits[-1] == pytest.approx(20.0 * estimate.wall_hits, rel=0.15)
+    assert hits[-1] == pytest.approx(20.0 * estimate.wall_collisions, rel=0.15)
     np.testing.assert_allclose(dissipated, 0.0, atol=1e-12 * energy[0])
     assert estimate.collisions_are == "about"  # nothing slows it: chance makes them more or fewer
     assert collisions == pytest.approx(estimate.collisions, rel=0.15)

@@ -511,7 +511,7 @@ def test_plots_have_colours_styles_and_an_axis_of_collisions(
     assert imread("light.png")[0, 0, :3].min() > 0.9
     assert run("plot", "run.h5", "temperatures", "--over", "tau") == 0
     for words, said in (
-        (("disks", "--color", "sped"), "--color sped: allowed are spin, speed"),
+        (("disks", "--color", "sped"), "--color sped: must be one of spin, speed"),
         (("energy", "--color", "speed"), "color = speed: only of disks, not of energy"),
         (("disks", "--style", "dark_backgroud"), "(did you mean 'dark_background'?)"),
         (

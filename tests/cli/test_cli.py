@@ -224,7 +224,7 @@ def test_devices_lists_the_cpu(capsys: pytest.CaptureFixture[str]) -> None:
             ["--set", "start.file=start.csv"],
             r"start\.file = \"start\.csv\": disks 0 and 1 overlap by 0\.004 ",
         ),
-        (["--set", "start.file=nan.csv"], r"nan\.csv\": line 3: x = nan: a finite number is needed"),
+        (["--set", "start.file=nan.csv"], r"nan\.csv\": line 3: x = nan: must be a finite number"),
         (["--set", "run.seed"], "KEY=VALUE is needed"),
         (["--seed", "three"], "--seed three: must be an integer from 0"),
         (["--threads", "0"], "--threads 0: must be an integer of 1 or more"),
@@ -551,7 +551,7 @@ def test_a_place_that_is_no_place_and_a_file_larger_than_the_disk_are_refused(
     case = str(Path(__file__).parents[2] / "cases" / "cooling.toml")
     for arguments, message in (
         (["-o", ""], "-o: an empty text is no place"),
-        (["-o", os.devnull], "is neither a folder nor a file"),
+        (["-o", os.devnull], "must be a folder, or the path of files"),
         (["--set", "output.frames=10000000"], "output: the trajectory needs some"),
     ):
         assert main(["run", case, *arguments]) == 2

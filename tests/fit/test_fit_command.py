@@ -124,7 +124,7 @@ def test_law_that_adds_energy_is_shown_but_gives_no_material(
         (["data.csv", "--M", "1", "--disk-1", "1,1"], ["--M: not beside --disk-1"]),
         (["data.csv", "--disk-1", "1", "--disk-2", "wal"], ["--disk-1 1: MASS,RADIUS", "--disk-2 wal: MASS,RADIUS or"]),
         (["data.csv", "--M", "1", "--decimal", ","], ["--delimiter and decimal are both ','"]),
-        (["data.csv", "--M", "1", "--law", "a.txt:B"], ["--law a.txt:B: FILE.py:CLASS is needed"]),
+        (["data.csv", "--M", "1", "--law", "a.txt:B"], ["--law a.txt:B: must be FILE.py:CLASS"]),
         (["data.csv", "--M", "1", "--level", "100"], ["--level 100: must be a percentage between 0 and 100"]),
         (["data.csv", "--M", "1", "--bootstrap", "5"], ["--bootstrap 5: must be an integer from 40"]),
         (["data.csv", "--M", "1", "--seed", "5"], ["--seed: only beside --bootstrap or --draw"]),

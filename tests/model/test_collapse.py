@@ -179,7 +179,7 @@ def test_a_bouncing_ball_ends_with_bounces_shorter_than_the_contact_time() -> No
     state, speed = engine.state(), math.sqrt(5.0) / 2.0**8
     at_floor = math.sqrt(state.velocity[0, 1] ** 2 + 2.0 * (state.position[0, 1] - 0.5))
     assert at_floor == pytest.approx(speed, rel=1e-6)
-    assert engine.statistics.elastic == engine.wall_hits - 8 > 1000
+    assert engine.statistics.elastic == engine.wall_collisions - 8 > 1000
     assert 30.0 - 2.0 * speed <= state.latest_collision[0] <= 30.0
 
 
@@ -200,13 +200,13 @@ def test_a_column_of_disks_comes_to_rest_on_a_floor() -> None:
     )
     while engine.time < 40.0:
         engine.advance(t_end=40.0)
-    settled, events = engine.state(), engine.collisions + engine.wall_hits
+    settled, events = engine.state(), engine.collisions + engine.wall_collisions
     while engine.time < 50.0:
         engine.advance(t_end=50.0)
     end = engine.state()
     np.testing.assert_allclose(settled.position[:, 1], 0.5 + np.arange(n), atol=0.05)
     assert 0.5 * np.mean(end.velocity**2) < 10.0 * (g * contact_time) ** 2
-    rate = (engine.collisions + engine.wall_hits - events) / n / 10.0
+    rate = (engine.collisions + engine.wall_collisions - events) / n / 10.0
     assert 0.3 / contact_time < rate < 10.0 / contact_time
 
 
@@ -341,5 +341,5 @@ def test_what_is_no_remedy_is_refused(collapse: object) -> None:
 
 
 def test_a_collision_in_the_future_is_refused() -> None:
-    with pytest.raises(InputError, match=r"latest_collision\[0\] = 2.0: a time not after"):
+    with pytest.raises(InputError, match=r"latest_collision\[0\] = 2.0: must be a time not after"):
         State(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros(1), time=1.0, latest_collision=np.array([2.0]))

@@ -168,10 +168,13 @@ def test_percussion_center_always_warns_above_k_of_3():
 @pytest.mark.parametrize(
     ("coefficients", "message"),
     [
-        ({"e_n": 1.01, "e_t": -1.0, "mu": 0.0}, "e_n = 1.01: normal restitution must lie from 0 to 1"),
-        ({"e_n": 0.5, "e_t": 1.1, "mu": 0.0}, "e_t = 1.1: tangential restitution must lie from -1 to 1"),
-        ({"e_n": 0.5, "e_t": -1.1, "mu": 0.0}, "e_t = -1.1: tangential restitution must lie from -1 to 1"),
-        ({"e_n": 0.0, "e_t": 1.0, "mu": 0.05}, "a grazing collision would add energy; with mu > 0, e_t < 1"),
+        ({"e_n": 1.01, "e_t": -1.0, "mu": 0.0}, "e_n = 1.01: must be a number from 0 to 1"),
+        ({"e_n": 0.5, "e_t": 1.1, "mu": 0.0}, "e_t = 1.1: must be a number from -1 to 1"),
+        ({"e_n": 0.5, "e_t": -1.1, "mu": 0.0}, "e_t = -1.1: must be a number from -1 to 1"),
+        (
+            {"e_n": 0.0, "e_t": 1.0, "mu": 0.05},
+            "a grazing collision would add energy; with mu > 0, e_t must be below 1",
+        ),
         ({"e_n": 1.0, "e_t": -0.45, "mu": 0.05}, "e_t <= -0.5 or mu = 0 it would not"),
     ],
 )

@@ -209,8 +209,8 @@ def test_walls_in_files_of_before_are_read() -> None:
         ("M 0 0 C 1e200 0 1 1 2 0", None, "pieces; at most 100000"),
         ("M 0 0 C 1 0 1 1 2 0", 1e-30, "pieces; at most 100000"),
         ("M 0 0 A 1 1 0 0 1 2 0", 1e-16, "pieces; at most 100000"),
-        ("M 0 0 A 1 1 0 0 1 2 0", -1.0, "a positive length is needed"),
-        ("M 0 0 A 1 1 0 0 1 2 0", math.nan, "a positive length is needed"),
+        ("M 0 0 A 1 1 0 0 1 2 0", -1.0, "must be a positive finite number"),
+        ("M 0 0 A 1 1 0 0 1 2 0", math.nan, "must be a positive finite number"),
     ],
 )
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")

@@ -32,7 +32,7 @@ from ifrdem import (
     forces,
 )
 from ifrdem.initial import placement
-from ifrdem.simulation.schedule import Cadence
+from ifrdem.simulation.schedule import Trigger
 
 LAW = IFRLaw(e_n=0.9, e_t=-0.5, mu=0.2)
 
@@ -55,16 +55,16 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "masked mass": (lambda: Disks(2, np.ma.array([1.0, 2.0], mask=[0, 1]), 0.5), "mass is a masked array"),
     "text for n": (lambda: Disks("three", 1.0, 0.5), "n = 'three': must be an integer from 0 to 4294967295"),
     "part of a disk": (lambda: Disks(2.5, 1.0, 0.5), "n = 2.5"),
-    "complex positions": (lambda: state(position=np.ones((3, 2)) + 1j), "position: real numbers .* complex"),
+    "complex positions": (lambda: state(position=np.ones((3, 2)) + 1j), r"position = .*: must be .*, not complex"),
     "masked positions": (lambda: state(position=np.ma.ones((3, 2))), "position is a masked array"),
-    "rows of different lengths": (lambda: state(position=[[1.0, 2.0], [1.0], [2.0]]), "position: an array"),
-    "text positions": (lambda: state(position=[["a", "b"]] * 3), "position: real numbers"),
+    "rows of different lengths": (lambda: state(position=[[1.0, 2.0], [1.0]]), r"position = .*: must be an array"),
+    "text positions": (lambda: state(position=[["a", "b"]] * 3), r"position = .*: must be an array of real numbers"),
     "spin of one number": (lambda: state(spin=3.0), "spin has shape"),
     "images of a wrong shape": (lambda: state(image=np.zeros((3, 3), dtype=int)), r"image has shape \(3, 3\)"),
     "images that are not whole": (lambda: state(image=np.full((3, 2), 0.5)), r"image\[0, 0\] = 0.5"),
     "negative collisions": (lambda: state(collisions=[1, -2, 0]), r"collisions\[1\] = -2"),
     "collisions of a wrong shape": (lambda: state(collisions=[1, 2]), r"collisions has shape \(2,\)"),
-    "negative wall hits": (lambda: state(wall_hits=[-1, 0, 0]), r"wall_hits\[0\] = -1"),
+    "negative wall hits": (lambda: state(wall_collisions=[-1, 0, 0]), r"wall_collisions\[0\] = -1"),
     "angle that is not finite": (lambda: state(angle=[0.0, np.nan, 0.0]), r"angle\[1\] = nan"),
     "time that is not finite": (lambda: state(time=np.inf), "time = inf"),
     "text for time": (lambda: state(time="now"), "time = 'now'"),
@@ -96,8 +96,8 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "complex radii": (lambda: placement.random_positions(Box((9, 9)), [0.5j], seed=1), r"radius = \[0\.5j\]: must be"),
     "frame_callbacks that are none": (lambda: gas().run(t_end=1.0, frame_callbacks=[1]), r"frame_callbacks\[0\] = 1"),
     "one observer": (lambda: gas().run(t_end=1.0, frame_callbacks=print), r"frame_callbacks = .*: must be a list"),
-    "progress that is 0": (lambda: gas().run(t_end=1.0, progress=0), "progress = 0: True, False or a function"),
-    "progress that is empty": (lambda: gas().run(t_end=1.0, progress=[]), r"progress = \[\]: True, False or"),
+    "progress that is 0": (lambda: gas().run(t_end=1.0, progress=0), "progress = 0: must be True, False or a function"),
+    "progress that is empty": (lambda: gas().run(t_end=1.0, progress=[]), r"progress = \[\]: must be True, False or"),
     "series_callbacks that are none": (
         lambda: gas().run(t_end=1.0, series_callbacks=[1]),
         r"series_callbacks\[0\] = 1",
@@ -107,13 +107,13 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "half a frame": (lambda: gas().run(t_end=1.0, frames=0.5), "frames = 0.5"),
     "text for frames": (lambda: gas().run(t_end=1.0, frames="many"), "frames = 'many'"),
     "series without end": (lambda: gas().run(t_end=1.0, series=10**18), "series = 10+"),
-    "intervals without end": (lambda: gas().run(t_end=1.0, frames=Cadence(interval=1e-12)), "times in this run"),
+    "intervals without end": (lambda: gas().run(t_end=1.0, frames=Trigger(interval=1e-12)), "times in this run"),
     "collisions without end": (
-        lambda: gas().run(collisions_per_disk=1.0, frames=Cadence(collisions=1e-12)), "times in this run",
+        lambda: gas().run(collisions_per_disk=1.0, frames=Trigger(collisions=1e-12)), "times in this run",
     ),
     "text for the end": (lambda: gas().run(t_end="soon"), "t_end = 'soon'"),
-    "state that is none": (lambda: Simulation(Disks(1, 1.0, 0.5), Box((9, 9)), LAW, 3), "state = 3: a State"),
-    "box that is none": (lambda: Simulation(Disks(1, 1.0, 0.5), (9, 9), LAW, state()), "a Box is needed"),
+    "state that is none": (lambda: Simulation(Disks(1, 1.0, 0.5), Box((9, 9)), LAW, 3), "state = 3: must be a State"),
+    "box that is none": (lambda: Simulation(Disks(1, 1.0, 0.5), (9, 9), LAW, state()), "must be a Box"),
     "coefficient beyond single precision": (
         lambda: Simulation(
             *gases_of_three(), IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0, rho=1e40), state_of_three(),
@@ -123,7 +123,7 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     ),
     "bits for the bytes of a file": (
         lambda: TrajectoryWriter("none.h5", *gases_of_three(), precision="f64"),
-        r"allowed are f4, f8 \(did you mean 'f8'\?\)",
+        r"must be one of 'f4', 'f8' \(did you mean 'f8'\?\)",
     ),
     "number for the file of a writer": (lambda: TrajectoryWriter(5, *gases_of_three()), "path = 5: must be a text"),
     "disks of a writer that are none": (lambda: TrajectoryWriter("n.h5", 3, Box((9, 9))), "disks = 3: must be a Disks"),
@@ -133,12 +133,12 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
         lambda: TrajectoryWriter("n.h5", *gases_of_three(), parameters=5), "parameters = 5: must be a mapping",
     ),
     "disks of DSMC that are none": (lambda: DSMC(5, LAW, 0.1, [[1, 0]]), "disks = 5: must be a Disks"),
-    "text for a law": (lambda: Simulation(*gases_of_three(), "x", state_of_three()), "law = 'x': an IFRLaw"),
+    "text for a law": (lambda: Simulation(*gases_of_three(), "x", state_of_three()), "law = 'x': must be an IFRLaw"),
     "list for a table": (lambda: Simulation(*gases_of_three(), [LAW], state_of_three()), "a list of lists of laws"),
-    "None for a law": (lambda: Simulation(*gases_of_three(), [[None]], state_of_three()), "law = None: an IFRLaw"),
+    "None for a law": (lambda: Simulation(*gases_of_three(), [[None]], state_of_three()), "law = None: must be"),
     "number for forces": (lambda: gas(forces=5), "forces = 5: must be a sequence"),
-    "text for an end": (lambda: gas().collide_until("soon"), "t_end = 'soon': a finite time"),
-    "number for a checkpoint": (lambda: gas().load_checkpoint(5), "path = 5: the path of a file"),
+    "text for an end": (lambda: gas().collide_until("soon"), "t_end = 'soon': must be a finite time"),
+    "number for a checkpoint": (lambda: gas().load_checkpoint(5), "path = 5: must be a text or a path"),
     "text for radii": (lambda: Box.from_packing_fraction("a", 0.5), r"radius = 'a': must be an array"),
     "number for a study": (lambda: Study(5), "path = 5: must be a text or a path"),
     "number for trajectories": (lambda: concat(5), "trajectories = 5: must be a list of trajectories or files"),
@@ -224,7 +224,7 @@ def things(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         "Series": trajectory.observables,
         "History": trajectory.history(0),
         "Ledger": Ledger(),
-        "Cadence": Cadence(number=3),
+        "Trigger": Trigger(number=3),
     }
 
 
@@ -258,7 +258,7 @@ READ_ONLY = {
     "Series": ["time"],
     "History": ["disk"],
     "Ledger": [],
-    "Cadence": ["number"],
+    "Trigger": ["number"],
 }
 
 

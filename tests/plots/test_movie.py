@@ -183,7 +183,7 @@ def test_wrong_options_are_refused_before_work(tmp_path, capsys):
         (["--fps", "0"], "--fps 0: must be an integer from 1 to 240"),
         (
             ["--color", "spni"],
-            "--color spni: allowed are spin, speed, direction, temperature, radius, material",
+            "--color spni: must be one of spin, speed, direction, temperature, radius, material",
         ),
         (["--frames", "7"], "names none of the 3 frames"),
     ):

@@ -71,7 +71,7 @@ def gas() -> ifrdem.Simulation:
 def test_a_simulation_draws_its_disks_to_scale_into_the_axes_that_it_gets(gas: ifrdem.Simulation) -> None:
     axes = pyplot.figure().subplots()
     assert gas.plot(axes) is axes
-    with pytest.raises(InputError, match="a picture of disks has 1 panel: ax=axes is needed, not 2 axes"):
+    with pytest.raises(InputError, match="a picture of disks has 1 panel: must be ax=axes, not 2 axes"):
         gas.plot([axes, axes])
     (drawn,) = axes.findobj(EllipseCollection)
     assert len(drawn.get_offsets()) == 4 + 1 + 1  # that of the corner shows in all four
@@ -104,7 +104,9 @@ def test_colours_are_those_of_the_quantity(gas: ifrdem.Simulation) -> None:
             np.testing.assert_allclose(np.asarray(drawn.get_array())[:3], values, atol=1e-15)
             assert axes.child_axes[0].get_ylabel()
     assert not gas.plot(color="none").child_axes
-    with pytest.raises(InputError, match=r"color = sped: allowed are spin, speed, .* \(did you mean 'speed'"):
+    with pytest.raises(
+        InputError, match=r"color = sped: must be one of spin, speed, .* \(did you mean 'speed'"
+    ):
         gas.plot(color="sped")
 
 
@@ -162,7 +164,7 @@ def test_over_tau_is_collisions_per_disk(tmp_path: Path, what: str) -> None:
         np.testing.assert_allclose(np.asarray(axes.lines[0].get_xdata())[-5:], 3.0 * np.arange(1.0, 6.0))
         with pytest.raises(InputError, match="over = tau: only of temperatures, energy"):
             run.plot("velocity", over="tau")
-        with pytest.raises(InputError, match=r"over = 'taw': allowed are t, tau \(did you mean"):
+        with pytest.raises(InputError, match=r"over = 'taw': must be one of 't', 'tau' \(did you mean"):
             run.plot(what, over="taw")
 
 
@@ -216,7 +218,7 @@ def test_wrong_axes_are_refused(tmp_path: Path, gas: ifrdem.Simulation) -> None:
     axes = pyplot.figure().subplots(1, 3)
     with Trajectory(write(tmp_path / "run.h5")) as run:
         with pytest.raises(
-            InputError, match=r"velocity has 2 panels: ax=\(left, right\) is needed, not 1 axes"
+            InputError, match=r"velocity has 2 panels: must be ax=\(left, right\), not 1 axes"
         ):
             run.plot("velocity", axes[0])
         with pytest.raises(InputError, match=r"temperatures has 2 panels.* not 3 axes"):

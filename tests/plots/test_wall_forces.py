@@ -75,6 +75,6 @@ def test_each_torque_is_about_the_centre_that_the_label_says(
 def test_a_file_without_sums_of_walls_says_which_key_they_take(tmp_path: Path) -> None:
     with (
         Trajectory(write(tmp_path / "a.h5", sums=False)) as run,
-        pytest.raises(InputError, match=r"output\.wall_sums = true is needed"),
+        pytest.raises(InputError, match=r"requires output\.wall_sums = true"),
     ):
         pictures.figure(run, "walls")

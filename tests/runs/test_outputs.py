@@ -144,7 +144,7 @@ def test_a_pipe_is_no_trajectory_and_is_not_waited_for(tmp_path: Path, verb: str
     os.mkfifo(tmp_path / "run.h5")
     first, *rest = verb.split()
     assert main([first, str(tmp_path / "run.h5"), *rest]) == 2
-    assert "is a device or pipe: a trajectory file is needed" in capsys.readouterr().err
+    assert "is a device or pipe: must be a trajectory file" in capsys.readouterr().err
     assert os.listdir(tmp_path) == ["run.h5"]
 
 

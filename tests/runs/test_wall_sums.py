@@ -55,7 +55,7 @@ def test_sums_of_walls_are_columns_of_the_series(
             np.testing.assert_array_equal(found[-1], column)
             assert (found[0] == 0.0).all()
         hits = file.series["walls_hits"]
-        assert hits[-1].sum() == run.wall_hits
+        assert hits[-1].sum() == run.wall_collisions
         assert (np.diff(hits[2:, 1]) == 0.0).all()  # rows at 0, 0.5, 1.0, ...: the arc is gone
         names = file.to_xarray().wall.values.tolist()
         assert names == ["paddle 0 polyline", "wall 1 arc", "left", "right", "bottom", "top"]

@@ -23,7 +23,7 @@ from ifrdem.simulation.simulation import Simulation
 
 COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 STATE = (
-    "position", "velocity", "spin", "collisions", "image", "wall_hits", "latest_collision", "last_partner",
+    "position", "velocity", "spin", "collisions", "image", "wall_collisions", "latest_collision", "last_partner",
     "angle",
 )  # fmt: skip
 
@@ -34,7 +34,7 @@ def same_bits(one: Simulation, other: Simulation) -> None:
     for name in STATE:
         assert np.array_equal(getattr(a, name), getattr(b, name)), name
     p, q = one.measure(), other.measure()
-    for name in ("energy_input", "wall_work", "wall_heat", "collisions", "wall_hits"):
+    for name in ("energy_input", "wall_work", "wall_heat", "collisions", "wall_collisions"):
         assert getattr(p, name) == getattr(q, name), name
     assert np.array_equal(p.dissipated, q.dissipated)
     assert np.array_equal(p.regimes, q.regimes)
@@ -116,7 +116,7 @@ def test_a_run_goes_on_to_the_bit(tmp_path, make):
     whole.save_checkpoint(tmp_path / "a.h5", {"note": 1})
     if make is walled:
         assert 0 < whole.collisions < OPENS
-        assert whole.wall_hits > 0
+        assert whole.wall_collisions > 0
     whole.run(t_end=2.0)
     again = make()
     assert again.load_checkpoint(tmp_path / "a.h5") == {"note": 1}
@@ -223,12 +223,12 @@ def test_a_checkpoint_of_a_later_format_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ((3,), "path = 3: the path of a file is needed"),
+        ((3,), "path = 3: must be the path of a file"),
         (("a.h5", {"when": {1, 2}}), r"extra\['when'\] = \{1, 2\}: JSON cannot hold it"),
         (("a.h5", {(1, 2): 3}), r"extra\[\(1, 2\)\] = 3: JSON cannot hold it"),
-        (("a.h5", [1]), r"extra = \[1\]: a mapping by name is needed"),
+        (("a.h5", [1]), r"extra = \[1\]: must be a mapping by name"),
         (("a.h5", None, {"extra_x": ["a"]}), r"arrays\['extra_x'\] = \['a'\]: an array of numbers"),
-        (("a.h5", None, 5), "arrays = 5: a mapping by name is needed"),
+        (("a.h5", None, 5), "arrays = 5: must be a mapping by name"),
     ],
 )
 def test_what_a_checkpoint_cannot_hold_is_named_and_leaves_no_file(tmp_path, monkeypatch, arguments, said):

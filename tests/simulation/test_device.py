@@ -25,8 +25,8 @@ def test_a_cpu_is_always_there() -> None:
 @pytest.mark.parametrize(
     ("device", "threads", "message"),
     [
-        ("cdua", None, "device = 'cdua': must be one of 'cpu', 'cuda' .did you mean 'cuda'"),
-        ("gpu", None, "device = 'gpu': must be"),
+        ("cdua", None, "= 'cdua': must be one of 'cpu', 'cuda' .did you mean 'cuda'"),
+        ("gpu", None, "= 'gpu': must be"),
         ("cpu", 0, "threads = 0: must be an integer from 1"),
         ("cpu", backend.cores() + 1, f"must be from 1 to the {backend.cores()} cores"),
     ],

@@ -48,8 +48,8 @@ def test_elastic_collisions_keep_energy_and_momentum_and_share_it_out() -> None:
     np.testing.assert_allclose(found.energy, found.energy[0], rtol=1e-12)  # 22,500 collisions of round-off
     np.testing.assert_allclose(start.velocity.sum(axis=0), 0.0, atol=1e-10)
     # T + T_rot / 2 = 1 at the start: both 2/3 at the end, within 4 of 1 / sqrt(n) and sqrt(2 / n).
-    assert found.T[-1] == pytest.approx(2.0 / 3.0, rel=4.0 / math.sqrt(3000))
-    assert found.T_rot[-1] == pytest.approx(2.0 / 3.0, rel=4.0 * math.sqrt(2.0 / 3000))
+    assert found.temperature[-1] == pytest.approx(2.0 / 3.0, rel=4.0 / math.sqrt(3000))
+    assert found.rotational_temperature[-1] == pytest.approx(2.0 / 3.0, rel=4.0 * math.sqrt(2.0 / 3000))
     assert abs(found.a_2[-1]) < 4.0 / math.sqrt(3000)
 
 
@@ -103,8 +103,8 @@ def test_young_coins_cool_by_the_closed_form() -> None:
     T, T_rot, tau = cooling(COIN, 1.0, 0.5, 2.0, 0.2, 1.0, 0.0, found.time)
     # 10^4 collisions: 1 % of their number, and some 2 % of what they change.
     assert found.collisions_per_disk[-1] == pytest.approx(tau[-1], rel=0.03)
-    assert found.T[-1] - 1.0 == pytest.approx(T[-1] - 1.0, rel=0.05)
-    assert found.T_rot[-1] == pytest.approx(T_rot[-1], rel=0.05)
+    assert found.temperature[-1] - 1.0 == pytest.approx(T[-1] - 1.0, rel=0.05)
+    assert found.rotational_temperature[-1] == pytest.approx(T_rot[-1], rel=0.05)
     assert T_rot[-1] > 0.05
 
 
@@ -117,9 +117,9 @@ def test_smooth_disks_follow_haff_with_the_cumulant_that_theory_says() -> None:
     assert np.mean(found.a_2[later]) == pytest.approx(-0.0260, abs=0.009)
     rate0 = collision_rate(0.2, 1.0, 1.0, 0.5) * float(cooling_factor(-0.0260))
     expected = haff(1.0, 0.8, rate0, found.time)
-    np.testing.assert_allclose(found.T, expected, rtol=0.03)  # T falls to 1 / 200
-    assert found.T[-1] < 0.01
-    np.testing.assert_array_equal(found.T_rot, 0.0)
+    np.testing.assert_allclose(found.temperature, expected, rtol=0.03)  # T falls to 1 / 200
+    assert found.temperature[-1] < 0.01
+    np.testing.assert_array_equal(found.rotational_temperature, 0.0)
 
 
 def test_heated_smooth_disks_follow_the_driven_theory() -> None:
@@ -129,13 +129,13 @@ def test_heated_smooth_disks_follow_the_driven_theory() -> None:
     late = slice(12, None)
     T, _, _ = driven(SMOOTH, 1.0, 0.5, 2.0, 0.2, drive, 1.0, 0.0, found.time)
     np.testing.assert_allclose(
-        found.T, T, rtol=0.06
+        found.temperature, T, rtol=0.06
     )  # 1 / sqrt(n), and as much from each unit of time's kicks
     assert T[-1] > 2.4
     # What is lost, with the noise of what was given taken out: (1 - e^2) / 2 of T at each collision, and 3/16 a_2.
     # Six runs with 10^4 disks scattered by 0.5 %.
     lost = np.ptp((found.energy_input - found.energy)[late][[0, -1]]) / n / np.ptp(found.time[late])
-    rate = collision_rate(0.2, 1.0, 1.0, 0.5) * np.mean(found.T[late] ** 1.5)
+    rate = collision_rate(0.2, 1.0, 1.0, 0.5) * np.mean(found.temperature[late] ** 1.5)
     expected = 0.18 * rate * float(cooling_factor(heated_sonine(0.8)))
     assert lost == pytest.approx(expected, rel=0.03)
 
@@ -143,8 +143,8 @@ def test_heated_smooth_disks_follow_the_driven_theory() -> None:
 def test_a_heat_bath_alone_brings_disks_to_its_temperature() -> None:
     bath = Drive(power=2.0 * 0.5 * 3.0, rate=0.5, spin_power=0.5 * 2.0, spin_rate=0.5)  # T = 3, T_rot = 2
     found = gas(4_000, IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), drive=bath).run(t_end=8.0, samples=1)
-    assert found.T[-1] == pytest.approx(3.0, rel=0.06)  # 1 / sqrt(n), and exp(-8)
-    assert found.T_rot[-1] == pytest.approx(2.0, rel=0.09)
+    assert found.temperature[-1] == pytest.approx(3.0, rel=0.06)  # 1 / sqrt(n), and exp(-8)
+    assert found.rotational_temperature[-1] == pytest.approx(2.0, rel=0.09)
     gained = found.energy[-1] - found.energy[0]  # elastic: all of it is the bath's
     assert found.energy_input[-1] == pytest.approx(gained, rel=1e-10)
 
@@ -164,8 +164,10 @@ def test_species_of_a_young_mixture_follow_the_mixture_theory_on_one_thread() ->
     theory = mixture_cooling(mixture, 1.0, 0.0, found.time)
     np.testing.assert_allclose(found.collisions_per_disk_of[-1], theory.collisions_per_disk[-1], rtol=0.03)
     assert theory.collisions_per_disk[-1, 1] > 1.05 * theory.collisions_per_disk[-1, 0]
-    np.testing.assert_allclose(found.T_of[-1] - 1.0, theory.T[-1] - 1.0, rtol=0.08)
-    np.testing.assert_allclose(found.T_rot_of[-1], theory.T_rot[-1], rtol=0.06)
+    np.testing.assert_allclose(found.temperature_of[-1] - 1.0, theory.temperature[-1] - 1.0, rtol=0.08)
+    np.testing.assert_allclose(
+        found.rotational_temperature_of[-1], theory.rotational_temperature[-1], rtol=0.06
+    )
 
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])
@@ -190,7 +192,7 @@ def test_a_batch_that_makes_a_disk_too_fast_is_cut_and_loses_nothing(monkeypatch
         hot = gas(4000, ELASTIC_ROUGH, T_rot=200.0)
         found = hot.run(t_end=0.1, samples=1)
         np.testing.assert_allclose(found.energy, found.energy[0], rtol=1e-12)
-        ends.append((found.collisions_per_disk[-1], found.T[-1], hot.cut_for_speed))
+        ends.append((found.collisions_per_disk[-1], found.temperature[-1], hot.cut_for_speed))
     (few, cold, cut), (many, warm, uncut) = ends
     assert cut > 2
     assert uncut == 0

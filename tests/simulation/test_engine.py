@@ -361,5 +361,5 @@ def test_lengths_of_windows_that_are_none_are_refused(value: object) -> None:
 
 @pytest.mark.parametrize("value", [0, -5, 1.5, "x"])
 def test_numbers_of_disks_in_a_tile_that_are_none_are_refused(value: object) -> None:
-    with pytest.raises(InputError, match=r"tile_disks = .*: a whole number, 1 or more, is needed"):
+    with pytest.raises(InputError, match=r"tile_disks = .*: must be an integer from 1"):
         EngineOptions(tile_disks=value)  # type: ignore[arg-type]

@@ -18,7 +18,7 @@ from ifrdem.model.state import Disks, State
 from ifrdem.model.wall_motion import Motion
 from ifrdem.model.walls import Wall
 from ifrdem.simulation.engine import Engine
-from ifrdem.simulation.schedule import Cadence
+from ifrdem.simulation.schedule import Trigger
 from ifrdem.simulation.simulation import Simulation
 
 ROLLING = IFRLaw(e_n=0.9, e_t=-0.9, mu=0.15, sticking="contact_point", rho=0.02)
@@ -248,7 +248,7 @@ def test_series_at_the_ends_of_windows_change_nothing(device):
     disks = equal_disks(600)
     box, state = start(disks, 0.5)
     ends, rows = [], []
-    for series in (None, Cadence(number=200, exact=False)):
+    for series in (None, Trigger(number=200, exact=False)):
         simulation = Simulation(disks, box, COIN, state, device=device, record=["energy"])
         simulation.run(collisions_per_disk=40.0, series=series, series_callbacks=[rows.append])
         ends.append(simulation.state)
@@ -281,7 +281,7 @@ def test_totals_on_the_device_are_those_of_the_state(device):
     device, host = simulation.measure(), seen[-1]
     for name in (
         "time", "collisions", "translational_energy", "rotational_energy", "temperature", "rotational_temperature",
-        "momentum", "shear_pressure", "potential_energy", "wall_hits", "energy_input",
+        "momentum", "momentum_flux_xy", "potential_energy", "wall_collisions", "energy_input",
     ):  # fmt: skip
         assert getattr(device, name) == pytest.approx(getattr(host, name), rel=1e-12, abs=1e-11), name
 

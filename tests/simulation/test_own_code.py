@@ -186,7 +186,9 @@ def test_coefficients_from_a_trajectory_are_laws_to_the_theory() -> None:
     law = ifrdem.IFRLaw(**one)
     assert theory.cooling_ratios(one, 2.0) == theory.cooling_ratios(law, 2.0)
     found = theory.prediction(DISKS, [[one, None], [None, None]], 0.2, 1.0, 0.0, [0.0, 1.0])
-    np.testing.assert_array_equal(found.T, theory.prediction(DISKS, law, 0.2, 1.0, 0.0, [0.0, 1.0]).T)
+    np.testing.assert_array_equal(
+        found.temperature, theory.prediction(DISKS, law, 0.2, 1.0, 0.0, [0.0, 1.0]).temperature
+    )
     disks = ifrdem.Disks(2, mass=1.0, radius=0.5, material=[0, 1])
     with pytest.raises(InputError, match=r"law\[.*\] = None"):
         theory.prediction(disks, [[one, None], [None, one]], 0.2, 1.0, 0.0, [0.0, 1.0])

@@ -19,7 +19,7 @@ from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.observables import Measure, measure
 from ifrdem.model.state import State, StoredState
 from ifrdem.simulation.engine import Engine
-from ifrdem.simulation.schedule import Cadence, Course, Span
+from ifrdem.simulation.schedule import RunPlan, Span, Trigger
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.trajectory import layout
 
@@ -218,7 +218,7 @@ def test_an_open_gas_does_not_mind_being_looked_at() -> None:
 def test_frames_that_coincide_are_told_once() -> None:
     # 40 points within some tens of collisions: many fall onto the same collision.
     simulation = gas(n=100)
-    found = frames_of(simulation, collisions_per_disk=0.5, frames=Cadence(number=40, spacing="log"))
+    found = frames_of(simulation, collisions_per_disk=0.5, frames=Trigger(number=40, spacing="log"))
     counts = [told.collisions for _, told in found]
     assert counts == sorted(set(counts))
     assert counts[0] == 0
@@ -258,7 +258,7 @@ def test_single_frames_are_the_exact_ones_rounded_and_lie_in_the_box(order: str)
         simulation = gas()
         span = Span.to(1500, 0.0, 0, t_end=0.6)
         simulation.follow(
-            Course(span, Cadence(number=12)),
+            RunPlan(span, Trigger(number=12)),
             frame_callbacks=[lambda state, _, to=frames: to.append(state)],
             stored=stored,
         )
@@ -287,7 +287,7 @@ def test_frames_that_are_kept_are_not_written_over(stored: tuple[str, ...] | Non
         copies.append(tuple(np.array(getattr(state, name)) for name in SEEN))
 
     gas(n=300).follow(
-        Course(Span.to(300, 0.0, 0, t_end=0.6), Cadence(number=20)), frame_callbacks=[look], stored=stored
+        RunPlan(Span.to(300, 0.0, 0, t_end=0.6), Trigger(number=20)), frame_callbacks=[look], stored=stored
     )
     assert len(kept) == 21
     for state, copy in zip(kept, copies, strict=True):
@@ -297,15 +297,15 @@ def test_frames_that_are_kept_are_not_written_over(stored: tuple[str, ...] | Non
 
 def test_frames_at_intervals_of_time_end_with_the_collisions_of_the_run(order: str) -> None:
     simulation = gas()
-    found = frames_of(simulation, collisions_per_disk=1.0, frames=Cadence(interval=0.02))
+    found = frames_of(simulation, collisions_per_disk=1.0, frames=Trigger(interval=0.02))
     times = [state.time for state, _ in found]
     assert times[:-1] == pytest.approx(0.02 * np.arange(len(times) - 1))
     assert times[-2] < times[-1] == simulation.time <= times[-2] + 0.02
     assert found[-1][1].collisions == simulation.collisions == 750
 
 
-@pytest.mark.parametrize("frames", [5, Cadence(interval=0.5)])
-def test_collisions_that_can_never_come_are_said_whatever_the_frames(frames: int | Cadence) -> None:
+@pytest.mark.parametrize("frames", [5, Trigger(interval=0.5)])
+def test_collisions_that_can_never_come_are_said_whatever_the_frames(frames: int | Trigger) -> None:
     disks = equal_disks(2)
     apart = State([[2.0, 2.0], [5.0, 5.0]], [[-1.0, 0.0], [1.0, 0.0]], [0.0, 0.0])
     still = State([[2.0, 2.0], [5.0, 5.0]], np.zeros((2, 2)), [0.0, 0.0])

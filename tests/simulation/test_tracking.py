@@ -143,7 +143,7 @@ def test_walls_gravity_and_heat_are_in_the_path(device):
     events, end = simulation.take_events(), simulation.state
     for disk in range(40):
         check_path(rows_of(events, disk), state, end, disk, box, (0.0, -1.0))
-    assert np.count_nonzero(events.partner <= -2) == simulation.wall_hits
+    assert np.count_nonzero(events.partner <= -2) == simulation.wall_collisions
     floor, lid = events.partner == -2, events.partner == -3
     assert floor.any()
     assert lid.any()

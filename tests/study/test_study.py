@@ -220,7 +220,7 @@ def bad(tmp_path: Path, capsys: pytest.CaptureFixture[str], *words: str) -> str:
         (["--vary", "run.seed=1,2"], "cannot be swept: --seeds"),
         (["--vary", "material[0].mu=0.1,0.1"], "0.1 is there twice"),
         (["--vary", "material[0].mu=0.1,0.2;material[0].e_n=0.7"], "as many values each"),
-        (["--vary", "nonsense"], "KEY=VALUES is needed"),
+        (["--vary", "nonsense"], "must be KEY=VALUES"),
         (["--seeds", "0"], "a number of seeds"),
         (["--part", "3/2"], "must be K/M"),
         (["--workers", "1", "--scheduler", "tcp://a:1"], "--workers: cannot be combined with --scheduler"),

@@ -245,7 +245,7 @@ def dsmc(device: str, threads: int) -> str:
     law = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
     gas = ifrdem.DSMC(disks, law, 0.2, velocity, drive=drive, seed=1, device=Device(device, threads=threads))
     found = gas.run(collisions_per_disk=5, samples=5)
-    return digest({"T": found.T, "velocity": gas.velocity, "spin": gas.spin})
+    return digest({"T": found.temperature, "velocity": gas.velocity, "spin": gas.spin})
 
 
 def compiled() -> int:

@@ -139,7 +139,9 @@ def test_elastic_rough_species_exchange_energy_until_all_four_temperatures_agree
     found = mixture_cooling(mixture, T0, T_rot0, [0.0, 200.0])
     # Energy T + T_rot / 2 of a disk is kept, 1.5 T at the end.
     energy = float(x @ (T0 + 0.5 * T_rot0))
-    np.testing.assert_allclose([*found.T[-1], *found.T_rot[-1]], energy / 1.5, rtol=1e-7)
+    np.testing.assert_allclose(
+        [*found.temperature[-1], *found.rotational_temperature[-1]], energy / 1.5, rtol=1e-7
+    )
     np.testing.assert_allclose(mixture_cooling_rates(mixture, energy, energy), 0.0, atol=1e-12)
 
 
@@ -206,7 +208,7 @@ def test_a_driven_mixture_of_like_species_is_the_driven_gas() -> None:
     T, T_rot, collisions = driven(COIN, 1.0, 0.5, 2.0, 0.2, drive, 0.0, 0.0, times)
     np.testing.assert_allclose(found.mean(mixture), (T, T_rot, collisions), rtol=1e-5, atol=1e-9)
     np.testing.assert_allclose(
-        found.T[-1], (steady_state(COIN, 1.0, 0.5, 2.0, 0.2, drive) or (0.0,))[0], rtol=1e-6
+        found.temperature[-1], (steady_state(COIN, 1.0, 0.5, 2.0, 0.2, drive) or (0.0,))[0], rtol=1e-6
     )
 
 
@@ -215,19 +217,21 @@ def test_a_prediction_takes_the_theory_that_belongs_to_the_gas() -> None:
     one = Disks(100, 1.0, 0.5)
     found = prediction(one, COIN, 0.2, 1.0, 0.1, times)
     assert found.kind == "cooling"
-    np.testing.assert_allclose(found.T, cooling(COIN, 1.0, 0.5, 2.0, 0.2, 1.0, 0.1, times)[0], rtol=1e-8)
+    np.testing.assert_allclose(
+        found.temperature, cooling(COIN, 1.0, 0.5, 2.0, 0.2, 1.0, 0.1, times)[0], rtol=1e-8
+    )
     bath = {"kind": "langevin", "temperature": 2.0, "rate": 0.3, "spin_rate": 0.1}
     found = prediction(one, COIN, 0.2, 1.0, 0.1, times, forces=[bath])
     assert found.kind == "driven"
     drive = Drive.of([bath], 1.0, 0.125) or Drive()
     np.testing.assert_allclose(
-        found.T, driven(COIN, 1.0, 0.5, 2.0, 0.2, drive, 1.0, 0.1, times)[0], rtol=1e-6
+        found.temperature, driven(COIN, 1.0, 0.5, 2.0, 0.2, drive, 1.0, 0.1, times)[0], rtol=1e-6
     )
     assert prediction(one, COIN, 0.2, 1.0, 0.1, times, shear_rate=0.1).kind == "sheared"
     two = Disks(2, 1.0, [0.5, 0.4], material=np.array([1, 0]))
     found = prediction(two, [[COIN, COIN], [COIN, COIN]], 0.2, 1.0, 0.1, times)
     assert found.species is not None
-    assert found.species.T.shape == (3, 2)
+    assert found.species.temperature.shape == (3, 2)
     for change, message in (
         ({"shear_rate": 0.1}, "sheared gas with 2 species"),
         ({"forces": [{"kind": "rescale", "temperature": 1.0}]}, "rescale: kinetic theory knows linear"),

@@ -235,7 +235,7 @@ def test_runs_from_python_show_nothing_where_nobody_looks_unless_asked(
     assert shown.out == shown.err == ""
     gas.run(collisions_per_disk=10, progress=True)
     assert "100.0 %" in capsys.readouterr().err
-    with pytest.raises(ifrdem.InputError, match="progress = 'yes': True, False or a function"):
+    with pytest.raises(ifrdem.InputError, match="progress = 'yes': must be True, False or a function"):
         gas.run(collisions_per_disk=20, progress="yes")  # type: ignore[arg-type]
 
 

@@ -24,7 +24,7 @@ def test_devices_and_pipes_are_refused_at_once(read, tmp_path: Path) -> None:
         seen: list[str] = []
 
         def refused(path: Path = path, seen: list[str] = seen) -> None:
-            with pytest.raises(InputError, match="is a device or pipe: a regular file is needed") as caught:
+            with pytest.raises(InputError, match="is a device or pipe: must be a regular file") as caught:
                 read(path)
             seen.append(str(caught.value))
 

@@ -44,7 +44,7 @@ def test_unknown_names_get_the_nearest_spelling(tmp_path):
             trajectory.series["enrgy"]
         with pytest.raises(InputError, match=r"no column 'slidng'.*did you mean 'sliding'"):
             trajectory.series["dissipated_by_mechanism/slidng"]
-        with pytest.raises(InputError, match=r"which = 'serie': allowed are .*did you mean 'series'"):
+        with pytest.raises(InputError, match=r"which = 'serie': must be one of .*did you mean 'series'"):
             trajectory.to_pandas("serie")
         with pytest.raises(InputError, match=r"disk 5 of .*there are 5 disks \(0 to 4\)") as caught:
             trajectory.disk(5)

@@ -378,7 +378,7 @@ def test_repair_finds_nothing_wrong_and_does_not_replace_parts(made, capsys):
     shorten(made, 1)
     before = made.read_bytes()
     assert main(["repair", str(made), "--in-place"]) == 2
-    assert "--in-place cannot put them together" in capsys.readouterr().err
+    assert "--in-place cannot merge them" in capsys.readouterr().err
     assert made.read_bytes() == before
 
 
@@ -560,7 +560,7 @@ def test_without_a_frame_nothing_is_left(tmp_path):
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(InputError, match="each needs one of its own"):
         PartsWriter.create(tmp_path / "run.h5", disks, disks, BOX, number=N + 1)
-    with pytest.raises(InputError, match="allowed are f4, f8"):
+    with pytest.raises(InputError, match="must be one of 'f4', 'f8'"):
         PartsWriter.create(tmp_path / "run.h5", disks, disks, BOX, number=2, precision="f9")
     assert list(tmp_path.iterdir()) == []
 

@@ -122,7 +122,7 @@ REFUSED = {
         lambda run: run.plot("disks", frames=["a"]),
         r"frames\[0\] = 'a': must be an integer",
     ),
-    "number for a file": (lambda run: Trajectory(5), "path = 5: the path of a file"),
+    "number for a file": (lambda run: Trajectory(5), "path = 5: must be a text or a path"),
 }
 
 
@@ -578,7 +578,7 @@ def test_impossible_outputs_are_refused(tmp_path):
     [
         ({"fields": ("positon",)}, "did you mean 'position'"),
         ({"fields": ("position", "position")}, "once"),
-        ({"precision": "f2"}, "allowed are f4, f8"),
+        ({"precision": "f2"}, "must be one of 'f4', 'f8'"),
         ({"compression": "gzp"}, "did you mean 'gzip'"),
         ({"parameters": {"case": ["a"]}}, r"parameters\['case'\] = \['a'\]: must be"),
         ({"parameters": {"": 1}}, "name of parameter"),

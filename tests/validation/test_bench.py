@@ -28,7 +28,7 @@ from ifrdem.simulation import backend
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.tools.arguments import script
 from ifrdem.validation.speed import bench, start, table
-from ifrdem.validation.speed.bench import Benchmark, Run
+from ifrdem.validation.speed.bench import Benchmark, TimedRun
 from ifrdem.validation.speed.table import Cost, Memory, Speed
 
 SMALL = ["--n", "200", "--phi", "0.2", "--threads", "1", "--runs", "2", "--seconds", "0.01"]
@@ -81,7 +81,7 @@ def found(
 ) -> Benchmark:
     """A benchmark of made-up runs, each of 8000 collisions."""
     done = {"windows": 4, "in_order": 1, "run_again": 20, "elastic": 0}
-    runs = [Run(each, 8000, dict(done), slowest=each / 2.0) for each in seconds]
+    runs = [TimedRun(each, 8000, dict(done), slowest=each / 2.0) for each in seconds]
     given = {"threads": 2, "bytes_per_disk": 240.0, "environment": bench.environment(), **also}
     return Benchmark(
         gas="elastic gas", n=n, phi=phi, device="cpu", precision="f64", seed=1,
@@ -389,7 +389,7 @@ def test_memory_is_held_to_its_bytes() -> None:
 
 def test_a_cost_is_the_median_of_runs_side_by_side() -> None:
     """At 6, 8 and 2 collisions a second against 9, 10 and 4: 1.5, 1.25 and 2 times the time of a collision."""
-    times = [iter([Run(1.0, count, {}, 1.0) for count in counts]) for counts in ((6, 8, 2), (9, 10, 4))]
+    times = [iter([TimedRun(1.0, count, {}, 1.0) for count in counts]) for counts in ((6, 8, 2), (9, 10, 4))]
     cost = Cost("a", 1000, 1.5, lambda _n: tuple((lambda _s, each=each: next(each)) for each in times))
     assert cost.measure(3, 1.0) == "| a, N = 1e3 | 1.5 times (1.25 to 2) | 1.5 times | yes |"
     assert replace(cost, target=1.49).row([1.5]).endswith("| no |")

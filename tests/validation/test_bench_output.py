@@ -7,7 +7,7 @@ import json
 import pytest
 
 from ifrdem.case.gas import CaseGas
-from ifrdem.simulation.schedule import Course
+from ifrdem.simulation.schedule import RunPlan
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.tools.arguments import script
 from ifrdem.validation.speed import bench, output_cost
@@ -22,7 +22,7 @@ def test_each_turn_times_the_same_time_bare_with_the_ledger_and_with_all(
     lengths: list[float] = []
     follow = Simulation.follow
 
-    def sampled_run(self: Simulation, course: Course, *, frame_callbacks=(), **options) -> None:  # type: ignore[no-untyped-def]
+    def sampled_run(self: Simulation, course: RunPlan, *, frame_callbacks=(), **options) -> None:  # type: ignore[no-untyped-def]
         if course.next_frame == 0:  # a warming up
             follow(self, course, frame_callbacks=frame_callbacks, **options)
             return

@@ -82,7 +82,7 @@ def test_collisions_and_wall_hits_are_counted_once_each(world, tolerance):
     )
     # Met at 1, wall at 1 + 3, met again at x = 3 after 3 more.
     assert course.collisions.tolist() == [0, 1, 1, 1, 2]
-    assert course.wall_hits.tolist() == [0, 0, 0, 1, 1]
+    assert course.wall_collisions.tolist() == [0, 0, 0, 1, 1]
     moving, turning = course.energy(disks)
     np.testing.assert_allclose(moving, 0.5, rtol=1e-6)
     np.testing.assert_allclose(turning, 0.0, atol=1e-10)

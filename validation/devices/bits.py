@@ -30,7 +30,7 @@ from ..report.registry import Result, Skip
 QUESTION = "Does a GPU give the bits of the CPU, the same again, and keep energy, momentum and gaps?"
 REFERENCE = "the same engine on the CPU, and conservation laws"
 
-SEEN = ("position", "velocity", "spin", "image", "collisions", "wall_hits")
+SEEN = ("position", "velocity", "spin", "image", "collisions", "wall_collisions")
 WINDOW = 0.4  # collisions of a disk in a window, on both devices
 COIN = coins["1 pta"].law.table_row()
 ROLLING = IFRLaw(e_n=0.9, e_t=-0.7, mu=0.2, rho=0.01).table_row()

@@ -48,7 +48,7 @@ class BoxMeasures:
     energy: Array
     spin_share: Array
     collisions: Array
-    wall_hits: Array
+    wall_collisions: Array
     position: Array
     collided: NDArray[np.bool_]
     seconds: float
@@ -72,7 +72,7 @@ class Code:
             (moving + turning) / at_start,
             turning / (moving + turning),
             np.array([gas.collisions for gas in self.gases], dtype=float) * 2.0 / N,
-            np.array([gas.wall_hits for gas in self.gases], dtype=float) / N,
+            np.array([gas.wall_collisions for gas in self.gases], dtype=float) / N,
             np.array([[state.position for state in gas.states] for gas in self.gases]),
             np.array([[state.collisions > 0 for state in gas.states] for gas in self.gases]),
             sum(gas.seconds for gas in self.gases),
@@ -130,12 +130,12 @@ def exact(law: IFRLaw, begin: State, times: Sequence[float] | Array) -> Snapshot
     for t in times:
         gas.run(t_end=float(t))
         states.append(gas.state)
-        counts.append((gas.collisions, gas.wall_hits))
+        counts.append((gas.collisions, gas.wall_collisions))
     timed = Simulation(DISKS, BOX, law, begin, device=Device(threads=1))
     began = time.process_time()
     timed.run(t_end=float(times[-1]))
-    collisions, wall_hits = np.array(counts).T
-    return Snapshots(states, collisions, wall_hits, time.process_time() - began)
+    collisions, wall_collisions = np.array(counts).T
+    return Snapshots(states, collisions, wall_collisions, time.process_time() - began)
 
 
 def mean_and_error(values: Array) -> tuple[Array, Array]:
@@ -157,7 +157,7 @@ def _compare(result: Result, code: Code, ours: BoxMeasures, theirs: BoxMeasures,
             ("energy over that at the start", "energy", 0.0),
             ("part of the energy that is spin", "spin_share", 0.0),
             ("collisions per disk", "collisions", 8.0 / (N * seeds)),
-            ("wall hits per disk", "wall_hits", 4.0 / (N * seeds)),
+            ("wall hits per disk", "wall_collisions", 4.0 / (N * seeds)),
         ):
             mine, other = getattr(ours, attribute)[:, at], getattr(theirs, attribute)[:, at]
             _, error = mean_and_error((other - mine)[:, None])
@@ -211,7 +211,7 @@ def _speed(found: dict[str, BoxMeasures], codes: list[Code]) -> Table:
     rows: list[tuple[str | float, ...]] = []
     for name, step in (("ifrdem", 0.0), *((code.name, code.time_step) for code in codes)):
         one = found[name]
-        events = float(np.sum(one.collisions[:, -1]) * N / 2.0 + np.sum(one.wall_hits[:, -1]) * N)
+        events = float(np.sum(one.collisions[:, -1]) * N / 2.0 + np.sum(one.wall_collisions[:, -1]) * N)
         rows.append((name, f"{step:g}" if step else "none", round(events), one.seconds, events / one.seconds))
     return Table(
         "Speed on this box, one thread each",

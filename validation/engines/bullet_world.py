@@ -54,7 +54,8 @@ class Surface:
 class BulletWorld:
     """Disks and straight walls (lines), all of one surface, in a PyBullet client of their own; in a `with` statement.
 
-    `collisions` and `wall_hits` count contacts in which Bullet's solver pushed: of two disks, and of a disk and a wall.
+    `collisions` and `wall_collisions` count contacts in which the solver of Bullet pushed: of two disks, of a
+    disk and a wall.
     """
 
     name = "PyBullet"
@@ -67,7 +68,7 @@ class BulletWorld:
         self.p: Any = p
         self.n: int = disks.n
         self.collisions: int = 0
-        self.wall_hits: int = 0
+        self.wall_collisions: int = 0
         self._pressed: set[tuple[int, int]] = set()
         self.client: int = p.connect(p.DIRECT)
         p.setGravity(0.0, 0.0, 0.0, physicsClientId=self.client)
@@ -114,7 +115,7 @@ class BulletWorld:
             new = pairs - self._pressed  # while a pair still overlaps, the solver may push a little again
             self._pressed = pairs
             hits = sum(not self._wall_ids.isdisjoint(pair) for pair in new)
-            self.wall_hits += hits
+            self.wall_collisions += hits
             self.collisions += len(new) - hits
 
     def state(self) -> State:

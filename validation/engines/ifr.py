@@ -46,7 +46,7 @@ def run(quick: bool) -> Result:
         text = f"places of 100 disks [R] at t = 1, step {step:g}"
         result.all_near(text, away[at], 0.0, 1e-10, reason, source)
         text = f"collisions by t = {times[-1]:g}, walls included, step {step:g}"
-        events = ours.collisions + ours.wall_hits
+        events = ours.collisions + ours.wall_collisions
         if quick:
             tolerance, reason = 0.0, "none, while rounding has not separated the two codes"
         else:

@@ -57,7 +57,7 @@ class PymunkWorld:
         self.time_step: float = time_step
         self.n: int = disks.n
         self.collisions: int = 0
-        self.wall_hits: int = 0
+        self.wall_collisions: int = 0
         diameter = 2.0 * float(disks.radius.max())
         self.space: Any = self.pymunk.Space()
         self.space.gravity = (0.0, -1.0 if resting else 0.0)
@@ -79,7 +79,7 @@ class PymunkWorld:
             segment = self.pymunk.Segment(self.space.static_body, *ends, 0.0)
             self._add(None, segment, surface, WALL)
         self.space.on_collision(DISK, DISK, begin=partial(self._count, "collisions"))
-        self.space.on_collision(DISK, WALL, begin=partial(self._count, "wall_hits"))
+        self.space.on_collision(DISK, WALL, begin=partial(self._count, "wall_collisions"))
 
     def _add(self, body: Any, shape: Any, surface: Surface, kind: int) -> None:
         shape.elasticity, shape.friction = math.sqrt(surface.e_n), math.sqrt(surface.mu)

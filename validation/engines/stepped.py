@@ -114,7 +114,7 @@ class Snapshots:
 
     states: list[State]
     collisions: NDArray[np.int64]  # counted from the start, shape (times,)
-    wall_hits: NDArray[np.int64]
+    wall_collisions: NDArray[np.int64]
     seconds: float  # processor time of the steps or events alone
 
     def energy(self, disks: Disks) -> tuple[Array, Array]:
@@ -139,6 +139,6 @@ def gas(
             seconds += time.process_time() - began
             done = number
             states.append(one.state())
-            counts.append((one.collisions, one.wall_hits))
-    collisions, wall_hits = np.array(counts, dtype=np.int64).T
-    return Snapshots(states, collisions, wall_hits, seconds)
+            counts.append((one.collisions, one.wall_collisions))
+    collisions, wall_collisions = np.array(counts, dtype=np.int64).T
+    return Snapshots(states, collisions, wall_collisions, seconds)

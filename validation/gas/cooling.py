@@ -155,7 +155,7 @@ def by_dsmc(law: IFRLaw, T_rot: float, seeds: range) -> tuple[Cooling, float]:
         one = DSMC(disks, law, 0.1, velocity, spin, seed=seed).run(
             collisions_per_disk=TAU[-1], samples=TAU[1:]
         )
-        found.append((one.T, one.T_rot))
+        found.append((one.temperature, one.rotational_temperature))
         tails.append(one.a_2_rot[-1])
     T, T_rot_all = np.array(found).transpose(1, 0, 2)
     return Cooling(T, T_rot_all), float(np.mean(tails))
@@ -177,7 +177,12 @@ def _rates(result: Result, name: str, heat: str, seeds: range) -> None:
     for seed in seeds:
         disks, velocity, spin = thermal(DISKS_OF_RATES, seed, T_rot=T_rot)
         one = DSMC(disks, law, 0.1, velocity, spin, seed=seed).run(collisions_per_disk=at[-1], samples=at[1:])
-        found.append((_slope(np.log(one.T / one.T[0]), STEP), _slope(one.T_rot / one.T[0], STEP)))
+        found.append(
+            (
+                _slope(np.log(one.temperature / one.temperature[0]), STEP),
+                _slope(one.rotational_temperature / one.temperature[0], STEP),
+            )
+        )
     exact, soon = by_theory(law, T_rot, at), by_theory(law, T_rot, 0.01 * at)
     for i, (what, late, early) in enumerate(
         (("ln T", np.log(exact.T[0]), np.log(soon.T[0])), ("T_rot / T_0", exact.T_rot[0], soon.T_rot[0]))

@@ -149,7 +149,7 @@ def _by_dsmc(law: IFRLaw, phi: float, n: int, seed: int, T: float, T_rot: float)
     gas = DSMC(disks, law, phi, velocity, spin, seed=seed, drive=Drive(power=1.0))
     gas.run(collisions_per_disk=10.0, samples=1)
     found = gas.run(collisions_per_disk=30.0, samples=20)
-    return float(found.T.mean()), float(found.T_rot.mean())
+    return float(found.temperature.mean()), float(found.rotational_temperature.mean())
 
 
 def _sheared(result: Result, quick: bool, seed: int, axes: Any) -> None:

@@ -171,5 +171,5 @@ def _dsmc(seed: int, n: int) -> Array:
     disks, velocity, spin = thermal(n, seed, T=T, T_rot=T_ROT)
     gas = DSMC(disks, LAWS["contact point, e_t = 0"], PHI, velocity, spin, seed=seed)
     found = gas.run(collisions_per_disk=TAU[-1], samples=TAU[1:])
-    apart = found.T - found.T_rot
+    apart = found.temperature - found.rotational_temperature
     return apart / apart[0]

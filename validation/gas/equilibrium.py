@@ -313,7 +313,7 @@ def _pushed(phi: float, seed: int, long: float) -> tuple[float, float, float]:
     mean, sums = math.sqrt(2.0 * math.pi * T), gas.wall_sums
     given = float(np.abs(sums.momentum[:, 1]).sum())  # lower and upper wall
     both = 2.0 * side * gas.time * T
-    return given / float(sums.hits.sum()) / mean, mean * gas.wall_hits / both, given / both
+    return given / float(sums.hits.sum()) / mean, mean * gas.wall_collisions / both, given / both
 
 
 def _walls(result: Result, seed: int, axes: Any) -> None:

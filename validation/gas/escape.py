@@ -31,7 +31,7 @@ from ...model.wall_motion import Motion, Turn
 from ...model.walls import Wall
 from ...simulation.engine import ORDERS, Engine
 from ...tools.arguments import script, whole
-from ...tools.checked import one_of
+from ...tools.checked import choice
 
 ROUNDING = 1e-9  # of the gap [length]: thousands of times the rounding of a place in this room
 
@@ -121,8 +121,8 @@ def run(hits: int, order: str = "serial", *, where: str = "kinds", seed: int = 1
     """
     engine = ROOMS[where](order, seed=seed)
     least, states = np.inf, 0
-    while engine.wall_hits < hits:
-        before = engine.wall_hits
+    while engine.wall_collisions < hits:
+        before = engine.wall_collisions
         # Stretches of about a thousandth of the run, to look at all gaps at times unrelated to hits.
         stop = engine.time + (0.001 * hits * engine.time / before if before else 1.0)
         while engine.time < stop:
@@ -134,8 +134,8 @@ def run(hits: int, order: str = "serial", *, where: str = "kinds", seed: int = 1
             least = min(least, float(gap.min()))
             if not least >= -ROUNDING:
                 who = f"disk {int(gap.argmin())} overlaps wall {w} ({wall.shape}) by {-least:.3g}"
-                raise EngineError(f"t = {state.time:.9g}, after {engine.wall_hits} wall hits: {who}")
-    return Escape(engine.wall_hits, engine.collisions, engine.time, states, least)
+                raise EngineError(f"t = {state.time:.9g}, after {engine.wall_collisions} wall hits: {who}")
+    return Escape(engine.wall_collisions, engine.collisions, engine.time, states, least)
 
 
 def escape(*, hits: str = "1e7", room: str = "kinds", order: str = "serial", seed: str = "1") -> None:
@@ -152,8 +152,8 @@ def escape(*, hits: str = "1e7", room: str = "kinds", order: str = "serial", see
     seed
         seed
     """
-    one_of("--order", order, ORDERS)
-    one_of("--room", room, ROOMS)
+    choice("--order", order, ORDERS)
+    choice("--room", room, ROOMS)
     found = run(whole("--hits", hits, 1), order, where=room, seed=whole("--seed", seed, 0))
     print(
         f"{found.hits} wall hits and {found.collisions} collisions to t = {found.time:.6g}; {found.states} states "

@@ -194,7 +194,15 @@ def _by_dsmc(
     gas.run(collisions_per_disk=SETTLED, samples=1)
     found.append(gas.run(collisions_per_disk=end, samples=30))
     early, late = (
-        [float(np.mean(each)) for each in (np.ones_like(one.T), one.T_rot / one.T, one.a_2, one.a_2_rot)]
+        [
+            float(np.mean(each))
+            for each in (
+                np.ones_like(one.temperature),
+                one.rotational_temperature / one.temperature,
+                one.a_2,
+                one.a_2_rot,
+            )
+        ]
         for one in found
     )
     return early, late

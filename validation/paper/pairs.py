@@ -24,7 +24,7 @@ from ...model import ifr as law_module
 from ...model.box import Box
 from ...model.state import Disks, State
 from ...simulation.engine import Engine
-from ...tools.checked import Array, one_of
+from ...tools.checked import Array, choice
 from ...trajectory.reader import Trajectory
 from ...trajectory.writer import TrajectoryWriter
 from ..report.registry import ROUND_OFF as ROUND_OFF
@@ -211,7 +211,7 @@ def broadcast(impact: Impact, sticking: ArrayLike, w_2o: ArrayLike) -> tuple[Imp
         *values, np.asarray(w_2o, dtype=np.float64), np.asarray(sticking)
     )
     for name in np.unique(sticking):
-        one_of("sticking", str(name), law_module.STICKING)
+        choice("sticking", str(name), law_module.STICKING)
     flat = {name: value.reshape(-1).copy() for name, value in zip(names, values, strict=True)}
     return replace(impact, **flat), sticking.reshape(-1), w_2o.reshape(-1).copy()
 

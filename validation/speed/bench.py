@@ -49,7 +49,7 @@ Note = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class Run:
+class TimedRun:
     """One timed run of whole windows."""
 
     seconds: float  # real time
@@ -76,7 +76,7 @@ class KernelTime:
 class Profile:
     """Kernel times of one run under Taichi's profiler; `outside` [s] is Python and launches."""
 
-    run: Run
+    run: TimedRun
     kernels: list[KernelTime]
 
     @property
@@ -121,7 +121,7 @@ class Benchmark:
     seed: int
     collisions_before: int  # before the first timed run
     bytes_per_disk: float  # memory of the engine's arrays at the end
-    runs: list[Run]
+    runs: list[TimedRun]
     ranks: int = 1
     sent: dict[str, float] | None = None  # by a rank in a window, of several: messages, rounds, bytes
     profile: Profile | None = None
@@ -366,7 +366,7 @@ def warm_up(simulation: Simulation) -> None:
     timed(simulation, 0.0)
 
 
-def timed(simulation: Simulation, seconds: float) -> Run:
+def timed(simulation: Simulation, seconds: float) -> TimedRun:
     """Run whole windows for at least so many seconds, and `LEAST_LAUNCHES`."""
     import taichi as ti
 
@@ -385,7 +385,7 @@ def timed(simulation: Simulation, seconds: float) -> Run:
 
     with contextlib.suppress(LongEnough):
         simulation.run(collisions_per_disk=endless, progress=after_launch)
-    return Run(
+    return TimedRun(
         seconds=marks[-1] - marks[0],
         collisions=simulation.collisions - collisions,
         done={name: value - before[name] for name, value in asdict(simulation.statistics).items()},

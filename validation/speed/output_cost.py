@@ -22,7 +22,7 @@ from scipy.stats import quantile_test
 from ...case.gas import CaseGas
 from ...case.output_section import ROWS_PER_FRAME
 from ...runs.recorder import Ledger, Recorder
-from ...simulation.schedule import Cadence, Course, Span
+from ...simulation.schedule import RunPlan, Span, Trigger
 from ...tools.arguments import script
 from ...trajectory.writer import TrajectoryWriter
 from . import bench
@@ -55,10 +55,10 @@ def output_cost(
                 simulation.switch_ledger(way != BARE)
                 begun, length = simulation.time, FRAMES * every * bench.mean_free_time(gas)
                 span = Span.to(n, begun, simulation.collisions, t_end=begun + length)
-                frames = Cadence(number=FRAMES if way == ALL else 1)
-                rows = Cadence(number=ROWS_PER_FRAME * FRAMES, exact=False) if way == ALL else None
-                # As in a longer run: the piece before has its last frame and row.
-                course = Course(span, frames, rows, next_frame=1, next_row=1)
+                frames = Trigger(number=FRAMES if way == ALL else 1)
+                rows = Trigger(number=ROWS_PER_FRAME * FRAMES, exact=False) if way == ALL else None
+                # As in a run that goes on: the piece before has its last frame and row.
+                course = RunPlan(span, frames, rows, next_frame=1, next_row=1)
                 output: dict[str, Any] = {
                     "frame_callbacks": [recorder.frame],
                     "series_callbacks": [recorder.row],

@@ -15,12 +15,12 @@ from ...errors import InputError
 from ...simulation import backend
 from ...tools.arguments import script
 from . import bench
-from .bench import Benchmark, Run
+from .bench import Benchmark, TimedRun
 
 COLUMNS = ("gas", "measured", "to reach", "reached")
 AFTER = 300.0  # collisions per disk, after which coins are in clusters
 BIG = 10.0  # radius of the larger disks of two sizes, of the smaller one's
-Timed = Callable[[float], Run]
+Timed = Callable[[float], TimedRun]
 """A function that times a run of so many seconds."""
 
 
@@ -150,7 +150,7 @@ def accounted(n: int, **gas: Any) -> tuple[Timed, Timed]:
     _, simulation = bench.prepared(with_ledger(coins(n, 0.3, **gas)), after=2.0)
 
     def switched(on: bool) -> Timed:
-        def run(seconds: float) -> Run:
+        def run(seconds: float) -> TimedRun:
             simulation.switch_ledger(on)
             bench.timed(simulation, 0.0)  # compiles its kernels
             return bench.timed(simulation, seconds)

@@ -28,7 +28,7 @@ from ifrdem.simulation.windows import Windows
 pytestmark = pytest.mark.optimised
 
 N = 4000
-SEEN = ("time", "position", "velocity", "spin", "collisions", "image", "wall_hits")
+SEEN = ("time", "position", "velocity", "spin", "collisions", "image", "wall_collisions")
 THREADS = [t for t in (2, 1) if t <= backend.cores()]
 TILES = (60, 250, 1000)
 Gas = tuple[Disks, Box, State, tuple[float, ...], dict[str, Any]]

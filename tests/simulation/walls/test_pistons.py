@@ -64,7 +64,7 @@ def test_a_piston_on_one_disk_makes_as_many_hits_as_digits_of_pi(ratio: float, c
     box = Box((10.0, 1000.0), (False, False))  # which the piston leaves later
     simulation = piston_gas(disks, box, ELASTIC, start, [piston])
     simulation.run(t_end=500.0)
-    assert simulation.wall_hits == count
+    assert simulation.wall_collisions == count
     # All energy was the piston's, and it keeps all of it but what is left to the disk.
     assert whole_energy(simulation) == pytest.approx(0.5 * ratio, rel=1e-12)  # 1e4 roundings of 1e-16
 
@@ -209,7 +209,7 @@ def test_another_force_acts_from_a_time_on() -> None:
     np.testing.assert_allclose(simulation.pistons[0], (0.75 + 3.0 - 1.0, 0.5, 0.25 + 2.75, -1.0), rtol=1e-13)
     assert simulation.walls[0].piston == Piston(mass=2.0, force=-1.0)
     for wall in (1, -1):
-        with pytest.raises(InputError, match="the number of a piston is needed; there are: 0"):
+        with pytest.raises(InputError, match="must be the number of a piston; there are: 0"):
             simulation.set_piston_force(wall, 1.0)
     with pytest.raises(InputError, match="force = nan: must be a finite number"):
         simulation.set_piston_force(0, math.nan)

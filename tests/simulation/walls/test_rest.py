@@ -83,10 +83,10 @@ def test_a_disk_dropped_on_a_floor_rests_there_and_has_lost_its_fall() -> None:
     assert lost is not None
     assert 0.0 < lost[REST] <= 0.5 * 2.0 * SLOW**2
     # v = 2 falls to v_s by factors 0.6: log(0.02 / 2) / log(0.6) = 9.02, so after 10 it is slow, and 1 more.
-    assert run.wall_hits == 11
-    hits = run.wall_hits
+    assert run.wall_collisions == 11
+    hits = run.wall_collisions
     run.run(t_end=1e9)
-    assert run.wall_hits == hits
+    assert run.wall_collisions == hits
 
 
 def test_a_disk_rests_on_two_posts_but_not_on_top_of_one() -> None:
@@ -301,7 +301,7 @@ def test_a_pile_comes_to_rest_at_a_bounded_cost() -> None:
     assert run.asleep == 60
     assert not state.velocity.any()
     assert not state.spin.any()
-    events = run.collisions + run.wall_hits
+    events = run.collisions + run.wall_collisions
     assert events < 400_000
     assert run.statistics.unjudged == 0
     closes(run)
@@ -309,7 +309,7 @@ def test_a_pile_comes_to_rest_at_a_bounded_cost() -> None:
     assert state.position.min() > 0.5 - 1e-11
     # Everybody has a support, and a heap that rests costs nothing.
     run.run(t_end=1e6)
-    assert run.collisions + run.wall_hits == events
+    assert run.collisions + run.wall_collisions == events
     np.testing.assert_array_equal(run.state.position, state.position)
 
 

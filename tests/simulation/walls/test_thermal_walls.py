@@ -90,7 +90,7 @@ def test_disks_leave_with_a_rayleigh_and_two_gaussian_components_in_the_frame_of
     box = Box((4100.0, 11_600.0), (False, False))
     engine = Engine(disks, box, State(position, velocity, np.ones(n)), LAW, walls=[wall], seed=7)
     end = run_to(engine, 1.0005)  # the gap of 1 closes at speed 1
-    np.testing.assert_array_equal(end.wall_hits, 1)
+    np.testing.assert_array_equal(end.wall_collisions, 1)
     assert engine.collisions == 0
     off = end.velocity - 0.2 * normal - 0.7 * tangent
     scale = np.sqrt(mass / T)
@@ -135,9 +135,9 @@ def test_every_way_of_running_draws_the_same_numbers() -> None:
     """To the last bit. Tiles that were run again drew them again."""
     engines = {order: furnished(order) for order in ORDERS}
     ends = {order: run_to(engine, 3.0) for order, engine in engines.items()}
-    assert ends["serial"].wall_hits.sum() > 40
+    assert ends["serial"].wall_collisions.sum() > 40
     for order in ORDERS[1:]:
-        for name in ("position", "velocity", "spin", "collisions", "wall_hits"):
+        for name in ("position", "velocity", "spin", "collisions", "wall_collisions"):
             np.testing.assert_array_equal(getattr(ends[order], name), getattr(ends["serial"], name))
     other = run_to(furnished("serial", seed=4), 3.0)
     assert np.abs(other.velocity - ends["serial"].velocity).max() > 0.1
@@ -155,7 +155,7 @@ def test_two_threads_give_the_same_bits() -> None:
                 *(
                     getattr(end, name)
                     for end in ends
-                    for name in ("position", "velocity", "spin", "collisions", "wall_hits")
+                    for name in ("position", "velocity", "spin", "collisions", "wall_collisions")
                 ),
             ]
         )
@@ -169,10 +169,10 @@ def test_a_run_from_a_stored_state_draws_on() -> None:
     half = run_to(engine, 2.0)
     end = run_to(engine, 3.5)
     again = run_to(furnished("serial", state=half), 3.5)
-    np.testing.assert_array_equal(again.wall_hits, end.wall_hits)
+    np.testing.assert_array_equal(again.wall_collisions, end.wall_collisions)
     np.testing.assert_array_equal(again.collisions, end.collisions)
     np.testing.assert_allclose(again.velocity, end.velocity, atol=1e-6)  # windows begin elsewhere
-    forgot = run_to(furnished("serial", state=replace(half, wall_hits=None)), 3.5)
+    forgot = run_to(furnished("serial", state=replace(half, wall_collisions=None)), 3.5)
     assert np.abs(forgot.velocity - end.velocity).max() > 0.1
 
 
@@ -185,7 +185,7 @@ def test_heat_and_work_are_what_elastic_disks_gain(precision: str, error: float)
         wall_heat=float(engine.wall_heats.sum()),
     )  # fmt: skip
     heats = engine.wall_heats
-    assert engine.wall_hits > 200
+    assert engine.wall_collisions > 200
     assert abs(engine.wall_work) > 1.0
     assert np.all(np.abs(heats[:3]) > 1.0)
     assert np.all(heats[3:] == 0.0)
@@ -211,7 +211,7 @@ def test_a_rough_gas_between_walls_of_one_temperature_has_it_everywhere() -> Non
         count += np.bincount(strip, minlength=5)
         kinetic += np.bincount(strip, 0.5 * np.sum(state.velocity**2, axis=1), minlength=5)
         turning += np.bincount(strip, disks.inertia * state.spin**2, minlength=5)
-    assert engine.wall_hits > 1e5
+    assert engine.wall_collisions > 1e5
     np.testing.assert_allclose(kinetic / count, T, rtol=0.015)
     np.testing.assert_allclose(turning / count, T, rtol=0.015)
     assert kinetic.sum() / count.sum() == pytest.approx(T, rel=0.007)

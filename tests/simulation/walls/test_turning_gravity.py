@@ -72,7 +72,7 @@ def test_the_change_of_potential_energy_is_put_in_and_elastic_disks_lose_nothing
         np.testing.assert_allclose(run.gravity, then, atol=1e-15)
         work -= float(np.sum(run.state.position @ np.subtract(then, now)))
         assert run.energy_input == pytest.approx(work, abs=1e-12)
-    assert run.wall_hits > 0
+    assert run.wall_collisions > 0
     assert run.measure().energy - np.sum(run.state.position @ run.gravity) == pytest.approx(
         first + work, rel=1e-12
     )

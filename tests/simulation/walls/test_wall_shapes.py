@@ -78,7 +78,7 @@ def run_to(engine: Engine, t: float) -> State:
 
 
 def same(one: State, other: State) -> None:
-    for name in ("position", "velocity", "spin", "collisions", "wall_hits"):
+    for name in ("position", "velocity", "spin", "collisions", "wall_collisions"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
 
 
@@ -111,7 +111,7 @@ def test_bits_of_a_shaken_container_under_gravity_do_not_depend_on_tiles() -> No
     for pull in (-0.4, -0.5):
         one, other = (gas(order, walls=walls, gravity=(0.1, pull)) for order in ORDERS)
         same(run_to(one, 9.0), run_to(other, 9.0))
-        assert one.wall_hits > 150
+        assert one.wall_collisions > 150
 
 
 @pytest.mark.parametrize("order", ORDERS)
@@ -142,7 +142,7 @@ def test_walls_give_what_disks_get(order: str) -> None:
         assert abs(paddle[:, SUMS.index("work")].sum()) > 1.0
         np.testing.assert_allclose(paddle[:, 3], PADDLE.rate * paddle[:, 2], rtol=1e-12)
         np.testing.assert_array_equal(sums[[0, 4, 5, 6], 3], 0.0)  # at rest
-        assert sums[:, SUMS.index("hits")].sum() == engine.wall_hits
+        assert sums[:, SUMS.index("hits")].sum() == engine.wall_collisions
 
 
 def test_torques_about_the_origin_are_those_of_the_angular_momentum() -> None:
@@ -188,9 +188,9 @@ def test_a_wall_that_turns_is_seen_as_a_frame_that_turns() -> None:
     engine = Engine(disks, BOX, start, np.array([[ELASTIC]]), walls=[blade, *CORNER], record=["wall"])
     t = (beta - math.asin(R / d)) / w
     run_to(engine, t - 1e-12)
-    assert engine.wall_hits == 0
+    assert engine.wall_collisions == 0
     state = run_to(engine, t + 1e-12)
-    assert engine.wall_hits == 1
+    assert engine.wall_collisions == 1
     foot = math.sqrt(d * d - R * R)
     normal = np.array([-math.sin(w * t), math.cos(w * t)])
     np.testing.assert_allclose(state.velocity[0], 2.0 * w * foot * normal, rtol=1e-12)
@@ -251,7 +251,7 @@ def test_a_wall_moves_from_one_time_to_another() -> None:
 
     engine = above(10.7, 0.0, 0.0)  # the floor stands at 10 before
     run_to(engine, 1.4 - 1e-9)
-    assert engine.wall_hits == 0
+    assert engine.wall_collisions == 0
     assert run_to(engine, 1.4 + 1e-9).velocity[0, 1] == pytest.approx(1.0, rel=1e-12)  # twice the floor's
     engine = above(12.5, -0.5, 1.9)  # the floor stands at 10.5 from t = 2 on
     assert run_to(engine, 1.9 + 3.0 + 1e-9).velocity[0, 1] == pytest.approx(0.5, rel=1e-12)  # met at rest
@@ -276,7 +276,7 @@ def test_walls_at_the_edges_of_cells_are_hit_as_elsewhere(order: str) -> None:
     turns, rest = np.divmod(0.5 * w + u * end, w)
     expected = column + radius + np.where(turns % 2 == 0, rest, w - rest)
     np.testing.assert_allclose(found.position[:, 0], expected, atol=1e-12)
-    assert engine.wall_hits == np.abs(turns).sum()
+    assert engine.wall_collisions == np.abs(turns).sum()
     assert engine.collisions == 0
 
 
@@ -295,7 +295,7 @@ def test_the_end_of_a_segment_is_a_point_and_nothing_is_beyond_it(above: float, 
     velocity = np.array([1.0, 0.0]) - 2.0 * hits * normal[0] * normal
     touched = np.array([10.0 - way * hits, 12.0 + above])
     expected = touched + velocity * (8.0 - (touched[0] - 4.0))
-    assert engine.wall_hits == hits
+    assert engine.wall_collisions == hits
     # Where it grazes, rounding of the height is that of way^2 = 5e-10: 1e-16 / 2e-5 of the angle.
     np.testing.assert_allclose(found.position[0], expected, atol=1e-9)
 
@@ -325,7 +325,7 @@ def test_a_disk_at_a_wall_may_start_but_for_rounding() -> None:
 
     gas = start(5e-15)
     gas.run(t_end=20.0)
-    assert gas.wall_hits > 0
+    assert gas.wall_collisions > 0
     assert np.hypot(*(gas.state.position[0] - MIDDLE)) < 3.5 + 1e-12
     with pytest.raises(InputError, match=r"disk 0 at \(18.5, 15\) overlaps wall 0 \(container\) by 1e-08"):
         start(1e-8)

@@ -53,7 +53,7 @@ def test_a_ball_on_a_floor_bounces_with_the_period_of_a_parabola(order: str) -> 
     period = 2.0 * math.sqrt(2.0 * 2.5 / 2.0)
     for bounce in range(1, 21):
         state = run_to(engine, bounce * period)
-        assert engine.wall_hits == bounce
+        assert engine.wall_collisions == bounce
         np.testing.assert_allclose(state.position[0, 1], 3.0, atol=1e-11)
         np.testing.assert_allclose(state.velocity[0], [0.3, 0.0], atol=1e-11)
     assert state.collisions[0] == 0
@@ -101,7 +101,7 @@ def test_a_billiard_in_a_circle_keeps_its_angular_momentum(order: str) -> None:
     first = half - offset @ velocity
     for hits in (1, 10, 100):
         state = run_to(engine, first + (hits - 0.5) * 2.0 * half)
-        assert engine.wall_hits == hits
+        assert engine.wall_collisions == hits
         d = state.position[0] - 5.0
         assert d[0] * state.velocity[0, 1] - d[1] * state.velocity[0, 0] == pytest.approx(b, rel=1e-11)
         assert math.hypot(*d) == pytest.approx(abs(b), rel=1e-9)  # half-way between two hits
@@ -155,9 +155,9 @@ def test_a_moving_wall_is_hit_at_the_first_root(shape: str, motion: Motion, grav
         start = State(x[None, :], velocity[None, :], np.zeros(1))
         engine = Engine(disks, box, start, LAW, walls=[wall], gravity=(0.0, -gravity))
         state = run_to(engine, expected - 1e-9)
-        assert engine.wall_hits == 0, (shape, motion)
+        assert engine.wall_collisions == 0, (shape, motion)
         state = run_to(engine, expected + 1e-9)
-        assert engine.wall_hits == 1, (shape, motion)
+        assert engine.wall_collisions == 1, (shape, motion)
         assert np.all(np.isfinite(state.velocity))
     assert compared > 0
 
@@ -208,7 +208,7 @@ def test_smooth_elastic_walls_are_mirrors(order: str) -> None:
     )
     assert len(pairs) >= 150
     np.testing.assert_allclose(times, [t for t, _, _ in expected[: len(times)]], atol=1e-7)
-    assert engine.wall_hits == sum(t < end for t in walls)
+    assert engine.wall_collisions == sum(t < end for t in walls)
 
 
 def shaken(order: str, threads: int | None = None, n: int = 300, law: tuple[float, ...] = COIN) -> Engine:
@@ -230,7 +230,7 @@ def shaken(order: str, threads: int | None = None, n: int = 300, law: tuple[floa
 def test_every_way_of_running_gives_the_same_shaken_gas() -> None:
     ends = {order: run_to(shaken(order), 4.0) for order in ORDERS}
     for order in ORDERS[1:]:
-        for name in ("position", "velocity", "spin", "collisions", "wall_hits"):
+        for name in ("position", "velocity", "spin", "collisions", "wall_collisions"):
             np.testing.assert_array_equal(getattr(ends[order], name), getattr(ends["serial"], name))
 
 
@@ -253,7 +253,7 @@ def test_what_walls_give_is_what_elastic_disks_gain(order: str) -> None:
         kinetic = 0.5 * np.sum(state.velocity**2) + 0.5 * np.sum(engine.disks.inertia * state.spin**2)
         return float(kinetic + 0.1 * np.sum(state.position[:, 1]))
 
-    assert engine.wall_hits > 300
+    assert engine.wall_collisions > 300
     assert abs(engine.wall_work) > 1.0
     assert energy(end) - energy(start) == pytest.approx(engine.wall_work, abs=1e-9)
     assert np.all(end.position > 0.5 - 1e-9)
@@ -288,7 +288,7 @@ def test_a_cut_off_keeps_a_ball_bouncing_with_a_speed_just_below_it(order: str) 
     fallen = math.sqrt(2.0 * 2.5)
     slowing = math.ceil(math.log2(fallen / 0.3))
     assert speed == pytest.approx(fallen / 2.0**slowing, rel=1e-9)
-    assert engine.statistics.elastic == engine.wall_hits - slowing > 50
+    assert engine.statistics.elastic == engine.wall_collisions - slowing > 50
 
 
 @pytest.mark.parametrize("order", ORDERS)
@@ -299,7 +299,7 @@ def test_a_cut_off_takes_no_energy_from_slow_collisions(order: str) -> None:
         disks, box, state, np.array([[COIN]]), collapse=VelocityCutoff(100.0), order=order, tile_disks=20
     )
     end = run_to(engine, 10.0)
-    assert engine.statistics.elastic == engine.collisions + engine.wall_hits > 100
+    assert engine.statistics.elastic == engine.collisions + engine.wall_collisions > 100
     assert np.sum(end.velocity**2) == pytest.approx(np.sum(state.velocity**2), rel=1e-12)
     np.testing.assert_array_equal(end.spin, state.spin)
 
@@ -339,7 +339,7 @@ def test_drag_and_gravity_together_reach_the_terminal_velocity(order: str) -> No
     state = run_to(engine, 60.0)
     decay = math.exp(-gamma * dt)
     assert state.velocity[0, 1] == pytest.approx(-2.0 * dt * (1.0 + decay) / (2.0 * (1.0 - decay)), rel=1e-9)
-    assert engine.wall_hits == 0
+    assert engine.wall_collisions == 0
 
 
 @pytest.mark.parametrize("wall", ["post", "segment"])

@@ -1,21 +1,16 @@
-"""Pictures of objects by the plots, which are of a higher layer: imported when one is asked for."""
+"""Notebook displays and pictures of objects, drawn by the plots (`tools/renderer.py`)."""
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError, nearest
 from .checked import validated
+from .renderer import plots
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-
-def plots() -> Any:
-    """The module of the plots that draws objects."""
-    return importlib.import_module("ifrdem.plots.objects")
 
 
 def refuse_unknown(given: Mapping[str, Any], known: Sequence[str]) -> None:
@@ -25,14 +20,14 @@ def refuse_unknown(given: Mapping[str, Any], known: Sequence[str]) -> None:
         raise InputError(f"{name} = {value!r}: {text}")
 
 
-class Pictured:
+class NotebookRepr:
     """An object that a notebook shows as a small table and a thumbnail."""
 
     def _repr_html_(self) -> str:
         return str(plots().html(self))
 
 
-class PicturedDisks(Pictured):
+class DisksRepr(NotebookRepr):
     """Disks at one time, which can be drawn."""
 
     @validated
@@ -61,7 +56,7 @@ class PicturedDisks(Pictured):
         return axes
 
 
-class PicturedResult:
+class ResultPlot:
     """Result of an analysis, which can be drawn."""
 
     def plot(self, ax: Any = None) -> Any:

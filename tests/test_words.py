@@ -1,0 +1,77 @@
+"""Words of names and texts are those of the field: none of a language of the program's own."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+SOURCES = [*sorted((ROOT / "ifrdem").rglob("*.py")), *sorted((ROOT / "kernels").rglob("*.py"))]
+NAMES = (
+    "accompany", "claim", "complaint", "dealt", "foresee", "foreseen", "furthest", "grip", "laid",
+    "protrudes", "settle", "somebody", "swap", "trail", "united", "whoever",
+)  # fmt: skip
+"""Words that no name has between its underscores or capitals."""
+PHRASES = (
+    "by its own", "cannot stand in", "comes together", "goes on with", "held against", "hold against", "somebody",
+    "what is foreseen", "whoever",
+)  # fmt: skip
+"""Phrases that no docstring and no message has."""
+
+
+@cache
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+def names_of(tree: ast.Module) -> Iterator[str]:
+    """Names of functions, classes, arguments, attributes and variables that a module defines."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            yield node.name
+        elif isinstance(node, ast.arg):
+            yield node.arg
+        elif isinstance(node, ast.Name | ast.Attribute) and isinstance(node.ctx, ast.Store):
+            yield node.id if isinstance(node, ast.Name) else node.attr
+
+
+def words_of(name: str) -> set[str]:
+    """Words of a name in small letters: "CamelCase" and "with_underscores" have two."""
+    return {one.lower() for one in re.findall(r"[A-Z]?[a-z0-9]+|[A-Z]+(?![a-z])", name)}
+
+
+def banned_in(path: Path) -> list[str]:
+    """Names and texts of a module that have banned words and phrases."""
+    tree = tree_of(path)
+    found = [
+        f"{name}: {word}"
+        for name in sorted({path.stem, *names_of(tree)})
+        for word in sorted(words_of(name) & set(NAMES))
+    ]
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            text = " ".join(node.value.split()).lower()
+            found += [f"line {node.lineno}: {phrase}" for phrase in PHRASES if phrase in text]
+    return found
+
+
+@pytest.mark.parametrize("room", sorted({path.relative_to(ROOT).parts[:2] for path in SOURCES}), ids="/".join)
+def test_names_and_texts_have_the_words_of_the_field(room: tuple[str, ...]) -> None:
+    here = [path for path in SOURCES if path.relative_to(ROOT).parts[:2] == room]
+    found = {str(path.relative_to(ROOT)): banned_in(path) for path in here}
+    assert {path: banned for path, banned in found.items() if banned} == {}
+
+
+def test_banned_words_are_found(tmp_path: Path) -> None:
+    module = tmp_path / "swap.py"
+    lines = ("class BoxSettle:", '    """Text."""', "    def f(self, dealt_to):",
+             '        self.united = f"cannot  stand in {dealt_to}"')  # fmt: skip
+    module.write_text("\n".join(lines))
+    assert banned_in(module) == [
+        "BoxSettle: settle", "dealt_to: dealt", "swap: swap", "united: united", "line 4: cannot stand in",
+    ]  # fmt: skip
