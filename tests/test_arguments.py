@@ -12,18 +12,22 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from support.layout_files import add_histories
 from support.layout_files import write as write_layout
+from typing_extensions import TypeAliasType
 
 import ifrdem
 from ifrdem import Device, InputError, analysis, bullet, theory
 from ifrdem.plots import impact_angles
 from ifrdem.theory.driven_gas import Drive
+from ifrdem.tools.checked import check_of
+
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 LAW = ifrdem.IFRLaw(e_n=0.9, e_t=-0.8, mu=0.2)
 SMOOTH = ifrdem.IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
@@ -726,3 +730,10 @@ def test_numbers_of_short_types_of_numpy_are_held_to_the_same_bounds(value: Any)
             call()
     law = ifrdem.IFRLaw(e_n=np.float32(0.5), e_t=-1, mu=0)
     assert (type(law.e_n), law.e_n) == (float, 0.5)
+
+
+def test_aliases_of_types_are_checked_as_what_they_stand_for() -> None:
+    # NumPy 2.5 declares NDArray and ArrayLike by `type` statements where Python has them.
+    array = TypeAliasType("array", np.ndarray[Any, np.dtype[Scalar]], type_params=(Scalar,))
+    assert check_of(array[np.integer]) == check_of(np.ndarray[Any, np.dtype[np.integer]]) is None
+    assert check_of(TypeAliasType("number", float | None)) == check_of(float | None)

@@ -457,6 +457,10 @@ def check_of(annotation: Any) -> Check | None:
         if annotation == simple:
             return check
     origin, parts = typing.get_origin(annotation), typing.get_args(annotation)
+    if hasattr(
+        alias := origin or annotation, "__value__"
+    ):  # `type NDArray = ...` of NumPy 2.5, with Python 3.12
+        return check_of(alias.__value__[parts] if parts else alias.__value__)
     if origin is Literal:
         return Choice(parts)
     if origin in (Union, types.UnionType):
