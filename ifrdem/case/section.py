@@ -95,7 +95,7 @@ class Section(BaseModel):
     def _of_usual_magnitude(cls, value: Any, info: ValidationInfo) -> Any:
         for each in value if isinstance(value, list) else (value,):
             if isinstance(each, float) and each != 0.0 and not LEAST <= abs(each) <= MOST:
-                text = f"must be of a magnitude from {LEAST:g} to {MOST:g}: other units are needed"
+                text = f"must be of a magnitude from {LEAST:g} to {MOST:g}: choose other units"
                 if "[1]" in cls.about(str(info.field_name))[0]:  # a pure number
                     small = abs(each) < LEAST
                     text = f"must be at {'least' if small else 'most'} {LEAST if small else MOST:g} in size"
@@ -135,7 +135,7 @@ class Section(BaseModel):
         for group in cls.one_of:
             given = [key for key in group if key in data]
             if len(given) != 1:
-                text = f"exactly one of {', '.join(group)} is needed; given: {', '.join(given) or 'none'}"
+                text = f"must have exactly one of {', '.join(group)}; given: {', '.join(given) or 'none'}"
                 wrong.append(text)
         return wrong
 

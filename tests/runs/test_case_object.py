@@ -98,7 +98,7 @@ def test_differences_are_the_assignments_between(old: Any, new: Any, found: list
         ("run", "device", "cdua", ('run.device = "cdua"', "did you mean 'cuda'?")),
         ("box", "packing_fraction", float("nan"), ("box.packing_fraction = nan", "finite")),
         ("start", "positions", "randm", ('start.positions = "randm"', "did you mean 'random'?")),
-        (None, "box", 3, ("box = 3", "a table is needed ([box])")),
+        (None, "box", 3, ("box = 3", "must be a table ([box])")),
         (None, "wall", [{"shape": "lin"}], ('wall[0].shape = "lin"', "did you mean 'line'?")),
         (None, "force", [{"kind": "drag", "rate": 1.0}], ("force[0].step", "missing")),
         (None, "force", [{"kind": "drag", "step": 1.0, "rate": 1.0, "mu": 1.0}],
