@@ -272,7 +272,7 @@ def _motion(
     """
     used = all_frames(trajectory, chosen)
     if len(used) < 4:
-        raise InputError(f"{trajectory.path}: {len(used)} frames are too few: at least 4 are needed")
+        raise InputError(f"{trajectory.path}: {len(used)} frames are too few: must be at least 4")
     T, middle = _temperatures(trajectory, used), len(used) // 2
     notes, warnings = [], []
     if T is None:

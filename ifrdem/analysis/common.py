@@ -28,7 +28,7 @@ def load(name: str, purpose: str) -> ModuleType:
         return importlib.import_module(name)
     except ImportError as error:
         raise InputError(
-            f'{purpose} needs the package {PACKAGES[name]}: `pip install "ifrdem[analysis]"` adds it ({error})'
+            f'{purpose} requires the package {PACKAGES[name]}: `pip install "ifrdem[analysis]"` adds it ({error})'
         ) from None
 
 

@@ -79,7 +79,7 @@ class RunSection(Section):
             ("velocity_cutoff", "velocity_cutoff"), ("tc", "contact_time"), ("rest", "resting_speed"),
         ):  # fmt: skip
             if number in data and kind != chosen:
-                text = f'{number} cannot be combined with collapse = "{chosen}": collapse = "{kind}" needs it'
+                text = f'{number} cannot be combined with collapse = "{chosen}": it is of collapse = "{kind}"'
                 wrong.append(text)
             if number not in data and kind == chosen:
                 wrong.append(f'collapse = "{chosen}": {number} missing')
@@ -87,7 +87,7 @@ class RunSection(Section):
 
 
 def _without_aspect(data: Mapping[str, Any]) -> list[str]:
-    return ["aspect: only with packing_fraction"] * ("aspect" in data and "packing_fraction" not in data)
+    return ["aspect requires packing_fraction"] * ("aspect" in data and "packing_fraction" not in data)
 
 
 class BoxSection(Section):
@@ -151,11 +151,11 @@ class BoxSection(Section):
                 )
             if any(periodic):
                 wrong.append(
-                    f"gravity_rotation_rate = {turns}: disks would fall for ever where a side is periodic; periodic = "
-                    "[false, false] is needed"
+                    f"gravity_rotation_rate = {turns}: disks would fall for ever where a side is periodic; periodic "
+                    "must be [false, false]"
                 )
         elif "gravity_rotation_step" in data:
-            wrong.append("gravity_rotation_step: only where gravity_rotation_rate")
+            wrong.append("gravity_rotation_step requires gravity_rotation_rate")
         if isinstance(gravity, list) and len(gravity) == 2:
             wrong += [
                 f"gravity = {gravity}: disks would fall for ever along {axis}, which is periodic; periodic = "
@@ -361,7 +361,7 @@ class SpeciesSection(Section):
         for group in (masses, sizes):
             given = [key for key in group if key in data]
             if len(given) != 1:
-                text = f"exactly one of {', '.join(group)} is needed, or coin; given: {', '.join(given) or 'none'}"
+                text = f"must have exactly one of {', '.join(group)}, or coin; given: {', '.join(given) or 'none'}"
                 wrong.append(text)
         return wrong
 
@@ -384,7 +384,7 @@ class ForceSection(Section):
         """Also no rate at all."""
         wrong = super().mistakes(data)
         if cls.some and not any(data.get(key) for key in cls.some):
-            wrong.append(f"at least one of {', '.join(cls.some)} above 0 is needed")
+            wrong.append(f"at least one of {', '.join(cls.some)} must be above 0")
         return wrong
 
     @property
@@ -564,16 +564,16 @@ class StartSection(Section):
         given = [key for key in ("frame", "motion", "time") if key in data]
         if given and "file" not in data and isinstance(positions, str) and not is_trajectory(positions):
             also = ', or "time" with a CSV file' if given == ["time"] else ""
-            return [f'{", ".join(given)}: only with positions = "NAME.h5", the frame of a trajectory{also}']
+            return [f'{", ".join(given)}: requires positions = "NAME.h5", the frame of a trajectory{also}']
         scan = [key for key in ("psi", "speed") if key in data]
         if positions == IMPACT_SCAN and "speed" not in data:
             return [f'positions = "{IMPACT_SCAN}": speed is missing, that of the disks that hit']
         if scan and positions != IMPACT_SCAN:
-            return [f'{", ".join(scan)}: only with positions = "{IMPACT_SCAN}"']
+            return [f'{", ".join(scan)}: requires positions = "{IMPACT_SCAN}"']
         if "file" in data:
             return not_beside(data, "file", "positions", "frame", "motion")
         of_file = [key for key in ("columns", "units", "delimiter", "decimal", "relax") if key in data]
-        return [f"{', '.join(of_file)}: only with file"] * bool(of_file and file is None)
+        return [f"{', '.join(of_file)}: requires file"] * bool(of_file and file is None)
 
     @property
     def placed(self) -> bool:

@@ -235,7 +235,7 @@ def parse_assignment(assignment: str) -> tuple[KeyPath, Any, bool]:
     key, value = key.strip(), value.strip()
     if not equals or not _PATH.fullmatch(key):
         such = "such as run.seed=3 or species[0].number=100"
-        raise InputError(f"--set {cut(assignment)}: KEY=VALUE is needed, {such}")
+        raise InputError(f"--set {cut(assignment)}: must be KEY=VALUE, {such}")
     path: KeyPath = tuple(int(step) if step.isdecimal() else step for step in re.findall(r"[\w-]+", key))
     try:
         # A line break would let a value bring further keys with it.

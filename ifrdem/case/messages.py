@@ -74,9 +74,9 @@ def _translated(error: Mapping[str, Any], place: Place) -> Problem:
             given, value = error["input"][name], _shown(error["input"][name])
             text = f"must be {_listed(allowed)}{nearest(given, allowed) if isinstance(given, str) else ''}"
     elif kind in ("model_type", "model_attributes_type"):
-        text = f"a table is needed ({_table(place)})"
+        text = f"must be a table ({_table(place)})"
     elif kind == "list_type" and place.models:
-        text = f"a list of tables is needed ({_table(place)})"
+        text = f"must be a list of tables ({_table(place)})"
     elif kind in ("too_short", "too_long", "string_too_short", "string_too_long"):
         text = _length(kind, error["input"], context, _about(place))
     else:
@@ -95,8 +95,8 @@ def _length(kind: str, value: Any, context: Mapping[str, Any], about: str) -> st
     least = "short" in kind
     given, bound = len(value), context["min_length" if least else "max_length"]
     one, several = ("character", "characters") if "string" in kind else ("entry", "entries")
-    text = f"at {'least' if least else 'most'} {bound} {one if bound == 1 else several} "
-    text += f"{'is' if bound == 1 else 'are'} {'needed' if least else 'allowed'}, {given or 'none'} given"
+    entries = one if bound == 1 else several
+    text = f"must have at {'least' if least else 'most'} {bound} {entries}, {given or 'none'} given"
     return f"{text} ({about})" if about else text
 
 
@@ -107,7 +107,7 @@ def _unknown(name: str, place: Place) -> str:
     of_kinds = [str(kind_of(each)) for each in place.siblings if name in each.model_fields]
     if of_kinds and place.owner is not None:
         key = place.owner.kind_key
-        return f"only with {key} = {_listed(of_kinds)}, not with {kind_of(place.owner)!r}; {known}"
+        return f"requires {key} = {_listed(of_kinds)}, not with {kind_of(place.owner)!r}; {known}"
     return f"unknown key{nearest(name, allowed)}; {known}"
 
 

@@ -120,15 +120,15 @@ class OutputSection(Section):
         for ways in (*alternatives, _TRACKED):
             given = [key for key in ways if data.get(key, False) is not False]
             if len(given) > 1:
-                wrong.append(f"at most one is needed of: {', '.join(ways)}; given: {', '.join(given)}")
+                wrong.append(f"must have at most one of {', '.join(ways)}; given: {', '.join(given)}")
         log = [ways[0] for ways in alternatives if data.get(f"{ways[0]}_spacing") == "log"]
         for what in log:
             if {f"{what}_interval", f"{what}_collisions"} & set(data):
-                wrong.append(f'{what}_spacing = "log": only with a number, {what}')
+                wrong.append(f'{what}_spacing = "log": requires a number, {what}')
         if "series" in log and "series" not in data:
             wrong.append('series_spacing = "log": series, the number of rows, is missing')
         if "log_from" in data and not log:
-            wrong.append('log_from: only with frames_spacing or series_spacing = "log"')
+            wrong.append('log_from requires frames_spacing or series_spacing = "log"')
         return wrong
 
     @property

@@ -47,7 +47,7 @@ def _coefficients(case: Case, a: str, b: str) -> Coefficients | str | None:
         if coin_a is not None and coin_b is not None:
             with contextlib.suppress(InputError):  # the paper did not measure this pair: the case has to say
                 return _of_law(f"'{coin_a}' with '{coin_b}'", coins.pair(coin_a, coin_b))
-        return f"missing for the materials '{a}' and '{b}': their e_n, e_t and mu are needed in a [[pair]]"
+        return f"missing for the materials '{a}' and '{b}': give their e_n, e_t and mu in a [[pair]]"
     for i, material in enumerate(case.material):
         if material.name == a and material.coin is None:
             return f"material[{i}]", material.model_dump(include=set(COEFFICIENTS))

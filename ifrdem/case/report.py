@@ -339,7 +339,7 @@ def _stored(gas: CaseGas, estimate: RunEstimate) -> str:
     if output.compression != "none":
         text += f"; {output.compression} makes it smaller"
     if output.compression == "zstd":
-        text += "; what reads it needs the package hdf5plugin (ParaView, VMD and others: a plugin of HDF5)"
+        text += "; what reads it requires the package hdf5plugin (ParaView, VMD and others: a plugin of HDF5)"
     return text
 
 

@@ -60,10 +60,10 @@ def check_names(case: Case) -> Iterator[Problem]:
     for i, section in enumerate(case.species):
         key, coin = f"species[{i}].material", section.coin
         if coin is not None and case.run.units != "SI":
-            text = 'its mass and diameter are in SI: run.units = "SI" is needed'
+            text = 'requires run.units = "SI": its mass and diameter are in SI'
             yield _at(case, f"species[{i}].coin", text)
         if section.material is None and coin is None:
-            yield _at(case, key, f"missing: the name of a material is needed{there_are('', names)}")
+            yield _at(case, key, f"missing: give the name of a material{there_are('', names)}")
         elif section.material is None and coin in names:
             text = f"missing: a [[material]] is called '{coin}' like the coin, so say which is meant"
             yield _at(case, key, text)
@@ -78,7 +78,7 @@ def check_names(case: Case) -> Iterator[Problem]:
             if name not in known:
                 yield _at(case, key, f"no material is called '{name}'{there_are(name, known)}")
         if a == b:
-            yield _at(case, key, "two different names are needed; [[material]] is for one")
+            yield _at(case, key, "must be two different names; [[material]] is for one")
         if (first := pairs.setdefault(frozenset((a, b)), i)) != i:
             yield _at(case, key, f"the materials of pair[{first}] too")
 
@@ -97,7 +97,7 @@ def check_motion(case: Case) -> Iterator[Problem]:
     if _disks(case) < 2:
         yield _at(case, key, "one disk alone never collides; give t_end instead")
     elif start.placed and not case.sets_in_motion and not any(each.speed_rms for each in case.species):
-        text = "nothing moves at the start, so nothing ever collides: a species' speed_rms above 0 is needed"
+        text = "nothing moves at the start, so nothing ever collides: give a species speed_rms above 0"
         yield _at(case, key, text)
 
 
@@ -140,7 +140,7 @@ def check_forces(case: Case) -> Iterator[Problem]:
     for i, force in enumerate(case.force):
         key = f"force[{i}]"
         if force.kind == "random_force" and _disks(case) < 2:
-            text = "random kicks keep the total momentum, so 2 disks at least are needed"
+            text = "requires at least 2 disks: random kicks keep the total momentum"
             yield _at(case, f"{key}.kind", text)
         if force.kind == "table_friction" and any(case.box.gravity):
             text = "along a table, table friction is not supported: leave out box.gravity"
@@ -170,7 +170,7 @@ def check_walls(
             yield Problem("wall", None, text)
         return
     if case.box.lengths is None and walls:
-        text = "walls stand at places in the box: box.lengths is needed instead, and `ifrdem check` says the fraction"
+        text = "cannot be combined with walls: give box.lengths, and `ifrdem check` prints the fraction"
         yield _at(case, "box.packing_fraction", text)
         return
     try:
@@ -229,7 +229,7 @@ def check_output(case: Case, n: int, box: Box) -> Iterator[Problem]:
     if region is not None:
         x_low, y_low, x_high, y_high = region
         if not (x_low < x_high and y_low < y_high):
-            text = "[x_low, y_low, x_high, y_high] is needed, each low one below the high one"
+            text = "must be [x_low, y_low, x_high, y_high], each low one below the high one"
             yield _at(case, "output.histories_region", text)
         elif not box.is_open:
             length_x, length_y = box.lengths
@@ -288,7 +288,7 @@ def check_room(
         if free_area is not None and largest > LARGEST_DISK * period:
             fits, sides = False, free_area.box.lengths
             text = f"a disk of species '{each.name}' has diameter {largest:.6g}, more than a third of a periodic side"
-            more = "a larger box is needed, or more disks at this packing fraction"
+            more = "enlarge the box, or take more disks at this packing fraction"
             yield Problem("box", f"{sides[0]:.6g} x {sides[1]:.6g}", f"{text}: {more}")
     if not fits or free_area is None:
         return
@@ -309,9 +309,7 @@ def check_room(
         # Few disks can be denser: the limit holds for many (see placement.random_positions).
         limit = placement.SATURATION + 0.5 / np.sqrt(kinds.n)
         if np.ptp(kinds.radius) == 0.0 and covered > limit:
-            text = (
-                f"too dense for a random start, which ends at {placement.SATURATION}: a lower one is needed"
-            )
+            text = f"too dense for a random start: packing fraction must be at most {placement.SATURATION}"
             yield Problem(
                 dense,
                 f"{covered:.4g}",
@@ -332,7 +330,7 @@ def _size_key(case: Case) -> str:
 
 
 def check_open(case: Case, start_region: Box | None) -> Iterator[Problem]:
-    """A rectangle to start in, where it is needed or cannot stand."""
+    """Check the rectangle of the start: whether it is required or cannot be given."""
     if not case.box.open:
         return
     if case.start.placed and start_region is None:
@@ -353,10 +351,10 @@ def check_scan(case: Case) -> Iterator[Problem]:
     numbers = [each.number for each in case.species]
     if len(numbers) != 2 or numbers[0] != numbers[1]:
         found = ", ".join(f"{each.number} of '{each.name}'" for each in case.species)
-        text = f"two species with equal numbers are needed, those that hit and those that are hit; there are {found}"
+        text = f"requires two species with equal numbers, those that hit and those that are hit; there are {found}"
         yield _at(case, key, text)
     if case.force:
-        text = "no [[force]] can act in a scan: impacts are told from velocities before and after"
+        text = "no [[force]] can act in a scan: impacts are found from velocities before and after"
         yield _at(case, key, text)
     yield from _check_speeds(case, f'{key} = "{IMPACT_SCAN}": start.speed is the speed of those that hit')
 
@@ -433,9 +431,9 @@ def given_start(
     if wanted is not None and _disks(case) > 1 and not moving and not case.sets_in_motion:
         if given.velocity is None:
             more = "the columns vx, vy, spin" if start.trajectory is None else "start.motion = true"
-            rest = f"has no velocities: {more} or a species' speed_rms above 0 are needed"
+            rest = f"has no velocities: give {more} or a species speed_rms above 0"
         else:
-            rest = "has only velocities vx = vy = 0: others are needed"
+            rest = "has only velocities vx = vy = 0: give others"
         text = f"nothing moves at the start, so nothing ever collides; {key} = {value} {rest}"
         found.append(_at(case, "run.collisions_per_disk", text))
     if given.velocity is not None:

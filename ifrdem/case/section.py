@@ -38,6 +38,15 @@ def refusal(text: str, kind: str = "choice") -> PydanticCustomError:
     return PydanticCustomError(kind, "{text}", {"text": text})
 
 
+def plain(value: Any) -> Any:
+    """A value with lists for tuples and for arrays of NumPy, and Python's numbers for those of NumPy."""
+    if isinstance(value, Mapping):
+        return {key: plain(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(each) for each in value]
+    return value.tolist() if hasattr(value, "tolist") else value
+
+
 @dataclass(frozen=True)
 class Problem:
     """One thing that is wrong: where, what stands there (as text; None where nothing does), why."""
@@ -86,7 +95,7 @@ class Section(BaseModel):
     def _of_usual_magnitude(cls, value: Any, info: ValidationInfo) -> Any:
         for each in value if isinstance(value, list) else (value,):
             if isinstance(each, float) and each != 0.0 and not LEAST <= abs(each) <= MOST:
-                text = f"must be of a magnitude from {LEAST:g} to {MOST:g}: other units are needed"
+                text = f"must be of a magnitude from {LEAST:g} to {MOST:g}: choose other units"
                 if "[1]" in cls.about(str(info.field_name))[0]:  # a pure number
                     small = abs(each) < LEAST
                     text = f"must be at {'least' if small else 'most'} {LEAST if small else MOST:g} in size"
@@ -100,7 +109,7 @@ class Section(BaseModel):
             self.model_fields_set.discard(name)
             return
         try:
-            super().__setattr__(name, value)
+            super().__setattr__(name, plain(value))
         except ValidationError as error:
             from .messages import of_attribute
 
@@ -126,7 +135,7 @@ class Section(BaseModel):
         for group in cls.one_of:
             given = [key for key in group if key in data]
             if len(given) != 1:
-                text = f"exactly one of {', '.join(group)} is needed; given: {', '.join(given) or 'none'}"
+                text = f"must have exactly one of {', '.join(group)}; given: {', '.join(given) or 'none'}"
                 wrong.append(text)
         return wrong
 

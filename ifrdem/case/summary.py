@@ -58,7 +58,11 @@ def _check_cadence(gas: CaseGas, estimate: RunEstimate, what: str) -> Iterator[t
         length, which = _length(gas, estimate)
         if not math.isnan(length) and interval * MOST_FRAMES < length:
             text = f"more than {many} in {length:.4g}{case.unit('time')}, {which}"
-            yield f"{what}_interval", interval, f"{text}: {length / MOST_FRAMES:.3g} or more is needed"
+            yield (
+                f"{what}_interval",
+                interval,
+                f"must be {length / MOST_FRAMES:.3g} or more: otherwise {text}",
+            )
     collisions = getattr(case.output, f"{what}_collisions")
     if collisions is not None:
         one, per_disk = 2.0 / gas.n, 2.0 * estimate.collisions / gas.n
@@ -67,7 +71,7 @@ def _check_cadence(gas: CaseGas, estimate: RunEstimate, what: str) -> Iterator[t
             text = f"more than {many} in {per_disk:.4g} collisions per disk"
             if least == one:
                 text = f"more often than one collision of {gas.n} disks"
-            yield f"{what}_collisions", collisions, f"{text}: {least:.3g} or more is needed"
+            yield f"{what}_collisions", collisions, f"must be {least:.3g} or more: otherwise {text}"
 
 
 def _length(gas: CaseGas, estimate: RunEstimate) -> tuple[float, str]:
@@ -89,7 +93,7 @@ def refuse_beyond_disk(needed: int, folder: Path) -> None:
     if needed > free:
         place = f"{size(free)} are free in {folder.resolve()}"
         fewer = "fewer output.frames or output.fields, or another place (-o)"
-        raise InputError(f"output: the trajectory needs some {size(needed)}, and {place}: {fewer}")
+        raise InputError(f"output: the trajectory requires about {size(needed)}, and {place}: {fewer}")
 
 
 REFUSED_HERE = "`ifrdem run` would refuse it here"

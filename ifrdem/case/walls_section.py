@@ -164,7 +164,7 @@ class WallSection(Section):
         wrong = super().mistakes(data)
         if ("material" in data) == ("temperature" in data):
             wrong.append(
-                "either material or temperature is needed: disks leave a thermal wall whatever it is made of"
+                "must have either material or temperature: disks leave a thermal wall whatever it is made of"
             )
         return wrong
 

@@ -86,9 +86,7 @@ def analyse(
     count = next(files_end, len(words))
     places, what = words[:count], words[count:]
     if not places:
-        raise InputError(
-            f"{words[0]}: there is no such file or folder" if words else "a trajectory is needed"
-        )
+        raise InputError(f"{words[0]}: there is no such file or folder" if words else "TRAJECTORY is missing")
     for name in what:
         _known("analysis", name, NAMES)
     files = [one_trajectory(place) for place in places]
@@ -297,9 +295,7 @@ def plot(
         say(PICTURE_LIST)
         return
     if len(words) < 2:
-        raise InputError(
-            "a trajectory and what to draw of it are needed: `ifrdem plot --list` says what there is"
-        )
+        raise InputError("TRAJECTORY or WHAT is missing: `ifrdem plot --list` lists the plots")
     *places, what = words
     together = len(places) > 1 or places[0].endswith(".nc")
     with styled(style):

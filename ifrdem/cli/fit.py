@@ -221,7 +221,7 @@ def fit(
         return 0
     wrong = Wrong()
     if data is None:
-        wrong.append("DATA is missing: a CSV file is needed; `ifrdem fit --example` prints one")
+        wrong.append("DATA is missing: give a CSV file; `ifrdem fit --example` prints one")
     pair = _disks(disks, how.rolling, wrong)
     both = _collision_disks(disks, wrong)
     form = form_of(table, wrong, how.known)
@@ -229,19 +229,19 @@ def fit(
     fixed = _pairs("--fix", how.fix, wrong)
     ranges = _ranges(how.range, wrong)
     if how.range and how.law is None:
-        wrong.append("--range: only beside --law")
+        wrong.append("--range requires --law")
     further, drawn, sets = how.design, files.draw, how.bootstrap
     seed = 1 if how.seed is None else how.seed
     if how.seed is not None and not sets and not drawn:
-        wrong.append("--seed: only beside --bootstrap or --draw")
+        wrong.append("--seed requires --bootstrap or --draw")
     if files.draws is not None and not drawn:
-        wrong.append("--draws: only beside --draw")
+        wrong.append("--draws requires --draw")
     if files.material_name is not None and files.write_material is None:
-        wrong.append("--material-name: only beside --write-material")
+        wrong.append("--material-name requires --write-material")
     source = Path(data or "data.csv")
     name = source.stem if files.material_name is None else files.material_name
     if files.write_material is not None and not 1 <= len(name) <= 100:
-        wrong.append(f"--material-name {name!r}: 1 to 100 characters are needed")
+        wrong.append(f"--material-name {name!r}: must have 1 to 100 characters")
     stem = (files.picture or "").removesuffix(".png").removesuffix(".pdf")
     endings = () if files.picture is None else (".png", ".pdf", "_corner.png", "_corner.pdf")
     pictures = [Path(f"{stem}{end}") for end in endings]
@@ -264,7 +264,7 @@ def fit(
         )
     if isinstance(measured, Data) and "M" not in pair:
         raise InputError(
-            "--M is missing: the mass ratio m_1 / m_2 is needed, 0 for a wall, or --pair with two coins of the paper"
+            "--M is missing: give the mass ratio m_1 / m_2, 0 for a wall, or --pair with two coins of the paper"
         )
     from ..fit import maximum, report  # import SciPy, which is slow
 
@@ -338,12 +338,12 @@ def _disks(given: DiskOptions, rolling: bool, wrong: Wrong) -> dict[str, float]:
     }
     if given.disk_1 is not None or given.disk_2 is not None:
         names = [*numbers, *(["pair"] if given.pair else [])]
-        wrong += [f"{_dashed(name)}: not beside --disk-1 and --disk-2" for name in names]
+        wrong += [f"{_dashed(name)}: cannot be combined with --disk-1 and --disk-2" for name in names]
         return {}
     if given.pair is not None:
         from ..model.coin_table import coins
 
-        wrong += [f"{_dashed(name)}: not beside --pair, which says it" for name in numbers]
+        wrong += [f"{_dashed(name)}: cannot be combined with --pair, which gives it" for name in numbers]
         if unknown := [coin for coin in given.pair if coin not in coins]:
             wrong += [f"--pair '{coin}': no such coin{there_are(coin, coins)}" for coin in unknown]
             return {"M": 1.0}
@@ -351,9 +351,9 @@ def _disks(given: DiskOptions, rolling: bool, wrong: Wrong) -> dict[str, float]:
         return {"M": a.mass / b.mass, "k_1": a.k, "k_2": b.k, "R_1": a.radius, "R_2": b.radius}
     if rolling:
         missing = [name for name in ("R_1", "R_2") if name not in numbers]
-        wrong += [f"{_dashed(name)} is missing: --rolling needs it" for name in missing]
+        wrong += [f"{_dashed(name)} is missing: --rolling requires it" for name in missing]
     elif ("R_1" in numbers) != ("R_2" in numbers):
-        wrong.append("--R-1, --R-2: both radii are needed, or none")
+        wrong.append("--R-1, --R-2: must be given together")
     return numbers
 
 
@@ -363,7 +363,7 @@ def disk_of(option: str, text: str, wrong: Wrong, also: str = "") -> Any:
 
     parts = text.split(",")
     if len(parts) not in (2, 3):
-        wrong.append(f"{option}: MASS,RADIUS or MASS,RADIUS,K{also} is needed")
+        wrong.append(f"{option}: must be MASS,RADIUS or MASS,RADIUS,K{also}")
         return None
     values = [wrong.parse(1.0, _positive, f"{option}:", part) for part in parts]
     return Disk(mass=values[0], radius=values[1], k=values[2] if len(values) == 3 else 2.0)
@@ -390,7 +390,7 @@ def _split(option: str, texts: list[str] | None, wrong: Wrong) -> dict[str, str]
         name, equals, value = text.partition("=")
         name = name.strip()
         if not equals or not name or not value.strip():
-            wrong.append(f"{option} {text}: NAME=VALUE is needed")
+            wrong.append(f"{option} {text}: must be NAME=VALUE")
         elif name in found:
             wrong.append(f"{option} {text}: {name} is given twice")
         else:
@@ -412,7 +412,7 @@ def _ranges(texts: list[str] | None, wrong: Wrong) -> dict[str, tuple[float, flo
     for name, value in _split("--range", texts, wrong).items():
         low, colon, high = value.partition(":")
         if not colon:
-            wrong.append(f"--range {name}={value}: NAME=LOW:HIGH is needed")
+            wrong.append(f"--range {name}={value}: must be NAME=LOW:HIGH")
             continue
         ends = [
             wrong.parse(0.0, number, f"--range {name} =", each, "a finite number", math.isfinite)
@@ -570,7 +570,7 @@ def _tracked_disks(texts: list[str] | None, wrong: Wrong) -> Disk | dict[int, Di
         wrong.append("--disk: either all disks at once, or each by its id")
     if every is None and not found and not wrong:
         wrong.append(
-            "--disk is missing: mass, radius and k of the disks are needed, such as --disk 1.19e-3,10.5e-3,2"
+            "--disk is missing: give mass, radius and k of the disks, such as --disk 1.19e-3,10.5e-3,2"
         )
     return every if every is not None else found
 
@@ -642,7 +642,7 @@ def compare(
         ("--case", case),
     ):
         if value is not None and not members:
-            wrong.append(f"{name}: only beside --members")
+            wrong.append(f"{name} requires --members")
     stem = None if picture is None else picture.removesuffix(".png").removesuffix(".pdf")
     pictures = [] if stem is None else [Path(f"{stem}.png"), Path(f"{stem}.pdf")]
     places = [] if output is None else [Path(output)]

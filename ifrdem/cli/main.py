@@ -109,10 +109,10 @@ def _any(
     ] = False,
 ) -> object:
     if quiet and verbose:
-        raise InputError("--quiet: not beside --verbose")
+        raise InputError("--quiet: cannot be combined with --verbose")
     console.set_level(quiet=quiet, verbose=verbose)
     if not words:
-        raise InputError(f"a command is needed: {', '.join(_commands())} (see `ifrdem --help`)")
+        raise InputError(f"COMMAND is missing: must be one of {', '.join(_commands())} (see `ifrdem --help`)")
     return app(words, exit_on_error=False, print_error=False)
 
 
@@ -178,7 +178,7 @@ def _told(error: CycloptsError) -> str:
     elif isinstance(error, UnusedCliTokensError):
         text = f"unexpected argument '{(error.unused_tokens or [''])[0]}'"
     elif isinstance(error, MissingArgumentError) and error.argument is not None:
-        text = f"{error.keyword or error.argument.name}: a value is needed"
+        text = f"{error.keyword or error.argument.name}: must have a value"
     else:
         text = str(error)
     return f"{text} (see `{' '.join(('ifrdem', *(error.command_chain or ())))} --help`)"

@@ -27,7 +27,7 @@ T = TypeVar("T")
 
 def option(metavar: str, text: str, *names: str, **more: Any) -> Parameter:
     """An option that takes a value: its word in `--help`, its help, its names where they differ."""
-    described = {"help": text} if text else {}  # else it is the docstring of a field
+    described: dict[str, Any] = {"help": text} if text else {}  # else it is the docstring of a field
     return Parameter(name=names or None, metavar=metavar, **described, **more)
 
 
@@ -108,7 +108,7 @@ def one_trajectory(place: str) -> str:
 
     if place.endswith(".nc"):
         raise InputError(
-            f"{place}: is no trajectory: NAME.h5 is needed; `ifrdem plot {place} T` draws the results of a study"
+            f"{place}: must be a trajectory, NAME.h5; `ifrdem plot {place} T` draws the results of a study"
         )
     return os.fspath(trajectory_in(Path(place)))
 
@@ -200,7 +200,7 @@ def overrides(given: list[str] | None, **run: str | int | None) -> list[str]:
 
 
 def number(option: str, text: str, need: str, right: Callable[[float], bool]) -> float:
-    """A part of an option's value as a number; InputError names the option and what is needed."""
+    """A part of an option's value as a number; InputError names the option and what it must be."""
     value = _number(text)
     if not right(value):
         raise InputError(f"{option} {text}: must be {need}")
@@ -272,7 +272,7 @@ def chosen(text: str | None, frames: int) -> range:
         found = range(frames)[slice(*parts)]
     except ValueError:
         raise InputError(
-            f"--frames {text}: a number or a:b:c is needed, such as 10, 0:100, -5: or ::10"
+            f"--frames {text}: must be a number or a:b:c, such as 10, 0:100, -5: or ::10"
         ) from None
     if len(found) == 0:
         span = f"0 to {frames - 1}" if frames else "none"

@@ -137,12 +137,12 @@ def bench(
 
 
 def _conflicts(of_gas: dict[str, Any], of_case: dict[str, Any], case: str | None) -> list[str]:
-    """A line for each option that says nothing beside the others."""
+    """A line for each option that has no effect with the others."""
     if case is None:
-        return [f"--{name}: only beside --case" for name, value in of_case.items() if value]
+        return [f"--{name} requires --case" for name, value in of_case.items() if value]
     keys = {"n": "number of a species", "phi": "box.packing_fraction"}
     return [
-        f"--{name}: not beside --case; --set changes the case's {keys[name]}"
+        f"--{name}: cannot be combined with --case; --set changes the case's {keys[name]}"
         for name, value in of_gas.items()
         if value is not None
     ]

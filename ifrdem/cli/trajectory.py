@@ -77,9 +77,9 @@ def view(
     frames it holds.
     """
     if html is None and (frames is not None or force):
-        raise InputError(f"{'--frames' if frames is not None else '--force'}: only with --html")
+        raise InputError(f"{'--frames' if frames is not None else '--force'} requires --html")
     if study and html is not None:
-        raise InputError("--html: not beside --study; write the page of one of its trajectories")
+        raise InputError("--html: cannot be combined with --study; write the page of one of its trajectories")
     if html is not None:
         from ..viewer import page
 
@@ -222,7 +222,7 @@ def repair(
 
     given = Path(file)
     if in_place and (output is not None or force):
-        raise InputError("--in-place: not beside -o or --force, which write another file")
+        raise InputError("--in-place: cannot be combined with -o or --force, which write another file")
     if not given.exists():
         raise InputError(f"{given}: there is no such file")
     if in_place:

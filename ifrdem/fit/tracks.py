@@ -100,7 +100,7 @@ def read(path: Path | str, *, fps: float | None = None, form: TableFormat = Tabl
     if missing:
         wrong.append(f"missing column {', '.join(missing)}; there are {', '.join((*columns, *table.unused))}")
     if "t" not in columns and "frame" in columns and fps is None:
-        wrong.append("a column frame needs --fps, the frames per second")
+        wrong.append("a column frame requires --fps, the frames per second")
     if fps is not None and not 0.0 < fps < math.inf:
         wrong.append(f"fps = {fps:g}: must be a positive finite number")
     refuse(wrong, source)

@@ -235,7 +235,7 @@ def parameter_problem(distribution: Distribution, given: Mapping[str, object]) -
     --------
     >>> from ifrdem.initial import radii
     >>> radii.parameter_problem("uniform", {"low": 0.4})
-    '"uniform" needs low, high; missing: high'
+    '"uniform" requires low, high; missing: high'
     """
     needed, also = PARAMETERS[distribution]
     missing = [name for name in needed if name not in given]
@@ -243,7 +243,7 @@ def parameter_problem(distribution: Distribution, given: Mapping[str, object]) -
     if not missing and not foreign:
         return None
     may = f" and may have {', '.join(also)}" if also else ""
-    text = f'"{distribution}" needs {", ".join(needed)}{may}'
+    text = f'"{distribution}" requires {", ".join(needed)}{may}'
     text += f"; missing: {', '.join(missing)}" if missing else ""
     return text + (f"; not for it: {', '.join(foreign)}" if foreign else "")
 

@@ -247,7 +247,7 @@ class IFRLaw(CollisionLaw):
             inside = "where it slides, (1 - e_n) (1 - e_t^2) >= a mu^2 (1 + e_n)"
             needed.append((inside, (1.0 - e_n) * (1.0 - e_t**2), a * mu**2 * (1.0 + e_n)))
         broken = "; and ".join(
-            f"{words} is needed, but left is {left:.4g} and right {right:.4g} ({right - left:.4g} more)"
+            f"{words} must hold, but left is {left:.4g} and right {right:.4g} ({right - left:.4g} more)"
             for words, left, right in needed
             if right - left > _ROUND_OFF * max(1.0, right)
         )

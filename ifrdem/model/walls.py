@@ -130,7 +130,7 @@ class Wall:
             raise InputError(f"{name}, turn: a line has no end, so it cannot turn; use a segment")
         begin, end = self.moving_times
         if not begin < end:
-            raise InputError(f"{name}, moves_until = {end:g}: a time after moves_from, {begin:g}, is needed")
+            raise InputError(f"{name}, moves_until = {end:g}: must be later than moves_from = {begin:g}")
         if self.piston is not None:
             self._check_piston(name)
 

@@ -305,7 +305,7 @@ def world() -> Communicator:
             from mpi4py import MPI
         except (ImportError, RuntimeError) as error:  # no mpi4py, or no MPI that it finds
             raise InputError(
-                f"started on several ranks, which needs the extra mpi: pip install 'ifrdem[mpi]' ({error})"
+                f"started on several ranks, which requires the extra mpi: pip install 'ifrdem[mpi]' ({error})"
             ) from None
         if MPI.COMM_WORLD.size == 1:  # mpi4py speaks another MPI than the launcher: each rank would do all
             raise InputError(

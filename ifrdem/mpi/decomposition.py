@@ -19,7 +19,7 @@ def owners(count: NDArray[np.number], tiles: tuple[int, int], size: int) -> NDAr
     total = tiles[0] * tiles[1]
     if size > total:
         raise InputError(
-            f"{size} ranks: {int(count.sum())} disks make {counted_tiles(tiles)}, and each rank needs one: "
+            f"{size} ranks: {int(count.sum())} disks make {counted_tiles(tiles)}, and each rank requires one: "
             + (f"start {total} or fewer (mpiexec -n)" if total > 1 else "run it without mpiexec")
         )
     weight = count.reshape(tiles).astype(np.float64) + 1e-9

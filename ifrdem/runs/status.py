@@ -31,7 +31,7 @@ QUIET = 600.0
 
 def _moment(text: str) -> str:
     if datetime.fromisoformat(text).tzinfo is None:
-        raise ValueError("a time zone is needed")
+        raise ValueError("must have a time zone")
     return text
 
 

@@ -272,7 +272,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         size = (
             "open box"
             if box.is_open
-            else "box {:.6g} x {:.6g} ({})".format(*box.lengths, describe_sides(box))
+            else f"box {box.lengths[0]:.6g} x {box.lengths[1]:.6g} ({describe_sides(box)})"
         )
         parts = [f"{n} disk{'s' * (n != 1)}", size, self._law_name]
         parts += [f"{len(self.walls)} wall{'s' * (len(self.walls) != 1)}"] * bool(self.walls)

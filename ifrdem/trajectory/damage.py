@@ -58,7 +58,7 @@ def read(dataset: h5py.Dataset, selection: Any = ()) -> NDArray[Any]:
     """
     with as_damage_error(dataset.file.filename, str(dataset.name)):
         if dataset.dtype.kind not in "biuf":
-            raise TypeError(f"it holds {dataset.dtype}, and numbers are needed")
+            raise TypeError(f"it holds {dataset.dtype}: must be numbers")
         chosen = _selected_indices(dataset, selection)
         size = dataset.dtype.itemsize
         for one in chosen:
@@ -96,19 +96,19 @@ def parameter(dataset: h5py.Dataset) -> str | int | float:
     """
     with as_damage_error(dataset.file.filename, str(dataset.name)):
         if dataset.shape != ():
-            raise TypeError(f"its shape is {dataset.shape}, and one text or number is needed")
+            raise TypeError(f"its shape is {dataset.shape}: must be one text or number")
         value = dataset[()]
         if isinstance(value, bytes):
             return value.decode()
         if dataset.dtype.kind not in "biuf":
-            raise TypeError(f"it holds {dataset.dtype}, and a text or a number is needed")
+            raise TypeError(f"it holds {dataset.dtype}: must be a text or a number")
         return value.item()
 
 
 def require_shape(dataset: h5py.Dataset, shape: tuple[int | None, ...], kinds: str = "iuf") -> None:
     """Raise unless a dataset has this shape (None: any length) and one of these kinds of dtype.
 
-    Raises DamageError with what is there and what is needed.
+    Raises DamageError with both shapes.
     """
     with as_damage_error(dataset.file.filename, str(dataset.name)):
         found = dataset.shape
@@ -118,9 +118,7 @@ def require_shape(dataset: h5py.Dataset, shape: tuple[int | None, ...], kinds: s
         if not fits or dataset.dtype.kind not in kinds:
             needed = ", ".join("any" if one is None else str(one) for one in shape)
             kind = " or ".join({"f": "floats", "i": "integers", "u": "counts"}[one] for one in kinds)
-            raise TypeError(
-                f"it holds {dataset.dtype} of shape {found}, and {kind} of shape ({needed}) are needed"
-            )
+            raise TypeError(f"it holds {dataset.dtype} of shape {found}: must be {kind} of shape ({needed})")
 
 
 def check_links(

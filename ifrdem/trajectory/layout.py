@@ -380,7 +380,7 @@ def need_zstd(what: str) -> None:
         import hdf5plugin  # noqa: F401 importing it is what makes the filter known
     except ImportError as error:
         raise InputError(
-            f'{what} needs the package hdf5plugin: `pip install "ifrdem[zstd]"`; "gzip" needs none'
+            f'{what} requires the package hdf5plugin: `pip install "ifrdem[zstd]"`; "gzip" requires none'
         ) from error
 
 

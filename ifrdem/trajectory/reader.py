@@ -521,7 +521,7 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
             raise NameMissing(f"there is no constant {name!r}{there_are(str(name), layout.STATIC)}")
         return self._reopening(lambda: self._constants(name, disks))
 
-    def _constants(self, name: str, disks: slice = slice(None)) -> NDArray[Any]:
+    def _constants(self, name: str, disks: slice | int = slice(None)) -> NDArray[Any]:
         place = f"{layout.PARTICLES}/{name}"
         if self._parts is None:
             return damage.read(self._opened()[place], disks)
@@ -894,7 +894,7 @@ _LAW = {"e_n", "e_t", "mu", "sticking", "rho"}
 
 def _laws(given: Any, materials: int) -> list[list[dict[str, Any] | None]]:
     if not materials <= len(given) or any(len(row) != len(given) for row in given):
-        raise ValueError(f"a row and a column for each of {materials} materials is needed")
+        raise ValueError(f"must have a row and a column for each of {materials} materials")
     for one in itertools.chain.from_iterable(given):
         if one is not None and (
             set(one) != _LAW or not all(math.isfinite(one[key]) for key in _LAW - {"sticking"})

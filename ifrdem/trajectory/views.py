@@ -71,7 +71,7 @@ def write_views(path: str | os.PathLike[str]) -> tuple[Path, Path]:
         n, positions = trajectory.n, "position" in trajectory.fields
         needs = {"frames": len(trajectory), "disks": n, "positions": positions}
         if missing := [name for name, there in needs.items() if not there]:
-            raise InputError(f"{path}: a view needs {missing[0]}, and there are none")
+            raise InputError(f"{path}: a view requires {missing[0]}, and there are none")
         if (parts := trajectory.parts) is not None:
             for number in trajectory.missing:
                 if (part := parts.place(path, number)).exists() and not part.is_file():

@@ -69,7 +69,7 @@ class TrajectoryWriter(ReadOnlyAttributes):
         integers.
     compression : str
         "none" (default), "gzip" (shuffle and deflate, level 1) or "zstd" (shuffle and Zstandard) of the per-disk
-        fields. gzip is read by every HDF5 program; zstd is faster, and needs the package `hdf5plugin` (extra
+        fields. gzip is read by every HDF5 program; zstd is faster, and requires the package `hdf5plugin` (extra
         `zstd`) here and in every program that reads the file: others say that a filter is missing.
     force : bool
         Replace a file that exists.

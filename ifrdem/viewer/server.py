@@ -155,7 +155,9 @@ class _Handler(BaseHTTPRequestHandler):
         if known and self.headers.get("Host") in hosts:
             return True
         self.close_connection = True
-        self._send(HTTPStatus.FORBIDDEN, TEXT, b"the address of `ifrdem view` is needed, with its token\n")
+        self._send(
+            HTTPStatus.FORBIDDEN, TEXT, b"use the address that `ifrdem view` printed, with its token\n"
+        )
         return False
 
     def do_GET(self) -> None:

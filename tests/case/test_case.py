@@ -182,15 +182,15 @@ def test_good_case_has_no_mistakes() -> None:
         (
             "run.t_end=1.0",
             "run",
-            "exactly one of t_end, collisions_per_disk is needed; given: t_end, coll",
+            "must have exactly one of t_end, collisions_per_disk; given: t_end, coll",
         ),
-        ("run.collisions_per_disk=", "run", "exactly one of .* is needed; given: none"),
-        ("run=3", "run = 3", r"a table is needed \(\[run\]"),
+        ("run.collisions_per_disk=", "run", "must have exactly one of .*; given: none"),
+        ("run=3", "run = 3", r"must be a table \(\[run\]"),
         ("box.packing_fraction=0.95", "box.packing_fraction = 0.95", "less than or equal to 0.9069"),
         ("box.packing_fraction=0.6", "box.packing_fraction = 0.6", "too dense for a random start"),
-        ("box.lengths=[1.0, 2.0]", "box", "exactly one of packing_fraction, lengths is needed"),
-        ("box=3", "box = 3", "a table is needed"),
-        ("material=3", "material = 3", r"a list of tables is needed \(\[\[material\]\]"),
+        ("box.lengths=[1.0, 2.0]", "box", "must have exactly one of packing_fraction, lengths"),
+        ("box=3", "box = 3", "must be a table"),
+        ("material=3", "material = 3", r"must be a list of tables \(\[\[material\]\]"),
         ("material[0].e_n=1.2", "material[0].e_n = 1.2", "less than or equal to 1 .*normal restitution"),
         ("material[0].e_n=nan", "material[0].e_n = nan", "must be a finite number"),
         ("material[0].e_n=0.9a", 'material[0].e_n = "0.9a"', "must be a number"),
@@ -204,17 +204,17 @@ def test_good_case_has_no_mistakes() -> None:
         ),
         ("material[0].coin=1 pta", "material[0]", "e_n, e_t, mu cannot be combined with coin"),
         ("material[0].name=", "material[0].name", "missing: name that species"),
-        ("species=[]", "species", "at least 1 entry is needed, none given"),
+        ("species=[]", "species", "must have at least 1 entry, none given"),
         ("species[0].number=0", "species[0].number = 0", "greater than or equal to 1"),
         ("species[0].number=1e3", "species[0].number = 1000.0", "must be a whole number"),
         ("species[0].mass=0.0", "species[0].mass = 0.0", "greater than 0"),
         (
             "species[0].diameter=0.1",
             "species[0]",
-            "exactly one of radius, diameter, radii is needed, or coin; given: radius, diameter",
+            "must have exactly one of radius, diameter, radii, or coin; given: radius, diameter",
         ),
         ("species[0].material=aluminum", 'species[0].material = "aluminum"', "did you mean 'aluminium'"),
-        ("species[0].material=", "species[0].material", "missing: the name of a material.*aluminium"),
+        ("species[0].material=", "species[0].material", "missing: give the name of a material.*aluminium"),
         ("species[0].speed_rms=0", "run.collisions_per_disk = 5", "nothing moves"),
         ("species[0].number=2", "box = ", "more than a third of a periodic side"),
         ("start.positions=hexagon", 'start.positions = "hexagon"', "did you mean 'hexagonal'"),
@@ -372,9 +372,9 @@ def test_line_break_in_a_value_brings_no_further_keys() -> None:
 @pytest.mark.parametrize(
     ("assignment", "says"),
     [
-        ("run.seed", "KEY=VALUE is needed"),
-        ("=3", "KEY=VALUE is needed"),
-        ("run..seed=3", "KEY=VALUE is needed"),
+        ("run.seed", "must be KEY=VALUE"),
+        ("=3", "must be KEY=VALUE"),
+        ("run..seed=3", "must be KEY=VALUE"),
         ("species[3].number=1", "has 1 entries, numbered from 0"),
         ("species.number=1", "species is a list: give a number"),
         ("run.seed.x=1", r"run\.seed is no table"),
@@ -437,8 +437,7 @@ mu = 0.3
 def test_pair_of_materials_without_coefficients_is_refused() -> None:
     (found,) = mistakes(text=TWO)
     assert found == (
-        "pair: missing for the materials 'aluminium' and 'steel': "
-        "their e_n, e_t and mu are needed in a [[pair]]"
+        "pair: missing for the materials 'aluminium' and 'steel': give their e_n, e_t and mu in a [[pair]]"
     )
 
 
@@ -459,7 +458,7 @@ def test_pair_gives_the_law_in_both_orders() -> None:
             "no material is called 'aluminum'.*did you mean 'aluminium'",
         ),
         ("pair[0].materials=['steel', 'steel']", "two different names"),
-        ("pair[0].materials=['steel']", "at least 2 entries are needed, 1 given"),
+        ("pair[0].materials=['steel']", "must have at least 2 entries, 1 given"),
         ("material[1].name=aluminium", "the name of material.0. too"),
         ("species[1].name=coins", "the name of species.0. too"),
     ],
@@ -626,7 +625,7 @@ def test_start_file_without_header_is_refused_in_one_line(tmp_path: Path, rows: 
 @pytest.mark.parametrize(
     ("rows", "says"),
     [
-        ("x,y\n1,1\n5,5\n", "the columns vx, vy, spin or a species' speed_rms above 0"),
+        ("x,y\n1,1\n5,5\n", "the columns vx, vy, spin or a species speed_rms above 0"),
         ("x,y,vx,vy,spin\n1,1,0,0,1\n5,5,0,0,0\n", "vx = vy = 0"),
     ],
 )
@@ -809,7 +808,7 @@ def test_keys_of_the_command_line_are_those_of_cases(tmp_path):
     path = tmp_path / "case.toml"
     path.write_text(SMALL)
     for key in ("run.²", "run.séed", ".".join("a" * 50_000), f"species[{'9' * 5000}].k"):
-        with pytest.raises(InputError, match=r"KEY=VALUE is needed") as caught:
+        with pytest.raises(InputError, match=r"must be KEY=VALUE") as caught:
             case_file.read(path, [f"{key}=1"])
         assert len(str(caught.value)) < 200
 
@@ -824,7 +823,7 @@ def test_many_mistakes_are_told_by_the_first_twenty_and_their_number(tmp_path):
     assert re.fullmatch(r"and \d{4} more mistakes like these", lines[-1])
 
 
-UNITS = "must be of a magnitude from 1e-50 to 1e+50: other units are needed"
+UNITS = "must be of a magnitude from 1e-50 to 1e+50: choose other units"
 
 
 @pytest.mark.parametrize(

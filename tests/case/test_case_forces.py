@@ -80,7 +80,7 @@ def test_the_case_is_in_order() -> None:
         (
             ["force[0].power="],
             "force[0]",
-            "exactly one of power, diffusion is needed; given: none",
+            "must have exactly one of power, diffusion; given: none",
         ),
         (["force[0].diffusion=1.0"], "force[0]", "given: power, diffusion"),
         (["force[0].power=0"], "force[0].power = 0", "greater than 0"),
@@ -89,12 +89,12 @@ def test_the_case_is_in_order() -> None:
         (
             ["force[0].rate=1.0"],
             "force[0].rate = 1",
-            "only with kind = 'langevin' or 'drag', not with 'random_force'",
+            "requires kind = 'langevin' or 'drag', not with 'random_force'",
         ),
         (
             ["force[0].kind=drag", "force[0].power="],
             "force[0]",
-            "at least one of rate, quadratic, spin_rate above 0",
+            "at least one of rate, quadratic, spin_rate must be above 0",
         ),
         (
             ["force[0].kind=langevin", "force[0].power=", "force[0].rate=1.0"],

@@ -63,13 +63,13 @@ def test_keys_of_table_friction_make_the_force() -> None:
     ("changes", "message"),
     [
         (["force[0].mu="], r"force\[0\]\.mu: missing"),
-        (["force[0].rate=1.0"], r"force\[0\]\.rate = 1\.0: only with kind = 'langevin' or 'drag'"),
+        (["force[0].rate=1.0"], r"force\[0\]\.rate = 1\.0: requires kind = 'langevin' or 'drag'"),
         (["run.units=reduced"], r"force\[0\]\.gravity: missing: 9\.81 m/s\^2 is meant in SI units only"),
         (
             ["box.packing_fraction="],
             r'box\.open = true: disks that start at "random" places need a rectangle',
         ),
-        (["box.packing_fraction=", "box.aspect=2.0"], r"aspect: only with packing_fraction"),
+        (["box.packing_fraction=", "box.aspect=2.0"], r"aspect requires packing_fraction"),
         (["box.open=yes"], r'box\.open = "yes": must be a boolean'),
         (["box.packing_fraction=0.7"], r"too dense for a random start"),
     ],

@@ -103,11 +103,11 @@ def test_histories_are_kept_where_any_key_asks_for_them(folder):
 @pytest.mark.parametrize(
     ("overrides", "reason"),
     [
-        (("frames=3", "frames_interval=0.1"), "at most one is needed of: frames, frames_interval"),
-        (("series=3", "series_collisions=0.1"), "at most one is needed of: series, series_interval"),
-        (("frames_interval=0.1", "frames_spacing=log"), 'frames_spacing = "log": only with a number'),
+        (("frames=3", "frames_interval=0.1"), "must have at most one of frames, frames_interval"),
+        (("series=3", "series_collisions=0.1"), "must have at most one of series, series_interval"),
+        (("frames_interval=0.1", "frames_spacing=log"), 'frames_spacing = "log": requires a number'),
         (("series_spacing=log",), "series, the number of rows, is missing"),
-        (("log_from=0.1",), "log_from: only with"),
+        (("log_from=0.1",), "log_from requires"),
         (("frames_interval=0.0",), "output.frames_interval = 0"),
         (("frames_interval=1e-300",), "frames_interval = 1e-300: must be of a magnitude from 1e-50 to 1e+50"),
         (
@@ -115,12 +115,12 @@ def test_histories_are_kept_where_any_key_asks_for_them(folder):
             "series_collisions = 1e-300: must be at least 1e-50 in size",
         ),
         (("frames=1000000000000",), "output.frames = 1000000000000: must be less than or equal to 10000000"),
-        (("histories=[]",), "output.histories = []: at least 1 entry is needed, none given"),
+        (("histories=[]",), "output.histories = []: must have at least 1 entry, none given"),
         (
             ("histories_region=[1.0]",),
-            "output.histories_region = [1.0]: at least 4 entries are needed, 1 given",
+            "output.histories_region = [1.0]: must have at least 4 entries, 1 given",
         ),
-        (("histories=[1]", "histories_all=true"), "at most one is needed of: histories"),
+        (("histories=[1]", "histories_all=true"), "must have at most one of histories"),
         (("histories=[1, 200]",), "output.histories = 200: there are disks 0 to 199"),
         (("histories=[1, 1]",), "output.histories = 1: it is there already"),
         (("histories_sample=201",), "output.histories_sample = 201: there are 200 disks"),
@@ -167,21 +167,21 @@ BY_COLLISIONS = ("run.t_end=", "run.collisions_per_disk=20.0")
         # 1e7 in the run's 2.0, or 2e-7 apart, are allowed
         (
             ("output.frames_interval=1e-9",),
-            "output.frames_interval = 1e-09: more than 10000000 frames in 2, the length of the run: 2e-07",
+            "output.frames_interval = 1e-09: must be 2e-07 or more: otherwise more than 10000000 frames in 2",
         ),
         (
             ("output.series_interval=1.9e-7",),
-            "output.series_interval = 1.9e-07: more than 10000000 rows in 2",
+            "output.series_interval = 1.9e-07: must be 2e-07 or more: otherwise more than 10000000 rows in 2",
         ),
         # one collision is 2 of 200 disks
         (
             ("output.frames_collisions=0.009", *BY_COLLISIONS),
-            "output.frames_collisions = 0.009: more often than one collision of 200 disks: 0.01 or more is needed",
+            "output.frames_collisions = 0.009: must be 0.01 or more: otherwise more often than one",
         ),
         (("output.frames_collisions=1e-8",), "more often than one collision"),
         (
             ("output.series_collisions=0.011", "run.t_end=", "run.collisions_per_disk=2e5"),
-            "output.series_collisions = 0.011: more than 10000000 rows in 2e+05 collisions per disk: 0.02 or more",
+            "output.series_collisions = 0.011: must be 0.02 or more: otherwise more than 10000000 rows in 2e+05",
         ),
         (("output.frames_interval=1e-12", *BY_COLLISIONS), "the length of the run by kinetic theory"),
         # walls: no theory of the length, but a mean free time
@@ -232,7 +232,7 @@ def test_check_warns_of_a_file_that_has_no_room_here(folder, capsys):
     settings = [word for one in large for word in ("--set", one)]
     assert cli.main(["check", str(folder / "gas.toml"), *settings]) == 0
     shown = capsys.readouterr()
-    assert "warning: output: the trajectory needs some" in shown.err
+    assert "warning: output: the trajectory requires about" in shown.err
     assert "`ifrdem run` would refuse it here" in shown.err
 
 

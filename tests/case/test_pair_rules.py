@@ -72,7 +72,7 @@ def test_every_pair_of_many_materials_collides_by_its_own_law() -> None:
 def test_every_missing_pair_is_named_once() -> None:
     found = mistakes(case([pair for pair in EVERY if pair not in (("a", "c"), ("d", "e"))]))
     assert found == [
-        f"pair: missing for the materials '{a}' and '{b}': their e_n, e_t and mu are needed in a [[pair]]"
+        f"pair: missing for the materials '{a}' and '{b}': give their e_n, e_t and mu in a [[pair]]"
         for a, b in (("a", "c"), ("d", "e"))
     ]
 

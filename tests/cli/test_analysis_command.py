@@ -532,7 +532,7 @@ def test_plots_have_colours_styles_and_an_axis_of_collisions(
             ("plot", "run.h5", "temperature"),
             "no picture is called 'temperature' (did you mean 'temperatures'?)",
         ),
-        (("plot", "run.h5"), "a trajectory and what to draw of it are needed"),
+        (("plot", "run.h5"), "TRAJECTORY or WHAT is missing"),
         (("plot", "run.h5", "disks", "-o", "run.h5", "--force"), "is the trajectory itself"),
         (("plot", "run.h5", "disks", "-o", "/dev/zero", "--force"), "is a device or pipe"),
         (
@@ -545,7 +545,7 @@ def test_plots_have_colours_styles_and_an_axis_of_collisions(
         ),
         (("analyse", "no.h5"), "there is no such file"),
         (("analyse", "run.h5", "--frames", "12"), "names none of the 12 frames (0 to 11)"),
-        (("analyse", "run.h5", "--frames", "1:x"), "a number or a:b:c is needed"),
+        (("analyse", "run.h5", "--frames", "1:x"), "must be a number or a:b:c"),
         (("analyse", "run.h5", "--frames", "20:"), "none of the 12 frames"),
         (("analyse", "run.h5", "-o", "no/where"), "output folder no/where: no does not exist"),
         (("analyse", "run.h5", "msd", "--frames", "3"), "1 frames are too few"),

@@ -132,12 +132,12 @@ def test_module_can_be_run_and_a_wrong_case_ends_with_status_2(folder: Path) -> 
     ("arguments", "says"),
     [
         (["rum", "tiny.toml"], r"unknown command 'rum' \(did you mean 'run'\?\); there are run, resume"),
-        ([], "a command is needed: run, resume"),
-        (["run"], r"CASE: a value is needed \(see `ifrdem run --help`\)"),
-        (["run", "tiny.toml", "--device"], r"--device: a value is needed \(see `ifrdem run --help`\)"),
+        ([], "COMMAND is missing: must be one of run, resume"),
+        (["run"], r"CASE: must have a value \(see `ifrdem run --help`\)"),
+        (["run", "tiny.toml", "--device"], r"--device: must have a value \(see `ifrdem run --help`\)"),
         (["--versoin"], r"unknown option --versoin \(did you mean '--version'\?\)"),
         (["run", "tiny.toml", "--quite"], r"unknown option --quite \(did you mean '--quiet'\?\)"),
-        (["--quiet", "run", "tiny.toml", "--verbose"], "--quiet: not beside --verbose"),
+        (["--quiet", "run", "tiny.toml", "--verbose"], "--quiet: cannot be combined with --verbose"),
         (["run", "tiny.toml", "--sed", "3"], r"unknown option --sed \(did you mean '--seed'\?\)"),
         (["run", "tiny.toml", "more"], "unexpected argument 'more'"),
         (["new", "coolin"], r"no template or shipped case is called 'coolin' \(did you mean 'cooling'\?\)"),
@@ -225,7 +225,7 @@ def test_devices_lists_the_cpu(capsys: pytest.CaptureFixture[str]) -> None:
             r"start\.file = \"start\.csv\": disks 0 and 1 overlap by 0\.004 ",
         ),
         (["--set", "start.file=nan.csv"], r"nan\.csv\": line 3: x = nan: must be a finite number"),
-        (["--set", "run.seed"], "KEY=VALUE is needed"),
+        (["--set", "run.seed"], "must be KEY=VALUE"),
         (["--seed", "three"], "--seed three: must be an integer from 0"),
         (["--threads", "0"], "--threads 0: must be an integer of 1 or more"),
         (
@@ -552,7 +552,7 @@ def test_a_place_that_is_no_place_and_a_file_larger_than_the_disk_are_refused(
     for arguments, message in (
         (["-o", ""], "-o: an empty text is no place"),
         (["-o", os.devnull], "must be a folder, or the path of files"),
-        (["--set", "output.frames=10000000"], "output: the trajectory needs some"),
+        (["--set", "output.frames=10000000"], "output: the trajectory requires about"),
     ):
         assert main(["run", case, *arguments]) == 2
         assert message in capsys.readouterr().err

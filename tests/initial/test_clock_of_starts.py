@@ -148,7 +148,7 @@ def test_the_clock_of_the_frame_goes_on_or_a_new_one_begins(
         (["start.time=3.0"], r"run\.t_end = 3: must be after 3, the time"),
         (["start.time=-1"], r"start\.time = -1.*greater than or equal to 0"),
         (["start.positions=random", "start.frame=", "start.motion="], None),
-        (["start.positions=random", "start.frame=", "start.motion=", "start.time=1"], "time: only with positions = "),
+        (["start.positions=random", "start.frame=", "start.motion=", "start.time=1"], "time: requires positions = "),
         (["box.shear_rate=0.5", "start.time=1.0"], None),
         (['force=[{kind="drag",rate=0.1,step=2.8}]'], r"force\[0\]\.step = 2\.8: must have its middle, when the "
          r"force acts, before run\.t_end = 3"),

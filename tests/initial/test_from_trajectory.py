@@ -124,7 +124,7 @@ def test_rounding_of_single_precision_is_undone(tmp_path: Path) -> None:
             'start.positions = "old.h5"',
             r"its box is 13\.\d+ x 13\.\d+, that of the case .*with box\.lengths = \[13\.\d+, 13\.\d+\] they agree",
         ),
-        (["start.positions=random", "start.frame=1"], "start", 'frame: only with positions = "NAME.h5"'),
+        (["start.positions=random", "start.frame=1"], "start", 'frame: requires positions = "NAME.h5"'),
         (["start.positions=hexagonla"], 'start.positions = "hexagonla"', "did you mean 'hexagonal'"),
         (
             ["start.positions=", "start.file=old.h5"],

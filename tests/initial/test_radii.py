@@ -107,7 +107,7 @@ def test_a_seed_decides_the_radii(name: str) -> None:
             "distribution = 'exponential': must be one of 'uniform', 'gaussian', 'lognormal', 'bidisperse'",
         ),
         ("gausian", {}, "did you mean 'gaussian'"),
-        ("uniform", {"low": 1.0}, '"uniform" needs low, high; missing: high'),
+        ("uniform", {"low": 1.0}, '"uniform" requires low, high; missing: high'),
         ("uniform", {"low": 1.0, "high": 2.0, "mean": 1.5}, "not for it: mean"),
         ("uniform", {"low": 2.0, "high": 2.0}, "low = 2: must lie below high = 2"),
         ("uniform", {"low": -1.0, "high": 2.0}, "low = -1.0: must be a positive number"),
@@ -187,7 +187,7 @@ def test_a_coefficient_pair_is_judged_for_the_extreme_masses_of_both_species() -
         ('radii = { distribution = "lognormal", mena = 0.01, deviation = 0.1 }', "species[0].radii.mean", "missing"),
         ('radii = { distribution = "uniform", low = 0.02, high = 0.01 }', "species[0].radii", "low = 0.02: must"),
         ('radii = { distribution = "uniform", low = -1.0, high = 0.01 }', "species[0].radii.low = -1.0", "greater"),
-        ("radii = 0.01", "species[0].radii = 0.01", r"a table is needed \(radii = "),
+        ("radii = 0.01", "species[0].radii = 0.01", r"must be a table \(radii = "),
         (LOGNORMAL + "radius = 0.01", "species[0]", "exactly one of radius, diameter, radii"),
     ],
 )  # fmt: skip

@@ -60,7 +60,7 @@ def test_refusal_names_the_violated_inequality_in_numbers():
     with pytest.raises(InputError) as refused:
         IFRLaw(e_n=0.98, e_t=-0.2, mu=0.5)
     message = str(refused.value)
-    assert "a (1 - e_n) >= (e_s^2 - 1) (1 + e_n) mu^2 / c^2 is needed" in message
+    assert "a (1 - e_n) >= (e_s^2 - 1) (1 + e_n) mu^2 / c^2 must hold" in message
     assert "left is 0.06 and right 1.366 (1.306 more)" in message
     assert "e_t <= -0.5 or mu below 0.1048" in message
     assert "pass their k" in message
@@ -70,7 +70,7 @@ def test_refusal_names_the_sliding_inequality_in_numbers():
     """By hand: (1 - e_n) (1 - e_t^2) = 0.5 0.36 = 0.18 and a mu^2 (1 + e_n) = 3 0.09 1.5 = 0.405."""
     with pytest.raises(InputError) as refused:
         IFRLaw(e_n=0.5, e_t=0.8, mu=0.3)
-    assert "(1 - e_n) (1 - e_t^2) >= a mu^2 (1 + e_n) is needed" in str(refused.value)
+    assert "(1 - e_n) (1 - e_t^2) >= a mu^2 (1 + e_n) must hold" in str(refused.value)
     assert "left is 0.18 and right 0.405 (0.225 more)" in str(refused.value)
 
 

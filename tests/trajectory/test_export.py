@@ -247,7 +247,7 @@ def test_frames_are_chosen_as_python_slices(text, numbers):
 
 @pytest.mark.parametrize("text", ["", "a", "1:2:3:4", "1:b", "1.5", "::0"])
 def test_wrong_choices_of_frames_are_refused(text):
-    with pytest.raises(InputError, match="a number or a:b:c is needed"):
+    with pytest.raises(InputError, match="must be a number or a:b:c"):
         chosen(text, 10)
 
 

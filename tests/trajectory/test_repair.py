@@ -249,7 +249,7 @@ def test_the_verb_writes_beside_or_in_place_and_renews_views(tmp_path, capsys):
     assert main(["repair", str(path)]) == 2  # the copy is there
     assert "exists already" in capsys.readouterr().err
     assert main(["repair", str(path), "--in-place", "-o", "x.h5"]) == 2
-    assert "--in-place: not beside -o" in capsys.readouterr().err
+    assert "--in-place: cannot be combined with -o" in capsys.readouterr().err
     assert main(["repair", str(path), "--in-place"]) == 0
     assert_frames(path, [0, 1, 3])
     with h5py.File(tmp_path / "run.nc") as file:  # renewed

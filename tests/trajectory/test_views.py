@@ -293,7 +293,7 @@ def test_boxes_without_periods_have_no_cell_length(tmp_path, box):
 )
 def test_what_has_nothing_to_show_is_refused(tmp_path, options, missing):
     write(tmp_path / "run.h5", **options)
-    with pytest.raises(InputError, match=f"a view needs {missing}, and there are none"):
+    with pytest.raises(InputError, match=f"a view requires {missing}, and there are none"):
         write_views(tmp_path / "run.h5")
     assert os.listdir(tmp_path) == ["run.h5"]
 

@@ -228,8 +228,8 @@ def test_a_case_at_rest_ends_with_a_message(case_file: str, capsys: pytest.Captu
         (["--seconds", "-1"], "--seconds -1: must be a positive number of seconds"),
         (["--seed", "-1"], "--seed -1: must be an integer from 0"),
         (["--n", "3"], "--n 3 --phi 0.3: box = "),
-        (["--after", "3"], "--after: only beside --case"),
-        (["--set", "run.seed=3"], "--set: only beside --case"),
+        (["--after", "3"], "--after requires --case"),
+        (["--set", "run.seed=3"], "--set requires --case"),
         (["--case", "x.toml", "--phi", "0.2"], "--set changes the case's box.packing_fraction"),
         (["--case", "nowhere.toml"], "nowhere.toml: there is no such file"),
         (

@@ -412,9 +412,9 @@ def test_points_of_a_study_have_their_curves_and_the_trajectories_that_were_kept
     ("arguments", "reason"),
     [
         (["--port", "99999"], "--port 99999: must be an integer from 0 to 65535"),
-        (["--frames", "0"], "--frames: only with --html"),
-        (["--force"], "--force: only with --html"),
-        (["--study", "--html", "x.html"], "--html: not beside --study"),
+        (["--frames", "0"], "--frames requires --html"),
+        (["--force"], "--force requires --html"),
+        (["--study", "--html", "x.html"], "--html: cannot be combined with --study"),
         (["--study"], "run.h5: must be the results of a study, NAME.nc"),
         (["--html", "run.h5"], "is the trajectory itself"),
         (["--html", "new.html", "--frames", "9"], "names none of the 4 frames"),
