@@ -38,6 +38,15 @@ def refusal(text: str, kind: str = "choice") -> PydanticCustomError:
     return PydanticCustomError(kind, "{text}", {"text": text})
 
 
+def plain(value: Any) -> Any:
+    """A value with lists for tuples and for arrays of NumPy, and Python's numbers for those of NumPy."""
+    if isinstance(value, Mapping):
+        return {key: plain(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(each) for each in value]
+    return value.tolist() if hasattr(value, "tolist") else value
+
+
 @dataclass(frozen=True)
 class Problem:
     """One thing that is wrong: where, what stands there (as text; None where nothing does), why."""
@@ -100,7 +109,7 @@ class Section(BaseModel):
             self.model_fields_set.discard(name)
             return
         try:
-            super().__setattr__(name, value)
+            super().__setattr__(name, plain(value))
         except ValidationError as error:
             from .messages import of_attribute
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import os
 import re
 from array import array
 from collections.abc import Mapping, Sequence
@@ -95,7 +96,7 @@ class TableFormat:
 
 
 def read(
-    path: Path | str,
+    path: str | os.PathLike[str],
     kinds: Mapping[str, str],
     spellings: Mapping[str, str],
     form: TableFormat = TableFormat(),

@@ -73,7 +73,7 @@ def grow(
     disks crystallise on the way, in grains that do not fit together: 0.86 was reached, above it only a lattice helps.
     InputError if they do not fit; the message says which packing fraction the same disks reached.
 
-    Arguments and what is returned as for `placement.random_positions`; walls push disks away as other disks do, and
+    Arguments and what is returned as for `initial.random_positions`; walls push disks away as other disks do, and
     `progress` is called with the fraction done, 0 to 1. The result is the same for the same seed on one machine. Pairs
     that almost touch are about as frequent as in a gas at equilibrium (by 20 % more or less up to 0.7); a few
     collisions per disk make it one.

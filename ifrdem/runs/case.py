@@ -15,8 +15,10 @@ from ..case import report, shipped, template
 from ..case.case import Case as Sections
 from ..case.file import CaseFile
 from ..case.report import Report
+from ..case.section import Section, plain
 from ..errors import InputError, RunWarning
 from ..simulation.simulation import Simulation
+from ..tools.checked import Positive, validated
 from ..trajectory.reader import Trajectory
 from .outputs import Outputs
 from .run import run as run_file
@@ -65,12 +67,14 @@ class Case(Sections):
     _overrides: tuple[str, ...] = PrivateAttr(())
 
     def __init__(self, **sections: Any) -> None:
+        sections = plain(sections)
         found, problems = case_file.validated(sections)
         if found is None or problems:
             raise InputError("\n".join(map(str, problems)))
         super().__init__(**sections)
 
     @classmethod
+    @validated
     def read(cls, path: str | os.PathLike[str], *, set: Changes = ()) -> Case:
         """The case of a file, or a shipped case by its name (`ifrdem cases`).
 
@@ -112,12 +116,13 @@ class Case(Sections):
         """
         return self.file().gas.simulation()
 
+    @validated
     def run_to(
         self,
         output: str | os.PathLike[str] | None = None,
         *,
         force: bool = False,
-        max_hours: float | None = None,
+        max_hours: Positive | None = None,
         picture: bool = True,
         say: Callable[[str], None] = lambda _text: None,
         warn: Callable[[str], None] = _warn,
@@ -170,6 +175,9 @@ class Case(Sections):
         InputError
             A line for each mistake.
         """
+        _, problems = case_file.validated(self._set())  # lists may have been changed in place
+        if problems:
+            raise InputError("\n".join(f"{self._path}: {each}" for each in problems))
         if not self._text:
             return case_file.of_text(self.to_toml(), self._path)
         raw = case_file.changed(case_file.load_text(self._text, self._path), self._path, self._overrides)
@@ -178,7 +186,10 @@ class Case(Sections):
 
     def _set(self) -> dict[str, Any]:
         """The keys that are set, as in a parsed file."""
-        return self.model_dump(exclude_unset=True, exclude_none=True)
+        for name, value in self:  # sections that were not given, but changed in place since
+            if value.model_fields_set if isinstance(value, Section) else value:
+                self.model_fields_set.add(name)
+        return self.model_dump(exclude_unset=True, exclude_none=True, warnings=False)
 
 
 def assignments(changes: Changes) -> Iterator[str]:
@@ -189,15 +200,14 @@ def assignments(changes: Changes) -> Iterator[str]:
     >>> list(assignments({"run.seed": 3, "run.t_end": None, "start.positions": "hexagonal"}))
     ['run.seed=3', 'run.t_end=', 'start.positions="hexagonal"']
     """
-    if isinstance(changes, str):
-        raise InputError(
-            f"set = {changes!r}: must be a mapping of keys and values, or a list of texts KEY=VALUE"
-        )
     if not isinstance(changes, Mapping):
-        yield from map(str, changes)
+        yield from changes
         return
     for key, value in changes.items():
-        yield f"{key}={'' if value is None else template.toml(value)}"
+        try:
+            yield f"{key}={'' if value is None else template.toml(plain(value))}"
+        except TypeError:  # what JSON does not know
+            raise InputError(f"set: {key} = {value!r}: must be a value of a case file") from None
 
 
 def differences(old: Any, new: Any, key: str = "") -> Iterator[str]:
@@ -222,13 +232,14 @@ def differences(old: Any, new: Any, key: str = "") -> Iterator[str]:
         yield from assignments({key: new})
 
 
+@validated
 def run(
     case: str | os.PathLike[str] | Case,
     output: str | os.PathLike[str] | None = None,
     *,
     set: Changes = (),
     force: bool = False,
-    max_hours: float | None = None,
+    max_hours: Positive | None = None,
     picture: bool = True,
     say: Callable[[str], None] = lambda _text: None,
     warn: Callable[[str], None] = _warn,

@@ -111,7 +111,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         One law for all pairs, or a symmetric table `[material][material]`: an `IFRLaw`, or a law of one's own.
     state : State
         Start: positions [length], velocities [length/time], spins [rad/time]. In a sheared box velocities are those
-        in the lab, such as `placement.maxwellian(...) + box.flow(position)`, and its `time` tells how far the images
+        in the lab, such as `initial.maxwellian(...) + box.flow(position)`, and its `time` tells how far the images
         above and below have moved.
     walls : sequence of Wall
         Lines, segments, containers and posts, at rest or moving. Where a wall stands at a side of the box, it is hit
@@ -272,7 +272,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         size = (
             "open box"
             if box.is_open
-            else "box {:.6g} x {:.6g} ({})".format(*box.lengths, describe_sides(box))
+            else f"box {box.lengths[0]:.6g} x {box.lengths[1]:.6g} ({describe_sides(box)})"
         )
         parts = [f"{n} disk{'s' * (n != 1)}", size, self._law_name]
         parts += [f"{len(self.walls)} wall{'s' * (len(self.walls) != 1)}"] * bool(self.walls)

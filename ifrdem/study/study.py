@@ -206,13 +206,16 @@ class Study:
                 shown = [str(each) for each in values]
                 shown = shown if len(shown) <= 8 else [*shown[:4], "...", *shown[-2:]]
                 lines.append(f"  {name:<22} {', '.join(shown)} ({key})")
-        expected = clock_face(self.seconds / max(processes, 1)) if len(self.tasks) > done else "none"
+        expected = "none: all runs are done"
+        if len(self.tasks) > done:
+            n = max(processes, 1)
+            expected = f"some {clock_face(self.seconds / n)} on {n} process{'es' if n > 1 else ''}"
         return [
             *lines,
             f"  done already           {done} of {len(self.tasks)}, in {self.folder}",
             *(f"  to be run again        {text}" for text in damaged),
             f"  disk space             some {summary.size(self.bytes)}",
-            f"  expected time          some {expected} on {max(processes, 1)} process{'es' if processes > 1 else ''}",
+            f"  expected time          {expected}",
         ]
 
     def run(

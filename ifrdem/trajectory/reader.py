@@ -521,7 +521,7 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
             raise NameMissing(f"there is no constant {name!r}{there_are(str(name), layout.STATIC)}")
         return self._reopening(lambda: self._constants(name, disks))
 
-    def _constants(self, name: str, disks: slice = slice(None)) -> NDArray[Any]:
+    def _constants(self, name: str, disks: slice | int = slice(None)) -> NDArray[Any]:
         place = f"{layout.PARTICLES}/{name}"
         if self._parts is None:
             return damage.read(self._opened()[place], disks)

@@ -171,8 +171,70 @@ def test_a_case_made_in_python_runs(tmp_path: Path) -> None:
     assert [line.split(":")[0] for line in str(caught.value).splitlines()] == ["run", "box", "species"]
 
 
+def test_sections_that_were_not_given_can_be_changed_in_place() -> None:
+    case = ifrdem.Case(
+        run={"collisions_per_disk": 1.0},
+        box={"packing_fraction": 0.1},
+        species=[{"name": "d", "coin": "1 pta", "number": 30, "speed_rms": 1.0}],
+    )
+    assert "output" not in str(case)
+    case.output.frames = 3
+    case.start.positions = "hexagonal"
+    case.force.append({"kind": "drag", "step": 0.1, "rate": 1.0})  # type: ignore[arg-type]
+    found = case.file().case
+    assert (found.output.frames, found.start.positions, len(found.force)) == (3, "hexagonal", 1)
+    shipped = ifrdem.Case.read("cooling")
+    shipped.force.append({"kind": "drag", "step": 0.1, "rate": 1.0})  # type: ignore[arg-type]
+    assert len(shipped.file().case.force) == 1
+
+
+@pytest.mark.filterwarnings("error")
+def test_nonsense_that_is_put_into_a_list_is_found() -> None:
+    read = ifrdem.Case.read("cooling", set=SMALL)
+    made = ifrdem.Case(**read.model_dump(exclude_unset=True, exclude_none=True))
+    for one in (read, made):
+        for wrong in (None, 3, "x", {"kind": "drug"}):
+            case = one.model_copy(deep=True)
+            case.force.append(wrong)  # type: ignore[arg-type]
+            with pytest.raises(ifrdem.InputError, match=r"force\[0\]"):
+                case.check()
+
+
+def test_numbers_of_numpy_and_tuples_are_values() -> None:
+    case = ifrdem.Case.read("cooling", set={"run.seed": np.int64(3), "box.aspect": np.float32(0.5)})
+    case.species[0].number = np.int64(300)  # type: ignore[assignment]
+    case.box.packing_fraction = None
+    case.box.lengths = np.array([1.0, 2.0])  # type: ignore[assignment]
+    case.box.aspect = None  # type: ignore[assignment]
+    case.box.periodic = (True, True)  # type: ignore[assignment]
+    found = case.file().case
+    assert (found.run.seed, found.species[0].number, found.box.lengths) == (3, 300, [1.0, 2.0])
+
+
+def test_arguments_are_checked_before_anything_is_written(tmp_path: Path) -> None:
+    case, there = ifrdem.Case.read("cooling", set=SMALL), tmp_path / "gas.h5"
+    wrong: dict[str, Any] = {"max_hours": float("nan"), "picture": 3, "say": None, "warn": 3, "force": "x"}
+    for name, value in wrong.items():
+        with pytest.raises(ifrdem.InputError, match=f"^{name} = "):
+            case.run_to(there, **{name: value})
+        with pytest.raises(ifrdem.InputError, match=f"^{name} = "):
+            ifrdem.run(case, there, **{name: value})
+    for hours in (-1, 0):
+        with pytest.raises(ifrdem.InputError, match=r"^max_hours = "):
+            case.run_to(there, max_hours=hours)
+    for place in (3, b"x"):
+        with pytest.raises(ifrdem.InputError, match=r"^output = "):
+            case.run_to(place)  # type: ignore[arg-type]
+        with pytest.raises(ifrdem.InputError, match=r"^path = "):
+            ifrdem.Case.read(place)  # type: ignore[arg-type]
+        with pytest.raises(ifrdem.InputError, match=r"^case = "):
+            ifrdem.run(place)  # type: ignore[arg-type]
+    assert not list(tmp_path.iterdir())
+
+
 def test_changes_that_are_none_are_refused() -> None:
-    for wrong in ("run.seed=3", ["run.seed"], {"run.seed]": 3}):
+    wrong: Any
+    for wrong in ("run.seed=3", ["run.seed"], {"run.seed]": 3}, None, 3, [1], {"run.seed": object()}):
         with pytest.raises(ifrdem.InputError, match="set"):
             ifrdem.Case.read("cooling", set=wrong)
     with pytest.raises(ifrdem.InputError, match="set: cannot be combined with a Case"):
