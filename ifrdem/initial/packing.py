@@ -28,9 +28,9 @@ from ..model.overlaps import (
     checked_radii,
     close_ones,
     close_pairs,
-    put_back,
     refuse_no_free_area,
     refuse_wider_than_box,
+    replace_rows,
 )
 from ..model.walls import Wall
 from ..mpi import collective, current
@@ -159,7 +159,7 @@ def separate(
             break
         gap *= 4.0
     comm.run_on_root(lambda: check_no_overlap(box, near[1], moved, tolerance=0.0, ids=ids))  # type: ignore[index]
-    return put_back(centres, ids, moved)
+    return replace_rows(centres, ids, moved)
 
 
 Near = tuple[NDArray[np.int64], Array, Array] | None

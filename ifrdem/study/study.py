@@ -170,8 +170,8 @@ class Study:
         """Estimated time of the missing runs on one core, from finished runs or else from a typical speed."""
         done, missing, _ = self._state(self.tasks)
         if done:
-            spent, work = sum(seconds for _, seconds in done), sum(task.weight for task, _ in done)
-            return spent / work * sum(task.weight for task in missing)
+            elapsed, work = sum(seconds for _, seconds in done), sum(task.weight for task, _ in done)
+            return elapsed / work * sum(task.weight for task in missing)
         rows = (
             self._checked_cases[0][missing[0].index[:-1]].output.series_cadence.number or 0 if missing else 0
         )
@@ -270,8 +270,8 @@ class Study:
         for text in damaged:
             warn(f"run again: {text}")
         failed: dict[str, str] = {}
-        said, says = "the run stops after this window, with a checkpoint", "the study stops"
-        stops = Stops(warn=lambda text: warn(text.replace(said, says)))
+        of_run, of_study = "the run stops after this window, with a checkpoint", "the study stops"
+        stops = Stops(warn=lambda text: warn(text.replace(of_run, of_study)))
         place = self.folder.with_suffix("") if part is None else self.folder / f"part{part[0]}"
         status = Status(place, name=self.plan.name)
         progress = StudyProgress(len(tasks), [task.weight for task in missing], status)
