@@ -22,7 +22,7 @@ from support.manual import block, blocks, page
 import ifrdem
 from ifrdem import Trajectory, analysis
 from ifrdem.case import report, shipped, template
-from ifrdem.case.case import Case
+from ifrdem.case.case import CaseSections
 from ifrdem.case.gas import CaseGas
 from ifrdem.cases import gallery
 from ifrdem.cli import main as cli
@@ -311,14 +311,14 @@ def test_piston_example_keeps_the_energy_of_both(capsys: pytest.CaptureFixture[s
 def test_piston_of_the_case_file_is_one() -> None:
     raw = tomllib.loads(template.write("walls"))
     raw["wall"] = tomllib.loads(block("piston case"))["wall"]
-    (wall,) = CaseGas.from_case(Case.model_validate(raw)).walls
+    (wall,) = CaseGas.from_case(CaseSections.model_validate(raw)).walls
     assert wall.piston == Piston(mass=0.05, force=0.1)
 
 
 def test_shapes_of_the_case_file_are_walls() -> None:
     raw = tomllib.loads(template.write("walls"))
     raw["wall"] = tomllib.loads(block("shapes case"))["wall"]
-    gas = CaseGas.from_case(Case.model_validate(raw))
+    gas = CaseGas.from_case(CaseSections.model_validate(raw))
     assert [wall.shape for wall in gas.walls] == ["arc", "polyline", "polygon"]
     # The triangle-like outline: 3 straight sides, one of them after a curve of some pieces.
     assert len(gas.walls[2].points) > 5
@@ -342,8 +342,8 @@ def test_heap_example_rests_and_wakes(capsys: pytest.CaptureFixture[str]) -> Non
 def test_walls_of_the_case_file_are_those_of_the_template() -> None:
     shown = tomllib.loads(block("walls case"))
     full = dict(template.TEMPLATES["walls"].values)
-    assert Case.model_validate(full | shown).box == Case.model_validate(full).box
-    gas = CaseGas.from_case(Case.model_validate(full | shown))
+    assert CaseSections.model_validate(full | shown).box == CaseSections.model_validate(full).box
+    gas = CaseGas.from_case(CaseSections.model_validate(full | shown))
     motion = Motion("sine", amplitude=0.008, frequency=20.0)
     assert gas.walls == (Wall.line((0.0, 0.008), (0.0, 1.0), motion=motion),)
 

@@ -600,7 +600,7 @@ class StartSection(Section):
         return (0.0, 89.0) if self.psi is None else (self.psi[0], self.psi[1])
 
 
-class Case(Section):
+class CaseSections(Section):
     """Everything a case file says."""
 
     run: RunSection

@@ -20,7 +20,7 @@ from ..theory.driven_gas import Drive
 from ..tools.checked import Array
 from ..trajectory import layout
 from ..trajectory.file import on_pages
-from .case import Case
+from .case import CaseSections
 from .output_section import OutputSection
 
 if TYPE_CHECKING:
@@ -368,7 +368,9 @@ def _field_bytes(output: OutputSection, name: str) -> int:
     return field.components * (4 if field.count else np.dtype(layout.PRECISIONS[output.precision]).itemsize)
 
 
-def _trajectory_bytes(n: int, case: Case, *, frames: int, rows: int, tracked: int, events: int) -> int:
+def _trajectory_bytes(
+    n: int, case: CaseSections, *, frames: int, rows: int, tracked: int, events: int
+) -> int:
     """Bytes of a trajectory file of n disks without compression, with so many events of tracked disks, about."""
     output = case.output
     pistons = sum(each.piston is not None for each in case.wall)

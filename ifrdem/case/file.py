@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from ..errors import InputError, listed
 from ..mpi import Communicator
 from ..tools import text_file
-from .case import IMPACT_SCAN, Case
+from .case import IMPACT_SCAN, CaseSections
 from .gas import CaseGas, validate_case
 from .messages import KeyPath, cut, place_of, problems, spelled
 from .section import Problem
@@ -45,7 +45,7 @@ class CaseFile:
     gas: CaseGas = field(repr=False)  # what the two say together, ready to start
 
     @property
-    def case(self) -> Case:
+    def case(self) -> CaseSections:
         """The case that text and overrides make."""
         return self.gas.case
 
@@ -168,10 +168,10 @@ def validate_parsed(
     return gas, found + more
 
 
-def validated(raw: Mapping[str, Any]) -> tuple[Case | None, list[Problem]]:
+def validated(raw: Mapping[str, Any]) -> tuple[CaseSections | None, list[Problem]]:
     """The case without its unknown keys, None if more is wrong; and everything wrong with keys, types and ranges."""
     try:
-        return Case.model_validate(raw), []
+        return CaseSections.model_validate(raw), []
     except ValidationError as error:
         found, errors = problems(error), error.errors(include_url=False)
     if any(each["type"] != "extra_forbidden" for each in errors):

@@ -32,7 +32,7 @@ from ..simulation.simulation import Simulation
 from ..simulation.turning import FASTEST_DRUM
 from ..tools import seeds
 from . import pair_rules, rules
-from .case import GROWN, IMPACT_SCAN, Case
+from .case import GROWN, IMPACT_SCAN, CaseSections
 from .objects import collapse_of, device_of, gravity_of, record_of
 from .pair_rules import PairVerdict
 from .section import Problem
@@ -53,7 +53,7 @@ REPORTED_DRIFT = 1e-3
 class CaseGas:
     """The gas of a case: its disks, box, walls and laws, and its start."""
 
-    case: Case
+    case: CaseSections
     species: tuple[Species, ...]  # in the order of the disks' ids
     materials: tuple[str, ...]  # names of those that occur; that of the sides of the box is the first
     verdicts: tuple[PairVerdict, ...]  # of each pair of species, and of each species and material of walls
@@ -70,7 +70,7 @@ class CaseGas:
     drawn: tuple[Species, ...] = ()
 
     @classmethod
-    def from_case(cls, case: Case, folder: Path | str = ".", *, start: bool = True) -> CaseGas:
+    def from_case(cls, case: CaseSections, folder: Path | str = ".", *, start: bool = True) -> CaseGas:
         """The gas of a case; a start file's path begins at `folder`. Without `start`, it is looked at no more.
 
         Raises InputError with a line for each thing that is wrong, what is too large or too small for the engine
@@ -602,7 +602,7 @@ class CaseGas:
 
 
 def validate_case(
-    case: Case, folder: Path, *, start: bool = True, ranks: int = 1
+    case: CaseSections, folder: Path, *, start: bool = True, ranks: int = 1
 ) -> tuple[CaseGas, list[Problem]]:
     """Apply every rule to a case: its gas, and all that is wrong; the gas holds as far as nothing is.
 
@@ -648,7 +648,7 @@ def validate_case(
     return replace(gas, box=box, start_region=start_region, given=given), found
 
 
-def forces_of(case: Case) -> list[Force]:
+def forces_of(case: CaseSections) -> list[Force]:
     """The forces of a case, in its order. Imports Taichi if there are any."""
     if not case.force:
         return []

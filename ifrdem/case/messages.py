@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, get_args, get_origin
 from pydantic import ValidationError
 
 from ..errors import nearest
-from .case import Case
+from .case import CaseSections
 from .section import Problem, Section
 
 KeyPath = tuple[str | int, ...]
@@ -27,7 +27,7 @@ class Place(NamedTuple):
     """The other kinds of that section."""
 
 
-def problems(error: ValidationError, root: type[Section] = Case) -> list[Problem]:
+def problems(error: ValidationError, root: type[Section] = CaseSections) -> list[Problem]:
     """A problem for each error of pydantic."""
     return [_translated(each, place_of(each["loc"], root)) for each in error.errors(include_url=False)]
 
@@ -46,7 +46,7 @@ def of_attribute(model: type[Section], name: str, error: ValidationError) -> str
 
 
 def _sections() -> Iterator[tuple[str, tuple[type[Section], ...]]]:
-    for key, found in Case.model_fields.items():
+    for key, found in CaseSections.model_fields.items():
         yield key, tuple(models_in(found.annotation))
 
 
@@ -139,7 +139,7 @@ def cut(text: str, longest: int = 60) -> str:
     return text if len(text) <= longest else text[: longest - 3] + "..."
 
 
-def place_of(location: KeyPath, root: type[Section] = Case) -> Place:
+def place_of(location: KeyPath, root: type[Section] = CaseSections) -> Place:
     """The key that pydantic means by a location, in which kinds of sections stand as steps of their own."""
     key: list[str | int] = []
     models: tuple[type[Section], ...] = (root,)
@@ -183,5 +183,8 @@ def _table(place: Place) -> str:
     names = [step for step in place.key if isinstance(step, str)]
     if len(names) > 1:  # a table inside of a section
         return f"{names[-1]} = {{ ... }}"
-    listed = names[0] in Case.model_fields and get_origin(Case.model_fields[names[0]].annotation) is list
+    listed = (
+        names[0] in CaseSections.model_fields
+        and get_origin(CaseSections.model_fields[names[0]].annotation) is list
+    )
     return f"[[{names[0]}]]" if listed else f"[{names[0]}]"

@@ -6,7 +6,7 @@ from ..model.collapse import Collapse, ContactTime, Rest, VelocityCutoff
 from ..model.gravity import Gravity, RotatingGravity
 from ..simulation.device import Device
 from ..simulation.engine import EngineOptions
-from .case import BoxSection, Case, RunSection
+from .case import BoxSection, CaseSections, RunSection
 
 
 def device_of(run: RunSection) -> Device:
@@ -31,7 +31,7 @@ def gravity_of(box: BoxSection) -> Gravity:
     return RotatingGravity(gravity, rate=box.gravity_rotation_rate, step=box.gravity_rotation_step)
 
 
-def record_of(case: Case) -> list[str]:
+def record_of(case: CaseSections) -> list[str]:
     """Names of what a simulation records for the output of a case."""
     fields, output = case.output.fields, case.output
     wanted = {
@@ -41,6 +41,6 @@ def record_of(case: Case) -> list[str]:
     return [name for name, asked in wanted.items() if asked]
 
 
-def options_of(case: Case) -> EngineOptions:
+def options_of(case: CaseSections) -> EngineOptions:
     """Options of the engine of a case, but for its seed and what it records."""
     return EngineOptions(device_of(case.run), gravity=gravity_of(case.box), collapse=collapse_of(case.run))

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from ..errors import InputError, nearest
 from ..model.coin_table import coins
 from ..model.ifr import EnergyWarning, IFRLaw
-from .case import Case
+from .case import CaseSections
 from .species import Species
 
 
@@ -37,7 +37,7 @@ def _of_law(key: str, law: IFRLaw, **other: Any) -> Coefficients:
     return key, {name: getattr(law, name) for name in COEFFICIENTS} | other
 
 
-def _coefficients(case: Case, a: str, b: str) -> Coefficients | str | None:
+def _coefficients(case: CaseSections, a: str, b: str) -> Coefficients | str | None:
     """The coefficients of a pair of materials; what is wrong if there are none; None if that cannot be told."""
     if a != b:
         for i, pair in enumerate(case.pair):
@@ -57,7 +57,7 @@ def _coefficients(case: Case, a: str, b: str) -> Coefficients | str | None:
     return _of_law(f"coin '{a}'", coins[a].law) if a in coins and _coin_of(case, a) == a else None
 
 
-def _coin_of(case: Case, material: str) -> str | None:
+def _coin_of(case: CaseSections, material: str) -> str | None:
     """The coin whose coefficients a material has, if it has a coin's."""
     for each in case.material:
         if each.name == material:
@@ -67,7 +67,7 @@ def _coin_of(case: Case, material: str) -> str | None:
     return material if material in used else None
 
 
-def verdicts(case: Case, species: Sequence[Species]) -> Iterator[PairVerdict]:
+def verdicts(case: CaseSections, species: Sequence[Species]) -> Iterator[PairVerdict]:
     """Verdicts on the energy of collisions, for every pair of species whose coefficients are known."""
     order = list(dict.fromkeys(each.material for each in species))
     for one, other in itertools.combinations_with_replacement(species, 2):
@@ -79,7 +79,7 @@ def verdicts(case: Case, species: Sequence[Species]) -> Iterator[PairVerdict]:
             yield _worst(made_of, one, other)
 
 
-def wall_verdicts(case: Case, species: Sequence[Species]) -> Iterator[PairVerdict]:
+def wall_verdicts(case: CaseSections, species: Sequence[Species]) -> Iterator[PairVerdict]:
     """The same for every species and every material of walls."""
     names = [each.name for each in case.material] + [name for pair in case.pair for name in pair.materials]
     for material in case.materials_of_walls:

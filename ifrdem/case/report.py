@@ -15,7 +15,7 @@ from ..model.walls import Wall
 from ..mpi.distribution import GATHERED
 from ..simulation import backend
 from ..tools.progress import size_of_time
-from .case import GROWN, Case
+from .case import GROWN, CaseSections
 from .estimate import OBSERVABLES, RankPlan, RunEstimate, disk_bytes, run_seconds, step_seconds
 from .gas import CaseGas
 from .rules import NOT_GROWN_ON_RANKS
@@ -34,7 +34,7 @@ Measured 2026-11-23: 10,000 elastic disks of two sizes with equal areas, phi = 0
 (`results/size_ratio.md`). Among walls there is one layer of cells only, and the cost is higher from a ratio of 5 on."""
 
 
-class Row(NamedTuple):
+class ReportRow(NamedTuple):
     """A row of the table: a quantity, its value, and its unit ("" for a pure number or a text)."""
 
     quantity: str
@@ -47,14 +47,14 @@ class Report:
     """What can be said of a case before it runs; `print` shows it as a table."""
 
     title: str
-    rows: tuple[Row, ...]
+    rows: tuple[ReportRow, ...]
     warnings: tuple[str, ...] = ()
     """What may go wrong."""
 
     @property
     def text(self) -> str:
         """The title and the table."""
-        rows = (Row("quantity", "value", "unit"), *self.rows)
+        rows = (ReportRow("quantity", "value", "unit"), *self.rows)
         names = max(len(each.quantity) for each in rows)
         values = max(len(each.value) for each in rows if each.unit)
         return "\n".join((self.title, *(f"  {a:<{names}}  {b:<{values}}  {c}".rstrip() for a, b, c in rows)))
@@ -93,7 +93,7 @@ def report(gas: CaseGas, estimate: RunEstimate, warnings: tuple[str, ...] = ()) 
 class Units:
     """Units of a case as they stand in the table; "" in reduced units."""
 
-    def __init__(self, case: Case) -> None:
+    def __init__(self, case: CaseSections) -> None:
         length, mass, time, energy = (
             case.unit(each).strip() for each in ("length", "mass", "time", "energy")
         )
@@ -125,121 +125,125 @@ def _title(gas: CaseGas, units: Units) -> str:
     return f"{case.run.name}: {gas.n} disks in {box}, {case.run.units} units"
 
 
-def _density(gas: CaseGas, estimate: RunEstimate, units: Units) -> Iterator[Row]:
+def _density(gas: CaseGas, estimate: RunEstimate, units: Units) -> Iterator[ReportRow]:
     region = gas.start_region
     if not gas.box.is_open:
-        yield Row("packing fraction", f"{estimate.packing_fraction:.5g}")
-        yield Row("number density", f"{estimate.number_density:.5g}", units.density)
+        yield ReportRow("packing fraction", f"{estimate.packing_fraction:.5g}")
+        yield ReportRow("number density", f"{estimate.number_density:.5g}", units.density)
     elif region is not None:
         sides = f"{region.lengths[0]:.5g} x {region.lengths[1]:.5g}"
-        yield Row("rectangle of the start", sides, units.length)
-        yield Row("packing fraction there", f"{gas.kinds.covered / region.area:.5g}")
+        yield ReportRow("rectangle of the start", sides, units.length)
+        yield ReportRow("packing fraction there", f"{gas.kinds.covered / region.area:.5g}")
     radius = Spread(
         float(gas.kinds.radius.min()), float(gas.kinds.radius.max()), float(gas.kinds.mean_radius)
     )
     if radius.low < radius.high:
         ratio = radius.high / radius.low
-        yield Row("radii", _span(radius), units.length)
-        yield Row("largest / smallest radius", f"{ratio:.4g}")
-        yield Row("time of a collision, relative to equal disks", f"about {_cost(ratio)}")
+        yield ReportRow("radii", _span(radius), units.length)
+        yield ReportRow("largest / smallest radius", f"{ratio:.4g}")
+        yield ReportRow("time of a collision, relative to equal disks", f"about {_cost(ratio)}")
 
 
-def _species(gas: CaseGas, estimate: RunEstimate, units: Units) -> Iterator[Row]:
+def _species(gas: CaseGas, estimate: RunEstimate, units: Units) -> Iterator[ReportRow]:
     for each, rate, path in zip(gas.species, estimate.collision_rate, estimate.free_path, strict=True):
         name = each.name
-        yield Row(f"{name}: disks", f"{each.number} of {each.material}")
-        yield Row(f"{name}: mass", _span(each.summary.mass), units.mass)
-        yield Row(f"{name}: radius", _span(each.summary.radius), units.length)
-        yield Row(f"{name}: k in m R^2 / k", f"{each.k:g}")
-        yield Row(f"{name}: rms speed at the start", f"{each.speed_rms:.4g}", units.speed)
+        yield ReportRow(f"{name}: disks", f"{each.number} of {each.material}")
+        yield ReportRow(f"{name}: mass", _span(each.summary.mass), units.mass)
+        yield ReportRow(f"{name}: radius", _span(each.summary.radius), units.length)
+        yield ReportRow(f"{name}: k in m R^2 / k", f"{each.k:g}")
+        yield ReportRow(f"{name}: rms speed at the start", f"{each.speed_rms:.4g}", units.speed)
         if rate > 0.0:
             diameters = path / (2.0 * each.summary.radius.mean)
-            yield Row(f"{name}: mean free path at the start", f"{path:.4g}", units.length)
-            yield Row(f"{name}: the same in diameters", f"{diameters:.3g}")
-            yield Row(f"{name}: mean free time at the start", f"{1.0 / rate:.4g}", units.time)
+            yield ReportRow(f"{name}: mean free path at the start", f"{path:.4g}", units.length)
+            yield ReportRow(f"{name}: the same in diameters", f"{diameters:.3g}")
+            yield ReportRow(f"{name}: mean free time at the start", f"{1.0 / rate:.4g}", units.time)
         elif not gas.box.is_open:
-            yield Row(f"{name}: mean free path at the start", f"none: {no_path(gas)}")
+            yield ReportRow(f"{name}: mean free path at the start", f"none: {no_path(gas)}")
 
 
-def _laws(gas: CaseGas) -> Iterator[Row]:
+def _laws(gas: CaseGas) -> Iterator[ReportRow]:
     for verdict in gas.verdicts:
         law = verdict.law
         assert law is not None  # a gas has no refused pairs
         text = "strictly admissible" if verdict.strict else "admissible by the total energy budget only"
         text += f" (e_n = {law.e_n:g}, e_t = {law.e_t:g}, mu = {law.mu:g}, {law.sticking}, rho = {law.rho:g})"
-        yield Row(f"law of {verdict.first}, {verdict.second}", text)
+        yield ReportRow(f"law of {verdict.first}, {verdict.second}", text)
         if not verdict.strict:
-            yield Row("", verdict.message)
+            yield ReportRow("", verdict.message)
 
 
-def _gravity(gas: CaseGas, units: Units) -> Iterator[Row]:
+def _gravity(gas: CaseGas, units: Units) -> Iterator[ReportRow]:
     box, g = gas.case.box, math.hypot(*gas.case.box.gravity)
     if g > 0.0:
         lifting = _mean_mass(gas) * g * 2.0 * gas.kinds.mean_radius
-        yield Row("gravity", f"({box.gravity[0]:g}, {box.gravity[1]:g})", units.acceleration)
-        yield Row("energy to lift a mean disk by one diameter", f"{lifting:.4g}", units.energy)
+        yield ReportRow("gravity", f"({box.gravity[0]:g}, {box.gravity[1]:g})", units.acceleration)
+        yield ReportRow("energy to lift a mean disk by one diameter", f"{lifting:.4g}", units.energy)
     if box.gravity_rotation_rate:
-        yield Row("rotation of gravity", f"{box.gravity_rotation_rate:g}", units.angular)
-        yield Row("step of the rotation", f"{box.gravity_rotation_step:g}", "rad")
-        yield Row("Froude number of such a drum", f"{gas.drum:.3g}")
+        yield ReportRow("rotation of gravity", f"{box.gravity_rotation_rate:g}", units.angular)
+        yield ReportRow("step of the rotation", f"{box.gravity_rotation_step:g}", "rad")
+        yield ReportRow("Froude number of such a drum", f"{gas.drum:.3g}")
 
 
-def _walls(gas: CaseGas, estimate: RunEstimate, units: Units) -> Iterator[Row]:
+def _walls(gas: CaseGas, estimate: RunEstimate, units: Units) -> Iterator[ReportRow]:
     case, g, mass = gas.case, math.hypot(*gas.case.box.gravity), _mean_mass(gas)
     if gas.free_area.all_walls:
-        yield Row("free area, to which densities refer", f"{gas.free_area.area():.5g}", units.area)
-        yield Row("part of the box", f"{100.0 * gas.free_area.area() / gas.box.area:.4g}", "%")
+        yield ReportRow("free area, to which densities refer", f"{gas.free_area.area():.5g}", units.area)
+        yield ReportRow("part of the box", f"{100.0 * gas.free_area.area() / gas.box.area:.4g}", "%")
     if case.box.material is not None:
         walled = [axis for axis, periodic in zip("xy", case.box.periodic, strict=True) if not periodic]
-        yield Row("sides", f"walls of {case.box.material} across {' and '.join(walled)}")
+        yield ReportRow("sides", f"walls of {case.box.material} across {' and '.join(walled)}")
     for i, (section, wall) in enumerate(zip(case.wall, gas.walls, strict=True)):
         name = f"wall {i}"
         sides = f" of {len(wall.geometry.outline()) - 1} sides" if wall.points else ""
         made = f"of {section.material}" if section.temperature is None else "thermal"
-        yield Row(name, f"{wall.shape}{sides}, {made}")
+        yield ReportRow(name, f"{wall.shape}{sides}, {made}")
         if section.temperature is not None:
-            yield Row(f"{name}: temperature", f"{section.temperature:.4g}", units.energy)
+            yield ReportRow(f"{name}: temperature", f"{section.temperature:.4g}", units.energy)
         if wall.surface_speed:
-            yield Row(f"{name}: speed of the surface", f"{wall.surface_speed:g}", units.speed)
+            yield ReportRow(f"{name}: speed of the surface", f"{wall.surface_speed:g}", units.speed)
         yield from _motion(name, wall, g, mass, units)
         if wall.piston is not None:
-            yield Row(f"{name}: mass of the piston / mean mass of disks", f"{wall.piston.mass / mass:.4g}")
+            yield ReportRow(
+                f"{name}: mass of the piston / mean mass of disks", f"{wall.piston.mass / mass:.4g}"
+            )
         if wall.opens_at is not None:
-            yield Row(f"{name}: opens at t", f"{wall.opens_at:g}", units.time)
+            yield ReportRow(f"{name}: opens at t", f"{wall.opens_at:g}", units.time)
         if wall.opens_after is not None:
-            yield Row(f"{name}: opens after", f"{wall.opens_after}", "collisions")
+            yield ReportRow(f"{name}: opens after", f"{wall.opens_after}", "collisions")
     if estimate.wall_collisions > 0.0:
         quantity = "estimated wall collision rate (homogeneous, Maxwellian)"
-        yield Row(quantity, f"{estimate.wall_collisions:.3g}", units.rate or "per unit time")
+        yield ReportRow(quantity, f"{estimate.wall_collisions:.3g}", units.rate or "per unit time")
 
 
-def _motion(name: str, wall: Wall, g: float, mass: float, units: Units) -> Iterator[Row]:
+def _motion(name: str, wall: Wall, g: float, mass: float, units: Units) -> Iterator[ReportRow]:
     """The motion of a wall, and the energy that it can give."""
     motion, turn = wall.motion, wall.turn
     if motion.kind != "still":
-        yield Row(f"{name}: motion", motion.kind)
+        yield ReportRow(f"{name}: motion", motion.kind)
         if motion.kind != "steady":
-            yield Row(f"{name}: amplitude", f"{motion.amplitude:g}", units.length)
-            yield Row(f"{name}: frequency", f"{motion.frequency:g}", units.rate)
-        yield Row(f"{name}: largest speed", f"{motion.most_speed:.4g}", units.speed)
+            yield ReportRow(f"{name}: amplitude", f"{motion.amplitude:g}", units.length)
+            yield ReportRow(f"{name}: frequency", f"{motion.frequency:g}", units.rate)
+        yield ReportRow(f"{name}: largest speed", f"{motion.most_speed:.4g}", units.speed)
         energy = 0.5 * mass * motion.most_speed**2
-        yield Row(f"{name}: energy of a mean disk at that speed", f"{energy:.4g}", units.energy)
+        yield ReportRow(f"{name}: energy of a mean disk at that speed", f"{energy:.4g}", units.energy)
         if motion.kind == "sine" and g > 0.0:
             peak = motion.amplitude * (2.0 * np.pi * motion.frequency) ** 2
-            yield Row(f"{name}: largest acceleration", f"{peak / g:.4g}", "g")
+            yield ReportRow(f"{name}: largest acceleration", f"{peak / g:.4g}", "g")
     if turn.kind != "still":
-        yield Row(f"{name}: rotation", turn.kind)
-        yield Row(f"{name}: largest speed of its end", f"{turn.most_rate * wall.lever:.4g}", units.speed)
+        yield ReportRow(f"{name}: rotation", turn.kind)
+        yield ReportRow(
+            f"{name}: largest speed of its end", f"{turn.most_rate * wall.lever:.4g}", units.speed
+        )
 
 
-def _collapse(gas: CaseGas, units: Units) -> Iterator[Row]:
+def _collapse(gas: CaseGas, units: Units) -> Iterator[ReportRow]:
     run = gas.case.run
     if run.velocity_cutoff is not None:
-        yield Row("collisions slower than this are elastic", f"{run.velocity_cutoff:g}", units.speed)
+        yield ReportRow("collisions slower than this are elastic", f"{run.velocity_cutoff:g}", units.speed)
     elif run.contact_time is not None:
-        yield Row("collisions sooner after another are elastic", f"{run.contact_time:g}", units.time)
+        yield ReportRow("collisions sooner after another are elastic", f"{run.contact_time:g}", units.time)
     elif run.resting_speed is not None:
-        yield Row("contacts slower than this last", f"{run.resting_speed:g}", units.speed)
+        yield ReportRow("contacts slower than this last", f"{run.resting_speed:g}", units.speed)
     elif (
         any(gas.case.box.gravity)
         and gas.free_area.all_walls
@@ -247,41 +251,43 @@ def _collapse(gas: CaseGas, units: Units) -> Iterator[Row]:
     ):
         ways = '"velocity_cutoff" or "tc"' if any(wall.piston for wall in gas.walls) else '"rest"'
         text = f"no remedy: disks that come to rest on others end the run; set run.collapse = {ways}"
-        yield Row("collapse", text)
+        yield ReportRow("collapse", text)
 
 
-def _forces(case: Case, estimate: RunEstimate, units: Units) -> Iterator[Row]:
+def _forces(case: CaseSections, estimate: RunEstimate, units: Units) -> Iterator[ReportRow]:
     """Rows on each force, and the steady state that theory expects."""
     free_times = [1.0 / rate for rate in estimate.collision_rate if rate > 0.0]
     for i, force in enumerate(case.force):
         given = force.model_dump(exclude={"kind", "step"}, exclude_none=True)
         values = ", ".join(f"{key} = {value:g}" for key, value in given.items())
-        yield Row(f"force {i}", f"{force.kind} ({values})")
-        yield Row(f"force {i}: step", f"{force.step:g}", units.time)
+        yield ReportRow(f"force {i}", f"{force.kind} ({values})")
+        yield ReportRow(f"force {i}: step", f"{force.step:g}", units.time)
         if free_times:
             part = force.step / min(free_times)
-            yield Row(f"force {i}: step / shortest mean free time at the start", f"{part:.3g}")
+            yield ReportRow(f"force {i}: step / shortest mean free time at the start", f"{part:.3g}")
     if estimate.steady_state is not None:
         T, T_rot = estimate.steady_state
-        yield Row("steady state by kinetic theory: T", f"{T:.4g}", units.energy)
+        yield ReportRow("steady state by kinetic theory: T", f"{T:.4g}", units.energy)
         if not math.isnan(T_rot):
-            yield Row("steady state by kinetic theory: T_rot", f"{T_rot:.4g}", units.energy)
+            yield ReportRow("steady state by kinetic theory: T_rot", f"{T_rot:.4g}", units.energy)
 
 
-def _needs(gas: CaseGas, estimate: RunEstimate) -> Iterator[Row]:
+def _needs(gas: CaseGas, estimate: RunEstimate) -> Iterator[ReportRow]:
     case = gas.case
-    yield Row("run", clock(gas, estimate))
-    yield Row("trajectory file (all frames and series)", f"{size(estimate.file_bytes)}, {case.run.name}.h5")
-    yield Row("its content", _stored(gas, estimate))
+    yield ReportRow("run", clock(gas, estimate))
+    yield ReportRow(
+        "trajectory file (all frames and series)", f"{size(estimate.file_bytes)}, {case.run.name}.h5"
+    )
+    yield ReportRow("its content", _stored(gas, estimate))
     if case.output.in_parts(gas.n, ranks=2):
         on_ranks = "" if case.output.parts is True else "on several ranks of MPI, "
-        yield Row("", f"{on_ranks}its fields in {case.run.name}.parts, a file for each rank")
+        yield ReportRow("", f"{on_ranks}its fields in {case.run.name}.parts, a file for each rank")
     per_disk = estimate.array_bytes // max(gas.n, 1)
     engine = f"{size(estimate.array_bytes)} ({gas.n} disks x {per_disk} bytes)"
-    yield Row("memory (engine only, without Python and libraries)", engine)
+    yield ReportRow("memory (engine only, without Python and libraries)", engine)
 
 
-def _time(gas: CaseGas, estimate: RunEstimate) -> Iterator[Row]:
+def _time(gas: CaseGas, estimate: RunEstimate) -> Iterator[ReportRow]:
     """Rows on the time that a run takes on a CPU, and why it is long."""
     n, phi, run = gas.n, estimate.packing_fraction, gas.case.run
     if run.device != "cpu" or not phi > 0.0:
@@ -295,25 +301,25 @@ def _time(gas: CaseGas, estimate: RunEstimate) -> Iterator[Row]:
         )
         steps = estimate.force_steps if known else 0.0
         seconds = run_seconds(estimate.computed(n), n, phi, threads) + step_seconds(steps, n, threads)
-        yield Row(f"run time ({includes})", f"about {size_of_time(seconds)}")
+        yield ReportRow(f"run time ({includes})", f"about {size_of_time(seconds)}")
         if gas.case.force and not known:
-            yield Row("", "and some 3 ms for each step of a force; their number depends on the end")
-        yield Row(
+            yield ReportRow("", "and some 3 ms for each step of a force; their number depends on the end")
+        yield ReportRow(
             "collisions per second",
             f"about {rate:.2g}; `ifrdem bench --n {n} --phi {phi:.2g}` measures it here",
         )
-        yield Row("compilation of kernels, before", COMPILING)
+        yield ReportRow("compilation of kernels, before", COMPILING)
         if phi < DILUTE:
             text = "disks of so thin a gas mostly pass from cell to cell: a collision costs phi^(-1/2)"
-            yield Row("", text)
+            yield ReportRow("", text)
     elif estimate.force_steps > 0.0:
         seconds = step_seconds(estimate.force_steps, n, threads)
-        yield Row("run time (force steps only)", f"about {size_of_time(seconds)}")
+        yield ReportRow("run time (force steps only)", f"about {size_of_time(seconds)}")
     if n > GATHERED:
         for ranks in planned_ranks(n):
-            yield Row(f"on {ranks} ranks of MPI, each", _planned(RankPlan.of(gas, estimate, ranks)))
+            yield ReportRow(f"on {ranks} ranks of MPI, each", _planned(RankPlan.of(gas, estimate, ranks)))
         if gas.case.start.positions == GROWN and gas.case.start.file is None:
-            yield Row("", f'start.positions = "{GROWN}" {NOT_GROWN_ON_RANKS}')
+            yield ReportRow("", f'start.positions = "{GROWN}" {NOT_GROWN_ON_RANKS}')
 
 
 def planned_ranks(n: int) -> list[int]:

@@ -29,7 +29,7 @@ from ..mpi import current, distribution
 from ..mpi.decomposition import counted_tiles, most_ranks
 from ..simulation.checks import check_pistons
 from ..simulation.schedule import first_after, time_of
-from .case import GROWN, IMPACT_SCAN, Case
+from .case import GROWN, IMPACT_SCAN, CaseSections
 from .objects import options_of
 from .pair_rules import PairVerdict
 from .section import Problem
@@ -41,7 +41,7 @@ LARGEST_DISK = 1.0 / 3.0
 """Largest diameter over the shorter periodic side: the engine's limit, so that no disk meets its own image."""
 
 
-def _at(case: Case, key: str, text: str) -> Problem:
+def _at(case: CaseSections, key: str, text: str) -> Problem:
     """A problem with the value that a key of the case has."""
     value: Any = case
     for step in re.findall(r"\w+", key):
@@ -50,7 +50,7 @@ def _at(case: Case, key: str, text: str) -> Problem:
     return Problem(key, None if value is None else shown, text)
 
 
-def check_names(case: Case) -> Iterator[Problem]:
+def check_names(case: CaseSections) -> Iterator[Problem]:
     """Names of materials and species that are used twice, or are none."""
     names = [each.name for each in case.material]
     for kind, own in (("material", names), ("species", [each.name for each in case.species])):
@@ -89,7 +89,7 @@ def check_pairs(verdicts: Iterable[PairVerdict]) -> Iterator[Problem]:
         yield Problem(key, None, message)
 
 
-def check_motion(case: Case) -> Iterator[Problem]:
+def check_motion(case: CaseSections) -> Iterator[Problem]:
     """A number of collisions that never comes."""
     key, start = "run.collisions_per_disk", case.start
     if case.run.collisions_per_disk is None:
@@ -101,18 +101,18 @@ def check_motion(case: Case) -> Iterator[Problem]:
         yield _at(case, key, text)
 
 
-def check_count(case: Case) -> Iterator[Problem]:
+def check_count(case: CaseSections) -> Iterator[Problem]:
     """More disks of all species together than ids number."""
     if (n := _disks(case)) > MOST_IDS:
         each = ", ".join(f"{one.number} of '{one.name}'" for one in case.species)
         yield _at(case, "species[0].number", f"{n} disks in all ({each}): {MOST_IDS} at most are numbered")
 
 
-def _disks(case: Case) -> int:
+def _disks(case: CaseSections) -> int:
     return sum(each.number for each in case.species)
 
 
-def check_clock(case: Case, time: float = 0.0, collisions: int = 0) -> Iterator[Problem]:
+def check_clock(case: CaseSections, time: float = 0.0, collisions: int = 0) -> Iterator[Problem]:
     """Ends of the run that are over when it starts at a time [time] after so many collisions, or before a force acts.
 
     The number of collisions is that of all disks, each of two.
@@ -135,7 +135,7 @@ def check_clock(case: Case, time: float = 0.0, collisions: int = 0) -> Iterator[
             yield _at(case, f"force[{i}].step", text)
 
 
-def check_forces(case: Case) -> Iterator[Problem]:
+def check_forces(case: CaseSections) -> Iterator[Problem]:
     """Forces that the gas or the box do not allow."""
     for i, force in enumerate(case.force):
         key = f"force[{i}]"
@@ -149,7 +149,9 @@ def check_forces(case: Case) -> Iterator[Problem]:
             yield _at(case, f"{key}.gravity", "missing: 9.81 m/s^2 is meant in SI units only")
 
 
-def made_walls(case: Case, materials: Sequence[int], folder: Path) -> tuple[tuple[Wall, ...], list[Problem]]:
+def made_walls(
+    case: CaseSections, materials: Sequence[int], folder: Path
+) -> tuple[tuple[Wall, ...], list[Problem]]:
     """The walls of a case, and those that cannot be made: files that cannot be read, polygons that cross themselves."""
     made, wrong = [], []
     for i, (each, material) in enumerate(zip(case.wall, materials, strict=True)):
@@ -161,7 +163,7 @@ def made_walls(case: Case, materials: Sequence[int], folder: Path) -> tuple[tupl
 
 
 def check_walls(
-    case: Case, walls: Sequence[Wall], box: Box, radius: NDArray[np.float64]
+    case: CaseSections, walls: Sequence[Wall], box: Box, radius: NDArray[np.float64]
 ) -> Iterator[Problem]:
     """Walls that are no walls of this box, or leave no room."""
     if box.is_open:
@@ -208,7 +210,7 @@ def _outside(wall: Wall, box: Box) -> bool:
     return bool(np.any(beyond))
 
 
-def check_output(case: Case, n: int, box: Box) -> Iterator[Problem]:
+def check_output(case: CaseSections, n: int, box: Box) -> Iterator[Problem]:
     """Output that the gas or the box does not allow."""
     output, region = case.output, case.output.histories_region
     if output.wall_sums and not case.walled:
@@ -251,7 +253,7 @@ NOT_GROWN_ON_RANKS = (
 )
 
 
-def usable_ranks(case: Case, kinds: DiskKinds, box: Box, ranks: int) -> tuple[int, str]:
+def usable_ranks(case: CaseSections, kinds: DiskKinds, box: Box, ranks: int) -> tuple[int, str]:
     """How many of so many ranks of MPI can share a gas, and why not all; the reason is "" if all can."""
     run, keys = case.run, list[str]()
     if run.precision != "f64":
@@ -278,7 +280,7 @@ def usable_ranks(case: Case, kinds: DiskKinds, box: Box, ranks: int) -> tuple[in
 
 
 def check_room(
-    case: Case, species: Sequence[Species], kinds: DiskKinds, free_area: FreeArea | None
+    case: CaseSections, species: Sequence[Species], kinds: DiskKinds, free_area: FreeArea | None
 ) -> Iterator[Problem]:
     """`room` is where disks start: that of the box, or of a part of an open one, if any."""
     period = free_area.box.shortest_period if free_area is not None else math.inf
@@ -325,11 +327,11 @@ def _attainable(kinds: DiskKinds, covered: float) -> str:
     return f": some {most} of them find room at random"
 
 
-def _size_key(case: Case) -> str:
+def _size_key(case: CaseSections) -> str:
     return "box.packing_fraction" if case.box.lengths is None else "box.lengths"
 
 
-def check_open(case: Case, start_region: Box | None) -> Iterator[Problem]:
+def check_open(case: CaseSections, start_region: Box | None) -> Iterator[Problem]:
     """Check the rectangle of the start: whether it is required or cannot be given."""
     if not case.box.open:
         return
@@ -341,7 +343,7 @@ def check_open(case: Case, start_region: Box | None) -> Iterator[Problem]:
         yield Problem(_size_key(case), None, text)
 
 
-def check_scan(case: Case) -> Iterator[Problem]:
+def check_scan(case: CaseSections) -> Iterator[Problem]:
     """An impact scan of a gas that is none."""
     if case.start.positions != IMPACT_SCAN:
         return
@@ -359,7 +361,7 @@ def check_scan(case: Case) -> Iterator[Problem]:
     yield from _check_speeds(case, f'{key} = "{IMPACT_SCAN}": start.speed is the speed of those that hit')
 
 
-def _check_speeds(case: Case, given_by: str) -> Iterator[Problem]:
+def _check_speeds(case: CaseSections, given_by: str) -> Iterator[Problem]:
     """Speeds of species that are given beside a start that says how the disks move."""
     for i, each in enumerate(case.species):
         for speed in ("speed_rms", "spin_rms"):
@@ -367,7 +369,7 @@ def _check_speeds(case: Case, given_by: str) -> Iterator[Problem]:
                 yield _at(case, f"species[{i}].{speed}", f"cannot be combined with {given_by}")
 
 
-def _check_pistons(case: Case, given: StartData) -> Iterator[Problem]:
+def _check_pistons(case: CaseSections, given: StartData) -> Iterator[Problem]:
     """Displacements and velocities of pistons that are given although a frame has them."""
     pistons = [(i, each.piston) for i, each in enumerate(case.wall) if each.piston is not None]
     if given.pistons is None or len(given.pistons) != len(pistons):
@@ -380,7 +382,7 @@ def _check_pistons(case: Case, given: StartData) -> Iterator[Problem]:
 
 
 def given_start(
-    case: Case,
+    case: CaseSections,
     radius: NDArray[np.float64],
     free_area: FreeArea,
     folder: Path,

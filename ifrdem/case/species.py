@@ -14,7 +14,7 @@ from ..model.coin_table import coins
 from ..model.state import Kinds, extremes, kinds_among, merge_kinds
 from ..mpi import distribution
 from ..tools import seeds
-from .case import Case, RadiiSection, SpeciesSection
+from .case import CaseSections, RadiiSection, SpeciesSection
 
 CLASSES = 16
 """Groups of like radii that stand for a species with many, where a sum over all pairs would be long."""
@@ -126,7 +126,7 @@ def _sums(radius: NDArray[np.float64]) -> tuple[float, float]:
     return float(np.sum(np.square(radius))), float(np.sum(radius))
 
 
-def species_of(case: Case) -> tuple[Species, ...]:
+def species_of(case: CaseSections) -> tuple[Species, ...]:
     """The species of a case, with the radii that the run's seed gives them."""
     return tuple(_species(each, seeds.of_species(case.run.seed, i)) for i, each in enumerate(case.species))
 

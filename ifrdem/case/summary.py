@@ -10,7 +10,7 @@ from pathlib import Path
 from ..errors import InputError, refuse
 from ..kernels.columns import BYTES_PER_DISK
 from ..simulation import backend, checks
-from .case import GROWN, Case
+from .case import GROWN, CaseSections
 from .estimate import (
     GROWTH_BYTES_PER_DISK,
     HOST_BYTES_PER_DISK,
@@ -203,7 +203,7 @@ def clock(gas: CaseGas, estimate: RunEstimate) -> str:
     return f"{text}to {_end(case, estimate)}"
 
 
-def _end(case: Case, estimate: RunEstimate) -> str:
+def _end(case: CaseSections, estimate: RunEstimate) -> str:
     """End of a run, and the collisions that are expected until then."""
     known = f"{estimate.collisions_are} {estimate.collisions:.4g}".lstrip()
     known = "an unknown number of" if math.isnan(estimate.collisions) else known

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, get_origin
 
 from ..errors import InputError, there_are
-from .case import Case
+from .case import CaseSections
 from .messages import kind_of, models_in
 from .section import Section
 
@@ -103,7 +103,7 @@ def write(kind: str) -> str:
         )
         + "# ifrdem check FILE looks at it without running it; ifrdem run FILE runs it.\n"
     ]
-    for name, field in Case.model_fields.items():
+    for name, field in CaseSections.model_fields.items():
         given, kinds = values.get(name), models_in(field.annotation)
         if get_origin(field.annotation) is list:
             # A list that the example leaves out is shown once, all of it behind a #.

@@ -16,7 +16,7 @@ from ..errors import InputError, listed, nearest, refuse
 from ..tools.checked import LEAST, Lines, Measurements, Number, Numbers, PositivePerDisk, Seed, validated
 from . import tabular
 from .laws import LAWS
-from .model import MEASURED, AngleProblem, CollisionProblem, Pair, Problem, RowError
+from .model import MEASURED, AngleProblem, CollisionProblem, FitProblem, Pair, RowError
 from .tabular import TableFormat
 
 Array = NDArray[np.float64]
@@ -127,7 +127,7 @@ class Data:
         """Place of an impact in its file, for messages."""
         return f"impact {i + 1}" if self.line is None else f"line {self.line[i]}"
 
-    def problem(self, pair: Pair) -> Problem:
+    def problem(self, pair: Pair) -> FitProblem:
         """The impacts of a pair as a fit sees them."""
         names = ("psi", *self.names)
         y = np.stack([self.psi, *(self.measured[name] for name in self.names)], axis=-1)

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .laws import Law
-from .model import Problem, latent_slope
+from .model import FitProblem, latent_slope
 
 Array = NDArray[np.float64]
 
@@ -98,8 +98,8 @@ class Likelihood:
     `robust` is nu of a Student-t likelihood; it is Gaussian without.
     """
 
-    def __init__(self, problem: Problem, law: Law, robust: float | None = None) -> None:
-        self.problem: Problem = problem
+    def __init__(self, problem: FitProblem, law: Law, robust: float | None = None) -> None:
+        self.problem: FitProblem = problem
         self.law: Law = law
         self.robust: float | None = robust
         self._begin = problem.start  # where the last nearest points were

@@ -16,7 +16,7 @@ from . import laws as of_laws
 from .data import Collisions, Data
 from .laws import IFR, Law, Range
 from .likelihood import NU, Array, Likelihood, Points
-from .model import AngleProblem, Pair, Problem
+from .model import AngleProblem, FitProblem, Pair
 from .result import (
     CONFIDENCE,
     TELLING,
@@ -117,7 +117,7 @@ def fit(
         if M is None:
             raise InputError("M: must be given, the mass ratio m_1 / m_2 of the disks, 0 for a wall")
         pair = Pair(M=M, k_1=k_1, k_2=k_2, R_1=R_1, R_2=R_2)
-        problem: Problem = data.problem(pair)
+        problem: FitProblem = data.problem(pair)
         if (rolling or fixed.get("rho", 0.0) > 0.0) and not pair.has_radii:
             wrong.append("rolling friction requires R_1 and R_2, the radii")
     else:
@@ -297,7 +297,7 @@ class _LawFit:
     """The fit of one law, step by step."""
 
     data: Data | Collisions
-    problem: Problem
+    problem: FitProblem
     law: Law
     robust: float | None
     level: float
@@ -362,7 +362,7 @@ class _LawFit:
         others = search.others(loss, ends, rise)
         return replace(found, warnings=tuple(law_warnings(found, others, robust=self.robust is not None)))
 
-    def _search(self) -> tuple[Problem, Search]:
+    def _search(self) -> tuple[FitProblem, Search]:
         """The problem, with errors estimated from its residuals, and a search that has found the minimum."""
         problem, start = self.problem, None
         for _ in range(30):
@@ -389,13 +389,13 @@ class _LawFit:
             f"e.g. --error {'positions' if 'x_1' in self.data.names else problem.estimated[0]}=VALUE"
         )
 
-    def _rise(self, problem: Problem, search: Search) -> float:
+    def _rise(self, problem: FitProblem, search: Search) -> float:
         """Rise of the loss at the ends of an interval: of chi-square, or of F where the errors are estimated."""
         if not self.problem.estimated:
             return float(chdtri(1, 1.0 - self.level))
         return float(fdtri(1, max(np.sum(problem.redundancy) - len(self.law.free), 1.0), self.level))
 
-    def _normalisation(self, problem: Problem, points: Points) -> float:
+    def _normalisation(self, problem: FitProblem, points: Points) -> float:
         """The constant of -2 ln L; where errors are estimated, of the residuals after the latent coordinates."""
         with np.errstate(invalid="ignore"):
             size = np.log(2.0 * np.pi * problem.s**2)
@@ -414,7 +414,7 @@ class _LawFit:
         columns = (np.ravel(each).tolist() for each in (one.k, two.k, one.mass, two.mass))
         return list(dict.fromkeys(zip(*columns, strict=True)))
 
-    def _suspects(self, problem: Problem, points: Points) -> tuple[Suspect, ...]:
+    def _suspects(self, problem: FitProblem, points: Points) -> tuple[Suspect, ...]:
         probability = chdtrc(np.maximum(problem.redundancy, 1), points.distance)
         found = []
         for i in np.argsort(probability, kind="stable"):
@@ -427,7 +427,7 @@ class _LawFit:
                 )
         return tuple(found)
 
-    def _without(self, problem: Problem, best: Array, suspects: tuple[Suspect, ...]) -> dict[str, float]:
+    def _without(self, problem: FitProblem, best: Array, suspects: tuple[Suspect, ...]) -> dict[str, float]:
         """Coefficients of the Gaussian fit for a robust one, or of the fit without suspects for a Gaussian one."""
         if self.robust is None:
             if not suspects:
@@ -442,7 +442,7 @@ class _LawFit:
         values = _lower(Search(likelihood), best)
         return dict(zip(self.law.free, map(float, values), strict=True))
 
-    def _cross_validated(self, problem: Problem, best: Array) -> float:
+    def _cross_validated(self, problem: FitProblem, best: Array) -> float:
         folds = min(_FOLDS, len(problem.rows))
         total = 0.0
         for fold in range(folds):
@@ -452,7 +452,13 @@ class _LawFit:
         return total / len(problem.rows)
 
     def _bootstrap(
-        self, problem: Problem, best: Array, points: Points, number: int, seed: int, progress: Progress | None
+        self,
+        problem: FitProblem,
+        best: Array,
+        points: Points,
+        number: int,
+        seed: int,
+        progress: Progress | None,
     ) -> dict[str, Array]:
         """Percentiles (2,) of each quantity over synthetic data sets."""
         rng = np.random.default_rng(seed)
@@ -571,7 +577,7 @@ def _redundancies(points: Points, *, with_coefficients: bool = True) -> Array:
     return np.where(there, np.clip(1.0 - hat, 0.0, 1.0), 0.0)
 
 
-def _factors(problem: Problem, points: Points, groups: tuple[str, ...]) -> dict[str, float]:
+def _factors(problem: FitProblem, points: Points, groups: tuple[str, ...]) -> dict[str, float]:
     """Factors of the errors of groups that make the sum of squared residuals equal to the redundancy."""
     redundancy = _redundancies(points)
     squares = points.weight[:, None] * points.residual**2
@@ -588,7 +594,7 @@ def _factors(problem: Problem, points: Points, groups: tuple[str, ...]) -> dict[
     return found
 
 
-def _group_errors(problem: Problem, groups: tuple[str, ...]) -> dict[str, float]:
+def _group_errors(problem: FitProblem, groups: tuple[str, ...]) -> dict[str, float]:
     of = {}
     for group in groups:
         members = [i for i, each in enumerate(problem.groups) if each == group]

@@ -101,7 +101,7 @@ class RowError(InputError):
 _EXACT = 1e-4  # an error of a known value, over the least one of its kind: its part of chi2 is 1e-8
 
 
-class Problem(ABC):
+class FitProblem(ABC):
     """Impacts as a fit sees them: n of them, with q quantities and d latent coordinates.
 
     Attributes
@@ -204,7 +204,7 @@ class Problem(ABC):
             regime = np.where(np.abs(chi) < edge, Regime.STICKING, Regime.SLIDING)
         return np.asarray(regime, dtype=np.int8)
 
-    def take(self, rows: Index) -> Problem:
+    def take(self, rows: Index) -> FitProblem:
         """Some of the impacts."""
         other = copy.copy(self)
         for name in ("y", "s", "white", "known", "start", "spread", "redundancy"):
@@ -212,14 +212,14 @@ class Problem(ABC):
         other.rows = np.arange(len(rows))
         return other
 
-    def of(self, y: Array) -> Problem:
+    def of(self, y: Array) -> FitProblem:
         """Other measured values (n, q), with the same errors."""
         other = copy.copy(self)
         other.y = np.where(np.isnan(self.y), np.nan, y)
         other.begin()
         return other
 
-    def scaled(self, factors: Mapping[str, float]) -> Problem:
+    def scaled(self, factors: Mapping[str, float]) -> FitProblem:
         """Errors of groups of quantities multiplied by factors."""
         other = copy.copy(self)
         by = np.array([factors.get(group, 1.0) for group in self.groups])
@@ -232,7 +232,7 @@ class Problem(ABC):
         """Set `start`, `spread` and `step` from values and errors."""
 
     @abstractmethod
-    def at(self, law: Law, values: Array, psi: Array) -> Problem:
+    def at(self, law: Law, values: Array, psi: Array) -> FitProblem:
         """Impacts without error at angles of incidence [rad], otherwise as typical ones of these."""
 
     def set_redundancy(self, law: Law, values: Array) -> None:
@@ -245,7 +245,7 @@ class Problem(ABC):
 
 
 def latent_slope(
-    problem: Problem, law: Law, values: Array, x: Array, rows: Index, side: Array
+    problem: FitProblem, law: Law, values: Array, x: Array, rows: Index, side: Array
 ) -> tuple[Array, Array]:
     """The prediction (m, q), and its derivatives (m, q, d) by the latent coordinates.
 
@@ -276,7 +276,7 @@ def _whitening(s: Array, covariance: Mapping[tuple[int, int], Array], names: Seq
     return np.linalg.inv(np.linalg.cholesky(correlation)) @ white
 
 
-class AngleProblem(Problem):
+class AngleProblem(FitProblem):
     """A table of angles; the latent coordinate is the true impact angle psi [rad]."""
 
     low: float = SMALLEST
@@ -339,7 +339,7 @@ class AngleProblem(Problem):
         return AngleProblem(self.names, blank.predict(law, values, psi[:, None]), s, self.groups, self.pair)
 
 
-class CollisionProblem(Problem):
+class CollisionProblem(FitProblem):
     """Whole collisions; latent coordinates are
 
     chi, direction of the normal [rad], |g| [length/time], velocity of the centre of mass (2) and both spins;
@@ -371,7 +371,7 @@ class CollisionProblem(Problem):
         typical = {"velocities": self.speed, "spins": self.speed / float(np.median(self.of_disks[1]))}
         return 0.01 * typical.get(group, 1.0)
 
-    def take(self, rows: Index) -> Problem:
+    def take(self, rows: Index) -> FitProblem:
         """Some of the collisions."""
         other = super().take(rows)
         assert isinstance(other, CollisionProblem)

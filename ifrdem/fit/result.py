@@ -15,7 +15,7 @@ from ..tools.checked import Count, Positive, Seed, choice, validated
 from .data import Collisions, Data
 from .laws import Law, ifr_law
 from .likelihood import Array
-from .model import MEASURED, Pair, Problem
+from .model import MEASURED, FitProblem, Pair
 
 CONFIDENCE = 0.95
 """Default confidence of every interval."""
@@ -102,7 +102,7 @@ class Fitted:
     weight: Array
     """distance, weight: squared distance of each impact in units of its errors, and its weight in a robust fit; shape
     (n,)."""
-    problem: Problem
+    problem: FitProblem
     """With the errors as they were estimated."""
     errors: Mapping[str, float] = field(default_factory=dict)
     """Estimated errors by group of quantities, in standard units (angles of a table of angles in degrees)."""

@@ -30,6 +30,12 @@ class VelocityCutoff:
     Notes
     -----
     A gas that has cooled below the cut-off stops cooling.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> ifrdem.VelocityCutoff(1e-3)
+    VelocityCutoff(speed=0.001)
     """
 
     speed: Positive
@@ -56,6 +62,12 @@ class ContactTime:
     Notes
     -----
     Some 1e-2 of the mean free time at the start changes little.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> ifrdem.ContactTime(1e-4)
+    ContactTime(time=0.0001)
     """
 
     time: Positive
@@ -77,6 +89,12 @@ class Rest:
     ------
     InputError
         If it is not positive.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> ifrdem.Rest(0.05)
+    Rest(speed=0.05)
     """
 
     speed: Positive

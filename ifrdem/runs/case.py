@@ -12,7 +12,7 @@ from pydantic import PrivateAttr
 
 from ..case import file as case_file
 from ..case import report, shipped, template
-from ..case.case import Case as Sections
+from ..case.case import CaseSections as Sections
 from ..case.file import CaseFile
 from ..case.report import Report
 from ..case.section import Section, plain

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..analysis import catalogue
 from ..case import file as case_file
-from ..case.case import Case
+from ..case.case import CaseSections
 from ..case.gas import CaseGas
 from ..errors import InputError, refuse
 from ..fit import tabular
@@ -380,14 +380,14 @@ def _drawn(gas: CaseGas, start: State, errors: Mapping[str, float], rng: np.rand
     return replace(start, position=position, velocity=velocity, spin=spin)
 
 
-def _case_of(text: str, overrides: str) -> Case:
+def _case_of(text: str, overrides: str) -> CaseSections:
     """The case that a trajectory holds."""
     if not text:
         raise InputError("the run holds no case, because Python wrote it: no runs can be drawn")
     raw = tomllib.loads(text)
     for assignment in overrides.splitlines():
         case_file.override(raw, assignment)
-    return Case.model_validate(raw)
+    return CaseSections.model_validate(raw)
 
 
 def _simulation(gas: CaseGas, law: Mapping[str, float] | None, state: State) -> Simulation:

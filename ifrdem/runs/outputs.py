@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..case.case import Case
+from ..case.case import CaseSections
 from ..errors import InputError
 from ..tools.files import CHECKPOINT, VIEWS, check_files, checkpoint_of
 from ..trajectory import parts
@@ -23,7 +23,7 @@ class Outputs:
     views: tuple[Path, ...] = ()
 
     @classmethod
-    def plan(cls, case: Case, place: str | None = None, *, picture: bool = True) -> Outputs:
+    def plan(cls, case: CaseSections, place: str | None = None, *, picture: bool = True) -> Outputs:
         """NAME.h5, and NAME.png, NAME.vtkhdf and NAME.nc if the case wants them.
 
         `place` is a folder that exists, or a text that ends in a separator: the files get the run's name there.

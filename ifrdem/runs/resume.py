@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..case import file as case_file
 from ..case import summary
-from ..case.case import Case
+from ..case.case import CaseSections
 from ..case.file import CaseFile
 from ..case.gas import CaseGas
 from ..case.objects import device_of
@@ -107,7 +107,7 @@ def resume(
                 raise InputError(f"{path}: {NO_RUN}")
             if not ignore_case_changes:
                 _refuse_changed(path, extra)
-            case = Case.model_validate_json(extra["case_as_set"])
+            case = CaseSections.model_validate_json(extra["case_as_set"])
             trajectory = path.with_name(extra["trajectory"])
             if checkpoint_of(trajectory) != path:
                 raise InputError(f"{path} belongs to {extra['trajectory']}: rename it back")
@@ -176,7 +176,7 @@ def _gas_of(path: Path) -> CaseGas:
         checkpoint.check_versions(record, path)
         if "case_as_set" not in record["extra"]:
             raise InputError(f"{path}: {NO_RUN}")
-        case = Case.model_validate_json(record["extra"]["case_as_set"])
+        case = CaseSections.model_validate_json(record["extra"]["case_as_set"])
         folder = Path(record["extra"]["case_path"]).parent
     return CaseGas.from_case(case, folder, start=False)
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..case import summary as check
-from ..case.case import IMPACT_SCAN, UNITS, Case
+from ..case.case import IMPACT_SCAN, UNITS, CaseSections
 from ..case.estimate import RunEstimate
 from ..case.file import CaseFile
 from ..case.gas import REPORTED_DRIFT, CaseGas
@@ -194,7 +194,7 @@ def idle_ranks(count: int, ranks: int) -> str:
     return f"{count} of {ranks} ranks compute{'s' if count == 1 else ''}, the others wait"
 
 
-def how(case: Case, cores: int, ranks: int = 1) -> str:
+def how(case: CaseSections, cores: int, ranks: int = 1) -> str:
     """Device of a case and its threads, for the summary of a run."""
     used = case.run.threads or cores
     text = device_of(case) + (f", {used} used" if case.run.device == "cpu" else "")
@@ -202,7 +202,7 @@ def how(case: Case, cores: int, ranks: int = 1) -> str:
     return text + (f", computing in {case.run.precision}" if case.run.precision != "f64" else "")
 
 
-def device_of(case: Case) -> str:
+def device_of(case: CaseSections) -> str:
     """The device of a case."""
     device = backend.describe(case.run.device)
     return f"{device.name}: {device.description}"
@@ -317,7 +317,9 @@ def run_root(
     return progress.collisions_per_second
 
 
-def run_worker(case: Case, simulation: Simulation, plan: RunPlan, writer: PartsWriter | None = None) -> None:
+def run_worker(
+    case: CaseSections, simulation: Simulation, plan: RunPlan, writer: PartsWriter | None = None
+) -> None:
     """Run to the end, on a rank that writes nothing, or only its part; the first one drives."""
     stops = Stops(warn=lambda _text: None)
     comm = simulation.comm
@@ -365,7 +367,7 @@ def _as_written(simulation: Simulation, writer: AsyncWriter | PartsWriter | None
         return gather_state(simulation.disks.n, state)
 
 
-def _single(case: Case) -> Collection[str] | None:
+def _single(case: CaseSections) -> Collection[str] | None:
     """Fields that a file in single precision has; None for others."""
     return case.output.fields if case.output.precision == "f4" else None
 
@@ -465,7 +467,7 @@ def finish(running: Run, began: float, before: int, rate: float, say: Callable[[
         say(f"  {path} ({check.size(bytes_there)})")
 
 
-def _draw(case: Case) -> Callable[[Path, Path], object]:
+def _draw(case: CaseSections) -> Callable[[Path, Path], object]:
     """Function that draws the picture of a case."""
     from .. import plots  # Matplotlib takes a second, which no run need wait for at its beginning
 

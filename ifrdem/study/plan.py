@@ -20,7 +20,7 @@ from pydantic_core import PydanticCustomError
 
 from ..case import file as case_file
 from ..case import shipped
-from ..case.case import Case
+from ..case.case import CaseSections
 from ..case.estimate import LEDGER, OBSERVABLES
 from ..errors import InputError, listed, nearest
 from ..tools.versions import __version__
@@ -224,9 +224,9 @@ class Plan:
         swept = [one for axis, i in zip(self.axes, point, strict=True) for one in axis.assignments(i)]
         return [*self.overrides, *swept, f"run.seed={seed}"]
 
-    def checked_cases(self) -> tuple[dict[tuple[int, ...], Case], list[str]]:
+    def checked_cases(self) -> tuple[dict[tuple[int, ...], CaseSections], list[str]]:
         """Cases of the points that are in order, and a line for each thing that `check` refuses of the others."""
-        good: dict[tuple[int, ...], Case] = {}
+        good: dict[tuple[int, ...], CaseSections] = {}
         wrong: dict[str, list[str]] = {}
         for point in self.points:
             try:
@@ -248,7 +248,7 @@ class Plan:
             problems.append(line if len(labels) == of_all else f"{labels[0]}{more}: {line}")
         return good, problems
 
-    def tasks(self, good: dict[tuple[int, ...], Case], folder: Path) -> Iterator[Task]:
+    def tasks(self, good: dict[tuple[int, ...], CaseSections], folder: Path) -> Iterator[Task]:
         """The runs of the points that are in order, whose results stand in a folder."""
         for point, case in good.items():
             kept = self.output.model_dump(exclude={"series", "series_spacing"})  # which the case has

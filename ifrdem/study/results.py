@@ -16,7 +16,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ..case.case import Case
+from ..case.case import CaseSections
 from ..case.gas import CaseGas
 from ..errors import DamageError, InputError, NameMissing, TheoryError, there_are
 from ..model.ifr import EnergyWarning
@@ -137,7 +137,7 @@ def _dataset(file: h5py.File, name: str, one: Variable) -> h5py.Dataset:
 
 
 def collect(
-    plan: Plan, good: Mapping[tuple[int, ...], Case], tasks: Iterable[Task], failed: Mapping[str, str]
+    plan: Plan, good: Mapping[tuple[int, ...], CaseSections], tasks: Iterable[Task], failed: Mapping[str, str]
 ) -> Results:
     """The results of all finished runs; others are nan, and failed ones have a message."""
     case = next(iter(good.values()))
@@ -217,7 +217,7 @@ def _means(found: Mapping[str, Variable], over: int) -> dict[str, Variable]:
 
 
 def _theory(
-    plan: Plan, good: Mapping[tuple[int, ...], Case], row_axis: str, variables: Mapping[str, Variable]
+    plan: Plan, good: Mapping[tuple[int, ...], CaseSections], row_axis: str, variables: Mapping[str, Variable]
 ) -> dict[str, Variable]:
     """Temperatures of each point by kinetic theory, at the places of the rows; nan where it does not hold."""
     T = variables["temperature_mean"]
@@ -242,7 +242,7 @@ def _theory(
     return {f"{name}_theory": Variable(T.dims, values, variables[name].unit) for name, values in made.items()}
 
 
-def predicted(case: Case, folder: Path, end: float) -> tuple[NDArray[np.float64], ...] | None:
+def predicted(case: CaseSections, folder: Path, end: float) -> tuple[NDArray[np.float64], ...] | None:
     """Times, collisions per disk, T and T_rot by kinetic theory, to beyond a time [time]; None where it holds not."""
     gas = CaseGas.from_case(case, folder)
     if not case.homogeneous or gas.box.is_open or end <= 0.0:

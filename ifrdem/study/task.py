@@ -22,7 +22,7 @@ from numpy.lib.format import read_array
 from numpy.typing import NDArray
 
 from ..case import file as case_file
-from ..case.case import Case
+from ..case.case import CaseSections
 from ..case.file import CaseFile
 from ..case.gas import CaseGas
 from ..errors import DamageError, EngineError, InputError
@@ -159,7 +159,7 @@ def _advance(gas: CaseGas, series_callbacks: list[Any], *, short: bool = False) 
     )
 
 
-def along(case: Case) -> tuple[str, NDArray[np.float64]]:
+def along(case: CaseSections) -> tuple[str, NDArray[np.float64]]:
     """The axis that rows of series stand on, what ends the run, and the places of the rows."""
     cadence = case.output.series_cadence
     assert cadence.number is not None
@@ -171,7 +171,7 @@ def along(case: Case) -> tuple[str, NDArray[np.float64]]:
     return name, np.array([0.0, *(schedule.point(k + 1).time for k in range(cadence.number))])
 
 
-def _at_rows(case: Case, n: int, found: dict[str, NDArray[Any]]) -> dict[str, Variable]:
+def _at_rows(case: CaseSections, n: int, found: dict[str, NDArray[Any]]) -> dict[str, Variable]:
     """Series at the places where the study has them: where two fall on one collision, one row is both."""
     name, places = along(case)
     span = Span.to(n, 0.0, 0, t_end=case.run.t_end, collisions_per_disk=case.run.collisions_per_disk)
@@ -195,7 +195,7 @@ def _at_rows(case: Case, n: int, found: dict[str, NDArray[Any]]) -> dict[str, Va
     return result
 
 
-def _units(case: Case) -> dict[str, str]:
+def _units(case: CaseSections) -> dict[str, str]:
     from ..case.case import UNITS
     from ..trajectory.tables import QUANTITIES
 

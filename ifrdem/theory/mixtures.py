@@ -305,7 +305,8 @@ def mixture_driven(
     >>> from ifrdem.theory.driven_gas import Drive
     >>> mixture = theory.Mixture([1.0, 1.0], [0.5, 0.5], IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), 0.1)
     >>> drives = [Drive(power=0.1), Drive(power=0.1)]
-    >>> theory.mixture_driven(mixture, drives, 1.0, 0.0, [0.0, 10.0]).T.round(6)  # elastic: T = T0 + power t
+    >>> found = theory.mixture_driven(mixture, drives, 1.0, 0.0, [0.0, 10.0])
+    >>> found.temperature.round(6)  # elastic: T = T0 + power t
     array([[1., 1.],
            [2., 2.]])
     """

@@ -243,7 +243,7 @@ def box_of_point(x, y, qx, qy):
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
+class ShapeFunctions:
     """What kernels know of a shape, by its name in `kinds.PIECES`; the functions are described above."""
 
     name: str
@@ -261,11 +261,11 @@ class Shape:
 
 
 SHAPES = (
-    Shape("line", nearest_of_line, gap_of_line, box_of_line, repeats=False),
-    Shape("segment", nearest_of_segment, gap_of_convex, box_of_segment),
-    Shape("container", nearest_inside_circle, gap_of_container, box_of_point, repeats=False),
-    Shape("post", nearest_of_circle, gap_of_convex, box_of_point),
-    Shape(
+    ShapeFunctions("line", nearest_of_line, gap_of_line, box_of_line, repeats=False),
+    ShapeFunctions("segment", nearest_of_segment, gap_of_convex, box_of_segment),
+    ShapeFunctions("container", nearest_inside_circle, gap_of_container, box_of_point, repeats=False),
+    ShapeFunctions("post", nearest_of_circle, gap_of_convex, box_of_point),
+    ShapeFunctions(
         "arc inside",
         nearest_inside_circle,
         gap_of_arc,
@@ -274,7 +274,7 @@ SHAPES = (
         arc_distance,
         arc_side_is_not_nearest,
     ),
-    Shape(
+    ShapeFunctions(
         "arc outside",
         nearest_of_circle,
         gap_of_arc,
@@ -286,12 +286,12 @@ SHAPES = (
 )
 
 
-def shapes_of(uses: Any) -> tuple[Shape, ...]:
+def shapes_of(uses: Any) -> tuple[ShapeFunctions, ...]:
     """Shapes that a gas with these features may have."""
     return tuple(shape for shape in SHAPES if uses.arched or shape.distance is None)
 
 
-def arcs_of(uses: Any) -> tuple[Shape, ...]:
+def arcs_of(uses: Any) -> tuple[ShapeFunctions, ...]:
     """Those of them of which only a part of the circle is there."""
     return tuple(shape for shape in shapes_of(uses) if shape.distance is not None)
 

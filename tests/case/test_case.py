@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from ifrdem import theory
 from ifrdem.case import file as case_file
 from ifrdem.case import pair_rules, report, template
-from ifrdem.case.case import Case, MaterialSection, RunSection, SpeciesSection
+from ifrdem.case.case import CaseSections, MaterialSection, RunSection, SpeciesSection
 from ifrdem.case.estimate import RunEstimate, collision_rates
 from ifrdem.case.gas import CaseGas, Species
 from ifrdem.case.messages import models_in
@@ -53,14 +53,14 @@ speed_rms = 1.0
 
 def sections() -> dict[str, list[type[Section]]]:
     """Sections by name, with all their kinds."""
-    return {name: models_in(field.annotation) for name, field in Case.model_fields.items()}
+    return {name: models_in(field.annotation) for name, field in CaseSections.model_fields.items()}
 
 
-def case_of(text: str = SMALL, *overrides: str) -> Case:
+def case_of(text: str = SMALL, *overrides: str) -> CaseSections:
     raw = tomllib.loads(text)
     for assignment in overrides:
         case_file.override(raw, assignment)
-    return Case.model_validate(raw)
+    return CaseSections.model_validate(raw)
 
 
 def mistakes(*overrides: str, text: str = SMALL, folder: Path = Path()) -> list[str]:
@@ -119,7 +119,7 @@ def test_template_passes_every_check(kind: str, tmp_path: Path) -> None:
     path = tmp_path / "case.toml"
     path.write_text(template.write(kind), encoding="utf-8")
     case = case_file.read(path).case
-    assert case == Case.model_validate(template.TEMPLATES[kind].values)
+    assert case == CaseSections.model_validate(template.TEMPLATES[kind].values)
     assert CaseGas.from_case(case).disks.n == sum(each.number for each in case.species)
 
 
@@ -128,7 +128,7 @@ def test_template_shows_every_key_once_per_section(kind: str) -> None:
     text = template.write(kind)
     blocks = re.split(r"^(?=(?:# )?\[)", text, flags=re.MULTILINE)[1:]
     names = [re.match(r"(?:# )?\[+(\w+)\]+", block) for block in blocks]
-    assert {name[1] for name in names if name} == set(Case.model_fields)
+    assert {name[1] for name in names if name} == set(CaseSections.model_fields)
     for name, block in zip(names, blocks, strict=True):
         assert name is not None
         keys = re.findall(r"^(?:# )?(\w+) = ", block, flags=re.MULTILINE)
@@ -487,7 +487,7 @@ def test_coin_brings_mass_size_and_law() -> None:
 
 
 def test_coins_of_two_kinds_take_the_papers_pair_and_no_other() -> None:
-    case = Case.model_validate(template.TEMPLATES["mixture"].values)
+    case = CaseSections.model_validate(template.TEMPLATES["mixture"].values)
     assert CaseGas.from_case(case).laws[0][1] == coins.pair("500 pts", "100 pts")
     other = copy.deepcopy(dict(template.TEMPLATES["mixture"].values))
     other["material"] = [{"name": "small", "coin": "1 pta"}, other["material"][1]]

@@ -11,7 +11,7 @@ import pytest
 from ifrdem import Trajectory, initial
 from ifrdem.analysis import catalogue
 from ifrdem.case import file as case_file
-from ifrdem.case.case import Case
+from ifrdem.case.case import CaseSections
 from ifrdem.case.estimate import RunEstimate
 from ifrdem.case.gas import CaseGas
 from ifrdem.cli.main import main
@@ -55,7 +55,7 @@ def gas_of(text: str, *overrides: str, folder: Path = Path()) -> CaseGas:
     raw = tomllib.loads(text)
     for assignment in overrides:
         case_file.override(raw, assignment)
-    return CaseGas.from_case(Case.model_validate(raw), folder)
+    return CaseGas.from_case(CaseSections.model_validate(raw), folder)
 
 
 def moving(folder: Path, drift: tuple[float, float]) -> str:

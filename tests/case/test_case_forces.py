@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from ifrdem import forces
 from ifrdem.case import file as case_file
-from ifrdem.case.case import Case, Force
+from ifrdem.case.case import CaseSections, Force
 from ifrdem.case.estimate import RunEstimate
 from ifrdem.case.gas import CaseGas, forces_of
 from ifrdem.case.messages import kind_of, models_in
@@ -152,7 +152,7 @@ def test_every_kind_of_force_reaches_its_class() -> None:
     assert given.keys() == {kind_of(each) for each in models_in(Force)}
     raw = changed()
     raw["force"] = [{"kind": kind, "step": 0.1} | keys for kind, (keys, _) in given.items()]
-    made = forces_of(Case.model_validate(raw))
+    made = forces_of(CaseSections.model_validate(raw))
     for one, (_, other) in zip(made, given.values(), strict=True):
         assert type(one) is type(other)
         assert (one.step, one.values) == (other.step, other.values)
@@ -188,7 +188,7 @@ def test_check_says_what_a_driven_gas_will_do(tmp_path: Path, capsys: pytest.Cap
     ],
 )
 def test_collisions_are_estimated_where_theory_knows_the_drive(overrides: list[str], known: bool) -> None:
-    case = Case.model_validate(changed(*overrides))
+    case = CaseSections.model_validate(changed(*overrides))
     estimate = RunEstimate.of(CaseGas.from_case(case))
     assert np.isfinite(estimate.collisions) == known
     assert estimate.collisions_are == ""

@@ -16,7 +16,7 @@ from ifrdem import RotatingGravity
 from ifrdem.case import file as case_file
 from ifrdem.case import gas as gas_module
 from ifrdem.case import rules, template
-from ifrdem.case.case import Case
+from ifrdem.case.case import CaseSections
 from ifrdem.case.estimate import RunEstimate
 from ifrdem.case.gas import CaseGas
 from ifrdem.case.messages import kind_of, models_in
@@ -319,7 +319,7 @@ def test_every_key_of_a_wall_reaches_the_engine() -> None:
     raw["wall"] += [  # type: ignore[operator]
         {"shape": "line", "material": "coin", "point": [0.0, 14.0], "normal": [0.0, -1.0], "piston": piston}
     ]
-    gas = CaseGas.from_case(Case.model_validate(raw))
+    gas = CaseGas.from_case(CaseSections.model_validate(raw))
     assert gas.materials == ("glass", "coin", "steel")  # the engine makes the sides of the first
     expected = [wall for _, wall in shapes.values()]
     expected += [Wall.post((5.0, 5.0), 1.0, material=1, motion=motion) for _, motion in motions.values()]
@@ -335,7 +335,7 @@ def test_every_key_of_a_wall_reaches_the_engine() -> None:
 
 def test_a_thermal_wall_needs_no_material(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     hot = ["wall[0].material=", "wall[0].temperature=2.5", 'pair[1].materials=["coin", "glass"]', "pair[0]="]
-    gas = CaseGas.from_case(Case.model_validate(changed(*hot)))
+    gas = CaseGas.from_case(CaseSections.model_validate(changed(*hot)))
     floor = Wall.line((0.0, 0.5), (0.0, 1.0), temperature=2.5, motion=gas.walls[0].motion)
     assert gas.walls[0] == floor
     assert gas.materials == ("glass", "coin")
@@ -365,7 +365,7 @@ def test_remedies_for_collapse_reach_the_engine(
     given: dict[str, object] = {}
     monkeypatch.setattr(gas_module, "Simulation", lambda *args, **options: given.update(options))
     overrides = [f"run.collapse={kind}", f"run.{key}={value}"]
-    case = Case.model_validate(changed(*overrides))
+    case = CaseSections.model_validate(changed(*overrides))
     CaseGas.from_case(case).simulation()
     remedies = {"velocity_cutoff": VelocityCutoff, "tc": ContactTime, "rest": Rest}
     assert {name: given[name] for name in ("collapse", "gravity", "seed")} == {
@@ -383,7 +383,7 @@ def test_remedies_for_collapse_reach_the_engine(
 
 def test_check_refuses_rest_where_the_run_would() -> None:
     with pytest.raises(InputError, match=r"resting speed must be at most 0\.1"):
-        CaseGas.from_case(Case.model_validate(changed("run.collapse=rest", "run.resting_speed=0.25")))
+        CaseGas.from_case(CaseSections.model_validate(changed("run.collapse=rest", "run.resting_speed=0.25")))
 
 
 def test_gravity_that_turns_reaches_the_engine_and_check_says_how_fast(
@@ -392,7 +392,7 @@ def test_gravity_that_turns_reaches_the_engine_and_check_says_how_fast(
     given: dict[str, object] = {}
     monkeypatch.setattr(gas_module, "Simulation", lambda *args, **options: given.update(options))
     overrides = ["box.gravity_rotation_rate=-0.05", "box.gravity_rotation_step=0.01"]
-    case = Case.model_validate(changed(*overrides))
+    case = CaseSections.model_validate(changed(*overrides))
     CaseGas.from_case(case).simulation()
     assert given["gravity"] == RotatingGravity((0.0, -1.0), rate=-0.05, step=0.01)
     (tmp_path / "case.toml").write_text(SHAKEN)
@@ -510,7 +510,7 @@ def test_a_run_between_walls_stores_them_and_its_ledger(
     with h5py.File("shaken.h5") as file:
         assert list(file["particles/all/box"].attrs["boundary"]) == [b"none", b"none", b"none"]
         np.testing.assert_array_equal(file["particles/all/box"].attrs["lengths"], [20.0, 24.0])
-    gas = CaseGas.from_case(Case.model_validate(changed()))
+    gas = CaseGas.from_case(CaseSections.model_validate(changed()))
     with Trajectory("shaken.h5") as trajectory:
         assert trajectory.box == gas.box
         assert trajectory.walls == gas.walls
@@ -546,7 +546,7 @@ def test_elastic_walls_are_hit_as_often_as_kinetic_theory_says(
     monkeypatch.chdir(tmp_path)
     Path("elastic.toml").write_text(ELASTIC)
     assert main(["run", "elastic.toml", "--no-picture"]) == 0
-    case = Case.model_validate(changed(text=ELASTIC))
+    case = CaseSections.model_validate(changed(text=ELASTIC))
     estimate = RunEstimate.of(CaseGas.from_case(case))
     with Trajectory("elastic.h5") as trajectory:
         hits = trajectory.observables["wall_collisions"]
@@ -601,7 +601,7 @@ def test_positions_of_a_file_must_keep_off_walls(tmp_path: Path, monkeypatch: py
 
 def test_walls_are_where_they_are_at_the_start_time_of_a_state() -> None:
     """A state at a time at which the floor is low may have disks where it is at t = 0."""
-    case = Case.model_validate(changed())
+    case = CaseSections.model_validate(changed())
     gas = CaseGas.from_case(case)
     state = gas.start()
     state.position[0] = (
@@ -616,7 +616,7 @@ def test_walls_are_where_they_are_at_the_start_time_of_a_state() -> None:
 
 @pytest.mark.parametrize("way", ["lubachevsky_stillinger", "hexagonal"])
 def test_dense_starts_of_a_case_keep_off_walls(way: str) -> None:
-    case = Case.model_validate(changed("species[0].number=300", f"start.positions={way}"))
+    case = CaseSections.model_validate(changed("species[0].number=300", f"start.positions={way}"))
     gas = CaseGas.from_case(case)
     assert np.all(gas.free_area.gap(gas.start().position, gas.disks.radius) >= 0.0)
 
@@ -640,15 +640,15 @@ def test_the_vibrated_layer_floats(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 
 def test_the_template_of_walls_is_a_shaken_floor() -> None:
-    case = Case.model_validate(template.TEMPLATES["walls"].values)
+    case = CaseSections.model_validate(template.TEMPLATES["walls"].values)
     gas = CaseGas.from_case(case)
     assert [wall.motion.kind for wall in gas.walls] == ["sine"]
     assert "# shape = " not in template.write("walls").split("[[wall]]")[1].split("[start]")[0]
 
 
 def test_measures_without_gravity_have_no_potential_energy() -> None:
-    gas = CaseGas.from_case(Case.model_validate(changed("box.gravity=[0.0, 0.0]")))
-    state = gas.start(Case.model_validate(changed()))
+    gas = CaseGas.from_case(CaseSections.model_validate(changed("box.gravity=[0.0, 0.0]")))
+    state = gas.start(CaseSections.model_validate(changed()))
     assert measure(gas.disks, state).potential_energy == 0.0
     tilted = measure(gas.disks, state, gravity=(0.5, -2.0)).potential_energy
     assert tilted == pytest.approx(2.0 * np.sum(2.0 * state.position[:, 1] - 0.5 * state.position[:, 0]))

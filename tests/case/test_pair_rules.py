@@ -12,7 +12,7 @@ import pytest
 
 from ifrdem import IFRLaw, InputError, Simulation, State
 from ifrdem.case import file as case_file
-from ifrdem.case.case import Case
+from ifrdem.case.case import CaseSections
 from ifrdem.case.gas import CaseGas
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks
@@ -61,7 +61,7 @@ def test_every_pair_of_many_materials_collides_by_its_own_law() -> None:
     shuffled = [pair if i % 2 else pair[::-1] for i, pair in enumerate(reversed(EVERY))]
     raw = case(shuffled)
     assert mistakes(raw) == []
-    gas = CaseGas.from_case(Case.model_validate(raw))
+    gas = CaseGas.from_case(CaseSections.model_validate(raw))
     assert gas.materials == NAMES
     found = [[law.e_n for law in row] for row in gas.laws]
     np.testing.assert_allclose(found, [[e_n(a, b) for b in NAMES] for a in NAMES], rtol=1e-15)
@@ -100,7 +100,7 @@ def test_a_pair_of_coins_is_given_by_their_names() -> None:
     (found,) = mistakes(tomllib.loads(text))
     assert found.startswith("pair: missing for the materials '1 pta' and '5 pts'")
     pair = '\n[[pair]]\nmaterials = ["5 pts", "1 pta"]\ne_n = 0.8\ne_t = -0.9\nmu = 0.2\n'
-    gas = CaseGas.from_case(Case.model_validate(tomllib.loads(text + pair)))
+    gas = CaseGas.from_case(CaseSections.model_validate(tomllib.loads(text + pair)))
     assert gas.laws[0][1].table_row() == gas.laws[1][0].table_row() == (0.8, -0.9, 0.2, 0.0, 0.0)
 
 

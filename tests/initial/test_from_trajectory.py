@@ -11,7 +11,7 @@ import pytest
 from support.gases import touching
 
 from ifrdem.case import file as case_file
-from ifrdem.case.case import Case
+from ifrdem.case.case import CaseSections
 from ifrdem.case.gas import CaseGas
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
@@ -77,7 +77,7 @@ def mistakes(folder: Path, *overrides: str) -> list[str]:
 
 def start(folder: Path, *overrides: str) -> tuple[CaseGas, State]:
     assert mistakes(folder, *overrides) == []
-    case = Case.model_validate(parsed(*overrides))
+    case = CaseSections.model_validate(parsed(*overrides))
     gas = CaseGas.from_case(case, folder)
     return gas, gas.start()
 
@@ -151,7 +151,7 @@ def test_what_cannot_start_is_named_with_what_is_there(
 
 def test_disks_of_other_radii_that_overlap_are_explained(tmp_path: Path) -> None:
     trajectory(tmp_path)
-    sides = CaseGas.from_case(Case.model_validate(parsed()), tmp_path).box.lengths
+    sides = CaseGas.from_case(CaseSections.model_validate(parsed()), tmp_path).box.lengths
     (found,) = mistakes(
         tmp_path, "run.seed=6", "box.packing_fraction=", f"box.lengths=[{sides[0]!r}, {sides[1]!r}]"
     )

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from support.gases import touching
 
-from ifrdem.case.case import Case
+from ifrdem.case.case import CaseSections
 from ifrdem.case.estimate import RunEstimate, collision_rates
 from ifrdem.case.gas import CaseGas
 from ifrdem.errors import InputError
@@ -135,12 +135,12 @@ positions = "lubachevsky_stillinger"
 
 def test_a_case_starts_by_growth_and_refuses_by_key() -> None:
     raw = tomllib.loads(CASE)
-    case = Case.model_validate(raw)
+    case = CaseSections.model_validate(raw)
     gas = CaseGas.from_case(case)
     check_no_overlap(gas.box, gas.disks.radius, gas.start().position, tolerance=0.0)
     assert math.pi * np.sum(gas.disks.radius**2) / gas.box.area == pytest.approx(0.84, rel=1e-13)
     raw["box"]["packing_fraction"] = 0.9
-    case = Case.model_validate(raw)
+    case = CaseSections.model_validate(raw)
     with pytest.raises(
         InputError,
         match=r'^start\.positions = "lubachevsky_stillinger": packing fraction = 0\.9000: growth ended at',
@@ -170,7 +170,7 @@ def test_a_gas_begins_to_collide_at_the_rate_of_a_mixture_at_equilibrium() -> No
     raw = tomllib.loads(text.replace("0.84", "0.4"))
     raw["species"][0]["radii"] = {"distribution": "lognormal", "mean": 0.01, "deviation": 0.003}
     raw["material"] = [{"name": "smooth", "e_n": 1.0, "e_t": -1.0, "mu": 0.0}]
-    case = Case.model_validate(raw)
+    case = CaseSections.model_validate(raw)
     gas = CaseGas.from_case(case)
     simulation = gas.simulation()
     simulation.run(collisions_per_disk=0.5)

@@ -12,7 +12,7 @@ import pytest
 
 from ifrdem.case import file as case_file
 from ifrdem.case import report
-from ifrdem.case.case import Case
+from ifrdem.case.case import CaseSections
 from ifrdem.case.estimate import RunEstimate
 from ifrdem.case.gas import CaseGas
 from ifrdem.errors import InputError
@@ -135,7 +135,7 @@ def test_parameters_that_describe_no_radii_are_refused(name: str, parameters: di
 
 
 def test_packing_fraction_is_exact_and_masses_follow_the_radii() -> None:
-    case = Case.model_validate(tomllib.loads(CASE + LOGNORMAL))
+    case = CaseSections.model_validate(tomllib.loads(CASE + LOGNORMAL))
     gas = CaseGas.from_case(case)
     assert gas.disks.n == len(np.unique(gas.disks.radius)) == 1000
     covered = math.pi * math.fsum(gas.disks.radius**2) / (gas.box.lengths[0] * gas.box.lengths[1])
@@ -152,10 +152,10 @@ def test_packing_fraction_is_exact_and_masses_follow_the_radii() -> None:
 def test_species_with_one_distribution_draw_apart_and_another_seed_others() -> None:
     two = CASE + LOGNORMAL + CASE[CASE.index("[[species]]") :].replace("coins", "more") + LOGNORMAL
     raw = tomllib.loads(two)
-    radius = CaseGas.from_case(Case.model_validate(raw)).disks.radius
+    radius = CaseGas.from_case(CaseSections.model_validate(raw)).disks.radius
     assert not np.array_equal(radius[:1000], radius[1000:])
     raw["run"]["seed"] = 4
-    assert not np.intersect1d(radius, CaseGas.from_case(Case.model_validate(raw)).disks.radius).size
+    assert not np.intersect1d(radius, CaseGas.from_case(CaseSections.model_validate(raw)).disks.radius).size
 
 
 def test_a_coefficient_pair_is_judged_for_the_extreme_masses_of_both_species() -> None:
@@ -202,7 +202,7 @@ def test_a_misspelt_parameter_gets_the_nearest() -> None:
 
 
 def test_check_prints_the_radii_their_ratio_and_what_it_costs() -> None:
-    case = Case.model_validate(
+    case = CaseSections.model_validate(
         tomllib.loads(
             CASE + 'radii = { distribution = "bidisperse", low = 0.01, high = 0.05, large_fraction = 0.1 }'
         )
@@ -220,7 +220,7 @@ def test_check_prints_the_radii_their_ratio_and_what_it_costs() -> None:
 
 
 def test_collision_rate_of_two_sizes_is_that_of_two_species() -> None:
-    one = Case.model_validate(
+    one = CaseSections.model_validate(
         tomllib.loads(
             CASE + 'radii = { distribution = "bidisperse", low = 0.01, high = 0.02, large_fraction = 0.5 }'
         )
@@ -236,6 +236,6 @@ def test_collision_rate_of_two_sizes_is_that_of_two_species() -> None:
         .replace("coins", "large")
         .replace("speed_rms = 1.0", f"radius = 0.02\nspeed_rms = {speed[1]}")
     )
-    two = Case.model_validate(tomllib.loads(text))
+    two = CaseSections.model_validate(tomllib.loads(text))
     rates = RunEstimate.of(CaseGas.from_case(two)).collision_rate
     assert rate == pytest.approx(np.mean(rates), rel=1e-12)

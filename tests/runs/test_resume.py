@@ -17,7 +17,7 @@ import h5py
 import numpy as np
 import pytest
 
-from ifrdem.case.case import Case
+from ifrdem.case.case import CaseSections
 from ifrdem.case.gas import CaseGas
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError, Stopped
@@ -312,7 +312,7 @@ def test_checkpoints_of_others_are_refused_before_anything_is_done(tmp_path, mon
 
     checkpoint.write(place, {"a": np.arange(3)}, {"extra": {"mine": 1}})
     assert "Simulation.load_checkpoint resumes from it" in told()
-    case = Case.model_validate(tomllib.loads(CASE)).model_dump_json(exclude_unset=True)
+    case = CaseSections.model_validate(tomllib.loads(CASE)).model_dump_json(exclude_unset=True)
     run_of_b = {
         "course": {},
         "case_path": str(tmp_path / "gone.toml"),

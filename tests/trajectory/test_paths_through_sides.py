@@ -10,7 +10,7 @@ from matplotlib.collections import LineCollection
 
 from ifrdem import analysis, plots
 from ifrdem.analysis import catalogue
-from ifrdem.case.case import Case
+from ifrdem.case.case import CaseSections
 from ifrdem.cli.main import main
 from ifrdem.errors import InputError
 from ifrdem.fit.tabular import TableFormat
@@ -90,7 +90,7 @@ def test_speeds_show_jumps_that_steps_hide() -> None:
 
 
 def test_a_case_stores_images_by_default(tmp_path: Path) -> None:
-    assert "image" in Case.model_fields["output"].get_default(call_default_factory=True).fields
+    assert "image" in CaseSections.model_fields["output"].get_default(call_default_factory=True).fields
     with TrajectoryWriter(tmp_path / "new.h5", Disks(1, 1.0, 0.1), BOX) as file:
         file.write(State([[1.0, 1.0]], [[0.0, 0.0]], [0.0]))
     with Trajectory(tmp_path / "new.h5") as trajectory:

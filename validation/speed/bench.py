@@ -26,7 +26,7 @@ import numpy as np
 from ... import theory
 from ...case import file as case_file
 from ...case import shipped, summary
-from ...case.case import UNITS, Case
+from ...case.case import UNITS, CaseSections
 from ...case.gas import CaseGas
 from ...case.objects import device_of
 from ...errors import InputError
@@ -243,7 +243,7 @@ def bench(
 
 
 def measure(
-    case: Case,
+    case: CaseSections,
     folder: Path | str = ".",
     *,
     after: float | None = None,
@@ -257,7 +257,7 @@ def measure(
 
     Parameters
     ----------
-    case : Case
+    case : CaseSections
         The gas, device, threads and precision. The end of the case does not matter.
     folder : path
         Where a start file's path begins.
@@ -332,7 +332,7 @@ def _sent(simulation: Simulation) -> Any:
 
 
 def prepared(
-    case: Case, folder: Path | str = ".", *, after: float | None = None, comm: Communicator = SERIAL
+    case: CaseSections, folder: Path | str = ".", *, after: float | None = None, comm: Communicator = SERIAL
 ) -> tuple[CaseGas, Simulation]:
     """The gas of a case and its simulation, warm; arguments and errors as for `measure`."""
     run = case.run
@@ -444,13 +444,13 @@ def elastic_gas(
     threads: int | None = None,
     precision: str = "f64",
     seed: int = 1,
-) -> Case:
+) -> CaseSections:
     """The case of n equal, smooth, elastic disks at packing fraction phi: a hexagonal lattice, Maxwellian at T = 1."""
     run = {"name": "elastic", "seed": seed, "units": "reduced", "device": device, "precision": precision}
     if threads is not None:
         run["threads"] = threads
     disk = {"mass": MASS, "radius": RADIUS, "speed_rms": math.sqrt(2.0 * TEMPERATURE / MASS)}
-    return Case.model_validate(
+    return CaseSections.model_validate(
         {
             # The end is the benchmark's; a case needs one.
             "run": {**run, "collisions_per_disk": 1.0},

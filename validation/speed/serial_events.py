@@ -52,7 +52,7 @@ def _compile(function: _Function) -> _Function:
     return compiled
 
 
-class Arrays(NamedTuple):
+class SerialArrays(NamedTuple):
     """The disks, and what is known of their next events; arrays (n,) unless it is said."""
 
     L: Array  # (2,): sides of the box
@@ -348,7 +348,7 @@ class SerialEvents:
         self._start = state
         L, M = np.array(box.lengths), np.array(cells)
         times, none = np.full(n, np.inf), np.full(n, -1)
-        self._arrays = g = Arrays(
+        self._arrays = g = SerialArrays(
             L=L, sigma=float(diameter), M=M, width=L / M, r=box.wrap(state.position), v=state.velocity.copy(),
             clock=np.zeros(n), collisions=np.zeros(n, np.int64), cell=np.zeros((n, 2), np.int64),
             head=np.full(cells[0] * cells[1], -1), following=none, before=none.copy(),

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...case import summary
-from ...case.case import Case
+from ...case.case import CaseSections
 from ...errors import InputError
 from ...simulation import backend
 from ...tools.arguments import script
@@ -99,16 +99,16 @@ class Memory:
         return _row(name, f"{size:.4g} bytes a disk", f"{self.target:g} bytes a disk", size <= self.target)
 
 
-def coins(n: int, phi: float, *, device: str, threads: int | None, **run: Any) -> Case:
+def coins(n: int, phi: float, *, device: str, threads: int | None, **run: Any) -> CaseSections:
     """Coins of 1 pta that cool from a random start."""
     run |= {"name": "coins", "device": device, "collisions_per_disk": AFTER} | (
         {} if threads is None else {"threads": threads}
     )
     species = {"name": "1 pta", "number": n, "coin": "1 pta", "speed_rms": 1.0}
-    return Case.model_validate({"run": run, "box": {"packing_fraction": phi}, "species": [species]})
+    return CaseSections.model_validate({"run": run, "box": {"packing_fraction": phi}, "species": [species]})
 
 
-def two_sizes(n: int, phi: float, **gas: Any) -> Case:
+def two_sizes(n: int, phi: float, **gas: Any) -> CaseSections:
     """Elastic disks of two sizes with equal areas."""
     case = bench.elastic_gas(n, phi, **gas).model_dump(exclude_none=True, exclude_unset=True)
     (disks,) = case["species"]
@@ -117,15 +117,15 @@ def two_sizes(n: int, phi: float, **gas: Any) -> Case:
     share = round(n / (1.0 + BIG**2)) / n
     radii = {"low": bench.RADIUS, "high": BIG * bench.RADIUS, "large_fraction": share}
     disks["radii"] = {"distribution": "bidisperse", **radii}
-    return Case.model_validate(case | {"start": {"positions": "lubachevsky_stillinger"}})
+    return CaseSections.model_validate(case | {"start": {"positions": "lubachevsky_stillinger"}})
 
 
-def with_ledger(case: Case) -> Case:
+def with_ledger(case: CaseSections) -> CaseSections:
     """A copy of a case with the energy ledger."""
     return case.model_copy(update={"output": case.output.model_copy(update={"ledger": True})})
 
 
-def timing(case: Case, after: float | None = None) -> Timed:
+def timing(case: CaseSections, after: float | None = None) -> Timed:
     """A function that times a run of the gas of a case, which is warm."""
     _, simulation = bench.prepared(case, after=after)
     return lambda seconds: bench.timed(simulation, seconds)
