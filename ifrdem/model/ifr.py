@@ -155,7 +155,7 @@ class IFRLaw(CollisionLaw):
     >>> ifrdem.IFRLaw(e_n=1.2, e_t=-0.9, mu=0.15)
     Traceback (most recent call last):
         ...
-    ifrdem.errors.InputError: e_n = 1.2: must be a number from 0 to 1 (normal restitution; above 1 collisions would add energy)
+    ifrdem.errors.InputError: e_n = 1.2: must be a number from 0 to 1 ...
     """
 
     coefficients: ClassVar[tuple[str, ...]] = ("e_n", "e_t", "mu", "contact_point", "rho")
