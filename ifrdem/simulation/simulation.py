@@ -41,7 +41,7 @@ from ..tools.notebook import DisksRepr
 from ..tools.progress import Progress as Bar
 from ..tools.progress import seen
 from ..tools.read_only import ReadOnlyAttributes
-from . import backend, checkpoint, checks
+from . import backend, checkpoint, checks, force_steps
 from .device import Device
 from .engine import CollisionTimes, Engine
 from .schedule import (
@@ -216,6 +216,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             return begin
 
         def judged() -> None:
+            force_steps.check_types(forces)
             laws = law_table(law, kinds, max((wall.material for wall in walls), default=0))
             checked_class(laws)
             check_energy(laws, kinds, (wall.material for wall in [*walls, *sides(box)]))
