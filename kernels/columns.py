@@ -319,7 +319,7 @@ TRIAL_TABLES: dict[str, Columns] = {
     # Impulse along n, that below which the disks would overlap; velocities and spins after the collision.
     "found": Columns(**columns("P_n", "least_P_n", "vx_i", "vy_i", "spin_i", "vx_j", "vy_j", "spin_j")),
 }  # fmt: skip
-"""Tables of the arrays of collisions by which a law is tried (`contact.try_law`)."""
+"""Tables of the arrays of collisions by which a law is tried (`contact.sample_law`)."""
 
 # ---------------------------------------------------------------------- steps of forces
 
@@ -356,7 +356,7 @@ TABLES: dict[str, Columns] = {
     "residual_acceleration": RESIDUAL_ACCELERATION, "event": EVENT, "event_int": EVENT_INT, "pair": PAIR,
     "counter": COUNTER, "clock": CLOCK, "grid": GRID, "scale": SCALE, "sums": TALLY, "total": TOTAL,
     "walls": WALL, "law": LAW,
-    "real_out": REAL_OUT, "int_out": INT_OUT, "past_out": PAST, "hits_out": HITS_OUT, "spent_out": MECHANISM,
+    "real_out": REAL_OUT, "int_out": INT_OUT, "past_out": PAST, "hits_out": HITS_OUT, "dissipated_out": MECHANISM,
     "totals": READOUT, "when": WHEN, "counter_words": COUNTER_WORDS,
 }  # fmt: skip
 """Tables of the columns of arrays, by the names that kernels give them; others have numbers."""
@@ -372,7 +372,7 @@ TYPES: dict[str, str] = {
 """Types of the numbers of arrays on the device."""
 AXES = {
     "tile": 2, "reach": 2, "found": 2, "tally": 3, "law": 3, "real_out": 2, "int_out": 2,
-    "past_out": 2, "hits_out": 2, "spent_out": 2, "totals": 2, "todo": 2, "pairs": 2,
+    "past_out": 2, "hits_out": 2, "dissipated_out": 2, "totals": 2, "todo": 2, "pairs": 2,
 }  # fmt: skip
 """Axes of arrays that have more than one, by the names that kernels give them; a vector of columns is none."""
 SINGLE = (

@@ -150,7 +150,7 @@ def collided(
 
 
 @kernel
-def try_law(gas: Arrays("uses law pairs found", TRIAL_TABLES)):
+def sample_law(gas: Arrays("uses law pairs found", TRIAL_TABLES)):
     """Collide each of c pairs, n along x and disk j at rest: a row of `found` for each of `pairs`."""
     for c in range(gas.pairs.shape[0]):
         it, result = gas.pairs[c], gas.found[c]

@@ -42,7 +42,7 @@ TOO_FAR = 1e6  # or a disk that would come so many times through its region in a
 
 
 @ti.func
-def take_out(i, bins, gas: ti.template()):
+def remove_event(i, bins, gas: ti.template()):
     """Take a disk out of its bin."""
     info = gas.event_info[i]
     before, after = info.previous, info.next
@@ -57,7 +57,7 @@ def take_out(i, bins, gas: ti.template()):
 
 
 @ti.func
-def put_in(i, t, present, bins, n_bins, rate, gas: ti.template()):
+def insert_event(i, t, present, bins, n_bins, rate, gas: ti.template()):
     """Put a disk whose event is at t into its bin, none before the `present` one; into none beyond the window."""
     if t * rate < n_bins:
         b = ti.min(ti.max(ti.cast(t * rate, ti.i32), present), n_bins - 1)
@@ -652,7 +652,7 @@ def look_for_pistons(
     """After an event of a piston, have disk number q look at walls, and at disks too if it is to meet a piston."""
     if all_look == 1:
         i = offset + q
-        take_out(i, bins, gas)
+        remove_event(i, bins, gas)
         x_low, x_high, keeps = 1, 0, 1  # at no disk, but at walls
         if meets_piston(i, gas) == 1:
             x_low, x_high, keeps = -1, 1, 0
@@ -667,7 +667,7 @@ def begin_queue(
     if ti.static(on_gpu()):
         fresh = n
         for i in range(offset, offset + n):
-            put_in(i, next_event(i, gas), 0, bins, n_bins, rate, gas)
+            insert_event(i, next_event(i, gas), 0, bins, n_bins, rate, gas)
 
 
 @ti.func
@@ -724,14 +724,14 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                 present = ti.min(present, n_bins - 1)  # for who meets it later in this window
             else:
                 events += 1
-                take_out(i, bins, gas)
+                remove_event(i, bins, gas)
                 first, looking = i, 1
                 partner = gas.event_info[i].partner
                 if gas.motion[i].t_leave < gas.motion[i].t_hit:
                     cross_side(i, keeps, x_low, x_high, y_low, y_high, region, gas)
                 elif partner >= 0:
                     if gas.event_info[partner].number == gas.event_info[i].partner_number:
-                        take_out(partner, bins, gas)
+                        remove_event(partner, bins, gas)
                         collide(i, partner, t, tile, region, gas)
                         second, looking = partner, 2
                         pause_after(t, tile, moment, written, pausing, pauses, gas)
@@ -748,5 +748,5 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
             if ti.static(gas.uses.pistons):
                 look_for_pistons(i, q, offset, bins, all_look, x_low, x_high, keeps, gas)
             t = predict(i, x_low, x_high, y_low, y_high, half, keeps, region, gas)
-            put_in(i, t, present, bins, n_bins, rate, gas)
+            insert_event(i, t, present, bins, n_bins, rate, gas)
     ti.atomic_add(gas.counter.n_events, events)

@@ -77,7 +77,7 @@ def kernels_of(force: Any) -> tuple[Any, Any, Any]:
     return (
         _sum_totals_of(measure, force.totals, names) if force.totals else None,
         _apply_force_of(act, force.totals, names),
-        _try_force_of(act, measure, force.totals, names),
+        _sample_force_of(act, measure, force.totals, names),
     )
 
 
@@ -173,11 +173,11 @@ def _apply_force_of(act: Any, n_totals: int, names: tuple[str, ...]) -> Any:
     return apply_force
 
 
-def _try_force_of(act: Any, measure: Any, n_totals: int, names: tuple[str, ...]) -> Any:
+def _sample_force_of(act: Any, measure: Any, n_totals: int, names: tuple[str, ...]) -> Any:
     """Kernel that calls a force once."""
 
     @ti.kernel
-    def try_force(numbers: Rows, parameters: Rows):
+    def sample_force(numbers: Rows, parameters: Rows):
         """Compile the force for one disk with placeholder numbers."""
         given = ti.static((NamedNumbers(parameters, names),))[0]
         for s in range(1):
@@ -198,4 +198,4 @@ def _try_force_of(act: Any, measure: Any, n_totals: int, names: tuple[str, ...])
             vx, vy, spin = act(body, step, given)
             numbers[s] = vx + vy + spin
 
-    return try_force
+    return sample_force

@@ -33,7 +33,7 @@ def window_length(mean_square, fastest2, path, tile_side, pull, wall_speed):
 
 @ti.func
 def usual_halo(chain_halo, fastest, pull, wall_speed, window):
-    """Halo [length] for who may come in a window, the fastest disk included, and for who hits whom in chains."""
+    """Halo [length] of disks that may arrive in a window, the fastest included, and of chains of collisions."""
     return chain_halo + 2.0 * ((fastest + wall_speed) * window + 0.5 * pull * window * window)
 
 

@@ -75,15 +75,15 @@ def read_out(
     filled: ti.i32,
     gas: Arrays(
         "uses grid scale clock disk meta past hits spent slept kind kinds tile edge_x edge_y real_out int_out "
-        "past_out hits_out spent_out totals"
+        "past_out hits_out dissipated_out totals"
     ),
 ):
     """Write disks by id (of one rank of several, by slot), unless `filled` is 0, and the sums of each tile.
 
     `real_out` (n, 5): x, y, vx, vy, spin; `int_out` (n, 3): collisions with disks and walls, boxes travelled;
     `past_out` (n, 2): time since the window's beginning of the latest collision, angle; `hits_out` (n, 3): collisions
-    with walls, latest partner, 1 for disks asleep; `spent_out` (n, mechanisms): energy that collisions took; `totals`
-    (tiles, sums).
+    with walls, latest partner, 1 for disks asleep; `dissipated_out` (n, mechanisms): energy that collisions took;
+    `totals` (tiles, sums).
     """
     spread = ti.static(spread_of_loops())
     for item in range(spread * gas.grid.tiles_x * gas.grid.tiles_y):
@@ -121,7 +121,7 @@ def read_out(
                         gas.past_out[i].latest, gas.past_out[i].angle = gas.past[s].latest, gas.past[s].angle
                     if ti.static(gas.uses.itemised):
                         for column in ti.static(range(MECHANISM.width)):
-                            gas.spent_out[i][column] = gas.spent[s][column]
+                            gas.dissipated_out[i][column] = gas.spent[s][column]
                     if ti.static(gas.uses.walled or gas.uses.partnered):
                         gas.hits_out[i].wall_collisions = gas.hits[s].wall_collisions
                         gas.hits_out[i].last_partner = gas.hits[s].last_partner
@@ -153,7 +153,7 @@ def exchange(board: Rows, sending: ti.i32, arrays: Arrays(" ".join(SMALL), {})):
 
 
 @ti.kernel
-def take_rows(array: Rows, at: Rows, rows: Table):
+def read_rows(array: Rows, at: Rows, rows: Table):
     """Copy the rows `at` of an array into a table, which ranks send one another (`ifrdem/simulation/ranks.py`)."""
     for i in range(at.shape[0]):
         if ti.static(width(array) == 0):
@@ -164,7 +164,7 @@ def take_rows(array: Rows, at: Rows, rows: Table):
 
 
 @ti.kernel
-def put_rows(array: Rows, at: Rows, rows: Table):
+def write_rows(array: Rows, at: Rows, rows: Table):
     """Copy a table into the rows `at` of an array."""
     for i in range(at.shape[0]):
         if ti.static(width(array) == 0):

@@ -62,7 +62,7 @@ from .walls.cells import cell_of
 from .walls.images import as_partner, position_at, wall_of
 from .walls.kinds import STILL
 from .walls.motion import turned_back, wall_motion, wall_reach, wall_turn
-from .walls.shapes import is_beside, wall_vector
+from .walls.shapes import side_is_not_nearest, wall_vector
 
 SLOW = 2.0  # resting speeds: slower disks may rest
 GAP = 4.0  # v_s^2 / g: disks that are nearer touch
@@ -271,7 +271,7 @@ def from_wall(i, image, region: ti.template(), gas: ti.template()):
         angle, _spin, _most, _turn_bound = wall_turn(w, 0.0 * s, gas)
         x, y = turned_back(w, x, y, s, angle, gas)
     nx, ny, distance = wall_vector(w, x, y, s, gas)
-    if is_beside(w, nx, ny, distance, gas) == 1:
+    if side_is_not_nearest(w, nx, ny, distance, gas) == 1:
         distance = FAR + 0.0 * distance
     return nx, ny, distance
 

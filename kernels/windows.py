@@ -19,7 +19,7 @@ from .walls.motion import wall_phases
 # Of a gas in one tile: a second's work at most, between two looks at the clock.
 MOST_EVENTS_OF_A_LAUNCH = 1_000_000
 HALO_GROWTH = 1.6  # halo of a tile that has to be run again
-LEAST_HALO = 0.7  # of the least side of a tile, that the widest halo may have before disks are listed anew
+LEAST_HALO = 0.7  # of the least side of a tile, that the widest halo may have before disks are listed again
 
 
 @ti.func

@@ -462,11 +462,12 @@ def of_pressure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluat
         span = (max(span[0], found.span[0]), min(span[1], found.span[1]))
         if not span[1] > span[0]:
             raise InputError(f"{trajectory.path}: its histories do not overlap the chosen frames")
-        seen = (found.time >= span[0]) & (found.time <= span[1])
+        inside = (found.time >= span[0]) & (found.time <= span[1])
         sigma = disks.radius[found.id] + disks.radius[found.partner]
         columns = (found.time, found.normal, found.impulse, sigma)
         result = pressure.pressure_from_impulses(
-            *(column[seen] for column in columns), span=span, area=box.area, disks=disks.n, tracked=len(found.tracked),
+            *(column[inside] for column in columns), span=span, area=box.area, disks=disks.n,
+            tracked=len(found.tracked),
             temperature=np.array([_span_mean(when, T, part) for part in pressure.blocks(span)]),
         )  # fmt: skip
         force, of_Z = unit(trajectory, "energy/length^2"), result.error / (result.kinetic or math.nan)
@@ -576,13 +577,13 @@ def _misfit(law: str, misfit: float, n: int, quantity: str, scatter: float) -> s
 
 def of_impact(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     found = stored.collisions(trajectory)
-    seen = found.first_of_pair
+    inside = found.first_of_pair
     span = found.span
     if chosen is not None:
         span = times(trajectory, list(chosen))
-        seen &= (found.time >= span[0]) & (found.time <= span[1])
-    result = impact.impacts(found.psi[seen], found.regime[seen])
-    counts = None if np.any(found.regime[seen] < 0) else _regime_counts(trajectory, span)
+        inside &= (found.time >= span[0]) & (found.time <= span[1])
+    result = impact.impacts(found.psi[inside], found.regime[inside])
+    counts = None if np.any(found.regime[inside] < 0) else _regime_counts(trajectory, span)
     of_tracked = f"of {len(found.tracked)} tracked disks"
     if counts is not None:
         result = replace(result, regimes=impact.regime_shares(counts), regime_collisions=sum(counts.values()))

@@ -151,11 +151,11 @@ def _autoregression(rest: Array, modes: Array) -> tuple[float, float]:
         off_diagonal = (n - 1) * rho - float(np.sum(modes[:-1] * moved[1:] + moved[:-1] * modes[1:]))
         return square, off_diagonal + float(np.sum((modes[:-1] @ inner) * modes[1:]))
 
-    seen = float(rest[:-1] @ rest[1:]) / max(float(rest @ rest), 1e-300)
+    correlation = float(rest[:-1] @ rest[1:]) / max(float(rest @ rest), 1e-300)
 
     def excess(rho: float) -> float:
         square, off_diagonal = means(rho)
-        return off_diagonal / square - seen
+        return off_diagonal / square - correlation
 
     low, high = 0.0, 1.0 - 0.1 / n
     rho = low if excess(low) >= 0.0 else high

@@ -120,14 +120,14 @@ def coarse_grain(
 
     def total(weights: Array, squared: bool = False) -> Array:
         """Sums of weights times phi, or phi^2: a Gaussian that sums to 1 over cells, or 1 in the own cell."""
-        put = np.bincount(index, weights, minlength=cells[0] * cells[1]).astype(np.float64).reshape(cells)
+        binned = np.bincount(index, weights, minlength=cells[0] * cells[1]).astype(np.float64).reshape(cells)
         if not width:
-            return put
+            return binned
         if not squared:
-            return _smoothed(put, width, size, box) / inside
+            return _smoothed(binned, width, size, box) / inside
         # The square of a Gaussian is one of width / sqrt 2, times this.
         factor = float(np.prod(size)) / (4.0 * np.pi * width**2)
-        return factor * _smoothed(put, width / np.sqrt(2.0), size, box) / inside**2
+        return factor * _smoothed(binned, width / np.sqrt(2.0), size, box) / inside**2
 
     one = np.ones(n)
     number, mass_ = total(one), total(m)

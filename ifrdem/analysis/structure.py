@@ -110,17 +110,17 @@ def pair_correlation(
     if not 0.0 <= r_min < r_max:
         raise InputError(f"r_min = {r_min:g}, r_max = {r_max:g}: must satisfy 0 <= r_min < r_max")
     counted = _count_pairs(position, box, r_min, r_max, bins, time)
-    edges, count, ideal = counted.edges, counted.count, counted.ideal
+    edges, count, ideal = counted.edges, counted.number, counted.ideal
     error = np.maximum(counted.independent, counted.scatter)
     g = count / ideal
     return PairCorrelation(0.5 * (edges[1:] + edges[:-1]), g, error, 0.5 * count, counted.frames)
 
 
 class _Counted(NamedTuple):
-    """Pairs of a g(r): counts (each pair twice), their expectation in an ideal gas, and errors of the ratio."""
+    """Pairs of a g(r): their number (each pair twice), their expectation in an ideal gas, and errors of the ratio."""
 
     edges: Array  # (bins + 1,) [length]
-    count: Array
+    number: Array
     ideal: Array
     independent: Array
     scatter: Array
@@ -213,7 +213,7 @@ def contact_value(
     if box.is_open:
         raise InputError("box = Box.open(): must have sides, g(r) needs a density")
     counted = _count_pairs(position, box, sigma, reach, CONTACT_BINS, time)
-    pairs = 0.5 * counted.count
+    pairs = 0.5 * counted.number
     used = pairs >= 5.0
     if np.count_nonzero(used) < 8:
         raise InputError(
@@ -221,7 +221,7 @@ def contact_value(
             "extrapolate g to contact: take more disks or frames"
         )
     r = 0.5 * (counted.edges[1:] + counted.edges[:-1])
-    x, y = r[used] / sigma - 1.0, np.log(counted.count[used] / counted.ideal[used])
+    x, y = r[used] / sigma - 1.0, np.log(counted.number[used] / counted.ideal[used])
     # Frames that show nearly the same gas count as fewer.
     excess = float(np.mean((counted.scatter[used] / counted.independent[used]) ** 2))
     # Weighted by 1 / error of ln g. Middles of bins stand for their means: off by (width^2 / 24) g'' / g, 1e-4 here.

@@ -19,7 +19,7 @@ from ..model.box import Box
 from ..model.coin_table import coins
 from ..model.gravity import DEFAULT_STEP, MAX_STEP
 from .output_section import OutputSection
-from .section import Section, field, not_beside, refusal
+from .section import Section, exclusive_with, field, refusal
 from .walls_section import Pair, Wall
 
 _SI = {
@@ -128,7 +128,7 @@ class BoxSection(Section):
         """Also whether sides that are walls have a material, and gravity has a floor. An open box needs no size."""
         if data.get("open") is True:
             walled = ("periodic", "material", "gravity", "gravity_rotation_rate", "shear_rate")
-            wrong = not_beside(data, "open", *walled)
+            wrong = exclusive_with(data, "open", *walled)
             sized = {"packing_fraction", "lengths"} & set(data)
             return wrong + _without_aspect(data) + (super().mistakes(data) if sized else [])
         wrong = super().mistakes(data) + _without_aspect(data)
@@ -231,7 +231,7 @@ class MaterialSection(Section):
         """Coefficients beside a coin, or missing without one."""
         coefficients = ("e_n", "e_t", "mu")
         missing = [key for key in coefficients if key not in data and "coin" not in data]
-        wrong = not_beside(data, "coin", *coefficients)
+        wrong = exclusive_with(data, "coin", *coefficients)
         return [*wrong, f"missing: {', '.join(missing)}, or coin"] if missing else wrong
 
 
@@ -356,7 +356,7 @@ class SpeciesSection(Section):
         """A mass and a size that are missing, or given twice; with a coin, given at all."""
         masses, sizes = ("mass", "areal_density"), ("radius", "diameter", "radii")
         if "coin" in data:
-            return not_beside(data, "coin", *masses, *sizes, "k")
+            return exclusive_with(data, "coin", *masses, *sizes, "k")
         wrong = []
         for group in (masses, sizes):
             given = [key for key in group if key in data]
@@ -571,7 +571,7 @@ class StartSection(Section):
         if scan and positions != IMPACT_SCAN:
             return [f'{", ".join(scan)}: requires positions = "{IMPACT_SCAN}"']
         if "file" in data:
-            return not_beside(data, "file", "positions", "frame", "motion")
+            return exclusive_with(data, "file", "positions", "frame", "motion")
         of_file = [key for key in ("columns", "units", "delimiter", "decimal", "relax") if key in data]
         return [f"{', '.join(of_file)}: requires file"] * bool(of_file and file is None)
 

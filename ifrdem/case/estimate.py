@@ -291,13 +291,13 @@ def _wall_hits(gas: CaseGas) -> float:
     if not free_area.all_walls:
         return rate
     phi = free_area.covered_part(gas.kinds.covered)
-    crowding = 1.0 + 2.0 * phi * theory.contact_value(min(phi, 0.9))
+    wall_contact_value = 1.0 + 2.0 * phi * theory.contact_value(min(phi, 0.9))
     for each in gas.species:
         inset = each.summary.radius.mean
         if (area := free_area.area(inset)) > 0.0:
             along_x = each.speed_rms / math.sqrt(2.0)
             flux = each.number / area * along_x / math.sqrt(2.0 * math.pi)
-            rate += crowding * flux * free_area.wall_length(inset)
+            rate += wall_contact_value * flux * free_area.wall_length(inset)
     return rate
 
 

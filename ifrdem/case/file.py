@@ -16,7 +16,7 @@ from ..errors import InputError, listed
 from ..mpi import Communicator
 from ..tools import text_file
 from .case import IMPACT_SCAN, Case
-from .gas import CaseGas, judge
+from .gas import CaseGas, validate_case
 from .messages import KeyPath, cut, place_of, problems, spelled
 from .section import Problem
 
@@ -131,7 +131,7 @@ def of_text(
     `where` says where overrides were set, in messages.
     """
     raw = changed(load_text(text, path), path, overrides)
-    gas, found = judged(raw, path.parent, ranks)
+    gas, found = validate_parsed(raw, path.parent, ranks)
     _refuse(found, path, overrides, where)
     assert gas is not None  # else something was wrong
     if gas.case.start.positions == IMPACT_SCAN:  # of which all places are made here
@@ -154,7 +154,9 @@ def _refuse(
         raise InputError(listed([f"{path}: {text}" for text in texts]))
 
 
-def judged(raw: Mapping[str, Any], folder: Path, ranks: int = 1) -> tuple[CaseGas | None, list[Problem]]:
+def validate_parsed(
+    raw: Mapping[str, Any], folder: Path, ranks: int = 1
+) -> tuple[CaseGas | None, list[Problem]]:
     """The gas of a parsed case, and everything wrong: keys, types and ranges first; if these are in order, rules.
 
     Unknown keys alone do not hide what the rules forbid.
@@ -162,7 +164,7 @@ def judged(raw: Mapping[str, Any], folder: Path, ranks: int = 1) -> tuple[CaseGa
     case, found = validated(raw)
     if case is None:
         return None, found
-    gas, more = judge(case, folder, ranks=ranks)
+    gas, more = validate_case(case, folder, ranks=ranks)
     return gas, found + more
 
 

@@ -41,7 +41,7 @@ from .species import Species, species_of
 if TYPE_CHECKING:
     from ..model.forces import Force
 
-TRIED = {"random": 10_000, GROWN: 2_000}
+PLACED_BY_CHECK = {"random": 10_000, GROWN: 2_000}
 """Numbers of disks that are placed in about a second, by `start.positions`; others are faster than random."""
 
 
@@ -76,7 +76,7 @@ class CaseGas:
         Raises InputError with a line for each thing that is wrong, what is too large or too small for the engine
         included.
         """
-        gas, problems = judge(case, Path(folder), start=start)
+        gas, problems = validate_case(case, Path(folder), start=start)
         if problems:
             raise InputError(listed([str(problem) for problem in problems]))
         return gas.ready() if start else gas
@@ -247,7 +247,7 @@ class CaseGas:
                     else "a floor that shakes has no frame in which gravity is constant: its disks stay awake"
                 )
             )
-            texts.append(f'wall[{i}] {why}, and supports nobody with run.collapse = "rest"{instead}')
+            texts.append(f'wall[{i}] {why}, and supports no disks with run.collapse = "rest"{instead}')
         return texts
 
     def _drifting(self) -> list[str]:
@@ -257,15 +257,15 @@ class CaseGas:
         case = self.case
         per = f"{case.unit('length')}/{case.unit('time').strip()}" if case.unit("length") else ""
         media = [each.kind for each in case.force if each.has_medium]
-        said = "Speeds, collision rates and temperatures are about its mean velocity"
+        about = "Speeds, collision rates and temperatures are about its mean velocity"
         if media:
-            said = (
+            about = (
                 "Speeds and collision rates here are about its mean velocity; temperatures of the run are not, for "
                 f"the medium of {' and '.join(dict.fromkeys(media))} is at rest"
             )
         return [
             f"the whole gas drifts at {drift_text(self.drift)}{per}, {100.0 * self.drift_share:.4g} % of the kinetic "
-            f"energy of its motion. {said}. The run takes longer than that of the same gas without the drift: windows "
+            f"energy of its motion. {about}. The run takes longer than that of the same gas without the drift: windows "
             "end where the fastest disk has come too far"
         ]
 
@@ -305,10 +305,10 @@ class CaseGas:
         velocity, spin = self._drawn_motion()
         return State(position=position, velocity=velocity + self.box.flow(position), spin=spin, **past)
 
-    def try_start(self) -> None:
+    def verify_start(self) -> None:
         """Make the start as a run does, if that takes about a second at most; InputError if it is impossible."""
         positions = self.case.start.positions if self.case.start.placed else ""
-        if self.n <= TRIED.get(positions, TRIED["random"]):
+        if self.n <= PLACED_BY_CHECK.get(positions, PLACED_BY_CHECK["random"]):
             self.tracked(self.start())
 
     @property
@@ -601,7 +601,9 @@ class CaseGas:
             raise InputError(str(Problem("start.positions", f'"{way}"', str(error)))) from None
 
 
-def judge(case: Case, folder: Path, *, start: bool = True, ranks: int = 1) -> tuple[CaseGas, list[Problem]]:
+def validate_case(
+    case: Case, folder: Path, *, start: bool = True, ranks: int = 1
+) -> tuple[CaseGas, list[Problem]]:
     """Apply every rule to a case: its gas, and all that is wrong; the gas holds as far as nothing is.
 
     A start file's path begins at `folder`; without `start`, in a run that has begun, it is looked at no more. If so

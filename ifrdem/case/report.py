@@ -22,7 +22,7 @@ from .rules import NOT_GROWN_ON_RANKS
 from .species import Spread
 from .summary import COMPILING, REFUSED_HERE, clock, no_path, refuse_cadences, refused_here, size
 
-THIN = 1e-3
+DILUTE = 1e-3
 """Packing fraction below which crossings of cells cost more than ten times what they do at 0.1."""
 
 COST_OF_RATIO: Mapping[float, float] = {
@@ -74,7 +74,7 @@ def check(gas: CaseGas, folder: Path, *, share: float = 1.0, ranks: int = 1, sli
     refuse_cadences(gas, estimate)
     pinches = gas.wall_pinch_warnings()
     if ranks == 1:
-        gas.try_start()
+        gas.verify_start()
     here = refused_here(gas, estimate, folder, share=share, ranks=ranks, sliced=sliced)
     return report(gas, estimate, (*pinches, *gas.cautions, *(f"{each}: {REFUSED_HERE}" for each in here)))
 
@@ -303,7 +303,7 @@ def _time(gas: CaseGas, estimate: RunEstimate) -> Iterator[Row]:
             f"about {rate:.2g}; `ifrdem bench --n {n} --phi {phi:.2g}` measures it here",
         )
         yield Row("compilation of kernels, before", COMPILING)
-        if phi < THIN:
+        if phi < DILUTE:
             text = "disks of so thin a gas mostly pass from cell to cell: a collision costs phi^(-1/2)"
             yield Row("", text)
     elif estimate.force_steps > 0.0:

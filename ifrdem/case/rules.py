@@ -359,12 +359,12 @@ def check_scan(case: Case) -> Iterator[Problem]:
     yield from _check_speeds(case, f'{key} = "{IMPACT_SCAN}": start.speed is the speed of those that hit')
 
 
-def _check_speeds(case: Case, beside: str) -> Iterator[Problem]:
+def _check_speeds(case: Case, given_by: str) -> Iterator[Problem]:
     """Speeds of species that are given beside a start that says how the disks move."""
     for i, each in enumerate(case.species):
         for speed in ("speed_rms", "spin_rms"):
             if speed in each.model_fields_set:
-                yield _at(case, f"species[{i}].{speed}", f"cannot be combined with {beside}")
+                yield _at(case, f"species[{i}].{speed}", f"cannot be combined with {given_by}")
 
 
 def _check_pistons(case: Case, given: StartData) -> Iterator[Problem]:

@@ -140,7 +140,7 @@ class Section(BaseModel):
         return wrong
 
 
-def not_beside(data: Mapping[str, Any], key: str, *others: str) -> list[str]:
+def exclusive_with(data: Mapping[str, Any], key: str, *others: str) -> list[str]:
     """A mistake for `others` that stand beside a key that says the same."""
     given = [each for each in others if each in data]
     return [f"{', '.join(given)} cannot be combined with {key}"] if key in data and given else []

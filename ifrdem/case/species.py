@@ -68,8 +68,8 @@ class Species:
         """Kinds, spreads and sums of all of them, from a look at one block after another."""
         kinds: Kinds | None = None
         sums, totals = {}, np.zeros(2)
-        seen = range(self.number if isinstance(self.radius, RadiiSection) else 1)
-        for ids in distribution.blocks(seen):
+        numbers = range(self.number if isinstance(self.radius, RadiiSection) else 1)
+        for ids in distribution.blocks(numbers):
             mass, radius = self.columns(ids)
             rows = [mass, radius, np.full(len(ids), self.k), np.zeros(len(ids), dtype=np.int32)]
             if kinds is None:
@@ -80,7 +80,7 @@ class Species:
             totals += np.sum(mass), np.sum(radius)
         assert kinds is not None  # each has a disk
         of_mass, of_radius = (
-            Spread(float(column.min()), float(column.max()), float(total / len(seen)))
+            Spread(float(column.min()), float(column.max()), float(total / len(numbers)))
             for column, total in zip(kinds[0][:2], totals, strict=True)
         )
         return Overview(kinds, of_mass, of_radius, sums)

@@ -530,18 +530,18 @@ def collisions(
 
     from ..fit import tracks as of_tracks
 
-    seen = of_tracks.read(source, fps=fps, form=form)
-    found = of_tracks.find(seen, disks, wall=wall, window=window, noise=noise)
+    loaded = of_tracks.read(source, fps=fps, form=form)
+    found = of_tracks.find(loaded, disks, wall=wall, window=window, noise=noise)
     about = [
         f"{len(found)} collisions in {source.name}, found by `ifrdem collisions`; SI units, angles and spins in rad"
     ]
     shown = [
-        f"{source}: {len(seen.time)} disks, {sum(map(len, seen.time.values()))} places; {len(found)} collisions",
+        f"{source}: {len(loaded.time)} disks, {sum(map(len, loaded.time.values()))} places; {len(found)} collisions",
         f"standard error of a coordinate {found.noise:.3g}"
         + (f", of an angle {found.angle_noise:.3g} rad" if math.isfinite(found.angle_noise) else ""),
     ]
-    if seen.missing:
-        shown.append(f"{seen.missing} lines without a place are left out")
+    if loaded.missing:
+        shown.append(f"{loaded.missing} lines without a place are left out")
     if found.bent:
         shown.append(
             f"{found.bent} collisions have flights that are not straight within the noise: a smaller --window helps"
@@ -652,11 +652,11 @@ def compare(
     from ..case import shipped
     from ..runs import compare as of_runs
 
-    seen = of_runs.read(measured, given, form)
+    loaded = of_runs.read(measured, given, form)
     laws = [] if draws is None else of_runs.read_draws(draws)
     found = of_runs.compare(
         file,
-        seen,
+        loaded,
         laws=laws,
         errors=starts,
         members=members,

@@ -136,7 +136,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             sys.stdout.flush()  # here, where a broken pipe is caught
             return int(status or 0)
         except CycloptsError as error:
-            return communicator.end(BAD_INPUT, _told(error), complain)
+            return communicator.end(BAD_INPUT, _message(error), complain)
         except InputError as error:
             return communicator.end(BAD_INPUT, str(error), complain)
         except EngineError as error:
@@ -153,7 +153,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except Exception:
             # A fault of the program. Alone it goes on as a traceback; one rank of several tells it, with the traceback,
             # and ends all the others, which would wait for ever.
-            if communicator.is_alone():
+            if communicator.is_single_process():
                 raise
             return communicator.end(FAILED, traceback.format_exc(), complain)
 
@@ -162,7 +162,7 @@ def _commands() -> list[str]:
     return [name for name in app if not name.startswith("-")]
 
 
-def _told(error: CycloptsError) -> str:
+def _message(error: CycloptsError) -> str:
     """The message on a command line that cannot be understood."""
     if isinstance(error.__cause__, InputError):  # of a converter
         return str(error.__cause__)

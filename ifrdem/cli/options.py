@@ -27,7 +27,7 @@ T = TypeVar("T")
 
 def option(metavar: str, text: str, *names: str, **more: Any) -> Parameter:
     """An option that takes a value: its word in `--help`, its help, its names where they differ."""
-    described = {"help": text} if text else {}  # else it is the docstring of a field
+    described: dict[str, Any] = {"help": text} if text else {}  # else it is the docstring of a field
     return Parameter(name=names or None, metavar=metavar, **described, **more)
 
 

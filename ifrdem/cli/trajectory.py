@@ -72,7 +72,7 @@ def view(
 ) -> None:
     """Look at a trajectory in a browser: play, zoom, colours, a disk's collisions, energies.
 
-    Opens a page of this machine, which nobody reaches without the token in its address, and serves it until Ctrl-C. A
+    Opens a page of this machine, which is reached only with the token in its address, and serves it until Ctrl-C. A
     run that is still going is followed. --html writes one file instead, which needs no server; --frames says which
     frames it holds.
     """
@@ -306,10 +306,10 @@ def summary(trajectory: Any, history: Any) -> list[str]:
         lines += [form.format(*row) for row in rows]
     for i in shown:
         partner = int(history.partner[i])
-        who = str(partner) if partner >= 0 else f"wall {-2 - partner}"
+        label = str(partner) if partner >= 0 else f"wall {-2 - partner}"
         impulse = history.impulse[i]
         lines.append(
-            f"  {history.time[i]:>14.8g} {who:>8} {regime_name(int(history.regime[i])):<20} {history.psi[i]:>7.4f} "
+            f"  {history.time[i]:>14.8g} {label:>8} {regime_name(int(history.regime[i])):<20} {history.psi[i]:>7.4f} "
             f"{impulse[0]:>11.4g} {impulse[1]:>11.4g} {history.columns['spin_after'][i]:>12.5g}"
         )
     return lines

@@ -32,7 +32,7 @@ RANGES: Mapping[str, Range] = MappingProxyType(
 )
 """Lowest and highest values of coefficients by name; a real mu is well below 10."""
 
-_TRIED: Mapping[str, Range] = {
+_START_RANGES: Mapping[str, Range] = {
     "e_n": (0.3, 0.98),
     "e_t": (-0.98, 0.1),
     "mu": (0.02, 0.7),
@@ -82,7 +82,7 @@ class Law:
     """Lowest and highest value of every coefficient."""
     fixed: Mapping[str, float] = field(default_factory=dict)
     """Coefficients that are not fitted."""
-    tried: Mapping[str, Range] = field(default_factory=dict)
+    start_ranges: Mapping[str, Range] = field(default_factory=dict)
     """Values from which searches start."""
     sticking: str | None = None
     """Of an IFR law."""
@@ -108,10 +108,10 @@ class Law:
         return {name: found.get(name, np.array([self.fixed.get(name, math.nan)])) for name in self.ranges}
 
     def start_points(self, number: int) -> Array:
-        """Starts (number, p) of searches, spread evenly over `tried`."""
+        """Starts (number, p) of searches, spread evenly over `start_ranges`."""
         from scipy.stats import qmc
 
-        low, high = (np.array([self.tried[name][i] for name in self.free]) for i in (0, 1))
+        low, high = (np.array([self.start_ranges[name][i] for name in self.free]) for i in (0, 1))
         points = qmc.Sobol(len(self.free), scramble=False).random(number)
         return np.asarray(low + (high - low) * points)
 
@@ -201,7 +201,7 @@ def reach(motion: Sequence[Array]) -> Array:
 
 def _ifr(name: str, about: str, sticking: str, **fixed: float) -> Law:
     ranges = {**{key: RANGES[key] for key in ("e_n", "e_t", "mu")}, "rho": (0.0, math.inf)}
-    return Law(name, about, IFRLaw, ranges, {"rho": 0.0, **fixed}, dict(_TRIED), sticking)
+    return Law(name, about, IFRLaw, ranges, {"rho": 0.0, **fixed}, dict(_START_RANGES), sticking)
 
 
 LAWS: Mapping[str, Law] = MappingProxyType(
@@ -210,7 +210,7 @@ LAWS: Mapping[str, Law] = MappingProxyType(
         for law in (
             _ifr("ifr-percussion", "IFR, percussion centre (Eq. 15)", STICKING[0]),
             _ifr("ifr-contact", "IFR, contact point (Eq. 12)", STICKING[1]),
-            Law("walton", "Walton: constant restitution of the slip", Walton, {k: RANGES[k] for k in Walton.coefficients}, tried=dict(_TRIED)),  # noqa: E501
+            Law("walton", "Walton: constant restitution of the slip", Walton, {k: RANGES[k] for k in Walton.coefficients}, start_ranges=dict(_START_RANGES)),  # noqa: E501
             _ifr("brach", "Brach: sliding until the slip stops (IFR, contact point, e_t = -1)", STICKING[1], e_t=-1.0),
             _ifr("smooth", "smooth disks (IFR, e_t = -1, mu = 0)", STICKING[1], e_t=-1.0, mu=0.0),
         )
@@ -271,8 +271,8 @@ def own(kind: type[CollisionLaw], ranges: Mapping[str, Range] | None = None) -> 
     wrong += [f"range of {name}: missing (--range {name}=LOW:HIGH)" for name in missing]
     refuse(wrong, kind.__name__)
     whole = {name: given.get(name, RANGES.get(name, (0.0, 0.0))) for name in kind.coefficients}
-    tried = {name: given.get(name, _TRIED.get(name, (0.0, 0.0))) for name in kind.coefficients}
-    return Law(kind.__name__, f"{kind.__name__}, a custom law", kind, whole, {}, tried)
+    start_ranges = {name: given.get(name, _START_RANGES.get(name, (0.0, 0.0))) for name in kind.coefficients}
+    return Law(kind.__name__, f"{kind.__name__}, a custom law", kind, whole, {}, start_ranges)
 
 
 def _is_law(value: object) -> bool:

@@ -150,11 +150,11 @@ class Likelihood:
         """Nearest points (n, d), each smooth stretch of which is searched, and the edge that chi sits at, or -1."""
         problem = self.problem
         observed, every = problem.start[:, 0], problem.rows
-        stretches = edges.shape[-1] - 1
-        best = np.clip(np.sum(observed[:, None] >= edges, axis=-1) - 1, 0, stretches - 1)
+        n_intervals = edges.shape[-1] - 1
+        best = np.clip(np.sum(observed[:, None] >= edges, axis=-1) - 1, 0, n_intervals - 1)
         x, distance = self._descend(values, every, self._begin, edges[every, best], edges[every, best + 1])
         own = best.copy()
-        for other in range(stretches):
+        for other in range(n_intervals):
             low, high = edges[:, other], edges[:, other + 1]
             gap = np.clip(observed, low, high) - observed
             near = every[(own != other) & ((gap / problem.spread) ** 2 < distance) & (high > low)]
@@ -183,13 +183,13 @@ class Likelihood:
             going = going[moving]
             if len(going) == 0:
                 break
-            tried = x[going] + step[going]
-            tried[:, 0] = np.clip(tried[:, 0], low[going], high[going])
-            new_distance, new_step = self._measure(values, rows[going], tried, low[going], high[going])
+            trial = x[going] + step[going]
+            trial[:, 0] = np.clip(trial[:, 0], low[going], high[going])
+            new_distance, new_step = self._measure(values, rows[going], trial, low[going], high[going])
             better = new_distance < distance[going]
             step[going] = np.where(better[:, None], new_step, 0.25 * step[going])
             at = going[better]
-            x[at], distance[at] = tried[better], new_distance[better]
+            x[at], distance[at] = trial[better], new_distance[better]
         return x, distance
 
     @property

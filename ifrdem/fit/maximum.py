@@ -39,7 +39,7 @@ SPINNING = ("Rw_1", "Rw_2", "e_t_apparent", "rebound_contact", "spin_1_after", "
 
 TRANSIT = "psi_transit"
 _STARTS, _DESCENTS = 32, 6  # points where the likelihood is looked at; the best, from which it is climbed
-_AGREE = 2  # descents that end in the lowest minimum are enough
+_SAME_MINIMA = 2  # descents that end in the lowest minimum are enough
 _PRECISE = 3e-4  # of the distance of an end from the best value
 _TOLERANCE = {"held": 1e-6, "robust": 1e-8, "plain": 1e-10}  # of descents; robust ones converge linearly
 _BETTER = 1e-5  # a loss lower by this is another minimum
@@ -144,8 +144,8 @@ def fit(
 
 def _rolling(law: Law, r: float) -> Law:
     fixed = {name: value for name, value in law.fixed.items() if name != "rho"}
-    ranges, tried = {**law.ranges, "rho": (0.0, r)}, {**law.tried, "rho": (0.0, 0.1 * r)}
-    return replace(law, fixed=fixed, ranges=ranges, tried=tried)
+    ranges, start_ranges = {**law.ranges, "rho": (0.0, r)}, {**law.start_ranges, "rho": (0.0, 0.1 * r)}
+    return replace(law, fixed=fixed, ranges=ranges, start_ranges=start_ranges)
 
 
 class Search:
@@ -253,7 +253,7 @@ class Search:
         for each in starts:
             self.ends.append(self.descend(each))
             lowest = min(loss for _, loss in self.ends)
-            if sum(loss - lowest < _BETTER for _, loss in self.ends) == _AGREE:
+            if sum(loss - lowest < _BETTER for _, loss in self.ends) == _SAME_MINIMA:
                 break
         nearby = self.near(self._lowest(self.ends)[0])[1:]
         if "mu" in self.law.free:  # without friction data below the transition look alike with another e_t

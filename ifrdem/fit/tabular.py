@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import os
 import re
 from array import array
 from collections.abc import Mapping, Sequence
@@ -95,7 +96,7 @@ class TableFormat:
 
 
 def read(
-    path: Path | str,
+    path: str | os.PathLike[str],
     kinds: Mapping[str, str],
     spellings: Mapping[str, str],
     form: TableFormat = TableFormat(),
@@ -271,9 +272,9 @@ def _header(
             known = [*kinds, *(f"{each}_error" for each in kinds)]
             close = difflib.get_close_matches(text, known, 1, _NEARLY_ALIKE)
             if close and text not in asked and not _standard(text, spellings)[0]:
-                said = printable(text)
-                hint = f"(did you mean '{close[0]}'?); --column {close[0]}='{said}' says that it is"
-                wrong.append(f"line {line}: unknown column '{said}' {hint}")
+                shown = printable(text)
+                hint = f"(did you mean '{close[0]}'?); --column {close[0]}='{shown}' says that it is"
+                wrong.append(f"line {line}: unknown column '{shown}' {hint}")
             unused.append(text)
             unit = None
         unit = form.units.get(name) or form.units.get(name.removesuffix("_error")) or unit

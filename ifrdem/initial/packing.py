@@ -28,9 +28,9 @@ from ..model.overlaps import (
     checked_radii,
     close_ones,
     close_pairs,
-    put_back,
     refuse_no_free_area,
     refuse_wider_than_box,
+    replace_rows,
 )
 from ..model.walls import Wall
 from ..mpi import collective, current
@@ -73,7 +73,7 @@ def grow(
     disks crystallise on the way, in grains that do not fit together: 0.86 was reached, above it only a lattice helps.
     InputError if they do not fit; the message says which packing fraction the same disks reached.
 
-    Arguments and what is returned as for `placement.random_positions`; walls push disks away as other disks do, and
+    Arguments and what is returned as for `initial.random_positions`; walls push disks away as other disks do, and
     `progress` is called with the fraction done, 0 to 1. The result is the same for the same seed on one machine. Pairs
     that almost touch are about as frequent as in a gas at equilibrium (by 20 % more or less up to 0.7); a few
     collisions per disk make it one.
@@ -159,7 +159,7 @@ def separate(
             break
         gap *= 4.0
     comm.run_on_root(lambda: check_no_overlap(box, near[1], moved, tolerance=0.0, ids=ids))  # type: ignore[index]
-    return put_back(centres, ids, moved)
+    return replace_rows(centres, ids, moved)
 
 
 Near = tuple[NDArray[np.int64], Array, Array] | None

@@ -290,7 +290,7 @@ def random_positions(box: Box, radius: PositiveColumn, *, seed: Seed, walls: Seq
     if comm.size > 1:
         there = comm.exchange(owner[np.searchsorted(firsts, number, side="right") - 1], there)
     order = np.argsort(there[0])
-    who, radii_there = there[1][order], there[2][order]
+    ids_there, radii_there = there[1][order], there[2][order]
     # Of the disks here, those of each strip.
     rows = {each: slice(firsts[each] - firsts[own[0]], firsts[each + 1] - firsts[own[0]]) for each in own}
     covered = {each: float(np.sum(np.square(radii_there[rows[each]]))) for each in own}
@@ -300,7 +300,7 @@ def random_positions(box: Box, radius: PositiveColumn, *, seed: Seed, walls: Seq
     shares = areas / areas.sum()
     edges = _edges(free_area, axis, shares, float(comm.total(radii)) / n)
 
-    position = np.empty((len(who), 2))
+    position = np.empty((len(ids_there), 2))
     nearby: dict[int, tuple[Array, Array]] = {}
 
     def fill(parity: int) -> None:
@@ -316,7 +316,7 @@ def random_positions(box: Box, radius: PositiveColumn, *, seed: Seed, walls: Seq
     if count > 1:
         nearby = _neighbors_of_strips(axis, edges, owner, rows, position, radii_there)
         comm.run_on_all(lambda: fill(1))
-    (found,) = comm.by_id(n, who, [position])
+    (found,) = comm.by_id(n, ids_there, [position])
     if comm.size == 1:  # on several ranks, `Simulation` looks for overlaps
         check_no_overlap(box, radii, found)
     return found

@@ -185,7 +185,7 @@ def check_by_sampling(
     """
     from taichi.lang.exception import TaichiCompilationError
 
-    from ..kernels.contact import try_law
+    from ..kernels.contact import sample_law
     from ..kernels.layout import Uses
 
     movable = np.flatnonzero(disks.movable)
@@ -210,7 +210,7 @@ def check_by_sampling(
     found = np.zeros((PAIRS, 8))
     law: Any = kind  # mypy does not take a class for hashable
     try:
-        try_law(Uses(collision_law=compiled(law)), np.ascontiguousarray(table), pairs, found)
+        sample_law(Uses(collision_law=compiled(law)), np.ascontiguousarray(table), pairs, found)
     except TaichiCompilationError as error:
         known = {"law": kind.coefficients or ("no coefficients",), "pair": OF_PAIR}
         raise InputError(

@@ -154,11 +154,11 @@ def measure(
     """
     with SERIAL:
         totals = sums(disks, state, gravity)
-    put_in = {"energy_input": energy_input, "wall_work": wall_work, "wall_heat": wall_heat}
+    energy_terms = {"energy_input": energy_input, "wall_work": wall_work, "wall_heat": wall_heat}
     counted: Any = {"dissipated": dissipated, "regimes": regimes}
     wall_collisions = int(np.sum(state.wall_collisions, dtype=np.int64))
     return from_totals(
-        disks, totals, float(state.time), wall_collisions, about_mean=about_mean, **put_in, **counted
+        disks, totals, float(state.time), wall_collisions, about_mean=about_mean, **energy_terms, **counted
     )
 
 
@@ -198,7 +198,7 @@ def from_totals(
     wall_collisions: Annotated[int, Integer(0, 2**63 - 1)],
     *,
     about_mean: tuple[bool, bool] = (True, True),
-    **put_in: Any,
+    **energy_terms: Any,
 ) -> Measure:
     """The measure of a gas from sums over all disks, which `Engine.totals` gives; `about_mean` as for `measure`.
 
@@ -236,5 +236,5 @@ def from_totals(
         + mass * mean[0] * mean[1],
         potential_energy=-fall or 0.0,
         wall_collisions=wall_collisions,
-        **put_in,
+        **energy_terms,
     )

@@ -143,14 +143,16 @@ def check_no_overlap(
         refuse_wider_than_box(box, radii, first)
 
     comm.run_on_all(refuse_single_ones)
-    own, numbers, radii, centres = _beside_in_box(box, radii, centres, 0.0, time)
-    rows, told = comm.run_on_all(lambda: _overlapping(box, radii, box.wrap(centres, time), tolerance, time))
+    own, numbers, radii, centres = _with_neighbors(box, radii, centres, 0.0, time)
+    rows, measures = comm.run_on_all(
+        lambda: _overlapping(box, radii, box.wrap(centres, time), tolerance, time)
+    )
     pairs, count = np.sort((numbers if ids is None else np.asarray(ids))[rows]), len(rows)
     if comm.size > 1:
-        pairs, told, count = _worst_of_ranks(pairs, told, own[rows].sum(axis=1))
+        pairs, measures, count = _worst_of_ranks(pairs, measures, own[rows].sum(axis=1))
     if count:
-        worst = _worst(pairs, told)[0]
-        (one, other), (overlap, distance, contact) = pairs[worst], told[worst]
+        worst = _worst(pairs, measures)[0]
+        (one, other), (overlap, distance, contact) = pairs[worst], measures[worst]
         others = "" if count == 1 else f"; {count} pairs overlap, this one the most"
         raise InputError(
             f"disks {one} and {other} overlap by {overlap:.6g} "
@@ -171,34 +173,34 @@ def _overlapping(
     return pairs[wrong], np.column_stack((overlap, distance, contact))[wrong]
 
 
-def _worst(pairs: NDArray[np.integer], told: Array) -> NDArray[np.intp]:
+def _worst(pairs: NDArray[np.integer], measures: Array) -> NDArray[np.intp]:
     """Place of the pair that overlaps most, of the lowest numbers in a tie, shape (1,); (0,) without pairs."""
-    return np.lexsort((pairs[:, 1], pairs[:, 0], -told[:, 0]))[:1]
+    return np.lexsort((pairs[:, 1], pairs[:, 0], -measures[:, 0]))[:1]
 
 
 def _worst_of_ranks(
-    pairs: NDArray[np.integer], told: Array, here: NDArray[np.integer]
+    pairs: NDArray[np.integer], measures: Array, here: NDArray[np.integer]
 ) -> tuple[NDArray[np.integer], Array, int]:
     """Pairs that overlap, of all ranks, the worst among them, what is told of each, and the number of all.
 
     `here` is how many of a pair's disks stand in the own part of the box: a pair of two ranks may be seen by both.
     """
     inner, between = here == 2, here == 1
-    worst = np.flatnonzero(inner)[_worst(pairs[inner], told[inner])]
+    worst = np.flatnonzero(inner)[_worst(pairs[inner], measures[inner])]
     gathered = current().allgather(
-        (int(inner.sum()), pairs[worst], told[worst], pairs[between], told[between])
+        (int(inner.sum()), pairs[worst], measures[worst], pairs[between], measures[between])
     )
     counts, best, values, at, more = zip(*gathered, strict=True)
     border, rows = np.unique(np.concatenate(at), axis=0, return_index=True)
-    told = np.concatenate((*values, np.concatenate(more)[rows]))
-    return np.concatenate((*best, border)), told, sum(counts) + len(border)
+    measures = np.concatenate((*values, np.concatenate(more)[rows]))
+    return np.concatenate((*best, border)), measures, sum(counts) + len(border)
 
 
 _BANDS = 64
 """Bands of the box along y for each rank, of which those that it checks are put together."""
 
 
-def _beside_in_box(
+def _with_neighbors(
     box: Box, radius: Array, position: Array, gap: float, time: float = 0.0
 ) -> tuple[NDArray[np.bool_], NDArray[np.int64], Array, Array]:
     """Disks of a part of the box along y, about as many on each rank, and those that reach into it from above.
@@ -243,7 +245,7 @@ def close_ones(
     Their ids, radii and centres; of ranks, which give the disks of their slices, on the first one, and None on others.
     The `time` [time] says where the images above and below are in a sheared box.
     """
-    _, ids, radii, places = _beside_in_box(box, radius, position, gap, time)
+    _, ids, radii, places = _with_neighbors(box, radius, position, gap, time)
     centres = box.wrap(places, time)
     i, j = _close_pairs_at(box, radii, centres, time, gap).T
     near = (
@@ -263,7 +265,7 @@ def close_ones(
     return numbers, radii[first], places[first]
 
 
-def put_back(position: Array, ids: NDArray[np.int64], moved: Array) -> Array:
+def replace_rows(position: Array, ids: NDArray[np.int64], moved: Array) -> Array:
     """Positions with those of some ids replaced; of ranks, in their slices, the first one's `moved`."""
     own, _ = current().number(len(position))
     found = position.copy()
@@ -314,7 +316,7 @@ def relax(
         assert near is not None  # on the first rank
         return near[0], _relaxed(box, *near, tolerance, most, time)
 
-    return put_back(begun, *comm.root_result(moved))
+    return replace_rows(begun, *comm.root_result(moved))
 
 
 def _relaxed(

@@ -285,15 +285,15 @@ class Arc(Circle):
         distance = r - self.radius
         away, distance = away * np.where(distance < 0.0, -1.0, 1.0)[:, None], np.abs(distance)
         middle, half = 0.5 * (self.angles[0] + self.angles[1]), 0.5 * (self.angles[1] - self.angles[0])
-        beside = np.abs((np.arctan2(d[:, 1], d[:, 0]) - middle + math.pi) % FULL_TURN - math.pi) > half
+        outside_arc = np.abs((np.arctan2(d[:, 1], d[:, 0]) - middle + math.pi) % FULL_TURN - math.pi) > half
         ends = self.ends
-        if beside.any() and len(ends):
-            to_ends = position[beside, None] - ends
+        if outside_arc.any() and len(ends):
+            to_ends = position[outside_arc, None] - ends
             far = np.hypot(to_ends[..., 0], to_ends[..., 1])
             which = np.argmin(far, axis=1)
             rows = np.arange(len(which))
-            distance[beside] = far[rows, which]
-            away[beside] = unit(to_ends[rows, which], distance[beside])
+            distance[outside_arc] = far[rows, which]
+            away[outside_arc] = unit(to_ends[rows, which], distance[outside_arc])
         return away, distance
 
     def extremes(self) -> Array:

@@ -236,7 +236,7 @@ class State(Brief, ReadOnlyAttributes, NotebookRepr):
         When each disk last collided with a disk or wall [time], -inf if never. Only runs with a `ContactTime`
         keep it up to date.
     last_partner : array (n,) of int32
-        Whom each disk hit last: an id, -1 if nobody yet, -2 - w for wall w. Only runs that are asked to
+        Latest partner of each disk: an id, -1 if there is none yet, -2 - w for wall w. Only runs that are asked to
         (`record=["partner"]`) keep it up to date.
     angle : array (n,)
         How far each disk has turned since the start, counter-clockwise, full turns included [rad]. Only runs that are

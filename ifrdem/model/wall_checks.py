@@ -100,12 +100,12 @@ def check(
         except InputError as error:
             raise InputError(f"{name}: {error}") from None
         if n and wall.stands(time, collisions):
-            told = math.inf, 0, ""
+            deepest = math.inf, 0, ""
             if len(position):
                 gap = wall.gap(position, radius, time)
                 i = int(np.argmin(gap))
-                told = float(gap[i]), ids.start + i, f"({position[i, 0]:.6g}, {position[i, 1]:.6g})"
-            least, disk, place = min(comm.allgather(told))
+                deepest = float(gap[i]), ids.start + i, f"({position[i, 0]:.6g}, {position[i, 1]:.6g})"
+            least, disk, place = min(comm.allgather(deepest))
             if least < -tolerance:
                 raise InputError(
                     f"disk {disk} at {place} overlaps {name}{_standing(wall, time)} by {-least:.3g}"

@@ -139,13 +139,13 @@ class Wall:
             raise InputError(
                 f"{name}, piston: only a line or a segment can be one, which disks hit along the way that it moves"
             )
-        beside = {
+        excluded = {
             "motion": self.motion.kind != "still", "turn": self.turn.kind != "still",
             "moves_from": self.moves_from is not None, "moves_until": self.moves_until is not None,
             "opens_at": self.opens_at is not None, "opens_after": self.opens_after is not None,
             "temperature": self.temperature is not None,
         }  # fmt: skip
-        for key, given in beside.items():
+        for key, given in excluded.items():
             if given:
                 raise InputError(f"{name}, piston: it moves freely, and follows the law; leave out {key}")
 

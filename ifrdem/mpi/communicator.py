@@ -24,11 +24,11 @@ SIZES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "MV2_COMM_WORLD_SIZE", "PALS_NRANKS
 """Variables in which launchers give the number of ranks: MPICH, Intel MPI and `srun --mpi`, Open MPI, MVAPICH, PALS."""
 PATIENCE = 20.0
 """Seconds that a rank which ends by an error waits for the others to do so; then it ends them all."""
-LOOK = 0.02
+POLL_INTERVAL = 0.02
 """Seconds between two looks of a rank that waits asleep."""
 
 
-class _Alone:
+class _SingleProcess:
     """The communicator of mpi4py that a process by itself would have: each message comes back at once."""
 
     rank, size = 0, 1
@@ -82,7 +82,7 @@ class Communicator(Distribution):
             raise InputError(
                 f"comm = {comm!r}: must be a communicator of mpi4py, such as MPI.COMM_WORLD, or None"
             )
-        self.mpi: Any = given if given is not None and given.size > 1 else _Alone()
+        self.mpi: Any = given if given is not None and given.size > 1 else _SingleProcess()
         self.rank: int = self.mpi.rank
         self.size: int = self.mpi.size
         self.is_distributed: bool = distributed and self.size > 1
@@ -237,7 +237,7 @@ class Communicator(Distribution):
         if self.size > 1:
             done = self.mpi.Ibarrier()
             while not done.Test():
-                time.sleep(LOOK)
+                time.sleep(POLL_INTERVAL)
         self.raise_collectively(error)
         return result
 
@@ -316,7 +316,7 @@ def world() -> Communicator:
     return _world
 
 
-def is_alone() -> bool:
+def is_single_process() -> bool:
     """True if this process shares nothing with other ranks so far."""
     return _world.size == 1
 
@@ -341,7 +341,7 @@ def end(status: int, message: str, complain: Callable[[str], None]) -> int:
             sys.stdout.flush()
             sys.stderr.flush()
             comm.mpi.Abort(status)
-        time.sleep(LOOK)
+        time.sleep(POLL_INTERVAL)
     return status
 
 

@@ -20,7 +20,7 @@ from .style import (
     RATIO,
     ROTATION,
     TRANSLATION,
-    bar_beside,
+    color_bar,
     few_labels,
     from_zero,
     grid,
@@ -46,10 +46,12 @@ def velocity(left: Axes, right: Axes, trajectory: Trajectory | None, outcome: Ev
             (left, found.speed, found.density, found.density_error),
             (right, found.spin, found.spin_density, found.spin_density_error),
         ):
-            seen = density > 0.0
-            if np.any(seen):
-                lowest, highest = min(lowest, density[seen].min()), max(highest, density[seen].max())
-                axes.errorbar(middle[seen], density[seen], error[seen], label=name.split(",")[0], **look)
+            positive = density > 0.0
+            if np.any(positive):
+                lowest, highest = min(lowest, density[positive].min()), max(highest, density[positive].max())
+                axes.errorbar(
+                    middle[positive], density[positive], error[positive], label=name.split(",")[0], **look
+                )
     sonine = next(iter(outcome.result.values())).sonine
     for axes, a2, text in ((left, sonine.a20, "a_{20}"), (right, sonine.a02, "a_{02}")):
         axes.plot(x, analysis.gaussian(x), "-", color=RATIO, lw=1.2, label="Gaussian")
@@ -187,7 +189,7 @@ def fields(left: Axes, right: Axes, trajectory: Trajectory | None, outcome: Eval
     look: dict[str, Any] = {"origin": "lower", "extent": region, "interpolation": "nearest"}
     drawn = left.imshow(found.packing_fraction.T, cmap="cividis", vmin=0.0, **look)
     place_axes(left, trajectory)
-    bar_beside(left, drawn, "packing fraction")
+    color_bar(left, drawn, "packing fraction")
     every = max(1, -(-max(len(found.x), len(found.y)) // 24))
     where = (slice(every // 2, None, every),) * 2
     u = np.nan_to_num(found.velocity)
@@ -201,7 +203,7 @@ def fields(left: Axes, right: Axes, trajectory: Trajectory | None, outcome: Eval
     high = float(np.nanquantile(T, 0.995)) if np.any(np.isfinite(T)) else 1.0
     drawn = right.imshow(T.T, cmap="inferno", vmin=0.0, vmax=high if high > 0.0 else 1.0, **look)
     place_axes(right, trajectory)
-    bar_beside(right, drawn, label(trajectory, "thermal temperature $T$", "energy"), "max")
+    color_bar(right, drawn, label(trajectory, "thermal temperature $T$", "energy"), "max")
 
 
 def clusters(left: Axes, right: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> None:
@@ -235,7 +237,7 @@ def psi6(left: Axes, right: Axes, trajectory: Trajectory | None, outcome: Evalua
     # Some 4 points of the picture a disk where there are few, and a dot where there are many.
     size = float(np.clip(4e4 / len(frame.position), 0.2, 40.0))
     look: dict[str, Any] = {"c": value, "s": size, "lw": 0.0, "cmap": "cividis", "vmin": 0.0, "vmax": 1.0}
-    bar_beside(left, left.scatter(*frame.position.T, rasterized=True, **look), r"$|\psi_6|$")
+    color_bar(left, left.scatter(*frame.position.T, rasterized=True, **look), r"$|\psi_6|$")
     left.set_title(f"$t$ = {with_unit(trajectory, f'{frame.time:.4g}', 'time')}", fontsize="medium")
     _order(right, value, whole)
 

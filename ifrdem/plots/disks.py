@@ -17,7 +17,7 @@ from ..simulation.simulation import Simulation
 from ..tools.checked import Array
 from ..trajectory.export import material_names
 from ..trajectory.reader import Frame, Trajectory
-from .style import KINDS, Gas, bar_beside, foreground, is_dark, label, place_axes, unit_of, with_unit
+from .style import KINDS, Gas, color_bar, foreground, is_dark, label, place_axes, unit_of, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -256,7 +256,7 @@ def _disks(axes: Axes, view: View, colour: Colour | None) -> int:
             array=values[owner], clim=(low, high),
             cmap=colour_map(colour.scale, dark=is_dark(axes), kinds=round(high + 0.5)),
         )  # fmt: skip
-        bar_beside(axes, drawn, colour.label(view), extend(colour.scale), colour.names(view))
+        color_bar(axes, drawn, colour.label(view), extend(colour.scale), colour.names(view))
     return int(np.sum(2.0 * view.disks.radius < pixel))
 
 
@@ -273,7 +273,7 @@ def _density_map(axes: Axes, view: View, position: Array) -> float:
         covered.T, origin="lower", extent=(*region[0], *region[1]), cmap=DENSITIES, vmin=0.0,
         vmax=float(np.quantile(covered, 0.999)), interpolation="nearest",
     )  # fmt: skip
-    bar_beside(axes, drawn, "area fraction", "max")
+    color_bar(axes, drawn, "area fraction", "max")
     return cell_side(covered, region)
 
 

@@ -14,7 +14,7 @@ from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .disks import collisions_of, draw_walls, shown_region
 from .series import DISSIPATED
-from .style import bar_beside, label, place_axes, with_unit
+from .style import color_bar, label, place_axes, with_unit
 
 PER_CELL = 60
 """Disks, over all frames, in a cell of the map, about."""
@@ -80,7 +80,7 @@ def draw(left: Axes, right: Axes, trajectory: Trajectory, frames: Sequence[int] 
         vmax=high if high > 0.0 else 1.0, interpolation="nearest",
     )  # fmt: skip
     place_axes(left, trajectory)
-    bar_beside(
+    color_bar(
         left, drawn, label(trajectory, "energy dissipated, per area and time", "energy/length^2/time"), "max"
     )
     last = trajectory[int(np.searchsorted(trajectory.times, found.times[1]))]

@@ -24,7 +24,7 @@ from ..trajectory import tables
 from ..trajectory.reader import Trajectory
 from . import disks as plot_disks
 from . import run
-from .style import bar_beside, is_dark, place_axes
+from .style import color_bar, is_dark, place_axes
 
 MARK_WIDTH = 0.18  # half the width of an orientation mark, in radii
 LEAST_MARKED = 2.5  # radius [pixels] below which no mark would be seen
@@ -88,13 +88,13 @@ class Scene:
         self._look: dict[str, Any] = {"norm": Normalize(self._low, self._high)}
         if self._is_map:
             self._look["cmap"] = colormaps[plot_disks.DENSITIES]
-            bar_beside(axes, ScalarMappable(**self._look), "area fraction", "max")
+            color_bar(axes, ScalarMappable(**self._look), "area fraction", "max")
         elif self._colour is not None:
             scale, view = self._colour.scale, plot_disks.View.of(self._trajectory[0])
             kinds = round(self._high + 0.5)
             self._look["cmap"] = plot_disks.colour_map(scale, dark=is_dark(axes), kinds=kinds)
             label, names = self._colour.label(view), self._colour.names(view)
-            bar_beside(axes, ScalarMappable(**self._look), label, plot_disks.extend(scale), names)
+            color_bar(axes, ScalarMappable(**self._look), label, plot_disks.extend(scale), names)
         points = float(axes.title.get_fontsize())
         above = rcParams["axes.titlepad"]
         # Two lines, which may be wider than the axes: the layout leaves room above, and does not know of them.

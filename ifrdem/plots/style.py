@@ -83,7 +83,7 @@ def foreground(axes: Axes) -> str:
     return "white" if is_dark(axes) else "black"
 
 
-def bar_beside(axes: Axes, drawn: Any, text: str, extend: str = "neither", names: Sequence[str] = ()) -> Any:
+def color_bar(axes: Axes, drawn: Any, text: str, extend: str = "neither", names: Sequence[str] = ()) -> Any:
     """A colour bar next to the axes, whatever their aspect; of kinds, with their `names` instead of numbers."""
     from matplotlib.ticker import MaxNLocator
 

@@ -13,7 +13,7 @@ from ..tools.checked import Array, validated
 from ..trajectory.reader import Trajectory
 from .disks import shown_region
 from .run import Place, Run, drawing
-from .style import RATIO, ROTATION, TRANSLATION, bar_beside, grid, label, legend_above, place_axes, positive
+from .style import RATIO, ROTATION, TRANSLATION, color_bar, grid, label, legend_above, place_axes, positive
 
 MOST_PATHS = 2000
 """Above this many disks, their paths are a grey haze: only the final places are drawn."""
@@ -99,7 +99,7 @@ def _paths(axes: Axes, trajectory: Trajectory) -> None:
     )  # fmt: skip
     axes.add_collection(drawn)
     if np.any(away):
-        bar_beside(axes, drawn, label(trajectory, "distance from the start", "length"))
+        color_bar(axes, drawn, label(trajectory, "distance from the start", "length"))
     time = trajectory.with_unit(f"{trajectory.times[-1]:.4g}", "time")
-    said = ", and their paths" if known else "; their paths need the field image"
-    axes.set_title(f"disks at $t$ = {time}" + (said if n <= MOST_PATHS or not known else ""))
+    ending = ", and their paths" if known else "; their paths need the field image"
+    axes.set_title(f"disks at $t$ = {time}" + (ending if n <= MOST_PATHS or not known else ""))

@@ -26,7 +26,7 @@ def describe(path: str | os.PathLike[str], *, full: bool = False) -> str:
     with Trajectory(path) as trajectory:
         lines = [f"{path}: trajectory of ifrdem, H5MD {'.'.join(map(str, layout.H5MD_VERSION))}"]
         lines += [f"  {name:<18}{text}" for name, text in _gas(trajectory)]
-        for describe in (_describe_fields, _describe_series, _describe_histories, _describe_beside):
+        for describe in (_describe_fields, _describe_series, _describe_histories, _describe_files):
             lines += describe(trajectory)
         lines += _describe_names("units", trajectory.units, full=full)
         record = {name: each for name, each in trajectory.parameters.items() if name.split("/")[0] != "units"}
@@ -133,7 +133,7 @@ def _describe_histories(trajectory: Trajectory) -> list[str]:
     return [heading, f"  events            {events}, time {start:.6g} to {until}"]
 
 
-def _describe_beside(trajectory: Trajectory) -> list[str]:
+def _describe_files(trajectory: Trajectory) -> list[str]:
     """Files that belong to the trajectory."""
     path, lines = trajectory.path, []
     checkpoint = checkpoint_of(path)

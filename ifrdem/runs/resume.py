@@ -113,11 +113,9 @@ def resume(
                 raise InputError(f"{path} belongs to {extra['trajectory']}: rename it back")
             begun = Path(extra["case_path"]), str(extra["case"]), tuple(map(str, extra["overrides"]))
             ledger = Ledger.from_record(extra["ledger"])
-            course = RunPlan.from_record(
-                extra["course"], case.output.frame_cadence, case.output.series_cadence
-            )
+            plan = RunPlan.from_record(extra["course"], case.output.frame_cadence, case.output.series_cadence)
             names = ("frames", "series_rows", "events")
-            seen: dict[str, Any] = {name: operator.index(extra["seen"][name]) for name in names}
+            written: dict[str, Any] = {name: operator.index(extra["seen"][name]) for name in names}
         if threads is not None:
             case = case.model_copy(update={"run": case.run.model_copy(update={"threads": threads})})
         backend.check(device_of(case.run))
@@ -130,14 +128,14 @@ def resume(
         file = CaseFile(*begun, gas)
         outputs = Outputs.plan(case, str(trajectory), picture=picture)
         disks = gas.kinds if parts.are_in(trajectory) else gas.disks  # parts look at theirs themselves
-        writer = TrajectoryWriter.resume(trajectory, disks, gas.box, **stored(gas), **seen)
+        writer = TrajectoryWriter.resume(trajectory, disks, gas.box, **stored(gas), **written)
         in_parts = "parts" in record, writer.parts is not None
         moved, tracked = arrays["state_pistons"][:, 0].tolist(), arrays["tracked"]
-        return (path, file, outputs, course, seen, in_parts, moved, tracked), writer, ledger, arrays
+        return (path, file, outputs, plan, written, in_parts, moved, tracked), writer, ledger, arrays
 
     found = comm.run_on_root(prepared)
-    told, writer, ledger, arrays = found or (None, None, Ledger(), {})
-    path, file, outputs, course, seen, in_parts, pistons, tracked = comm.bcast(told)
+    sent, writer, ledger, arrays = found or (None, None, Ledger(), {})
+    path, file, outputs, plan, written, in_parts, pistons, tracked = comm.bcast(sent)
     rows_in_parts, fields_in_parts = in_parts
     gas, case = file.gas, file.case
     comm = gas.communicator(comm)
@@ -152,12 +150,12 @@ def resume(
         simulation.load_checkpoint(path)
         queue: Any = None
         if fields_in_parts:
-            options = {**stored(gas), "frames": seen["frames"]}
+            options = {**stored(gas), "frames": written["frames"]}
             queue = PartsWriter.resume(writer, simulation.disks_here, gas.box, comm=comm, **options)
         elif writer is not None:
             queue = AsyncWriter(writer)
         if not comm.is_root:
-            run_worker(case, simulation, course, queue)
+            run_worker(case, simulation, plan, queue)
             return
         stack.enter_context(queue)
         later = len(queue) - ledger.frames
@@ -165,7 +163,7 @@ def resume(
         begun_at = f"t = {simulation.time:.6g}{case.unit('time')}, after {simulation.collisions} collisions"
         frames = f"{ledger.frames} frames, on {how(case, cores, comm.size)}{more}"
         say(f"{case.run.name}: {gas.n} disks go on at {begun_at} and {frames}")
-        running = Run(file, outputs, simulation, course, ledger, queue, pending)
+        running = Run(file, outputs, simulation, plan, ledger, queue, pending)
         before = simulation.collisions
         rate = run_root(running, began, max_hours=max_hours, say=say, warn=warn)
     finish(running, began, before, rate, say)

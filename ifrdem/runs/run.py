@@ -52,7 +52,7 @@ class Run:
     file: CaseFile
     outputs: Outputs
     simulation: Simulation
-    course: RunPlan
+    plan: RunPlan
     ledger: Ledger
     writer: AsyncWriter | PartsWriter
     pending: Events | None = None
@@ -124,7 +124,7 @@ def run(
         gas.n, simulation.time, simulation.collisions,
         t_end=case.run.t_end, collisions_per_disk=case.run.collisions_per_disk,
     )  # fmt: skip
-    course = RunPlan(span, case.output.frame_cadence, case.output.series_cadence)
+    plan = RunPlan(span, case.output.frame_cadence, case.output.series_cadence)
     in_parts = case.output.in_parts(gas.n, comm.size)
     options = {"units": UNITS[case.run.units], "force": force, **stored(gas)}
 
@@ -145,12 +145,12 @@ def run(
     elif writer is not None:
         queue = AsyncWriter(writer)
     if not comm.is_root:
-        run_worker(case, simulation, course, queue)
+        run_worker(case, simulation, plan, queue)
         return
     with queue:
         if start is not None:
             queue.begin_histories(tracked, start)
-        running = Run(file, outputs, simulation, course, Ledger(), queue)
+        running = Run(file, outputs, simulation, plan, Ledger(), queue)
         before = simulation.collisions
         rate = run_root(running, began, max_hours=max_hours, say=say, warn=warn)
     finish(running, began, before, rate, say)
@@ -234,12 +234,13 @@ def run_root(
         collisions_per_disk_end=run.collisions_per_disk, device=device_of(case),
     )  # fmt: skip
     stops = Stops(
-        max_hours=max_hours, every_minutes=case.output.checkpoint_minutes, spent=time.perf_counter() - began, warn=warn
+        max_hours=max_hours, every_minutes=case.output.checkpoint_minutes, elapsed=time.perf_counter() - began,
+        warn=warn,
     )  # fmt: skip
     n, unit = gas.n, UNITS[run.units]["time"] if run.units == "SI" else ""
     progress = Progress(
         n, t_end=run.t_end, collisions_per_disk=run.collisions_per_disk,
-        begin=(running.course.span.time, running.course.span.collisions), unit=unit, kernels=backend.kernels,
+        begin=(running.plan.span.time, running.plan.span.collisions), unit=unit, kernels=backend.kernels,
     )  # fmt: skip
 
     def report(time: float, collisions: int) -> None:
@@ -263,7 +264,7 @@ def run_root(
         )  # fmt: skip
 
     def between() -> None:
-        _agree_to_go_on(simulation, stops, lambda: recorder.between(simulation.time))
+        _check_stop_on_all(simulation, stops, lambda: recorder.between(simulation.time))
         running.writer.commit()
         if simulation.comm.bcast(stops.checkpoint_due):
             save(running, recorder)
@@ -279,7 +280,7 @@ def run_root(
         with stops, progress:
             with recorder:
                 simulation.follow(
-                    running.course, frame_callbacks=[frame], series_callbacks=[row], progress=report, between=between,
+                    running.plan, frame_callbacks=[frame], series_callbacks=[row], progress=report, between=between,
                     stored=_single(case),
                 )  # fmt: skip
             # A signal that comes while the latest frames are written is that of a run that is about to end anyway.
@@ -304,7 +305,7 @@ def run_root(
             status.path.unlink(missing_ok=True)
             checkpoint.remove(running.outputs.checkpoint)
         raise KeyboardInterrupt(text) from None
-    except Exception as error:  # whatever it is, nobody must take the run for one that goes on
+    except Exception as error:  # whatever it is, the status must not say that the run continues
         known = isinstance(error, EngineError | TrajectoryError | InputError)
         count()
         status.finish("failed", _one_line(str(error) if known else repr(error)))
@@ -316,9 +317,7 @@ def run_root(
     return progress.collisions_per_second
 
 
-def run_worker(
-    case: Case, simulation: Simulation, course: RunPlan, writer: PartsWriter | None = None
-) -> None:
+def run_worker(case: Case, simulation: Simulation, plan: RunPlan, writer: PartsWriter | None = None) -> None:
     """Run to the end, on a rank that writes nothing, or only its part; the first one drives."""
     stops = Stops(warn=lambda _text: None)
     comm = simulation.comm
@@ -338,7 +337,7 @@ def run_worker(
             writer.write_frames([(shares, None)])
 
     def between() -> None:
-        _agree_to_go_on(simulation, stops, writer.raise_error if writer is not None else lambda: None)
+        _check_stop_on_all(simulation, stops, writer.raise_error if writer is not None else lambda: None)
         if writer is not None:
             writer.commit()
         if comm.bcast(False):
@@ -347,7 +346,7 @@ def run_worker(
     with contextlib.nullcontext() if writer is None else writer:
         try:
             with stops:
-                simulation.follow(course, frame_callbacks=[frame], between=between, stored=_single(case))
+                simulation.follow(plan, frame_callbacks=[frame], between=between, stored=_single(case))
             if writer is not None:
                 writer.flush()
         except Stopped:
@@ -371,7 +370,9 @@ def _single(case: Case) -> Collection[str] | None:
     return case.output.fields if case.output.precision == "f4" else None
 
 
-def _agree_to_go_on(simulation: Simulation, stops: Stops, work: Callable[[], object] = lambda: None) -> None:
+def _check_stop_on_all(
+    simulation: Simulation, stops: Stops, work: Callable[[], object] = lambda: None
+) -> None:
     """Raise what a rank has to end for on all of them."""
     error: Exception | None = None
     try:
@@ -404,13 +405,13 @@ def save(running: Run, recorder: Recorder) -> None:
         # Without defaults: keys that exclude each other must not stand side by side.
         "case_as_set": running.file.case.model_dump_json(exclude_unset=True),
         "trajectory": running.outputs.trajectory.name,
-        "course": running.course.to_record(),
+        "course": running.plan.to_record(),
         "ledger": running.ledger.to_record(),
         "seen": running.writer.written_counts,
     }
     try:
         running.simulation.save_checkpoint(running.outputs.checkpoint, extra, arrays)
-    except InputError as error:  # a full disk is nobody's bad input
+    except InputError as error:  # a full disk is no bad input
         raise TrajectoryError(_remains(running, str(error))) from error
 
 
@@ -446,9 +447,9 @@ def finish(running: Run, began: float, before: int, rate: float, say: Callable[[
         say(f"  {running.simulation.asleep} of {n} disks sleep")
         if unjudged := statistics.unjudged:
             part = 100.0 * unjudged / statistics.windows
-            told = f"  in {unjudged} windows, {part:.2g} % of all, the forces in the heap were not found"
+            text = f"  in {unjudged} windows, {part:.2g} % of all, the forces in the heap were not found"
             say(
-                f"{told}: who rests there is in doubt; if they are many, hold the heap against one of another "
+                f"{text}: which disks rest there is in doubt; if they are many, compare the heap with one of another "
                 "resting_speed"
             )
         if jammed := statistics.jammed:
@@ -537,8 +538,8 @@ def _balance(running: Run, last: Measure) -> Iterator[str]:
         yield f"{last.wall_collisions} collisions with walls, which gave {last.wall_work:.6g}{energy} as work{heat}"
     sources = [name for name, there in (("forces", case.force), ("the flow", gas.box.shear_rate)) if there]
     if sources or case.walled:
-        put_in = f"{' and '.join(sources)} put in {last.energy_input:.6g}{energy}, " if sources else ""
-        yield f"{put_in}collisions dissipated {lost:.6g}{energy}"
+        inputs = f"{' and '.join(sources)} put in {last.energy_input:.6g}{energy}, " if sources else ""
+        yield f"{inputs}collisions dissipated {lost:.6g}{energy}"
     elif first.energy > 0.0:
         yield f"dissipated {lost:.6g}{energy}, {100.0 * lost / first.energy:.4g} % of the start"
     residual = ledger.relative_residual(last)

@@ -30,8 +30,8 @@ class Stops:
     The first of `SIGNALS` is taken note of, and `check` raises when the run can stop; a second Ctrl-C stops
     at once (KeyboardInterrupt). In a thread other than the main one, signals are left alone.
 
-    A run stops after `max_hours` of real time, of which `spent` seconds are gone already; checkpoints are due every so
-    many minutes of it, the first one at once.
+    A run stops after `max_hours` of real time, of which `elapsed` seconds are gone already. A checkpoint is due
+    every `every_minutes`, the first one at once.
     `warn` takes a line to show when a signal comes.
     """
 
@@ -40,12 +40,12 @@ class Stops:
         *,
         max_hours: float | None = None,
         every_minutes: float = 10.0,
-        spent: float = 0.0,
+        elapsed: float = 0.0,
         warn: Callable[[str], None] = print,
     ) -> None:
         self._warn = warn
         self._reason: Stopped | None = None
-        self._began = time.monotonic() - spent
+        self._began = time.monotonic() - elapsed
         self._stored = -math.inf  # a run that is killed soon can go on too
         self._limit = None if max_hours is None else 3600.0 * max_hours
         self._max_hours = max_hours
@@ -55,7 +55,7 @@ class Stops:
     def __enter__(self) -> Stops:
         if threading.current_thread() is threading.main_thread():
             for number in SIGNALS:
-                self._before[number] = signal.signal(number, self._heard)
+                self._before[number] = signal.signal(number, self._on_signal)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -79,7 +79,7 @@ class Stops:
         """Take note that a checkpoint was written."""
         self._stored = time.monotonic()
 
-    def _heard(self, number: int, _frame: FrameType | None) -> None:
+    def _on_signal(self, number: int, _frame: FrameType | None) -> None:
         if number == signal.SIGINT:
             if self._reason is not None:
                 raise KeyboardInterrupt
@@ -89,6 +89,6 @@ class Stops:
             )
         elif self._reason is None:
             name, warned = signal.Signals(number).name, number in WARNINGS
-            told = ("warned", TIME_IS_UP) if warned else ("terminated", TERMINATED)
-            self._reason = Stopped(f"{told[0]} ({name})", told[1])
+            outcome = ("warned", TIME_IS_UP) if warned else ("terminated", TERMINATED)
+            self._reason = Stopped(f"{outcome[0]} ({name})", outcome[1])
             self._warn(f"{self._reason}: the run stops after this window, with a checkpoint")

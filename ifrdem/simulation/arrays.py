@@ -436,7 +436,7 @@ class DeviceArrays:
         self.clock.path = (
             collisions * free / (math.sqrt(2.0 * math.pi) * mean * henderson(min(phi, DENSEST_FLUID)))
         )
-        # A gas in one tile: nobody goes round the box in a window, for the grid of places.
+        # A gas in one tile: no disk goes round the box in a window, for the grid of positions.
         own = float((high - low).min())
         if options.device.window_collisions is not None:
             own = min(own, math.sqrt(GPU_TILE * free))
@@ -490,13 +490,13 @@ class DeviceArrays:
             self.scratch(
                 lane_slots, cells, 1 << max(lane_slots - 1, 1).bit_length(), 256 if self.uses.walled else 0
             )
-        self.put(state)
+        self.load_state(state)
 
-    def open_walls(self, gone: NDArray[np.bool_]) -> None:
+    def open_walls(self, opened: NDArray[np.bool_]) -> None:
         """Take those walls, by their number, out of the gas: gates that are open."""
         rows = self.wall_rows.copy()
         wall = named(rows, "walls")
-        wall.kind[gone[wall.owner.astype(np.int64)]] = GONE
+        wall.kind[opened[wall.owner.astype(np.int64)]] = GONE
         self.walls.from_numpy(rows.astype(self.real))
 
     def change_wall(self, number: int, wall: Wall) -> None:
@@ -569,7 +569,7 @@ class DeviceArrays:
         position[:, 0] = np.where(position[:, 0] < lengths[0], position[:, 0], 0.0)
         return position, velocity, crossed
 
-    def put(self, state: State) -> None:
+    def load_state(self, state: State) -> None:
         """Write a state into the lists of the tiles, as the beginning of a window."""
         self.grid.part = 0
         if self.uses.sheared:
@@ -623,7 +623,7 @@ class DeviceArrays:
             lists.count[:, part] = count
             lists.start[:, part] = np.cumsum(count) - count
 
-    def list_anew(self) -> None:
+    def relist(self) -> None:
         """List the disks by the tiles they are in; places stay what they are, to the last bit."""
         held, listed, tile = self._moved()
         self.domain.list_rows(held, tile, listed)
@@ -727,7 +727,7 @@ class DeviceArrays:
     ) -> None:
         """Let disks fall otherwise from here on; all must have settled. Windows are as long as who rests may fall.
 
-        Who sleeps is judged anew where gravity `turned_at` [time] that the window begins.
+        Sleeping disks are checked again where gravity `turned_at` [time] that the window begins.
         """
         self.scale.gx, self.scale.gy = gravity
         self.clock.turned = turned_at

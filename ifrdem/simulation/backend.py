@@ -111,7 +111,7 @@ def deferred_interrupts() -> Iterator[None]:
     A second Ctrl-C raises it at once. Nothing is delayed in a thread other than the main one, or where a handler other
     than Python's own is installed for SIGINT, such as that of the command `ifrdem run`.
     """
-    usual, came = signal.default_int_handler, False
+    usual, interrupted = signal.default_int_handler, False
     if (
         threading.current_thread() is not threading.main_thread()
         or signal.getsignal(signal.SIGINT) is not usual
@@ -120,17 +120,17 @@ def deferred_interrupts() -> Iterator[None]:
         return
 
     def note(_number: int, _frame: FrameType | None) -> None:
-        nonlocal came
-        if came:
+        nonlocal interrupted
+        if interrupted:
             raise KeyboardInterrupt
-        came = True
+        interrupted = True
 
     signal.signal(signal.SIGINT, note)
     try:
         yield
     finally:
         signal.signal(signal.SIGINT, usual)
-    if came:
+    if interrupted:
         raise KeyboardInterrupt
 
 
@@ -198,12 +198,14 @@ def cuda_absence() -> str | None:
         )
     failed = driver.cuInit(0)
     if failed:
-        return f"the NVIDIA driver finds no device that works (cuInit gives error {failed}){_told_of_ranks()}"
+        return (
+            f"the NVIDIA driver finds no device that works (cuInit gives error {failed}){_gpu_of_rank_hint()}"
+        )
     count = ctypes.c_int(0)
     failed = driver.cuDeviceGetCount(ctypes.byref(count))
     if failed or count.value < 1:
         visible = os.environ.get("CUDA_VISIBLE_DEVICES")
-        return f"the NVIDIA driver has no device (CUDA_VISIBLE_DEVICES = {visible}){_told_of_ranks()}"
+        return f"the NVIDIA driver has no device (CUDA_VISIBLE_DEVICES = {visible}){_gpu_of_rank_hint()}"
     from .. import kernels  # noqa: F401  (keeps Taichi from printing its banner)
 
     import taichi as ti  # isort: skip
@@ -213,7 +215,7 @@ def cuda_absence() -> str | None:
     return None
 
 
-def _told_of_ranks() -> str:
+def _gpu_of_rank_hint() -> str:
     """A remedy where each rank was to see another GPU."""
     if _shown is None:
         return ""
@@ -336,7 +338,7 @@ _users: weakref.WeakSet[Any] = weakref.WeakSet()
 
 
 def register(user: Any) -> None:
-    """Have `user.release()`, which gives its arrays up, called before Taichi ends or starts anew."""
+    """Have `user.release()`, which gives its arrays up, called before Taichi ends or restarts."""
     _users.add(user)
 
 

@@ -28,7 +28,7 @@ from ..tools.versions import package_versions
 from ..trajectory import damage
 
 FORMAT = 9
-BEGIN_ANEW = '; begin a new run from a stored frame: start.positions = "NAME.h5"'
+NEW_RUN_HINT = '; begin a new run from a stored frame: start.positions = "NAME.h5"'
 _KIND = "ifrdem checkpoint"
 
 
@@ -233,11 +233,11 @@ def _rows(path: str | os.PathLike[str], record: Mapping[str, Any]) -> dict[str, 
             if not place.exists():
                 raise InputError(
                     f"checkpoint {path}: its part {place.parent.name}/{place.name} (disks {start} to {end - 1}) is "
-                    f"missing{BEGIN_ANEW}"
+                    f"missing{NEW_RUN_HINT}"
                 )
             arrays, marked = _read(place)
             if (marked.get("mark"), marked.get("part")) != (mark, number):
-                raise InputError(f"checkpoint {path}: {place} is part of another one{BEGIN_ANEW}")
+                raise InputError(f"checkpoint {path}: {place} is part of another one{NEW_RUN_HINT}")
             pieces.append({name: each[low - start : high - start] for name, each in arrays.items()})
     return {name: np.concatenate([each[name] for each in pieces]) for name in pieces[0]}
 
@@ -260,7 +260,7 @@ def _read(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dict[s
         arrays = {str(name): damage.read(item) for name, item in file["arrays"].items()}
         if not np.array_equal(file.attrs["digest"], np.bytes_(_digest(arrays, text))):
             raise DamageError(
-                f"{path} is damaged: what it holds has changed since it was written{BEGIN_ANEW}"
+                f"{path} is damaged: what it holds has changed since it was written{NEW_RUN_HINT}"
             )
         record: dict[str, Any] = json.loads(text)
     return arrays, record
@@ -268,7 +268,7 @@ def _read(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dict[s
 
 def as_damage_error(path: str | os.PathLike[str], part: str = "it") -> AbstractContextManager[None]:
     """As `damage.as_damage_error`, of a checkpoint."""
-    return damage.as_damage_error(path, part, BEGIN_ANEW)
+    return damage.as_damage_error(path, part, NEW_RUN_HINT)
 
 
 def state_of(arrays: Mapping[str, NDArray[Any]]) -> State:

@@ -511,13 +511,13 @@ class DSMC(ReadOnlyAttributes):
     def _check_alive(self) -> None:
         backend.check_process()
         if self._disk is None:
-            raise EngineError("this gas is gone: Taichi was started anew, with other settings")
+            raise EngineError("this gas is invalid: Taichi was restarted with other settings")
 
     def _check_whole(self) -> None:
         self._check_alive()
         if not self._whole:
             raise EngineError(
-                "a batch was interrupted half-way, so the state is lost: resume from a checkpoint, or begin anew"
+                "a batch was interrupted half-way, so the state is lost: resume from a checkpoint, or start again"
             )
 
     def _collide(self, duration: float, rate: float) -> float:

@@ -11,11 +11,11 @@ state depend on the gas only: places are on a grid, so that all tiles compute th
 where the state at their beginning says. Any number of threads, any tiles, any halo that is verified, and the whole box
 in order give the same bits; so do frames, series, tracked disks and the ledger, which only look. A run that stops
 within a window changes no bit of what comes after: a gas in one tile pauses there, tiles tell the moments to come as
-they pass them, and run the window again only for those that nobody foresaw.
+they pass them, and run the window again only for those that were not predicted.
 Only what something else does to the disks (a force, a change by the user) ends a window.
 
-Open space. Disks lie in tiles over what they fill, which have no end at its edge. Once they have spread they are laid
-anew, in wider cells; once no two of them approach each other the rest is one flight.
+Open space. Disks lie in tiles over what they fill, which have no end at its edge. Once they have spread they are
+loaded again, into wider cells; once no two of them approach each other the rest is one flight.
 
 Limits. Places are rounded to 2^-52 to 2^-51 of the box. Tiles of a sheared gas have frames of their own: there the bits
 depend on the tiles, which depend on the gas only.
@@ -55,7 +55,7 @@ from ..tools import checked, seeds
 from . import backend, checks
 from .device import Device
 from .record import validate as validate_record
-from .schedule import Due
+from .schedule import RunPoint
 from .tracking import Statistics
 from .turning import TurningGravity, check_turning
 
@@ -230,7 +230,7 @@ class Engine:
             speed = checks.fastest(disks, state.velocity, state.spin)
             return disks.n, speed, met, hits, int(np.count_nonzero(state.asleep))
 
-        def judged() -> None:
+        def check_inputs() -> None:
             checks.check_number(n, comm.size, "partner" in given.record)
             checks.check(disks, box, state, len(self._law_table), walls, forces, given, max(speeds))
             check_walls(
@@ -242,7 +242,7 @@ class Engine:
         numbers, speeds, met, hits, slept = map(list, zip(*(each for each in counts if each), strict=True))
         n = self.n = sum(numbers)
         self._before, self._slept = [sum(met) // 2, sum(hits)], sum(slept)
-        comm.run_on_holders(judged)
+        comm.run_on_holders(check_inputs)
         self.disks_here: Disks = disks
         begin = state
         with comm:
@@ -312,7 +312,7 @@ class Engine:
             uses = uses._replace(shared=True)
             domain, windows = RankDomain(comm, self.disks_here, self.kinds), RankWindows
         self.arrays: DeviceArrays = DeviceArrays(self.kinds, box, self._law_table, given, rows, uses, domain)
-        self.put_gravity()
+        self.apply_gravity()
         self._released = False
         backend.register(self)
         if tracking is not None:
@@ -419,9 +419,9 @@ class Engine:
             kick = min((time for time in times if now < time < kick), default=kick)
         return kick
 
-    def set_gates(self, gone: NDArray[np.bool_]) -> None:
+    def set_gates(self, opened: NDArray[np.bool_]) -> None:
         """Say which walls are gone, shape (walls,)."""
-        self.open_gates: NDArray[np.bool_] = np.asarray(gone, dtype=bool)
+        self.open_gates: NDArray[np.bool_] = np.asarray(opened, dtype=bool)
         if self.arrays.uses.timed or self.arrays.uses.pistons:
             self.arrays.open_walls(self.open_gates)
 
@@ -429,12 +429,12 @@ class Engine:
         """Open the gates whose time or number of collisions has come, which ends the window."""
         if not self.arrays.uses.timed:
             return
-        gone = np.array([not wall.stands(self.time, self.collisions) for wall in self.walls], dtype=bool)
-        if np.any(gone & ~self.open_gates):
+        opened = np.array([not wall.stands(self.time, self.collisions) for wall in self.walls], dtype=bool)
+        if np.any(opened & ~self.open_gates):
             self._end_window()
             self._wake()  # what held them may be gone
-            self.set_gates(gone)
-            self._begin_anew()
+            self.set_gates(opened)
+            self._mark_changed()
 
     @property
     def free(self) -> tuple[bool, bool]:
@@ -477,11 +477,11 @@ class Engine:
             state = self._state()
             if self.tracking is not None:
                 self.tracking.drop_after(state.time)
-            self._lay_anew(state)
+            self._restart_from(state)
         else:
             self.windows.commit()
 
-    def _lay_anew(self, state: State, *, wakes: bool = False) -> None:
+    def _restart_from(self, state: State, *, wakes: bool = False) -> None:
         """Begin a window with a state at the present time, in which disks that sleep are woken if it `wakes`."""
         if wakes and self.options.resting_speed:
             self._slept -= self.asleep
@@ -499,21 +499,21 @@ class Engine:
         options = self.options
         alike = replace(options, device=replace(options.device, threads=None), record=frozenset())
         # A set has another order in each process.
-        told: list[Any] = [
+        compared: list[Any] = [
             alike,
             sorted(options.record),
             self.box.lengths,
             self.box.periodic,
             self.box.shear_rate,
         ]
-        told += [self._law, self._law_table.tobytes(), rows_of(self.walls).tobytes()]
+        compared += [self._law, self._law_table.tobytes(), rows_of(self.walls).tobytes()]
         # What is none, `ForceSteps` refuses.
         given = forces if isinstance(forces, (list, tuple)) else [forces]
-        told += [
+        compared += [
             (type(force).__name__, getattr(force, "values", None), getattr(force, "step", None))
             for force in given
         ]
-        self.comm.require_equal(repr(told), "box, law, walls, forces or options")
+        self.comm.require_equal(repr(compared), "box, law, walls, forces or options")
 
     def _check_resting(
         self, gravity: tuple[float, float], forces: Sequence[Force], law: type[CollisionLaw]
@@ -541,7 +541,7 @@ class Engine:
     def _wake(self) -> None:
         """Wake all disks at the present time, between windows: what holds them is to change."""
         if self.options.resting_speed:
-            self._lay_anew(self._state(), wakes=True)
+            self._restart_from(self._state(), wakes=True)
 
     def set_law(self, law_table: NDArray[np.float64], law: type[CollisionLaw]) -> None:
         """Collide by another law from now on; arguments as for the engine."""
@@ -553,7 +553,7 @@ class Engine:
             self._law_table, self._law = np.ascontiguousarray(law_table, dtype=np.float64), law
             kind: Any = law  # mypy does not take a class for hashable
             self.arrays.set_law(self._law_table, compiled(kind))
-            self._begin_anew()
+            self._mark_changed()
 
     def set_forces(self, forces: Sequence[Force]) -> None:
         """Have other forces act from now on; InputError if one is none, or cannot act here."""
@@ -574,7 +574,7 @@ class Engine:
         with self.exclusive_update():
             self._end_window()
             self.force_steps = steps
-            self._begin_anew()
+            self._mark_changed()
 
     def set_gravity(self, gravity: tuple[float, float]) -> None:
         """Let disks fall otherwise from now on; InputError unless gravity is constant and can act along this."""
@@ -592,7 +592,7 @@ class Engine:
             self._wake()
             self.gravity = gravity
             self.arrays.set_gravity(gravity, self.options.resting_speed)
-            self._begin_anew()
+            self._mark_changed()
 
     def set_piston_force(self, number: int, force: float) -> None:
         """Have another constant force act on the piston that is wall `number`; InputError if it is none."""
@@ -608,21 +608,21 @@ class Engine:
             self.walls = (*self.walls[:number], changed, *self.walls[number + 1 :])
             self.arrays.change_wall(number, changed)
             self.set_gates(self.open_gates)
-            self._begin_anew()
+            self._mark_changed()
 
-    def put_gravity(self) -> None:
+    def apply_gravity(self) -> None:
         """Let disks fall as gravity has turned; all must have settled."""
         self.gravity = self.turning.gravity
         self.arrays.set_gravity(self.gravity, self.options.resting_speed, self.turning.turned_at)
 
     def _turn_gravity(self) -> None:
-        """Turn gravity, if it is time. Nobody is woken: the next window begins with a judgement of who still rests."""
+        """Turn gravity, if it is time. No disk is woken: the next window first checks which disks still rest."""
         if self.time < self.turning.next_time:
             return
         self._end_window()
         before = self._totals()[READOUT.fall]
         self.turning.next_step += 1
-        self.put_gravity()
+        self.apply_gravity()
         self.turning.work += float(before - self._totals()[READOUT.fall])
 
     def set_velocities(self, state: State) -> None:
@@ -633,17 +633,17 @@ class Engine:
         hottest = checks.hottest(self.walls, self.force_steps.forces)
         speed = self.comm.largest(checks.fastest(self.disks_here, state.velocity, state.spin))
 
-        def judge() -> None:
+        def check_motion() -> None:
             checks.check_motion(self.disks_here, state)
             checks.check_magnitudes(self.disks_here, self.box, speed, self.precision, hottest)
 
-        self.comm.run_on_all(judge)
+        self.comm.run_on_all(check_motion)
         with self.exclusive_update():
             present = self._state()
             before = self._snapshot(present)
             present.velocity, present.spin = state.velocity, state.spin
-            self._lay_anew(present, wakes=True)
-            self._begin_anew()
+            self._restart_from(present, wakes=True)
+            self._mark_changed()
             if self.tracking is not None:
                 self.tracking.kick(self.time, before, self._snapshot(present))
 
@@ -656,7 +656,7 @@ class Engine:
         *real, image = self.comm.rows_of(self.n, ids, columns)
         return np.column_stack(real).astype(np.float64), image.astype(np.int32)
 
-    def _begin_anew(self) -> None:
+    def _mark_changed(self) -> None:
         """Take note that a gas has been changed: what is known of its collisions and rest does not hold any more."""
         self._resting = 0
         self._collided_at = self.time
@@ -673,14 +673,14 @@ class Engine:
         pause_after: int | None = None,
         rest_at: float = math.inf,
         ends: float | None = None,
-        ahead: Callable[[], Iterable[Due]] = list,
+        next_points: Callable[[], Iterable[RunPoint]] = list,
     ) -> None:
         """Run one window, or some of a small gas: to `t_end` [time] or the total number of `collisions` at the latest.
 
         It ends at the latest where a force acts, after that; and where a window ends at or after `pause_at` [time] or
-        the total number of collisions `pause_after`. Where there are no windows, because nobody can meet anybody, it
-        ends at `rest_at` [time], too. The run itself `ends` [time] later, if that is not `t_end`. `ahead` gives points
-        to which later calls will go: those of the same window are told with it.
+        the total number of collisions `pause_after`. Without windows, because no disks can collide, it ends
+        at `rest_at` [time], too. The run itself `ends` [time] later, if that is not `t_end`. `next_points` gives
+        the points of later calls: those in the same window are computed with it.
         Raises NoMoreCollisions, InelasticCollapse or EngineError as `Simulation.run`.
         """
         with self.exclusive_update():
@@ -692,7 +692,7 @@ class Engine:
             if self._nothing_happens():
                 self._fly_freely(kick, t_end, rest_at, t_end if ends is None else ends)
             else:
-                self._run(Due(t_end, collisions), kick, Due(pause_at, pause_after), ahead)
+                self._run(RunPoint(t_end, collisions), kick, RunPoint(pause_at, pause_after), next_points)
             self._apply_forces()
             self._turn_gravity()
             self._open_gates()
@@ -719,7 +719,7 @@ class Engine:
             return None
         waiting = zip(self.walls, self.open_gates.tolist(), strict=True)
         return min(
-            (w.opens_after for w, gone in waiting if w.opens_after is not None and not gone), default=None
+            (w.opens_after for w, opened in waiting if w.opens_after is not None and not opened), default=None
         )
 
     def _nothing_happens(self) -> bool:
@@ -729,13 +729,15 @@ class Engine:
         self.windows.go_on(self.next_kick)
         walls_move = self.arrays.clock.wall_speed > 0.0 or self.arrays.uses.pistons
         all_sleep = self.options.resting_speed and not self.windows.inside and self.asleep == self.n
-        judged = self.statistics.windows > 0 and self.time != self.turning.turned_at
-        if all_sleep and judged:  # else it is judged first whether they may
+        verified = self.statistics.windows > 0 and self.time != self.turning.turned_at
+        if all_sleep and verified:  # else the next window first checks whether they may
             return not walls_move
         forced = any(self.gravity) or walls_move or self.box.shear_rate
         return not forced and not self.windows.inside and self.windows.fastest == 0.0
 
-    def _run(self, stop: Due, kick: float, pause: Due, ahead: Callable[[], Iterable[Due]]) -> None:
+    def _run(
+        self, stop: RunPoint, kick: float, pause: RunPoint, next_points: Callable[[], Iterable[RunPoint]]
+    ) -> None:
         windows = self.windows
         watching = k.PAIRS if self.keep_collisions else k.TRACKED if self.tracking is not None else 0
         if self.keep_collisions and self.tracking is not None:
@@ -745,8 +747,8 @@ class Engine:
         most = 1 if watching else self._until_looked if self.box.is_open else self.arrays.burst
         begun = self.statistics.windows
 
-        def counted(due: Due) -> tuple[float, float]:
-            return due.time, math.inf if due.collisions is None else due.collisions - first
+        def counted(point: RunPoint) -> tuple[float, float]:
+            return point.time, math.inf if point.collisions is None else point.collisions - first
 
         try:
             windows.run(
@@ -755,7 +757,7 @@ class Engine:
                 counted(pause),
                 most=most,
                 watching=watching,
-                ahead=lambda: map(counted, ahead()),
+                next_points=lambda: map(counted, next_points()),
             )
         except InelasticCollapse as error:
             raise InelasticCollapse(f"{error}. {self._advice(at_wall=False)}") from None
@@ -799,7 +801,7 @@ class Engine:
         )  # fmt: skip
 
     def _look_around(self) -> None:
-        """Lay an open gas anew once it has spread, in wider cells, and see whether anybody can still meet anybody."""
+        """Reload an open gas into wider cells once it has spread, and check whether any disks can still collide."""
         state = self._state()
         self.windows.commit()
         self._load(state)
@@ -857,13 +859,13 @@ class Engine:
             self._whole = True
 
     def _apply_forces(self) -> None:
-        due = self.force_steps.due(self.time)
-        if not due:
+        acting = self.force_steps.acting(self.time)
+        if not acting:
             return
         self._end_window()
         followed = self.tracking
         before = self._snapshot(self._state()) if followed is not None else None
-        for index in due:
+        for index in acting:
             self.windows.add_flow_work(self.force_steps.apply(index, self.time, self.free))
         self.windows.commit()
         if followed is not None and before is not None:
@@ -895,7 +897,7 @@ class Engine:
         stop = min(stop, rest_at)
         if resting:
             self.force_steps.skip_to(stop)
-        parted, self._no_future_collisions = self._no_future_collisions, False
+        separated, self._no_future_collisions = self._no_future_collisions, False
         state.position = state.position + state.velocity * (stop - self.time)
         state.angle = (
             state.angle + state.spin * (stop - self.time) if "angle" in self.options.record else state.angle
@@ -903,7 +905,7 @@ class Engine:
         state.time = stop
         self.windows.commit_at(stop)
         self.arrays.load(self.disks, self.options, state)
-        self._no_future_collisions = parted
+        self._no_future_collisions = separated
 
     def _thermal_part(self) -> float:
         """Thermal speed over the rms speed, which includes a drift; 1 if all velocities are equal, to rounding."""
@@ -939,10 +941,10 @@ class Engine:
 
     def _checked(self, state: State | None) -> Any:
         def check() -> State | None:
-            shut = [axis for axis, periodic in enumerate(self.box.periodic) if not periodic]
-            if state is None or not shut:
+            walled = [axis for axis, periodic in enumerate(self.box.periodic) if not periodic]
+            if state is None or not walled:
                 return state
-            escaped = np.flatnonzero(np.any(state.image[:, shut] != 0, axis=1))
+            escaped = np.flatnonzero(np.any(state.image[:, walled] != 0, axis=1))
             if len(escaped):
                 raise EngineError(
                     f"t = {self.time:.9g}: disk {escaped[0]} left the box where a wall should be; please report this"

@@ -100,7 +100,7 @@ class ForceSteps:
                 max(k, first_after(time, step)) for k, step in zip(self.next_steps, self._steps, strict=True)
             ]
 
-    def due(self, now: float) -> list[int]:
+    def acting(self, now: float) -> list[int]:
         """Indices of the forces that act at `now` [time], in the order in which they do."""
         if now < self.next_time:  # by rounding too: that somebody looks just before changes nothing
             return []
@@ -124,7 +124,7 @@ class ForceSteps:
             "parameters": parameters,
         }
 
-        def told(kernel: Any, columns: int, **more: Any) -> NDArray[np.float64]:
+        def sums_by_tile(kernel: Any, columns: int, **more: Any) -> NDArray[np.float64]:
             tile_sums = np.zeros((self.arrays.tiles, columns))
             self.arrays.launch(kernel, tile_sums=tile_sums, **given, **more)
             return tile_sums
@@ -133,14 +133,14 @@ class ForceSteps:
         if sum_totals is not None:
             n, size = force.totals, self._sizes[index]
             while True:  # once, where sizes are as in the last step
-                found = told(sum_totals, (1 + LEVELS) * n, rounders=_rounders(size, self.arrays.n))
+                found = sums_by_tile(sum_totals, (1 + LEVELS) * n, rounders=_rounders(size, self.arrays.n))
                 size = _size(self.arrays.domain.largest(found)[:n])
                 if np.array_equal(size, self._sizes[index]):
                     break
                 self._sizes[index] = size
             sums = self.arrays.domain.sums(found)[n:].reshape(LEVELS, n)
             totals = np.array([math.fsum(each) for each in sums.T])
-        gained = self.arrays.domain.sums(told(apply_force, 2, totals=totals))
+        gained = self.arrays.domain.sums(sums_by_tile(apply_force, 2, totals=totals))
         self.next_steps[index] = k + 1
         if not math.isfinite(gained[0]):
             raise EngineError(

@@ -17,7 +17,7 @@ tiles, and in each window copies of those of the *ring*, the neighbouring tiles 
 Why it is exact. A tile reads disks of the nine tiles around it, and to be verified hashes and ways of the disks that it
 copied, its own disks, and `reach` of the tiles around it. After steps 1, 3 and 4 all of these are, bit for bit, what
 they are in a process that has all tiles. Lists are copied in their order; what is left out of them lies beyond the halo
-of each tile that gathers from them (`bands`, of which its owner tells), where nobody looks. A hash
+of each tile that gathers from them (`bands`, of which its owner tells), which are not searched. A hash
 is computed once, by the one rank that owns the tile in which the disk begins. So each tile finds the same, is good or
 bad as it is there, and the proof in `kernels/tiles.py` holds: it speaks of tiles, not of who runs them. The length of
 the next window follows from the sums of step 4, which are added up in the order of one process: so all
@@ -55,7 +55,7 @@ from ..errors import EngineError, InputError
 from ..kernels import layout as k
 from ..kernels.columns import ADDRESSABLE, named
 from ..kernels.language import ti, view
-from ..kernels.readout import put_rows, take_rows
+from ..kernels.readout import read_rows, write_rows
 from ..kernels.sums import sum_shared
 from ..kernels.windows import HALO_GROWTH, verify
 from ..model.state import COLUMNS, DiskKinds, Disks
@@ -161,7 +161,7 @@ class RankDomain(Domain):
         self._plan_sums()
 
     def rebalance(self) -> None:
-        """Divide the tiles anew where some ranks have more to do than others: their lists go to new owners as they are.
+        """Divide the tiles again where some ranks have more work: their lists go to new owners as they are.
 
         What a tile has to do is told by its disks, and by what happened to them in the last window; MOST_EVENTS a disk
         at most, for after a window of the whole box one tile has them all.
@@ -173,21 +173,21 @@ class RankDomain(Domain):
         shares = np.array(self.comm.allgather(float(work.sum())))
         if shares.max() <= UNEVEN * shares.mean():
             return
-        told = np.zeros((self.arrays.tiles, 3))
-        told[self.arrays.own] = np.stack([work, count, self._halo_factor[self.arrays.own]], axis=1)
-        self.comm.mpi.Allreduce(told.copy(), told)
+        table = np.zeros((self.arrays.tiles, 3))
+        table[self.arrays.own] = np.stack([work, count, self._halo_factor[self.arrays.own]], axis=1)
+        self.comm.mpi.Allreduce(table.copy(), table)
         tiles = int(self.arrays.grid.tiles_x), int(self.arrays.grid.tiles_y)
         try:
-            after = owners(told[:, 0], tiles, self.comm.size)
+            after = owners(table[:, 0], tiles, self.comm.size)
         except InputError:  # no straight cuts divide these few tiles: the blocks stay
             return
-        if UNEVEN * np.bincount(after, weights=told[:, 0]).max() > shares.max():
+        if UNEVEN * np.bincount(after, weights=table[:, 0]).max() > shares.max():
             return
         held, listed = self.arrays.rows_held(part)
         self.communication.moved += int(np.count_nonzero(after != self.owner))
         with self.arrays.written("reach") as (reach,):
-            named(reach, "reach").halo_factor = told[:, 2]
-        self.assign(told[:, 0])
+            named(reach, "reach").halo_factor = table[:, 2]
+        self.assign(table[:, 0])
         self.list_rows(held, listed, np.zeros_like(listed))
 
     def _neighbor_tiles(self) -> NDArray[np.int64]:
@@ -213,11 +213,11 @@ class RankDomain(Domain):
             return
         self._around_for = aside
         self._neighbors_all = self._neighbor_tiles()
-        beside = self._neighbors_all[:, self.arrays.own]
-        others = np.where(beside >= 0, self.owner[beside], self.comm.rank)
+        neighbors = self._neighbors_all[:, self.arrays.own]
+        others = np.where(neighbors >= 0, self.owner[neighbors], self.comm.rank)
         self._partners = [int(q) for q in np.unique(others) if q != self.comm.rank]
         self._sent_tiles = [self.arrays.own[np.any(others == q, axis=0)] for q in self._partners]
-        self._ghost_tiles = [np.unique(beside[others == q]) for q in self._partners]
+        self._ghost_tiles = [np.unique(neighbors[others == q]) for q in self._partners]
         if self._graph is not None:
             self._graph.Free()
         self._graph = self.comm.mpi.Create_dist_graph_adjacent(self._partners, self._partners)
@@ -239,32 +239,32 @@ class RankDomain(Domain):
             (len(at), *(array.element_shape or (1,))), ti.lang.util.to_numpy_type(array.dtype)
         )
         if len(at):
-            take_rows(array, at, found)
+            read_rows(array, at, found)
         return found if array.element_shape else found[:, 0]
 
-    def _put_rows(self, name: str, at: slice | NDArray[np.integer], rows: NDArray[Any]) -> None:
+    def _write_rows(self, name: str, at: slice | NDArray[np.integer], rows: NDArray[Any]) -> None:
         """Write some rows of an array."""
         array = getattr(self.arrays, name)
         if not self.arrays.on_gpu:
             view(array)[at] = rows
         elif len(rows):
-            put_rows(array, numbers_of(at), np.ascontiguousarray(rows.reshape(len(rows), -1)))
+            write_rows(array, numbers_of(at), np.ascontiguousarray(rows.reshape(len(rows), -1)))
 
     def state_rows(self, name: str, at: slice | NDArray[np.integer]) -> NDArray[Any]:
         """Some rows of the state for another rank; of `kind` the columns, where each has a table of its own."""
         rows = self._rows(name, at)
         return self._rows("kinds", rows) if name == "kind" and self._of_here else rows
 
-    def _take_rows(self, name: str, at: slice | NDArray[np.integer], rows: NDArray[Any]) -> None:
+    def _receive_rows(self, name: str, at: slice | NDArray[np.integer], rows: NDArray[Any]) -> None:
         """Write rows of the state as `state_rows` tells them; columns of kinds are added to the own table."""
         if name == "kind" and self._of_here:
             new = slice(self._in_table, self._in_table + len(rows))
-            self._put_rows("kinds", new, rows)
+            self._write_rows("kinds", new, rows)
             self._in_table, rows = new.stop, numbers_of(new)
-        self._put_rows(name, at, rows)
+        self._write_rows(name, at, rows)
 
     def _empty_table(self, own: int, more: int) -> None:
-        """Begin an own table of kinds anew, with room for so many own disks and some times so many more."""
+        """Restart the rank's table of kinds, with room for its own disks and several times as many more."""
         room, wanted = self.arrays.kinds.shape[0], own + more + min(3 * more, own // 2) + 64
         self._in_table = 0
         if not own + more <= room <= 2 * wanted:
@@ -278,7 +278,7 @@ class RankDomain(Domain):
             slots = self.arrays.rows_of(part)[0]
             rows = self.state_rows("kind", slots)
             self._empty_table(own, more)
-            self._take_rows("kind", slots, rows)
+            self._receive_rows("kind", slots, rows)
 
     def list_tiles(self, tiles: NDArray[np.integer]) -> None:
         """Have these tiles be run next."""
@@ -325,11 +325,11 @@ class RankDomain(Domain):
         ]
         width, height = (side[listed] for side in sides)
         near = np.zeros(len(slots), dtype=bool)
-        for (step_x, step_y), beside in zip(STEPS, self._neighbors_all[:, tiles], strict=True):
-            theirs = (beside >= 0) & (self.owner[beside] == q)
+        for (step_x, step_y), neighbors in zip(STEPS, self._neighbors_all[:, tiles], strict=True):
+            theirs = (neighbors >= 0) & (self.owner[neighbors] == q)
             if not theirs.any():
                 continue
-            halo = np.where(theirs, 1.001 * self.band[beside], -np.inf)[listed]
+            halo = np.where(theirs, 1.001 * self.band[neighbors], -np.inf)[listed]
             found = theirs[listed]
             for place, side, step in ((x, width, step_x), (y, height, step_y)):
                 if step <= 0:
@@ -349,8 +349,8 @@ class RankDomain(Domain):
         self.band: NDArray[np.float64] = np.full(self.arrays.tiles, np.inf)
         if not whole:  # owners say how wide the halos of their tiles are
             self.band[self.arrays.own] = self.bands()
-            told = self.exchange([(self.band[tiles],) for tiles in self._sent_tiles])
-            for tiles, (band,) in zip(self._ghost_tiles, told, strict=True):
+            received = self.exchange([(self.band[tiles],) for tiles in self._sent_tiles])
+            for tiles, (band,) in zip(self._ghost_tiles, received, strict=True):
                 self.band[tiles] = band
         self._sent_slots = []
         messages: list[tuple[NDArray[Any], ...]] = []
@@ -395,7 +395,7 @@ class RankDomain(Domain):
                 listed.count[tiles, part] = count
                 listed.start[tiles, part] = at + np.cumsum(count) - count
                 for name, rows in zip(names, arrays, strict=True):
-                    self._take_rows(
+                    self._receive_rows(
                         name, slice(part * self.arrays.room + at, part * self.arrays.room + slots.stop), rows
                     )
                 self._ghost_slots.append(slots)
@@ -418,8 +418,8 @@ class RankDomain(Domain):
         ]
         size = sum(each.nbytes for message in messages for each in message)
         for given, (ran, hashes, ways) in zip(self._sent_slots, self.exchange(messages), strict=True):
-            self._put_rows("history_hash", given[ran], hashes)
-            self._put_rows("displacement", given[ran], ways)
+            self._write_rows("history_hash", given[ran], hashes)
+            self._write_rows("displacement", given[ran], ways)
         self.unassigned = int(np.count_nonzero(self.arrays.values("displacement")[: self.used] < 0.0))
         messages = []
         reach = self.arrays.values("reach")
@@ -431,13 +431,13 @@ class RankDomain(Domain):
             self._sent_hashes[q] = hashes, ways
             messages.append((changed, hashes[changed], ways[changed], reach[tiles]))
         size += sum(each.nbytes for message in messages for each in message)
-        told = self.exchange(messages)
+        received = self.exchange(messages)
         with self.arrays.written("reach") as (reach,):
             for slots, tiles, (changed, hashes, ways, reached) in zip(
-                self._ghost_slots, self._ghost_tiles, told, strict=True
+                self._ghost_slots, self._ghost_tiles, received, strict=True
             ):
-                self._put_rows("history_hash", slots.start + changed, hashes)
-                self._put_rows("displacement", slots.start + changed, ways)
+                self._write_rows("history_hash", slots.start + changed, hashes)
+                self._write_rows("displacement", slots.start + changed, ways)
                 reach[tiles] = reached
         self.communication.hashes += size
         self.communication.rounds += 1
@@ -477,14 +477,14 @@ class RankDomain(Domain):
         def sizes(tiles: list[NDArray[np.intp]]) -> list[int]:
             return [wide * len(each) for each in tiles]
 
-        told = np.concatenate([np.zeros(0, np.intp), *self._tiles_sent])
-        heard = np.concatenate([np.zeros(0, np.intp), *self._tiles_received])
-        sent = np.concatenate([each[told].astype(np.float64) for each in rows], axis=1)
-        got = np.empty((len(heard), wide))
+        tiles_sent = np.concatenate([np.zeros(0, np.intp), *self._tiles_sent])
+        tiles_received = np.concatenate([np.zeros(0, np.intp), *self._tiles_received])
+        sent = np.concatenate([each[tiles_sent].astype(np.float64) for each in rows], axis=1)
+        got = np.empty((len(tiles_received), wide))
         self._adding.Neighbor_alltoallv([sent, sizes(self._tiles_sent)], [got, sizes(self._tiles_received)])
         at = 0
         for each in rows:
-            each[heard] = got[:, at : at + each.shape[1]]
+            each[tiles_received] = got[:, at : at + each.shape[1]]
             at += each.shape[1]
         self.communication.sums += sent.nbytes
         self.communication.messages += len(self._adders)
@@ -551,7 +551,7 @@ class RankDomain(Domain):
         if self._of_here:
             self._empty_table(len(order), 0)
         for name, each in zip(rows, values, strict=True):
-            self._take_rows(
+            self._receive_rows(
                 name, slice(part * self.arrays.room, part * self.arrays.room + len(order)), each[order]
             )
         self.arrays.set_lists(part, np.bincount(tile, minlength=self.arrays.tiles))

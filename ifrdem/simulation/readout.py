@@ -28,7 +28,7 @@ def totals(engine: Engine) -> NDArray[np.float64]:
     one, whole = np.zeros((1, REAL_OUT.width), engine.arrays.real), np.zeros((1, 3), np.int32)
     engine.arrays.launch(
         read_out, part, engine.time, 0, real_out=one, int_out=whole, past_out=np.zeros((1, PAST.width)), hits_out=whole,
-        spent_out=np.zeros((1, MECHANISM.width)), totals=found,
+        dissipated_out=np.zeros((1, MECHANISM.width)), totals=found,
     )  # fmt: skip
     return _finite(engine.arrays.domain.sums(found), engine.time)
 
@@ -55,15 +55,15 @@ def read(
     dated, counted = uses.remembers or uses.turned, uses.walled or uses.partnered or uses.rests
     past: NDArray[Any] = np.empty((rows if dated else 1, PAST.width))
     hits: NDArray[Any] = np.empty((rows if counted else 1, HITS_OUT.width), np.int32)
-    spent = np.empty((rows if uses.itemised else 1, MECHANISM.width))
+    dissipated = np.empty((rows if uses.itemised else 1, MECHANISM.width))
     found = np.zeros((arrays.tiles, READOUT.width))
     arrays.launch(
-        read_out, part, time, 1, real_out=real, int_out=counts, past_out=past, hits_out=hits, spent_out=spent,
+        read_out, part, time, 1, real_out=real, int_out=counts, past_out=past, hits_out=hits, dissipated_out=dissipated,
         totals=found,
     )  # fmt: skip
     sums = _finite(arrays.domain.sums(found), time)
     columns = [real[:rows], counts[:rows]]
-    columns += [past] * dated + [hits] * counted + [spent] * uses.itemised
+    columns += [past] * dated + [hits] * counted + [dissipated] * uses.itemised
     columns = arrays.domain.by_id(part, columns)
     past_before = [np.asarray(each) for each in engine.past.values()]
     if whole:
@@ -72,42 +72,42 @@ def read(
             return None, sums
         columns, past_before = gathered[: len(columns)], gathered[len(columns) :]
     real, counts, *columns = columns
-    past, hits, spent = (
+    past, hits, dissipated = (
         columns.pop(0) if kept else none
-        for kept, none in ((dated, past), (counted, hits), (uses.itemised, spent))
+        for kept, none in ((dated, past), (counted, hits), (uses.itemised, dissipated))
     )
     dates, counts_of = named(past, "past"), named(hits, "hits_out")
     place = real[:, 0:2]
     for axis, periodic in enumerate(engine.box.periodic):
         if periodic:  # rounding can put a disk onto the far side, which is the next box already
             np.minimum(place[:, axis], below(engine.box.lengths[axis], real.dtype), out=place[:, axis])
-    told: dict[str, Any] = {
+    fields: dict[str, Any] = {
         name: _read_only(value) for name, value in zip(engine.past, past_before, strict=True)
     }
     if uses.walled:
-        told["wall_collisions"] = counts_of.wall_collisions.copy()
+        fields["wall_collisions"] = counts_of.wall_collisions.copy()
     if uses.rests:
-        told["asleep"] = counts_of.asleep.copy()
+        fields["asleep"] = counts_of.asleep.copy()
     if uses.partnered:
-        told["last_partner"] = counts_of.last_partner.copy()
+        fields["last_partner"] = counts_of.last_partner.copy()
     if uses.remembers:
         # Since the window's beginning; at its end, since that.
-        told["latest_collision"] = np.minimum(engine.windows.time_origin + dates.latest, time)
+        fields["latest_collision"] = np.minimum(engine.windows.time_origin + dates.latest, time)
     if uses.turned:
-        told["angle"] = dates.angle.copy()
+        fields["angle"] = dates.angle.copy()
     if uses.itemised:
-        told["dissipated"] = spent
-    events = counts[:, 0] - (told["wall_collisions"] if uses.walled else 0)
+        fields["dissipated"] = dissipated
+    events = counts[:, 0] - (fields["wall_collisions"] if uses.walled else 0)
     flow = engine.box.flow(place.astype(np.float64)) if engine.box.shear_rate else None
     state: State
     if stored is None:
         state = State(
             np.ascontiguousarray(place), np.ascontiguousarray(real[:, 2:4]), np.ascontiguousarray(real[:, 4]), time,
-            events, counts[:, 1:3].copy(), flow=flow, **told,
+            events, counts[:, 1:3].copy(), flow=flow, **fields,
         )  # fmt: skip
     else:
         image = counts[:, 1:3] if "image" in stored else None
-        state = StoredState(place, real[:, 2:4], real[:, 4], time, events, image, flow=flow, **told)  # type: ignore[arg-type]
+        state = StoredState(place, real[:, 2:4], real[:, 4], time, events, image, flow=flow, **fields)  # type: ignore[arg-type]
     return state, sums
 
 

@@ -55,7 +55,7 @@ class RunPlan:
     def from_record(cls, record: Mapping[str, Any], frames: Trigger, series: Trigger | None) -> RunPlan:
         """Go on from what `to_record` gave."""
         span = dict(record["span"])
-        end = Due(**span.pop("end"))
+        end = RunPoint(**span.pop("end"))
         return cls(Span(**span, end=end), frames, series, record["next_frame"], record["next_row"])
 
     @property
@@ -68,11 +68,11 @@ class RunPlan:
         """Times at which rows of series are due; only at the end if there are none."""
         return Schedule(self.series or Trigger(number=1), self.span)
 
-    def ahead(self, rows: bool) -> list[Due]:
+    def next_points(self, rows: bool) -> list[RunPoint]:
         """The next few points at which frames, or `rows` of series, are due."""
         frames, of_rows = self.frame_schedule, self.row_schedule
-        found = [frames.due(self.next_frame + i) for i in range(FEW)]
-        return found + [of_rows.due(self.next_row + i) for i in range(FEW) if rows]
+        found = [frames.point(self.next_frame + i) for i in range(FEW)]
+        return found + [of_rows.point(self.next_row + i) for i in range(FEW) if rows]
 
 
 FEW = 9
@@ -146,7 +146,7 @@ class Trigger:
 
 
 @dataclass(frozen=True)
-class Due:
+class RunPoint:
     """A point of a run: reached at this time [time], or at this total number of collisions, whichever comes first."""
 
     time: float = math.inf
@@ -157,10 +157,10 @@ class Due:
         return time >= self.time or (self.collisions is not None and collisions >= self.collisions)
 
 
-def earlier(one: Due, other: Due) -> Due:
+def earlier(one: RunPoint, other: RunPoint) -> RunPoint:
     """The point that is reached when either is."""
     counts = [each.collisions for each in (one, other) if each.collisions is not None]
-    return Due(min(one.time, other.time), min(counts) if counts else None)
+    return RunPoint(min(one.time, other.time), min(counts) if counts else None)
 
 
 @dataclass(frozen=True)
@@ -173,14 +173,14 @@ class Span:
         Disks.
     time, collisions : float, int
         At its beginning [time]; total.
-    end : Due
+    end : RunPoint
         Its end, by time or by collisions.
     """
 
     n: int
     time: float
     collisions: int
-    end: Due
+    end: RunPoint
 
     @classmethod
     def to(
@@ -204,7 +204,7 @@ class Span:
                 n,
                 time,
                 collisions,
-                Due(time=checked.Number(time, sys.float_info.max, needed)("t_end", t_end)),
+                RunPoint(time=checked.Number(time, sys.float_info.max, needed)("t_end", t_end)),
             )
         assert collisions_per_disk is not None
         had = f"a finite number, not below those already had, {2 * collisions / max(n, 1):.6g}"
@@ -213,7 +213,7 @@ class Span:
         end = math.ceil(Fraction(str(collisions_per_disk)) * n / 2)
         if end < collisions:
             raise checked.must_be("collisions_per_disk", collisions_per_disk, had)
-        return cls(n, time, collisions, Due(collisions=end))
+        return cls(n, time, collisions, RunPoint(collisions=end))
 
     @classmethod
     def for_more(
@@ -237,9 +237,11 @@ class Span:
                 raise InputError(
                     f"time = {more:g}: must be above {math.ulp(time):.3g}, the rounding of {time:g}"
                 )
-            return cls(n, time, collisions, Due(time=time + more))
+            return cls(n, time, collisions, RunPoint(time=time + more))
         more = checked.POSITIVE("collisions_per_disk", collisions_per_disk)
-        return cls(n, time, collisions, Due(collisions=collisions + math.ceil(Fraction(str(more)) * n / 2)))
+        return cls(
+            n, time, collisions, RunPoint(collisions=collisions + math.ceil(Fraction(str(more)) * n / 2))
+        )
 
     @property
     def is_over(self) -> bool:
@@ -261,9 +263,9 @@ def warn_of_end(**end: float | None) -> None:
 
 def refuse_endless(cadence: Trigger, span: Span) -> None:
     """Raise InputError for more than `MOST` points in a run whose length is known."""
-    ahead = (span.end.collisions or span.collisions) - span.collisions
+    remaining = (span.end.collisions or span.collisions) - span.collisions
     many = cadence.count(
-        duration=span.end.time - span.time, collisions_per_disk=float(Fraction(2 * ahead, max(span.n, 1)))
+        duration=span.end.time - span.time, collisions_per_disk=float(Fraction(2 * remaining, max(span.n, 1)))
     )
     if many > MOST:
         raise InputError(f"{cadence}: {many:.4g} times in this run; at most {MOST} are possible")
@@ -278,7 +280,7 @@ LONGEST = 0.2 * 31557600.0
 class SlowRunCheck:
     """The pace of a run to its `end`; `clock` gives seconds of real time."""
 
-    def __init__(self, end: Due, clock: Callable[[], float] = time.perf_counter) -> None:
+    def __init__(self, end: RunPoint, clock: Callable[[], float] = time.perf_counter) -> None:
         self._end, self._clock = end, clock
         self._since: tuple[float, float, int] | None = None  # real time, simulated time, collisions
         self._warned = False
@@ -331,11 +333,11 @@ class Schedule:
                     f"{resolved:.3g} or more"
                 )
 
-    def due(self, k: int) -> Due:
+    def point(self, k: int) -> RunPoint:
         """The k-th point, k >= 1; the run's end for every k beyond the last."""
         cadence, span, end = self._cadence, self._span, self._span.end
         if cadence.interval is not None:
-            return Due(min(span.time + k * cadence.interval, end.time), end.collisions)
+            return RunPoint(min(span.time + k * cadence.interval, end.time), end.collisions)
         if cadence.collisions is not None:
             return self._after(Fraction(str(float(cadence.collisions))) * k * span.n / 2)
         assert cadence.number is not None
@@ -346,20 +348,20 @@ class Schedule:
         if cadence.spacing == "log":
             part = Fraction(cadence.log_from ** ((cadence.number - k) / (cadence.number - 1)))
         if end.collisions is None:
-            return Due(time=span.time + (end.time - span.time) * float(part))
+            return RunPoint(time=span.time + (end.time - span.time) * float(part))
         return self._after(part * (end.collisions - span.collisions))
 
-    def _after(self, collisions: Fraction) -> Due:
+    def _after(self, collisions: Fraction) -> RunPoint:
         """After so many collisions from the beginning, or at the run's end."""
         span, end = self._span, self._span.end
         total = span.collisions + math.ceil(collisions)
-        return Due(end.time, total if end.collisions is None else min(total, end.collisions))
+        return RunPoint(end.time, total if end.collisions is None else min(total, end.collisions))
 
     def after(self, k: int, time: float, collisions: int) -> int:
         """The first point from k on that a run at this time, after so many collisions, has not reached."""
 
         def passed(number: int) -> bool:
-            return self.due(number).reached(time, collisions)
+            return self.point(number).reached(time, collisions)
 
         if self._span.end.reached(time, collisions) or not passed(k):
             return k

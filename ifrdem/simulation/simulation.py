@@ -39,7 +39,7 @@ from ..tools import checked
 from ..tools.checked import LATER, Comm, Integer, Real, Seed, validated
 from ..tools.notebook import DisksRepr
 from ..tools.progress import Progress as Bar
-from ..tools.progress import seen
+from ..tools.progress import output_is_interactive
 from ..tools.read_only import ReadOnlyAttributes
 from . import backend, checkpoint, checks, force_steps
 from .device import Device
@@ -111,7 +111,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         One law for all pairs, or a symmetric table `[material][material]`: an `IFRLaw`, or a law of one's own.
     state : State
         Start: positions [length], velocities [length/time], spins [rad/time]. In a sheared box velocities are those
-        in the lab, such as `placement.maxwellian(...) + box.flow(position)`, and its `time` tells how far the images
+        in the lab, such as `initial.maxwellian(...) + box.flow(position)`, and its `time` tells how far the images
         above and below have moved.
     walls : sequence of Wall
         Lines, segments, containers and posts, at rest or moving. Where a wall stands at a side of the box, it is hit
@@ -215,8 +215,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
                 )
             return begin
 
-        def judged() -> None:
-            force_steps.check_types(forces)
+        def check_law() -> None:
             laws = law_table(law, kinds, max((wall.material for wall in walls), default=0))
             checked_class(laws)
             check_energy(laws, kinds, (wall.material for wall in [*walls, *sides(box)]))
@@ -227,7 +226,8 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             _check_slices(comm.allgather(disks.n))
         kinds: Disks = comm.result_of_holders(lambda: DiskKinds.of(disks))
         kinds = disks if comm.has_all else kinds
-        comm.run_on_all(judged)
+        comm.run_on_all(lambda: force_steps.check_types(forces))
+        comm.run_on_all(check_law)
         comm.result_of_holders(lambda: check_no_overlap(box, disks.radius, begin.position, time=begin.time))
         self._laws = law_table(law, kinds, max((wall.material for wall in walls), default=0))
         law_class, table = checked_class(self._laws), coefficient_table(self._laws)
@@ -273,7 +273,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         size = (
             "open box"
             if box.is_open
-            else "box {:.6g} x {:.6g} ({})".format(*box.lengths, describe_sides(box))
+            else f"box {box.lengths[0]:.6g} x {box.lengths[1]:.6g} ({describe_sides(box)})"
         )
         parts = [f"{n} disk{'s' * (n != 1)}", size, self._law_name]
         parts += [f"{len(self.walls)} wall{'s' * (len(self.walls) != 1)}"] * bool(self.walls)
@@ -340,9 +340,9 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         InputError
             If one is none, or cannot act on this gas; the gas is as it was then.
         """
-        put_in = math.fsum(self._engine.force_steps.energy_inputs)
+        energy_input = math.fsum(self._engine.force_steps.energy_inputs)
         self._engine.set_forces(forces)
-        self._external_energy += put_in
+        self._external_energy += energy_input
 
     @validated
     def set_gravity(self, gravity: tuple[float, float]) -> None:
@@ -406,7 +406,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         )
 
     def _check_by_sampling(self, kind: type[CollisionLaw], table: NDArray[np.float64], state: State) -> None:
-        """Try a law that nobody has judged."""
+        """Check by sampling a law that has no proof of passivity."""
         fastest = self.comm.largest(checks.fastest(self.disks_here, state.velocity, state.spin))
         disks = self._engine.kinds
         disks = disks.rows if isinstance(disks, DiskKinds) else disks
@@ -578,8 +578,8 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
     ) -> None:
         """Write all that decides the future, to the last bit, into a file of its own: it appears whole or not at all.
 
-        Events of tracked disks that nobody has taken are not in it. Ranks among which the disks are distributed write a
-        part each (`checkpoint.write_parts`); any number of ranks can resume from them.
+        It does not contain events of tracked disks that were not taken. Ranks among which the disks are distributed
+        write a part each (`checkpoint.write_parts`); any number of ranks can resume from them.
 
         Parameters
         ----------
@@ -646,7 +646,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             names, small = comm.bcast((list(own), small))
             rows = comm.scatter_rows(self.disks.n, list(own.values()) if comm.is_root else None)
             found = small | dict(zip(names, rows, strict=True))
-        snapshot.put_back(self._engine, found)
+        snapshot.restore(self._engine, found)
         self._first, self._external_energy = float(meta["first"]), float(meta["given"])
         extra: dict[str, Any] = meta["extra"]
         return extra
@@ -789,7 +789,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
                 refuse_endless(cadence, span)
         self._warn_of_pinches(span.end.time)
         bar, comm = None, self.comm
-        if progress is True or (progress is None and comm.size == 1 and seen()):
+        if progress is True or (progress is None and comm.size == 1 and output_is_interactive()):
             series = Trigger(number=BAR_STEPS) if series is None else series  # pauses, which change no bit
             progress = None
             if comm.is_root:
@@ -835,7 +835,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     def follow(
         self,
-        course: RunPlan,
+        plan: RunPlan,
         *,
         frame_callbacks: Iterable[FrameCallback] = (),
         series_callbacks: Iterable[SeriesCallback] = (),
@@ -857,18 +857,18 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             if value is not None and not callable(value):
                 raise InputError(f"{name} = {value!r}: must be a function")
         self._stopping = False
-        self._engine.check_duration(course.span.end.time)
+        self._engine.check_duration(plan.span.end.time)
         if (comm := self.comm).size > 1:
-            comm.require_equal(repr(course), "the end of a run, its frames or its series")
+            comm.require_equal(repr(plan), "the end of a run, its frames or its series")
             if comm.is_distributed:
                 comm.require_equal(str(len(frame_callbacks)), "the number of frame callbacks")
             numbers = comm.bcast((len(frame_callbacks), len(series_callbacks)))
             if not comm.is_root:  # where none is called, but all take part
-                nobody: list[Any] = [lambda *_: None]
-                series_callbacks = nobody * numbers[1]
-                frame_callbacks = frame_callbacks if comm.is_distributed else nobody * numbers[0]
+                no_callback: list[Any] = [lambda *_: None]
+                series_callbacks = no_callback * numbers[1]
+                frame_callbacks = frame_callbacks if comm.is_distributed else no_callback * numbers[0]
         with backend.sole_use(), contextlib.suppress(_Stopped):
-            self._follow(course, frame_callbacks, series_callbacks, progress, between, stored)
+            self._follow(plan, frame_callbacks, series_callbacks, progress, between, stored)
         if not self._passive_known:
             self._report_gain()
 
@@ -886,54 +886,54 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     def _follow(
         self,
-        course: RunPlan,
+        plan: RunPlan,
         frame_callbacks: list[FrameCallback],
         series_callbacks: list[SeriesCallback],
         progress: Progress | None,
         between: Callable[[], None] | None,
         stored: Collection[str] | None,
     ) -> None:
-        frames, rows, end = course.frame_schedule, course.row_schedule, course.span.end
-        sampling = course.series is not None and bool(series_callbacks)
-        exact = sampling and course.series is not None and course.series.exact
-        if course.next_row == 0:
-            course.next_row = 1
+        frames, rows, end = plan.frame_schedule, plan.row_schedule, plan.span.end
+        sampling = plan.series is not None and bool(series_callbacks)
+        exact = sampling and plan.series is not None and plan.series.exact
+        if plan.next_row == 0:
+            plan.next_row = 1
             if sampling:
                 self._call_at_row(series_callbacks)
-        if course.next_frame == 0:
-            course.next_frame = 1
+        if plan.next_frame == 0:
+            plan.next_frame = 1
             self._call_at_frame(frame_callbacks, stored)
             if between is not None:
                 between()
         pace = SlowRunCheck(end)
-        while not end.reached(self.time, self.collisions) or course.next_frame == 1:
-            while not (frame := frames.due(course.next_frame)).reached(self.time, self.collisions):
-                row = rows.due(course.next_row)
+        while not end.reached(self.time, self.collisions) or plan.next_frame == 1:
+            while not (frame := frames.point(plan.next_frame)).reached(self.time, self.collisions):
+                row = rows.point(plan.next_row)
                 stop = earlier(frame, row) if exact else frame
                 self._engine.advance(
                     t_end=stop.time, collisions=stop.collisions, pause_at=row.time, pause_after=row.collisions,
-                    rest_at=frame.time, ends=end.time, ahead=partial(course.ahead, exact),
+                    rest_at=frame.time, ends=end.time, next_points=partial(plan.next_points, exact),
                 )  # fmt: skip
                 if progress is not None:
                     progress(self.time, self.collisions)
                 slow = pace.trouble(self.time, self.collisions, self._engine.free_time)
                 if slow is not None and self.comm.is_root:
                     warnings.warn(slow, SlowRunWarning, stacklevel=4)
-                if course.series is not None and row.reached(self.time, self.collisions):
-                    course.next_row = rows.after(course.next_row, self.time, self.collisions)
+                if plan.series is not None and row.reached(self.time, self.collisions):
+                    plan.next_row = rows.after(plan.next_row, self.time, self.collisions)
                     if sampling:
                         self._call_at_row(series_callbacks)
                 if between is not None and not frame.reached(self.time, self.collisions):
                     between()
                 self._stop_if_asked()
             # First: a callback that raises has had its frame.
-            course.next_frame = frames.after(course.next_frame + 1, self.time, self.collisions)
+            plan.next_frame = frames.after(plan.next_frame + 1, self.time, self.collisions)
             self._call_at_frame(frame_callbacks, stored)
             if between is not None and not end.reached(self.time, self.collisions):
                 between()
 
     def _report_gain(self) -> None:
-        """Warn if a law that nobody has judged has added energy."""
+        """Warn if a law without a proof of passivity has added energy."""
         gained = -self.dissipated_energy
         turned_over = abs(self._first) + abs(self.energy_input) + abs(self.wall_work) + abs(self.wall_heat)
         if gained > 1e-9 * turned_over:
@@ -990,22 +990,22 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         state, totals = self._engine.observed(stored)
         measured = from_totals(self.disks, totals, self.time, self.wall_collisions, **self._energy_terms())
 
-        def tell() -> None:
+        def call_back() -> None:
             assert state is not None
             for callback in frame_callbacks:
                 callback(state, measured)
 
-        (self.comm.run_on_all if self.comm.is_distributed else self.comm.run_on_root)(tell)
+        (self.comm.run_on_all if self.comm.is_distributed else self.comm.run_on_root)(call_back)
         self._stop_if_asked()
 
     def _call_at_row(self, series_callbacks: list[SeriesCallback]) -> None:
         measured = self.measure()
 
-        def tell() -> None:
+        def call_back() -> None:
             for callback in series_callbacks:
                 callback(measured)
 
-        self.comm.run_on_root(tell)
+        self.comm.run_on_root(call_back)
 
     def measure(self) -> Measure:
         """Totals and averages of the present state: `observables.measure`, without copying it from the device."""

@@ -108,7 +108,7 @@ OF_DISKS = (
 )  # fmt: skip
 
 
-def put_back(engine: Engine, found: Snapshot) -> None:
+def restore(engine: Engine, found: Snapshot) -> None:
     """Make an engine of the same gas what the snapshot's was; of ranks, each gives the disks of its slice.
 
     Raises
@@ -118,12 +118,12 @@ def put_back(engine: Engine, found: Snapshot) -> None:
     """
     try:
         with engine.exclusive_update():
-            _put_back(engine, found)
+            _restore(engine, found)
     except KeyError as error:
         raise InputError(f"checkpoint: {error.args[0]} is missing") from None
 
 
-def _put_back(engine: Engine, found: Snapshot) -> None:
+def _restore(engine: Engine, found: Snapshot) -> None:
     a, windows, steps = engine.arrays, engine.windows, engine.force_steps
     n = len(engine.comm.slice_of(engine.n))
     if len(found["disk"]) != n:
@@ -141,15 +141,15 @@ def _put_back(engine: Engine, found: Snapshot) -> None:
     for name, value in zip(_LENGTHS, lengths, strict=True):
         setattr(a.clock, name, value)
     _time, engine._collided_at, engine._flow_excess = found["clock"].tolist()
-    *before, engine._resting, parted, engine._until_looked = found["counts"].tolist()
-    engine._before, engine._slept, engine._no_future_collisions = before[:2], before[2], bool(parted)
+    *before, engine._resting, separated, engine._until_looked = found["counts"].tolist()
+    engine._before, engine._slept, engine._no_future_collisions = before[:2], before[2], bool(separated)
     if engine.turning.rotation:
         step, engine.turning.work = found["turning"].tolist()
         engine.turning.next_step = int(step)
-        engine.put_gravity()
+        engine.apply_gravity()
     a.clock.overhang = found["protrudes"].max()
     engine.set_gates(found["gates"])
-    windows.put_back(found, k.TRACKED if engine.tracking is not None else 0)
+    windows.restore(found, k.TRACKED if engine.tracking is not None else 0)
     if engine.tracking is not None:
         engine.tracking.take()  # of what was before, nothing
         engine._take_watched(k.TRACKED, windows.now)

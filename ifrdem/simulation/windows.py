@@ -153,7 +153,7 @@ class Windows:
         self._begin_at(self.now)
 
     def commit_at(self, time: float) -> None:
-        """Have a window begin at a time at which a state is laid into the arrays anew."""
+        """Begin a window at the time of a state that is loaded into the arrays."""
         self._done = self.sums
         self.arrays.clock.overhang = 0.0
         self._begin_at(time)
@@ -178,7 +178,7 @@ class Windows:
         ]
         return {"window": np.array([*length, a.clock.square_unit]), "sums": self._done.copy()}
 
-    def put_back(self, found: dict[str, NDArray[np.float64]], watching: int = 0) -> None:
+    def restore(self, found: dict[str, NDArray[np.float64]], watching: int = 0) -> None:
         """Go on from what `snapshot` gave."""
         a = self.arrays
         begin, end, now, moment, ready, a.clock.fastest, a.clock.square_unit = found["window"].tolist()
@@ -209,7 +209,7 @@ class Windows:
         narrow = a.least_side - overhang < LEAST_HALO * a.least_side and not (a.single_tile or a.uses.sheared)
         if narrow:  # halos would be
             self._plan(commits=ended, plans=False)
-            a.list_anew()
+            a.relist()
             a.clock.overhang = 0.0
         if not ended:
             self._survey(rough=True)
@@ -245,12 +245,12 @@ class Windows:
         *,
         most: int,
         watching: int,
-        ahead: Callable[[], Iterable[tuple[float, float]]],
+        next_points: Callable[[], Iterable[tuple[float, float]]],
     ) -> None:
         """Go on `until` a time or so many collisions in all, whatever is first, or to the end of a window.
 
-        The first one that ends at or after a `pause`, of the same kind, or the last of `most` windows. `ahead` gives
-        those to which later calls will go; what lies in the same window is told with it.
+        The first one that ends at or after a `pause`, of the same kind, or the last of `most` windows. `next_points`
+        gives those of later calls; what lies in the same window is computed with it.
         """
         a, (stop, wanted) = self.arrays, until
         self.go_on(kick)
@@ -259,7 +259,7 @@ class Windows:
             self._compute([self._moment_now], 1, watching)
         if self._paused or not self._completed:
             pausing = a.single_tile and not a.on_gpu and not watching & k.TRACKED
-            self._asked = [until] if pausing else [until, *ahead()]
+            self._asked = [until] if pausing else [until, *next_points()]
             if pausing or (a.on_gpu and math.isfinite(stop)):
                 a.make_moments()
                 moments = [stop - self.begin] if stop < self.end else []
@@ -402,11 +402,11 @@ class Windows:
                 vars(self.statistics).update(vars(kept))
         self._counted = self.begin
         self._at_end = self._tally(k.AT_END)
-        told = float(a.scale.moment[0])
+        moment_time = float(a.scale.moment[0])
         if begin != self.begin or a.counter.paused == k.BY_COUNT:  # the kernel chose
             if begin != self.begin and a.counter.paused != k.BY_COUNT:
-                told = float(a.clock.stop) - self.begin if told < k.FAR else k.FAR
-            moments = [told] if told < k.FAR else []
+                moment_time = float(a.clock.stop) - self.begin if moment_time < k.FAR else k.FAR
+            moments = [moment_time] if moment_time < k.FAR else []
         self._moments = [Moment(each, self._tally(k.AT_MOMENT + m)) for m, each in enumerate(moments)]
         if watching & k.PAIRS:
             self._times = None if pausing else np.sort(self._pairs.rows()[0].astype(np.float64))
@@ -436,7 +436,7 @@ class Windows:
     ) -> None:
         """Run the windows of all tiles, or `again` of the listed ones; with more room where that was not enough."""
         a = self.arrays
-        part, clock, told = int(a.grid.part), a.clock.copy(), a.scale.moment.copy()
+        part, clock, moments = int(a.grid.part), a.clock.copy(), a.scale.moment.copy()
         while True:
             a.counter.array[:] = 0
             a.counter.again, a.counter.pausing, a.counter.resuming = again, pausing, resuming
@@ -471,11 +471,11 @@ class Windows:
                 self.statistics.windows += int(a.counter.n_windows) - 1
                 clock = a.clock.copy()
                 part = int(a.grid.part)
-                told[:] = k.FAR
+                moments[:] = k.FAR
                 if clock.stop < clock.end:
-                    told[0] = clock.stop - clock.begin
+                    moments[0] = clock.stop - clock.begin
             resuming = False  # from the beginning of the window
-            a.clock.array[:], a.grid.part, a.scale.moment = clock.array, part, told
+            a.clock.array[:], a.grid.part, a.scale.moment = clock.array, part, moments
             lane_slots, cells, bins, items = self._room()
             # Threads of a CPU have stopped before the other tiles, which will have as many.
             ran = tiles if a.on_gpu else max(int(a.counter.next_tile - a.grid.lanes), 1)

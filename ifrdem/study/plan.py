@@ -257,8 +257,8 @@ class Plan:
             outside = {name: _digest(self.path.parent / name) for name in names}
             for i, seed in enumerate(self.seeds):
                 record["run"]["seed"] = seed
-                said = [record, outside, kept, __version__]
-                key = hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()[:16]
+                identity = [record, outside, kept, __version__]
+                key = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()[:16]
                 yield Task(
                     key=key, index=(*point, i), text=self.text, path=str(self.path.resolve()),
                     overrides=tuple(self._changes(point, seed)), folder=str(folder.resolve()),

@@ -170,8 +170,8 @@ class Study:
         """Estimated time of the missing runs on one core, from finished runs or else from a typical speed."""
         done, missing, _ = self._state(self.tasks)
         if done:
-            spent, work = sum(seconds for _, seconds in done), sum(task.weight for task, _ in done)
-            return spent / work * sum(task.weight for task in missing)
+            elapsed, work = sum(seconds for _, seconds in done), sum(task.weight for task, _ in done)
+            return elapsed / work * sum(task.weight for task in missing)
         rows = (
             self._checked_cases[0][missing[0].index[:-1]].output.series_cadence.number or 0 if missing else 0
         )
@@ -206,13 +206,16 @@ class Study:
                 shown = [str(each) for each in values]
                 shown = shown if len(shown) <= 8 else [*shown[:4], "...", *shown[-2:]]
                 lines.append(f"  {name:<22} {', '.join(shown)} ({key})")
-        expected = clock_face(self.seconds / max(processes, 1)) if len(self.tasks) > done else "none"
+        expected = "none: all runs are done"
+        if len(self.tasks) > done:
+            n = max(processes, 1)
+            expected = f"some {clock_face(self.seconds / n)} on {n} process{'es' if n > 1 else ''}"
         return [
             *lines,
             f"  done already           {done} of {len(self.tasks)}, in {self.folder}",
             *(f"  to be run again        {text}" for text in damaged),
             f"  disk space             some {summary.size(self.bytes)}",
-            f"  expected time          some {expected} on {max(processes, 1)} process{'es' if processes > 1 else ''}",
+            f"  expected time          {expected}",
         ]
 
     def run(
@@ -267,8 +270,8 @@ class Study:
         for text in damaged:
             warn(f"run again: {text}")
         failed: dict[str, str] = {}
-        said, says = "the run stops after this window, with a checkpoint", "the study stops"
-        stops = Stops(warn=lambda text: warn(text.replace(said, says)))
+        of_run, of_study = "the run stops after this window, with a checkpoint", "the study stops"
+        stops = Stops(warn=lambda text: warn(text.replace(of_run, of_study)))
         place = self.folder.with_suffix("") if part is None else self.folder / f"part{part[0]}"
         status = Status(place, name=self.plan.name)
         progress = StudyProgress(len(tasks), [task.weight for task in missing], status)

@@ -168,7 +168,7 @@ def along(case: Case) -> tuple[str, NDArray[np.float64]]:
     else:
         end, name = case.run.collisions_per_disk or 0.0, "collisions_per_disk"
     schedule = Schedule(cadence, Span.to(2, 0.0, 0, t_end=end))
-    return name, np.array([0.0, *(schedule.due(k + 1).time for k in range(cadence.number))])
+    return name, np.array([0.0, *(schedule.point(k + 1).time for k in range(cadence.number))])
 
 
 def _at_rows(case: Case, n: int, found: dict[str, NDArray[Any]]) -> dict[str, Variable]:
@@ -176,8 +176,10 @@ def _at_rows(case: Case, n: int, found: dict[str, NDArray[Any]]) -> dict[str, Va
     name, places = along(case)
     span = Span.to(n, 0.0, 0, t_end=case.run.t_end, collisions_per_disk=case.run.collisions_per_disk)
     schedule = Schedule(case.output.series_cadence, span)
-    due = [schedule.due(k + 1) for k in range(len(places) - 1)]
-    wanted = np.array([0.0, *(each.time if name == "time" else float(each.collisions or 0) for each in due)])
+    points = [schedule.point(k + 1) for k in range(len(places) - 1)]
+    wanted = np.array(
+        [0.0, *(each.time if name == "time" else float(each.collisions or 0) for each in points)]
+    )
     rows = np.searchsorted(found["time"] if name == "time" else found["collisions"], wanted)
     with np.errstate(divide="ignore", invalid="ignore"):
         found["theta"] = found["rotational_temperature"] / found["temperature"]

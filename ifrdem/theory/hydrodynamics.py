@@ -307,11 +307,11 @@ def _mode_energy(
     theta0: float | None, end: float,
 ) -> tuple[_CoolingPath, Array]:  # fmt: skip
     """The course of the gas until tau = end, and `shear_mode_energy` at its times."""
-    course = _CoolingPath.of(law, radius, packing_fraction, k, _theta(law, theta0, "theta0"), end)
+    path = _CoolingPath.of(law, radius, packing_fraction, k, _theta(law, theta0, "theta0"), end)
     n = packing_fraction * box[0] * box[1] / (math.pi * radius**2)
-    most = math.sqrt(max(float(np.max(course.lost[1:] / course.spread[1:])), 0.0))
+    most = math.sqrt(max(float(np.max(path.lost[1:] / path.spread[1:])), 0.0))
     found = np.unique(waves(box, most), return_counts=True)
-    return course, course.excess(*found) / (2.0 * n)
+    return path, path.excess(*found) / (2.0 * n)
 
 
 def waves(box: tuple[float, float], most: float) -> Array:
@@ -368,15 +368,15 @@ def shear_mode_time(
     nu0 = collision_rate(packing_fraction, T0, mass, radius)
     end, last = 8.0, 0.0
     while True:
-        course, found = _mode_energy(law, radius, packing_fraction, box, k, theta0, end)
+        path, found = _mode_energy(law, radius, packing_fraction, box, k, theta0, end)
         if found.max() >= share:
             break
-        if course.tau[-1] == last or end > _LONGEST:
+        if path.tau[-1] == last or end > _LONGEST:
             return ShearModes(math.inf, math.inf)
-        end, last = 2.0 * end, float(course.tau[-1])
+        end, last = 2.0 * end, float(path.tau[-1])
     first = int(np.argmax(found >= share))
     part = (share - found[first - 1]) / (found[first] - found[first - 1])
     tau, time = (
-        float(one[first - 1] + part * (one[first] - one[first - 1])) for one in (course.tau, course.time)
+        float(one[first - 1] + part * (one[first] - one[first - 1])) for one in (path.tau, path.time)
     )
     return ShearModes(tau, time / nu0)

@@ -1,6 +1,6 @@
 """Processes that make calls, one after another; a process that dies is reported as the result of its call.
 
-Processes are started anew (`spawn`), so that none inherits a Taichi or threads that run. They leave Ctrl-C, which a
+Processes are started by `spawn`, so that none inherits a Taichi or threads that run. They leave Ctrl-C, which a
 terminal sends to all processes of a command, to the one that started them, and end when that does.
 """
 

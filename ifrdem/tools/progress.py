@@ -90,7 +90,7 @@ class Progress:
             )
             self._bar.set_description_str("compiling", refresh=not brief)
             if kernels is not None:
-                threading.Thread(target=self._tell_compilation, args=(kernels,), daemon=True).start()
+                threading.Thread(target=self._show_compilation, args=(kernels,), daemon=True).start()
 
     def __enter__(self) -> Progress:
         return self
@@ -142,7 +142,7 @@ class Progress:
         elif self._latest is not self._printed and self._first is not None:
             self._line()
 
-    def _tell_compilation(self, kernels: Callable[[], int]) -> None:
+    def _show_compilation(self, kernels: Callable[[], int]) -> None:
         """Say every half second how many kernels are compiled, until the first window is over."""
         before, bar = kernels(), self._bar
         while not self._compiling.wait(DELAY):
@@ -204,9 +204,9 @@ class Stage:
 
 def _columns(stream: TextIO) -> int:
     """Columns of a terminal: what the environment says, or else the terminal; 0 if neither knows."""
-    told = os.environ.get("COLUMNS", "")
-    if told.isdecimal() and int(told) > 0:
-        return int(told)
+    columns = os.environ.get("COLUMNS", "")
+    if columns.isdecimal() and int(columns) > 0:
+        return int(columns)
     try:
         return os.get_terminal_size(stream.fileno()).columns
     except (OSError, ValueError):  # no file, or not that of a terminal
@@ -219,7 +219,7 @@ def in_notebook() -> bool:
     return getattr(shell, "kernel", None) is not None
 
 
-def seen(stream: TextIO | None = None) -> bool:
+def output_is_interactive(stream: TextIO | None = None) -> bool:
     """True where a person looks: a terminal or a notebook."""
     return in_notebook() or (sys.stderr if stream is None else stream).isatty()
 

@@ -47,7 +47,7 @@ class AsyncWriter:
         found = getattr(self._writer, name)
         if not callable(found):
             return found
-        return lambda *given, **options: self._put(functools.partial(found, *given, **options))
+        return lambda *given, **options: self._enqueue(functools.partial(found, *given, **options))
 
     def __enter__(self) -> AsyncWriter:
         return self
@@ -75,7 +75,7 @@ class AsyncWriter:
         if not self._error_raised:
             self.raise_error()
 
-    def _put(self, job: Callable[[], None]) -> None:
+    def _enqueue(self, job: Callable[[], None]) -> None:
         if self._closed:
             raise TrajectoryError(f"{self._writer.path} is closed: nothing can be added")
         self.raise_error()

@@ -24,7 +24,7 @@ from ..model.observables import MECHANISMS
 from ..model.state import Disks
 from ..tools.versions import package_versions
 from . import damage
-from . import parts as parted
+from . import parts as part_files
 from .file import staged
 from .parts import Part, Parts
 
@@ -294,10 +294,10 @@ def views_of(parts: Parts | None) -> Mapping[str, Collection[tuple[str, str]]]:
     for name, field in FIELDS.items():
         for shown in (field.dataset, "value"):
             sources[f"{PARTICLES}/{name}/{shown}"] = f"/{PARTICLES}/{name}/{field.dataset}"
-    names = [parted.as_source(parts.name(number)) for number in range(len(parts))]
+    names = [part_files.as_source(parts.name(number)) for number in range(len(parts))]
     found = {place: {(name, source) for name in names} for place, source in sources.items()}
     for place in VIEWS:
-        found[place] |= {(".", f"/{parted.ZEROS}/{kind}") for kind in ("f4", "f8", "i4")}
+        found[place] |= {(".", f"/{part_files.ZEROS}/{kind}") for kind in ("f4", "f8", "i4")}
     return found
 
 
@@ -386,7 +386,7 @@ def need_zstd(what: str) -> None:
 
 def load_compression(file: h5py.File, path: str) -> None:
     """Make the compression of a file's fields known to HDF5; an InputError says which package it needs."""
-    if parted.GROUP in file:  # it holds none
+    if part_files.GROUP in file:  # it holds none
         return
     for name in stored_fields(file):
         dataset = file[f"{PARTICLES}/{name}"].get(FIELDS[name].dataset)
@@ -415,7 +415,7 @@ def newer(file: h5py.File, path: str) -> str:
 
 
 def check_layout(
-    file: h5py.File, path: str, lacks: dict[int, parted.MissingPart] | None = None
+    file: h5py.File, path: str, lacks: dict[int, part_files.MissingPart] | None = None
 ) -> Parts | None:
     """The parts that a file is in, None if it holds all data itself.
 
@@ -427,7 +427,7 @@ def check_layout(
     with damage.as_damage_error(path, "its version"):
         if version_of(file)[0] > LAYOUT_VERSION[0]:
             raise InputError(newer(file, path))
-    parts = parted.of(file, path)
+    parts = part_files.of(file, path)
     damage.check_links(file, path, views_of(parts))
     load_compression(file, path)
     with damage.as_damage_error(path, "its layout"):
@@ -440,7 +440,7 @@ def check_layout(
         for number in range(len(parts)):
             try:
                 check_part(file, path, parts, number)
-            except parted.MissingPart as error:
+            except part_files.MissingPart as error:
                 if lacks is None:
                     raise
                 lacks[number] = error
@@ -458,13 +458,15 @@ def check_part(file: h5py.File, path: str, parts: Parts, number: int) -> None:
             raise DamageError(f"{what} cannot be read: {error}") from error
         own, frames = parts.disks(number), len(file[f"{clock(file)}/step"])
         if disks != (own.stop - own.start,):
-            raise DamageError(f"{what} holds {disks[0]} disks instead{parted.SEE}")
+            raise DamageError(f"{what} holds {disks[0]} disks instead{part_files.SEE}")
         held = len(part[f"{clock(part)}/step"])
         if held < frames:
-            raise parted.ShortPart(f"{what} is too short: it holds {held} of {frames} frames{parted.SEE}")
+            raise part_files.ShortPart(
+                f"{what} is too short: it holds {held} of {frames} frames{part_files.SEE}"
+            )
         for name in stored_fields(file):
             if name not in stored_fields(part):
-                raise DamageError(f"{what} lacks {name}{parted.SEE}")
+                raise DamageError(f"{what} lacks {name}{part_files.SEE}")
 
 
 Expected = dict[str, tuple[tuple[int | None, ...], str]]

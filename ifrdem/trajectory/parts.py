@@ -129,8 +129,8 @@ class Parts:
         """
         flat = frames and tail == (2,) and name == "value"
         before, ends = ((1,), (None,)) if frames else ((), ())
-        seen = (3,) if flat else tail
-        whole = h5py.VirtualLayout((*before, self.n, *seen), dtype, maxshape=(*ends, self.n, *seen))
+        row_shape = (3,) if flat else tail
+        whole = h5py.VirtualLayout((*before, self.n, *row_shape), dtype, maxshape=(*ends, self.n, *row_shape))
         every = (slice(0, h5py.h5s.UNLIMITED),) if frames else ()
         for number in range(len(self)):
             rows = self.disks(number)

@@ -23,7 +23,7 @@ from ..mpi import Communicator, current
 from ..mpi.distribution import bounds
 from ..tools.checked import Comm, Count, validated
 from . import layout
-from . import parts as parted
+from . import parts as part_files
 from .background import AsyncWriter
 from .parts import Parts
 from .writer import DEFAULT_FIELDS, TrajectoryWriter
@@ -81,7 +81,7 @@ class PartsWriter:
         self._head = None if head is None else AsyncWriter(head)
         self._attributes = {"position", "spin", *(layout.FIELDS[name].attribute for name in fields)}
         self._waiting: list[tuple[Any, Mapping[str, ArrayLike] | None]] = []
-        self._told = 0 if self._head is None else int(self._head.written_counts["frames"])
+        self._counted = 0 if self._head is None else int(self._head.written_counts["frames"])
 
     @classmethod
     @validated
@@ -113,9 +113,9 @@ class PartsWriter:
 
         def begin() -> Parts:
             if force:
-                parted.remove(place)
-            folder = parted.folder_of(place)
-            if there := parted.existing(place):
+                part_files.remove(place)
+            folder = part_files.folder_of(place)
+            if there := part_files.existing(place):
                 raise InputError(f"output {there[0]} exists: choose another name, or replace it (--force)")
             try:
                 folder.mkdir(exist_ok=True)
@@ -201,8 +201,8 @@ class PartsWriter:
         """Let the frames count that are whole in all parts; called by all ranks."""
         done = min((int(queue.written_counts["frames"]) for queue in self._own.values()), default=sys.maxsize)
         done = min(self._comm.allgather(done))
-        if self._head is not None and done > self._told:
-            new, self._told = done - self._told, done
+        if self._head is not None and done > self._counted:
+            new, self._counted = done - self._counted, done
             frames, self._waiting = self._waiting[:new], self._waiting[new:]
             self._head.write_frames(frames)
 
@@ -231,7 +231,7 @@ class PartsWriter:
             except (TrajectoryError, InputError) as raised:
                 error = error or raised
         if self._head is not None and not self.path.exists():  # without a frame, it is gone
-            parted.remove(self.path)
+            part_files.remove(self.path)
         _remove_empty(self.path)
         if error is not None:
             raise error
@@ -312,4 +312,4 @@ def _rows_of_parts(
 def _remove_empty(path: Path) -> None:
     """Remove the folder of parts if nothing is in it."""
     with contextlib.suppress(OSError):
-        parted.folder_of(path).rmdir()
+        part_files.folder_of(path).rmdir()

@@ -41,7 +41,7 @@ from ..tools.checked import Integer, validated
 from ..tools.notebook import DisksRepr, NotebookRepr, plots, refuse_unknown
 from ..tools.read_only import ReadOnlyAttributes
 from . import damage, history, layout, tables
-from . import parts as parted
+from . import parts as part_files
 from .history import History
 from .parts import Part, Parts
 
@@ -474,7 +474,7 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
     def _read_head(self) -> None:
         """Read everything but the frames."""
         file = self._file
-        self._missing: dict[int, parted.MissingPart] = {}
+        self._missing: dict[int, part_files.MissingPart] = {}
         # In a file that is written it may be there in a moment.
         self._parts = layout.check_layout(file, str(self.path), None if self._written_to else self._missing)
         self._disks: Disks | None = None
@@ -521,7 +521,7 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
             raise NameMissing(f"there is no constant {name!r}{there_are(str(name), layout.STATIC)}")
         return self._reopening(lambda: self._constants(name, disks))
 
-    def _constants(self, name: str, disks: slice = slice(None)) -> NDArray[Any]:
+    def _constants(self, name: str, disks: slice | int = slice(None)) -> NDArray[Any]:
         place = f"{layout.PARTICLES}/{name}"
         if self._parts is None:
             return damage.read(self._opened()[place], disks)
@@ -617,8 +617,8 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
     def part(self) -> Part | None:
         """Mark of the part of a trajectory that the file is, with some of its disks only; None of a whole one."""
         file = self._opened()
-        with damage.as_damage_error(self.path, parted.PART):
-            return Part.of(file) if self._parts is None and parted.PART in file else None
+        with damage.as_damage_error(self.path, part_files.PART):
+            return Part.of(file) if self._parts is None and part_files.PART in file else None
 
     @property
     def missing(self) -> tuple[int, ...]:
@@ -627,7 +627,7 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
 
     def data_files(self) -> Iterator[h5py.File]:
         """The files that hold the fields, open one after another: this one, or its parts."""
-        for _, file in parted.data_files(self._opened(), self._parts, self.path, self.n):
+        for _, file in part_files.data_files(self._opened(), self._parts, self.path, self.n):
             yield file
 
     @property

@@ -23,7 +23,7 @@ from ..model.state import Disks
 from ..tools import files
 from ..tools.files import check_apart, checkpoint_of, not_a_file
 from . import damage, history, layout
-from . import parts as parted
+from . import parts as part_files
 from .file import ON_PAGES
 from .parts import Parts
 from .reader import Trajectory, check_file
@@ -58,7 +58,7 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
     if special := not_a_file(place):
         raise InputError(special)
     with _openable(path, say) as (source, whole), h5py.File(source, "r") as file:
-        if place == path and parted.GROUP in file:
+        if place == path and part_files.GROUP in file:
             raise InputError(f"{path} is in parts: --in-place cannot merge them; use -o to write one file")
         try:
             with damage.as_damage_error(path, "its bookkeeping"):
@@ -129,7 +129,7 @@ class _Salvage:
     """
 
     def __init__(self, file: h5py.File, path: Path, whole: int | None, say: Callable[[str], object]) -> None:
-        self._parts = parted.of(file, path)
+        self._parts = part_files.of(file, path)
         damage.check_links(file, str(path), layout.views_of(self._parts))
         self.wrong = False
         self._file, self._path, self._whole, self._say = file, path, whole, say
@@ -147,7 +147,7 @@ class _Salvage:
         if self._parts is not None:
             self._scan_parts(self._parts)
         columns: dict[str, list[NDArray[Any]]] = {name: [] for name in layout.STATIC}
-        for own, held in parted.data_files(file, self._parts, path, self._n):
+        for own, held in part_files.data_files(file, self._parts, path, self._n):
             layout.load_compression(held, str(path))
             fields = [layout.field_dataset(held, name) for name in self._fields]
             self._dtypes = [field.dtype for field in fields]
@@ -156,7 +156,7 @@ class _Salvage:
             good[len(held[times[0]]) :] = False  # of a part that is too short
             for name, found in columns.items():
                 found.append(self._all_of(held[f"{layout.PARTICLES}/{name}"]))
-        if parted.PART in file:  # whose frames have the places that they have in the others
+        if part_files.PART in file:  # whose frames have the places that they have in the others
             good[np.argmin(good) if not good.all() else len(good) :] = False
         self.frames = np.flatnonzero(good)
         if len(self.frames) == 0:
@@ -209,7 +209,7 @@ class _Salvage:
     def write(self, new: h5py.File, *, part: bool = True) -> None:
         """Write a new trajectory with what is kept; of a part another such `part`, if not a plain file."""
         old = self._file
-        within = parted.Part.of(old) if part and parted.PART in old else None
+        within = part_files.Part.of(old) if part and part_files.PART in old else None
         double = next((dtype for dtype in self._dtypes if dtype.kind == "f"), None) == np.float64
         parameters = dict(self._parameters)
         units = {
@@ -226,7 +226,7 @@ class _Salvage:
         if "value" in clock:  # older layouts had other edges
             clock["value"].resize(len(self.frames), axis=0)
             clock["value"][:] = np.stack([self._box.cell(time) for time in clock["time"][()].tolist()])
-        for own, one in parted.data_files(old, self._parts, self._path, self._n):
+        for own, one in part_files.data_files(old, self._parts, self._path, self._n):
             for name in self._fields:
                 field = layout.field_dataset(one, name)
                 _append(layout.field_dataset(new, name), field, self.frames, (own,))
@@ -270,8 +270,8 @@ class _Salvage:
                 parts.open(self._path, number).close()
                 layout.check_part(self._file, str(self._path), parts, number)
             except DamageError as error:
-                self._note(str(error).removeprefix(f"{self._path}: its ").removesuffix(parted.SEE))
-                unusable += not isinstance(error, parted.ShortPart)
+                self._note(str(error).removeprefix(f"{self._path}: its ").removesuffix(part_files.SEE))
+                unusable += not isinstance(error, part_files.ShortPart)
         if unusable:
             raise InputError(
                 f"{self._path}: {unusable} of its {len(parts)} parts cannot be used: no frame is whole. Put them back "

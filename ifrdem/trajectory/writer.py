@@ -23,7 +23,7 @@ from ..tools import checked
 from ..tools.checked import validated
 from ..tools.read_only import ReadOnlyAttributes
 from . import damage, layout
-from . import parts as parted
+from . import parts as part_files
 from .file import OutputFile
 from .parts import Part, Parts
 from .rows import CommitLog, HistoryWriter, SeriesWriter, check_name, samples, stored
@@ -165,8 +165,8 @@ class TrajectoryWriter(ReadOnlyAttributes):
         Raises InputError if there is no such file, it is open elsewhere, it was created with other arguments, or it
         holds less than the checkpoint had seen. The file is as it was then.
         """
-        seen = {"frames": frames, "series_rows": series_rows, "events": events}
-        for name, value in seen.items():
+        expected = {"frames": frames, "series_rows": series_rows, "events": events}
+        for name, value in expected.items():
             if not isinstance(value, int | np.integer) or value < 0:
                 raise InputError(f"{name} = {value!r}: must be an integer, 0 or more")
         output, place = OutputFile.reopen(path), os.fspath(path)
@@ -176,7 +176,7 @@ class TrajectoryWriter(ReadOnlyAttributes):
             text = to_json(walls) if walls else None
             _check_resumable(output.file, place, disks, box, fields, precision, compression, text)
             writer = cls.__new__(cls)
-            writer._begin(output, disks.n, box, **seen)
+            writer._begin(output, disks.n, box, **expected)
             writer._drop_uncommitted()
             output.flush()
         except BaseException as error:
@@ -199,16 +199,16 @@ class TrajectoryWriter(ReadOnlyAttributes):
         step = clock["step"]
         committed = len(step)
         self._histories = HistoryWriter(output, n, events)
-        for what, held, seen in (
+        for what, held, expected in (
             ("frames", committed, frames),
             ("rows of series", layout.committed_rows(file), series_rows),
             ("events", self.events, events),
         ):
-            if seen > held:
+            if expected > held:
                 raise InputError(
-                    f"{self.path} holds {held} {what}, the checkpoint had seen {seen}: it is another file's"
+                    f"{self.path} holds {held} {what}, the checkpoint had seen {expected}: it is another file's"
                 )
-        self._parts = parted.of(file, self.path)
+        self._parts = part_files.of(file, self.path)
         names = layout.stored_fields(file) if self._parts is None else ()  # parts have their own
         fields = {name: layout.field_dataset(file, name) for name in names}
         self._fields = samples(fields)
@@ -218,11 +218,11 @@ class TrajectoryWriter(ReadOnlyAttributes):
         self._observables = samples(observables)
         edges = {"edges": clock["value"]} if "value" in clock else {}
         rows = {"time": clock["time"], **edges, **fields, **_prefixed(observables)}
-        self._rows = CommitLog("frame", step, rows, committed, frames, parted.first_of(file))
+        self._rows = CommitLog("frame", step, rows, committed, frames, part_files.first_of(file))
         # Views of no disks do not grow by themselves.
         views = [name for name in fields if n == 0 and layout.FIELDS[name].components == 2]
         self._rows.blank = [
-            *file.get(parted.ZEROS, {}).values(),
+            *file.get(part_files.ZEROS, {}).values(),
             *(file[f"{layout.PARTICLES}/{name}/value"] for name in views),
         ]
         self._series = SeriesWriter(output, series_rows)
@@ -446,7 +446,7 @@ def _check_resumable(
             f"{layout.LAYOUT_VERSION[0]}.{layout.LAYOUT_VERSION[1]}; write to a new file"
         )
     particles = file[layout.PARTICLES]
-    parts = parted.of(file, path)
+    parts = part_files.of(file, path)
     if (n := len(particles["radius"]) if parts is None else parts.n) != disks.n:
         raise InputError(f"{path} has {n} disks, the run has {disks.n}")
     for name in layout.STATIC if parts is None else ():  # else the parts are looked at themselves
@@ -454,7 +454,7 @@ def _check_resumable(
         if (different := given != stored).any():
             i = int(np.argmax(different))
             raise InputError(
-                f"{path} has other disks: {name} of disk {parted.first_of(file) + i} is {stored[i]}, "
+                f"{path} has other disks: {name} of disk {part_files.first_of(file) + i} is {stored[i]}, "
                 f"the run's is {given[i]}"
             )
     stored_box, expected = particles["box"].attrs, layout.box_attributes(box)

@@ -87,8 +87,8 @@ class Server(ThreadingHTTPServer):
             content = self._of_run(query.get("run", ""))
             if name == "head":
                 content.refresh()
-                seen = _number(query, "frames", -1), query.get("gas")
-                news = seen != (len(content.trajectory), content.gas)
+                known = _number(query, "frames", -1), query.get("gas")
+                news = known != (len(content.trajectory), content.gas)
                 return JSON, _json(content.head() if news else {"status": content.status})
             if name == "disks":
                 return BYTES, content.disks()

@@ -96,16 +96,16 @@ def after_collision(i, w, t, before: ti.template(), lasting, contact: ti.templat
     wall, kind = gas.walls[w], kind_of(i, gas)
     p, q = ti.cast(gas.kinds[kind].material, ti.i32), ti.cast(wall.material, ti.i32)
     radius = gas.kinds[kind].radius
-    seen_spin = before.spin
+    relative_spin = before.spin
     if ti.static(gas.uses.turning):
-        seen_spin -= contact.spin
+        relative_spin -= contact.spin
     inverse_w, k_w = 0.0 * t, 1.0 + 0.0 * t
     if ti.static(gas.uses.pistons):
         if wall.motion.kind == FREE:
             inverse_w, k_w = wall.piston.inverse_mass, -1.0 + 0.0 * t
     vx, vy, spin, ux, uy, _, how, lost = collided(
         p, q, -contact.nx, -contact.ny, gas.kinds[kind].inverse_mass, radius, gas.kinds[kind].k, before.vx, before.vy,
-        seen_spin, inverse_w, radius, k_w, contact.ux, contact.uy, 0.0, lasting, gas,
+        relative_spin, inverse_w, radius, k_w, contact.ux, contact.uy, 0.0, lasting, gas,
     )  # fmt: skip
     gained = 0.0 * t  # by a piston, whose surface runs on
     if ti.static(gas.uses.pistons):

@@ -17,7 +17,7 @@ MOST_STEPS = 1000  # towards a root; grazing contacts with oscillating walls tak
 
 
 @ti.func
-def seen_from(w, x, y, vx, vy, tau, t, gas: ti.template()):
+def relative_motion(w, x, y, vx, vy, tau, t, gas: ti.template()):
     """A disk at time t, as wall w sees it in the frame that turns with it; arguments as of `wall_time`.
 
     t; position; velocity relative to the wall; displacement s of the wall along its direction; bound of the wall's
@@ -91,7 +91,7 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
     going, steps, behind = 1, 0, UNKNOWN
     while going == 1:
         steps += 1
-        seen = seen_from(w, x, y, vx, vy, tau, t, gas)
+        seen = relative_motion(w, x, y, vx, vy, tau, t, gas)
         gap = gap_of(w, seen, radius, behind, gas)
         f, behind, crossed = gap.f, gap.behind, 0
         if f <= gap.tolerance:

@@ -21,8 +21,8 @@ it, are
 `nearest(w, x, y, s, gas)`
     from the nearest point of the wall, displaced by s, to (x, y): unit vector and distance.
 `gap(w, seen, nx, ny, distance, radius, behind, gas)`
-    of a disk that `root.seen_from` describes, by what `nearest` gives: the struct of `gap_as`. All pieces from which
-    the distance is a convex function of p share `gap_of_convex`.
+    of a disk that `root.relative_motion` describes, by what `nearest` gives: the struct of `gap_as`. All pieces from
+    which the distance is a convex function of p share `gap_of_convex`.
 `box(x, y, qx, qy)`
     bounding box of a piece at (x, y) with the vector (qx, qy), but for its radius: lowest and highest x and y.
 """
@@ -208,7 +208,7 @@ def arc_distance(w, nx, ny, distance, gas: ti.template()):
 
 
 @ti.func
-def arc_is_beside(w, nx, ny, distance, gas: ti.template()):
+def arc_side_is_not_nearest(w, nx, ny, distance, gas: ti.template()):
     """True where this side of an arc is not what is nearest of it: arguments as above."""
     wall = gas.walls[w]
     along = nx * wall.towards_x + ny * wall.towards_y
@@ -252,7 +252,7 @@ class Shape:
     box: Any
     repeats: bool = True  # across periodic sides
     distance: Any = None  # of an arc
-    is_beside: Any = None
+    side_is_not_nearest: Any = None
 
     @property
     def kind(self) -> int:
@@ -265,8 +265,24 @@ SHAPES = (
     Shape("segment", nearest_of_segment, gap_of_convex, box_of_segment),
     Shape("container", nearest_inside_circle, gap_of_container, box_of_point, repeats=False),
     Shape("post", nearest_of_circle, gap_of_convex, box_of_point),
-    Shape("arc inside", nearest_inside_circle, gap_of_arc, box_of_point, True, arc_distance, arc_is_beside),
-    Shape("arc outside", nearest_of_circle, gap_of_arc, box_of_point, True, arc_distance, arc_is_beside),
+    Shape(
+        "arc inside",
+        nearest_inside_circle,
+        gap_of_arc,
+        box_of_point,
+        True,
+        arc_distance,
+        arc_side_is_not_nearest,
+    ),
+    Shape(
+        "arc outside",
+        nearest_of_circle,
+        gap_of_arc,
+        box_of_point,
+        True,
+        arc_distance,
+        arc_side_is_not_nearest,
+    ),
 )
 
 
@@ -296,7 +312,7 @@ def wall_vector(w, x, y, s, gas: ti.template()):
 
 @ti.func
 def gap_of(w, seen: ti.template(), radius, behind, gas: ti.template()):
-    """The gap between wall w and a disk that `root.seen_from` describes; `behind` is that of the step before."""
+    """The gap between wall w and a disk that `root.relative_motion` describes; `behind` is that of the step before."""
     kind = ti.cast(gas.walls[w].kind, ti.i32)
     zero = 0.0 * seen.x
     found = gap_as(zero, zero, zero, zero, zero, 0, behind)
@@ -330,13 +346,13 @@ def face_distance(w, nx, ny, distance, gas: ti.template()):
 
 
 @ti.func
-def is_beside(w, nx, ny, distance, gas: ti.template()):
+def side_is_not_nearest(w, nx, ny, distance, gas: ti.template()):
     """1 where something else than the side of an arc that is wall w is nearest: the other side, or an end."""
     kind = ti.cast(gas.walls[w].kind, ti.i32)
     found = 0
     for shape in ti.static(arcs_of(gas.uses)):
         if kind == shape.kind:
-            found = ti.cast(shape.is_beside(w, nx, ny, distance, gas), ti.i32)
+            found = ti.cast(shape.side_is_not_nearest(w, nx, ny, distance, gas), ti.i32)
     return found
 
 

@@ -67,7 +67,7 @@ def mistakes(*overrides: str, text: str = SMALL, folder: Path = Path()) -> list[
     raw = tomllib.loads(text)
     for assignment in overrides:
         case_file.override(raw, assignment)
-    return [str(problem) for problem in case_file.judged(raw, folder)[-1]]
+    return [str(problem) for problem in case_file.validate_parsed(raw, folder)[-1]]
 
 
 def mistakes_of_key(section: type[Section], key: str, value: object) -> list[str]:
@@ -491,7 +491,7 @@ def test_coins_of_two_kinds_take_the_papers_pair_and_no_other() -> None:
     assert CaseGas.from_case(case).laws[0][1] == coins.pair("500 pts", "100 pts")
     other = copy.deepcopy(dict(template.TEMPLATES["mixture"].values))
     other["material"] = [{"name": "small", "coin": "1 pta"}, other["material"][1]]
-    (found,) = [str(each) for each in case_file.judged(other, Path())[-1]]
+    (found,) = [str(each) for each in case_file.validate_parsed(other, Path())[-1]]
     assert "missing for the materials 'small' and 'large'" in found
 
 

@@ -61,7 +61,7 @@ def changed(*overrides: str) -> dict[str, object]:
 
 
 def mistakes(*overrides: str) -> list[str]:
-    return [str(problem) for problem in case_file.judged(changed(*overrides), Path())[-1]]
+    return [str(problem) for problem in case_file.validate_parsed(changed(*overrides), Path())[-1]]
 
 
 def test_the_case_is_in_order() -> None:

@@ -95,7 +95,7 @@ def changed(*overrides: str, text: str = SHAKEN) -> dict[str, object]:
 
 
 def mistakes(*overrides: str, text: str = SHAKEN) -> list[str]:
-    return [str(problem) for problem in case_file.judged(changed(*overrides, text=text), Path())[-1]]
+    return [str(problem) for problem in case_file.validate_parsed(changed(*overrides, text=text), Path())[-1]]
 
 
 def test_the_case_is_in_order() -> None:
@@ -247,7 +247,7 @@ def test_too_many_walls_are_counted_with_the_sides(monkeypatch: pytest.MonkeyPat
     post = {"shape": "post", "material": "coin", "radius": 0.1}
     monkeypatch.setattr(rules, "MOST_WALLS", 31)
     raw["wall"] = [post | {"center": [0.5 * i + 1.0, 20.0]} for i in range(28)]
-    (found,) = case_file.judged(raw, Path())[-1]
+    (found,) = case_file.validate_parsed(raw, Path())[-1]
     assert "32 walls: 31 at most are supported, the sides of the box included" in str(found)
 
 
@@ -435,7 +435,7 @@ def test_check_names_walls_upon_which_nobody_rests(
     (tmp_path / "case.toml").write_text(SHAKEN)
     words = ["--set", "run.collapse=rest", "--set", "run.resting_speed=0.05"]
     assert main(["check", str(tmp_path / "case.toml"), *words]) == 0
-    assert "moves, and supports nobody" in capsys.readouterr().err
+    assert "moves, and supports no disks" in capsys.readouterr().err
 
 
 def test_check_says_what_walls_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

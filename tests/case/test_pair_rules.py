@@ -51,7 +51,7 @@ def e_n(one: str, other: str) -> float:
 
 
 def mistakes(raw: dict[str, Any]) -> list[str]:
-    return [str(problem) for problem in case_file.judged(raw, Path())[-1]]
+    return [str(problem) for problem in case_file.validate_parsed(raw, Path())[-1]]
 
 
 EVERY = list(itertools.combinations(NAMES, 2))

@@ -152,7 +152,7 @@ def synthetic(names: tuple[str, ...], error: float, *, n: int, seed: int, M: flo
 
 
 NAMES = ("delta_1", "delta_2")
-TRIED = np.array([[0.85, -0.9, 0.2], [0.7, -0.95, 0.3], [0.95, -0.6, 0.1], [0.87, -0.88, 0.21]])
+PLACED_BY_CHECK = np.array([[0.85, -0.9, 0.2], [0.7, -0.95, 0.3], [0.95, -0.6, 0.1], [0.87, -0.88, 0.21]])
 
 
 @BOTH
@@ -161,7 +161,7 @@ def test_distances_are_the_least_over_all_true_angles(sticking: str) -> None:
     data, law = synthetic(NAMES, 1.0, n=20, seed=1), law_of(sticking)
     grid = np.radians(np.linspace(1e-3, 89.9, 200_001))
     likelihood = Likelihood(data.problem(Pair(M=1.0)), law)
-    for coefficients in TRIED:
+    for coefficients in PLACED_BY_CHECK:
         mine = likelihood.at(coefficients).loss
         curve = predict(sticking, Pair(M=1.0), coefficients, grid, NAMES)
         least = 0.0
@@ -200,7 +200,7 @@ def test_derivatives_of_chi2_are_those_of_its_differences(sticking: str, names: 
     rolling = "Rw_2" in names
     problem = synthetic(names, 0.7, n=20, seed=3, M=1.3).problem(Pair(M=1.3, R_1=1.0, R_2=1.2))
     likelihood = Likelihood(problem, law_of(sticking, rolling=rolling))
-    for start in TRIED:
+    for start in PLACED_BY_CHECK:
         free = np.append(start, 0.03) if rolling else start
         h = 1e-5 * np.eye(len(free))
         expected = (

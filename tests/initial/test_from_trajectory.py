@@ -72,7 +72,7 @@ def parsed(*overrides: str, text: str = CASE) -> dict:
 
 
 def mistakes(folder: Path, *overrides: str) -> list[str]:
-    return [str(problem) for problem in case_file.judged(parsed(*overrides), folder)[-1]]
+    return [str(problem) for problem in case_file.validate_parsed(parsed(*overrides), folder)[-1]]
 
 
 def start(folder: Path, *overrides: str) -> tuple[CaseGas, State]:

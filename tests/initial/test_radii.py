@@ -42,7 +42,7 @@ LOGNORMAL = 'radii = { distribution = "lognormal", mean = 0.01, deviation = 0.00
 
 def mistakes(radii_text: str, text: str = CASE) -> list[str]:
     raw = tomllib.loads(text + radii_text)
-    return [str(problem) for problem in case_file.judged(raw, Path())[-1]]
+    return [str(problem) for problem in case_file.validate_parsed(raw, Path())[-1]]
 
 
 # --- the samples ------------------------------------------------------------------------------------------

@@ -22,7 +22,7 @@ from ifrdem import (
     VelocityCutoff,
     Wall,
 )
-from ifrdem.simulation.schedule import Due, SlowRunCheck
+from ifrdem.simulation.schedule import RunPoint, SlowRunCheck
 
 LAW = IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
 
@@ -99,7 +99,7 @@ class Clock:
 
 def test_a_run_without_collisions_says_once_what_it_waits_for() -> None:
     clock = Clock()
-    pace = SlowRunCheck(Due(collisions=100), clock)
+    pace = SlowRunCheck(RunPoint(collisions=100), clock)
 
     def at(real: float, time: float, collisions: int) -> str | None:
         clock.now = real
@@ -120,12 +120,12 @@ def test_a_run_without_collisions_says_once_what_it_waits_for() -> None:
 
 def test_a_run_whose_end_is_far_says_so() -> None:
     clock = Clock()
-    pace = SlowRunCheck(Due(time=1e10), clock)
+    pace = SlowRunCheck(RunPoint(time=1e10), clock)
     assert pace.trouble(0.0, 0, lambda: 1.0) is None
     clock.now = 31.557600
     # At a rate of 1 / 31.5576 s, 1e10 take 1e10 * 31.5576 s = 1e4 years.
     assert "reaches t_end = 1e+10 in 1e+04 years" in str(pace.trouble(1.0, 5, lambda: 1.0))
-    pace = SlowRunCheck(Due(time=1e10), clock)
+    pace = SlowRunCheck(RunPoint(time=1e10), clock)
     assert pace.trouble(0.0, 0, lambda: 1.0) is None
     clock.now += 31.0
     assert pace.trouble(1e8, 5, lambda: 1.0) is None

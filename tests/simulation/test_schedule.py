@@ -7,7 +7,7 @@ import math
 import pytest
 
 from ifrdem.errors import InputError
-from ifrdem.simulation.schedule import Due, Schedule, Span, Trigger, earlier
+from ifrdem.simulation.schedule import RunPoint, Schedule, Span, Trigger, earlier
 
 
 def to_time(end: float, begin: float = 0.0) -> Span:
@@ -19,7 +19,7 @@ def to_collisions(per_disk: float, had: int = 0) -> Span:
 
 
 def test_a_number_divides_the_run_evenly_and_ends_with_it():
-    times = [Schedule(Trigger(number=4), to_time(3.0, 1.0)).due(k).time for k in range(1, 6)]
+    times = [Schedule(Trigger(number=4), to_time(3.0, 1.0)).point(k).time for k in range(1, 6)]
     assert times == [1.5, 2.0, 2.5, 3.0, 3.0]
 
 
@@ -28,15 +28,15 @@ def test_the_last_point_is_the_end_to_the_bit():
     begin, end = 0.3, 0.9
     assert begin + (end - begin) != end
     for spacing in ("even", "log"):
-        assert Schedule(Trigger(number=5, spacing=spacing), to_time(end, begin)).due(5).time == end
+        assert Schedule(Trigger(number=5, spacing=spacing), to_time(end, begin)).point(5).time == end
 
 
 def test_points_count_from_where_the_run_begins():
     """10 disks that have had 6 collisions, to 4 collisions per disk: 20. And from a time of 1 on."""
     had = to_collisions(4.0, had=6)
-    assert [Schedule(Trigger(number=7), had).due(k).collisions for k in (1, 2, 7)] == [8, 10, 20]
-    assert [Schedule(Trigger(collisions=0.5), had).due(k).collisions for k in (1, 2, 9)] == [9, 11, 20]
-    assert [Schedule(Trigger(interval=0.5), to_time(3.0, 1.0)).due(k).time for k in (1, 2, 9)] == [
+    assert [Schedule(Trigger(number=7), had).point(k).collisions for k in (1, 2, 7)] == [8, 10, 20]
+    assert [Schedule(Trigger(collisions=0.5), had).point(k).collisions for k in (1, 2, 9)] == [9, 11, 20]
+    assert [Schedule(Trigger(interval=0.5), to_time(3.0, 1.0)).point(k).time for k in (1, 2, 9)] == [
         1.5,
         2.0,
         3.0,
@@ -50,22 +50,22 @@ def test_points_count_from_where_the_run_begins():
 def test_rounding_makes_no_collision_more_of_a_part(number):
     # 10 disks with 2 * number / 10 collisions each: `number` collisions, one for each frame.
     schedule = Schedule(Trigger(number=number), to_collisions(number / 5.0))
-    assert [schedule.due(k).collisions for k in range(1, number + 1)] == list(range(1, number + 1))
+    assert [schedule.point(k).collisions for k in range(1, number + 1)] == list(range(1, number + 1))
 
 
 def test_logarithmic_points_have_one_ratio_and_begin_where_they_are_told():
     schedule = Schedule(Trigger(number=4, spacing="log", log_from=1e-3), to_time(2.0))
-    times = [schedule.due(k).time for k in range(1, 5)]
+    times = [schedule.point(k).time for k in range(1, 5)]
     assert times == pytest.approx([2e-3, 2e-2, 2e-1, 2.0], rel=1e-12)
 
 
 def test_intervals_of_time_end_with_a_run_by_collisions_and_the_reverse():
     by_time = Schedule(Trigger(interval=0.5), to_collisions(4.0))
-    assert by_time.due(3) == Due(1.5, 20)
+    assert by_time.point(3) == RunPoint(1.5, 20)
     by_collisions = Schedule(Trigger(collisions=0.5), to_time(2.0))
-    assert by_collisions.due(2) == Due(2.0, 5)
+    assert by_collisions.point(2) == RunPoint(2.0, 5)
     # 0.5 per disk, 10 disks, two at each collision: 2.5 collisions, which a frame cannot follow sooner than after 3.
-    assert by_collisions.due(1) == Due(2.0, 3)
+    assert by_collisions.point(1) == RunPoint(2.0, 3)
 
 
 def test_what_has_been_reached_already_is_not_due_again():
@@ -80,15 +80,15 @@ def test_what_has_been_reached_already_is_not_due_again():
 
 
 def test_a_point_far_ahead_is_found_at_once():
-    """Among 1e12 points: the first after, by the definition of `due`, and none is left out."""
+    """Among 1e12 points: the first after, by the definition of `point`, and none is left out."""
     many = Schedule(Trigger(number=10**12), to_collisions(2.0))
     found = many.after(1, 0.0, 7)
-    assert many.due(found - 1).collisions == 7
-    assert many.due(found).collisions == 8
+    assert many.point(found - 1).collisions == 7
+    assert many.point(found).collisions == 8
     interval = Schedule(Trigger(interval=1e-12), to_time(1.0))
     k = interval.after(5, 0.25, 0)
-    assert interval.due(k).time > 0.25
-    assert interval.due(k - 1).time <= 0.25
+    assert interval.point(k).time > 0.25
+    assert interval.point(k - 1).time <= 0.25
     # One that is not reached stays, the run's end too.
     assert many.after(3, 0.0, 0) == 3
     assert Schedule(Trigger(number=4), to_time(1.0)).after(2, 0.3, 0) == 2
@@ -99,7 +99,7 @@ def test_every_point_is_the_first_that_is_not_reached():
     for k in (1, 2, 20, 36):
         for collisions in range(0, 200, 7):
             expected = k
-            while schedule.due(expected).reached(0.0, collisions):
+            while schedule.point(expected).reached(0.0, collisions):
                 expected += 1
             assert schedule.after(k, 0.0, collisions) == expected
 
@@ -110,16 +110,20 @@ def test_an_interval_that_a_time_cannot_resolve_is_refused():
         InputError, match=r"interval = 1e-10: lost in the rounding of a time of 1e\+06: must be 1\.16e-10"
     ):
         Schedule(Trigger(interval=1e-10), to_time(1e6))
-    assert Schedule(Trigger(interval=2e-10), to_time(1e6)).due(1).time == 2e-10
+    assert Schedule(Trigger(interval=2e-10), to_time(1e6)).point(1).time == 2e-10
 
 
 def test_the_earlier_of_two_points_is_reached_when_either_is():
-    both = earlier(Due(2.0, None), Due(math.inf, 7))
-    assert both == Due(2.0, 7)
+    both = earlier(RunPoint(2.0, None), RunPoint(math.inf, 7))
+    assert both == RunPoint(2.0, 7)
     assert both.reached(2.0, 0)
     assert both.reached(0.0, 7)
     assert not both.reached(1.9, 6)
-    assert earlier(Due(collisions=9), Due(3.0, 4)) == earlier(Due(3.0, 4), Due(collisions=9)) == Due(3.0, 4)
+    assert (
+        earlier(RunPoint(collisions=9), RunPoint(3.0, 4))
+        == earlier(RunPoint(3.0, 4), RunPoint(collisions=9))
+        == RunPoint(3.0, 4)
+    )
 
 
 @pytest.mark.parametrize(
@@ -145,10 +149,10 @@ def test_points_that_coincide_are_passed_together() -> None:
     # 10 disks, one collision each on average: 5 collisions, between which 1000 points fall onto 5 places.
     schedule = Schedule(Trigger(number=1000), to_collisions(1.0))
     k, places = 1, []
-    while schedule.due(k) != Due(collisions=5):
-        places.append(schedule.due(k).collisions)
+    while schedule.point(k) != RunPoint(collisions=5):
+        places.append(schedule.point(k).collisions)
         k = schedule.after(k, 0.0, places[-1])
-        assert schedule.due(k - 1) != schedule.due(k)
+        assert schedule.point(k - 1) != schedule.point(k)
     assert places == [1, 2, 3, 4]
     assert k == 801
 
@@ -156,7 +160,7 @@ def test_points_that_coincide_are_passed_together() -> None:
 def test_collisions_per_disk_are_decimal_fractions() -> None:
     # 0.1 collisions a disk are 10 of 200 disks, although the binary number is a hair above; 1.1 are 110.
     schedule = Schedule(Trigger(collisions=0.1), Span.to(200, 0.0, 0, collisions_per_disk=1.1))
-    assert [schedule.due(k).collisions for k in range(1, 13)] == [
+    assert [schedule.point(k).collisions for k in range(1, 13)] == [
         10,
         20,
         30,

@@ -276,6 +276,12 @@ def test_a_dry_run_starts_nothing(case, tmp_path, capsys):
     assert [path.name for path in tmp_path.iterdir()] == ["gas.toml"]
 
 
+def test_a_finished_study_expects_no_time(case, tmp_path):
+    study = ifrdem.Study(case, vary=[VARY], seeds=1, output=tmp_path / "f")
+    study.run(workers=0)
+    assert study.summary(workers=0)[-1].split(maxsplit=2)[2] == "none: all runs are done"
+
+
 def test_parts_of_an_array_job_add_up(case, tmp_path):
     whole = ifrdem.Study(case, vary=[VARY], seeds=2, output=tmp_path / "w")
     whole.run(workers=0)

@@ -260,7 +260,7 @@ FAULTS = {
         wrong_row,
     )
 }  # fmt: skip
-COUNTED = {"list_anew": 0, "_empty_table": 0}
+COUNTED = {"relist": 0, "_empty_table": 0}
 
 
 def count_calls() -> None:
@@ -273,7 +273,7 @@ def count_calls() -> None:
 
         setattr(of, name, counted)
 
-    for name, of in (("list_anew", arrays.DeviceArrays), ("_empty_table", ranks.RankDomain)):
+    for name, of in (("relist", arrays.DeviceArrays), ("_empty_table", ranks.RankDomain)):
         count(of, name, getattr(of, name))
 
 
@@ -292,7 +292,7 @@ def told(comm: Any, name: str) -> dict[str, Any]:
         each for each in expected if not np.array_equal(np.asarray(expected[each]), np.asarray(found[each]))
     ]
     counted = vars(engine.statistics) | {
-        "listed anew": COUNTED["list_anew"],
+        "listed anew": COUNTED["relist"],
         "tables": COUNTED["_empty_table"],
     }
     if comm.size > 1:

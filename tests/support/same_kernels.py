@@ -43,6 +43,7 @@ from ifrdem.theory.driven_gas import Drive
 N = 700
 arrays.SINGLE_TILE = 100  # windows as short as those of gases in tiles
 ALL_SUMS: dict[str, Any] = {"record": ["disk_energy", "partner", "angle"]}
+SINGLE = {"device": Device(threads=1, precision="f32")}
 RANK_GASES = ("2:walls", "2:fast sizes", "2:driven", "2:shear")
 
 
@@ -178,10 +179,8 @@ GASES: dict[str, Callable[..., Engine]] = {
     "shear": sheared,
     "driven": driven,
     "own law": of_own_law,
-    "f32": lambda **o: periodic(
-        mixture(N), 0.4, COIN, device=Device(precision="f32"), order="tiled", tile_disks=60, **o
-    ),
-    "walls, f32": lambda **o: walled(order="serial", device=Device(precision="f32"), **o),
+    "f32": lambda **o: periodic(mixture(N), 0.4, COIN, order="tiled", tile_disks=60, **o | SINGLE),
+    "walls, f32": lambda **o: walled(order="serial", **o | SINGLE),
 }
 ON_GPU = ("plain, tiles", "mixture", "walls, tiles", "shear", "two sizes")
 

@@ -6,7 +6,7 @@ Import only after `device.start`.
 from ifrdem.kernels.language import Cube, Rows, Table
 from ifrdem.kernels.signature import Arrays, kernel
 from ifrdem.kernels.walls.motion import wall_phases
-from ifrdem.kernels.walls.root import seen_from, wall_time
+from ifrdem.kernels.walls.root import relative_motion, wall_time
 from ifrdem.kernels.walls.shapes import UNKNOWN, gap_of
 
 
@@ -20,7 +20,7 @@ def gaps(
         for i in range(disks.shape[0]):
             x, y, vx, vy, radius = disks[i, 0], disks[i, 1], disks[i, 2], disks[i, 3], disks[i, 4]
             for m in range(times.shape[0]):
-                seen = seen_from(0, x, y, vx, vy, 0.0, times[m], gas)
+                seen = relative_motion(0, x, y, vx, vy, 0.0, times[m], gas)
                 gap = gap_of(0, seen, radius, UNKNOWN, gas)
                 out[i, m, 0], out[i, m, 1], out[i, m, 2] = gap.f, gap.slope, gap.curve
                 out[i, m, 3], out[i, m, 4], out[i, m, 5] = gap.tolerance, gap.here, gap.behind

@@ -252,10 +252,10 @@ def test_a_terminal_sees_a_bar_by_default_which_changes_no_bit(monkeypatch: pyte
 
 
 def test_a_notebook_is_a_place_where_a_person_looks(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert not showing.seen(io.StringIO())
-    assert showing.seen(Terminal())
+    assert not showing.output_is_interactive(io.StringIO())
+    assert showing.output_is_interactive(Terminal())
     kernel = types.SimpleNamespace(kernel=object())
     monkeypatch.setitem(sys.modules, "IPython", types.SimpleNamespace(get_ipython=lambda: kernel))
-    assert showing.seen(io.StringIO())
+    assert showing.output_is_interactive(io.StringIO())
     kernel.kernel = None  # IPython in a terminal or a pipe
-    assert not showing.seen(io.StringIO())
+    assert not showing.output_is_interactive(io.StringIO())

@@ -349,7 +349,7 @@ def test_notebooks_show_the_page_in_a_frame(path):
         ({"frames": 3}, "frames = 3: must be a sequence, each an integer"),
         ({"frames": ["a"]}, r"frames\[0\] = 'a': must be an integer"),
         ({"height": "tall"}, "height = 'tall': must be an integer"),
-        ({"height": -3}, "height = -3: a whole number, 1 to 100000"),
+        ({"height": -3}, "height = -3: must be an integer from 1 to 100000"),
     ):
         with pytest.raises(InputError, match=said):
             ifrdem.view(path, **wrong)

@@ -9,7 +9,7 @@ compared after two collisions of a disk. In single precision, divisions and root
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -83,7 +83,7 @@ EXACT: dict[str, Callable[[int], Gas]] = {
 }
 
 
-def after(gas: Gas, per_disk: float, device: str, **options: Any) -> Engine:
+def after(gas: Gas, per_disk: float, device: Literal["cpu", "cuda"], **options: Any) -> Engine:
     """The engine of a gas, when its disks have had so many collisions."""
     disks, box, state, law, more = gas
     engine = Engine(
@@ -107,7 +107,7 @@ def differing(one: State, other: State) -> int:
     return sum(int(np.count_nonzero(getattr(one, name) != getattr(other, name))) for name in SEEN)
 
 
-def run(quick: bool, device: str = "cuda") -> Result:
+def run(quick: bool, device: Literal["cpu", "cuda"] = "cuda") -> Result:
     """Compare this device with the CPU; without a GPU the case is skipped."""
     absence = backend.cuda_absence() if device == "cuda" else None
     if absence is not None:

@@ -19,7 +19,7 @@ import sys
 import tempfile
 import warnings
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -314,7 +314,7 @@ def disagreement(case: dict[str, Any], rows: str | None, folder: Path) -> tuple[
     path.write_text(text_of(case), encoding="utf-8")
     if rows is not None:
         (folder / "start.csv").write_text(rows, encoding="utf-8")
-    warned: list[str] = []
+    warned: Sequence[str] = ()
     try:
         with _silence():
             file = case_file.read(path)

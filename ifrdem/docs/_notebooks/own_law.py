@@ -23,7 +23,7 @@ class Viscoelastic(ifrdem.CollisionLaw):
 
 
 # %% [markdown]
-# Nobody has proved that this law never adds energy, so a simulation tries it on random pairs and would warn if one of
+# It is not proved that this law never adds energy, so a simulation tries it on random pairs and would warn if one of
 # them gained energy. Beside it, a gas with a constant e_n that loses as much at first.
 
 # %%

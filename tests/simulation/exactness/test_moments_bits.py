@@ -15,18 +15,18 @@ from test_same_bits import windows_of_tiles as windows_of_tiles
 from ifrdem import ContactTime
 from ifrdem.model.state import State
 from ifrdem.simulation.engine import Engine
-from ifrdem.simulation.schedule import Due, earlier
+from ifrdem.simulation.schedule import RunPoint, earlier
 from ifrdem.simulation.windows import Windows
 
 LOOKED_AT = (*SEEN, "angle", "last_partner", "dissipated", "latest_collision")
 KEPT: dict[str, Any] = {
     "record": ["energy", "disk_energy", "partner", "angle", "wall"], "collapse": ContactTime(1e-9),
 }  # fmt: skip
-FRAMES = [Due(collisions=int(0.4 * N / 2 * i)) for i in range(1, 13)]  # one to four in each window
+FRAMES = [RunPoint(collisions=int(0.4 * N / 2 * i)) for i in range(1, 13)]  # one to four in each window
 
 
 def looked_at(
-    name: str, due: list[Due], monkeypatch: pytest.MonkeyPatch, **options: Any
+    name: str, due: list[RunPoint], monkeypatch: pytest.MonkeyPatch, **options: Any
 ) -> tuple[list[tuple[State, Any, Any]], Engine, int]:
     """States, times and totals that an engine tells at points of a run; number of windows that it ran again."""
     computed = []
@@ -39,7 +39,7 @@ def looked_at(
     found = []
     while due:
         stop = functools.reduce(earlier, due)
-        engine.advance(t_end=stop.time, collisions=stop.collisions, ahead=functools.partial(list, due))
+        engine.advance(t_end=stop.time, collisions=stop.collisions, next_points=functools.partial(list, due))
         if stop.reached(engine.time, engine.collisions):
             found.append((engine.state(), engine.dissipated(), engine.wall_sums))
         due = [each for each in due if not each.reached(engine.time, engine.collisions)]
@@ -53,7 +53,7 @@ def test_moments_are_told_with_their_window_as_the_whole_box_in_order_passes_the
     """At numbers of collisions, and at times halfway between them."""
     alone, _, _ = looked_at(name, FRAMES, monkeypatch, order="serial")
     times = [0.5 * (one.time + two.time) for (one, *_), (two, *_) in itertools.pairwise(alone)]
-    points = [*FRAMES, *(Due(time) for time in times)]
+    points = [*FRAMES, *(RunPoint(time) for time in times)]
     expected, _, _ = looked_at(name, points, monkeypatch, order="serial")
     found, engine, again = looked_at(name, points, monkeypatch, order="tiled", tile_disks=250)
     assert len(found) == len(expected) == len(points)
