@@ -67,7 +67,7 @@ def series(trajectory: Trajectory, *names: str) -> tuple[Array, list[Array]]:
         raise InputError(
             f"{trajectory.path} holds no observable {' and no observable '.join(missing)}{of_disks}: `ifrdem run` "
             f"writes these into every file; from Python, file.write(state, {{{wanted}}}) does, with measure = "
-            "ifrdem.model.observables.measure(disks, state)"
+            "ifrdem.observables.measure(disks, state)"
         )
     return trajectory.times, [trajectory.observables[name].astype(float) for name in names]
 
