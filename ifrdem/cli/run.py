@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from ..errors import Stopped, TrajectoryError
+from ..errors import InputError, Stopped, TrajectoryError
 from ..mpi import communicator
 from .console import FAILED, UNFINISHED, complain, note, ranks, say, warn
 from .options import (
@@ -310,6 +310,8 @@ def new(
     from ..case import shipped
     from ..tools.files import check_files, write_aside, write_text
 
+    if output is not None and not output.strip():
+        raise InputError("-o: an empty text is no file")
     if kind == "study":
         from ..study import plan  # imports h5py
 

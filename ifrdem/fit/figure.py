@@ -259,10 +259,10 @@ def _limit(axes: Axes, panel: _Panel) -> None:
     """A curve may leave the data; what was measured is what is to be seen."""
     there = panel.there
     low, high = axes.get_ylim()
-    seen_low = float(np.min((panel.value - panel.error)[there]))
-    seen_high = float(np.max((panel.value + panel.error)[there]))
-    margin = 0.12 * (seen_high - seen_low)
-    axes.set_ylim(max(low, seen_low - margin), min(high, seen_high + margin))
+    data_low = float(np.min((panel.value - panel.error)[there]))
+    data_high = float(np.max((panel.value + panel.error)[there]))
+    margin = 0.12 * (data_high - data_low)
+    axes.set_ylim(max(low, data_low - margin), min(high, data_high + margin))
 
 
 def _transition(axes: Axes, fitted: Fitted, colour: str, line: object) -> None:

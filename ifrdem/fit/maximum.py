@@ -446,9 +446,11 @@ class _LawFit:
         folds = min(_FOLDS, len(problem.rows))
         total = 0.0
         for fold in range(folds):
-            seen, unseen = (problem.rows[(problem.rows % folds == fold) == which] for which in (False, True))
-            values, _ = Search(Likelihood(problem.take(seen), self.law, self.robust)).descend(best)
-            total += Likelihood(problem.take(unseen), self.law, self.robust).at(values).loss
+            training, held_out = (
+                problem.rows[(problem.rows % folds == fold) == which] for which in (False, True)
+            )
+            values, _ = Search(Likelihood(problem.take(training), self.law, self.robust)).descend(best)
+            total += Likelihood(problem.take(held_out), self.law, self.robust).at(values).loss
         return total / len(problem.rows)
 
     def _bootstrap(
@@ -511,18 +513,18 @@ def _end(
     if room < 1e-9:
         return limit, True
     # By distance: root of the rise less z, and coefficients.
-    seen: dict[float, tuple[float, Array]] = {0.0: (-z, best)}
+    evaluated: dict[float, tuple[float, Array]] = {0.0: (-z, best)}
 
     def rest(distance: float) -> float:
-        if distance not in seen:
-            nearest = min(seen, key=lambda each: abs(each - distance))
-            start = seen[nearest][1]
+        if distance not in evaluated:
+            nearest = min(evaluated, key=lambda each: abs(each - distance))
+            start = evaluated[nearest][1]
             if nearest:  # on along the way from the best values
                 start = best + (start - best) * distance / nearest
             values, least = search.descend(start, {name: value + sign * distance})
             over = float(np.sqrt(max(least - loss, 0.0))) - z
-            seen[distance] = over if abs(over) > _PRECISE * z else 0.0, values
-        return seen[distance][0]
+            evaluated[distance] = over if abs(over) > _PRECISE * z else 0.0, values
+        return evaluated[distance][0]
 
     width = z * error if np.isfinite(error) and error > 0.0 else 0.1 * (room if np.isfinite(room) else 1.0)
     inside, outside = 0.0, min(width, room)

@@ -119,8 +119,8 @@ def read(path: Path | str, *, fps: float | None = None, form: TableFormat = Tabl
         position[int(one)] = np.stack([columns["x"][rows], columns["y"][rows]], axis=-1)
         if "angle" in columns:
             angle[int(one)] = value = np.radians(columns["angle"][rows])
-            seen = ~np.isnan(value)
-            value[seen] = np.unwrap(value[seen])
+            measured = ~np.isnan(value)
+            value[measured] = np.unwrap(value[measured])
     if len(time) > _MOST_DISKS:
         found.append(f"{len(time)} disks: at most {_MOST_DISKS} are looked through")
     refuse(found, source)
@@ -347,7 +347,7 @@ def _fit(
 ) -> _Flights | str:
     """The flights of a meeting, or why there are none."""
     at = meeting.time
-    seen = []
+    rows_of_disks = []
     for one in meeting.ids:
         others = [each for each in begun[one] if each != at]
         low = max((each for each in others if each < at), default=-math.inf)
@@ -363,11 +363,11 @@ def _fit(
             return f"disk {one} is seen in {flights}: must be {LEAST} or more"
         if len(rows) > 1 and float(np.max(np.diff(t[rows]))) > 3.5 * step:
             return f"disk {one} was lost near the impact"
-        seen.append(rows)
+        rows_of_disks.append(rows)
     contact = sum(float(np.asarray(disks[one].radius)) for one in meeting.ids)
     line = None if wall is None else _wall_line(wall, tracks.position[meeting.ids[0]])
-    times = [tracks.time[one][rows] for one, rows in zip(meeting.ids, seen, strict=True)]
-    places = [tracks.position[one][rows] for one, rows in zip(meeting.ids, seen, strict=True)]
+    times = [tracks.time[one][rows] for one, rows in zip(meeting.ids, rows_of_disks, strict=True)]
+    places = [tracks.position[one][rows] for one, rows in zip(meeting.ids, rows_of_disks, strict=True)]
     span = float(np.median(np.diff(times[0])))
     start = [at]
     for t, x in zip(times, places, strict=True):
@@ -393,7 +393,7 @@ def _fit(
         return "no time at which flights before and after meet"
     angles: list[tuple[Array, Array] | None] = []
     angle_squares, angle_dof = 0.0, 0
-    for one, rows, t in zip(meeting.ids, seen, times, strict=True):
+    for one, rows, t in zip(meeting.ids, rows_of_disks, times, strict=True):
         value = tracks.angle.get(one, np.full(len(tracks.time[one]), math.nan))[rows]
         good = ~np.isnan(value)
         tau = (t - ended.x[0])[good]

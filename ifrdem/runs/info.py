@@ -89,8 +89,8 @@ def _describe_fields(trajectory: Trajectory) -> list[str]:
             filters = f", {held[0][1]}" if held[0][1] else ""
             stored = size(sum(each for each, _ in held))
         frame = int(np.prod(dataset.shape[1:])) * dataset.dtype.itemsize
-        told = f"{size(frame)} a frame, {stored} stored{filters}"
-        lines.append(f"  {name:<18}{dataset.dtype}{_shape(dataset.shape[2:])}, {told}")
+        stored_text = f"{size(frame)} a frame, {stored} stored{filters}"
+        lines.append(f"  {name:<18}{dataset.dtype}{_shape(dataset.shape[2:])}, {stored_text}")
         if len(dataset) > len(trajectory):
             lines[-1] += f", {len(dataset) - len(trajectory)} uncommitted"
     lines.append("observables (per frame)")
@@ -139,9 +139,9 @@ def _describe_files(trajectory: Trajectory) -> list[str]:
     checkpoint = checkpoint_of(path)
     if checkpoint.exists():
         lines.append(f"  checkpoint        {checkpoint.name} ({size(checkpoint.stat().st_size)})")
-    told = status.path_of(path)
-    if told.exists():
-        lines.append(f"  status            {told.name}: {_status(told)}")
+    status_path = status.path_of(path)
+    if status_path.exists():
+        lines.append(f"  status            {status_path.name}: {_status(status_path)}")
     stale = views.stale(path)
     for view in views.paths(path):
         if view.exists():

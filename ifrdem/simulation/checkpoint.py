@@ -164,7 +164,7 @@ def check_extra(path: object, extra: object, arrays: object) -> None:
 
     InputError unless the path is one, `extra` a mapping of what JSON knows, and `arrays` one of arrays of numbers.
     """
-    if not isinstance(path, str | os.PathLike):
+    if not isinstance(path, str | os.PathLike) or not Path(path).name:
         raise InputError(f"path = {path!r}: must be the path of a file, a text or a Path")
     for name, given in (("extra", extra), ("arrays", arrays)):
         if given is not None and not isinstance(given, Mapping):

@@ -29,6 +29,16 @@ from .schedule import first_after, reached, time_of
 _kernels = functools.cache(kernels_of)  # compiled once for all objects of a class
 
 
+def check_types(forces: Iterable[object]) -> None:
+    """Raise InputError unless all are forces, and none is only the base class, or a class itself."""
+    for i, force in enumerate(forces):
+        if not isinstance(force, Force) or type(force).act is Force.act:
+            raise InputError(
+                f"forces[{i}] = {force!r}: must be an object of a class derived from ifrdem.forces.Force, with "
+                "a method act"
+            )
+
+
 class ForceSteps:
     """The forces of one engine, in the order in which they act at a time at which several do.
 
@@ -51,12 +61,8 @@ class ForceSteps:
         if not isinstance(forces, Iterable):
             raise InputError(f"forces = {forces!r}: must be a list of forces")
         self.forces: tuple[Force, ...] = tuple(forces)
+        check_types(self.forces)
         for i, force in enumerate(self.forces):
-            if not isinstance(force, Force) or type(force).act is Force.act:
-                raise InputError(
-                    f"forces[{i}] = {force!r}: must be an object of a class derived from ifrdem.forces.Force, with "
-                    "a method act"
-                )
             if force.totals and type(force).measure is Force.measure:
                 raise InputError(
                     f"forces[{i}] = {force!r}: totals = {force.totals} needs a method measure too"

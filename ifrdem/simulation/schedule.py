@@ -300,15 +300,15 @@ class SlowRunCheck:
             return None
         self._since = clock, now, collisions
         rate = (now - begin) / seconds  # of simulated in real time
-        came = f"t = {now:.6g}: the run advanced from {begin:.6g} to there in {seconds:.0f} s"
+        progress = f"t = {now:.6g}: the run advanced from {begin:.6g} to there in {seconds:.0f} s"
         if self._end.collisions is not None and collisions == before:
             wait = free_time()
-            text = f"{came} without a collision; the mean time between two at this density and speed is {wait:.3g}"
+            text = f"{progress} without a collision; the mean time between two at this density and speed is {wait:.3g}"
             if wait > LONGEST * rate > 0.0:
                 text += f", {size_of_time(wait / rate)} at this pace"
         elif self._end.collisions is None and self._end.time - now > LONGEST * rate:
             left = size_of_time((self._end.time - now) / rate) if rate > 0.0 else "an unknown time"
-            text = f"{came}, and reaches t_end = {self._end.time:.6g} in {left} at this pace"
+            text = f"{progress}, and reaches t_end = {self._end.time:.6g} in {left} at this pace"
         else:
             return None
         self._warned = True

@@ -102,10 +102,16 @@ def dask(
     if not has_dask():
         raise InputError('Dask is not installed, which this cluster needs: pip install "ifrdem[cluster]"')
     import distributed
+    from distributed.comm import get_address_host_port
 
     with contextlib.ExitStack() as stack:
         if cluster.scheduler is not None:
             place: Any = cluster.scheduler
+            try:
+                get_address_host_port(place)
+            except ValueError as error:  # a client would fail too, and then wait for its own end
+                text = f"is no address such as tcp://host:8786: {error}"
+                raise InputError(f"scheduler {place}: {text}") from None
         elif cluster.kind is not None:
             place = stack.enter_context(_jobs(cluster, threads))
             place.scale(jobs=cluster.jobs)
@@ -117,7 +123,7 @@ def dask(
             place = stack.enter_context(local)
         try:
             client = stack.enter_context(distributed.Client(place, timeout=ANSWER, set_as_default=False))
-        except (OSError, ValueError) as error:  # of an address that is none, too
+        except (OSError, ValueError) as error:
             reason = str(error).splitlines()[0] if str(error) else "no answer"
             where = f"scheduler {cluster.scheduler}: does not answer within {ANSWER:g} s"
             raise InputError(f"{where}: {reason}") from None

@@ -158,10 +158,10 @@ def create(place: Path) -> Path:
 
     Raises OSError if it cannot be created.
     """
-    beside = place.with_name(f".{place.name[:100]}.{secrets.token_hex(4)}.part")
+    created = place.with_name(f".{place.name[:100]}.{secrets.token_hex(4)}.part")
     flags = os.O_CREAT | os.O_EXCL | os.O_RDWR | getattr(os, "O_NOFOLLOW", 0)
-    os.close(os.open(beside, flags, 0o666))
-    return beside
+    os.close(os.open(created, flags, 0o666))
+    return created
 
 
 @contextlib.contextmanager

@@ -91,8 +91,8 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
     going, steps, behind = 1, 0, UNKNOWN
     while going == 1:
         steps += 1
-        seen = relative_motion(w, x, y, vx, vy, tau, t, gas)
-        gap = gap_of(w, seen, radius, behind, gas)
+        relative = relative_motion(w, x, y, vx, vy, tau, t, gas)
+        gap = gap_of(w, relative, radius, behind, gas)
         f, behind, crossed = gap.f, gap.behind, 0
         if f <= gap.tolerance:
             if gap.slope < -gap.noise:
@@ -114,8 +114,8 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
                 step = 0.0 * t
             # A step too small for the clock would never end.
             step = ti.max(step, ti.static(epsilon()) * ti.max(t, 1.0e-3 * gas.scale.window))
-            if t + step > seen.until:
-                t = seen.until
+            if t + step > relative.until:
+                t = relative.until
             else:
                 t += step
             if t >= horizon or steps >= MOST_STEPS:

@@ -20,7 +20,7 @@ it, are
 
 `nearest(w, x, y, s, gas)`
     from the nearest point of the wall, displaced by s, to (x, y): unit vector and distance.
-`gap(w, seen, nx, ny, distance, radius, behind, gas)`
+`gap(w, relative, nx, ny, distance, radius, behind, gas)`
     of a disk that `root.relative_motion` describes, by what `nearest` gives: the struct of `gap_as`. All pieces from
     which the distance is a convex function of p share `gap_of_convex`.
 `box(x, y, qx, qy)`
@@ -101,52 +101,60 @@ def gap_as(f, slope, curve, tolerance, noise, here, behind):
 
 
 @ti.func
-def tolerance_of(w, seen: ti.template(), radius, gas: ti.template()):
+def tolerance_of(w, relative: ti.template(), radius, gas: ti.template()):
     """Error of a gap by rounding: positions are sums of numbers as large as these."""
-    size = ti.abs(seen.x) + ti.abs(seen.y) + radius + gas.walls[w].radius
+    size = ti.abs(relative.x) + ti.abs(relative.y) + radius + gas.walls[w].radius
     return 8.0 * ti.static(epsilon()) * size
 
 
 @ti.func
-def largest_speed_of(seen: ti.template(), gas: ti.template()):
+def largest_speed_of(relative: ti.template(), gas: ti.template()):
     """The largest speed of a disk relative to a wall in the window, while the wall's motion holds."""
-    left = ti.min(gas.scale.window, seen.until) - seen.t
-    return ti.sqrt(seen.vx * seen.vx + seen.vy * seen.vy) + seen.push * left
+    left = ti.min(gas.scale.window, relative.until) - relative.t
+    return ti.sqrt(relative.vx * relative.vx + relative.vy * relative.vy) + relative.push * left
 
 
 @ti.func
-def gap_of_line(w, seen: ti.template(), nx, ny, distance, radius, behind, gas: ti.template()):
+def gap_of_line(w, relative: ti.template(), nx, ny, distance, radius, behind, gas: ti.template()):
     """Its curvature is that by gravity, exactly, and by the wall's motion."""
     wall = gas.walls[w]
     gx, gy, ux, uy = gas.scale.gx, gas.scale.gy, wall.motion.x, wall.motion.y
-    curve = gx * nx + gy * ny - ti.abs(ux * nx + uy * ny) * seen.bound
+    curve = gx * nx + gy * ny - ti.abs(ux * nx + uy * ny) * relative.bound
     if ti.static(gas.uses.pistons):
         if wall.motion.kind == FREE and wall.piston.rate == 0.0:
-            _s, _speed, _bound, pull = piston_motion(w, seen.t, gas)
+            _s, _speed, _bound, pull = piston_motion(w, relative.t, gas)
             curve = gx * nx + gy * ny - (ux * nx + uy * ny) * pull
-    slope = nx * seen.vx + ny * seen.vy
-    return gap_as(distance - radius, slope, curve, tolerance_of(w, seen, radius, gas), seen.noise, 1, behind)
-
-
-@ti.func
-def gap_of_convex(w, seen: ti.template(), nx, ny, distance, radius, behind, gas: ti.template()):
-    """Of a piece from which the distance is a convex function of the position."""
-    slope = nx * seen.vx + ny * seen.vy
+    slope = nx * relative.vx + ny * relative.vy
     return gap_as(
-        distance - radius, slope, -seen.push, tolerance_of(w, seen, radius, gas), seen.noise, 1, behind
+        distance - radius, slope, curve, tolerance_of(w, relative, radius, gas), relative.noise, 1, behind
     )
 
 
 @ti.func
-def gap_of_container(w, seen: ti.template(), nx, ny, distance, radius, behind, gas: ti.template()):
+def gap_of_convex(w, relative: ti.template(), nx, ny, distance, radius, behind, gas: ti.template()):
+    """Of a piece from which the distance is a convex function of the position."""
+    slope = nx * relative.vx + ny * relative.vy
+    return gap_as(
+        distance - radius,
+        slope,
+        -relative.push,
+        tolerance_of(w, relative, radius, gas),
+        relative.noise,
+        1,
+        behind,
+    )
+
+
+@ti.func
+def gap_of_container(w, relative: ti.template(), nx, ny, distance, radius, behind, gas: ti.template()):
     """(R_c - R)^2 - r^2, with the roots of R_c - R - r: its second derivative is bounded, -2 v^2 without forces."""
     inner = gas.walls[w].radius - radius
     r = gas.walls[w].radius - distance
-    most = largest_speed_of(seen, gas)
-    slope = (nx * seen.vx + ny * seen.vy) * (2.0 * r)
-    curve = -2.0 * (most * most + seen.push * inner)
-    tolerance = tolerance_of(w, seen, radius, gas) * (2.0 * inner)
-    return gap_as(inner * inner - r * r, slope, curve, tolerance, seen.noise * (2.0 * inner), 1, behind)
+    most = largest_speed_of(relative, gas)
+    slope = (nx * relative.vx + ny * relative.vy) * (2.0 * r)
+    curve = -2.0 * (most * most + relative.push * inner)
+    tolerance = tolerance_of(w, relative, radius, gas) * (2.0 * inner)
+    return gap_as(inner * inner - r * r, slope, curve, tolerance, relative.noise * (2.0 * inner), 1, behind)
 
 
 # ---------------------------------------------------------------------- arcs, of whose circle only a part is there
@@ -164,13 +172,13 @@ def sign_of_arc(w, gas: ti.template()):
 
 
 @ti.func
-def gap_of_arc(w, seen: ti.template(), nx, ny, distance, radius, behind, gas: ti.template()):
+def gap_of_arc(w, relative: ti.template(), nx, ny, distance, radius, behind, gas: ti.template()):
     """rho^2 - r^2 within the circle of centres that touch it, as for a container; r - rho beyond."""
     wall, sign = gas.walls[w], sign_of_arc(w, gas)
     rho = wall.radius + sign * radius
     r = wall.radius + sign * distance
     beyond = r - rho
-    tolerance, noise = tolerance_of(w, seen, radius, gas), seen.noise
+    tolerance, noise = tolerance_of(w, relative, radius, gas), relative.noise
     is_behind = behind
     if is_behind == UNKNOWN:
         is_behind = ti.cast(-sign * beyond > tolerance, ti.i32)
@@ -178,12 +186,12 @@ def gap_of_arc(w, seen: ti.template(), nx, ny, distance, radius, behind, gas: ti
     middle = out_x * wall.towards_x + out_y * wall.towards_y
     half = wall.half + ti.static(seam())
     here = ti.cast(half >= 0.5 * TWO_PI or middle >= ti.cos(half), ti.i32) * (1 - is_behind)
-    f, slope, curve = beyond, out_x * seen.vx + out_y * seen.vy, -seen.push
+    f, slope, curve = beyond, out_x * relative.vx + out_y * relative.vy, -relative.push
     if ti.cast(sign < 0.0, ti.i32) ^ is_behind == 1:  # within that circle
-        most = largest_speed_of(seen, gas)
+        most = largest_speed_of(relative, gas)
         f = -beyond * (r + rho)
         slope *= -2.0 * r
-        curve = -2.0 * (most * most + seen.push * rho)
+        curve = -2.0 * (most * most + relative.push * rho)
         tolerance *= 2.0 * rho
         noise *= 2.0 * rho
     if rho <= 0.0:  # too narrow for the disk
@@ -311,15 +319,15 @@ def wall_vector(w, x, y, s, gas: ti.template()):
 
 
 @ti.func
-def gap_of(w, seen: ti.template(), radius, behind, gas: ti.template()):
+def gap_of(w, relative: ti.template(), radius, behind, gas: ti.template()):
     """The gap between wall w and a disk that `root.relative_motion` describes; `behind` is that of the step before."""
     kind = ti.cast(gas.walls[w].kind, ti.i32)
-    zero = 0.0 * seen.x
+    zero = 0.0 * relative.x
     found = gap_as(zero, zero, zero, zero, zero, 0, behind)
     for shape in ti.static(shapes_of(gas.uses)):
         if kind == shape.kind:
-            nx, ny, distance = shape.nearest(w, seen.x, seen.y, seen.s, gas)
-            found = shape.gap(w, seen, nx, ny, distance, radius, behind, gas)
+            nx, ny, distance = shape.nearest(w, relative.x, relative.y, relative.s, gas)
+            found = shape.gap(w, relative, nx, ny, distance, radius, behind, gas)
     return found
 
 

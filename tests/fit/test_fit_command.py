@@ -122,7 +122,7 @@ def test_law_that_adds_energy_is_shown_but_gives_no_material(
         (["data.csv", "--M", "1", "--model", "contact"], [r"model = 'contact': .*did you mean 'ifr-contact'"]),
         (["data.csv", "--M", "1", "--fix", "e_t"], ["--fix e_t: must be NAME=VALUE"]),
         (["data.csv", "--M", "1", "--disk-1", "1,1"], ["--M: cannot be combined with --disk-1"]),
-        (["data.csv", "--disk-1", "1", "--disk-2", "wal"], ["--disk-1 1: MASS,RADIUS", "--disk-2 wal: MASS,RADIUS or"]),
+        (["data.csv", "--disk-1", "1", "--disk-2", "wal"], ["--disk-1 1: must be MASS", "--disk-2 wal: must be MASS"]),
         (["data.csv", "--M", "1", "--decimal", ","], ["--delimiter and decimal are both ','"]),
         (["data.csv", "--M", "1", "--law", "a.txt:B"], ["--law a.txt:B: must be FILE.py:CLASS"]),
         (["data.csv", "--M", "1", "--level", "100"], ["--level 100: must be a percentage between 0 and 100"]),

@@ -136,6 +136,9 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "text for a law": (lambda: Simulation(*gases_of_three(), "x", state_of_three()), "law = 'x': must be an IFRLaw"),
     "list for a table": (lambda: Simulation(*gases_of_three(), [LAW], state_of_three()), "a list of lists of laws"),
     "None for a law": (lambda: Simulation(*gases_of_three(), [[None]], state_of_three()), "law = None: must be"),
+    "class for a force": (
+        lambda: gas(forces=[forces.Langevin]), r"forces\[0\] = <class '.*Langevin'>: must be an object of a class",
+    ),
     "number for forces": (lambda: gas(forces=5), "forces = 5: must be a sequence"),
     "text for an end": (lambda: gas().collide_until("soon"), "t_end = 'soon': must be a finite time"),
     "number for a checkpoint": (lambda: gas().load_checkpoint(5), "path = 5: must be a text or a path"),

@@ -224,10 +224,12 @@ def test_a_checkpoint_of_a_later_format_is_refused(tmp_path):
     ("arguments", "said"),
     [
         ((3,), "path = 3: must be the path of a file"),
+        (("",), "path = '': must be the path of a file"),
+        ((".",), "path = '.': must be the path of a file"),
         (("a.h5", {"when": {1, 2}}), r"extra\['when'\] = \{1, 2\}: JSON cannot hold it"),
         (("a.h5", {(1, 2): 3}), r"extra\[\(1, 2\)\] = 3: JSON cannot hold it"),
         (("a.h5", [1]), r"extra = \[1\]: must be a mapping by name"),
-        (("a.h5", None, {"extra_x": ["a"]}), r"arrays\['extra_x'\] = \['a'\]: an array of numbers"),
+        (("a.h5", None, {"extra_x": ["a"]}), r"arrays\['extra_x'\] = \['a'\]: must be an array of numbers"),
         (("a.h5", None, 5), "arrays = 5: must be a mapping by name"),
     ],
 )

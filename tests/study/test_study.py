@@ -224,7 +224,8 @@ def bad(tmp_path: Path, capsys: pytest.CaptureFixture[str], *words: str) -> str:
         (["--seeds", "0"], "a number of seeds"),
         (["--part", "3/2"], "must be K/M"),
         (["--workers", "1", "--scheduler", "tcp://a:1"], "--workers: cannot be combined with --scheduler"),
-        (["--scheduler", "nonsense://127.0.0.1:9"], "does not answer"),
+        (["--scheduler", "nonsense://127.0.0.1:9"], "is no address such as tcp://host:8786"),
+        (["--scheduler", "nonsense"], "is no address such as tcp://host:8786"),
     ],
 )
 def test_bad_input_is_refused_before_anything_starts(case, tmp_path, capsys, words, message):
