@@ -319,9 +319,9 @@ def test_stopping_distances_come_with_their_caveat() -> None:
             {"M": 1.0, "fix": {"e_m": 0.9}},
             r"e_m = 0.9 cannot be fixed: no such coefficient \(did you mean 'e_",
         ),
-        ({"M": 1.0, "fix": {"e_t": 2.0}}, "e_t = 2 cannot be fixed: a value from -1 to 1"),
+        ({"M": 1.0, "fix": {"e_t": 2.0}}, "e_t = 2 must be a value from -1 to 1"),
         ({}, "M: must be given"),
-        ({"M": 1.0, "rolling": True}, r"(?s)R_1, R_2: the radii.*a column Rw_1 or Rw_2 or e_t_apparent"),
+        ({"M": 1.0, "rolling": True}, r"(?s)R_1 and R_2, the radii.*a column Rw_1 or Rw_2 or e_t_apparent"),
         ({"M": 1.0, "bootstrap": 5}, "bootstrap = 5: must be 0, or 40"),
     ],
 )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ifrdem.errors import InputError
 from ifrdem.initial.placement import (
-    _one_by_one,
+    _accepted,
     check_no_overlap,
     gaussian_spins,
     hexagonal_positions,
@@ -55,7 +55,7 @@ def test_random_positions_do_not_overlap(kind: str, n: int, packing_fraction: fl
     assert pair_gaps(box, radius, position)[2].min() > 0.0  # gaps of 1e-9 are kept, so rounding has no say
 
 
-def test_attempts_in_bulk_succeed_as_attempts_one_by_one() -> None:
+def test_attempts_in_bulk_succeed_as_attempts_accepted() -> None:
     rng = np.random.default_rng(2)
     box = Box((12.0, 7.0))
     for _ in range(20):
@@ -69,7 +69,7 @@ def test_attempts_in_bulk_succeed_as_attempts_one_by_one() -> None:
             clear = np.all(distance > radius[owner[kept]] + radius[owner[c]])
             if clear and owner[c] not in owner[kept]:
                 expected.append(c)
-        assert _one_by_one(box, candidate, radius[owner], owner).tolist() == expected
+        assert _accepted(box, candidate, radius[owner], owner).tolist() == expected
 
 
 def test_random_positions_are_uniform() -> None:

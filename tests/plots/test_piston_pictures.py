@@ -53,6 +53,6 @@ def test_place_and_speed_of_each_piston_are_drawn_against_time(tmp_path: Path) -
 def test_a_file_without_piston_says_which_key_makes_one(tmp_path: Path) -> None:
     with (
         Trajectory(write(tmp_path / "a.h5", [FLOOR])) as run,
-        pytest.raises(InputError, match=r"a wall with one, piston = \{ mass = \.\.\. \} in \[\[wall\]\]"),
+        pytest.raises(InputError, match=r"a wall with piston = \{ mass = \.\.\. \} in \[\[wall\]\]"),
     ):
         pictures.figure(run, "piston")

@@ -112,7 +112,7 @@ def test_start_errors_spread_the_runs(run: Path) -> None:
     ("text", "says"),
     [
         ("id,x\n0,1\n", "missing column y"),
-        ("id,x,y\n0.5,1,1\n", "line 2: id = 0.5: a whole number"),
+        ("id,x,y\n0.5,1,1\n", "line 2: id = 0.5: must be an integer"),
         ("id,x,y\n7,1,1\n", "disk 7: the run has disks 0 to 1"),
         ("id,x,y,t\n0,1,1,9\n", "t = 9: the run lasts from 0 to 2"),
         ("id,x,y,x_error\n0,1,1,-1\n", "line 2: error of x = -1"),

@@ -413,7 +413,7 @@ def test_calls_that_differ_from_rank_to_rank_end_on_all() -> None:
         )
         assert each["forces"].startswith("InputError: box, law, walls, forces or options differ")
         assert each["set_forces"].startswith("InputError: box, law, walls, forces or options differ")
-        assert "forces[0] = None: an object of a class" in each["one_of_none"]
+        assert "forces[0] = None: must be an object of a class" in each["one_of_none"]
         assert each["end"].startswith("InputError: the end of a run, its frames or its series differ")
     assert first["seen"] == "[0, 6000]"
     assert second["seen"] == "[]"

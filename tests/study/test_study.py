@@ -476,7 +476,7 @@ def test_damaged_results_are_named_and_run_again(case, tmp_path, capsys):
     assert "done already           1 of 4" in shown
     assert shown.count("to be run again") == 3
     study = ifrdem.Study(case, vary=[VARY], seeds=2, output=tmp_path / "s.nc")
-    with pytest.warns(DamageWarning, match="makes it again") as told:
+    with pytest.warns(DamageWarning, match="creates it again") as told:
         partly = study.results()
     assert len(told) == 3
     assert np.isnan(partly.values("temperature")[..., -1]).sum() == 3

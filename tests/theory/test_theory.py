@@ -375,7 +375,7 @@ def test_times_that_do_not_increase_are_refused(times: list) -> None:
 
 def test_a_prediction_is_shown_by_shapes_and_ranges() -> None:
     found = prediction(Disks(10, 1.0, 0.5), SMOOTH, 0.2, 1.0, 0.0, np.linspace(0.0, 50.0, 300))
-    assert "T (300,) from" in repr(found)
+    assert "temperature (300,) from" in repr(found)
     assert len(repr(found)) < 600
 
 

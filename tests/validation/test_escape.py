@@ -38,7 +38,7 @@ def test_an_escape_would_be_seen(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_bad_options_end_with_status_2(capsys: pytest.CaptureFixture[str]) -> None:
     assert script(escape.escape, ["--hits", "1.5"]) == 2
-    assert script(escape.escape, ["--order", "alnoe"]) == 2
+    assert script(escape.escape, ["--order", "serail"]) == 2
     assert "did you mean 'serial'" in capsys.readouterr().err
     assert script(escape.escape, ["--room", "corner"]) == 2
     assert "did you mean 'corners'" in capsys.readouterr().err

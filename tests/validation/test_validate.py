@@ -229,7 +229,7 @@ def test_a_wrong_name_is_refused_with_the_nearest_before_anything_runs(tmp_path,
 def test_an_output_that_is_a_file_is_refused(tmp_path, capsys):
     (tmp_path / "taken").write_text("", encoding="utf-8")
     assert cli.main(["validate", "angles", "-o", str(tmp_path / "taken")]) == 2
-    assert "a folder cannot be made there" in capsys.readouterr().err
+    assert "a folder cannot be created there" in capsys.readouterr().err
 
 
 def test_an_output_in_a_folder_that_is_not_there_is_refused(tmp_path, capsys):

@@ -28,7 +28,7 @@ def test_a_seed_where_nothing_is_random_is_refused(tmp_path, capsys) -> None:
     assert cli.main(["validate", "angles", "--seed", "2", "-o", str(tmp_path / "a")]) == 2
     assert "--seed 2: only the cases of the group gas" in capsys.readouterr().err
     assert cli.main(["validate", "gas", "--seed", "-1", "-o", str(tmp_path / "a")]) == 2
-    assert "--seed -1: a whole number from 0" in capsys.readouterr().err
+    assert "--seed -1: must be an integer from 0" in capsys.readouterr().err
     assert not (tmp_path / "a").exists()
 
 
@@ -110,7 +110,7 @@ def test_chi_square_of_rows_finds_what_each_row_alone_lets_pass() -> None:
                 systematic=0.05, why="nothing", source="a book", widest=1.0,
             )  # fmt: skip
         assert all(row.passed for row in result.rows)
-        sample.together(result, "six", result.rows[:6], "a book")
+        sample.add_chi_square(result, "six", result.rows[:6], "a book")
         assert result.rows[-1].measured == pytest.approx(6.0 * off**2, rel=1e-6)
         assert result.rows[-1].passed is passes
 

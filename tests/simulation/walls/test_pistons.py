@@ -208,8 +208,8 @@ def test_another_force_acts_from_a_time_on() -> None:
     # s = a t^2 / 2 and v = a t with a = 3/2 for t = 1, then with -1/2 for 2.
     np.testing.assert_allclose(simulation.pistons[0], (0.75 + 3.0 - 1.0, 0.5, 0.25 + 2.75, -1.0), rtol=1e-13)
     assert simulation.walls[0].piston == Piston(mass=2.0, force=-1.0)
-    for wall in (1, -1):
-        with pytest.raises(InputError, match="must be the number of a piston; there are: 0"):
+    for wall, needed in ((1, "the number of a piston; there are: 0"), (-1, "an integer from 0")):
+        with pytest.raises(InputError, match=f"wall = {wall}: must be {needed}"):
             simulation.set_piston_force(wall, 1.0)
     with pytest.raises(InputError, match="force = nan: must be a finite number"):
         simulation.set_piston_force(0, math.nan)

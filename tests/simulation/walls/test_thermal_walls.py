@@ -350,7 +350,7 @@ def test_a_temperature_that_cannot_be_is_refused(temperature: float) -> None:
 @pytest.mark.parametrize("seed", [-1, 2**64, 1.5])
 def test_a_seed_that_cannot_be_is_refused(seed: float) -> None:
     box = Box((10.0, 10.0), (False, True))
-    with pytest.raises(InputError, match=r"seed = .*: a whole number from 0"):
+    with pytest.raises(InputError, match=r"seed = .*: must be an integer from 0"):
         between(1.0, 1.0, box, Disks(4, mass=1.0, radius=0.5), lattice(box, 4, 1), seed=seed)
 
 
