@@ -112,7 +112,7 @@ def test_the_case_is_in_order() -> None:
         (
             ["wall[0].radius=1.0"],
             "wall[0].radius = 1",
-            "only with shape = 'container', 'post' or 'arc', not with 'line'",
+            "requires shape = 'container', 'post' or 'arc', not with 'line'",
         ),
         (["wall[0].normal=[0.0, 0.0]"], "wall[0]", "no direction"),
         (["wall[0].normal=[0.0]"], "wall[0].normal", "at least 2 entries"),
@@ -126,7 +126,7 @@ def test_the_case_is_in_order() -> None:
         (
             ["wall[0].motion.speed=1.0"],
             "wall[0].motion.speed = 1",
-            "only with kind = 'steady', not with 'sine'",
+            "requires kind = 'steady', not with 'sine'",
         ),
         (["wall[0].motion.direction=[0.0, 0.0]"], "wall[0].motion", "it has no direction"),
         (["wall[0].motion.frequency=0.0"], "wall[0].motion.frequency = 0.0", "greater than 0"),
@@ -168,7 +168,7 @@ def test_the_case_is_in_order() -> None:
         (
             ["run.collapse=tc", "run.contact_time=0.1", "run.velocity_cutoff=0.1"],
             "run",
-            'collapse = "velocity_cutoff" needs it',
+            'it is of collapse = "velocity_cutoff"',
         ),
         (["species[0].number=500"], "box.lengths = 0.8585", "too dense for a random start"),
         (
@@ -209,7 +209,7 @@ def test_a_wrong_wall_is_named_with_what_is_allowed(overrides: list[str], key: s
             'turn = { kind = "steady", center = [1.0, 1.0], rate = 1.0 }',
             "a line has no end",
         ),
-        ('shape = "post"\ncenter = [5.0, 5.0]\nradius = 1.0\nmoves_from = 2.0\nmoves_until = 1.0', "after moves_from"),
+        ('shape = "post"\ncenter = [5.0, 5.0]\nradius = 1.0\nmoves_from = 2.0\nmoves_until = 1.0', "later than"),
     ],
 )  # fmt: skip
 def test_shapes_that_are_none_are_refused_with_their_place(
