@@ -104,7 +104,7 @@ def test_a_frame_of_a_sheared_box_starts_only_a_run_with_the_same_flow_and_clock
     for change, says in (
         ("box.shear_rate=0.7", r"its box is sheared \(box\.shear_rate = 0\.8\), .* not 0\.7"),
         ("box.shear_rate=", r"its box is sheared \(box\.shear_rate = 0\.8\), .* not 0"),
-        ("start.time=0.05", r"start\.time = 0\.05: the images above and below stand .* by t = 0\.1"),
+        ("start.time=0.05", r"start\.time = 0\.05: the images above and below are where .* by t = 0\.1"),
     ):
         assert main(["check", "again.toml", "--set", change]) == 2
         assert re.search(rf'start.positions = "flow.h5": {says}', capsys.readouterr().err), change

@@ -251,7 +251,7 @@ def test_a_gas_that_does_not_cool_by_haffs_law_is_said_not_to_and_gets_no_errors
     assert len(record["warnings"]) == 2
     with Trajectory(path) as trajectory:
         said = texts(pictures.figure(trajectory, "cooling"))
-    assert said.count("(poor)") == 2
+    assert said.count("(poor)") == 4  # in two labels and two warnings
     assert "nan" not in said
 
 

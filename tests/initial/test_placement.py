@@ -226,7 +226,7 @@ def test_touching_disks_pass_and_more_than_rounding_does_not() -> None:
     ("radius", "position", "message"),
     [
         ([0.5, 0.5], [[1.0, 1.0], [np.nan, 3.0]], r"position\[1\] = \[nan  3\.\]"),
-        ([0.5, -0.5], [[1.0, 1.0], [3.0, 3.0]], r"radius\[1\] = -0\.5: a positive"),
+        ([0.5, -0.5], [[1.0, 1.0], [3.0, 3.0]], r"radius\[1\] = -0\.5: must be a positive"),
         ([0.5, 0.5], [[1.0, 1.0]], r"position has shape \(1, 2\): must be \(2, 2\)"),
         (0.5, [[1.0, 1.0]], r"radius has shape \(\)"),
         ([2.6], [[1.0, 1.0]], "own periodic image"),

@@ -84,8 +84,7 @@ def test_tiles_know_what_one_tile_knows():
             order=order,
             tile_disks=200,
             device=Device(threads=2),
-            record=["energy"],
-            itemised=True,
+            record=["energy", "disk_energy"],
         )
         while engine.time < 2.0:
             engine.advance(t_end=2.0)
@@ -105,7 +104,7 @@ def test_a_run_that_goes_on_from_a_state_goes_on_adding_up():
 
 
 def test_a_ledger_that_tells_disks_what_they_lose_cannot_be_switched_off():
-    with pytest.raises(InputError, match=""disk_energy" needs "energy""):
+    with pytest.raises(InputError, match='"disk_energy" needs "energy"'):
         gas(100).switch_ledger(False)
 
 
