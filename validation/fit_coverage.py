@@ -19,7 +19,7 @@ from ifrdem.fit.data import WALL, Collisions, Disk
 from ifrdem.fit.laws import LAWS
 from ifrdem.fit.likelihood import Likelihood
 from ifrdem.fit.maximum import TRANSIT, Search, covariance_of
-from ifrdem.fit.model import AngleProblem, Pair, Problem
+from ifrdem.fit.model import AngleProblem, FitProblem, Pair
 from ifrdem.tools.arguments import script
 from ifrdem.validation.paper.equations import TABLE_II
 
@@ -34,7 +34,7 @@ LEVELS = (0.68, 0.95)
 
 def angles(
     law: str, n: int, error: float, rng: np.random.Generator, *, M: float = 1.0, truth: Sequence[float] = ()
-) -> Problem:
+) -> FitProblem:
     """A table of delta_1 and delta_2 of n impacts of coins, psi from 4 to 75 degrees, with errors [deg]."""
     s = np.full((n, 3), error)
     problem = AngleProblem(("psi", "delta_1", "delta_2"), np.zeros((n, 3)), s, ["angles"] * 3, Pair(M=M))
@@ -43,7 +43,7 @@ def angles(
     return problem.of(exact + error * rng.standard_normal(exact.shape))
 
 
-def collisions(law: str, n: int, error: float, rng: np.random.Generator, *, wall: bool = False) -> Problem:
+def collisions(law: str, n: int, error: float, rng: np.random.Generator, *, wall: bool = False) -> FitProblem:
     """Whole collisions of two different spinning coins at 1 m/s, errors `error` of the velocities [m/s] and of R w."""
     R = 10.5e-3
     phi, chi = rng.uniform(0.0, 2.0 * np.pi, n), np.radians(rng.uniform(-75.0, 75.0, n))
@@ -65,13 +65,13 @@ def collisions(law: str, n: int, error: float, rng: np.random.Generator, *, wall
     return problem.of(exact + problem.s * rng.standard_normal(exact.shape))
 
 
-KINDS: dict[str, tuple[Callable[..., Problem], int, tuple[float, ...]]] = {
+KINDS: dict[str, tuple[Callable[..., FitProblem], int, tuple[float, ...]]] = {
     "angles": (angles, 20, (0.5, 1.0)),
     "collisions": (collisions, 12, (0.005, 0.02)),
 }
 
 
-def best(problem: Problem, law: str, start: np.ndarray) -> tuple[Search, np.ndarray, float]:
+def best(problem: FitProblem, law: str, start: np.ndarray) -> tuple[Search, np.ndarray, float]:
     """Lowest minimum from the start and from others with more and less friction."""
     search = Search(Likelihood(problem, LAWS[law]))
     by = np.array([name == "mu" for name in LAWS[law].free])

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from ..errors import DamageError, InputError, there_are
-from ..plots.pictures import PICTURES
+from ..plots.names import PICTURES
 from .console import FAILED, note, say
 from .options import Color, Force, Frames, Style, chosen, flag, one_trajectory, opened, option, styled
 

@@ -7,10 +7,13 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
+from .. import mpi
 from ..errors import printable
-from ..mpi import Communicator
-from ..mpi.communicator import world
+
+if TYPE_CHECKING:
+    from ..mpi import Communicator
 
 BAD_INPUT = 2
 FAILED = 1
@@ -85,7 +88,7 @@ def set_level(*, quiet: bool, verbose: bool) -> None:
 
 def ranks() -> Communicator:
     """Ranks of MPI that share the gas, of which the first one speaks; of size 1 without a launcher of MPI."""
-    comm = world()
+    comm = mpi.communicator.world()
     if not comm.is_root:
         LOG.setLevel(logging.ERROR)
     if comm.size > 1:

@@ -24,8 +24,8 @@ from cyclopts import (
     UnusedCliTokensError,
 )
 
+from .. import mpi
 from ..errors import EngineError, InputError, nearest, there_are
-from ..mpi import communicator
 from ..tools.arguments import unfailing_messages
 from ..tools.versions import __version__
 from . import analyse, console, fit, program, run, trajectory
@@ -136,26 +136,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
             sys.stdout.flush()  # here, where a broken pipe is caught
             return int(status or 0)
         except CycloptsError as error:
-            return communicator.end(BAD_INPUT, _message(error), complain)
+            return mpi.communicator.end(BAD_INPUT, _message(error), complain)
         except InputError as error:
-            return communicator.end(BAD_INPUT, str(error), complain)
+            return mpi.communicator.end(BAD_INPUT, str(error), complain)
         except EngineError as error:
-            return communicator.end(FAILED, f"the engine stopped: {error}", complain)
+            return mpi.communicator.end(FAILED, f"the engine stopped: {error}", complain)
         except KeyboardInterrupt as error:
-            return communicator.end(INTERRUPTED, str(error) or "interrupted", complain)
+            return mpi.communicator.end(INTERRUPTED, str(error) or "interrupted", complain)
         except BrokenPipeError:  # the reader of our output went away, as `head` does
             console.forget_output()
             return FAILED
         except OSError as error:  # such as a full disk; files have their own messages
             console.forget_output()
             text = f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}"
-            return communicator.end(FAILED, text, complain)
+            return mpi.communicator.end(FAILED, text, complain)
         except Exception:
             # A fault of the program. Alone it goes on as a traceback; one rank of several tells it, with the traceback,
             # and ends all the others, which would wait for ever.
-            if communicator.is_single_process():
+            if mpi.communicator.is_single_process():
                 raise
-            return communicator.end(FAILED, traceback.format_exc(), complain)
+            return mpi.communicator.end(FAILED, traceback.format_exc(), complain)
 
 
 def _commands() -> list[str]:

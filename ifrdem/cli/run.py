@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from .. import mpi
 from ..errors import InputError, Stopped, TrajectoryError
-from ..mpi import communicator
 from .console import FAILED, UNFINISHED, complain, note, ranks, say, warn
 from .options import (
     Case,
@@ -129,7 +129,9 @@ def _ended(work: Callable[[], None]) -> int:
     try:
         work()
     except (TrajectoryError, Stopped) as error:
-        return communicator.end(error.status if isinstance(error, Stopped) else FAILED, str(error), complain)
+        return mpi.communicator.end(
+            error.status if isinstance(error, Stopped) else FAILED, str(error), complain
+        )
     return 0
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError, there_are
 from ..tools.checked import instance, validated
+from .names import PICTURES as PICTURES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,27 +17,6 @@ if TYPE_CHECKING:
     from ..analysis.result import Evaluation
     from ..trajectory.reader import Trajectory
 
-PICTURES = {
-    "temperatures": "both temperatures and their ratio against time, with kinetic theory where it holds",
-    "disks": "the disks of a frame, coloured by spin, or a map of density if there are many",
-    "energy": "translational, rotational and potential energy against time",
-    "ledger": "present, dissipated and put-in energy against time, and their residual",
-    "mechanisms": "energy dissipated by each mechanism",
-    "walls": "force, torque, work and heat of each wall or group against time (output.wall_sums)",
-    "piston": "displacement and velocity of each piston against time",
-    "dissipation": "a map of the energy that collisions take, and its mechanisms (field dissipated)",
-    "velocity": "distributions of velocities and spins, with Gaussians",
-    "rdf": "pair correlation g(r) and its contact value",
-    "structure-factor": "structure factor S(k)",
-    "msd": "mean-square displacement and the diffusion coefficient",
-    "vacf": "velocity autocorrelation",
-    "fields": "maps of density, flow and thermal temperature",
-    "clusters": "the largest cluster in time, and cluster sizes",
-    "psi6": "hexatic order of the disks",
-    "cooling": "Haff's law, and the approach of T_rot / T to its end",
-    "impact": "impact angles compared with molecular chaos, and regimes",
-}
-"""Name -> what is drawn."""
 OVER = ("temperatures", "energy", "ledger", "mechanisms", "walls", "piston")
 """Pictures that can be drawn over collisions per disk."""
 UPPER_AND_LOWER: dict[str, Any] = {"nrows": 2, "sharex": True, "height_ratios": (3.0, 1.0)}
