@@ -403,3 +403,17 @@ def _check_sheared(disks: Disks, box: Box, walls: Sequence[Wall]) -> None:
             f"disk {i} has an infinite mass: immovable disks are not supported in a sheared box (shear_rate = "
             f"{box.shear_rate:g}), whose flow carries everything along"
         )
+
+
+def check_forces(forces: Iterable[object]) -> None:
+    """Raise InputError unless all are forces, and none is only the base class, or a class itself."""
+    if not (forces := list(forces)):
+        return
+    from ..model.forces import Force  # imports Taichi, which is slow
+
+    for i, force in enumerate(forces):
+        if not isinstance(force, Force) or type(force).act is Force.act:
+            raise InputError(
+                f"forces[{i}] = {force!r}: must be an object of a class derived from ifrdem.forces.Force, with "
+                "a method act"
+            )

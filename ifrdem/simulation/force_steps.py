@@ -23,20 +23,11 @@ from ..kernels.forces import LEVELS, kernels_of
 from ..model.forces import OF_DISK, OF_STEP, Force
 from ..model.law import why_not_compiled
 from ..model.state import Disks
+from . import checks
 from .arrays import DeviceArrays
 from .schedule import first_after, reached, time_of
 
 _kernels = functools.cache(kernels_of)  # compiled once for all objects of a class
-
-
-def check_types(forces: Iterable[object]) -> None:
-    """Raise InputError unless all are forces, and none is only the base class, or a class itself."""
-    for i, force in enumerate(forces):
-        if not isinstance(force, Force) or type(force).act is Force.act:
-            raise InputError(
-                f"forces[{i}] = {force!r}: must be an object of a class derived from ifrdem.forces.Force, with "
-                "a method act"
-            )
 
 
 class ForceSteps:
@@ -61,7 +52,7 @@ class ForceSteps:
         if not isinstance(forces, Iterable):
             raise InputError(f"forces = {forces!r}: must be a list of forces")
         self.forces: tuple[Force, ...] = tuple(forces)
-        check_types(self.forces)
+        checks.check_forces(self.forces)
         for i, force in enumerate(self.forces):
             if force.totals and type(force).measure is Force.measure:
                 raise InputError(

@@ -41,7 +41,7 @@ from ..tools.notebook import DisksRepr
 from ..tools.progress import Progress as Bar
 from ..tools.progress import output_is_interactive
 from ..tools.read_only import ReadOnlyAttributes
-from . import backend, checkpoint, checks, force_steps
+from . import backend, checkpoint, checks
 from .device import Device
 from .engine import CollisionTimes, Engine
 from .schedule import (
@@ -226,7 +226,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             _check_slices(comm.allgather(disks.n))
         kinds: Disks = comm.result_of_holders(lambda: DiskKinds.of(disks))
         kinds = disks if comm.has_all else kinds
-        comm.run_on_all(lambda: force_steps.check_types(forces))
+        comm.run_on_all(lambda: checks.check_forces(forces))
         comm.run_on_all(check_law)
         comm.result_of_holders(lambda: check_no_overlap(box, disks.radius, begin.position, time=begin.time))
         self._laws = law_table(law, kinds, max((wall.material for wall in walls), default=0))

@@ -102,7 +102,7 @@ def test_differences_are_the_assignments_between(old: Any, new: Any, found: list
         (None, "wall", [{"shape": "lin"}], ('wall[0].shape = "lin"', "did you mean 'line'?")),
         (None, "force", [{"kind": "drag", "rate": 1.0}], ("force[0].step", "missing")),
         (None, "force", [{"kind": "drag", "step": 1.0, "rate": 1.0, "mu": 1.0}],
-         ("force[0].mu", "only with kind = 'table_friction'")),
+         ("force[0].mu", "requires kind = 'table_friction'")),
         (None, "walls", [], ("walls", "unknown key (did you mean 'wall'?)")),
     ],
 )  # fmt: skip
@@ -122,7 +122,9 @@ def test_mistakes_of_several_keys_are_found_before_anything_is_made(tmp_path: Pa
     case = ifrdem.Case.read("cooling", set=SMALL)
     case.run.t_end = 1.0
     for act in (case.check, case.simulation, lambda: case.run_to(tmp_path / "out.h5")):
-        with pytest.raises(ifrdem.InputError, match="run: exactly one of t_end, collisions_per_disk"):
+        with pytest.raises(
+            ifrdem.InputError, match="run: must have exactly one of t_end, collisions_per_disk"
+        ):
             act()
     assert not list(tmp_path.iterdir())
     case.run.collisions_per_disk = None
