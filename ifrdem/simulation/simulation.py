@@ -597,8 +597,8 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         """
         from . import snapshot
 
-        checkpoint.check_extra(path, extra, arrays)
         comm, n = self.comm, self.disks.n
+        comm.run_on_root(lambda: checkpoint.check_extra(path, extra, arrays))
         found = snapshot.take(self._engine)
         state = self._engine.state_here()  # settles
         found |= {f"state_{name}": getattr(state, name) for name in ("position", "velocity", "spin")}
