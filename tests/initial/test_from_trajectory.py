@@ -136,7 +136,7 @@ def test_rounding_of_single_precision_is_undone(tmp_path: Path) -> None:
         (
             ["species[0].speed_rms="],
             "run.collisions_per_disk = 2",
-            "start.motion = true or a species' speed_rms",
+            "start.motion = true or a species speed_rms",
         ),
     ],
 )
