@@ -108,7 +108,8 @@ def dask(
         if cluster.scheduler is not None:
             place: Any = cluster.scheduler
             try:
-                get_address_host_port(place)
+                if not str(place).startswith("inproc://"):  # a cluster of this process has no port
+                    get_address_host_port(place)
             except ValueError as error:  # a client would fail too, and then wait for its own end
                 text = f"is no address such as tcp://host:8786: {error}"
                 raise InputError(f"scheduler {place}: {text}") from None
