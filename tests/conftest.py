@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import signal
+import sys
 from collections.abc import Iterator
 
 import pytest
@@ -67,3 +68,11 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
     figures: list[Figure] = []
     monkeypatch.setattr(run, "save", lambda figure, path: figures.append(figure))
     return figures
+
+
+@pytest.fixture(autouse=True)
+def figures() -> Iterator[None]:
+    """Close figures of pyplot after each test: it warns of more than twenty, and warnings are errors."""
+    yield
+    if "matplotlib.pyplot" in sys.modules:
+        sys.modules["matplotlib.pyplot"].close("all")
