@@ -102,7 +102,7 @@ def read_on_ranks(find: Callable[[], Path], overrides: Sequence[str], comm: Comm
 
 
 def load_text(text: str, path: Path) -> dict[str, Any]:
-    """What a text in TOML says; InputError with its path if it is none."""
+    """Values of a text in TOML; InputError with its path if it is none."""
     try:
         return _parsed(text)
     except InputError as error:

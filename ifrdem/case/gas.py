@@ -340,7 +340,7 @@ class CaseGas:
         return ranks > 1 and many and self.usable_ranks(ranks)[0] == ranks
 
     def usable_ranks(self, ranks: int) -> tuple[int, str]:
-        """How many of so many ranks can share this gas, and why not all; the reason is "" if all can."""
+        """Largest number of ranks, up to `ranks`, that can share this gas, and the reason if it is smaller, else ""."""
         return (1, "") if ranks == 1 else rules.usable_ranks(self.case, self.kinds, self.box, ranks)
 
     def communicator(self, given: Communicator) -> Communicator:

@@ -44,12 +44,12 @@ class ReportRow(NamedTuple):
 
 @dataclass(frozen=True)
 class Report:
-    """What can be said of a case before it runs; `print` shows it as a table."""
+    """Report on a case before it runs: quantities with values and units; `print` shows it as a table."""
 
     title: str
     rows: tuple[ReportRow, ...]
     warnings: tuple[str, ...] = ()
-    """What may go wrong."""
+    """Warnings: possible problems of the run."""
 
     @property
     def text(self) -> str:

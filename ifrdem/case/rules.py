@@ -254,7 +254,7 @@ NOT_GROWN_ON_RANKS = (
 
 
 def usable_ranks(case: CaseSections, kinds: DiskKinds, box: Box, ranks: int) -> tuple[int, str]:
-    """How many of so many ranks of MPI can share a gas, and why not all; the reason is "" if all can."""
+    """Largest number of ranks of MPI, up to `ranks`, that can share a gas, and the reason if it is smaller, else ""."""
     run, keys = case.run, list[str]()
     if run.precision != "f64":
         keys.append(f'run.precision = "{run.precision}"')

@@ -1,4 +1,4 @@
-"""What a run lacks on this machine, and the lines above a run."""
+"""Limits of this machine for a run, and the lines printed before it."""
 
 from __future__ import annotations
 

@@ -191,6 +191,7 @@ class WallSection(Section):
 
     def _made(self, folder: Path | None, options: dict[str, Any]) -> walls.Wall:
         """The wall of this shape."""
+        # Abstract: cases are read into one of the sections by shape below, and each has its own.
         raise NotImplementedError
 
 

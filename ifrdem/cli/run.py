@@ -157,7 +157,7 @@ def status(
 ) -> int:
     """Print how far a run or study is, and the time left.
 
-    Reads the status file beside the trajectory; nothing is locked, and the run may be that of another user. A run
+    Reads the status file next to the trajectory; nothing is locked, and the run may be that of another user. A run
     whose process is gone without an end is "dead". The exit status is 0 of a run that is done or goes on, 3 of one that
     was stopped, and 1 of one that failed or died.
     """

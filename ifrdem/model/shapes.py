@@ -71,7 +71,8 @@ class Shape:
         return {}
 
     def pieces(self) -> list[Pieces]:
-        """What kernels see."""
+        """The pieces that kernels collide disks with."""
+        # Abstract, as are the next two: a wall has one of the classes of `SHAPES`, never this one.
         raise NotImplementedError
 
     def nearest(self, position: Array) -> tuple[Array, Array]:
@@ -95,7 +96,7 @@ class Shape:
         return float(np.hypot(*(self.outline() - center).T).max())
 
     def boundary(self, place: Any, inset: float) -> Boundary | None:
-        """What is `inset` [length] from it, if it bounds the free area; the point that it is given by is at `place`."""
+        """The boundary `inset` [length] inside a wall that bounds the free area; `place` is its reference point."""
         return None
 
     @property

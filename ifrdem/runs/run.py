@@ -305,7 +305,7 @@ def run_root(
             status.path.unlink(missing_ok=True)
             checkpoint.remove(running.outputs.checkpoint)
         raise KeyboardInterrupt(text) from None
-    except Exception as error:  # whatever it is, the status must not say that the run continues
+    except Exception as error:  # raised again below; without this the status file says that the run continues
         known = isinstance(error, EngineError | TrajectoryError | InputError)
         count()
         status.finish("failed", _one_line(str(error) if known else repr(error)))

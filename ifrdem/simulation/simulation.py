@@ -556,7 +556,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         gravity have put in.
         Below 0, beyond rounding, the law adds energy.
         """
-        present = self._energy()  # which settles the walls' work
+        present = self._energy()  # which brings the walls' work up to date
         return self._first + self.energy_input + self.wall_work + self.wall_heat - present
 
     def _energy(self) -> float:
@@ -653,7 +653,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     @property
     def state(self) -> State:
-        """A copy of the present state, in the order of the disks; where it is told in slices, that of this rank's."""
+        """A copy of the present state, in the order of the disks; of a distributed gas, that of this rank's slice."""
         return self._engine.state()
 
     @validated

@@ -243,7 +243,7 @@ def test_a_run_that_an_observer_ends_can_go_on() -> None:
 
 
 def test_single_precision_looks_back_to_its_rounding() -> None:
-    double = gas(device=Device(threads=1))  # as the test before this one: another number starts Taichi anew
+    double = gas(device=Device(threads=1))  # as the test before this one: another number restarts Taichi
     exact, box = frames_of(double, t_end=0.3, frames=3), np.array(double.box.lengths)
     found = frames_of(gas(device=Device(precision="f32")), t_end=0.3, frames=3)
     for (state, _), (expected, _) in zip(found, exact, strict=True):

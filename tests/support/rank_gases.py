@@ -264,7 +264,7 @@ COUNTED = {"relist": 0, "_empty_table": 0}
 
 
 def count_calls() -> None:
-    """Count how often disks are listed anew, which sends them to other ranks, and tables of kinds are begun anew."""
+    """Count how often disks are listed again, which sends them to other ranks, and tables of kinds are restarted."""
 
     def count(of: type, name: str, whole: Any) -> None:
         def counted(self: Any, *given: Any) -> None:
@@ -292,7 +292,7 @@ def told(comm: Any, name: str) -> dict[str, Any]:
         each for each in expected if not np.array_equal(np.asarray(expected[each]), np.asarray(found[each]))
     ]
     counted = vars(engine.statistics) | {
-        "listed anew": COUNTED["relist"],
+        "relisted": COUNTED["relist"],
         "tables": COUNTED["_empty_table"],
     }
     if comm.size > 1:

@@ -54,13 +54,13 @@ def test_all_bits_are_those_of_one_rank(run: str, told: dict[str, dict[str, Any]
     if name == "cooling":  # what ranks had to tell one another again
         assert each["run_again"] > 0
     if "sizes" in name:  # tables of kinds were full, and begun anew, beyond those of lists that were sent
-        assert each["tables"] > 3 + each["listed anew"] + each["moved"], each
+        assert each["tables"] > 3 + each["relisted"] + each["moved"], each
     if "spreading" in name:  # blocks moved, and halos that had to be wider are known to their new owners
         assert each["moved"] > 0
         assert each["run_again"] > 0
     if "fast" in name:  # disks went to other ranks in all ways
         assert each["in_order"] > 0
-        assert each["listed anew"] > 0
+        assert each["relisted"] > 0
 
 
 @mpi.needed
