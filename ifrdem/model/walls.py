@@ -165,7 +165,7 @@ class Wall:
 
     @property
     def geometry(self) -> Shape:
-        """What depends on the shape, before the wall moves."""
+        """Geometry of the shape, before the wall moves."""
         return SHAPES[self.shape](self)
 
     @classmethod

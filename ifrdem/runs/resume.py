@@ -35,7 +35,7 @@ from .recorder import Ledger
 from .run import Run, finish, how, on_usable_ranks, run_root, run_worker, stored
 
 NO_RUN = "a checkpoint of `Simulation.save_checkpoint`: Simulation.load_checkpoint resumes from it"
-"""What a checkpoint without a run is."""
+"""Description of a checkpoint without a run."""
 
 
 def find(place: str | os.PathLike[str]) -> Path:

@@ -117,7 +117,7 @@ def numbers_of(at: slice | NDArray[np.integer]) -> NDArray[np.int32]:
 
 
 class RankDomain(Domain):
-    """What one rank has: own tiles, and the ring around them.
+    """Tiles of one rank: own tiles, and the ring around them.
 
     `disks` are those of the own slice, `kinds` those of all.
 

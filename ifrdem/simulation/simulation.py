@@ -268,7 +268,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         return Tracking(ids, n, disks_of, self._laws, [*walls, *sides(box)])
 
     def __repr__(self) -> str:
-        """What the gas is, and on a second line where it stands."""
+        """A line on the gas and its law, and one on its present time and collisions."""
         engine, n, box = self._engine, self.disks.n, self.box
         size = (
             "open box"

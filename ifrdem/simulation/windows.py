@@ -345,7 +345,7 @@ class Windows:
         return float(self._times[count - 1]) if count <= len(self._times) else math.inf
 
     def watched(self, none: bool = False) -> tuple[NDArray[Any], NDArray[Any]]:
-        """What happened here to tracked disks in the present window, or `none`: rows of `event` and `event_int`."""
+        """Events of tracked disks on this rank in the present window, or `none`: rows of `event` and `event_int`."""
         return self._events.rows(none)
 
     def pairs(self) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -1,4 +1,4 @@
-"""How objects of lower layers reach the plots, a higher layer: the package itself, `ifrdem/__init__.py`, sets it."""
+"""Access of lower layers to the plots, a higher layer, which `ifrdem/__init__.py` sets; imports nothing heavy."""
 
 from __future__ import annotations
 

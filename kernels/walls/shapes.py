@@ -252,7 +252,7 @@ def box_of_point(x, y, qx, qy):
 
 @dataclass(frozen=True, eq=False)
 class ShapeFunctions:
-    """What kernels know of a shape, by its name in `kinds.PIECES`; the functions are described above."""
+    """Functions of a shape in kernels, by its name in `kinds.PIECES`; the functions are described above."""
 
     name: str
     nearest: Any
