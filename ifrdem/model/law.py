@@ -129,12 +129,10 @@ class CollisionLaw:
 @functools.cache
 def compiled(kind: type[CollisionLaw]) -> Any:
     """Compiled form of a class of laws, a `kernels.layout.CompiledLaw`; one object for each class."""
-    from ..kernels.language import ti
-    from ..kernels.layout import CompiledLaw, plain
+    from ..kernels.language import declared
+    from ..kernels.layout import CompiledLaw
 
-    function = kind.impulses()
-    if not hasattr(function, "_is_taichi_function"):
-        function = ti.func(plain(function))
+    function = declared(kind.impulses())
     custom = kind.impulses.__func__ is CollisionLaw.impulses.__func__  # type: ignore[attr-defined]
     names = (tuple(kind.coefficients) or ("none",)) if custom else ()
     return CompiledLaw(function, max(len(kind.coefficients), 1), kind.parts(), names)
@@ -183,9 +181,8 @@ def check_by_sampling(
     speed : float
         The fastest at the start [length/time].
     """
-    from taichi.lang.exception import TaichiCompilationError
-
     from ..kernels.contact import sample_law
+    from ..kernels.language import CompilationError
     from ..kernels.layout import Uses
 
     movable = np.flatnonzero(disks.movable)
@@ -211,10 +208,10 @@ def check_by_sampling(
     law: Any = kind  # mypy does not take a class for hashable
     try:
         sample_law(Uses(collision_law=compiled(law)), np.ascontiguousarray(table), pairs, found)
-    except TaichiCompilationError as error:
+    except CompilationError as error:
         known = {"law": kind.coefficients or ("no coefficients",), "pair": OF_PAIR}
         raise InputError(
-            f"law {kind.__name__}: Taichi cannot compile its collide(pair, law), a static method that returns P_n, P_t "
+            f"law {kind.__name__}: cannot compile its collide(pair, law), a static method that returns P_n, P_t "
             f"and T: {why_not_compiled(error, known)}"
         ) from error
     _refuse_too_weak(kind, pairs, found)
@@ -227,7 +224,7 @@ def check_by_sampling(
 
 
 def why_not_compiled(error: Exception, known: Mapping[str, Sequence[str]]) -> str:
-    """Reason of Taichi's error; for an unknown name or an index, the names that each argument has (`known`)."""
+    """Reason of a compilation error; for an unknown name or an index, the names that each argument has (`known`)."""
     reason = str(error).strip().splitlines()[-1].strip()
     there = "; ".join(f"{owner} has {', '.join(names)}" for owner, names in known.items())
     if missing := re.search(r"(?:'Struct\d*' object has no attribute|no number) '(\w+)'", reason):

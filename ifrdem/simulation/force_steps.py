@@ -1,6 +1,6 @@
 """Operator splitting: when each force acts, and what it did to the energy.
 
-Imports the kernels, and Taichi with them: import this module only after `backend.start`.
+Imports the kernels, and the runtime with them: import this module only after `backend.start`.
 
 Forces that act at one and the same time do so in the order given at every other such time and in the reverse order at
 those between. Forces that do not commute would else make an error of first order in the step: drag before kicks is
@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from taichi.lang.exception import TaichiCompilationError
 
 from ..errors import EngineError, InputError, counted
 from ..kernels.forces import LEVELS, kernels_of
+from ..kernels.language import CompilationError
 from ..model.forces import OF_DISK, OF_STEP, Force
 from ..model.law import why_not_compiled
 from ..model.state import Disks
@@ -142,19 +142,19 @@ class ForceSteps:
 
 
 def _check_compiles(i: int, force: Force) -> None:
-    """Compile a custom force by itself; InputError if Taichi cannot, such as for a parameter that it lacks."""
+    """Compile a custom force by itself; InputError if the runtime cannot, such as for a parameter that it lacks."""
     kind: Any = type(force)
     if kind.__module__ == Force.__module__:
         return
     try:
         _kernels(kind)[2](np.ones(2), np.ones(len(force.parameters) + 1))
-    except TaichiCompilationError as error:
+    except CompilationError as error:
         known = {"disk": OF_DISK, "step": OF_STEP, "parameters": force.parameters or ("no names",)}
         if force.totals:
             known["in act, step also"] = ("totals",)
         reason = why_not_compiled(error, known)
         raise InputError(
-            f"forces[{i}] = {kind.__name__}: Taichi cannot compile its act or measure: {reason}; it has "
+            f"forces[{i}] = {kind.__name__}: cannot compile its act or measure: {reason}; it has "
             f"{counted(force.totals, 'total')}"
         ) from error
 
