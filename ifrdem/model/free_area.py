@@ -130,8 +130,8 @@ class FreeArea:
         """The boundary of the free area is made of parts of these; walls first."""
         found: list[Boundary] = []
         for wall in self.all_walls:
-            place = wall.carried(np.array([wall.place]), self.time)[0]
-            if (boundary := wall.geometry.boundary(place, inset)) is not None:
+            origin = wall.carried(np.array([wall.place]), self.time)[0]
+            if (boundary := wall.geometry.boundary(origin, inset)) is not None:
                 found.append(boundary)
         return found + [self._side(axis, end) for axis in (0, 1) if self.box.periodic[axis] for end in (0, 1)]
 
