@@ -185,7 +185,7 @@ class FreeArea:
         for i, one in enumerate(boundaries):
             if isinstance(one, CircleBoundary) and one.radius <= 0.0:
                 continue
-            far = 4.0 * size + 2.0 * float(np.max(np.abs(one.place)))
+            far = 4.0 * size + 2.0 * float(np.max(np.abs(one.origin)))
             low, high = one.ends(far)
             met = [s for j, other in enumerate(boundaries) if j != i for s in meetings(one, other)]
             ends = sorted({low, high, *(s for s in met if low < s < high)})

@@ -155,7 +155,7 @@ class Parts:
             file.create_dataset(name, shape=(0, self.n), maxshape=(None, self.n), chunks=chunks, dtype=kind)
         return name
 
-    def part_path(self, path: str | os.PathLike[str], number: int) -> Path:
+    def path_of(self, path: str | os.PathLike[str], number: int) -> Path:
         """Path of a part of the trajectory at `path`."""
         return Path(os.path.realpath(path)).parent / self.name(number)
 

@@ -74,7 +74,7 @@ def write_views(path: str | os.PathLike[str]) -> tuple[Path, Path]:
             raise InputError(f"{path}: a view requires {missing[0]}, and there are none")
         if (parts := trajectory.parts) is not None:
             for number in trajectory.missing:
-                if (part := parts.view_path(path, number)).exists() and not part.is_file():
+                if (part := parts.path_of(path, number)).exists() and not part.is_file():
                     # Programs that open the view would wait for a pipe.
                     raise InputError(f"{path}: its {parts.described(number)} is not a file{SEE}")
         for view_path, fill in zip(made, (_fill_vtkhdf, _fill_netcdf), strict=True):
