@@ -82,7 +82,7 @@ def test_bytes_of_disks_are_what_their_columns_take() -> None:
 
 def test_kernels_read_and_write_columns_by_name() -> None:
     backend.start()
-    from support.record_kernels import move
+    from support.kernels.records import move
 
     from ifrdem.kernels.language import ti
 
@@ -102,7 +102,7 @@ def test_kernels_read_and_write_columns_by_name() -> None:
 
 def test_a_wrong_name_in_a_kernel_is_reported() -> None:
     backend.start()
-    from support.record_kernels import wrong
+    from support.kernels.records import wrong
 
     from ifrdem.kernels.language import CompilationError, ti
 

@@ -42,7 +42,7 @@ def test_small_arrays_go_to_one_board_and_back() -> None:
 
 def test_variables_around_a_kernel_are_known_in_it() -> None:
     backend.start()
-    from support.record_kernels import shifting
+    from support.kernels.records import shifting
 
     from ifrdem.kernels.language import ti
 
@@ -55,13 +55,13 @@ def test_variables_around_a_kernel_are_known_in_it() -> None:
 
 def test_an_error_in_a_kernel_names_its_file_and_line() -> None:
     backend.start()
-    from support import record_kernels
+    from support.kernels import records
 
     from ifrdem.kernels.language import CompilationError, ti
 
     disk = ti.Vector.ndarray(5, ti.f64, 2)
     with pytest.raises(CompilationError) as caught:
-        record_kernels.wrong(disk)
-    path = Path(record_kernels.__file__)
+        records.wrong(disk)
+    path = Path(records.__file__)
     line = 1 + path.read_text().splitlines().index("        gas.disk[i].mass = 1.0")
     assert re.search(rf'{re.escape(str(path))} \(kernel wrong\)", line {line}, in wrong', str(caught.value))

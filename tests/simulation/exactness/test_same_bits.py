@@ -283,7 +283,7 @@ def test_without_verification_the_bits_would_change(
 def hash_of(*collisions: tuple[float, int]) -> tuple[int, int]:
     """Of the history of a disk with these collisions (time, partner)."""
     backend.start()
-    from support.history_kernels import enter
+    from support.kernels.histories import enter
 
     from ifrdem.kernels.language import ti
 
@@ -323,7 +323,7 @@ def test_hashes_that_agree_are_as_rare_as_chance_makes_them(partners: int) -> No
     Five standard errors of a Poisson number.
     """
     backend.start()
-    from support.history_kernels import enter_each
+    from support.kernels.histories import enter_each
 
     from ifrdem.kernels.language import ti
 
