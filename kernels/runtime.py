@@ -47,7 +47,7 @@ def _check(name: str, key: str) -> None:
 def _others(name: str) -> str:
     """What to do without a runtime."""
     present = [other for other in NAMES if other != name and version(other) is not None]
-    return f"use {present[0]}, which is" if present else f"`pip install {' or '.join(set(NAMES) - {name})}`"
+    return f"use {present[0]}" if present else f"`pip install {' or '.join(set(NAMES) - {name})}`"
 
 
 def chosen() -> str:
