@@ -20,8 +20,8 @@ taichi_patches.apply(runtime.chosen())
 from .compiler_fixes import round_products_by  # noqa: E402  (imports `ti` from here)
 
 __all__ = [
-    "CompilationError", "Cube", "Rows", "Table", "declared", "has_numbers", "is_single_precision", "numbers", "on_gpu",
-    "put", "round_products_by", "spread_of_loops", "ti", "view", "width",
+    "CompilationError", "Cube", "Rows", "Table", "declared", "from_numpy", "has_numbers", "is_single_precision",
+    "on_gpu", "round_products_by", "spread_of_loops", "ti", "to_numpy", "view", "width",
 ]  # fmt: skip
 
 Rows: Any = ti.types.ndarray(ndim=1)
@@ -85,7 +85,7 @@ def view(array: Any) -> NDArray[Any]:
     return np.ndarray(shape, kind, buffer=memory)
 
 
-def put(array: Any, values: NDArray[Any]) -> None:
+def from_numpy(array: Any, values: NDArray[Any]) -> None:
     """Copy numbers of NumPy into an array of the same shape.
 
     Taichi's own copy is a kernel for each type and shape, which it compiles at every start. On a CPU both lie in the
@@ -100,7 +100,7 @@ def put(array: Any, values: NDArray[Any]) -> None:
     memory[...] = values
 
 
-def numbers(array: Any) -> NDArray[Any]:
+def to_numpy(array: Any) -> NDArray[Any]:
     """The numbers of an array as a new one of NumPy."""
     found: NDArray[Any] = array.to_numpy() if on_gpu() else view(array).copy()
     return found

@@ -190,7 +190,7 @@ def _case_of(record: Mapping[str, Any], path: Path, name: str | None) -> CaseSec
 
 
 def _tell_other_runtime(record: Mapping[str, Any], path: Path, say: Callable[[str], None]) -> None:
-    """Say it if the run goes on with another runtime, which gives the same bits."""
+    """Say it if the run continues with another runtime, which gives the same bits."""
     written, here = map(of_kernels.of_versions, (record["versions"], package_versions()))
     if written != here:
         say(f"{path} was written by {' '.join(written)}; {' '.join(here)} gives the same bits on a CPU")

@@ -13,7 +13,7 @@ import pytest
 
 from ifrdem import Device
 from ifrdem.kernels import language, runtime
-from ifrdem.kernels.language import numbers, put, ti
+from ifrdem.kernels.language import from_numpy, ti, to_numpy
 from ifrdem.simulation import backend
 
 ROOT = Path(__file__).parents[2]
@@ -30,7 +30,7 @@ def test_copies_by_memory_are_those_of_kernels(
     def made(values: np.ndarray) -> Any:
         of = getattr(ti, kind)
         found = ti.ndarray(of, shape) if vector is None else ti.Vector.ndarray(vector, of, shape)
-        put(found, values)
+        from_numpy(found, values)
         return found
 
     whole = shape if vector is None else (*shape, vector)
@@ -39,15 +39,15 @@ def test_copies_by_memory_are_those_of_kernels(
     )  # neither its type nor contiguous
     array = made(values)
     expected = values.astype({"f64": np.float64, "f32": np.float32, "i32": np.int32}[kind])
-    np.testing.assert_array_equal(numbers(array), expected)
-    assert numbers(array).dtype == expected.dtype
+    np.testing.assert_array_equal(to_numpy(array), expected)
+    assert to_numpy(array).dtype == expected.dtype
     with pytest.raises(ValueError, match="an array of shape"):
-        put(array, values[1:])
+        from_numpy(array, values[1:])
     monkeypatch.setattr(language, "on_gpu", lambda: True)  # then by kernels
-    np.testing.assert_array_equal(numbers(array), expected)
+    np.testing.assert_array_equal(to_numpy(array), expected)
     by_kernel = made(expected)
     monkeypatch.undo()
-    np.testing.assert_array_equal(numbers(by_kernel), expected)
+    np.testing.assert_array_equal(to_numpy(by_kernel), expected)
 
 
 def test_a_runtime_that_cannot_be_loaded_is_one_message_with_its_remedy(tmp_path: Path) -> None:
