@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..case.case import CaseSections
-from ..errors import InputError
+from ..errors import InputError, option_name
 from ..tools.files import CHECKPOINT, VIEWS, check_files, checkpoint_of
 from ..trajectory import parts
 from ..trajectory.file import check_views, views_of
@@ -34,12 +34,12 @@ class Outputs:
         """
         prefix, output = Path(case.run.name), case.output
         if place is not None:
-            if not place.strip():
+            special = os.path.exists(place) and not (os.path.isdir(place) or os.path.isfile(place))
+            if special or not place.strip() or "\0" in place:
+                name = option_name("-o", "output =")
                 raise InputError(
-                    "-o: an empty text is no place; give a folder, or the files' path without its ending"
+                    f"{name} {place!r}: must be a folder, or the path of files without their ending"
                 )
-            if os.path.exists(place) and not (os.path.isdir(place) or os.path.isfile(place)):
-                raise InputError(f"-o {place}: must be a folder, or the path of files without their ending")
             folder = os.path.isdir(place) or place.endswith(("/", os.sep))
             prefix = Path(place) / prefix if folder else Path(place.removesuffix(".h5").removesuffix(".png"))
         # Not with_suffix: a name such as "mu0.21" would lose its end.
@@ -62,8 +62,9 @@ class Outputs:
         check_views(self.views)
         parts.check_unused(self.trajectory)
         if (there := parts.existing(self.trajectory)) and not force:
+            replaces = option_name("--force replaces it, -o", "force=True replaces it, another output")
             raise InputError(
-                f"output {there[0].parent}: holds parts of a trajectory; --force replaces it, -o writes elsewhere"
+                f"output {there[0].parent}: holds parts of a trajectory; {replaces} writes elsewhere"
             )
 
     def sizes(self) -> dict[Path, int]:
