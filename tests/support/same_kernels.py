@@ -5,7 +5,7 @@
 Run it once before a change, with an empty folder, and after each step of the change with the same folder. It prints the
 SHA-256 of the state and the sums of each gas, and how many kernels were compiled for it: files that the cache gained.
 A step leaves the program as it is if all hashes are equal and nothing was compiled. Together the gases use every kernel
-and every feature (`kernels/layout.py`, `Uses`). `--ranks` adds gases on two ranks of MPI (`rank_gases.py`): fill the
+and every feature (`kernels/layout.py`, `Uses`). `--ranks` adds gases on two ranks of MPI (`ranks/gases.py`): fill the
 folder by two runs, for of ranks that end at the same time only one writes its kernels.
 """
 
@@ -24,7 +24,7 @@ os.environ["TI_OFFLINE_CACHE_CLEANING_POLICY"] = "never"
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
-from support import mpi
+from support import gases, mpi
 from support.gases import COIN, ROLLING, equal_disks, mixture, start
 
 import ifrdem
@@ -146,9 +146,7 @@ def resting_bed(**options: Any) -> Engine:
 
 def sheared(**options: Any) -> Engine:
     disks = mixture(N)
-    box, state = start(disks, 0.3)
-    box = Box(box.lengths, shear_rate=0.4)
-    state = State(state.position, state.velocity + box.flow(state.position), state.spin)
+    box, state = gases.sheared(disks, 0.3, rate=0.4)
     options = {"forces": [Rescale(0.1, energy=1.2), Drag(0.1, rate=0.2)], **ALL_SUMS} | options
     return Engine(disks, box, state, np.array([[ROLLING]]), **options)
 
@@ -278,7 +276,7 @@ def main() -> None:
             print(f"{found}  {compiled() - before:3d} compiled  {name}", flush=True)
             before = compiled()
     if given.ranks:
-        script = Path(__file__).parent / "rank_gases.py"
+        script = Path(__file__).parent / "ranks" / "gases.py"
         told = mpi.on(2, sys.executable, script, *RANK_GASES, timeout=600.0)
         for line in told.stdout.splitlines() or [told.stderr]:
             print(f"{hashlib.sha256(line.encode()).hexdigest()}  {line}", flush=True)
