@@ -482,10 +482,11 @@ def check_of(annotation: Any) -> Check | None:
         checks = tuple(one for one in some if one is not None)
         kinds = [one.kinds for one in checks if isinstance(one, Instance)]
         if len(kinds) == len(checks):
-            checks = (Instance(tuple(itertools.chain(*kinds))),)
-        if {str, os.PathLike} <= (known := {kind for each in kinds for kind in each}):
-            others = known - {str, os.PathLike}
-            checks = (PathOfFile(), *[Instance(tuple(others))] * bool(others))
+            together = tuple(itertools.chain(*kinds))
+            checks = (Instance(together),)
+            if {str, os.PathLike} <= {*together}:
+                others = tuple(kind for kind in together if kind not in (str, os.PathLike))
+                checks = (PathOfFile(), *[Instance(others)] * bool(others))
         found = checks[0] if len(checks) == 1 else AnyOf(checks)
         return Optional(found) if type(None) in parts else found
     if origin in (Sequence, tuple, list, Iterable):
