@@ -21,7 +21,7 @@ from .compiler_fixes import round_products_by  # noqa: E402  (imports `ti` from 
 
 __all__ = [
     "CompilationError", "Cube", "Rows", "Table", "declared", "from_numpy", "has_numbers", "is_single_precision",
-    "on_gpu", "round_products_by", "spread_of_loops", "ti", "to_numpy", "view", "width",
+    "on_gpu", "program", "round_products_by", "spread_of_loops", "ti", "to_numpy", "view", "width",
 ]  # fmt: skip
 
 Rows: Any = ti.types.ndarray(ndim=1)
@@ -49,6 +49,11 @@ def declared(function: Any) -> Any:
     copy = type(function)(*(getattr(function, part) for part in parts))
     copy.__qualname__, copy.__module__ = function.__qualname__, function.__module__
     return ti.func(copy)
+
+
+def program() -> Any:
+    """What holds arrays and compiled kernels of the runtime; None before it has started."""
+    return vars(ti.lang.impl.get_runtime())["prog" if runtime.chosen() == "taichi" else "_prog"]
 
 
 def on_gpu() -> bool:
@@ -80,7 +85,7 @@ def width(array: Any) -> int:
 def view(array: Any) -> NDArray[Any]:
     """The memory of an array on the CPU as an array of NumPy, without a copy; as long as the array lives."""
     shape, kind = array.arr.total_shape(), np.dtype(ti.lang.util.to_numpy_type(array.dtype))
-    address = ti.lang.impl.get_runtime().prog.get_ndarray_data_ptr_as_int(array.arr)
+    address = program().get_ndarray_data_ptr_as_int(array.arr)
     memory: Any = (ctypes.c_char * (kind.itemsize * math.prod(shape))).from_address(address)
     return np.ndarray(shape, kind, buffer=memory)
 

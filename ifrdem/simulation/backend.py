@@ -360,11 +360,11 @@ def free_array(array: Any) -> None:
 
     The runtime frees arrays of numbers when Python forgets them, and arrays of vectors only when it ends.
     """
-    from ..kernels.language import ti
+    from ..kernels.language import program
 
-    runtime = ti.lang.impl.get_runtime()
-    if runtime.prog is not None and array.arr is not None:
-        runtime.prog.delete_ndarray(array.arr)
+    present = program()
+    if present is not None and array.arr is not None:
+        present.delete_ndarray(array.arr)
         array.arr = None
 
 
@@ -407,11 +407,11 @@ def start(device: Device | str = "cpu", *, profile: bool = False) -> Running:
     check(device)
     threads = device.threads or min(cores(), _most_threads or cores())
     wanted = Running(device.name, threads, device.precision, profile)
-    from ..kernels.language import ti
+    from ..kernels.language import program, ti
 
     os.environ.pop(runtime.variable("ARCH"), None)  # it would be followed instead of what was asked for
     good_enough = (wanted, replace(wanted, profile=True))
-    if _running is not None and _running in good_enough and ti.lang.impl.get_runtime().prog is not None:
+    if _running is not None and _running in good_enough and program() is not None:
         return _running
     _release_all()
     cache = _kernel_cache()
