@@ -304,13 +304,13 @@ class Engine:
             rests=given.resting_speed > 0.0,
             collision_law=compiled(kind),
         )
-        domain, windows = Domain(), Windows
+        domain = Domain()
         if comm.size > 1:
-            from .ranks import RankDomain, RankWindows
+            from .ranks import RankDomain
 
             assert isinstance(self.kinds, DiskKinds)
             uses = uses._replace(shared=True)
-            domain, windows = RankDomain(comm, self.disks_here, self.kinds), RankWindows
+            domain = RankDomain(comm, self.disks_here, self.kinds)
         self.arrays: DeviceArrays = DeviceArrays(self.kinds, box, self._law_table, given, rows, uses, domain)
         self.apply_gravity()
         self._released = False
@@ -325,7 +325,7 @@ class Engine:
         }  # fmt: skip
         if comm.size > 1:
             self.past = {name: broadcast_constant_rows(value) for name, value in self.past.items()}
-        self.windows: Windows = windows(self.arrays, self.statistics, time)
+        self.windows: Windows = Windows(self.arrays, self.statistics, time)
         self.set_gates(np.array([not wall.stands(time, self._before[0]) for wall in self.walls], dtype=bool))
         self._load(begin)
         self.force_steps: ForceSteps = ForceSteps(forces, self.arrays, self.disks, given.seed, self.time)
