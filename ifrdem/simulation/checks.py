@@ -14,7 +14,9 @@ from ..kernels.columns import ADDRESSABLE, MOST_DISKS, MOST_IDS, SINGLE_TILE
 from ..model.box import Box
 from ..model.collapse import Collapse, ContactTime, Rest, VelocityCutoff
 from ..model.gravity import RotatingGravity
+from ..model.overlaps import TOLERANCE
 from ..model.state import Disks, State
+from ..model.wall_checks import check as check_walls
 from ..model.walls import Wall, wall_names
 from ..mpi import current
 
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
     from ..model.forces import Force
     from .device import Device
     from .engine import EngineOptions
+    from .start import StartCounts
 
 MOST_JUMP = 0.01
 """Jumps of disks at rest, in smallest radii: what is low against them."""
@@ -214,16 +217,18 @@ def check(
     disks: Disks,
     box: Box,
     state: State,
+    counts: StartCounts,
     materials: int,
     walls: Sequence[Wall],
     forces: Sequence[Force],
     options: EngineOptions,
-    speed: float,
+    ranks: int,
 ) -> None:
     """Refuse what the engine cannot simulate; arguments as for `Engine`, `materials` the rows of the law's table.
 
-    Of ranks, `disks` and `state` may be those of a slice; `speed` is the largest of all disks (`fastest`).
+    Of ranks, `disks` and `state` may be those of a slice; `counts` are of all disks. Walls include sides of the box.
     """
+    check_number(counts.n, ranks, "partner" in options.record)
     n = disks.n
     check_motion(disks, state)
     if n and int(disks.material.max()) >= materials:
@@ -244,9 +249,13 @@ def check(
         )
     if box.shear_rate:
         _check_sheared(disks, box, walls)
-    check_magnitudes(disks, box, speed, options.device.precision, hottest(walls, forces))
+    check_magnitudes(disks, box, counts.speed, options.device.precision, hottest(walls, forces))
     check_resolved(disks.n, float(disks.radius.min(initial=math.inf)), box, options.device.precision)
     check_between_collisions(disks, box, options.start_gravity, forces)
+    check_walls(
+        walls, box, state.position, disks.radius, materials, float(state.time),
+        collisions=counts.collisions, tolerance=TOLERANCE * float(disks.radius.max(initial=0.0)),
+    )  # fmt: skip
 
 
 def check_number(n: int, ranks: int = 1, partners: bool = False) -> None:
@@ -334,8 +343,10 @@ def check_pistons(walls: Sequence[Wall], n: int, options: EngineOptions, ranks: 
                 )
 
 
-def check_ranks(size: int, n: int, box: Box, options: EngineOptions, tracked: bool) -> None:
-    """Refuse what cannot be on several ranks of MPI (`ranks.py`)."""
+def check_ranks(size: int, n: int, options: EngineOptions, box: Box, *, tracked: bool) -> None:
+    """Refuse what cannot be on several ranks of MPI (`ranks.py`), if there are several."""
+    if size == 1:
+        return
     refused = {
         f"precision = '{options.device.precision}'": options.device.precision != "f64",
         "order = 'serial'": options.order == "serial",

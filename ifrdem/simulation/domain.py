@@ -15,6 +15,7 @@ from ..kernels import layout as k
 from ..kernels.columns import named
 from ..kernels.planner import survey
 from ..kernels.sums import sum_shared
+from ..model.state import DiskKinds, Disks
 from ..mpi import SERIAL, Communicator
 
 if TYPE_CHECKING:
@@ -118,3 +119,13 @@ class Domain:
     def run_whole_box(self, runner: TileRunner) -> None:
         """Run the window by one thread, which has all disks."""
         runner.launch(1)
+
+
+def domain_of(comm: Communicator, disks: Disks, kinds: Disks) -> Domain:
+    """The domain of this process: `disks` are those of the own slice, `kinds` those of all."""
+    if comm.size == 1:
+        return Domain()
+    from .ranks import RankDomain
+
+    assert isinstance(kinds, DiskKinds)
+    return RankDomain(comm, disks, kinds)

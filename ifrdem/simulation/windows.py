@@ -60,10 +60,9 @@ class Windows:
         self._moment_now = 0.0
         size = len(arrays.sums)
         self._done, self._at_end = np.zeros(size), np.zeros(size)
-        pistons = named(arrays.wall_rows, "walls").piston
-        for row in arrays.pistons:
-            column = TALLY.width + int(pistons.sums[row])
-            self._done[[column, column + 1]] = pistons.displacement[row], pistons.speed[row]
+        tally, pistons = arrays.wall_tally, named(arrays.wall_rows, "walls").piston
+        states = tally.piston_states(self._done)
+        states.displacement, states.speed = pistons.displacement[tally.pistons], pistons.speed[tally.pistons]
         # Times and numbers of collisions at which a run will stop.
         self._asked: list[tuple[float, float]] = []
         self._last_collisions = 0.0  # of the last window

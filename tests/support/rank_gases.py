@@ -29,11 +29,11 @@ from ifrdem.model.forces import Drag, RandomKicks, Rescale, SpinKicks, TableFric
 from ifrdem.model.state import Disks, State
 from ifrdem.model.wall_motion import Motion
 from ifrdem.model.walls import Wall
-from ifrdem.simulation import arrays, ranks, runner
+from ifrdem.simulation import arrays, ranks, runner, tiling
 from ifrdem.simulation.engine import Engine
 
 k.BLOCK_OF_TILES = sums.BLOCK_OF_TILES = 3  # so that blocks lie on several ranks
-arrays.SINGLE_TILE = 100  # windows as short as those of gases that are divided
+tiling.SINGLE_TILE = 100  # windows as short as those of gases that are divided
 N = 3000
 COMM = MPI.COMM_WORLD
 Gas = tuple[Any, Box, State, tuple[float, ...], float, dict[str, Any]]
