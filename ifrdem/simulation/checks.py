@@ -36,8 +36,6 @@ MOST_BOXES = 2**31 - 1
 """Boxes that a disk can travel: they are counted in 32 bits."""
 LEAST_REBOUND = {"f32": 1e-3, "f64": 1e-12}
 """e_n below which rounding may leave a disk that hits a wall without any speed along the normal."""
-MOST_COEFFICIENT = {"f32": 1e30, "f64": 1e100}
-"""Largest coefficient of a law: products of it with impulses and masses are formed."""
 
 
 def fastest(disks: Disks, velocity: NDArray[np.float64], spin: NDArray[np.float64]) -> float:
@@ -133,7 +131,29 @@ def check_duration(begin: float, t_end: float, radius: float, box: Box, alone: f
             )
 
 
-def check_rebound(
+def check_collapse(
+    collapse: Collapse | None,
+    disks: Disks,
+    box: Box,
+    walls: Sequence[Wall],
+    gravity: tuple[float, float],
+    forces: Sequence[Any],
+    law: type,
+    e_n: NDArray[np.float64] | None,
+    device: Device,
+) -> None:
+    """Refuse a remedy for inelastic collapse that does not hold in this gas; arguments as for `Engine`.
+
+    `e_n` (M, M) is that of each pair of materials; None for a law that has none. Walls include the sides of the box.
+    """
+    if isinstance(collapse, Rest):
+        _check_resting(disks, box, gravity, collapse, forces, law, device)
+    elif e_n is not None:
+        materials = np.unique(disks.material).tolist()
+        _check_rebound(e_n, materials, walls, box, gravity, collapse, device.precision)
+
+
+def _check_rebound(
     e_n: NDArray[np.float64],
     materials: Iterable[int],
     walls: Sequence[Wall],
@@ -185,16 +205,6 @@ def at_rest_on_walls(
         if still.any():
             return int(np.argmax(still)), w
     return None
-
-
-def check_coefficients(law_table: NDArray[np.float64], precision: str) -> None:
-    """Refuse coefficients of a law that the precision cannot hold: an infinite one would not stay a number."""
-    most = MOST_COEFFICIENT.get(precision, np.inf)  # the engine refuses others
-    largest = float(np.abs(law_table).max(initial=0.0))
-    if not largest <= most:
-        raise InputError(
-            f"law: a coefficient of {largest:.3g} is beyond {most:g}, what {precision} can compute with"
-        )
 
 
 def check_stored(largest: Mapping[str, float], precision: str) -> None:
@@ -275,7 +285,7 @@ def check_number(n: int, ranks: int = 1, partners: bool = False) -> None:
         raise InputError(f"{n} disks: the engine's 32-bit indices allow {most} at most{on}{instead}")
 
 
-def check_resting(
+def _check_resting(
     disks: Disks, box: Box, gravity: tuple[float, float], collapse: Rest, forces: Sequence[Any], law: type,
     device: Device,
 ) -> None:  # fmt: skip

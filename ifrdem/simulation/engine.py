@@ -371,7 +371,7 @@ class Engine:
         """True along x and y where the whole gas can drift (`model.walls.free_directions`)."""
         smooth: Collection[int] = ()
         if self.walls and self._law is IFRLaw:
-            e_t, mu = (self._law_table[:, :, IFRLaw.coefficients.index(name)] for name in ("e_t", "mu"))
+            e_t, mu = (IFRLaw.column(self._law_table, name) for name in ("e_t", "mu"))
             smooth = smooth_materials(e_t, mu, self._materials)
         return free_directions(self.walls, immovable=self.n > self.kinds.n_movable, smooth=smooth)
 
@@ -453,14 +453,10 @@ class Engine:
         forces: Sequence[Force],
     ) -> None:
         """Refuse a law, gravity or forces that cannot be combined with the remedy for inelastic collapse."""
-        collapse, device = self.options.collapse, self.options.device
-        if isinstance(collapse, Rest):
-            checks.check_resting(self.disks, self.box, gravity, collapse, forces, law, device)
-        elif law is IFRLaw:
-            checks.check_rebound(
-                law_table[..., IFRLaw.coefficients.index("e_n")], self._materials.tolist(), self.walls, self.box,
-                gravity, collapse, device.precision,
-            )  # fmt: skip
+        checks.check_collapse(
+            self.options.collapse, self.disks, self.box, self.walls, gravity, forces, law,
+            IFRLaw.column(law_table, "e_n") if law is IFRLaw else None, self.options.device,
+        )  # fmt: skip
 
     def _wake(self) -> None:
         """Wake all disks at the present time, between windows: what holds them is to change."""
@@ -716,7 +712,7 @@ class Engine:
             rows = np.unique(self.kinds.material)
             of_walls = [wall.material for wall in self.walls if wall.temperature is None]
             columns = np.array(of_walls if at_wall else [*rows, *of_walls], dtype=np.int64)
-            e_n = float(self._law_table[np.ix_(rows, columns)][..., 0].min(initial=1.0))
+            e_n = float(IFRLaw.column(self._law_table, "e_n")[np.ix_(rows, columns)].min(initial=1.0))
         rests = any(self.gravity) and not self.force_steps.forces and not self.arrays.uses.pistons
         return advice(
             given.collapse, e_n=e_n, can_rest=rests and self._law is IFRLaw,
