@@ -496,9 +496,9 @@ def _remains(running: Run, reason: str) -> str:
     text = f"{reason}: {trajectory} holds the {counted(len(running.writer), 'frame')} so far, "
     text += f"to t = {latest.time:.6g} and {latest.collisions} collisions"
     if running.outputs.checkpoint.exists():
-        place = str(trajectory)  # relative to where the user is, as it was given
-        place = os.path.join(os.curdir, place) if place.startswith("-") else place
-        text += f"\nto go on: ifrdem resume {shlex.quote(place)}"
+        path = str(trajectory)  # relative to where the user is, as it was given
+        path = os.path.join(os.curdir, path) if path.startswith("-") else path
+        text += f"\nto go on: ifrdem resume {shlex.quote(path)}"
     return text
 
 

@@ -173,10 +173,10 @@ def along(case: CaseSections) -> tuple[str, NDArray[np.float64]]:
 
 def _at_rows(case: CaseSections, n: int, found: dict[str, NDArray[Any]]) -> dict[str, Variable]:
     """Series at the places where the study has them: where two fall on one collision, one row is both."""
-    name, places = along(case)
+    name, positions = along(case)
     span = Span.to(n, 0.0, 0, t_end=case.run.t_end, collisions_per_disk=case.run.collisions_per_disk)
     schedule = Schedule(case.output.series_cadence, span)
-    points = [schedule.point(k + 1) for k in range(len(places) - 1)]
+    points = [schedule.point(k + 1) for k in range(len(positions) - 1)]
     wanted = np.array(
         [0.0, *(each.time if name == "time" else float(each.collisions or 0) for each in points)]
     )
@@ -230,10 +230,10 @@ def _outcome(name: str, outcomes: list[Any], dims: tuple[str, ...]) -> dict[str,
         for inner, key, values, unit in parts:
             if key not in found:
                 found[key] = Variable((*dims, *inner), np.full((len(outcomes), *values.shape), np.nan), unit)
-            place = grown(found[key].values, (len(outcomes), *values.shape))
+            stored = grown(found[key].values, (len(outcomes), *values.shape))
             corner: Any = (i, *(slice(size) for size in values.shape))
-            place[corner] = values
-            found[key] = Variable((*dims, *inner), place, unit)
+            stored[corner] = values
+            found[key] = Variable((*dims, *inner), stored, unit)
     return found if dims else {key: Variable(one.dims, one.values[0], one.unit) for key, one in found.items()}
 
 
