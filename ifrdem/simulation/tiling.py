@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..errors import EngineError
 from ..kernels.columns import MOST_DISKS, SINGLE_TILE
 from ..model.box import Box
-from ..model.contact import henderson
+from ..model.density import henderson, packing_fraction, path_in_collisions
 from ..model.state import Disks, State
 
 if TYPE_CHECKING:
@@ -33,15 +33,15 @@ DENSEST_FLUID = 0.8  # packing fraction beyond which the estimate of collision r
 ROOM = 0.5  # around an open gas, in extents of what it fills: beyond, its cells have no ends
 
 
-def tile_parameters(packing_fraction: float) -> tuple[float, int]:
-    """Collisions that a disk has in a window, and disks of a tile: what took least time at this density."""
-    collisions = np.interp(packing_fraction, [0.0, 0.1, 0.3, 0.6], [0.5, 0.7, 1.3, 1.5])
+def tile_parameters(phi: float) -> tuple[float, int]:
+    """Collisions of a disk in a window, and disks of a tile: what took least time at a packing fraction phi."""
+    collisions = np.interp(phi, [0.0, 0.1, 0.3, 0.6], [0.5, 0.7, 1.3, 1.5])
     return float(collisions), 5000
 
 
-def disks_per_cell(packing_fraction: float) -> float:
+def disks_per_cell(phi: float) -> float:
     """Of thin gases, whose cells are wider: what took least time; the thinner, the more cells a disk passes."""
-    return float(np.clip(0.38 * (0.1 / max(packing_fraction, 1e-300)) ** 0.3, 0.3, 3.0))
+    return float(np.clip(0.38 * (0.1 / max(phi, 1e-300)) ** 0.3, 0.3, 3.0))
 
 
 def split_of(radius: NDArray[np.float64]) -> float | None:
@@ -66,7 +66,7 @@ def tiles_on_ranks(disks: Disks, box: Box) -> tuple[int, int]:
     """Numbers of tiles along x and y of a box that is on several ranks (`Tiling`)."""
     if disks.n <= SINGLE_TILE and box.shear_rate == 0.0:
         return 1, 1
-    _, tile_disks = tile_parameters(min(disks.covered / box.area, DENSEST))
+    _, tile_disks = tile_parameters(min(packing_fraction(disks.covered, box.area), DENSEST))
     widest = 2.0 * float(disks.radius.max(initial=0.0))
     return tiles_along(np.array(box.lengths), tile_disks * box.area / max(disks.n, 1), LEAST_TILE * widest)
 
@@ -138,7 +138,7 @@ class Tiling:
         n, on_gpu = disks.n, options.device.name != "cpu"
         given, few = options.device.window_collisions, n <= SINGLE_TILE
         area = float(np.prod(sides))
-        phi = min(disks.covered / area, DENSEST)
+        phi = min(packing_fraction(disks.covered, area), DENSEST)
         collisions, tile_disks = tile_parameters(phi)
         if on_gpu:
             collisions, tile_disks = min(collisions, GPU_COLLISIONS), GPU_TILE
@@ -148,7 +148,7 @@ class Tiling:
             collisions = given
         free = area / max(n, 1)  # of a disk
         mean = 2.0 * disks.mean_radius if n else 1.0
-        path = collisions * free / (math.sqrt(2.0 * math.pi) * mean * henderson(min(phi, DENSEST_FLUID)))
+        path = path_in_collisions(collisions, free, mean, henderson(min(phi, DENSEST_FLUID)))
         # A gas in one tile: no disk goes round the box in a window, for the grid of positions.
         window_side = float(sides.min())
         if given is not None:

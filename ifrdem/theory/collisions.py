@@ -157,10 +157,9 @@ def mean_free_path(packing_fraction: PackingFraction, radius: Positive) -> float
     >>> round(theory.mean_free_path(0.01, 0.5), 2)
     27.33
     """
-    phi = packing_fraction
-    if phi == 0.0:
+    if packing_fraction == 0.0:
         return math.inf
-    return math.pi * 2.0 * radius / (8.0 * math.sqrt(2.0) * phi * contact_value(phi))
+    return math.sqrt(math.pi / 2.0) / collision_rate(packing_fraction, 1.0, 1.0, radius)
 
 
 @validated
