@@ -454,7 +454,7 @@ class Engine:
     ) -> None:
         """Refuse a law, gravity or forces that cannot be combined with the remedy for inelastic collapse."""
         checks.check_collapse(
-            self.options.collapse, self.disks, self.box, self.walls, gravity, forces, law,
+            self.options.collapse, self.kinds, self.box, self.walls, gravity, forces, law,
             IFRLaw.column(law_table, "e_n") if law is IFRLaw else None, self.options.device,
         )  # fmt: skip
 
