@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..mpi import SERIAL, Communicator
-from ..tools.checked import Array
 
 
-def disk_area(radius: Array, comm: Communicator = SERIAL) -> float:
+def disk_area(radius: ArrayLike, comm: Communicator = SERIAL) -> float:
     """Area [length^2] of disks of these radii [length], shape (n,); of ranks, of those that all give."""
     return math.pi * float(comm.total(np.square(radius)))
 

@@ -77,7 +77,8 @@ def _table(law: Any, materials: int) -> Laws:
     if isinstance(law, CollisionLaw):
         return [[law] * materials for _ in range(materials)]
     if not isinstance(law, Sequence) or isinstance(law, str):
-        _kind([[law]])  # refuses it by name
+        unknown: Any = law
+        _kind([[unknown]])  # refuses it by name
     if not all(isinstance(row, Sequence) for row in law):
         raise InputError("law table: must be a list of lists of laws, [[law]], or one law for all")
     table = [list(row) for row in law]
