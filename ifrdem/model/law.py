@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import functools
-import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 from ..errors import nearest
 from ..tools.checked import Array
-from .coefficients import named_numbers
+from ..tools.read_only import ReadOnlyAttributes
+from .custom_code import check_signature, declared_names, named_numbers
 
 OF_PAIR = (
     "g_n", "g_t", "m_n", "m_t", "inverse_mass_i", "radius_i", "k_i", "spin_i",
@@ -22,7 +22,7 @@ class EnergyWarning(UserWarning):
     """The tangential impulses alone can add energy; only the loss along the line of centres outweighs it."""
 
 
-class CollisionLaw:
+class CollisionLaw(ReadOnlyAttributes):
     """A collision law of one's own: subclasses say in `collide` which impulses a pair of disks exchanges.
 
     `ifrdem.IFRLaw` is one too, and passes through the same code. InputError if a coefficient is missing, unknown or
@@ -32,7 +32,7 @@ class CollisionLaw:
     ----------
     **values : float
         A finite number for each of the names in `coefficients`: one row for each pair of materials. They are not
-        compiled in.
+        compiled in, and are attributes of these names; `set_law` of a simulation gives it other ones.
 
     Attributes
     ----------
@@ -45,7 +45,8 @@ class CollisionLaw:
     T, the angular momentum. Whether the law can add energy is *not* known beforehand, as it is for the IFR law: a
     simulation tries it on random pairs and warns if one gains (`EnergyWarning`), and `Simulation.dissipated_energy`
     tells what became of it. One class of laws serves a whole simulation; its rows may differ from pair to pair of
-    materials.
+    materials. Variables from outside, such as module globals, are compiled in as constants: InputError from a later
+    simulation or run if they have changed.
 
     Examples
     --------
@@ -61,13 +62,23 @@ class CollisionLaw:
     ('e_n',)
     """
 
-    __slots__ = ("_row",)
-
     coefficients: ClassVar[tuple[str, ...]] = ()
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        cls.assignable = declared_names(cls, CollisionLaw)
 
     def __init__(self, **values: float) -> None:
         row = named_numbers(type(self).__name__, "coefficient", self.coefficients, values)
         self._row = tuple(row.values())
+
+    def __getattr__(self, name: str) -> float:
+        if name not in type(self).coefficients:
+            raise AttributeError(f"{type(self).__name__} has no attribute {name!r}{nearest(name, dir(self))}")
+        return self._row[self.coefficients.index(name)]
+
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *self.coefficients})
 
     @staticmethod
     def collide(pair: Any, law: Any) -> tuple[Any, Any, Any]:
@@ -125,24 +136,13 @@ class CollisionLaw:
 @functools.cache
 def compiled(kind: type[CollisionLaw]) -> Any:
     """Compiled form of a class of laws, a `kernels.layout.CompiledLaw`; one object for each class."""
-    from ..kernels.language import ti
-    from ..kernels.layout import CompiledLaw, plain
+    from ..kernels.language import declared
+    from ..kernels.layout import CompiledLaw
 
     function = kind.impulses()
-    if not hasattr(function, "_is_taichi_function"):
-        function = ti.func(plain(function))
+    if function is kind.collide:
+        check_signature(f"law {kind.__name__}", function, ("pair", "law"))
+    function = declared(function)
     custom = kind.impulses.__func__ is CollisionLaw.impulses.__func__  # type: ignore[attr-defined]
     names = (tuple(kind.coefficients) or ("none",)) if custom else ()
     return CompiledLaw(function, max(len(kind.coefficients), 1), kind.parts(), names)
-
-
-def why_not_compiled(error: Exception, known: Mapping[str, Sequence[str]]) -> str:
-    """Reason of Taichi's error; for an unknown name or an index, the names that each argument has (`known`)."""
-    reason = str(error).strip().splitlines()[-1].strip()
-    there = "; ".join(f"{owner} has {', '.join(names)}" for owner, names in known.items())
-    if missing := re.search(r"(?:'Struct\d*' object has no attribute|no number) '(\w+)'", reason):
-        others = [name for names in known.values() for name in names if name != missing[1]]
-        return f"there is no '{missing[1]}'{nearest(missing[1], others)}; {there}"
-    if missing := re.fullmatch(r"KeyError: (.*)", reason):
-        return f"[{missing[1]}]: must be a name after a dot; {there}"
-    return reason

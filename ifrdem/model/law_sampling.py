@@ -10,7 +10,8 @@ import numpy as np
 
 from ..errors import InputError
 from ..tools.checked import Array
-from .law import OF_PAIR, CollisionLaw, EnergyWarning, compiled, why_not_compiled
+from .custom_code import check_constants, why_not_compiled
+from .law import OF_PAIR, CollisionLaw, EnergyWarning, compiled
 from .state import Disks
 
 PAIRS = 4096
@@ -37,11 +38,11 @@ def check_by_sampling(
     speed : float
         The fastest at the start [length/time].
     """
-    from taichi.lang.exception import TaichiCompilationError
-
     from ..kernels.contact import sample_law
+    from ..kernels.language import CompilationError
     from ..kernels.layout import Uses
 
+    check_constants(f"law {kind.__name__}", kind, "collide")
     movable = np.flatnonzero(disks.movable)
     if not len(movable):
         return
@@ -65,12 +66,14 @@ def check_by_sampling(
     law: Any = kind  # mypy does not take a class for hashable
     try:
         sample_law(Uses(collision_law=compiled(law)), np.ascontiguousarray(table), pairs, found)
-    except TaichiCompilationError as error:
-        known = {"law": kind.coefficients or ("no coefficients",), "pair": OF_PAIR}
-        raise InputError(
-            f"law {kind.__name__}: Taichi cannot compile its collide(pair, law), a static method that returns P_n, P_t "
-            f"and T: {why_not_compiled(error, known)}"
-        ) from error
+    except CompilationError as error:
+        reason = why_not_compiled(
+            error,
+            [kind.collide],
+            {"pair": OF_PAIR, "law": kind.coefficients},
+            "collide must return P_n, P_t and T",
+        )
+        raise InputError(f"law {kind.__name__}: cannot compile its collide: {reason}") from error
     _refuse_too_weak(kind, pairs, found)
     gain = _energy(pairs, found[:, 2:]) / _energy(pairs, _before(pairs)) - 1.0
     if gaining := np.count_nonzero(gain > _ROUND_OFF):
