@@ -116,8 +116,7 @@ WRONG_FORCES: dict[str, tuple[Any, dict[str, float], str]] = {
     ),
     "misspelt quantity of a disk": (
         force(misspelt_spin), {},
-        r"there is no 'spn' \(did you mean 'spin'\?\); disk has x, y, vx, vy, spin, mass, radius, k, inertia; "
-        "step has time, dt, free, random; parameters has no names; it has 0 totals",
+        r"no 'spn' \(did you mean 'spin'\?\); disk has x, y, vx, vy, spin, mass, radius, k, inertia; step has time, dt",
     ),
     "misspelt quantity of a step": (
         force(any_total, misspelt_time, 1), {},
