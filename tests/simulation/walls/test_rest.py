@@ -307,7 +307,7 @@ def test_a_pile_comes_to_rest_at_a_bounded_cost() -> None:
 
 
 def test_the_more_disks_rest_the_more_steps_may_find_their_forces() -> None:
-    """Each of 450 on a floor has a contact of its own, F_n = m g: as quick as one. 4000 steps less 10 a disk are none."""
+    """Each of 450 on a floor has a contact of its own, F_n = m g, found as quickly as one."""
     n = 450
     position = np.stack((1.0 + 1.1 * np.arange(n), np.full(n, 0.5)), axis=1)
     state = State(position, np.zeros((n, 2)), np.zeros(n))
