@@ -40,7 +40,7 @@ def _gas(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     yield "size on disk", size(trajectory.path.stat().st_size)
     if (parts := trajectory.parts) is not None:
         for number in range(len(parts)):
-            own, there = parts.disks(number), parts.place(trajectory.path, number)
+            own, there = parts.disks(number), parts.path_of(trajectory.path, number)
             stored = "MISSING" if number in trajectory.missing else size(there.stat().st_size)
             held = f"disks {own.start} to {own.stop - 1}, {stored}"
             yield "" if number else f"{counted(len(parts), 'part')}", f"{parts.name(number)}: {held}"
@@ -165,11 +165,11 @@ def _describe_names(title: str, names: Mapping[str, object], *, full: bool) -> l
         text = str(value).rstrip("\n")
         rows = text.splitlines()
         if len(rows) <= 1 and (full or len(text) <= 80):
-            lines.append(f"  {name:<18}{text}")
+            lines.append(f"  {name:<20}{text}")
         elif full:
             lines += [f"  {name}", *(f"    {row}" for row in rows)]
         else:
-            lines.append(f"  {name:<18}{rows[0][:50]} ... ({len(rows)} lines, {len(text)} characters)")
+            lines.append(f"  {name:<20}{rows[0][:50]} ... ({len(rows)} lines, {len(text)} characters)")
     return lines
 
 

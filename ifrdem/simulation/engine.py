@@ -112,6 +112,17 @@ class EngineOptions:
             checked.integer("tile_disks", self.tile_disks, 1)
 
     @property
+    def recorded(self) -> list[str]:
+        """Those quantities of a state (`state.RECORDED`) that the engine keeps up to date."""
+        kept = {
+            "latest_collision": isinstance(self.collapse, ContactTime),
+            "last_partner": "partner" in self.record,
+            "angle": "angle" in self.record,
+            "dissipated": "disk_energy" in self.record,
+        }
+        return [name for name, there in kept.items() if there]
+
+    @property
     def velocity_cutoff(self) -> float:
         """Cut-off for kernels [length/time]; 0 without."""
         return self.collapse.speed if isinstance(self.collapse, VelocityCutoff) else 0.0
@@ -309,14 +320,14 @@ class Engine:
             from .ranks import RankDomain, RankWindows
 
             assert isinstance(self.kinds, DiskKinds)
-            uses = uses._replace(shared=True)
+            uses = uses.replace(shared=True)
             domain, windows = RankDomain(comm, self.disks_here, self.kinds), RankWindows
         self.arrays: DeviceArrays = DeviceArrays(self.kinds, box, self._law_table, given, rows, uses, domain)
         self.apply_gravity()
         self._released = False
         backend.register(self)
         if tracking is not None:
-            self.arrays.watched.from_numpy((tracking.rows > 0).astype(np.int32))
+            self.arrays.watch(tracking.rows > 0)
         self.arrays.clock.wall_speed = max((wall.most_speed for wall in self.walls), default=0.0)
         self.past: dict[str, Any] = {
             "wall_collisions": begin.wall_collisions, "latest_collision": begin.latest_collision,
@@ -467,7 +478,7 @@ class Engine:
     def switch_ledger(self, on: bool) -> None:
         """Go on without adding up what takes energy, or with it again: to time what the ledger costs."""
         with self.exclusive_update():
-            self.windows.switch(self.arrays.uses._replace(tallied=on))
+            self.windows.switch(self.arrays.uses.replace(tallied=on))
 
     # ------------------------------------------------------------------ changes between runs
 
@@ -668,9 +679,9 @@ class Engine:
         self,
         *,
         t_end: float = math.inf,
-        collisions: int | None = None,
+        collisions: float = math.inf,
         pause_at: float = math.inf,
-        pause_after: int | None = None,
+        pause_after: float = math.inf,
         rest_at: float = math.inf,
         ends: float | None = None,
         next_points: Callable[[], Iterable[RunPoint]] = list,
@@ -686,9 +697,7 @@ class Engine:
         with self.exclusive_update():
             self.last_collisions = None
             kick = self.next_kick
-            gate = self._next_gate()
-            if gate is not None and (collisions is None or gate < collisions):
-                collisions = gate
+            collisions = min(collisions, self._next_gate())
             if self._nothing_happens():
                 self._fly_freely(kick, t_end, rest_at, t_end if ends is None else ends)
             else:
@@ -713,13 +722,14 @@ class Engine:
             return not self.arrays.uses.pistons
         return self.n == 1 and not self.walls and not self.box.shear_rate
 
-    def _next_gate(self) -> int | None:
-        """Number of collisions at which the next gate opens; None without one."""
+    def _next_gate(self) -> float:
+        """Number of collisions at which the next gate opens; infinite without one."""
         if not self.arrays.uses.timed:
-            return None
+            return math.inf
         waiting = zip(self.walls, self.open_gates.tolist(), strict=True)
         return min(
-            (w.opens_after for w, opened in waiting if w.opens_after is not None and not opened), default=None
+            (w.opens_after for w, opened in waiting if w.opens_after is not None and not opened),
+            default=math.inf,
         )
 
     def _nothing_happens(self) -> bool:
@@ -748,7 +758,7 @@ class Engine:
         begun = self.statistics.windows
 
         def counted(point: RunPoint) -> tuple[float, float]:
-            return point.time, math.inf if point.collisions is None else point.collisions - first
+            return point.time, point.collisions - first
 
         try:
             windows.run(

@@ -2,10 +2,12 @@
 
     TI_OFFLINE_CACHE_FILE_PATH=FOLDER python tests/support/same_kernels.py [--device NAME] [--ranks] [GAS ...]
 
+(QD_OFFLINE_CACHE_FILE_PATH with IFRDEM_RUNTIME=quadrants.)
+
 Run it once before a change, with an empty folder, and after each step of the change with the same folder. It prints the
 SHA-256 of the state and the sums of each gas, and how many kernels were compiled for it: files that the cache gained.
 A step leaves the program as it is if all hashes are equal and nothing was compiled. Together the gases use every kernel
-and every feature (`kernels/layout.py`, `Uses`). `--ranks` adds gases on two ranks of MPI (`rank_gases.py`): fill the
+and every feature (`kernels/layout.py`, `Uses`). `--ranks` adds gases on two ranks of MPI (`ranks/gases.py`): fill the
 folder by two runs, for of ranks that end at the same time only one writes its kernels.
 """
 
@@ -20,15 +22,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-os.environ["TI_OFFLINE_CACHE_CLEANING_POLICY"] = "never"
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
-from support import mpi
+from support import gases, mpi
 from support.gases import COIN, ROLLING, equal_disks, mixture, start
 
 import ifrdem
 from ifrdem import ContactTime, Device, Rest
+from ifrdem.kernels import runtime
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, Langevin, RandomKicks, Rescale, TableFriction
 from ifrdem.model.ifr import IFRLaw
@@ -40,6 +42,8 @@ from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.tracking import Tracking
 from ifrdem.theory.driven_gas import Drive
 
+os.environ[runtime.variable("OFFLINE_CACHE_CLEANING_POLICY")] = "never"
+CACHE = Path(os.environ[runtime.variable("OFFLINE_CACHE_FILE_PATH")])
 N = 700
 arrays.SINGLE_TILE = 100  # windows as short as those of gases in tiles
 ALL_SUMS: dict[str, Any] = {"record": ["disk_energy", "partner", "angle"]}
@@ -146,9 +150,7 @@ def resting_bed(**options: Any) -> Engine:
 
 def sheared(**options: Any) -> Engine:
     disks = mixture(N)
-    box, state = start(disks, 0.3)
-    box = Box(box.lengths, shear_rate=0.4)
-    state = State(state.position, state.velocity + box.flow(state.position), state.spin)
+    box, state = gases.sheared(disks, 0.3, rate=0.4)
     options = {"forces": [Rescale(0.1, energy=1.2), Drag(0.1, rate=0.2)], **ALL_SUMS} | options
     return Engine(disks, box, state, np.array([[ROLLING]]), **options)
 
@@ -249,7 +251,7 @@ def dsmc(device: str, threads: int) -> str:
 
 def compiled() -> int:
     """Kernels in the cache."""
-    return len(list(Path(os.environ["TI_OFFLINE_CACHE_FILE_PATH"]).glob("*.tic")))
+    return len([*CACHE.rglob("*.tic"), *CACHE.rglob("*.qdc")])
 
 
 def main() -> None:
@@ -261,7 +263,7 @@ def main() -> None:
     parser.add_argument("--ranks", action="store_true")
     parser.add_argument("gases", nargs="*")
     given = parser.parse_args()
-    Path(os.environ["TI_OFFLINE_CACHE_FILE_PATH"]).mkdir(parents=True, exist_ok=True)
+    CACHE.mkdir(parents=True, exist_ok=True)
     runs: dict[str, Callable[[], str]] = {
         name: lambda make=make: after(make, device=given.device)
         for name, make in GASES.items()
@@ -274,11 +276,11 @@ def main() -> None:
     for name, run in runs.items():
         if not given.gases or name in given.gases:
             found = run()
-            backend.stop()  # kernels are written when Taichi ends
+            backend.stop()  # kernels are written when the runtime ends
             print(f"{found}  {compiled() - before:3d} compiled  {name}", flush=True)
             before = compiled()
     if given.ranks:
-        script = Path(__file__).parent / "rank_gases.py"
+        script = Path(__file__).parent / "ranks" / "gases.py"
         told = mpi.on(2, sys.executable, script, *RANK_GASES, timeout=600.0)
         for line in told.stdout.splitlines() or [told.stderr]:
             print(f"{hashlib.sha256(line.encode()).hexdigest()}  {line}", flush=True)

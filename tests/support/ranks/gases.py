@@ -1,4 +1,4 @@
-"""Gases on several ranks: `mpiexec -n 4 python rank_gases.py RANKS:NAME[:FAULT]...` prints a line of JSON for each.
+"""Gases on several ranks: `mpiexec -n 4 python gases.py RANKS:NAME[:FAULT]...` prints a line of JSON for each.
 
 It tells what differs from the same gas on one rank, which the first rank computes as well. One process for all of them
 compiles the kernels of each once.
@@ -13,10 +13,11 @@ import time
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 import numpy as np
 from mpi4py import MPI
+from support import gases
 from support.gases import COIN, ELASTIC, ROLLING, equal_disks, mixture, start
 
 from ifrdem import ContactTime, Device
@@ -65,16 +66,7 @@ def walled() -> Gas:
 
 def sheared() -> Gas:
     disks = equal_disks(N)
-    box, state = start(disks, 0.3)
-    box = Box(box.lengths, shear_rate=0.4)
-    return (
-        disks,
-        box,
-        State(state.position, state.velocity + box.flow(state.position), state.spin),
-        COIN,
-        10.0,
-        {},
-    )
+    return disks, *gases.sheared(disks, 0.3, rate=0.4), COIN, 10.0, {}
 
 
 def sizes(n: int, small: float = 1.0) -> Disks:
