@@ -1,6 +1,6 @@
 """The part of a gas that a process has: rows of the state in the lists of tiles, and sums of what tiles found.
 
-Imports Taichi: import this module only after `backend.start`.
+Imports the runtime: import this module only after `backend.start`.
 """
 
 from __future__ import annotations

@@ -268,7 +268,7 @@ class Engine:
         self._released = False
         backend.register(self)
         if tracking is not None:
-            self.arrays.watched.from_numpy((tracking.rows > 0).astype(np.int32))
+            self.arrays.watch(tracking.rows > 0)
         self.arrays.clock.wall_speed = max((wall.most_speed for wall in self.walls), default=0.0)
         self.past: dict[str, Any] = start.history(comm)
         self.windows: Windows = Windows(self.arrays, self.statistics, time)
@@ -408,7 +408,7 @@ class Engine:
     def switch_ledger(self, on: bool) -> None:
         """Go on without adding up what takes energy, or with it again: to time what the ledger costs."""
         with self.exclusive_update():
-            self.windows.switch(self.arrays.uses._replace(tallied=on))
+            self.windows.switch(self.arrays.uses.replace(tallied=on))
 
     # ------------------------------------------------------------------ changes between runs
 

@@ -1,6 +1,6 @@
 """Tiles that run a window: with room for what they need, and again with wider halos until all are good.
 
-Imports Taichi: import this module only after `backend.start`.
+Imports the runtime: import this module only after `backend.start`.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..errors import EngineError, InelasticCollapse
 from ..kernels import layout as k
 from ..kernels.columns import TOTAL
+from ..kernels.language import to_numpy
 from ..kernels.windows import run_windows, run_windows_on_gpu, verify
 from .arrays import SLACK, DeviceArrays
 from .tracking import Statistics
@@ -104,7 +105,7 @@ class TileRunner:
             if reach > most or a.counter.stuck:
                 self._run_whole_box()
                 break
-            self._drop(a.listed.to_numpy()[: self.n_bad])
+            self._drop(to_numpy(a.listed)[: self.n_bad])
             a.domain.run_bad(self)
             self.collect()
         self.statistics.run_again += bad
@@ -123,9 +124,8 @@ class TileRunner:
         self.collect()
         if not a.domain.comm.is_root:  # each rank has run all of it
             self.clear()
-        a.grid.lanes = lanes
+        a.grid.lanes, a.grid.single_tile = lanes, 0
         a.scratch(*room)
-        a.grid.single_tile = 0
 
     # ------------------------------------------------------------------ what tiles write down
 
@@ -227,7 +227,7 @@ class TileRunner:
         """Make more room of each kind that did not suffice for so many tiles."""
         a = self.arrays
         full, grown = int(a.counter.full), int(SLACK * int(a.counter.needed)) + 16
-        lane_slots, cells, bins, items = self._room()
+        lane_slots, cells, items = self._room()
         # Threads of a CPU have stopped before the other tiles, which will have as many.
         ran = tiles if a.on_gpu else max(int(a.counter.next_tile - a.grid.lanes), 1)
         more = SLACK * max(tiles / ran, 1.0)
@@ -242,17 +242,16 @@ class TileRunner:
         if full & (k.FULL_SLOTS | k.FULL_CELLS | k.FULL_WALLS):
             if full & k.FULL_SLOTS:
                 lane_slots = max(lane_slots, min(grown, a.n if a.grid.single_tile else 9 * a.n))
-                bins = 1 << max(lane_slots - 1, 1).bit_length()
             if full & k.FULL_CELLS:
                 cells = max(cells, grown)
             if full & k.FULL_WALLS:
                 items = max(items, grown)
-            a.scratch(lane_slots, cells, bins, items)
+            a.scratch(lane_slots, cells, items)
 
-    def _room(self) -> tuple[int, int, int, int]:
-        """Slots for disks, cells, bins and walls of a lane."""
+    def _room(self) -> tuple[int, int, int]:
+        """Slots for disks, cells and walls of a lane."""
         grid = self.arrays.grid
-        return int(grid.lane_slots), int(grid.cells), int(grid.bins), int(grid.items)
+        return int(grid.lane_slots), int(grid.cells), int(grid.items)
 
 
 def unbounded(time: float) -> EngineError:

@@ -842,7 +842,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             if value is not None and not callable(value):
                 raise InputError(f"{name} = {value!r}: must be a function")
         self._stopping = False
-        kind: type[CollisionLaw] = type(self._laws[0][0])
+        kind = self._laws.kind
         check_constants(f"law {kind.__name__}", kind, "collide")
         for i, force in enumerate(self.forces):
             check_constants(f"forces[{i}] = {type(force).__name__}", type(force), "act", "measure")
