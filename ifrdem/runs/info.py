@@ -72,10 +72,8 @@ def _gas(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
         yield "walls", ", ".join(f"{count} {shape}" for shape, count in shapes.items())
     if not box.is_open and part is None and not trajectory.missing:
         free_area = trajectory.free_area
-        yield (
-            f"packing fraction{free_area.name}",
-            f"{free_area.packing_fraction(trajectory.disks.radius):.4f}",
-        )
+        phi = free_area.packing_fraction(trajectory.disks.radius)
+        yield "packing fraction", f"{phi:.4f}{free_area.name}"
 
 
 def _describe_fields(trajectory: Trajectory) -> list[str]:
