@@ -1,6 +1,7 @@
 """The collision law as ordinary Python on floats: `kernels/law.py` without declarations of the runtime.
 
-The same bits as `ifrdem.kernels.law.collide_pair`, and serial codes that call it are twice as fast: declared functions look at each argument.
+The same bits as `ifrdem.kernels.law.collide_pair`; serial codes are twice as fast by it, because declared functions
+look at each argument.
 """
 
 from __future__ import annotations
