@@ -353,7 +353,7 @@ def check_pistons(walls: Sequence[Wall], n: int, options: EngineOptions, ranks: 
                 )
 
 
-def check_ranks(size: int, n: int, options: EngineOptions, box: Box, *, tracked: bool) -> None:
+def check_ranks(size: int, n: int, box: Box, options: EngineOptions, tracked: bool) -> None:
     """Refuse what cannot be on several ranks of MPI (`ranks.py`), if there are several."""
     if size == 1:
         return

@@ -245,7 +245,7 @@ class Engine:
         self.gravity: tuple[float, float] = self.turning.gravity
         self._check_collapse(self._law_table, law, self.gravity, forces)
         checks.check_pistons(walls, self.n, given, comm.size)
-        checks.check_ranks(comm.size, self.n, given, box, tracked=tracked)
+        checks.check_ranks(comm.size, self.n, box, given, tracked)
         self._check_alike(forces)
         self.statistics: Statistics = Statistics()
         self.keep_collisions = False
