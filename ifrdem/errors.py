@@ -38,6 +38,10 @@ class RunWarning(UserWarning):
     """A run that does nothing: its end, which counts from the start of the gas, was reached before."""
 
 
+class TheoryWarning(UserWarning):
+    """A theory is used outside the range in which it was compared with simulations."""
+
+
 class Stopped(Exception):
     """A run was stopped before its end; `status` is the exit status of the command, the message says why."""
 

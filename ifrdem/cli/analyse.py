@@ -128,7 +128,7 @@ def _analyse(
         if not folder.parent.is_dir():
             raise InputError(f"output folder {folder}: {folder.parent} does not exist")
         if folder.exists() and not folder.is_dir():
-            raise InputError(f"output {folder}: is no folder")
+            raise InputError(f"output {folder}: must be a folder; -o DIR writes elsewhere")
         if folder.exists():
             check_apart(summary, trajectory.path)
             check_files([summary], force=True)  # which others may be added to

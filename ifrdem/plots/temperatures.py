@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..analysis import result
-from ..errors import InputError
+from ..errors import InputError, TheoryWarning
 from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.state import Disks
 from ..theory import driven_gas, sheared_gas
 from ..theory.choose import prediction
 from ..theory.driven_gas import Drive
 from ..theory.mixtures import Mixture
-from ..theory.sheared_gas import TheoryWarning
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .series import along, axis_label

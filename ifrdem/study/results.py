@@ -18,13 +18,12 @@ from numpy.typing import NDArray
 
 from ..case.case import CaseSections
 from ..case.gas import CaseGas
-from ..errors import DamageError, InputError, NameMissing, TheoryError, there_are
+from ..errors import DamageError, InputError, NameMissing, TheoryError, TheoryWarning, there_are
 from ..model.ifr import EnergyWarning
 from ..model.observables import MECHANISMS, REGIMES
 from ..plots.temperatures import MOST_KINDS
 from ..theory.choose import prediction
 from ..theory.mixtures import Mixture
-from ..theory.sheared_gas import TheoryWarning
 from ..tools import files
 from ..tools.files import NO_VALUES
 from ..tools.versions import __version__
