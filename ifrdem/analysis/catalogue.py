@@ -166,9 +166,11 @@ def of_fields(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluatio
     disks, frame, box = trajectory.disks, trajectory[used], trajectory.box
     movable = np.isfinite(disks.mass)
     position = frame.position[movable]
+    if not len(position):
+        raise InputError("mass: must be finite for one disk or more: fields are those of disks that can move")
     lengths = np.ptp(position, axis=0) if box.is_open else np.array(box.lengths)
     # Some 20 disks a cell, and 200 cells along a side at most.
-    side = np.sqrt(float(np.prod(lengths)) * 20.0 / max(len(position), 1))
+    side = np.sqrt(float(np.prod(lengths)) * 20.0 / len(position))
     a, b = (int(number) for number in np.clip(np.rint(lengths / side), 1, 200))
     spin = frame.spin[movable] if "angular_velocity" in trajectory.fields else None
     found = fields.coarse_grain(
@@ -181,8 +183,8 @@ def of_fields(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluatio
     rows = [
         Reading("cells along x", a),
         Reading("cells along y", b),
-        Reading("packing fraction, mean", float(phi.mean())),
-        Reading("packing fraction, standard deviation", float(phi.std())),
+        Reading("packing fraction of cells, mean", float(phi.mean())),
+        Reading("packing fraction of cells, standard deviation", float(phi.std())),
         Reading("thermal temperature, mean over cells", mean_T, unit=unit(trajectory, "energy")),
         Reading("flow, root mean square", flow, unit=unit(trajectory, "length/time")),
     ]

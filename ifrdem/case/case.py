@@ -18,6 +18,7 @@ from ..kernels.columns import MOST_IDS
 from ..model.box import Box
 from ..model.coin_table import coins
 from ..model.gravity import DEFAULT_STEP, MAX_STEP
+from ..model.ifr import REQUIRED_COEFFICIENTS
 from .output_section import OutputSection
 from .section import Section, exclusive_with, field, refusal
 from .walls_section import Pair, Wall
@@ -54,6 +55,9 @@ class RunSection(Section):
     """Device: "cpu", or "cuda" (an NVIDIA GPU)."""
     threads: int | None = field(2, None, ge=1)
     """CPU threads [whole number]; all cores without it. The result does not depend on it."""
+    runtime: Literal["taichi", "quadrants"] | None = field("taichi", None)
+    """Runtime that compiles the kernels: "taichi" or "quadrants"; without it, that of the variable IFRDEM_RUNTIME of
+    the environment, or the first of the two that is installed."""
     precision: Literal["f64", "f32"] = field("f64", "f64")
     """Numbers that the run computes with: "f64" (double precision), or "f32" (single: less memory, less exact)."""
     units: Literal["SI", "reduced"] = field("SI", "SI")
@@ -229,9 +233,8 @@ class MaterialSection(Section):
     @classmethod
     def mistakes(cls, data: Mapping[str, Any]) -> list[str]:
         """Coefficients beside a coin, or missing without one."""
-        coefficients = ("e_n", "e_t", "mu")
-        missing = [key for key in coefficients if key not in data and "coin" not in data]
-        wrong = exclusive_with(data, "coin", *coefficients)
+        missing = [key for key in REQUIRED_COEFFICIENTS if key not in data and "coin" not in data]
+        wrong = exclusive_with(data, "coin", *REQUIRED_COEFFICIENTS)
         return [*wrong, f"missing: {', '.join(missing)}, or coin"] if missing else wrong
 
 

@@ -71,7 +71,9 @@ def _gas(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
         shapes = Counter(wall.shape for wall in trajectory.walls)
         yield "walls", ", ".join(f"{count} {shape}" for shape, count in shapes.items())
     if not box.is_open and part is None and not trajectory.missing:
-        yield "packing fraction", f"{trajectory.free_area.packing_fraction(trajectory.disks.radius):.4f}"
+        free_area = trajectory.free_area
+        phi = free_area.packing_fraction(trajectory.disks.radius)
+        yield "packing fraction", f"{phi:.4f}{free_area.name}"
 
 
 def _describe_fields(trajectory: Trajectory) -> list[str]:
@@ -165,11 +167,11 @@ def _describe_names(title: str, names: Mapping[str, object], *, full: bool) -> l
         text = str(value).rstrip("\n")
         rows = text.splitlines()
         if len(rows) <= 1 and (full or len(text) <= 80):
-            lines.append(f"  {name:<18}{text}")
+            lines.append(f"  {name:<20}{text}")
         elif full:
             lines += [f"  {name}", *(f"    {row}" for row in rows)]
         else:
-            lines.append(f"  {name:<18}{rows[0][:50]} ... ({len(rows)} lines, {len(text)} characters)")
+            lines.append(f"  {name:<20}{rows[0][:50]} ... ({len(rows)} lines, {len(text)} characters)")
     return lines
 
 

@@ -24,16 +24,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import EngineError, InputError, NoMoreCollisions
 from ..kernels.columns import BODY, DSMC_TABLES, SCALE, Named
 from ..kernels.layout import Uses
-from ..model.ifr import IFRLaw
-from ..model.law import (
-    CollisionLaw,
-    check_by_sampling,
-    check_energy,
-    checked_class,
-    coefficient_table,
-    compiled,
-    law_table,
-)
+from ..model.law import CollisionLaw, compiled
+from ..model.pair_laws import PairLaws
 from ..model.state import Disks, State
 from ..theory.contact import Contact, PackingFraction, contact_value_coefficients
 from ..theory.driven_gas import Drive
@@ -275,12 +267,11 @@ class DSMC(ReadOnlyAttributes):
         self._whole = True
         self._seed = seeds.of_device(seed)
         self._species = self._grouped(disks.material if species is None else species)
-        laws = law_table(law, disks)
-        kind: Any = checked_class(laws)
-        check_energy(laws, disks)
+        device = Device.of(device)
+        laws = PairLaws.of(law, disks, precision=device.precision)
         self._set(area=math.pi * float(np.sum(disks.radius**2)) / packing_fraction)
         with backend.sole_use():
-            running = backend.start(device := Device.of(device))
+            running = backend.start(device)
         self._alone = device.name == "cpu" and running.threads == 1
         self._real: Any = np.float32 if device.precision == "f32" else np.float64
         a, b = contact_value_coefficients(packing_fraction, disks.radius, None, contact)
@@ -288,11 +279,10 @@ class DSMC(ReadOnlyAttributes):
         self._section = 2.0 * a * largest + b * largest**2  # the largest g_ij sigma_ij
         self._crowding = np.array([a, b, 0.0, 0.0], dtype=self._real)
         self._batch = max(n // (4 if drive else 1), _LEAST)
-        table = coefficient_table(laws)
-        self._make_arrays(start, compiled(kind), table)
-        if kind is not IFRLaw:  # whether it adds energy is not known
-            fastest = max(float(np.abs(part).max()) for part in (start.velocity, disks.radius * spins))
-            check_by_sampling(kind, table, disks, [], fastest or 1.0)
+        kind: Any = laws.kind  # mypy does not take a class for hashable
+        self._make_arrays(start, compiled(kind), laws.coefficients)
+        fastest = max(float(np.abs(part).max()) for part in (start.velocity, disks.radius * spins))
+        laws.check_by_sampling(disks, [], fastest or 1.0)
         self._set(time=0.0, collisions=0, energy_input=0.0, candidates=0, cut_for_speed=0)
         self._batches = self._kicks = 0
 
@@ -306,12 +296,14 @@ class DSMC(ReadOnlyAttributes):
         return which.ravel()
 
     def _make_arrays(self, start: State, law: Any, table: NDArray[np.float64]) -> None:
-        from ..kernels import dsmc as kernels  # imports Taichi, which `backend.start` has set going
+        # They import the runtime, which `backend.start` has set going.
+        from ..kernels import dsmc as kernels
+        from ..kernels import language
+        from ..kernels.language import ti
         from ..kernels.signature import parameters_of
 
-        import taichi as ti  # isort: skip
-
         self._kernels: Any = kernels
+        self._language: Any = language
         self._parameters_of: Any = functools.cache(parameters_of)
         self._uses = Uses(collision_law=law)
         n, disks = self.disks.n, self.disks
@@ -326,14 +318,14 @@ class DSMC(ReadOnlyAttributes):
         self._hits_before: Any = ti.ndarray(ti.i32, (n,))
         self._first: Any = ti.ndarray(ti.i32, (n,))
         self._law: Any = ti.ndarray(real, table.shape)
-        self._law.from_numpy(table.astype(self._real))
+        self._language.from_numpy(self._law, table.astype(self._real))
         self._hits.fill(0)
         body = Named(np.empty((n, BODY.width), dtype=self._real), BODY)
         body.vx, body.vy, body.spin = *start.velocity.T, start.spin
         body.inverse_mass, body.radius, body.k, body.material = (
             1.0 / disks.mass, disks.radius, disks.k, disks.material
         )  # fmt: skip
-        self._disk.from_numpy(body.array)
+        self._language.from_numpy(self._disk, body.array)
         self._scale = np.zeros(SCALE.width, dtype=self._real)  # no velocity cut-off
         self._counter = np.zeros(DSMC_TABLES["counter"].width, dtype=np.int32)
         self._fastest = np.zeros(1, dtype=self._real)
@@ -359,7 +351,7 @@ class DSMC(ReadOnlyAttributes):
 
     def _record(self) -> NDArray[np.float64]:
         self._check_alive()
-        return np.asarray(self._disk.to_numpy(), dtype=np.float64)
+        return np.asarray(self._language.to_numpy(self._disk), dtype=np.float64)
 
     @property
     def velocity(self) -> NDArray[np.float64]:
@@ -376,7 +368,7 @@ class DSMC(ReadOnlyAttributes):
     @property
     def collisions_of_disks(self) -> NDArray[np.int32]:
         """Collisions that each disk has had, shape (n,)."""
-        return np.asarray(self._hits.to_numpy(), dtype=np.int32)
+        return np.asarray(self._language.to_numpy(self._hits), dtype=np.int32)
 
     def checkpoint(self) -> Checkpoint:
         """The present state. Another gas of the same disks, law, seed and drive that resumes it goes on bit by bit."""
@@ -401,8 +393,8 @@ class DSMC(ReadOnlyAttributes):
             )
         record = self._record()
         record[:, :2], record[:, 2] = state.velocity, state.spin
-        self._disk.from_numpy(np.ascontiguousarray(record, dtype=self._real))
-        self._hits.from_numpy(state.collisions_of_disks.astype(np.int32))
+        self._language.from_numpy(self._disk, np.ascontiguousarray(record, dtype=self._real))
+        self._language.from_numpy(self._hits, state.collisions_of_disks.astype(np.int32))
         self._set(
             collisions=int(np.sum(state.collisions_of_disks, dtype=np.int64)) // 2,
             time=state.time,
