@@ -14,12 +14,12 @@ try:
     with taichi_patches.short_import():
         import taichi as ti
 except ImportError as error:
-    why = f"Taichi cannot be loaded ({error})"
+    reason = f"Taichi cannot be loaded ({error})"
     if "X11" in str(error):
-        why += (
+        reason += (
             ": it needs libX11, which small images of Linux lack: apt install libx11-6, or dnf install libX11"
         )
-    raise EngineError(why) from error
+    raise EngineError(reason) from error
 
 from .taichi_fixes import round_products_by
 

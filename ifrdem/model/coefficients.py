@@ -16,8 +16,8 @@ def named_numbers(owner: str, what: str, names: Sequence[str], given: Mapping[st
     """
     for name in given:
         if name not in names:
-            there = ", ".join(names) or "none"
-            raise InputError(f"{owner}: unknown {what} '{name}'{nearest(name, names)}; it has: {there}")
+            known_names = ", ".join(names) or "none"
+            raise InputError(f"{owner}: unknown {what} '{name}'{nearest(name, names)}; it has: {known_names}")
     for name in names:
         if name not in given:
             raise InputError(f"{owner}: {name} is missing; it has: {', '.join(names)}")

@@ -229,25 +229,25 @@ def check_by_sampling(
 def why_not_compiled(error: Exception, known: Mapping[str, Sequence[str]]) -> str:
     """Reason of Taichi's error; for an unknown name or an index, the names that each argument has (`known`)."""
     reason = str(error).strip().splitlines()[-1].strip()
-    there = "; ".join(f"{owner} has {', '.join(names)}" for owner, names in known.items())
+    known_names = "; ".join(f"{owner} has {', '.join(names)}" for owner, names in known.items())
     if missing := re.search(r"(?:'Struct\d*' object has no attribute|no number) '(\w+)'", reason):
         others = [name for names in known.values() for name in names if name != missing[1]]
-        return f"there is no '{missing[1]}'{nearest(missing[1], others)}; {there}"
+        return f"there is no '{missing[1]}'{nearest(missing[1], others)}; {known_names}"
     if missing := re.fullmatch(r"KeyError: (.*)", reason):
-        return f"[{missing[1]}]: must be a name after a dot; {there}"
+        return f"[{missing[1]}]: must be a name after a dot; {known_names}"
     return reason
 
 
 def _refuse_too_weak(kind: type[CollisionLaw], pairs: Array, found: Array) -> None:
     P_n, least = found[:, 0], found[:, 1]
-    wrong = ~np.isfinite(found).all(axis=1) | ~(P_n >= least * (1.0 - _ROUND_OFF))
-    if wrong.any():
-        c = int(np.argmax(wrong))
+    invalid = ~np.isfinite(found).all(axis=1) | ~(P_n >= least * (1.0 - _ROUND_OFF))
+    if invalid.any():
+        c = int(np.argmax(invalid))
         raise InputError(
             f"law {kind.__name__}: disks of materials {pairs[c, 0]:.0f} and {pairs[c, 1]:.0f} that approach with "
             f"g_n = {pairs[c, 8]:.4g} get P_n = {P_n[c]:.4g}: a finite number, not below m_n g_n = {least[c]:.4g}, is "
-            f"needed, and finite P_t and T; or they would go through each other ({np.count_nonzero(wrong)} of {PAIRS} "
-            "random pairs)"
+            f"needed, and finite P_t and T; or they would go through each other ({np.count_nonzero(invalid)} of "
+            f"{PAIRS} random pairs)"
         )
 
 

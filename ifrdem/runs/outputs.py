@@ -64,9 +64,9 @@ class Outputs:
         check_files([*self._paths, *views], force=force)
         check_views(self.views)
         parts.check_unused(self.trajectory)
-        if (there := parts.existing(self.trajectory)) and not force:
+        if (old_parts := parts.existing(self.trajectory)) and not force:
             raise InputError(
-                f"output {there[0].parent}: holds parts of a trajectory; --force replaces it, -o writes elsewhere"
+                f"output {old_parts[0].parent}: holds parts of a trajectory; --force replaces it, -o writes elsewhere"
             )
 
     def sizes(self) -> dict[Path, int]:

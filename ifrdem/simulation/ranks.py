@@ -417,27 +417,29 @@ class RankDomain(Domain):
             for slots, ran in zip(self._ghost_slots, self._ran, strict=True)
         ]
         size = sum(each.nbytes for message in messages for each in message)
-        for given, (ran, hashes, ways) in zip(self._sent_slots, self.exchange(messages), strict=True):
+        for given, (ran, hashes, displacements) in zip(
+            self._sent_slots, self.exchange(messages), strict=True
+        ):
             self._write_rows("history_hash", given[ran], hashes)
-            self._write_rows("displacement", given[ran], ways)
+            self._write_rows("displacement", given[ran], displacements)
         self.unassigned = int(np.count_nonzero(self.arrays.values("displacement")[: self.used] < 0.0))
         messages = []
         reach = self.arrays.values("reach")
         for q, (given, tiles) in enumerate(zip(self._sent_slots, self._sent_tiles, strict=True)):
-            hashes, ways = self._rows("history_hash", given), self._rows("displacement", given)
+            hashes, displacements = self._rows("history_hash", given), self._rows("displacement", given)
             changed = np.arange(len(given), dtype=np.int32)
             if (sent := self._sent_hashes[q]) is not None:
-                changed = changed[np.any(hashes != sent[0], axis=1) | (ways != sent[1])]
-            self._sent_hashes[q] = hashes, ways
-            messages.append((changed, hashes[changed], ways[changed], reach[tiles]))
+                changed = changed[np.any(hashes != sent[0], axis=1) | (displacements != sent[1])]
+            self._sent_hashes[q] = hashes, displacements
+            messages.append((changed, hashes[changed], displacements[changed], reach[tiles]))
         size += sum(each.nbytes for message in messages for each in message)
         received = self.exchange(messages)
         with self.arrays.written("reach") as (reach,):
-            for slots, tiles, (changed, hashes, ways, reached) in zip(
+            for slots, tiles, (changed, hashes, displacements, reached) in zip(
                 self._ghost_slots, self._ghost_tiles, received, strict=True
             ):
                 self._write_rows("history_hash", slots.start + changed, hashes)
-                self._write_rows("displacement", slots.start + changed, ways)
+                self._write_rows("displacement", slots.start + changed, displacements)
                 reach[tiles] = reached
         self.communication.hashes += size
         self.communication.rounds += 1
@@ -573,7 +575,7 @@ class RankWindows(Windows):
 
     domain: RankDomain
     _short: bool = False
-    _since_look: int = 0
+    _windows_since_check: int = 0
 
     def _survey(self, *, rough: bool) -> None:
         super()._survey(rough=rough)
@@ -582,15 +584,15 @@ class RankWindows(Windows):
     def _launch(
         self, tiles: int, most: int, again: int = 0, *, pausing: bool = False, resuming: bool = False
     ) -> None:
-        a, d, began = self.arrays, self.domain, time.perf_counter()
+        a, d, window_begin = self.arrays, self.domain, time.perf_counter()
         alone, short = bool(a.grid.single_tile), False
         if alone:
             d.fetch_all()
             d.list_tiles(np.zeros(1, dtype=np.int32))
         elif not again:
-            self._since_look += 1
-            if self._since_look >= BETWEEN:
-                self._since_look = 0
+            self._windows_since_check += 1
+            if self._windows_since_check >= BETWEEN:
+                self._windows_since_check = 0
                 d.rebalance()
             d.fetch()
         elif short := self._short:
@@ -633,7 +635,7 @@ class RankWindows(Windows):
             )
         a.counter.n_bad, a.counter.stuck, a.counter.resting = flags[:3]
         self._short = bool(flags[4])  # what is needed was not fetched
-        d.communication.seconds += time.perf_counter() - began - ran
+        d.communication.seconds += time.perf_counter() - window_begin - ran
         self.rests |= bool(flags[2])
 
     def _run_own(self, again: int = 0) -> None:

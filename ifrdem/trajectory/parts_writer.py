@@ -115,8 +115,10 @@ class PartsWriter:
             if force:
                 part_files.remove(output_path)
             folder = part_files.folder_of(output_path)
-            if there := part_files.existing(output_path):
-                raise InputError(f"output {there[0]} exists: choose another name, or replace it (--force)")
+            if old_parts := part_files.existing(output_path):
+                raise InputError(
+                    f"output {old_parts[0]} exists: choose another name, or replace it (--force)"
+                )
             try:
                 folder.mkdir(exist_ok=True)
             except OSError as error:
@@ -273,7 +275,7 @@ class PartsWriter:
     @property
     def replaced_or_removed(self) -> str | None:
         """Reason why a file of this rank is not at its place any more; None if all are."""
-        return next((why for queue in self._queues if (why := queue.replaced_or_removed)), None)
+        return next((reason for queue in self._queues if (reason := queue.replaced_or_removed)), None)
 
     @property
     def seconds(self) -> float:

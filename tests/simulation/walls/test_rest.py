@@ -303,7 +303,7 @@ def test_a_pile_comes_to_rest_at_a_bounded_cost() -> None:
     assert not state.spin.any()
     events = run.collisions + run.wall_collisions
     assert events < 400_000
-    assert run.statistics.unjudged == 0
+    assert run.statistics.unverified == 0
     closes(run)
     assert pdist(state.position).min() > 1.0 - 1e-11
     assert state.position.min() > 0.5 - 1e-11
@@ -318,7 +318,7 @@ def test_a_pile_rests_at_any_friction() -> None:
     run = pile(30, law=IFRLaw(e_n=0.6, e_t=-1.0, mu=100.0))
     run.run(t_end=60.0)
     assert run.asleep == 30
-    assert run.statistics.unjudged == 0
+    assert run.statistics.unverified == 0
     closes(run)
 
 
