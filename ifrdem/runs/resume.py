@@ -103,7 +103,7 @@ def resume(
         with checkpoint.as_damage_error(path, "its record"):
             checkpoint.check_versions(record, path)
             extra: Mapping[str, Any] = record["extra"]
-            if "course" not in extra:
+            if "plan" not in extra:
                 raise InputError(f"{path}: {NO_RUN}")
             if not ignore_case_changes:
                 _refuse_changed(path, extra)
@@ -113,7 +113,7 @@ def resume(
                 raise InputError(f"{path} belongs to {extra['trajectory']}: rename it back")
             original = Path(extra["case_path"]), str(extra["case"]), tuple(map(str, extra["overrides"]))
             ledger = Ledger.from_record(extra["ledger"])
-            plan = RunPlan.from_record(extra["course"], case.output.frame_cadence, case.output.series_cadence)
+            plan = RunPlan.from_record(extra["plan"], case.output.frame_cadence, case.output.series_cadence)
             names = ("frames", "series_rows", "events")
             written: dict[str, Any] = {name: operator.index(extra["seen"][name]) for name in names}
         if threads is not None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.gases import equal_disks, mixture, start
+from support.gases import equal_disks, gas_of, mixture
 
 from ifrdem import Device
 from ifrdem.errors import EngineError
@@ -19,7 +19,7 @@ from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.observables import Measure, measure
 from ifrdem.model.state import State, StoredState
 from ifrdem.simulation.engine import Engine
-from ifrdem.simulation.schedule import RunPlan, Span, Trigger
+from ifrdem.simulation.schedule import RunPlan, RunPoint, Trigger
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.trajectory import layout
 
@@ -39,12 +39,8 @@ def order(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> st
     return chosen
 
 
-def gas(*, n: int = 1500, box: Box | None = None, **options: object) -> Simulation:
-    disks = mixture(n)
-    inside, state = start(disks, 0.5)
-    return Simulation(
-        disks, inside if box is None else box, COIN, state, record=["energy", "partner", "angle"], **options
-    )
+def gas(*, n: int = 1500, **options: object) -> Simulation:
+    return gas_of(mixture(n), 0.5, COIN, record=["energy", "partner", "angle"], **options)
 
 
 def frames_of(simulation: Simulation, **course: object) -> Frames:
@@ -73,9 +69,7 @@ def test_what_happens_does_not_depend_on_how_often_somebody_looks(
 
 
 def test_series_tracked_disks_and_the_ledger_change_no_bit(order: str) -> None:
-    disks = mixture(1500)
-    box, state = start(disks, 0.5)
-    bare = Simulation(disks, box, COIN, state)
+    bare = gas_of(mixture(1500), 0.5, COIN)
     bare.run(t_end=0.6)
     expected = bare.state
     followed = gas(tracked=[0, 7, 700])
@@ -256,9 +250,8 @@ def test_single_frames_are_the_exact_ones_rounded_and_lie_in_the_box(order: str)
     found: list[list[State]] = [[], []]
     for frames, stored in zip(found, (None, ALL_FIELDS), strict=True):
         simulation = gas()
-        span = Span.to(1500, 0.0, 0, t_end=0.6)
         simulation.follow(
-            RunPlan(span, Trigger(number=12)),
+            RunPlan(1500, RunPoint(0.0, 0), RunPoint(time=0.6), Trigger(number=12)),
             frame_callbacks=[lambda state, _, to=frames: to.append(state)],
             stored=stored,
         )
@@ -287,7 +280,9 @@ def test_frames_that_are_kept_are_not_written_over(stored: tuple[str, ...] | Non
         copies.append(tuple(np.array(getattr(state, name)) for name in SEEN))
 
     gas(n=300).follow(
-        RunPlan(Span.to(300, 0.0, 0, t_end=0.6), Trigger(number=20)), frame_callbacks=[look], stored=stored
+        RunPlan(300, RunPoint(0.0, 0), RunPoint(time=0.6), Trigger(number=20)),
+        frame_callbacks=[look],
+        stored=stored,
     )
     assert len(kept) == 21
     for state, copy in zip(kept, copies, strict=True):
