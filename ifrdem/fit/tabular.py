@@ -122,7 +122,7 @@ def read(
         The writing of the file.
     most : int
         Largest size of the file [bytes].
-    most_wrong : int
+    most_problems : int
         Wrong lines that are listed one by one.
     gaps : bool
         Values may be missing (empty, nan, NA, ...); else such a one is wrong.

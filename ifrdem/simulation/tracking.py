@@ -313,7 +313,7 @@ class Statistics:
         Windows that were left to one thread.
     elastic : int
         Collisions that were elastic for a remedy for collapse, or slower than the resting speed.
-    unjudged : int
+    unverified : int
         Windows in which the forces in a heap were not found to the accuracy by which it is judged who may rest.
     jammed : int
         Times that a disk fell asleep at speed, jammed between others without room to fly (`kernels/rest.py`).
