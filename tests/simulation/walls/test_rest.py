@@ -220,6 +220,14 @@ def sleeper_and(position: tuple[float, float], velocity: tuple[float, float], mu
     )  # fmt: skip
 
 
+def test_a_hard_hit_from_above_wakes() -> None:
+    """It comes at 3 + t, from a gap of 2; as seen by who falls, the one that sleeps flies up at t, slower than that."""
+    run = sleeper_and((6.0, 3.5), (0.0, -3.0))
+    found = run.collide(1).time[0]
+    assert found == pytest.approx(np.sqrt(13.0) - 3.0, rel=1e-13)  # 3 t + t^2 / 2 = 2
+    assert run.state.asleep[0] == 0
+
+
 def test_a_flying_disk_meets_one_that_sleeps_where_their_parabola_says() -> None:
     """|r + v t + g t^2 / 2| = 2 R, a polynomial of fourth degree; its least root above 0."""
     offset, velocity = np.array([-2.3, 1.1]), np.array([1.4, 0.3])
