@@ -17,7 +17,7 @@ from ..model.density import packing_fraction
 from ..model.observables import MECHANISMS, REGIMES
 from ..model.walls import PISTONS, SUMS
 from ..theory import driven_gas, sheared_gas
-from ..theory.driven_gas import Drive
+from ..theory.driven_gas import Driving
 from ..tools.checked import Array
 from ..trajectory import layout
 from ..trajectory.file import on_pages
@@ -176,14 +176,16 @@ class RankPlan:
         n, phi = gas.n, estimate.packing_fraction
         own = n / ranks
         side = math.sqrt(own * math.pi / (4.0 * phi))  # of a block [mean diameters]
-        there = own * (1.0 + 2.0 * RING / side) ** 2
+        with_halo = own * (1.0 + 2.0 * RING / side) ** 2
         per_disk = RANK_BYTES_PER_DISK + (0 if gas.kinds.every else RADIUS_BYTES)
         return cls(
             ranks=ranks,
             disks=own,
-            memory=RANK_BYTES + max(per_disk * there, strip_bytes(gas, ranks)) + TILE_BYTES * n / TILE_DISKS,
+            memory=RANK_BYTES
+            + max(per_disk * with_halo, strip_bytes(gas, ranks))
+            + TILE_BYTES * n / TILE_DISKS,
             file=estimate.file_bytes / ranks,
-            seconds=run_seconds(estimate.computed(n) / ranks, n, phi, 1) * there / own,
+            seconds=run_seconds(estimate.computed(n) / ranks, n, phi, 1) * with_halo / own,
         )
 
 
@@ -369,8 +371,8 @@ def _by_theory(gas: CaseGas, phi: float, rate: float) -> tuple[tuple[float, floa
     """
     case, (begin, before) = gas.case, gas.begin
     end = math.nan if case.run.t_end is None else case.run.t_end
-    wanted = case.run.collisions_per_disk
-    per_disk = math.nan if wanted is None else wanted - 2.0 * before / gas.n
+    target = case.run.collisions_per_disk
+    per_disk = math.nan if target is None else target - 2.0 * before / gas.n
     each, law, shear_rate = gas.species[0], gas.law(), gas.box.shear_rate
     if gas.box.is_open or len(gas.species) > 1 or not each.equal or law.rho > 0.0:
         return None, end, per_disk
@@ -391,19 +393,19 @@ def _by_theory(gas: CaseGas, phi: float, rate: float) -> tuple[tuple[float, floa
             hot = theory.collision_rate(phi, steady[0], mass, radius)
             per_disk = hot * (end - begin) if hot > rate else math.nan
         return steady, end, per_disk
-    drive = Drive.of([force.model_dump() for force in case.force], mass, inertia) if case.force else None
-    if not case.homogeneous or (case.force and drive is None):
+    driving = Driving.of([force.model_dump() for force in case.force], mass, inertia) if case.force else None
+    if not case.homogeneous or (case.force and driving is None):
         return None, end, per_disk
-    steady = None if drive is None else driven_gas.steady_state(*one, drive)
+    steady = None if driving is None else driven_gas.steady_state(*one, driving)
     if steady is not None:
         rate = max(rate, theory.collision_rate(phi, steady[0], mass, radius))
-    if rate == 0.0 or (T == 0.0 and (drive is None or drive.power == 0.0)):
+    if rate == 0.0 or (T == 0.0 and (driving is None or driving.power == 0.0)):
         return steady, end, per_disk
 
     def collisions(times: Array) -> Array:
-        if drive is None:
+        if driving is None:
             return theory.cooling(*one, T, T_rot, times)[2]
-        return driven_gas.driven(*one, drive, T, T_rot, times)[2]
+        return driven_gas.driven(*one, driving, T, T_rot, times)[2]
 
     if math.isnan(per_disk):
         return steady, end, float(collisions(np.array([end - begin]))[0])

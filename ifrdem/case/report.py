@@ -81,7 +81,7 @@ def check(gas: CaseGas, folder: Path, *, share: float = 1.0, ranks: int = 1, sli
     if ranks == 1:
         gas.verify_start()
     here = refused_here(gas, estimate, folder, share=share, ranks=ranks, sliced=sliced)
-    return report(gas, estimate, (*pinches, *gas.cautions, *(f"{each}: {REFUSED_HERE}" for each in here)))
+    return report(gas, estimate, (*pinches, *gas.notices, *(f"{each}: {REFUSED_HERE}" for each in here)))
 
 
 def report(gas: CaseGas, estimate: RunEstimate, warnings: tuple[str, ...] = ()) -> Report:
@@ -254,8 +254,8 @@ def _collapse(gas: CaseGas, units: Units) -> Iterator[ReportRow]:
         and gas.free_area.all_walls
         and not all(each.law and each.law.e_n == 1.0 for each in gas.verdicts)
     ):
-        ways = '"velocity_cutoff" or "tc"' if any(wall.piston for wall in gas.walls) else '"rest"'
-        text = f"no remedy: disks that come to rest on others end the run; set run.collapse = {ways}"
+        remedies = '"velocity_cutoff" or "tc"' if any(wall.piston for wall in gas.walls) else '"rest"'
+        text = f"no remedy: disks that come to rest on others end the run; set run.collapse = {remedies}"
         yield ReportRow("collapse", text)
 
 
