@@ -136,6 +136,7 @@ def _count_pairs(
     by_cell, centres = np.zeros((0, bins)), np.zeros(0)
     edges = np.linspace(r_min, r_max, bins + 1)
     rings = np.pi * np.diff(edges**2)
+    rdf = freud.density.RDF(bins, r_max, r_min=r_min)
     for points, when in zip(position, time, strict=False):
         if len(points) < 2:
             raise InputError(f"position has a frame of {len(points)} disks: must have 2 or more")
@@ -151,7 +152,6 @@ def _count_pairs(
         where = np.where(inside, cells_of(box.wrap(points, when), box, side), -1)
         for cell in np.unique(where[inside]):
             own = frame.points[where == cell]
-            rdf = freud.density.RDF(bins, r_max, r_min=r_min)
             rdf.compute(query, query_points=own, neighbors={"r_max": r_max})
             counts = np.asarray(rdf.bin_counts, dtype=float)
             if r_min == 0.0:
@@ -172,8 +172,8 @@ def _count_pairs(
     same = np.maximum(1.0 - 2.0 * r / np.pi * (1.0 / a + 1.0 / b) + r**2 / (np.pi * a * b), 0.0)
     # What cells add to the sum besides their numbers of centres, which all together do not change. Pairs within a cell
     # go with the square of that number, pairs across two cells with the number in each.
-    there = centres > 0.0
-    parts = by_cell[there] - np.outer(centres[there] / centres.sum(), (1.0 + same) * count)
+    positive = centres > 0.0
+    parts = by_cell[positive] - np.outer(centres[positive] / centres.sum(), (1.0 + same) * count)
     cells = len(parts)
     scatter = np.std(parts, axis=0, ddof=1) * np.sqrt(cells) if cells > 1 else np.zeros(bins)
     # A pair across two cells is counted once in each, and their covariance is missing: a half of its variance.

@@ -199,15 +199,15 @@ def clustering_length(e_n: Fraction, radius: Positive, packing_fraction: Packed)
         low, high = (packing_fraction * math.exp(sign * step) for sign in (-1.0, 1.0))
         return (math.log(f(high)) - math.log(f(low))) / (2.0 * step)
 
-    drive = (1.0 + slope(contact_value)) / (1.0 + slope(compressibility)) - 0.5
-    if drive <= 0.0:
+    driving = (1.0 + slope(contact_value)) / (1.0 + slope(compressibility)) - 0.5
+    if driving <= 0.0:
         raise InputError(
             f"packing_fraction = {packing_fraction}: so dense, temperature waves decay as the gas does; no clustering"
         )
     kappa = thermal_conductivity(packing_fraction, 1.0, 1.0, radius)
     n = packing_fraction / (math.pi * radius**2)
     nu = collision_rate(packing_fraction, 1.0, 1.0, radius)
-    return 2.0 * math.pi * math.sqrt(kappa / (n * z * nu * drive))
+    return 2.0 * math.pi * math.sqrt(kappa / (n * z * nu * driving))
 
 
 class _CoolingPath(NamedTuple):
@@ -366,14 +366,14 @@ def shear_mode_time(
     18.6
     """
     nu0 = collision_rate(packing_fraction, T0, mass, radius)
-    end, last = 8.0, 0.0
+    end = 8.0
     while True:
         path, found = _mode_energy(law, radius, packing_fraction, box, k, theta0, end)
         if found.max() >= share:
             break
-        if path.tau[-1] == last or end > _LONGEST:
+        if path.tau[-1] < end or end > _LONGEST:  # as cold as it gets
             return ShearModes(math.inf, math.inf)
-        end, last = 2.0 * end, float(path.tau[-1])
+        end *= 2.0
     first = int(np.argmax(found >= share))
     part = (share - found[first - 1]) / (found[first] - found[first - 1])
     tau, time = (
