@@ -29,7 +29,7 @@ from ..trajectory import damage
 
 FORMAT = 10
 OF_DISKS = (
-    "disk", "meta", "past", "hits", "spent", "slept", "held", "listed",
+    "disk", "meta", "past", "hits", "dissipated", "asleep", "held", "listed",
     "state_position", "state_velocity", "state_spin", *(f"disks_{name}" for name in COLUMNS),
 )  # fmt: skip
 """Arrays with a row for each disk, in order of ids; and those of `before_...`, what disks had before the start."""

@@ -239,9 +239,9 @@ class Engine:
             )  # fmt: skip
 
         counts = comm.allgather(comm.run_on_holders(counted))
-        numbers, speeds, met, hits, slept = map(list, zip(*(each for each in counts if each), strict=True))
+        numbers, speeds, met, hits, asleep = map(list, zip(*(each for each in counts if each), strict=True))
         n = self.n = sum(numbers)
-        self._before, self._slept = [sum(met) // 2, sum(hits)], sum(slept)
+        self._before, self._asleep_before = [sum(met) // 2, sum(hits)], sum(asleep)
         comm.run_on_holders(check_inputs)
         self.disks_here: Disks = disks
         begin = state
@@ -372,7 +372,7 @@ class Engine:
     @property
     def asleep(self) -> int:
         """Disks that sleep."""
-        return self._slept + self.windows.sleepers
+        return self._asleep_before + self.windows.sleepers
 
     @property
     def wall_work(self) -> float:
@@ -484,7 +484,7 @@ class Engine:
     def _restart_from(self, state: State, *, wakes: bool = False) -> None:
         """Begin a window with a state at the present time, in which disks that sleep are woken if it `wakes`."""
         if wakes and self.options.resting_speed:
-            self._slept -= self.asleep
+            self._asleep_before -= self.asleep
             state.asleep = np.zeros_like(state.asleep)
         excess = self._excess()
         self.windows.commit_at(state.time)

@@ -46,7 +46,7 @@ def take(engine: Engine) -> Snapshot:
         found["counts"] = np.array(
             [
                 *engine._before,
-                engine._slept,
+                engine._asleep_before,
                 engine._resting,
                 engine._no_future_collisions,
                 engine._until_looked,
@@ -96,7 +96,11 @@ def _restore(engine: Engine, found: Snapshot) -> None:
         setattr(a.clock, name, value)
     _time, engine._collided_at, engine._flow_excess = found["clock"].tolist()
     *before, engine._resting, separated, engine._until_looked = found["counts"].tolist()
-    engine._before, engine._slept, engine._no_future_collisions = before[:2], before[2], bool(separated)
+    engine._before, engine._asleep_before, engine._no_future_collisions = (
+        before[:2],
+        before[2],
+        bool(separated),
+    )
     if engine.turning.rotation:
         step, engine.turning.work = found["turning"].tolist()
         engine.turning.next_step = int(step)

@@ -188,7 +188,7 @@ class Uniform(Force):
 
 def test_custom_laws_and_forces_are_given_again(tmp_path):
     path, disks = tmp_path / "a.h5", equal_disks(60)
-    box, state = start(disks, 0.3)
+    box, state = gases.start(disks, 0.3)
     law, forces = Smooth(e_n=0.9), [Uniform(0.05, acceleration=0.3), Drag(0.08, rate=0.1)]
     whole = Simulation(disks, box, law, state, forces=forces, record=["energy", "partner", "angle"])
     whole.run(t_end=0.7)
