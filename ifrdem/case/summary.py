@@ -7,7 +7,7 @@ import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from ..errors import InputError, refuse
+from ..errors import InputError, option_name, refuse
 from ..kernels.columns import BYTES_PER_DISK
 from ..simulation import backend, checks
 from .case import GROWN, CaseSections
@@ -92,7 +92,7 @@ def refuse_beyond_disk(needed: int, folder: Path) -> None:
     free = shutil.disk_usage(folder).free
     if needed > free:
         place = f"{size(free)} are free in {folder.resolve()}"
-        fewer = "fewer output.frames or output.fields, or another place (-o)"
+        fewer = f"fewer output.frames or output.fields, or another place ({option_name('-o', 'output')})"
         raise InputError(f"output: the trajectory requires about {size(needed)}, and {place}: {fewer}")
 
 

@@ -247,7 +247,7 @@ def output_path(file: str, output: str | None, ending: str, *, force: bool, opti
 
     given = Path(file)
     if output is not None and not output.strip():
-        raise InputError(f"{option}: an empty text is no file")
+        raise InputError(f"{option} {output!r}: must be the path of a file")
     found = given.with_name(given.name.removesuffix(".h5") + ending) if output is None else Path(output)
     if given.exists():
         check_apart(found, given, option)

@@ -313,7 +313,7 @@ def new(
     from ..tools.files import check_files, write_aside, write_text
 
     if output is not None and not output.strip():
-        raise InputError("-o: an empty text is no file")
+        raise InputError(f"-o {output!r}: must be the path of a file")
     if kind == "study":
         from ..study import plan  # imports h5py
 

@@ -7,16 +7,16 @@ from __future__ import annotations
 
 import functools
 import math
-import re
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
 
 from ..errors import InputError, nearest
 from ..tools.checked import Array
-from .coefficients import named_numbers
+from ..tools.read_only import ReadOnlyAttributes
+from .custom_code import check_constants, check_signature, declared_names, named_numbers, why_not_compiled
 from .state import Disks
 
 PAIRS = 4096
@@ -32,7 +32,7 @@ class EnergyWarning(UserWarning):
     """The tangential impulses alone can add energy; only the loss along the line of centres outweighs it."""
 
 
-class CollisionLaw:
+class CollisionLaw(ReadOnlyAttributes):
     """A collision law of one's own: subclasses say in `collide` which impulses a pair of disks exchanges.
 
     `ifrdem.IFRLaw` is one too, and passes through the same code. InputError if a coefficient is missing, unknown or
@@ -42,7 +42,7 @@ class CollisionLaw:
     ----------
     **values : float
         A finite number for each of the names in `coefficients`: one row for each pair of materials. They are not
-        compiled in.
+        compiled in, and are attributes of these names; `set_law` of a simulation gives it other ones.
 
     Attributes
     ----------
@@ -55,7 +55,8 @@ class CollisionLaw:
     T, the angular momentum. Whether the law can add energy is *not* known beforehand, as it is for the IFR law: a
     simulation tries it on random pairs and warns if one gains (`EnergyWarning`), and `Simulation.dissipated_energy`
     tells what became of it. One class of laws serves a whole simulation; its rows may differ from pair to pair of
-    materials.
+    materials. Variables from outside, such as module globals, are compiled in as constants: InputError from a later
+    simulation or run if they have changed.
 
     Examples
     --------
@@ -71,13 +72,23 @@ class CollisionLaw:
     ('e_n',)
     """
 
-    __slots__ = ("_row",)
-
     coefficients: ClassVar[tuple[str, ...]] = ()
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        cls.assignable = declared_names(cls, CollisionLaw)
 
     def __init__(self, **values: float) -> None:
         row = named_numbers(type(self).__name__, "coefficient", self.coefficients, values)
         self._row = tuple(row.values())
+
+    def __getattr__(self, name: str) -> float:
+        if name not in type(self).coefficients:
+            raise AttributeError(f"{type(self).__name__} has no attribute {name!r}{nearest(name, dir(self))}")
+        return self._row[self.coefficients.index(name)]
+
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *self.coefficients})
 
     @staticmethod
     def collide(pair: Any, law: Any) -> tuple[Any, Any, Any]:
@@ -133,6 +144,8 @@ def compiled(kind: type[CollisionLaw]) -> Any:
     from ..kernels.layout import CompiledLaw, plain
 
     function = kind.impulses()
+    if function is kind.collide:
+        check_signature(f"law {kind.__name__}", function, ("pair", "law"))
     if not hasattr(function, "_is_taichi_function"):
         function = ti.func(plain(function))
     custom = kind.impulses.__func__ is CollisionLaw.impulses.__func__  # type: ignore[attr-defined]
@@ -188,6 +201,7 @@ def check_by_sampling(
     from ..kernels.contact import sample_law
     from ..kernels.layout import Uses
 
+    check_constants(f"law {kind.__name__}", kind, "collide")
     movable = np.flatnonzero(disks.movable)
     if not len(movable):
         return
@@ -212,11 +226,13 @@ def check_by_sampling(
     try:
         sample_law(Uses(collision_law=compiled(law)), np.ascontiguousarray(table), pairs, found)
     except TaichiCompilationError as error:
-        known = {"law": kind.coefficients or ("no coefficients",), "pair": OF_PAIR}
-        raise InputError(
-            f"law {kind.__name__}: Taichi cannot compile its collide(pair, law), a static method that returns P_n, P_t "
-            f"and T: {why_not_compiled(error, known)}"
-        ) from error
+        reason = why_not_compiled(
+            error,
+            [kind.collide],
+            {"pair": OF_PAIR, "law": kind.coefficients},
+            "collide must return P_n, P_t and T",
+        )
+        raise InputError(f"law {kind.__name__}: Taichi cannot compile its collide: {reason}") from error
     _refuse_too_weak(kind, pairs, found)
     gain = _energy(pairs, found[:, 2:]) / _energy(pairs, _before(pairs)) - 1.0
     if gaining := np.count_nonzero(gain > _ROUND_OFF):
@@ -224,18 +240,6 @@ def check_by_sampling(
         text = f"of {PAIRS} random collisions {gaining} added energy, {most}"
         more = "Simulation.dissipated_energy tells what becomes of it"
         warnings.warn(f"law {kind.__name__}: {text}. {more}", EnergyWarning, stacklevel=5)
-
-
-def why_not_compiled(error: Exception, known: Mapping[str, Sequence[str]]) -> str:
-    """Reason of Taichi's error; for an unknown name or an index, the names that each argument has (`known`)."""
-    reason = str(error).strip().splitlines()[-1].strip()
-    there = "; ".join(f"{owner} has {', '.join(names)}" for owner, names in known.items())
-    if missing := re.search(r"(?:'Struct\d*' object has no attribute|no number) '(\w+)'", reason):
-        others = [name for names in known.values() for name in names if name != missing[1]]
-        return f"there is no '{missing[1]}'{nearest(missing[1], others)}; {there}"
-    if missing := re.fullmatch(r"KeyError: (.*)", reason):
-        return f"[{missing[1]}]: must be a name after a dot; {there}"
-    return reason
 
 
 def _refuse_too_weak(kind: type[CollisionLaw], pairs: Array, found: Array) -> None:

@@ -112,6 +112,17 @@ class EngineOptions:
             checked.integer("tile_disks", self.tile_disks, 1)
 
     @property
+    def recorded(self) -> list[str]:
+        """Those quantities of a state (`state.RECORDED`) that the engine keeps up to date."""
+        kept = {
+            "latest_collision": isinstance(self.collapse, ContactTime),
+            "last_partner": "partner" in self.record,
+            "angle": "angle" in self.record,
+            "dissipated": "disk_energy" in self.record,
+        }
+        return [name for name, there in kept.items() if there]
+
+    @property
     def velocity_cutoff(self) -> float:
         """Cut-off for kernels [length/time]; 0 without."""
         return self.collapse.speed if isinstance(self.collapse, VelocityCutoff) else 0.0
