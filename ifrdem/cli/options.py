@@ -136,6 +136,14 @@ Device = Annotated[
     Literal["cpu", "cuda"] | None,
     choice("DEVICE", "cpu or cuda (see `ifrdem devices`); sets run.device", ("cpu", "cuda")),
 ]
+Runtime = Annotated[
+    Literal["taichi", "quadrants"] | None,
+    choice(
+        "RUNTIME",
+        "taichi or quadrants: what compiles the kernels (see `ifrdem devices`)",
+        ("taichi", "quadrants"),
+    ),
+]
 Seed = Annotated[int | None, integer("N", "seed of the random numbers; sets run.seed", 0, MOST_SEED)]
 Threads = Annotated[int | None, integer("N", "CPU threads (default: all cores); sets run.threads", 1)]
 Precision = Annotated[

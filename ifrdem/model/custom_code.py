@@ -60,12 +60,12 @@ def why_not_compiled(
     owners: Mapping[str, Sequence[str]],
     returns: str,
 ) -> str:
-    """Reason of Taichi's error, with the line; for an unknown name or an index, the names that there are.
+    """Reason of a compilation error, with the line; for an unknown name or an index, the names that there are.
 
     Parameters
     ----------
     error : Exception
-        What Taichi raised.
+        What the compiler raised.
     functions : sequence of functions
         Those that were compiled; `owners` are their arguments in order, whatever the user calls them.
     owners : mapping of str to sequence of str
@@ -135,6 +135,6 @@ def _constants(function: Any, visited: set[int]) -> Iterator[tuple[str, Any]]:
         if isinstance(value, bool | int | float | tuple | np.generic | np.ndarray):
             yield name, value
         elif not isinstance(value, ModuleType | type) and str(getattr(value, "__module__", "")).split(".")[0] not in (
-            "taichi", "ifrdem", "builtins",
+            "taichi", "quadrants", "ifrdem", "builtins",
         ):  # fmt: skip
             yield from _constants(value, visited)

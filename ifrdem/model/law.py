@@ -140,14 +140,13 @@ class CollisionLaw(ReadOnlyAttributes):
 @functools.cache
 def compiled(kind: type[CollisionLaw]) -> Any:
     """Compiled form of a class of laws, a `kernels.layout.CompiledLaw`; one object for each class."""
-    from ..kernels.language import ti
-    from ..kernels.layout import CompiledLaw, plain
+    from ..kernels.language import declared
+    from ..kernels.layout import CompiledLaw
 
     function = kind.impulses()
     if function is kind.collide:
         check_signature(f"law {kind.__name__}", function, ("pair", "law"))
-    if not hasattr(function, "_is_taichi_function"):
-        function = ti.func(plain(function))
+    function = declared(function)
     custom = kind.impulses.__func__ is CollisionLaw.impulses.__func__  # type: ignore[attr-defined]
     names = (tuple(kind.coefficients) or ("none",)) if custom else ()
     return CompiledLaw(function, max(len(kind.coefficients), 1), kind.parts(), names)
@@ -196,9 +195,8 @@ def check_by_sampling(
     speed : float
         The fastest at the start [length/time].
     """
-    from taichi.lang.exception import TaichiCompilationError
-
     from ..kernels.contact import sample_law
+    from ..kernels.language import CompilationError
     from ..kernels.layout import Uses
 
     check_constants(f"law {kind.__name__}", kind, "collide")
@@ -225,14 +223,14 @@ def check_by_sampling(
     law: Any = kind  # mypy does not take a class for hashable
     try:
         sample_law(Uses(collision_law=compiled(law)), np.ascontiguousarray(table), pairs, found)
-    except TaichiCompilationError as error:
+    except CompilationError as error:
         reason = why_not_compiled(
             error,
             [kind.collide],
             {"pair": OF_PAIR, "law": kind.coefficients},
             "collide must return P_n, P_t and T",
         )
-        raise InputError(f"law {kind.__name__}: Taichi cannot compile its collide: {reason}") from error
+        raise InputError(f"law {kind.__name__}: cannot compile its collide: {reason}") from error
     _refuse_too_weak(kind, pairs, found)
     gain = _energy(pairs, found[:, 2:]) / _energy(pairs, _before(pairs)) - 1.0
     if gaining := np.count_nonzero(gain > _ROUND_OFF):

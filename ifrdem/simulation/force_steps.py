@@ -1,6 +1,6 @@
 """Operator splitting: when each force acts, and what it did to the energy.
 
-Imports the kernels, and Taichi with them: import this module only after `backend.start`.
+Imports the kernels, and the runtime with them: import this module only after `backend.start`.
 
 Forces that act at one and the same time do so in the order given at every other such time and in the reverse order at
 those between. Forces that do not commute would else make an error of first order in the step: drag before kicks is
@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from taichi.lang.exception import TaichiCompilationError
 
 from ..errors import EngineError, InputError
 from ..kernels.forces import LEVELS, kernels_of
+from ..kernels.language import CompilationError
 from ..model.custom_code import check_constants, check_signature, why_not_compiled
 from ..model.forces import OF_DISK, OF_STEP, Force
 from ..model.state import Disks
@@ -139,7 +139,7 @@ class ForceSteps:
 
 
 def _check_compiles(i: int, force: Force) -> None:
-    """Compile a custom force by itself; InputError if Taichi cannot, such as for a parameter that it lacks."""
+    """Compile a custom force by itself; InputError if the runtime cannot, such as for a parameter that it lacks."""
     kind: Any = type(force)
     if kind.__module__ == Force.__module__:
         return
@@ -149,7 +149,7 @@ def _check_compiles(i: int, force: Force) -> None:
     check_constants(owner, kind, "act", "measure")
     try:
         _kernels(kind)[2](np.ones(2), np.ones(len(force.parameters) + 1))
-    except TaichiCompilationError as error:
+    except CompilationError as error:
         of_step = (*OF_STEP, *["totals (in act)"] * (force.totals > 0))
         returns = "act must return three numbers, vx, vy and spin"
         if force.totals:
@@ -158,7 +158,7 @@ def _check_compiles(i: int, force: Force) -> None:
         reason = why_not_compiled(error, functions, owners, returns)
         if not force.totals and "'totals'" in reason:
             reason += "; totals require a class attribute totals (their number) and a static method measure"
-        raise InputError(f"{owner}: Taichi cannot compile it: {reason}") from error
+        raise InputError(f"{owner}: cannot compile it: {reason}") from error
 
 
 def _size(largest: NDArray[np.float64]) -> NDArray[np.int64]:

@@ -650,7 +650,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         from . import snapshot
 
         with checkpoint.as_damage_error(path, "its record"):
-            checkpoint.check_versions(meta, path)
+            checkpoint.check_versions(meta, path, meta["gas"]["device"]["name"])
             if different := differences(gas_record(self._engine, self._laws), meta["gas"]):
                 raise InputError(
                     f"{path}: the checkpoint of another gas: it differs in {', '.join(different)}"
@@ -705,7 +705,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         comm = Communicator(current(), distributed=True) if comm is None else comm
         found, meta = checkpoint.read_slice(path, comm)
         with checkpoint.as_damage_error(path, "its record"):
-            checkpoint.check_versions(meta, path)
+            checkpoint.check_versions(meta, path, meta["gas"]["device"]["name"])
             given = arguments(
                 meta["gas"], found["state_pistons"][:, 0].tolist(), law=law, forces=forces, device=device
             )

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..kernels import layout as k
+from ..kernels.language import from_numpy
 from .tracking import Statistics
 
 if TYPE_CHECKING:
@@ -86,7 +87,7 @@ def _restore(engine: Engine, found: Snapshot) -> None:
     a.divide((len(found["edge_x"]) - 1, len(found["edge_y"]) - 1), low, high)
     for axis, name in enumerate(("edge_x", "edge_y")):
         a.edges[axis] = found[name]
-        getattr(a, name).from_numpy(found[name])
+        from_numpy(getattr(a, name), found[name])
     a.single_tile = a.single_tile and a.tiles == 1
     a.grid.single_tile = int(a.single_tile)
     a.grid.part = 0

@@ -17,6 +17,7 @@ from ..errors import EngineError, InelasticCollapse
 from ..kernels import layout as k
 from ..kernels.columns import TALLY, TOTAL, named
 from ..kernels.events import TOO_FAR
+from ..kernels.language import from_numpy, to_numpy
 from ..kernels.planner import plan_window, survey
 from ..kernels.windows import LEAST_HALO, run_windows, run_windows_on_gpu, verify
 from .arrays import SLACK, DeviceArrays
@@ -476,7 +477,7 @@ class Windows:
                     moments[0] = clock.stop - clock.begin
             resuming = False  # from the beginning of the window
             a.clock.array[:], a.grid.part, a.scale.moment = clock.array, part, moments
-            lane_slots, cells, bins, items = self._room()
+            lane_slots, cells, items = self._room()
             # Threads of a CPU have stopped before the other tiles, which will have as many.
             ran = tiles if a.on_gpu else max(int(a.counter.next_tile - a.grid.lanes), 1)
             more = SLACK * max(tiles / ran, 1.0)
@@ -492,17 +493,16 @@ class Windows:
                 grown = int(SLACK * needed) + 16
                 if full & k.FULL_SLOTS:
                     lane_slots = max(lane_slots, min(grown, a.n if a.grid.single_tile else 9 * a.n))
-                    bins = 1 << max(lane_slots - 1, 1).bit_length()
                 if full & k.FULL_CELLS:
                     cells = max(cells, grown)
                 if full & k.FULL_WALLS:
                     items = max(items, grown)
-                a.scratch(lane_slots, cells, bins, items)
+                a.scratch(lane_slots, cells, items)
 
-    def _room(self) -> tuple[int, int, int, int]:
-        """Slots for disks, cells, bins and walls of a lane."""
+    def _room(self) -> tuple[int, int, int]:
+        """Slots for disks, cells and walls of a lane."""
         grid = self.arrays.grid
-        return int(grid.lane_slots), int(grid.cells), int(grid.bins), int(grid.items)
+        return int(grid.lane_slots), int(grid.cells), int(grid.items)
 
     def _check(self, launch: Callable[..., Any]) -> None:
         """Verify the tiles that have just run."""
@@ -541,7 +541,7 @@ class Windows:
             if reach > most or a.counter.stuck:
                 self._whole_box()
                 break
-            self._drop(a.listed.to_numpy()[: self._bad])
+            self._drop(to_numpy(a.listed)[: self._bad])
             self._run_again(count)
             self._collect()
         self.statistics.run_again += bad
@@ -555,7 +555,7 @@ class Windows:
             except _Again:
                 self._clear_logs()
                 self._n_ghosts, count = 0, a.tiles
-                a.listed.from_numpy(np.arange(a.tiles, dtype=np.int32))
+                from_numpy(a.listed, np.arange(a.tiles, dtype=np.int32))
 
     def _drop(self, tiles: NDArray[np.int32]) -> None:
         """Forget what these tiles have written down."""
@@ -577,9 +577,8 @@ class Windows:
         self._clear_logs()
         self._launch(1, 1)
         self._collect()
-        a.grid.lanes = lanes
+        a.grid.lanes, a.grid.single_tile = lanes, 0
         a.scratch(*room)
-        a.grid.single_tile = 0
 
 
 class _TooLong(Exception):

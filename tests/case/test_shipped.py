@@ -40,7 +40,7 @@ def test_every_shipped_case_is_in_order_and_named_like_its_file(name: str) -> No
 def test_listing_imports_nothing_heavy() -> None:
     code = (
         "import sys; from ifrdem.cli import main as cli; cli.main(['cases']); "
-        "print(sorted(m for m in ('taichi', 'matplotlib', 'h5py', 'scipy') if m in sys.modules))"
+        "print(sorted(m for m in ('taichi', 'quadrants', 'matplotlib', 'h5py', 'scipy') if m in sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stdout.splitlines()[-1] == "[]"
@@ -63,9 +63,7 @@ def test_a_name_that_is_neither_file_nor_case_gets_the_nearest(
     monkeypatch.chdir(tmp_path)
     assert cli.main([verb, "mixtrue"]) == 2
     error = capsys.readouterr().err
-    assert (
-        "mixtrue: there is no such file, and no shipped case of this name (did you mean 'mixture'?)" in error
-    )
+    assert "no shipped case of this name (did you mean 'mixture'?)" in error
     assert list(tmp_path.iterdir()) == []
 
 

@@ -134,7 +134,7 @@ def test_a_law_needs_no_coefficients() -> None:
 def test_a_law_that_returns_too_little_is_refused_by_name() -> None:
     disks = mixture(100)
     box, state = start(disks, 0.4)
-    with pytest.raises(InputError, match=r"law Short: Taichi cannot compile .* must return P_n, P_t and T"):
+    with pytest.raises(InputError, match=r"law Short: cannot compile .* must return P_n, P_t and T"):
         quiet(disks, box, Short(), state)
 
 

@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-import taichi as ti
 
 import ifrdem
-from ifrdem import Device, InputError, theory
+from ifrdem import Device, InputError, theory, ti
 from ifrdem.runs.run import _mechanisms
 
 DISKS = ifrdem.Disks(2, mass=1.0, radius=0.5)
