@@ -183,8 +183,8 @@ def of_fields(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluatio
     rows = [
         Reading("cells along x", a),
         Reading("cells along y", b),
-        Reading("packing fraction, mean", float(phi.mean())),
-        Reading("packing fraction, standard deviation", float(phi.std())),
+        Reading("packing fraction of cells, mean", float(phi.mean())),
+        Reading("packing fraction of cells, standard deviation", float(phi.std())),
         Reading("thermal temperature, mean over cells", mean_T, unit=unit(trajectory, "energy")),
         Reading("flow, root mean square", flow, unit=unit(trajectory, "length/time")),
     ]

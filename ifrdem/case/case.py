@@ -18,6 +18,7 @@ from ..kernels.columns import MOST_IDS
 from ..model.box import Box
 from ..model.coin_table import coins
 from ..model.gravity import DEFAULT_STEP, MAX_STEP
+from ..model.ifr import REQUIRED_COEFFICIENTS
 from .output_section import OutputSection
 from .section import Section, exclusive_with, field, refusal
 from .walls_section import Pair, Wall
@@ -232,9 +233,8 @@ class MaterialSection(Section):
     @classmethod
     def mistakes(cls, data: Mapping[str, Any]) -> list[str]:
         """Coefficients beside a coin, or missing without one."""
-        coefficients = ("e_n", "e_t", "mu")
-        missing = [key for key in coefficients if key not in data and "coin" not in data]
-        wrong = exclusive_with(data, "coin", *coefficients)
+        missing = [key for key in REQUIRED_COEFFICIENTS if key not in data and "coin" not in data]
+        wrong = exclusive_with(data, "coin", *REQUIRED_COEFFICIENTS)
         return [*wrong, f"missing: {', '.join(missing)}, or coin"] if missing else wrong
 
 

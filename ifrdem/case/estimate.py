@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from .. import theory
 from ..errors import TheoryError
 from ..kernels import columns
+from ..model.density import packing_fraction
 from ..model.observables import MECHANISMS, REGIMES
 from ..model.walls import PISTONS, SUMS
 from ..theory import driven_gas, sheared_gas
@@ -275,7 +276,8 @@ def collision_rates(species: Sequence[Species], area: float) -> NDArray[np.float
     number = np.array([each.number for each in species], dtype=np.float64)
     radius = np.array([each.summary.radius.mean for each in species])
     variance = np.array([0.5 * each.speed_rms**2 for each in species])  # T / m
-    g = theory.mixture_contact_values(math.pi * float(number @ radius**2) / area, radius, number)
+    phi = packing_fraction(math.pi * float(number @ radius**2), area)
+    g = theory.mixture_contact_values(phi, radius, number)
     ones = np.ones(len(number))
     return theory.mixture_collision_rates(variance, ones, radius, number / area, g).sum(axis=1)
 
@@ -291,7 +293,7 @@ def _wall_hits(gas: CaseGas) -> float:
     if not free_area.all_walls:
         return rate
     phi = free_area.covered_part(gas.kinds.covered)
-    wall_contact_value = 1.0 + 2.0 * phi * theory.contact_value(min(phi, 0.9))
+    wall_contact_value = theory.compressibility(min(phi, 0.9))
     for each in gas.species:
         inset = each.summary.radius.mean
         if (area := free_area.area(inset)) > 0.0:

@@ -20,7 +20,6 @@ from ..initial import impact_scan, packing, placement
 from ..initial.from_csv import StartData
 from ..model import crush
 from ..model.box import Box
-from ..model.collapse import Rest
 from ..model.free_area import FreeArea
 from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.observables import drift_text
@@ -365,14 +364,17 @@ class CaseGas:
             drawn = self._without_drift(np.concatenate(masses), drawn)
         return drawn, np.concatenate(spin)
 
+    def _coefficient(self, name: str) -> NDArray[np.float64]:
+        """A coefficient of the law of each pair of materials, shape (M, M); nan for two that never meet."""
+        return np.array(
+            [[math.nan if law is None else getattr(law, name) for law in row] for row in self.laws]
+        )
+
     @functools.cached_property
     def free(self) -> tuple[bool, bool]:
         """True along x and y where the whole gas can drift (`model.walls.free_directions`)."""
         of_disks = {self.materials.index(each.material) for each in self.species}
-        e_t, mu = (
-            [[math.nan if law is None else getattr(law, name) for law in row] for row in self.laws]
-            for name in ("e_t", "mu")
-        )
+        e_t, mu = self._coefficient("e_t"), self._coefficient("mu")
         return free_directions(self.free_area.all_walls, smooth=smooth_materials(e_t, mu, of_disks))
 
     @property
@@ -448,11 +450,6 @@ class CaseGas:
         set_to = [getattr(each, key, None) or 0.0 for each in case.force for key in thermostats]
         hottest = max([checks.hottest(self.walls, ()), *set_to])
         checks.check_magnitudes(self.kinds, self.box, speed + flow, case.run.precision, hottest)
-        if isinstance(collapse := collapse_of(case.run), Rest):
-            checks.check_resting(
-                self.kinds, self.box, (case.box.gravity[0], case.box.gravity[1]), collapse,
-                [each.kind for each in case.force], IFRLaw, device_of(case.run),
-            )  # fmt: skip
         largest = {
             "a velocity": comm.largest(float(np.abs(velocity).max(initial=0.0))) + flow,
             "a spin": comm.largest(float(np.abs(spin).max(initial=0.0))),
@@ -470,8 +467,6 @@ class CaseGas:
         case, run, smallest = self.case, self.case.run, float(self.kinds.radius.min())
         walls, size = self.free_area.all_walls, "lengths" if self.case.box.lengths else "packing_fraction"
         gravity = (case.box.gravity[0], case.box.gravity[1])
-        e_n = np.array([[math.nan if law is None else law.e_n for law in row] for row in self.laws])
-        materials = [self.materials.index(each.material) for each in self.species]
         meets_none = known and not walls and not self.box.is_open and self.box.shear_rate == 0.0
         alone = 0.0
         if meets_none and (self.n == 1 or checks.fly_alike(velocity)):
@@ -481,8 +476,16 @@ class CaseGas:
             ("run", "t_end"): lambda: checks.check_duration(
                 self.begin[0], run.t_end or 0.0, smallest, self.box, alone
             ),
-            ("run", "collapse"): lambda: checks.check_rebound(
-                e_n, materials, walls, self.box, gravity, collapse_of(run), run.precision
+            ("run", "collapse"): lambda: checks.check_collapse(
+                collapse_of(run),
+                self.kinds,
+                self.box,
+                walls,
+                gravity,
+                [each.kind for each in case.force],
+                IFRLaw,
+                self._coefficient("e_n"),
+                device_of(run),
             ),
         }
         found = self._lying(velocity, walls, gravity) if known else []

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from ..errors import InputError, nearest
 from ..model.coin_table import coins
-from ..model.ifr import EnergyWarning, IFRLaw
+from ..model.ifr import COEFFICIENTS, EnergyWarning, IFRLaw
 from .case import CaseSections
 from .species import Species
 
@@ -28,7 +28,6 @@ class PairVerdict(NamedTuple):
     materials: frozenset[str] = frozenset()
 
 
-COEFFICIENTS = ("e_n", "e_t", "mu", "sticking", "rho")
 Coefficients = tuple[str, dict[str, Any]]
 """The key that coefficients come from, and what a law is made of."""
 

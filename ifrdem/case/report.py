@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..model.box import describe_sides
+from ..model.density import packing_fraction
 from ..model.walls import Wall
 from ..mpi.distribution import GATHERED
 from ..simulation import backend
@@ -128,12 +129,12 @@ def _title(gas: CaseGas, units: Units) -> str:
 def _density(gas: CaseGas, estimate: RunEstimate, units: Units) -> Iterator[ReportRow]:
     region = gas.start_region
     if not gas.box.is_open:
-        yield ReportRow("packing fraction", f"{estimate.packing_fraction:.5g}")
+        yield ReportRow(f"packing fraction{gas.free_area.name}", f"{estimate.packing_fraction:.5g}")
         yield ReportRow("number density", f"{estimate.number_density:.5g}", units.density)
     elif region is not None:
         sides = f"{region.lengths[0]:.5g} x {region.lengths[1]:.5g}"
         yield ReportRow("rectangle of the start", sides, units.length)
-        yield ReportRow("packing fraction there", f"{gas.kinds.covered / region.area:.5g}")
+        yield ReportRow("packing fraction there", f"{packing_fraction(gas.kinds.covered, region.area):.5g}")
     radius = Spread(
         float(gas.kinds.radius.min()), float(gas.kinds.radius.max()), float(gas.kinds.mean_radius)
     )

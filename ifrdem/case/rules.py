@@ -29,8 +29,9 @@ from ..mpi import current, distribution
 from ..mpi.decomposition import counted_tiles, most_ranks
 from ..simulation.checks import check_pistons
 from ..simulation.schedule import first_after, time_of
+from ..simulation.tiling import tiles_on_ranks
 from .case import GROWN, IMPACT_SCAN, CaseSections
-from .objects import choose_runtime, options_of
+from .objects import options_of
 from .pair_rules import PairVerdict
 from .section import Problem
 from .species import Species
@@ -272,9 +273,6 @@ def usable_ranks(case: CaseSections, kinds: DiskKinds, box: Box, ranks: int) -> 
         return 1, f"{' and '.join(keys)} cannot be divided among ranks"
     if run.device != "cpu":  # the engine of a GPU has other, smaller tiles
         return ranks, ""
-    choose_runtime(run)
-    from ..simulation.arrays import tiles_on_ranks  # imports the runtime
-
     tiles = tiles_on_ranks(kinds, box)
     found = most_ranks(tiles, ranks)
     return found, "" if found == ranks else f"{kinds.n} disks make {counted_tiles(tiles)}"

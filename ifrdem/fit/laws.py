@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, nearest, refuse, there_are
-from ..model.ifr import STICKING, EnergyWarning, IFRLaw
+from ..model.ifr import REQUIRED_COEFFICIENTS, STICKING, EnergyWarning, IFRLaw
 from ..model.law import OF_PAIR, CollisionLaw
 from ..tools.checked import validated
 
@@ -200,7 +200,7 @@ def reach(motion: Sequence[Array]) -> Array:
 
 
 def _ifr(name: str, about: str, sticking: str, **fixed: float) -> Law:
-    ranges = {**{key: RANGES[key] for key in ("e_n", "e_t", "mu")}, "rho": (0.0, math.inf)}
+    ranges = {**{key: RANGES[key] for key in REQUIRED_COEFFICIENTS}, "rho": (0.0, math.inf)}
     return Law(name, about, IFRLaw, ranges, {"rho": 0.0, **fixed}, dict(_START_RANGES), sticking)
 
 

@@ -10,7 +10,7 @@ import math
 import sys
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import MISSING, dataclass, field, fields
 from enum import IntEnum
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
@@ -289,6 +289,12 @@ _Masses = Annotated[ArrayLike, Numbers(("...", 2), LEAST, math.inf, f"positive, 
 _Shapes = Annotated[ArrayLike, Numbers(("...", 2), LEAST, MOST, f"positive, from {LEAST:g} to {MOST:g}")]
 _Pairs = Annotated[ArrayLike, Numbers(("...", 2))]
 _Velocities = Annotated[ArrayLike, Numbers(("...", 2, 2))]
+
+
+COEFFICIENTS = tuple(each.name for each in fields(IFRLaw) if each.compare)
+"""Names of the coefficients of a law in cases, files and tables: all but k, which is one of the disks."""
+REQUIRED_COEFFICIENTS = tuple(each.name for each in fields(IFRLaw) if each.default is MISSING)
+"""Those without a default: e_n, e_t and mu."""
 
 
 @validated

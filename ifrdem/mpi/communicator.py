@@ -14,6 +14,9 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..errors import EngineError, InputError, Stopped, TrajectoryError
 from .distribution import Distribution
 
@@ -142,6 +145,23 @@ class Communicator(Distribution):
     def any(self, flag: object) -> bool:
         """True on all ranks if it is true on one."""
         return bool(self.allreduce(int(bool(flag))))
+
+    def nth_smallest(self, ordered: NDArray[np.float64], numbers: Sequence[int]) -> list[float]:
+        """The n-th smallest value of all ranks, for each n = 1, 2, ... of `numbers`; infinity beyond the last.
+
+        `ordered` has the values of this rank, 0 or more, in order. The same `numbers` are given on all ranks. Found by
+        halving of the values' bits as integers, which have the same order.
+        """
+        bits, wanted = ordered.view(np.int64), np.asarray(numbers, dtype=np.int64)
+        low = np.zeros(len(wanted), dtype=np.int64)
+        high = np.full(len(wanted), np.float64(np.inf).view(np.int64))
+        while np.any(low < high):
+            middle = low + (high - low) // 2
+            reached = self.allreduce(np.searchsorted(bits, middle, side="right")) >= wanted
+            reached |= low >= high
+            low, high = np.where(reached, low, middle + 1), np.where(reached, middle, high)
+        found: list[float] = low.view(np.float64).tolist()
+        return found
 
     def first_texts(self, texts: Sequence[str], count: int, most: int) -> tuple[list[str], int]:
         """At most so many texts of all ranks, of lower ranks first, and the sum of their counts."""

@@ -23,7 +23,7 @@ from ..fit.figure import save
 from ..fit.tabular import TableFormat
 from ..initial import from_trajectory
 from ..model.box import Box
-from ..model.ifr import EnergyWarning
+from ..model.ifr import COEFFICIENTS, REQUIRED_COEFFICIENTS, EnergyWarning
 from ..model.overlaps import relax
 from ..model.state import State
 from ..simulation.simulation import Simulation
@@ -44,7 +44,7 @@ LEAST_MEMBERS = 4
 MOST_NAMED = 500
 """Measured positions that a figure labels at most; more labels would cover each other."""
 
-_COEFFICIENTS = ("e_n", "e_t", "mu", "rho")
+_NUMBERS = tuple(name for name in COEFFICIENTS if name != "sticking")
 
 
 @dataclass(frozen=True, eq=False)
@@ -393,7 +393,7 @@ def _case_of(text: str, overrides: str) -> CaseSections:
 def _simulation(gas: CaseGas, law: Mapping[str, float] | None, state: State) -> Simulation:
     """The simulation of a state, with the coefficients `law` in place of those of every pair of materials."""
     if law is not None:
-        numbers: dict[str, Any] = {name: float(law[name]) for name in _COEFFICIENTS if name in law}
+        numbers: dict[str, Any] = {name: float(law[name]) for name in _NUMBERS if name in law}
         # The case has said so of its own coefficients.
         with warnings.catch_warnings(action="ignore", category=EnergyWarning):
             gas = replace(
@@ -421,9 +421,9 @@ def read_draws(path: Path | str) -> list[dict[str, float]]:
 
     Raises InputError if a column is unknown, a coefficient missing, or a value no number.
     """
-    kinds = dict.fromkeys(_COEFFICIENTS, "number")
+    kinds = dict.fromkeys(_NUMBERS, "number")
     table = tabular.read(path, kinds, {tabular.plain(name): name for name in kinds}, TableFormat())
-    missing = [name for name in _COEFFICIENTS[:3] if name not in table.columns]
+    missing = [name for name in REQUIRED_COEFFICIENTS if name not in table.columns]
     if missing:
         raise InputError(f"{path}: missing column {', '.join(missing)}; there are {', '.join(table.columns)}")
     return [

@@ -71,7 +71,9 @@ def _gas(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
         shapes = Counter(wall.shape for wall in trajectory.walls)
         yield "walls", ", ".join(f"{count} {shape}" for shape, count in shapes.items())
     if not box.is_open and part is None and not trajectory.missing:
-        yield "packing fraction", f"{trajectory.free_area.packing_fraction(trajectory.disks.radius):.4f}"
+        free_area = trajectory.free_area
+        phi = free_area.packing_fraction(trajectory.disks.radius)
+        yield "packing fraction", f"{phi:.4f}{free_area.name}"
 
 
 def _describe_fields(trajectory: Trajectory) -> list[str]:

@@ -21,8 +21,8 @@ from ..case.case import IMPACT_SCAN, UNITS, CaseSections
 from ..case.estimate import RunEstimate
 from ..case.file import CaseFile
 from ..case.gas import REPORTED_DRIFT, CaseGas
-from ..case.pair_rules import COEFFICIENTS
 from ..errors import EngineError, InputError, Stopped, TrajectoryError, counted, refuse
+from ..model.ifr import COEFFICIENTS
 from ..model.observables import MECHANISMS, TANGENTIAL, Measure, drift_text
 from ..model.state import State, gather_state
 from ..model.walls import wall_names

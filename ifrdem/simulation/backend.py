@@ -25,6 +25,7 @@ from typing import Any
 
 from ..errors import EngineError, InputError
 from ..kernels import runtime
+from ..mpi import Communicator
 from .device import NAMES, Device
 
 GPU_LANES = 65536  # tiles that have scratch space at the same time
@@ -435,6 +436,16 @@ def start(device: Device | str = "cpu", *, profile: bool = False) -> Running:
     LOG.debug("device %s, %d threads, %s", wanted.device, wanted.threads, wanted.precision)
     LOG.debug("kernel cache %s", cache or "none")
     return wanted
+
+
+def start_on_ranks(device: Device, comm: Communicator) -> None:
+    """Start the runtime on all ranks: each with its share of the cores of its machine, and with a GPU of its own."""
+    if comm.size > 1:
+        device = replace(device, threads=device.threads or comm.share_of_cores(cores()))
+        if device.name == "cuda":
+            number = comm.local_rank
+            comm.run_on_all(lambda: show_gpu(number))
+    comm.run_on_all(lambda: start(device))
 
 
 def stop() -> None:

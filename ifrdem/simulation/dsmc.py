@@ -24,16 +24,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import EngineError, InputError, NoMoreCollisions
 from ..kernels.columns import BODY, DSMC_TABLES, SCALE, Named
 from ..kernels.layout import Uses
-from ..model.ifr import IFRLaw
-from ..model.law import (
-    CollisionLaw,
-    check_by_sampling,
-    check_energy,
-    checked_class,
-    coefficient_table,
-    compiled,
-    law_table,
-)
+from ..model.law import CollisionLaw, compiled
+from ..model.pair_laws import PairLaws
 from ..model.state import Disks, State
 from ..theory.contact import Contact, PackingFraction, contact_value_coefficients
 from ..theory.driven_gas import Drive
@@ -275,12 +267,11 @@ class DSMC(ReadOnlyAttributes):
         self._whole = True
         self._seed = seeds.of_device(seed)
         self._species = self._grouped(disks.material if species is None else species)
-        laws = law_table(law, disks)
-        kind: Any = checked_class(laws)
-        check_energy(laws, disks)
+        device = Device.of(device)
+        laws = PairLaws.of(law, disks, precision=device.precision)
         self._set(area=math.pi * float(np.sum(disks.radius**2)) / packing_fraction)
         with backend.sole_use():
-            running = backend.start(device := Device.of(device))
+            running = backend.start(device)
         self._alone = device.name == "cpu" and running.threads == 1
         self._real: Any = np.float32 if device.precision == "f32" else np.float64
         a, b = contact_value_coefficients(packing_fraction, disks.radius, None, contact)
@@ -288,11 +279,10 @@ class DSMC(ReadOnlyAttributes):
         self._section = 2.0 * a * largest + b * largest**2  # the largest g_ij sigma_ij
         self._crowding = np.array([a, b, 0.0, 0.0], dtype=self._real)
         self._batch = max(n // (4 if drive else 1), _LEAST)
-        table = coefficient_table(laws)
-        self._make_arrays(start, compiled(kind), table)
-        if kind is not IFRLaw:  # whether it adds energy is not known
-            fastest = max(float(np.abs(part).max()) for part in (start.velocity, disks.radius * spins))
-            check_by_sampling(kind, table, disks, [], fastest or 1.0)
+        kind: Any = laws.kind  # mypy does not take a class for hashable
+        self._make_arrays(start, compiled(kind), laws.coefficients)
+        fastest = max(float(np.abs(part).max()) for part in (start.velocity, disks.radius * spins))
+        laws.check_by_sampling(disks, [], fastest or 1.0)
         self._set(time=0.0, collisions=0, energy_input=0.0, candidates=0, cut_for_speed=0)
         self._batches = self._kicks = 0
 

@@ -36,14 +36,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import fields
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..model.ifr import IFRLaw
+from ..model.ifr import COEFFICIENTS, REQUIRED_COEFFICIENTS, IFRLaw
 from ..tools.checked import (
     Array,
     NonNegative,
@@ -66,16 +65,13 @@ class Collider(NamedTuple):
     T_rot: ArrayLike
 
 
-_COEFFICIENTS = {each.name for each in fields(IFRLaw)}
-
-
 def checked_law(name: str, law: Any) -> IFRLaw:
     """The law, or that of a mapping of coefficients (as in `Trajectory.laws`), if its averages are known.
 
     InputError if it is no IFR law, or has rolling friction.
     """
     given = set(law) if isinstance(law, Mapping) else set()
-    found = IFRLaw(**law) if {"e_n", "e_t", "mu"} <= given <= _COEFFICIENTS else law
+    found = IFRLaw(**law) if {*REQUIRED_COEFFICIENTS} <= given <= {*COEFFICIENTS, "k"} else law
     if not isinstance(found, IFRLaw):
         raise must_be(name, law, "an IFRLaw, whose averages have closed forms (ifrdem.DSMC takes any law)")
     if found.rho != 0.0:
@@ -161,10 +157,9 @@ def mean_free_path(packing_fraction: PackingFraction, radius: Positive) -> float
     >>> round(theory.mean_free_path(0.01, 0.5), 2)
     27.33
     """
-    phi = packing_fraction
-    if phi == 0.0:
+    if packing_fraction == 0.0:
         return math.inf
-    return math.pi * 2.0 * radius / (8.0 * math.sqrt(2.0) * phi * contact_value(phi))
+    return math.sqrt(math.pi / 2.0) / collision_rate(packing_fraction, 1.0, 1.0, radius)
 
 
 @validated

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..model.ifr import IFRLaw
+from ..model.pair_laws import check_symmetric
 from ..model.state import Disks
 from ..tools.checked import Array, NonNegativeColumn, NonNegativePerDisk, PositivePerDisk, must_be, validated
 from .collisions import Collider, checked_law, energy_changes, mixture_collision_rates
@@ -145,9 +146,8 @@ class Mixture:
             for j in range(i + 1):
                 if rows[i][j] is None or rows[j][i] is None:
                     raise InputError(f"law[{i}][{j}] = None: must be the IFRLaw of a pair that meets")
-                if rows[i][j].table_row() != rows[j][i].table_row():
-                    raise InputError(f"law table: [{i}][{j}] and [{j}][{i}] differ; a pair has one law")
                 rows[i][j].check(self.k[i], self.k[j], self.mass[i], self.mass[j])
+        check_symmetric(rows)
         return tuple(tuple(row) for row in rows)
 
     @property

@@ -32,6 +32,7 @@ from ..errors import (
 )
 from ..model.box import Box
 from ..model.free_area import FreeArea
+from ..model.ifr import COEFFICIENTS
 from ..model.state import Disks
 from ..model.walls import OF_PISTONS, Wall, at_displacements
 from ..model.walls import from_json as walls_from_json
@@ -633,7 +634,8 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
     def free_area(self) -> FreeArea:
         """The area that walls leave to the disks in the first frame; gates count as open."""
         walls, time = (self[0].walls, self[0].time) if len(self) else (self.walls, 0.0)
-        return FreeArea(self.box, tuple(wall for wall in walls if not wall.gated), time)
+        fixed = tuple(wall for wall in walls if not wall.gated)
+        return FreeArea(self.box, fixed, time, gates_open=len(fixed) < len(walls))
 
     def close(self) -> None:
         """Close the file; its frames cannot be read any more."""
@@ -888,17 +890,15 @@ def check_file(path: Path) -> None:
         raise InputError(f"{path} is {what}: must be a trajectory file")
 
 
-_LAW = {"e_n", "e_t", "mu", "sticking", "rho"}
-
-
 def _laws(given: Any, materials: int) -> list[list[dict[str, Any] | None]]:
     if not materials <= len(given) or any(len(row) != len(given) for row in given):
         raise ValueError(f"must have a row and a column for each of {materials} materials")
     for one in itertools.chain.from_iterable(given):
         if one is not None and (
-            set(one) != _LAW or not all(math.isfinite(one[key]) for key in _LAW - {"sticking"})
+            set(one) != {*COEFFICIENTS}
+            or not all(math.isfinite(one[key]) for key in COEFFICIENTS if key != "sticking")
         ):
-            raise ValueError(f"{one}: must be {', '.join(sorted(_LAW))}, all numbers finite")
+            raise ValueError(f"{one}: must be {', '.join(sorted(COEFFICIENTS))}, all numbers finite")
     return given
 
 

@@ -37,7 +37,7 @@ from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
 from ifrdem.model.wall_motion import Motion, Piston, Turn
 from ifrdem.model.walls import Wall
-from ifrdem.simulation import arrays, backend, snapshot
+from ifrdem.simulation import backend, snapshot, tiling
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.tracking import Tracking
 from ifrdem.theory.driven_gas import Drive
@@ -45,7 +45,7 @@ from ifrdem.theory.driven_gas import Drive
 os.environ[runtime.variable("OFFLINE_CACHE_CLEANING_POLICY")] = "never"
 CACHE = Path(os.environ[runtime.variable("OFFLINE_CACHE_FILE_PATH")])
 N = 700
-arrays.SINGLE_TILE = 100  # windows as short as those of gases in tiles
+tiling.SINGLE_TILE = 100  # windows as short as those of gases in tiles
 ALL_SUMS: dict[str, Any] = {"record": ["disk_energy", "partner", "angle"]}
 SINGLE = {"device": Device(threads=1, precision="f32")}
 RANK_GASES = ("2:walls", "2:fast sizes", "2:driven", "2:shear")

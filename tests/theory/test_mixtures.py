@@ -252,7 +252,7 @@ class Sticky(CollisionLaw):
         ({"law": [[COIN, COIN]]}, "2 rows of 2 laws"),
         (
             {"law": [[COIN, COIN], [IFRLaw(e_n=0.5, e_t=-0.8, mu=0.2), COIN]]},
-            r"\[1\]\[0\] and \[0\]\[1\] differ",
+            r"\[0\]\[1\] and \[1\]\[0\] differ",
         ),
         ({"law": IFRLaw(e_n=0.99, e_t=0.0, mu=0.5, k=1.0)}, "would add energy"),
         ({"mass": [1.0, -2.0]}, r"mass\[1\] = -2\.0"),
