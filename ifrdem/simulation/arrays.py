@@ -379,7 +379,7 @@ class DeviceArrays:
         self.clock.path = self.clock.free_path = tiling.path * shorter
         self.clock.in_window = 0.5 * self.n * (tiling.collisions * shorter)
         self._plan_launches()
-        self._make_lanes(np.prod(np.maximum((high - low) / tiling.cell_side, 1.0)))
+        self._make_lanes(float(np.prod(np.maximum((high - low) / tiling.cell_side, 1.0))))
         self.load_state(state)
 
     def _plan_launches(self) -> None:

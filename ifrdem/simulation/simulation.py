@@ -79,11 +79,11 @@ def _callables(name: str, given: Iterable[Called]) -> list[Called]:
 
 def _check_slices(counts: list[int]) -> None:
     """Raise InputError unless each rank has as many disks as its slice."""
-    wanted = np.diff(bounds(sum(counts), len(counts))).tolist()
-    if counts != wanted:
+    requested = np.diff(bounds(sum(counts), len(counts))).tolist()
+    if counts != requested:
         raise InputError(
             f"comm = Communicator(distributed=True): the ranks give {counts} disks, and their slices of {sum(counts)} "
-            f"have {wanted}: ifrdem.slice_of(n, comm) says which disks a rank must give"
+            f"have {requested}: ifrdem.slice_of(n, comm) says which disks a rank must give"
         )
 
 
@@ -251,9 +251,9 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
                 "tracked: not supported in a sheared box; with walls that move, shear can be tracked"
             )
 
-        def disks_of(wanted: NDArray[np.int32]) -> Disks:
+        def disks_of(requested: NDArray[np.int32]) -> Disks:
             rows = [getattr(self.disks_here, name) for name in COLUMNS]
-            return Disks(len(wanted), *self.comm.rows_of(n, wanted, rows))
+            return Disks(len(requested), *self.comm.rows_of(n, requested, rows))
 
         return Tracking(ids, n, disks_of, self._laws.table, [*walls, *sides(box)])
 
@@ -621,7 +621,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
                 f"Simulation.load_checkpoint({self!r}): must be called on a simulation; "
                 "Simulation.from_checkpoint(path) makes one from the file"
             )
-        self._engine.check_whole()
+        self._engine.check_valid()
         found, meta = checkpoint.read_slice(checked.path("path", path), self.comm)
         self._restore(path, found, meta)
         extra: dict[str, Any] = meta["extra"]
@@ -1024,12 +1024,12 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         target = self.collisions + count
         return self._recorded(lambda: self.collisions < target, collisions=target)
 
-    def _recorded(self, going: Callable[[], bool], **end: float) -> CollisionTimes:
+    def _recorded(self, unfinished: Callable[[], bool], **end: float) -> CollisionTimes:
         found = [CollisionTimes(np.empty(0), np.empty((0, 2), dtype=np.int64))]
         self._engine.keep_collisions = True
         try:
             with backend.sole_use():
-                while going():
+                while unfinished():
                     self._engine.advance(**end)  # type: ignore[arg-type]
                     if self._engine.last_collisions is not None:
                         found.append(self._engine.last_collisions)

@@ -50,7 +50,7 @@ def take(engine: Engine) -> Snapshot:
                 engine._asleep_before,
                 engine._resting,
                 engine._no_future_collisions,
-                engine._until_looked,
+                engine._windows_to_check,
             ],
             dtype=np.int64,
         )
@@ -96,7 +96,7 @@ def _restore(engine: Engine, found: Snapshot) -> None:
     for name, value in zip(_LENGTHS, lengths, strict=True):
         setattr(a.clock, name, value)
     _time, engine._collided_at, engine._flow_excess = found["clock"].tolist()
-    *before, engine._resting, separated, engine._until_looked = found["counts"].tolist()
+    *before, engine._resting, separated, engine._windows_to_check = found["counts"].tolist()
     engine._before, engine._asleep_before, engine._no_future_collisions = (
         before[:2],
         before[2],
