@@ -200,9 +200,9 @@ CANDIDATE = Columns(**columns("slot", "cell", "own_rank", "step"))
 REST = Columns(**columns("asleep", "may_rest", "hits"))
 # Contact that may bear: slots of both disks, the second -1 for a wall; the normal; what a unit of its four forces
 # (normal, along the contact, torques on both disks) does to either, scaled so that each changes sqrt(m) a by 1 in all;
-# bounds of the last three over the first; the forces, and those that are tried, or the last change (`add_contact`).
+# bounds of the last three over the first; the forces, and trial forces, or the last change (`add_contact`).
 CONTACT = Columns(
-    **columns("i", "j", "normal_x", "normal_y"), push=2, drag=2, spin_up=2, bound=3, force=FORCES, tried=FORCES
+    **columns("i", "j", "normal_x", "normal_y"), push=2, drag=2, spin_up=2, bound=3, force=FORCES, trial=FORCES
 )  # fmt: skip
 # sqrt(m) a and sqrt(I) alpha.
 RESIDUAL_ACCELERATION = Columns(**columns("x", "y", "turn"))
@@ -216,7 +216,7 @@ EVENT = Columns(
 )  # fmt: skip
 # Tile; the disk's id; the partner's, or -2 - wall; boxes travelled; kind (BY_LAW ...); the disk's number of collisions.
 EVENT_INT = Columns(
-    **columns("tile", "id", "partner"), image=2, **columns("how", "number", "unused"),
+    **columns("tile", "id", "partner"), image=2, **columns("regime", "number", "unused"),
 )  # fmt: skip
 # A collision of two disks: tile; ids of both, the smaller first.
 PAIR = Columns(**columns("tile", "id", "partner"))
@@ -231,7 +231,7 @@ PAIR = Columns(**columns("tile", "id", "partner"))
 # of pairs.
 COUNTER = Columns(**columns(
     "next_tile", "n_ghosts", "full", "n_slots", "needed", "resting", "stalled", "n_bad", "n_events", "n_windows",
-    "n_watched", "again", "pausing", "resuming", "paused", "stuck", "halted", "unjudged", "jammed", "n_pairs",
+    "n_watched", "again", "pausing", "resuming", "paused", "stuck", "halted", "unverified", "jammed", "n_pairs",
 ))  # fmt: skip
 # Begin and end of the window; where to stop (time, collisions in all), to pause, when a force acts; what sets the
 # length of windows: a path, the side of a tile, the speed of walls; unit of squares of speeds; path in a gas that fills
@@ -339,7 +339,7 @@ DSMC_TABLES: dict[str, Columns] = {
     "key": Columns(**columns("number_low", "number_high", "seed_low", "seed_high")),
     # Coefficients of contact values (`contact.contact_value_coefficients`); the largest g_ij sigma_ij |v_i - v_j| that
     # may occur; the square of the highest speed for which that holds.
-    "crowding": Columns(**columns("one", "two", "majorant", "cap")),
+    "contact_value": Columns(**columns("one", "two", "majorant", "cap")),
     # Factors of a velocity and of a spin by friction; energy that noise gives to the motion and to the spin.
     "factors": Columns(**columns("velocity", "spin", "energy", "spin_energy")),
     "scale": SCALE,
@@ -348,7 +348,7 @@ DSMC_TABLES: dict[str, Columns] = {
 """Tables of the arrays of a gas without places."""
 
 TABLES: dict[str, Columns] = {
-    "disk": DISK, "meta": META, "past": PAST, "hits": HITS, "spent": MECHANISM, "held": HELD, "kinds": KIND,
+    "disk": DISK, "meta": META, "past": PAST, "hits": HITS, "dissipated": MECHANISM, "held": HELD, "kinds": KIND,
     "history_hash": HISTORY_HASH,
     "tile": TILE, "reach": REACH, "tally": TALLY, "found": TOTAL, "ghost": GHOST, "ghost_position": GHOST_POSITION,
     "motion": MOTION, "event_info": EVENT_INFO, "image_info": IMAGE_INFO, "start_position": START_POSITION,
@@ -361,7 +361,7 @@ TABLES: dict[str, Columns] = {
 }  # fmt: skip
 """Tables of the columns of arrays, by the names that kernels give them; others have numbers."""
 TYPES: dict[str, str] = {
-    "disk": REAL, "meta": I32, "past": F64, "hits": I32, "spent": F64, "held": F64, "slept": I32, "kind": I32,
+    "disk": REAL, "meta": I32, "past": F64, "hits": I32, "dissipated": F64, "held": F64, "asleep": I32, "kind": I32,
     "kinds": REAL, "history_hash": I32, "displacement": F32, "slot_before": I32,
     "tile": I32, "listed": I32, "blocks": I32, "reach": REAL, "edge_x": F64, "edge_y": F64, "ghost": I32,
     "ghost_position": REAL, "motion": REAL, "event_info": I32, "image_info": I32, "start_position": REAL,
@@ -385,7 +385,7 @@ SINGLE = (
     "when",
     "counter_words",
     "key",
-    "crowding",
+    "contact_value",
     "factors",
 )
 """Arrays of one row."""
@@ -426,7 +426,7 @@ PAIR_BYTES = bytes_of("pair_time", "pair")
 SNAPSHOT_DISKS = 500_000  # times moments of a window for which there is room, at least of one moment
 CONTACTS_PER_DISK = 8  # for which there is room, on average
 RESTING_BYTES = (  # more, of disks that may rest: room for contacts of each, and the forces at four
-    _PARTS * bytes_of("slept", "held")
+    _PARTS * bytes_of("asleep", "held")
     + CONTACTS_PER_DISK * bytes_of("contact")
     + bytes_of("rest", "residual_acceleration", "cached_force")
 )

@@ -29,7 +29,7 @@ from typing_extensions import TypeAliasType
 import ifrdem
 from ifrdem import Device, InputError, analysis, bullet, theory
 from ifrdem.plots import impact_angles
-from ifrdem.theory.driven_gas import Drive
+from ifrdem.theory.driven_gas import Driving
 from ifrdem.tools import checked
 from ifrdem.tools.checked import check_of
 
@@ -82,7 +82,7 @@ THEORY: dict[str, dict[str, Any]] = {
                                "contact": "virial"},
     "mixture_cooling": {"mixture": MIXTURE, **TWO},
     "mixture_cooling_rates": {"mixture": MIXTURE, "T": [1.0, 2.0], "T_rot": [0.5, 0.5]},
-    "mixture_driven": {"mixture": MIXTURE, "drives": [Drive(power=0.1), Drive(power=0.2)], **TWO},
+    "mixture_driven": {"mixture": MIXTURE, "driving": [Driving(power=0.1), Driving(power=0.2)], **TWO},
     "prediction": {"disks": DISKS, "law": SMOOTH, "packing_fraction": 0.2, "T0": 1.0, "T_rot0": 0.5,
                    "times": [0.0, 1.0], "forces": (), "shear_rate": 0.0},
     "rough_rates": {"theta": 0.5, "e_n": 0.9, "beta": 0.5, "k": 2.0},
@@ -613,7 +613,7 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
     }  # fmt: skip
     return {
         "DSMC": (dsmc, {"disks": DISKS, "law": law, "packing_fraction": 0.1, "velocity": np.ones((4, 2)),
-                        "spin": None, "seed": 0, "species": None, "drive": None, "contact": "virial",
+                        "spin": None, "seed": 0, "species": None, "driving": None, "contact": "virial",
                         "device": "cpu"}),
         "Simulation": (gas, simulation),
         "Simulation.run": (lambda **given: gas().run(**given), {
@@ -634,14 +634,17 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "Simulation.set_gravity": (made.set_gravity, {"gravity": (0.0, 0.0)}),
         "Simulation.set_velocities": (made.set_velocities, {"velocity": np.zeros((4, 2)), "spin": np.zeros(4)}),
         "Simulation.load_checkpoint": (made.load_checkpoint, {"path": "none.npz"}),
+        "Simulation.from_checkpoint": (ifrdem.Simulation.from_checkpoint, {
+            "path": "made.h5", "law": None, "forces": None, "device": None, "comm": None,
+        }),
     }  # fmt: skip
 
 
 GASES = [
     "DSMC", "DSMC.run", "Simulation",
     *(f"Simulation.{name}" for name in (
-        "collide", "collide_until", "load_checkpoint", "run", "run_for", "save_checkpoint", "set_forces", "set_gravity",
-        "set_law", "set_piston_force", "set_velocities", "switch_ledger")),
+        "collide", "collide_until", "from_checkpoint", "load_checkpoint", "run", "run_for", "save_checkpoint",
+        "set_forces", "set_gravity", "set_law", "set_piston_force", "set_velocities", "switch_ledger")),
 ]  # fmt: skip
 
 
@@ -652,6 +655,7 @@ def test_nonsense_for_gases_is_refused_by_the_name_of_its_argument(
     monkeypatch.chdir(tmp_path)
     calls = of_gases()
     assert set(calls) == set(GASES)
+    calls["Simulation.save_checkpoint"][0]("made.h5")
     call, arguments = calls[name]
     wrong = []
     for key in arguments:
@@ -660,7 +664,8 @@ def test_nonsense_for_gases_is_refused_by_the_name_of_its_argument(
                 called(call, {**arguments, key: value})
             except InputError as error:
                 if key not in str(error) and not (
-                    name == "Simulation.load_checkpoint" and "nonsense" in str(error)
+                    name in ("Simulation.from_checkpoint", "Simulation.load_checkpoint")
+                    and "nonsense" in str(error)
                 ):
                     wrong.append(f"{key} = {kind}: not named: {error}")
             except Exception as error:  # reported: only InputError is an answer to nonsense

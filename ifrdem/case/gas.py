@@ -24,7 +24,7 @@ from ..model.free_area import FreeArea
 from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.observables import drift_text
 from ..model.state import DiskKinds, Disks, State, merge_kinds, scatter_state
-from ..model.walls import Wall, at_displacements, free_directions, smooth_materials, wall_names
+from ..model.walls import Wall, free_directions, smooth_materials, wall_names
 from ..mpi import SERIAL, Communicator, current, distribution
 from ..simulation import checks
 from ..simulation.simulation import Simulation
@@ -218,7 +218,7 @@ class CaseGas:
         return section.gravity_rotation_rate**2 * radius / (math.hypot(*section.gravity) or 1.0)
 
     @property
-    def cautions(self) -> list[str]:
+    def notices(self) -> list[str]:
         """Texts about a drift, what turning gravity leaves out, and walls on which no disk can rest."""
         texts, froude = self._drifting(), self.drum
         if froude > FASTEST_DRUM:
@@ -233,7 +233,7 @@ class CaseGas:
         for i, wall in enumerate(self.walls):
             if wall.motion.kind == wall.turn.kind == "still" and not (wall.surface_speed or wall.temperature):
                 continue
-            why = "has a temperature" if wall.temperature else "moves"
+            reason = "has a temperature" if wall.temperature else "moves"
             instead = (
                 ""
                 if wall.temperature
@@ -246,7 +246,7 @@ class CaseGas:
                     else "a floor that shakes has no frame in which gravity is constant: its disks stay awake"
                 )
             )
-            texts.append(f'wall[{i}] {why}, and supports no disks with run.collapse = "rest"{instead}')
+            texts.append(f'wall[{i}] {reason}, and supports no disks with run.collapse = "rest"{instead}')
         return texts
 
     def _drifting(self) -> list[str]:
@@ -527,42 +527,40 @@ class CaseGas:
         *,
         tracked: NDArray[np.int32] | None = None,
         comm: Communicator = SERIAL,
-        pistons: Sequence[float] | None = None,
     ) -> Simulation:
         """The simulation of this gas on the case's device, from its start or from another `state`.
 
         What `warnings` says is not said again. `tracked` disks, which have histories, else come from the case and the
-        start. All ranks of MPI (`comm`) that share it call this; `pistons` are displacements [length], by default those
-        of the start. A `state` of ranks is that of all disks, on the root; or that of the slice, on each rank, where
-        they are distributed.
+        start. All ranks of MPI (`comm`) that share it call this. A `state` of ranks is that of all disks, on the root;
+        or that of the slice, on each rank, where they are distributed.
         """
         run = self.case.run
         choose_runtime(run)
         comm = self.communicator(comm)
         distributed = comm.is_distributed
 
-        def begun() -> State | None:
+        def read_start() -> State | None:
             drawn = distributed and self.given is None and self.is_made_in_slices
             return self.start() if state is None and not drawn else state
 
-        begin: Any = comm.run_on_root(begun)
+        begin: Any = comm.run_on_root(read_start)
         disks = self.disks if comm.is_root and not distributed else None
         if distributed:
-            way = comm.bcast("drawn" if begin is None else "whole" if begin.n == self.n else "slices")
-            if way == "whole":
+            mode = comm.bcast("drawn" if begin is None else "whole" if begin.n == self.n else "slices")
+            if mode == "whole":
                 with comm:
                     disks, begin = scatter_state(None if begin is None else self.disks, begin)
             else:
                 disks = self.rows(comm.slice_of(self.n))
                 with comm:
-                    begin = self.start() if way == "drawn" else state
+                    begin = self.start() if mode == "drawn" else state
         if tracked is None:
             tracked = comm.result_of_holders(lambda: self.tracked(begin))
         any_law = self.law()  # stands where two walls would meet, which never happens
         given: dict[str, Any] = {
             "disks": disks, "box": self.box, "state": begin,
             "law": [[any_law if one is None else one for one in row] for row in self.laws], "device": device_of(run),
-            "walls": self._walls_at_start if pistons is None else at_displacements(self.walls, pistons),
+            "walls": self._walls_at_start,
             "gravity": gravity_of(self.case.box), "collapse": collapse_of(run),
             "forces": forces_of(self.case), "seed": run.seed, "record": record_of(self.case),
             "tracked": tracked, "comm": comm,
@@ -589,21 +587,21 @@ class CaseGas:
         return found
 
     def _placed(self, progress: Callable[[float], None]) -> NDArray[np.float64]:
-        way, seed = self.case.start.positions, self.case.run.seed
+        mode, seed = self.case.start.positions, self.case.run.seed
         assert self.start_region is not None  # the rules have seen to it
         comm = current()
         disks = self.disks if comm.size == 1 else self.rows(comm.slice_of(self.n))
         radius, options = disks.radius, dict[str, Any](seed=seed, walls=self.walls)
         try:
-            if way == "hexagonal":
+            if mode == "hexagonal":
                 # Several species would lie in layers else.
                 options["seed"] = seed if len(self.species) > 1 or not self.species[0].equal else None
                 return placement.hexagonal_positions(self.start_region, radius, **options)
-            if way == GROWN:
+            if mode == GROWN:
                 return packing.grow(self.start_region, radius, progress=progress, **options)
             return placement.random_positions(self.start_region, radius, **options)
         except InputError as error:
-            raise InputError(str(Problem("start.positions", f'"{way}"', str(error)))) from None
+            raise InputError(str(Problem("start.positions", f'"{mode}"', str(error)))) from None
 
 
 def validate_case(
@@ -620,7 +618,7 @@ def validate_case(
     sides = () if case.box.material is None else (case.box.material,)
     materials = tuple(dict.fromkeys((*sides, *(each.material for each in species), *case.materials_of_walls)))
     rows = [0 if each.material is None else materials.index(each.material) for each in case.wall]
-    walls, wrong_shapes = rules.made_walls(case, rows, folder)
+    walls, shape_problems = rules.made_walls(case, rows, folder)
     found = [
         *rules.check_names(case),
         *rules.check_pairs(verdicts),
@@ -637,10 +635,10 @@ def validate_case(
         found.append(Problem("box", None, str(error)))
     else:
         box = box if case.box.open or start_region is None else start_region
-        wrong_walls = wrong_shapes or [*rules.check_walls(case, walls, box, kinds.radius)]
-        found += wrong_walls
+        wall_problems = shape_problems or [*rules.check_walls(case, walls, box, kinds.radius)]
+        found += wall_problems
         if start:
-            standing = () if wrong_walls else walls
+            standing = () if wall_problems else walls
             found += rules.check_room(
                 case, species, kinds, None if start_region is None else FreeArea(start_region, standing)
             )

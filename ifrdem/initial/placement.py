@@ -87,7 +87,7 @@ def _rows_by_number(first: int, rows: Array, wanted: NDArray[np.int64]) -> Array
     firsts[firsts < 0] = np.iinfo(np.int64).max  # ranks without rows own none
     order = np.argsort(firsts, kind="stable")
     owner = order[np.searchsorted(firsts[order], wanted, side="right") - 1]
-    (found,) = comm.asked(owner, wanted, first, [rows])
+    (found,) = comm.rows_of_owners(owner, wanted, first, [rows])
     return found
 
 

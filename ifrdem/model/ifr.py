@@ -391,9 +391,9 @@ def collide(
     return Collision(after, np.stack([w_i, w_j], axis=-1), np.array(P_n), np.array(P_t), regime)
 
 
-def _refuse(name: str, value: Array, wrong: NDArray[np.bool_], needed: str) -> None:
+def _refuse(name: str, value: Array, invalid: NDArray[np.bool_], needed: str) -> None:
     """Raise for the first value that is wrong, if one is."""
-    if np.any(wrong):
-        value, wrong = np.broadcast_arrays(value, wrong)
-        where = tuple(int(axis) for axis in np.argwhere(wrong)[0])
+    if np.any(invalid):
+        value, invalid = np.broadcast_arrays(value, invalid)
+        where = tuple(int(axis) for axis in np.argwhere(invalid)[0])
         raise InputError(f"{name}[{', '.join(map(str, where))}] = {value[where]:g}: {needed}")

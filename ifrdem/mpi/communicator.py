@@ -25,7 +25,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 SIZES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "MV2_COMM_WORLD_SIZE", "PALS_NRANKS")
 """Variables in which launchers give the number of ranks: MPICH, Intel MPI and `srun --mpi`, Open MPI, MVAPICH, PALS."""
-PATIENCE = 20.0
+TIMEOUT = 20.0
 """Seconds that a rank which ends by an error waits for the others to do so; then it ends them all."""
 POLL_INTERVAL = 0.02
 """Seconds between two looks of a rank that waits asleep."""
@@ -353,9 +353,9 @@ def end(status: int, message: str, complain: Callable[[str], None]) -> int:
         return status
     if comm.is_root and message:
         complain(message)
-    all_end, began = comm.mpi.Ibarrier(), time.monotonic()
+    all_end, started = comm.mpi.Ibarrier(), time.monotonic()
     while not all_end.Test():
-        if time.monotonic() - began > PATIENCE:
+        if time.monotonic() - started > TIMEOUT:
             if not comm.is_root:
                 complain(f"rank {comm.rank}: {message}")
             sys.stdout.flush()

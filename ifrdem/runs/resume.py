@@ -24,6 +24,7 @@ from ..kernels import runtime as of_kernels
 from ..mpi import SERIAL, Communicator
 from ..simulation import backend, checkpoint
 from ..simulation.schedule import RunPlan
+from ..simulation.simulation import Simulation
 from ..simulation.tracking import Events
 from ..tools import text_file
 from ..tools.files import CHECKPOINT, checkpoint_of
@@ -36,7 +37,7 @@ from .outputs import Outputs, only
 from .recorder import Ledger
 from .run import Run, finish, how, on_usable_ranks, run_root, run_worker, stored
 
-NO_RUN = "a checkpoint of `Simulation.save_checkpoint`: Simulation.load_checkpoint resumes from it"
+NO_RUN = "a checkpoint of `Simulation.save_checkpoint`: Simulation.from_checkpoint resumes from it"
 """Description of a checkpoint without a run."""
 
 
@@ -47,12 +48,12 @@ def find(source: str | os.PathLike[str]) -> Path:
     """
     path = Path(source)
     if path.is_dir():
-        there = list(path.glob(f"*{CHECKPOINT}"))
-        if not there:
+        checkpoints = list(path.glob(f"*{CHECKPOINT}"))
+        if not checkpoints:
             raise InputError(
                 f"{path}: no run can go on here: there is no *{CHECKPOINT}; a run that is done has none"
             )
-        return only(there, f"{path}: several runs can go on here")
+        return only(checkpoints, f"{path}: several runs can go on here")
     if path.name.endswith(CHECKPOINT):
         return path
     if not path.exists():
@@ -74,7 +75,7 @@ def resume(
     runtime: str | None = None,
     max_hours: float | None = None,
     picture: bool = True,
-    say: Callable[[str], None] = print,
+    log: Callable[[str], None] = print,
     warn: Callable[[str], None] = print,
     comm: Communicator = SERIAL,
 ) -> None:
@@ -93,13 +94,13 @@ def resume(
     """
     options: dict[str, Any] = {
         "ignore_case_changes": ignore_case_changes, "threads": threads, "runtime": runtime, "max_hours": max_hours,
-        "picture": picture, "say": say, "warn": warn,
+        "picture": picture, "log": log, "warn": warn,
     }  # fmt: skip
     gas = comm.root_result(lambda: None if comm.size == 1 else _gas_of(find(source), runtime))
-    if gas is not None and on_usable_ranks(gas, comm, say, lambda part: resume(source, **options, comm=part)):
+    if gas is not None and on_usable_ranks(gas, comm, log, lambda part: resume(source, **options, comm=part)):
         return
     cores, share = comm.share_of_cores(backend.cores()), comm.local_share
-    began = time.perf_counter()
+    started = time.perf_counter()
 
     def prepared() -> tuple[Any, ...]:
         path = find(source)
@@ -111,11 +112,11 @@ def resume(
             if not ignore_case_changes:
                 _refuse_changed(path, extra)
             case = _case_of(record, path, runtime)
-            _tell_other_runtime(record, path, say)
+            _log_other_runtime(record, path, log)
             trajectory = path.with_name(extra["trajectory"])
             if checkpoint_of(trajectory) != path:
                 raise InputError(f"{path} belongs to {extra['trajectory']}: rename it back")
-            begun = Path(extra["case_path"]), str(extra["case"]), tuple(map(str, extra["overrides"]))
+            original = Path(extra["case_path"]), str(extra["case"]), tuple(map(str, extra["overrides"]))
             ledger = Ledger.from_record(extra["ledger"])
             plan = RunPlan.from_record(extra["plan"], case.output.frame_cadence, case.output.series_cadence)
             names = ("frames", "series_rows", "events")
@@ -126,34 +127,25 @@ def resume(
         n = sum(each.number for each in case.species)
         summary.refuse_beyond_memory(n, case.run.device, share=share, ranks=comm.size)
         try:
-            gas = CaseGas.from_case(case, begun[0].parent, start=False)
+            gas = CaseGas.from_case(case, original[0].parent, start=False)
         except InputError as error:
-            raise InputError(f"{begun[0]}: {error}") from None
-        file = CaseFile(*begun, gas)
+            raise InputError(f"{original[0]}: {error}") from None
+        file = CaseFile(*original, gas)
         outputs = Outputs.plan(case, str(trajectory), picture=picture)
         disks = gas.kinds if parts.are_in(trajectory) else gas.disks  # parts look at theirs themselves
         writer = TrajectoryWriter.resume(trajectory, disks, gas.box, **stored(gas), **written)
-        in_parts = "parts" in record, writer.parts is not None
-        moved, tracked = arrays["state_pistons"][:, 0].tolist(), arrays["tracked"]
-        return (path, file, outputs, plan, written, in_parts, moved, tracked), writer, ledger, arrays
+        return (path, file, outputs, plan, written, writer.parts is not None), writer, ledger, _events(arrays)
 
-    found = comm.run_on_root(prepared)
-    sent, writer, ledger, arrays = found or (None, None, Ledger(), {})
-    path, file, outputs, plan, written, in_parts, pistons, tracked = comm.bcast(sent)
-    rows_in_parts, fields_in_parts = in_parts
+    sent, writer, ledger, pending = comm.run_on_root(prepared) or (None, None, Ledger(), None)
+    path, file, outputs, plan, written, in_parts = comm.bcast(sent)
     gas, case = file.gas, file.case
     comm = gas.communicator(comm)
-    rows = checkpoint.read_parts(path, comm)[0] if rows_in_parts else arrays
-    pending = _events(arrays)
     with contextlib.ExitStack() as stack:
         if writer is not None:
             stack.enter_context(writer)
-        state = checkpoint.state_of(rows) if rows else None
-        simulation = gas.simulation(state, tracked=tracked, comm=comm, pistons=pistons)
-        del state, rows, arrays, found  # which are large
-        simulation.load_checkpoint(path)
+        simulation = Simulation.from_checkpoint(path, device=device_of(case.run), comm=comm)
         queue: Any = None
-        if fields_in_parts:
+        if in_parts:
             options = {**stored(gas), "frames": written["frames"]}
             queue = PartsWriter.resume(writer, simulation.disks_here, gas.box, comm=comm, **options)
         elif writer is not None:
@@ -164,13 +156,13 @@ def resume(
         stack.enter_context(queue)
         later = len(queue) - ledger.frames
         more = f"; {later} later frames of the file are computed again and compared" if later > 0 else ""
-        begun_at = f"t = {simulation.time:.6g}{case.unit('time')}, after {simulation.collisions} collisions"
+        moment = f"t = {simulation.time:.6g}{case.unit('time')}, after {simulation.collisions} collisions"
         frames = f"{ledger.frames} frames, on {how(case, cores, comm.size)}{more}"
-        say(f"{case.run.name}: {gas.n} disks go on at {begun_at} and {frames}")
+        log(f"{case.run.name}: {gas.n} disks go on at {moment} and {frames}")
         running = Run(file, outputs, simulation, plan, ledger, queue, pending)
         before = simulation.collisions
-        rate = run_root(running, began, max_hours=max_hours, say=say, warn=warn)
-    finish(running, began, before, rate, say)
+        rate = run_root(running, started, max_hours=max_hours, log=log, warn=warn)
+    finish(running, started, before, rate, log)
 
 
 def _with(case: CaseSections, **run: Any) -> CaseSections:
@@ -189,11 +181,11 @@ def _case_of(record: Mapping[str, Any], path: Path, name: str | None) -> CaseSec
     return _with(case, runtime=of_kernels.chosen())
 
 
-def _tell_other_runtime(record: Mapping[str, Any], path: Path, say: Callable[[str], None]) -> None:
+def _log_other_runtime(record: Mapping[str, Any], path: Path, log: Callable[[str], None]) -> None:
     """Say it if the run continues with another runtime, which gives the same bits."""
     written, here = map(of_kernels.of_versions, (record["versions"], package_versions()))
     if written != here:
-        say(f"{path} was written by {' '.join(written)}; {' '.join(here)} gives the same bits on a CPU")
+        log(f"{path} was written by {' '.join(written)}; {' '.join(here)} gives the same bits on a CPU")
 
 
 def _gas_of(path: Path, runtime: str | None) -> CaseGas:

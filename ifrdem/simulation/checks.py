@@ -122,11 +122,11 @@ def check_duration(begin: float, t_end: float, radius: float, box: Box, alone: f
         (across, t_end, "images across a sheared box move by"),
         (alone, t_end - begin, "disks that never meet fly"),
     ):
-        way = speed * duration
-        error, boxes = way * 2.0 ** -MANTISSA["f64"], way / min(box.lengths)
+        distance = speed * duration
+        error, boxes = distance * 2.0 ** -MANTISSA["f64"], distance / min(box.lengths)
         if error > COARSEST * radius or (speed == alone and boxes > MOST_BOXES):
             raise InputError(
-                f"{what} {way:.3g} ({boxes:.3g} boxes) in a time of {duration:.4g}, too far for the rounding: "
+                f"{what} {distance:.3g} ({boxes:.3g} boxes) in a time of {duration:.4g}, too far for the rounding: "
                 f"must be a time of at most {duration * min(COARSEST * radius / error, MOST_BOXES / boxes):.2g}"
             )
 
@@ -195,7 +195,7 @@ def at_rest_on_walls(
     noise = 1e-14 * np.abs(velocity).sum(axis=1)
     for w, wall in enumerate(walls):
         moves = wall.motion.kind != "still" or wall.turn.kind != "still" or wall.piston is not None
-        if not any(gravity) or moves or not wall.stands(0.0):
+        if not any(gravity) or moves or not wall.is_present(0.0):
             continue
         normal, distance = wall.normal(position)
         error = 8.0 * np.finfo(np.float64).eps * (np.abs(position).sum(axis=1) + radius + wall.radius)
@@ -345,15 +345,15 @@ def check_pistons(walls: Sequence[Wall], n: int, options: EngineOptions, ranks: 
             raise InputError(
                 f"wall {w} is a piston: cannot be combined with gravity that rotates ({options.gravity})"
             )
-        for what, there in refused.items():
-            if there:
+        for what, present in refused.items():
+            if present:
                 raise InputError(
                     f"wall {w} is a piston: {what} not supported: every disk looks for it after each of its hits; run "
                     f"it on a CPU in double precision, with up to {SINGLE_TILE} disks that do not rest"
                 )
 
 
-def check_ranks(size: int, n: int, options: EngineOptions, box: Box, *, tracked: bool) -> None:
+def check_ranks(size: int, n: int, box: Box, options: EngineOptions, tracked: bool) -> None:
     """Refuse what cannot be on several ranks of MPI (`ranks.py`), if there are several."""
     if size == 1:
         return
@@ -364,8 +364,8 @@ def check_ranks(size: int, n: int, options: EngineOptions, box: Box, *, tracked:
         "an open box": box.is_open,
         f"collapse = {options.collapse}": isinstance(options.collapse, Rest),
     }
-    for what, there in refused.items():
-        if there:
+    for what, present in refused.items():
+        if present:
             raise InputError(
                 f"{what}: not supported on several ranks (here are {size}); run it without mpiexec"
             )

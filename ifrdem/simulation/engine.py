@@ -220,7 +220,7 @@ class Engine:
         **options: Any,
     ) -> None:
         self._released = True  # until there is anything to release
-        self._whole = True  # False while a window is run: an interrupt would leave it half done
+        self._valid = True  # False while a window is run: an interrupt would leave it half done
         self.options: EngineOptions = EngineOptions(**options)
         self.comm: Communicator = Communicator.of(comm)
         given, comm, tracked = self.options, self.comm, tracking is not None
@@ -236,7 +236,7 @@ class Engine:
             lambda: checks.check(disks, box, state, counts, materials, self.walls, forces, given, comm.size)
         )
         self.n: int = counts.n
-        self._before, self._slept = [counts.collisions, counts.wall_collisions], counts.asleep
+        self._before, self._asleep_before = [counts.collisions, counts.wall_collisions], counts.asleep
         start = StartSlice.of(comm, disks, state)
         self.disks, self.disks_here, self.kinds = start.disks, start.here, start.kinds
         self._materials = np.unique(self.kinds.material)
@@ -245,7 +245,7 @@ class Engine:
         self.gravity: tuple[float, float] = self.turning.gravity
         self._check_collapse(self._law_table, law, self.gravity, forces)
         checks.check_pistons(walls, self.n, given, comm.size)
-        checks.check_ranks(comm.size, self.n, given, box, tracked=tracked)
+        checks.check_ranks(comm.size, self.n, box, given, tracked)
         self._check_alike(forces)
         self.statistics: Statistics = Statistics()
         self.keep_collisions = False
@@ -272,7 +272,9 @@ class Engine:
         self.arrays.clock.wall_speed = max((wall.most_speed for wall in self.walls), default=0.0)
         self.past: dict[str, Any] = start.history(comm)
         self.windows: Windows = Windows(self.arrays, self.statistics, time)
-        self.set_gates(np.array([not wall.stands(time, self._before[0]) for wall in self.walls], dtype=bool))
+        self.set_gates(
+            np.array([not wall.is_present(time, self._before[0]) for wall in self.walls], dtype=bool)
+        )
         self._load(start.state)
         self.force_steps: ForceSteps = ForceSteps(forces, self.arrays, self.disks, given.seed, self.time)
         # Kinetic energy in the frames of rows of tiles beyond that in the flow, at the start.
@@ -281,7 +283,7 @@ class Engine:
     def _load(self, state: State) -> None:
         """Divide the box into tiles and lay a state into them, from which a window begins."""
         self.arrays.load(self.disks, self.options, state)
-        self._until_looked = OPEN_WINDOWS
+        self._windows_to_check = OPEN_WINDOWS
         self._no_future_collisions = self._all_separate(state)
 
     def _all_separate(self, state: State) -> bool:
@@ -316,7 +318,7 @@ class Engine:
     @property
     def asleep(self) -> int:
         """Disks that sleep."""
-        return self._slept + self.windows.sleepers
+        return self._asleep_before + self.windows.sleepers
 
     @property
     def wall_work(self) -> float:
@@ -370,7 +372,9 @@ class Engine:
         """Open the gates whose time or number of collisions has come, which ends the window."""
         if not self.arrays.uses.timed:
             return
-        opened = np.array([not wall.stands(self.time, self.collisions) for wall in self.walls], dtype=bool)
+        opened = np.array(
+            [not wall.is_present(self.time, self.collisions) for wall in self.walls], dtype=bool
+        )
         if np.any(opened & ~self.open_gates):
             self._end_window()
             self._wake()  # what held them may be gone
@@ -425,7 +429,7 @@ class Engine:
     def _restart_from(self, state: State, *, wakes: bool = False) -> None:
         """Begin a window with a state at the present time, in which disks that sleep are woken if it `wakes`."""
         if wakes and self.options.resting_speed:
-            self._slept -= self.asleep
+            self._asleep_before -= self.asleep
             state.asleep = np.zeros_like(state.asleep)
         excess = self._excess()
         self.windows.commit_at(state.time)
@@ -490,7 +494,7 @@ class Engine:
         """Have other forces act from now on; InputError if one is none, or cannot act here."""
         from .force_steps import ForceSteps
 
-        self.check_whole()
+        self.check_valid()
 
         def checked() -> ForceSteps:
             steps = ForceSteps(forces, self.arrays, self.disks, self.options.seed, self.time)
@@ -627,7 +631,7 @@ class Engine:
 
     def check_duration(self, t_end: float) -> None:
         """Refuse a run to `t_end` [time] that is too long for this gas (`checks.check_duration`)."""
-        self.check_whole()
+        self.check_valid()
         lone = not self.box.is_open and (self._no_future_collisions or self._is_alone)
         speed = float(np.hypot(*self._state().velocity.T).max(initial=0.0)) if lone else 0.0
         radius = float(self.kinds.radius.min(initial=math.inf))
@@ -673,8 +677,8 @@ class Engine:
             raise EngineError("collisions of all disks cannot be kept while some are tracked")
         before, was = windows.sums[TALLY.collisions], self.time
         first = self._before[0]
-        most = 1 if watching else self._until_looked if self.box.is_open else self.arrays.burst
-        begun = self.statistics.windows
+        most = 1 if watching else self._windows_to_check if self.box.is_open else self.arrays.burst
+        windows_before = self.statistics.windows
 
         def counted(point: RunPoint) -> tuple[float, float]:
             return point.time, point.collisions - first
@@ -711,8 +715,8 @@ class Engine:
                     "usual at this density: these disks seem never to meet"
                 )
         if self.box.is_open:
-            self._until_looked -= self.statistics.windows - begun
-            if self._until_looked <= 0 and not windows.inside:
+            self._windows_to_check -= self.statistics.windows - windows_before
+            if self._windows_to_check <= 0 and not windows.inside:
                 self._look_around()
 
     def _advice(self, *, at_wall: bool) -> str:
@@ -766,14 +770,14 @@ class Engine:
         if not getattr(self, "_released", True) and not is_finalizing():
             self.release()
 
-    def check_whole(self) -> None:
+    def check_valid(self) -> None:
         """Refuse to go on with an engine that has ended, or was interrupted half-way through a window."""
         if self._released:
             raise EngineError(
                 "this simulation has ended: another one was started with another device, precision or number of "
                 "threads, of which a process has one at a time"
             )
-        if not self._whole:
+        if not self._valid:
             raise EngineError(
                 "a window was interrupted half-way, so the state is lost: begin a new simulation from a stored state"
             )
@@ -781,11 +785,11 @@ class Engine:
     @contextmanager
     def exclusive_update(self) -> Iterator[None]:
         """Refuse to begin unless the engine is whole, and delay Ctrl-C until it is whole again."""
-        self.check_whole()
+        self.check_valid()
         with backend.sole_use(), backend.deferred_interrupts():
-            self._whole = False
+            self._valid = False
             yield
-            self._whole = True
+            self._valid = True
 
     def _apply_forces(self) -> None:
         acting = self.force_steps.acting(self.time)

@@ -415,27 +415,29 @@ class RankDomain(Domain):
             for slots, ran in zip(self._ghost_slots, self._ran, strict=True)
         ]
         size = sum(each.nbytes for message in messages for each in message)
-        for given, (ran, hashes, ways) in zip(self._sent_slots, self.exchange(messages), strict=True):
+        for given, (ran, hashes, displacements) in zip(
+            self._sent_slots, self.exchange(messages), strict=True
+        ):
             self._write_rows("history_hash", given[ran], hashes)
-            self._write_rows("displacement", given[ran], ways)
+            self._write_rows("displacement", given[ran], displacements)
         self.unassigned = int(np.count_nonzero(self.arrays.values("displacement")[: self.used] < 0.0))
         messages = []
         reach = self.arrays.values("reach")
         for q, (given, tiles) in enumerate(zip(self._sent_slots, self._sent_tiles, strict=True)):
-            hashes, ways = self._rows("history_hash", given), self._rows("displacement", given)
+            hashes, displacements = self._rows("history_hash", given), self._rows("displacement", given)
             changed = np.arange(len(given), dtype=np.int32)
             if (sent := self._sent_hashes[q]) is not None:
-                changed = changed[np.any(hashes != sent[0], axis=1) | (ways != sent[1])]
-            self._sent_hashes[q] = hashes, ways
-            messages.append((changed, hashes[changed], ways[changed], reach[tiles]))
+                changed = changed[np.any(hashes != sent[0], axis=1) | (displacements != sent[1])]
+            self._sent_hashes[q] = hashes, displacements
+            messages.append((changed, hashes[changed], displacements[changed], reach[tiles]))
         size += sum(each.nbytes for message in messages for each in message)
         received = self.exchange(messages)
         with self.arrays.written("reach") as (reach,):
-            for slots, tiles, (changed, hashes, ways, reached) in zip(
+            for slots, tiles, (changed, hashes, displacements, reached) in zip(
                 self._ghost_slots, self._ghost_tiles, received, strict=True
             ):
                 self._write_rows("history_hash", slots.start + changed, hashes)
-                self._write_rows("displacement", slots.start + changed, ways)
+                self._write_rows("displacement", slots.start + changed, displacements)
                 reach[tiles] = reached
         self.communication.hashes += size
         self.communication.rounds += 1

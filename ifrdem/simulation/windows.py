@@ -64,7 +64,7 @@ class Windows:
         states = tally.piston_states(self._done)
         states.displacement, states.speed = pistons.displacement[tally.pistons], pistons.speed[tally.pistons]
         # Times and numbers of collisions at which a run will stop.
-        self._asked: list[tuple[float, float]] = []
+        self._requested: list[tuple[float, float]] = []
         self._last_collisions = 0.0  # of the last window
         self._times: NDArray[np.float64] | None = None  # of all collisions in the present window, in order
         self._burst = 1  # windows of a GPU that went well one after another
@@ -257,7 +257,7 @@ class Windows:
             self._compute([self._moment_now], 1, watching)
         if self._paused or not self._completed:
             pausing = a.single_tile and not a.on_gpu and not watching & k.TRACKED
-            self._asked = [until] if pausing else [until, *next_points()]
+            self._requested = [until] if pausing else [until, *next_points()]
             if pausing or (a.on_gpu and math.isfinite(stop)):
                 a.make_moments()
                 moments = [stop - self.begin] if stop < self.end else []
@@ -291,7 +291,7 @@ class Windows:
         """Tell if the present window may have a collision whose number was asked for, and make room for them all."""
         a, done = self.arrays, self._done[TALLY.collisions]
         most = 1.5 * max(float(a.clock.in_window), self._last_collisions) + 100.0
-        if not any(done < count <= done + most for _, count in self._asked):
+        if not any(done < count <= done + most for _, count in self._requested):
             return False
         room = int(most * a.domain.n_here(int(a.grid.part)) / a.n)
         if a.grid.most_pairs < room:
@@ -304,10 +304,10 @@ class Windows:
         In order, the first ones for which there is room. Of collisions only where their times are known.
         """
         a, length = self.arrays, self.end - self.begin
-        found = {time - self.begin for time, _ in self._asked if begin < time < self.end}
+        found = {time - self.begin for time, _ in self._requested if begin < time < self.end}
         if self._times is not None:
             counts = {
-                count - self._done[TALLY.collisions] for _, count in self._asked if math.isfinite(count)
+                count - self._done[TALLY.collisions] for _, count in self._requested if math.isfinite(count)
             }
             times = self._times_of([int(count) for count in sorted(counts) if count >= 1])
             found |= {time for time in times if begin - self.begin < time < length}
@@ -378,7 +378,7 @@ class Windows:
         self._burst = max(2 * most, self._burst) if done >= most else max(done, 1)
         self.statistics.windows += done
         if not again:
-            self.statistics.unjudged += int(a.counter.unjudged)
+            self.statistics.unverified += int(a.counter.unverified)
             self.statistics.jammed += int(a.counter.jammed)
         runner.collect()
         self._done = a.sums.copy()

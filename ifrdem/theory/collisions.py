@@ -192,11 +192,11 @@ def mixture_collision_rates(
     """
     columns = {"T": T, "mass": mass, "radius": radius, "number_density": number_density}
     t, m, R, n = (np.asarray(column, dtype=np.float64) for column in columns.values())
-    wanted = {**dict.fromkeys(columns, m.shape), "g": 2 * m.shape}
+    expected_shape = {**dict.fromkeys(columns, m.shape), "g": 2 * m.shape}
     for name, value in {**columns, "g": g}.items():
-        if np.shape(value) != wanted[name]:
+        if np.shape(value) != expected_shape[name]:
             raise InputError(
-                f"{name} has shape {np.shape(value)}: must be {wanted[name]}, as mass has {m.shape}"
+                f"{name} has shape {np.shape(value)}: must be {expected_shape[name]}, as mass has {m.shape}"
             )
     variance = t / m
     relative = np.sqrt(2.0 * math.pi * (variance[:, None] + variance))

@@ -40,7 +40,7 @@ from ifrdem.model.walls import Wall
 from ifrdem.simulation import backend, snapshot, tiling
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.tracking import Tracking
-from ifrdem.theory.driven_gas import Drive
+from ifrdem.theory.driven_gas import Driving
 
 os.environ[runtime.variable("OFFLINE_CACHE_CLEANING_POLICY")] = "never"
 CACHE = Path(os.environ[runtime.variable("OFFLINE_CACHE_FILE_PATH")])
@@ -242,9 +242,11 @@ def dsmc(device: str, threads: int) -> str:
     """Hash of a homogeneous gas without places."""
     disks = Disks(400, mass=1.0, radius=0.5)
     velocity = ifrdem.initial.maxwellian(disks.mass, temperature=1.0, seed=1)
-    drive = Drive(0.5, 0.1, 0.2)
+    driving = Driving(0.5, 0.1, 0.2)
     law = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
-    gas = ifrdem.DSMC(disks, law, 0.2, velocity, drive=drive, seed=1, device=Device(device, threads=threads))
+    gas = ifrdem.DSMC(
+        disks, law, 0.2, velocity, driving=driving, seed=1, device=Device(device, threads=threads)
+    )
     found = gas.run(collisions_per_disk=5, samples=5)
     return digest({"T": found.temperature, "velocity": gas.velocity, "spin": gas.spin})
 
