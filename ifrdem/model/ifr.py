@@ -159,6 +159,8 @@ class IFRLaw(CollisionLaw):
     """
 
     coefficients: ClassVar[tuple[str, ...]] = ("e_n", "e_t", "mu", "contact_point", "rho")
+    is_proved: ClassVar[bool] = True
+    is_by_name: ClassVar[bool] = False
 
     e_n: float
     e_t: float
@@ -275,6 +277,40 @@ class IFRLaw(CollisionLaw):
         if 1.0 - ac >= -1.0:
             remedies.insert(0, f"e_t <= {1.0 - ac:g}")
         return f"With {' or '.join(remedies)} it would not"
+
+
+def smooth_disks(e_n: float) -> IFRLaw:
+    """The law of smooth disks: normal restitution only, which is the IFR law with e_t = -1 and mu = 0.
+
+    Examples
+    --------
+    >>> from ifrdem import laws
+    >>> laws.smooth_disks(0.9) == laws.IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
+    True
+    """
+    return IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0)
+
+
+def rough_disks(e_n: float, beta: float) -> IFRLaw:
+    """The law of rough disks of constant normal and tangential restitution: the IFR law with e_t = beta and mu = 0.
+
+    J. T. Jenkins and M. W. Richman, Phys. Fluids 28, 3485 (1985), doi:10.1063/1.865302.
+
+    Parameters
+    ----------
+    e_n : float
+        Normal restitution, 0 to 1.
+    beta : float
+        Tangential restitution, -1 (smooth) to 1 (perfectly rough): each collision reverses the slip and multiplies it
+        by beta.
+
+    Examples
+    --------
+    >>> from ifrdem import laws
+    >>> laws.rough_disks(1.0, beta=1.0).e_t
+    1.0
+    """
+    return IFRLaw(e_n=e_n, e_t=beta, mu=0.0)
 
 
 def _mean_k(k_i: ArrayLike, k_j: ArrayLike, m_i: ArrayLike, m_j: ArrayLike) -> Array:

@@ -10,12 +10,13 @@ import math
 import re
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
 
 from ..errors import InputError, nearest
-from ..tools.checked import Array
+from ..tools.checked import Array, Number
 from .coefficients import named_numbers
 from .state import Disks
 
@@ -42,12 +43,16 @@ class CollisionLaw:
     ----------
     **values : float
         A finite number for each of the names in `coefficients`: one row for each pair of materials. They are not
-        compiled in.
+        compiled in, and are attributes of the law.
 
     Attributes
     ----------
     coefficients : tuple of str
         Names of the law's coefficients, by which `collide` gets them.
+    ranges : mapping
+        Checks of coefficients by name (`Number(low, high, text)`), beyond that they are finite.
+    is_proved : bool
+        True if `check` proves that no collision adds energy; simulations sample other laws.
 
     Notes
     -----
@@ -74,10 +79,34 @@ class CollisionLaw:
     __slots__ = ("_row",)
 
     coefficients: ClassVar[tuple[str, ...]] = ()
+    ranges: ClassVar[Mapping[str, Number]] = MappingProxyType({})
+    is_proved: ClassVar[bool] = False
+    is_by_name: ClassVar[bool] = True
+    """Whether the compiled function gets coefficients by name, not a row of them."""
 
     def __init__(self, **values: float) -> None:
         row = named_numbers(type(self).__name__, "coefficient", self.coefficients, values)
+        for name, in_range in self.ranges.items():
+            in_range(name, row[name])
         self._row = tuple(row.values())
+
+    def __getattr__(self, name: str) -> float:
+        """A coefficient by its name."""
+        if name in type(self).coefficients:
+            return self._row[self.coefficients.index(name)]
+        raise AttributeError(f"{type(self).__name__} has no '{name}'{nearest(name, self.coefficients)}")
+
+    def __repr__(self) -> str:
+        """The law and its coefficients."""
+        values = zip(self.coefficients, self.table_row(), strict=True)
+        return f"{type(self).__name__}({', '.join(f'{name}={value:g}' for name, value in values)})"
+
+    def __eq__(self, other: object) -> bool:
+        """True for the same law with the same coefficients."""
+        return type(self) is type(other) and self.table_row() == other.table_row()  # type: ignore[attr-defined]
+
+    def __hash__(self) -> int:
+        return hash((type(self), self.table_row()))
 
     @staticmethod
     def collide(pair: Any, law: Any) -> tuple[Any, Any, Any]:
@@ -115,7 +144,11 @@ class CollisionLaw:
 
     @classmethod
     def parts(cls) -> Callable[..., Any] | None:
-        """Function that gives restitution's part of P_t for the ledger, and the regime; None of a law without."""
+        """Function that the engine compiles for a ledger; None of a law without, all of whose P_t is restitution.
+
+        It takes what `collide` takes, and returns P_n, P_t, T; the part of P_t that tangential restitution gives; and
+        1.0 or 0.0 if friction stopped the slip, and if the rolling torque was its greatest.
+        """
         return None
 
     def table_row(self) -> tuple[float, ...]:
@@ -135,8 +168,7 @@ def compiled(kind: type[CollisionLaw]) -> Any:
     function = kind.impulses()
     if not hasattr(function, "_is_taichi_function"):
         function = ti.func(plain(function))
-    custom = kind.impulses.__func__ is CollisionLaw.impulses.__func__  # type: ignore[attr-defined]
-    names = (tuple(kind.coefficients) or ("none",)) if custom else ()
+    names = (tuple(kind.coefficients) or ("none",)) if kind.is_by_name else ()
     return CompiledLaw(function, max(len(kind.coefficients), 1), kind.parts(), names)
 
 
