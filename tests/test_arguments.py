@@ -285,7 +285,7 @@ FIT: dict[str, dict[str, Any]] = {
     "Disk": {"mass": [1.0, 2.0], "radius": 0.5, "k": 2.0},
     "TableFormat": {"columns": {}, "units": {}, "known": {}, "delimiter": ",", "decimal": "."},
     "Pair": {"M": 0.5, "k_1": 2.0, "k_2": 2.0, "R_1": 1.0, "R_2": 1.0},
-    "Walton": {"e_n": 0.9, "beta": 0.5, "mu": 0.2},
+    "Walton": {"e_n": 0.9, "beta_0": 0.5, "mu": 0.2},
     "example": {"seed": 1},
     "fit": {"data": IMPACTS, "M": 1.0, "k_1": 2.0, "k_2": 2.0, "R_1": 1.0, "R_2": 1.0, "model": ["brach"], "own": (),
             "fix": {"mu": 0.2}, "rolling": False, "robust": False, "level": 0.95, "profile": False,

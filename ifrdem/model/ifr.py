@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import sys
 import warnings
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
@@ -20,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 from ..tools import checked
 from ..tools.checked import LEAST, MOST, Array, Number, Numbers, validated
-from .law import CollisionLaw, EnergyWarning
+from .law import CollisionLaw, EnergyWarning, FromKernels
 
 STICKING = ("percussion_center", "contact_point")
 
@@ -160,7 +159,8 @@ class IFRLaw(CollisionLaw):
 
     coefficients: ClassVar[tuple[str, ...]] = ("e_n", "e_t", "mu", "contact_point", "rho")
     is_proved: ClassVar[bool] = True
-    is_by_name: ClassVar[bool] = False
+    collide: ClassVar[Any] = FromKernels("law", "ifr")
+    parts: ClassVar[Any] = FromKernels("law", "ifr_parts")
 
     e_n: float
     e_t: float
@@ -204,20 +204,6 @@ class IFRLaw(CollisionLaw):
     def table_row(self) -> tuple[float, float, float, float, float]:
         """The numbers that `collide_pair` takes: e_n, e_t, mu, contact_point (1.0 or 0.0), rho [length]."""
         return self.e_n, self.e_t, self.mu, float(self.sticking == "contact_point"), self.rho
-
-    @classmethod
-    def impulses(cls) -> Callable[..., Any]:
-        """The function that the engine compiles: `ifrdem.kernels.law.ifr`."""
-        from ..kernels.law import ifr  # imports Taichi, which is slow
-
-        return ifr
-
-    @classmethod
-    def parts(cls) -> Callable[..., Any]:
-        """Function that gives P_et for the ledger, and the regime."""
-        from ..kernels.law import ifr_parts  # imports Taichi, which is slow
-
-        return ifr_parts
 
     def _act_on(self, verdict: Admissibility, stacklevel: int) -> None:
         if not verdict.admissible:

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import functools
+import importlib
 import math
 import re
 import warnings
@@ -31,6 +32,20 @@ _ROUND_OFF = 1e-9  # of an impulse or energy, in single precision too where its 
 
 class EnergyWarning(UserWarning):
     """The tangential impulses alone can add energy; only the loss along the line of centres outweighs it."""
+
+
+class FromKernels:
+    """A function of a module of `kernels`, imported where it is first asked for: Taichi is slow to import."""
+
+    def __init__(self, module: str, name: str) -> None:
+        self._module, self._name = module, name
+
+    def __get__(self, law: Any, kind: type) -> Callable[..., Any]:
+        """The function."""
+        found: Callable[..., Any] = getattr(
+            importlib.import_module(f"ifrdem.kernels.{self._module}"), self._name
+        )
+        return found
 
 
 class CollisionLaw:
@@ -81,8 +96,6 @@ class CollisionLaw:
     coefficients: ClassVar[tuple[str, ...]] = ()
     ranges: ClassVar[Mapping[str, Number]] = MappingProxyType({})
     is_proved: ClassVar[bool] = False
-    is_by_name: ClassVar[bool] = True
-    """Whether the compiled function gets coefficients by name, not a row of them."""
 
     def __init__(self, **values: float) -> None:
         row = named_numbers(type(self).__name__, "coefficient", self.coefficients, values)
@@ -137,19 +150,10 @@ class CollisionLaw:
         # Abstract: `checked_class` refuses a law without its own, by name, before anything is compiled.
         raise NotImplementedError
 
-    @classmethod
-    def impulses(cls) -> Callable[..., Any]:
-        """The function that the engine compiles: `collide`."""
-        return cls.collide
-
-    @classmethod
-    def parts(cls) -> Callable[..., Any] | None:
-        """Function that the engine compiles for a ledger; None of a law without, all of whose P_t is restitution.
-
-        It takes what `collide` takes, and returns P_n, P_t, T; the part of P_t that tangential restitution gives; and
-        1.0 or 0.0 if friction stopped the slip, and if the rolling torque was its greatest.
-        """
-        return None
+    parts: ClassVar[Callable[..., Any] | None] = None
+    """`collide` with a ledger, a static method: it also returns the part of P_t that tangential restitution gives, and
+    1.0 or 0.0 if friction stopped the slip, and if the rolling torque was its greatest. Without it all of P_t counts
+    as restitution."""
 
     def table_row(self) -> tuple[float, ...]:
         """The coefficients in their order."""
@@ -162,14 +166,21 @@ class CollisionLaw:
 @functools.cache
 def compiled(kind: type[CollisionLaw]) -> Any:
     """Compiled form of a class of laws, a `kernels.layout.CompiledLaw`; one object for each class."""
-    from ..kernels.language import ti
-    from ..kernels.layout import CompiledLaw, plain
+    from ..kernels.layout import CompiledLaw
 
-    function = kind.impulses()
-    if not hasattr(function, "_is_taichi_function"):
-        function = ti.func(plain(function))
-    names = (tuple(kind.coefficients) or ("none",)) if kind.is_by_name else ()
-    return CompiledLaw(function, max(len(kind.coefficients), 1), kind.parts(), names)
+    collide, parts = (
+        getattr(kind, name) and _taichi_function(getattr(kind, name)) for name in ("collide", "parts")
+    )
+    defined = [next(each for each in kind.__mro__ if name in vars(each)) for name in ("parts", "collide")]
+    own = issubclass(*defined)  # not of a law whose `collide` another one replaces
+    return CompiledLaw(collide, tuple(kind.coefficients) or ("none",), parts if own else None)
+
+
+def _taichi_function(function: Any) -> Any:
+    from ..kernels.language import ti
+    from ..kernels.layout import plain
+
+    return function if hasattr(function, "_is_taichi_function") else ti.func(plain(function))
 
 
 def checked_class(laws: list[list[CollisionLaw]]) -> type[CollisionLaw]:
@@ -180,7 +191,7 @@ def checked_class(laws: list[list[CollisionLaw]]) -> type[CollisionLaw]:
     kinds: list[type[CollisionLaw]] = []
     for law in (law for row in laws for law in row):
         kind: Any = type(law)
-        if not isinstance(law, CollisionLaw) or kind.impulses() is CollisionLaw.collide:
+        if not isinstance(law, CollisionLaw) or kind.collide is CollisionLaw.collide:
             raise InputError(
                 f"law = {law!r}: must be an IFRLaw, or an object of a class derived from ifrdem.CollisionLaw with a "
                 "method collide"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from ..tools import checked
 from ..tools.checked import Array, Number, Positive, validated
 from .ifr import STICKING, IFRLaw
-from .law import CollisionLaw
+from .law import CollisionLaw, FromKernels
 
 _POSITIVE = (1e-100, 1e100)
 
@@ -64,6 +64,8 @@ class Viscoelastic(CollisionLaw):
         "Y": Number(*_POSITIVE, "a number from 1e-100 to 1e100 (elastic modulus)"),
     })  # fmt: skip
     is_proved: ClassVar[bool] = True
+    collide: ClassVar[Any] = FromKernels("laws", "viscoelastic")
+    parts: ClassVar[Any] = FromKernels("laws", "viscoelastic_parts")
 
     def __init__(
         self, *, A: float, Y: float, e_t: float = -1.0, mu: float = 0.0,
@@ -83,28 +85,6 @@ class Viscoelastic(CollisionLaw):
     def check(self, k_i: float, k_j: float, m_i: float = 1.0, m_j: float = 1.0) -> None:
         """Refuse the law for disks with these k and masses if a collision could add energy; see `IFRLaw.check`."""
         self._slow(self.k).check(k_i, k_j, m_i, m_j)
-
-    @staticmethod
-    def collide(pair: Any, law: Any) -> tuple[Any, Any, Any]:
-        """Impulses P_n, P_t and T, of numbers."""
-        from ..kernels.laws import viscoelastic  # imports Taichi, which is slow
-
-        P_n, P_t, T = viscoelastic(pair, law)
-        return P_n, P_t, T
-
-    @classmethod
-    def impulses(cls) -> Callable[..., Any]:
-        """The function that the engine compiles: `ifrdem.kernels.laws.viscoelastic`."""
-        from ..kernels.laws import viscoelastic
-
-        return viscoelastic
-
-    @classmethod
-    def parts(cls) -> Callable[..., Any]:
-        """The same with a ledger."""
-        from ..kernels.laws import viscoelastic_parts
-
-        return viscoelastic_parts
 
     def restitutions(self, g_n: ArrayLike, m_n: ArrayLike, R: float) -> Array:
         """e_n of pairs of effective masses [mass] and radius [length] that approach at g_n [length/time]; arrays."""

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, ClassVar
 
 from ..tools.checked import Number
-from .law import CollisionLaw
+from .law import CollisionLaw, FromKernels
 
 
 class Walton(CollisionLaw):
@@ -52,25 +52,5 @@ class Walton(CollisionLaw):
         "mu": Number(0.0, 1e50, "a number from 0 to 1e50"),
     })  # fmt: skip
     is_proved: ClassVar[bool] = True
-
-    @staticmethod
-    def collide(pair: Any, law: Any) -> tuple[Any, Any, Any]:
-        """Impulses P_n, P_t and no rolling friction, of numbers or arrays."""
-        from ..kernels.laws import walton  # imports Taichi, which is slow
-
-        P_n, P_t, T = walton(pair, law)
-        return P_n, P_t, T
-
-    @classmethod
-    def impulses(cls) -> Callable[..., Any]:
-        """The function that the engine compiles: `ifrdem.kernels.laws.walton`."""
-        from ..kernels.laws import walton
-
-        return walton
-
-    @classmethod
-    def parts(cls) -> Callable[..., Any]:
-        """The same with a ledger."""
-        from ..kernels.laws import walton_parts
-
-        return walton_parts
+    collide: ClassVar[Any] = FromKernels("laws", "walton")
+    parts: ClassVar[Any] = FromKernels("laws", "walton_parts")

@@ -101,7 +101,9 @@ def checked_law(name: str, law: Any) -> KnownLaw:
     found = IFRLaw(**law) if {"e_n", "e_t", "mu"} <= given <= _COEFFICIENTS else law
     if not isinstance(found, IFRLaw | Walton | Viscoelastic):
         raise must_be(
-            name, law, "an IFRLaw, Walton or Viscoelastic, whose averages are known (ifrdem.DSMC takes any law)"
+            name,
+            law,
+            "an IFRLaw, Walton or Viscoelastic, whose averages are known (ifrdem.DSMC takes any law)",
         )
     if isinstance(found, Walton):  # without restitution of the slip there is no friction
         return found if found.beta_0 > -1.0 else smooth_disks(found.e_n)
@@ -150,7 +152,7 @@ def tangential_averages(law: ClosedLaw, inverse_a: ArrayLike, S: ArrayLike) -> t
 def _averages(
     law: KnownLaw, inverse_a: Array, S: Array, m_n: Array, speed: Array, R: float
 ) -> tuple[ArrayLike, ArrayLike, Array, Array]:
-    """<(1 + e_n) y^2>, <(1 + e_n)^2 y^2> / 2, A, B, of g_n = speed y [length/time] and an effective radius R [length]."""
+    """<(1 + e_n) y^2>, <(1 + e_n)^2 y^2> / 2, A, B for g_n = speed y [length/time], effective radius R [length]."""
     if not isinstance(law, Viscoelastic):
         both = 1.0 + law.e_n
         return 2.0 * both, both**2, *tangential_averages(law, inverse_a, S)
@@ -166,9 +168,7 @@ def _averages(
     return (both * _Y**2) @ _Y_WEIGHTS, 0.5 * ((both * _Y) ** 2 @ _Y_WEIGHTS), A, B
 
 
-def energy_changes(
-    law: KnownLaw, disk: Collider, other: Collider, unit: float = 1.0
-) -> tuple[Array, Array]:
+def energy_changes(law: KnownLaw, disk: Collider, other: Collider, unit: float = 1.0) -> tuple[Array, Array]:
     """Mean energies [energy] that the motion and the spin of `disk` gain in a collision with `other`.
 
     The two gases may have different temperatures; one at least of the two must move. Temperatures may be in units of

@@ -53,8 +53,9 @@ LawTable = Annotated[
 class Mixture:
     """Species of a homogeneous gas, s of them.
 
-    InputError if a property is not positive, shapes do not fit, a law could add energy for a pair, has no known averages,
-    has rolling friction, or differs between `[i][j]` and `[j][i]`; or the packing fraction or `contact` is impossible.
+    InputError if a property is not positive, shapes do not fit, a law could add energy for a pair, has no known
+    averages, has rolling friction, or differs between `[i][j]` and `[j][i]`; or the packing fraction or `contact` is
+    impossible.
 
     Parameters
     ----------
@@ -220,9 +221,7 @@ def _temperatures(mixture: Mixture, **given: ArrayLike) -> tuple[Array, Array]:
     return found[0], found[1]
 
 
-def _rates(
-    mixture: Mixture, T: Array, T_rot: Array, often: Array, unit: float = 1.0
-) -> tuple[Array, Array]:
+def _rates(mixture: Mixture, T: Array, T_rot: Array, often: Array, unit: float = 1.0) -> tuple[Array, Array]:
     """Gains of T and T_rot (s,) per time; `unit` as for `energy_changes`, `often` (s, s) collisions per time."""
     s = mixture.species
     translation, rotation = np.zeros(s), np.zeros(s)
