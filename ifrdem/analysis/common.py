@@ -156,8 +156,8 @@ def cells_of(position: Array, box: Box, side: int) -> NDArray[np.intp]:
     low, lengths = np.zeros(2), np.array(box.lengths)
     if box.is_open:
         low, lengths = position.min(axis=0), np.ptp(position, axis=0)
-    place = np.clip((side * (position - low) / lengths).astype(np.intp), 0, side - 1)
-    return place[:, 0] * side + place[:, 1]
+    cell = np.clip((side * (position - low) / lengths).astype(np.intp), 0, side - 1)
+    return cell[:, 0] * side + cell[:, 1]
 
 
 Series = Annotated[ArrayLike, Numbers(("n",), least=1)]

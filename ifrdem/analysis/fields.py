@@ -110,8 +110,8 @@ def coarse_grain(
         raise InputError(
             f"width = {width:g}: cells of {size.max():.4g} are too large for it; take more or a wider one"
         )
-    place = np.clip(((x - low) / size).astype(np.intp), 0, np.array(cells) - 1)
-    index = place[:, 0] * cells[1] + place[:, 1]
+    cell = np.clip(((x - low) / size).astype(np.intp), 0, np.array(cells) - 1)
+    index = cell[:, 0] * cells[1] + cell[:, 1]
     m, R, inertia_of = column("mass", mass, n), column("radius", radius, n), column("inertia", inertia, n)
     # A deviation from the mean of all, so that no digits are lost where all drift.
     drift = np.average(v, axis=0, weights=m) if n else np.zeros(2)

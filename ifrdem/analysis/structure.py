@@ -473,13 +473,17 @@ def clusters(
     while np.any(parent != n):  # each step halves what is left of the way to the root
         offset += offset[parent] * (parent != n)[:, None]
         parent = parent[parent]
-    place = offset[:n]
+    unwrapped = offset[:n]
     # A bond that does not close is one around the box.
-    open_bond = np.any(np.abs(place[j] - place[i] - vector) > 1e-6 * max(1.0, float(radii.max())), axis=1)
+    open_bond = np.any(
+        np.abs(unwrapped[j] - unwrapped[i] - vector) > 1e-6 * max(1.0, float(radii.max())), axis=1
+    )
     spans = np.zeros(count, dtype=bool)
     spans[label[i[open_bond]]] = True
-    mean = np.stack([np.bincount(label, place[:, axis], minlength=count) / sizes for axis in (0, 1)], axis=1)
-    square = np.bincount(label, np.sum((place - mean[label]) ** 2, axis=1), minlength=count) / sizes
+    mean = np.stack(
+        [np.bincount(label, unwrapped[:, axis], minlength=count) / sizes for axis in (0, 1)], axis=1
+    )
+    square = np.bincount(label, np.sum((unwrapped - mean[label]) ** 2, axis=1), minlength=count) / sizes
     return Clusters(label, sizes, np.where(spans, np.nan, np.sqrt(square)), spans, gap)
 
 

@@ -17,7 +17,7 @@ from ..mpi import Communicator
 from ..tools import text_file
 from .case import IMPACT_SCAN, CaseSections
 from .gas import CaseGas, validate_case
-from .messages import KeyPath, cut, place_of, problems, spelled
+from .messages import KeyPath, cut, location_of, problems, spelled
 from .section import Problem
 
 MOST_BYTES = 10_000_000
@@ -178,11 +178,11 @@ def validated(raw: Mapping[str, Any]) -> tuple[CaseSections | None, list[Problem
         return None, found
     known: Any = copy.deepcopy(raw)
     for each in errors:
-        *above, last = place_of(each["loc"]).key
-        place: Any = known
+        *above, last = location_of(each["loc"]).key
+        node: Any = known
         for step in above:
-            place = place[step]
-        del place[last]
+            node = node[step]
+        del node[last]
     case, more = validated(known)
     return case, found + more
 
@@ -194,28 +194,28 @@ def override(raw: dict[str, Any], assignment: str) -> None:
     """
     key, value, remove = parse_assignment(assignment)
     assignment = cut(assignment)
-    place: Any = raw
+    node: Any = raw
     for depth, step in enumerate(key):
         last = depth == len(key) - 1
         where = spelled(key[:depth]) or "the case"
-        if isinstance(place, list) and isinstance(step, int):
-            if not 0 <= step < len(place):
-                raise InputError(f"--set {assignment}: {where} has {len(place)} entries, numbered from 0")
-        elif not (isinstance(place, dict) and isinstance(step, str)):
-            kind = "a list: give a number" if isinstance(place, list) else "no table that holds keys"
-            if place == {} and isinstance(step, int):
+        if isinstance(node, list) and isinstance(step, int):
+            if not 0 <= step < len(node):
+                raise InputError(f"--set {assignment}: {where} has {len(node)} entries, numbered from 0")
+        elif not (isinstance(node, dict) and isinstance(step, str)):
+            kind = "a list: give a number" if isinstance(node, list) else "no table that holds keys"
+            if node == {} and isinstance(step, int):
                 kind = f"not there{_coins_in(raw) if where == 'material' else ''}"
             raise InputError(f"--set {assignment}: {where} is {kind}")
-        elif not last and step not in place:
-            place[step] = {}
+        elif not last and step not in node:
+            node[step] = {}
         if not last:
-            place = place[step]
+            node = node[step]
         elif not remove:
-            place[step] = value
-        elif isinstance(place, dict):
-            place.pop(step, None)
+            node[step] = value
+        elif isinstance(node, dict):
+            node.pop(step, None)
         else:
-            del place[step]
+            del node[step]
 
 
 def _coins_in(raw: Mapping[str, Any]) -> str:

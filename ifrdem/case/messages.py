@@ -16,7 +16,7 @@ from .section import Problem, Section
 KeyPath = tuple[str | int, ...]
 
 
-class Place(NamedTuple):
+class Location(NamedTuple):
     """A key of a case: its path, and the models of sections that its value may be of (none for a plain value)."""
 
     key: KeyPath
@@ -29,7 +29,7 @@ class Place(NamedTuple):
 
 def problems(error: ValidationError, root: type[Section] = CaseSections) -> list[Problem]:
     """A problem for each error of pydantic."""
-    return [_translated(each, place_of(each["loc"], root)) for each in error.errors(include_url=False)]
+    return [_translated(each, location_of(each["loc"], root)) for each in error.errors(include_url=False)]
 
 
 def of_attribute(model: type[Section], name: str, error: ValidationError) -> str:
@@ -37,10 +37,10 @@ def of_attribute(model: type[Section], name: str, error: ValidationError) -> str
     heading = next((f"{key}." for key, kinds in _sections() if model in kinds), "")
     lines = []
     for each in error.errors(include_url=False):
-        place = place_of(each["loc"] or (name,), model)
+        location = location_of(each["loc"] or (name,), model)
         if each["type"] == "no_such_attribute":
             each = {**each, "type": "extra_forbidden"}
-        problem = _translated(each, place)
+        problem = _translated(each, location)
         lines.append(str(Problem(heading + problem.key, problem.value, problem.text)))
     return "\n".join(lines)
 
@@ -50,22 +50,22 @@ def _sections() -> Iterator[tuple[str, tuple[type[Section], ...]]]:
         yield key, tuple(models_in(found.annotation))
 
 
-def _translated(error: Mapping[str, Any], place: Place) -> Problem:
-    kind, context, key = error["type"], error.get("ctx", {}), place.key
+def _translated(error: Mapping[str, Any], location: Location) -> Problem:
+    kind, context, key = error["type"], error.get("ctx", {}), location.key
     value: str | None = _shown(error["input"])
     if kind in {"missing", "choice"} or (
         isinstance(error["input"], dict | list) and "type" not in kind and not kind.startswith("too_")
     ):
         value = None
     if kind == "extra_forbidden":
-        text = _unknown(str(key[-1]), place)
+        text = _unknown(str(key[-1]), location)
     elif kind == "missing":
-        text = f"missing: {_about(place)}"
+        text = f"missing: {_about(location)}"
     elif kind == "choice":
         text = context["text"]
     elif kind in ("union_tag_invalid", "union_tag_not_found"):
         name = context["discriminator"].strip("'")
-        about = place.models[0].about(name)[0]
+        about = location.models[0].about(name)[0]
         key = (*key, name)
         if kind == "union_tag_not_found":
             text = f"missing: {about}"
@@ -74,11 +74,11 @@ def _translated(error: Mapping[str, Any], place: Place) -> Problem:
             given, value = error["input"][name], _shown(error["input"][name])
             text = f"must be {_listed(allowed)}{nearest(given, allowed) if isinstance(given, str) else ''}"
     elif kind in ("model_type", "model_attributes_type"):
-        text = f"must be a table ({_table(place)})"
-    elif kind == "list_type" and place.models:
-        text = f"must be a list of tables ({_table(place)})"
+        text = f"must be a table ({_table(location)})"
+    elif kind == "list_type" and location.models:
+        text = f"must be a list of tables ({_table(location)})"
     elif kind in ("too_short", "too_long", "string_too_short", "string_too_long"):
-        text = _length(kind, error["input"], context, _about(place))
+        text = _length(kind, error["input"], context, _about(location))
     else:
         text = str(error["msg"]).replace("Input should", "must").replace("be a valid", "be a")
         text = text.replace("integer", "whole number")
@@ -86,7 +86,7 @@ def _translated(error: Mapping[str, Any], place: Place) -> Problem:
             text += nearest(error["input"], re.findall(r"'([^']+)'", context["expected"]))
         elif kind == "string_pattern_mismatch":
             text = "characters that are not allowed"
-        if kind not in ("literal_error", "unknown_name") and (about := _about(place)):
+        if kind not in ("literal_error", "unknown_name") and (about := _about(location)):
             text += f" ({about})"
     return Problem(spelled(key), value, text)
 
@@ -100,14 +100,14 @@ def _length(kind: str, value: Any, context: Mapping[str, Any], about: str) -> st
     return f"{text} ({about})" if about else text
 
 
-def _unknown(name: str, place: Place) -> str:
+def _unknown(name: str, location: Location) -> str:
     """Text on a key that its section does not have: the nearest one, or the kinds of section that have it."""
-    allowed = [] if place.owner is None else list(place.owner.model_fields)
+    allowed = [] if location.owner is None else list(location.owner.model_fields)
     known = f"known here: {', '.join(allowed)}"
-    of_kinds = [str(kind_of(each)) for each in place.siblings if name in each.model_fields]
-    if of_kinds and place.owner is not None:
-        key = place.owner.kind_key
-        return f"requires {key} = {_listed(of_kinds)}, not with {kind_of(place.owner)!r}; {known}"
+    of_kinds = [str(kind_of(each)) for each in location.siblings if name in each.model_fields]
+    if of_kinds and location.owner is not None:
+        key = location.owner.kind_key
+        return f"requires {key} = {_listed(of_kinds)}, not with {kind_of(location.owner)!r}; {known}"
     return f"unknown key{nearest(name, allowed)}; {known}"
 
 
@@ -139,7 +139,7 @@ def cut(text: str, longest: int = 60) -> str:
     return text if len(text) <= longest else text[: longest - 3] + "..."
 
 
-def place_of(location: KeyPath, root: type[Section] = CaseSections) -> Place:
+def location_of(location: KeyPath, root: type[Section] = CaseSections) -> Location:
     """The key that pydantic means by a location, in which kinds of sections stand as steps of their own."""
     key: list[str | int] = []
     models: tuple[type[Section], ...] = (root,)
@@ -158,7 +158,7 @@ def place_of(location: KeyPath, root: type[Section] = CaseSections) -> Place:
         if found is not None:
             siblings = ()
         models = () if found is None else tuple(models_in(found.annotation))
-    return Place(tuple(key), models, owner, siblings)
+    return Location(tuple(key), models, owner, siblings)
 
 
 def models_in(annotation: Any) -> list[type[Section]]:
@@ -168,19 +168,19 @@ def models_in(annotation: Any) -> list[type[Section]]:
     return [model for each in get_args(annotation) for model in models_in(each)]
 
 
-def _about(place: Place) -> str:
+def _about(location: Location) -> str:
     """The description of a key, or of the section that it leads to."""
-    if place.models:
-        model = place.models[0] if len(place.models) == 1 else place.models[0].__mro__[1]
-        return f"{_table(place)}, {(model.__doc__ or '').strip().splitlines()[0].rstrip('.').lower()}"
-    name = next((step for step in reversed(place.key) if isinstance(step, str)), "")
-    owner = place.owner
+    if location.models:
+        model = location.models[0] if len(location.models) == 1 else location.models[0].__mro__[1]
+        return f"{_table(location)}, {(model.__doc__ or '').strip().splitlines()[0].rstrip('.').lower()}"
+    name = next((step for step in reversed(location.key) if isinstance(step, str)), "")
+    owner = location.owner
     return owner.about(name)[0] if owner is not None and name in owner.model_fields else ""
 
 
-def _table(place: Place) -> str:
+def _table(location: Location) -> str:
     """Heading of the section of a key, as in the file."""
-    names = [step for step in place.key if isinstance(step, str)]
+    names = [step for step in location.key if isinstance(step, str)]
     if len(names) > 1:  # a table inside of a section
         return f"{names[-1]} = {{ ... }}"
     listed = (

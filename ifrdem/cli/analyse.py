@@ -84,12 +84,12 @@ def analyse(
     """
     files_end = (i for i, word in enumerate(words) if not (word.endswith(".h5") or Path(word).exists()))
     count = next(files_end, len(words))
-    places, what = words[:count], words[count:]
-    if not places:
+    sources, what = words[:count], words[count:]
+    if not sources:
         raise InputError(f"{words[0]}: there is no such file or folder" if words else "TRAJECTORY is missing")
     for name in what:
         _known("analysis", name, NAMES)
-    files = [one_trajectory(place) for place in places]
+    files = [one_trajectory(source) for source in sources]
     records = [_analyse(file, what, frames, output, json, force) for file in files]
     if len(files) > 1 and not json:
         for line in _means(records):
@@ -296,17 +296,17 @@ def plot(
         return
     if len(words) < 2:
         raise InputError("TRAJECTORY or WHAT is missing: `ifrdem plot --list` lists the plots")
-    *places, what = words
-    together = len(places) > 1 or places[0].endswith(".nc")
+    *sources, what = words
+    together = len(sources) > 1 or sources[0].endswith(".nc")
     with styled(style):
         if together or by is not None or (over is not None and what not in PICTURES):
-            _plot_together(places, what, over, by, frames, output, force=force)
+            _plot_together(sources, what, over, by, frames, output, force=force)
         else:
-            _plot_one(places[0], what, over or "t", frames, color, output, force=force)
+            _plot_one(sources[0], what, over or "t", frames, color, output, force=force)
 
 
 def _plot_one(
-    place: str,
+    source: str,
     what: str,
     over: str,
     frames: str | None,
@@ -316,7 +316,7 @@ def _plot_one(
     force: bool,
 ) -> None:
     """A picture of one trajectory."""
-    file = one_trajectory(place)
+    file = one_trajectory(source)
     _known("picture", what, tuple(PICTURES))
     if color is not None:
         from ..plots.disks import colour_of
@@ -338,7 +338,7 @@ def _plot_one(
 
 
 def _plot_together(
-    places: Sequence[str],
+    sources: Sequence[str],
     what: str,
     over: str | None,
     by: str | None,
@@ -353,17 +353,17 @@ def _plot_together(
 
     if frames is not None:
         raise InputError("--frames: of one trajectory only")
-    if any(place.endswith(".nc") for place in places):
-        if len(places) > 1:
+    if any(source.endswith(".nc") for source in sources):
+        if len(sources) > 1:
             raise InputError(
-                f"{len(places)} files: the results of one study, or trajectories only, are drawn together"
+                f"{len(sources)} files: the results of one study, or trajectories only, are drawn together"
             )
-        found = results.Results.read(places[0])
+        found = results.Results.read(sources[0])
     else:
         with contextlib.ExitStack() as stack:
-            files = [one_trajectory(place) for place in places]
+            files = [one_trajectory(source) for source in sources]
             found = figure.of_trajectories([stack.enter_context(opened(file)) for file in files])
-    path = _as_picture(Path(output or f"{Path(places[0]).stem}-{what}.png"))
+    path = _as_picture(Path(output or f"{Path(sources[0]).stem}-{what}.png"))
     check_files([path], force=force)
     drawn = figure.draw(found, what, over, by)
     from ..plots import run

@@ -524,8 +524,8 @@ def collisions(
     form = form_of(table, wrong)
     disks = _tracked_disks(disk, wrong)
     source = Path(tracks)
-    place = Path(output) if output is not None else source.with_name(f"{source.stem}_collisions.csv")
-    _check_files([place], source, force, wrong)
+    path = Path(output) if output is not None else source.with_name(f"{source.stem}_collisions.csv")
+    _check_files([path], source, force, wrong)
     wrong.end()
 
     from ..fit import tracks as of_tracks
@@ -550,8 +550,8 @@ def collisions(
     if len(found.left_out) > 20:
         shown.append(f"and {len(found.left_out) - 20} more")
     say("\n".join(shown))
-    write_text(place, found.csv("\n".join(about)))
-    note(f"\nwrote {place}: `ifrdem fit {place}` fits it")
+    write_text(path, found.csv("\n".join(about)))
+    note(f"\nwrote {path}: `ifrdem fit {path}` fits it")
     return 0
 
 
@@ -645,8 +645,8 @@ def compare(
             wrong.append(f"{name} requires --members")
     stem = None if picture is None else picture.removesuffix(".png").removesuffix(".pdf")
     pictures = [] if stem is None else [Path(f"{stem}.png"), Path(f"{stem}.pdf")]
-    places = [] if output is None else [Path(output)]
-    _check_files([*pictures, *places], Path(measured), force, wrong)
+    paths = [] if output is None else [Path(output)]
+    _check_files([*pictures, *paths], Path(measured), force, wrong)
     wrong.end()
 
     from ..case import shipped
@@ -667,9 +667,9 @@ def compare(
     say(found.table())
     if pictures:
         found.draw(pictures)
-    for place in places:
-        write_text(place, found.csv())
-    if written := [*places, *pictures]:
+    for path in paths:
+        write_text(path, found.csv())
+    if written := [*paths, *pictures]:
         note(f"\nwrote {', '.join(map(str, written))}")
     return 0
 

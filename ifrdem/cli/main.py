@@ -89,9 +89,9 @@ def _unwrapped(text: str) -> str:
 
 
 for _group, _functions in COMMANDS.items():
-    for _place, _function in enumerate(_functions):
+    for _position, _function in enumerate(_functions):
         _text = f"{inspect.cleandoc(_function.__doc__ or '')}\n\n{MORE.get(_function, '')}"
-        app.command(_function, help=_unwrapped(_text), group=_group, sort_key=_place)
+        app.command(_function, help=_unwrapped(_text), group=_group, sort_key=_position)
 app.register_install_completion_command()
 
 

@@ -102,15 +102,15 @@ def flag(text: str, *names: str, **more: Any) -> Parameter:
     return Parameter(name=names or None, help=text, **more)
 
 
-def one_trajectory(place: str) -> str:
+def one_trajectory(path: str) -> str:
     """A trajectory as the command line names it: itself, or the only one of a folder."""
     from ..runs.outputs import trajectory_in
 
-    if place.endswith(".nc"):
+    if path.endswith(".nc"):
         raise InputError(
-            f"{place}: must be a trajectory, NAME.h5; `ifrdem plot {place} T` draws the results of a study"
+            f"{path}: must be a trajectory, NAME.h5; `ifrdem plot {path} T` draws the results of a study"
         )
-    return os.fspath(trajectory_in(Path(place)))
+    return os.fspath(trajectory_in(Path(path)))
 
 
 def _trajectory(kind: object, tokens: Sequence[Token]) -> str:
@@ -241,7 +241,7 @@ def opened(file: str) -> Trajectory:
     return Trajectory(file)
 
 
-def place(file: str, output: str | None, ending: str, *, force: bool, option: str = "-o") -> Path:
+def output_path(file: str, output: str | None, ending: str, *, force: bool, option: str = "-o") -> Path:
     """The file to write, checked; without a name for it, one beside the trajectory."""
     from ..tools.files import check_apart, check_files
 

@@ -89,7 +89,7 @@ def run(
 
 
 def resume(
-    place: Annotated[
+    source: Annotated[
         str, Parameter(name="PATH", help="the trajectory (NAME.h5), or the folder that it is in")
     ],
     /,
@@ -110,10 +110,10 @@ def resume(
     from ..runs import resume as resuming
 
     comm = ranks()
-    comm.run_on_root(lambda: resuming.find(place))  # before anything takes a second
+    comm.run_on_root(lambda: resuming.find(source))  # before anything takes a second
     return _ended(
         lambda: resuming.resume(
-            place, ignore_case_changes=ignore_case_changes, threads=threads, max_hours=max_hours,
+            source, ignore_case_changes=ignore_case_changes, threads=threads, max_hours=max_hours,
             picture=not no_picture, say=note, warn=warn, comm=comm,
         )
     )  # fmt: skip

@@ -28,7 +28,7 @@ from .options import (
     one_trajectory,
     opened,
     option,
-    place,
+    output_path,
     styled,
     wrong_value,
 )
@@ -85,7 +85,7 @@ def view(
 
         with opened(one_trajectory(file)) as trajectory:
             numbers = chosen(frames, len(trajectory))
-            out = place(file, html, ".html", force=force, option="--html with another name")
+            out = output_path(file, html, ".html", force=force, option="--html with another name")
             page.write(trajectory, out, numbers, progress=counted("view"))
         note(f"wrote {out}: {len(numbers)} frame{'' if len(numbers) == 1 else 's'}")
         return
@@ -146,7 +146,7 @@ def export(
 
     with opened(file) as trajectory:
         numbers = chosen(frames, len(trajectory))
-        out = place(file, output, f".{to}", force=force)
+        out = output_path(file, output, f".{to}", force=force)
         exporting.export(trajectory, out, to, numbers, progress=counted("export"))
     note(f"wrote {out}: {len(numbers)} frame{'' if len(numbers) == 1 else 's'}")
 
@@ -193,7 +193,7 @@ def movie(
 
     with opened(file) as trajectory, styled(style):
         numbers = chosen(frames, len(trajectory))
-        out = place(file, output, ".mp4", force=force)
+        out = output_path(file, output, ".mp4", force=force)
         bytes_there = making.write(
             trajectory, out, numbers, fps=fps, size=size, color=color or "spin", quality=quality,
             progress=counted("movie"),
@@ -230,7 +230,7 @@ def repair(
             given = Path(os.path.realpath(given))
         out = given
     else:
-        out = place(file, output, ".repaired.h5", force=force)
+        out = output_path(file, output, ".repaired.h5", force=force)
     say(f"{given}:")
     wrote = repairing.repair(given, out, say=say)
     if wrote:
@@ -266,7 +266,7 @@ def history(
 
     with opened(file) as trajectory:
         found = trajectory.history(id)
-        out = None if output is None else place(file, output, ".csv", force=force)
+        out = None if output is None else output_path(file, output, ".csv", force=force)
         for line in summary(trajectory, found):
             say(line)
     if out is not None:

@@ -38,16 +38,16 @@ _SPELLINGS: Mapping[str, str] = {
 
 MOTION = ("vx_1", "vy_1", "spin_1", "vx_2", "vy_2", "spin_2")
 AFTER = tuple(f"{name}_after" for name in MOTION)
-PLACES = ("x_1", "y_1", "x_2", "y_2")
+CENTRES = ("x_1", "y_1", "x_2", "y_2")
 NORMAL = ("nx", "ny")
 _DISKS = ("mass_1", "radius_1", "k_1", "mass_2", "radius_2", "k_2")
 _KINDS: Mapping[str, str] = {
-    **dict.fromkeys(PLACES, "length"),
+    **dict.fromkeys(CENTRES, "length"),
     **dict.fromkeys(NORMAL, "number"),
     **{name: "spin" if name.startswith("spin") else "velocity" for name in (*MOTION, *AFTER)},
     **{name: {"m": "mass", "r": "length", "k": "number"}[name[0]] for name in _DISKS},
 }
-COLLISION_COLUMNS = (*PLACES, *NORMAL, *MOTION, *AFTER)
+COLLISION_COLUMNS = (*CENTRES, *NORMAL, *MOTION, *AFTER)
 """Columns of whole collisions; mass_1, radius_1, k_1 and those of disk 2 may be added."""
 
 _COLLISION_SPELLINGS: Mapping[str, str] = {
@@ -58,7 +58,7 @@ _COLLISION_SPELLINGS: Mapping[str, str] = {
 GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "angles": ANGLES,
-        "positions": PLACES,
+        "positions": CENTRES,
         "velocities": tuple(name for name in (*MOTION, *AFTER) if name[0] == "v"),
         "spins": tuple(name for name in (*MOTION, *AFTER) if name[0] == "s"),
     }
@@ -213,8 +213,8 @@ class Collisions:
 
     def __post_init__(self) -> None:
         wrong = _unknown(self.measured, COLLISION_COLUMNS)
-        normal, places = (all(name in self.measured for name in names) for names in (NORMAL, PLACES))
-        if not normal and not places:
+        normal, positions = (all(name in self.measured for name in names) for names in (NORMAL, CENTRES))
+        if not normal and not positions:
             wrong.append("the normal is missing: give columns nx, ny or x_1, y_1, x_2, y_2")
         if not any(name in self.measured for name in AFTER):
             text = "measured: must have a quantity after the impact, one of"
@@ -253,7 +253,7 @@ class Collisions:
         if walls.any() and not walls.all():
             text = "mass_2 is infinite: walls and disks cannot be combined in one table"
             found.append((int(np.argmax(walls)), text))
-        x, y = (arrays[NORMAL[i]] if normal else arrays[PLACES[i + 2]] - arrays[PLACES[i]] for i in (0, 1))
+        x, y = (arrays[NORMAL[i]] if normal else arrays[CENTRES[i + 2]] - arrays[CENTRES[i]] for i in (0, 1))
         found += _rows((x == 0.0) & (y == 0.0), "the normal has no length")
         _end(self.source, found, self.line)
         object.__setattr__(self, "measured", arrays)
@@ -294,7 +294,7 @@ class Collisions:
             x, y = (self.measured[name] for name in NORMAL)
             variance = [self.errors[name] ** 2 for name in NORMAL]
         else:
-            (x_1, y_1, x_2, y_2), e = (self.measured[name] for name in PLACES), self.errors
+            (x_1, y_1, x_2, y_2), e = (self.measured[name] for name in CENTRES), self.errors
             x, y = x_2 - x_1, y_2 - y_1
             variance = [e["x_1"] ** 2 + e["x_2"] ** 2, e["y_1"] ** 2 + e["y_2"] ** 2]
         length = np.hypot(x, y)

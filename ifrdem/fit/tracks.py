@@ -224,10 +224,10 @@ def _encounters(tracks: Tracks, disks: Mapping[int, Disk], wall: Wall | None) ->
     )
     for pair in pairs:
         times = tracks.time[pair[0]]
-        places = tracks.position[pair[0]]
+        positions = tracks.position[pair[0]]
         if wall:
-            normal, offset = _wall_line(wall, places)
-            gap = np.abs(places @ normal - offset) - float(np.asarray(disks[pair[0]].radius))
+            normal, offset = _wall_line(wall, positions)
+            gap = np.abs(positions @ normal - offset) - float(np.asarray(disks[pair[0]].radius))
         else:
             times, i, j = np.intersect1d(times, tracks.time[pair[1]], return_indices=True)
             apart = tracks.position[pair[1]][j] - tracks.position[pair[0]][i]
@@ -251,13 +251,13 @@ def _encounters(tracks: Tracks, disks: Mapping[int, Disk], wall: Wall | None) ->
     return sorted(found, key=lambda each: each.time)
 
 
-def _wall_line(wall: Sequence[float], places: Array) -> tuple[Array, float]:
+def _wall_line(wall: Sequence[float], positions: Array) -> tuple[Array, float]:
     """Unit normal from the disk to the wall, and offset of the wall along it."""
     x_1, y_1, x_2, y_2 = wall
     along = np.array([x_2 - x_1, y_2 - y_1]) / math.hypot(x_2 - x_1, y_2 - y_1)
     normal = np.array([-along[1], along[0]])
     offset = float(normal @ [x_1, y_1])
-    return (normal, offset) if np.median(places @ normal) < offset else (-normal, -offset)
+    return (normal, offset) if np.median(positions @ normal) < offset else (-normal, -offset)
 
 
 @dataclass(frozen=True, eq=False)
@@ -367,10 +367,10 @@ def _fit(
     contact = sum(float(np.asarray(disks[one].radius)) for one in meeting.ids)
     line = None if wall is None else _wall_line(wall, tracks.position[meeting.ids[0]])
     times = [tracks.time[one][rows] for one, rows in zip(meeting.ids, rows_of_disks, strict=True)]
-    places = [tracks.position[one][rows] for one, rows in zip(meeting.ids, rows_of_disks, strict=True)]
+    positions = [tracks.position[one][rows] for one, rows in zip(meeting.ids, rows_of_disks, strict=True)]
     span = float(np.median(np.diff(times[0])))
     start = [at]
-    for t, x in zip(times, places, strict=True):
+    for t, x in zip(times, positions, strict=True):
         before, after = t < at, t > at
         v, w = ((x[some][-1] - x[some][0]) / (t[some][-1] - t[some][0]) for some in (before, after))
         start += [*x[np.argmin(np.abs(t - at))], *v, *w]
@@ -378,7 +378,7 @@ def _fit(
 
     def residual(p: Array) -> Array:
         found = []
-        for i, (t, x) in enumerate(zip(times, places, strict=True)):
+        for i, (t, x) in enumerate(zip(times, positions, strict=True)):
             x_c, v, w = p[1 + 6 * i : 3 + 6 * i], p[3 + 6 * i : 5 + 6 * i], p[5 + 6 * i : 7 + 6 * i]
             tau = (t - p[0])[:, None]
             found.append((x - x_c - np.minimum(tau, 0.0) * v - np.maximum(tau, 0.0) * w).ravel())

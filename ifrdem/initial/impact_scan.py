@@ -33,12 +33,12 @@ def start(disks: Disks, psi: tuple[float, float], speed: float, *, seed: int) ->
     n = disks.n // 2
     sigma = disks.radius[:n] + disks.radius[n:]
     side, across = PATCH * float(sigma.max(initial=0.0)), math.ceil(math.sqrt(max(n, 1)))
-    place = np.stack(np.divmod(np.arange(n), across), axis=1)
+    cell = np.stack(np.divmod(np.arange(n), across), axis=1)
     direction = seeds.stream(seed, seeds.POSITIONS).uniform(0.0, 2.0 * np.pi, n)
     normal = np.stack([np.cos(direction), np.sin(direction)], axis=1)
     heading = direction + angles(n, psi)
     velocity = speed * np.stack([np.cos(heading), np.sin(heading)], axis=1)
-    hit = (place + 0.5) * side
+    hit = (cell + 0.5) * side
     # All at the same distance from contact along their flights, so that all touch at the time APPROACH sigma / speed.
     hitting = hit - sigma[:, None] * normal - (APPROACH * float(sigma.min(initial=1.0)) / speed) * velocity
     return StartData(

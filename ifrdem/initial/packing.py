@@ -95,8 +95,8 @@ def grow(
     refuse_no_free_area(free_area, radii)
     wanted = free_area.packing_fraction(radii)
     if wanted >= 1.0:
-        place = "free area between walls" if free_area.all_walls else "box"
-        raise InputError(f"packing fraction = {wanted:.4f}: the disks cover more than the {place} has")
+        region = "free area between walls" if free_area.all_walls else "box"
+        raise InputError(f"packing fraction = {wanted:.4f}: the disks cover more than the {region} has")
     soft = _SoftDisks(free_area, radii, _scattered(free_area, n, seeds.stream(seed, seeds.POSITIONS)))
     agitation = seeds.stream(seed, seeds.AGITATION)
     easy = soft.minimise(FIRST_STEPS)
@@ -169,24 +169,24 @@ Near = tuple[NDArray[np.int64], Array, Array] | None
 def _largest_overlap(free_area: FreeArea, near: Near) -> float:
     """Largest overlap [length] of these disks."""
     assert near is not None
-    _, radius, place = near
-    centres = free_area.box.wrap(place)
+    _, radius, position = near
+    centres = free_area.box.wrap(position)
     i, j = close_pairs(free_area.box, radius, centres).T
     apart = np.linalg.norm(free_area.box.minimum_image(centres[j] - centres[i]), axis=-1)
-    overlaps = np.concatenate((radius[i] + radius[j] - apart, -free_area.gap(place, radius)))
+    overlaps = np.concatenate((radius[i] + radius[j] - apart, -free_area.gap(position, radius)))
     return float(np.max(overlaps, initial=0.0))
 
 
 def _separated(free_area: FreeArea, near: Near) -> tuple[NDArray[np.int64], Array, float]:
     """Ids of these disks, places at which they do not overlap, and the longest way [length]."""
     assert near is not None
-    ids, radius, place = near
+    ids, radius, position = near
     if not len(ids):
-        return ids, place, 0.0
-    soft = _SoftDisks(free_area, radius, place, margin=SEPARATED)
+        return ids, position, 0.0
+    soft = _SoftDisks(free_area, radius, position, margin=SEPARATED)
     soft.minimise(LAST_STEPS)
     found = soft.wrapped()
-    return ids, found, float(np.abs(free_area.box.minimum_image(found - place)).max()) * math.sqrt(2.0)
+    return ids, found, float(np.abs(free_area.box.minimum_image(found - position)).max()) * math.sqrt(2.0)
 
 
 def _scattered(free_area: FreeArea, n: int, random: np.random.Generator) -> Array:
@@ -209,10 +209,10 @@ class _SoftDisks:
         box, self.walls, self.time = free_area.box, free_area.all_walls, free_area.time
         self.box = Box((box.lengths[0] / self.unit, box.lengths[1] / self.unit), box.periodic)
         self.margin = margin
-        place = self.box.wrap(position / self.unit)
-        row = np.floor(place / 2.0)
-        self.order = np.lexsort((place[:, 0], row[:, 1]))
-        self.x = place[self.order]
+        scaled = self.box.wrap(position / self.unit)
+        row = np.floor(scaled / 2.0)
+        self.order = np.lexsort((scaled[:, 0], row[:, 1]))
+        self.x = scaled[self.order]
         self.true_radius = radius[self.order] / self.unit
         self.radius = self.true_radius * (1.0 + margin)
         # Around a large disk stand many others that push: with more mass it swings no faster than the rest.
@@ -266,9 +266,9 @@ class _SoftDisks:
         if not self.walls:
             return force, overlap
         overlaps = [overlap]
-        place = self.box.wrap(self.x) * self.unit
+        position = self.box.wrap(self.x) * self.unit
         for wall in self.walls:
-            away, distance = wall.normal(place, self.time)
+            away, distance = wall.normal(position, self.time)
             overlaps.append(np.maximum(self.radius - distance / self.unit, 0.0))
             force += away * overlaps[-1][:, None]
         return force, np.concatenate(overlaps)

@@ -350,7 +350,7 @@ def _neighbors_of_strips(
     count, reach = len(edges) - 1, 2.0 * float(radius.max(initial=0.0)) * (1.0 + 2.0 * TOLERANCE)
     comm = current()
     reach = comm.largest(reach)
-    strips, places, radii = [np.empty(0, np.int64)], [np.empty((0, 2))], [np.empty(0)]
+    strips, positions, radii = [np.empty(0, np.int64)], [np.empty((0, 2))], [np.empty(0)]
     for each, own in rows.items():
         if each % 2:
             continue
@@ -358,9 +358,9 @@ def _neighbors_of_strips(
         # Where the box ends, the strips at its ends are no neighbours, but disks there are in no other strip's way.
         for near, other in ((x < edges[each] + reach, each - 1), (x > edges[each + 1] - reach, each + 1)):
             strips.append(np.full(int(near.sum()), other % count))
-            places.append(position[own][near])
+            positions.append(position[own][near])
             radii.append(radius[own][near])
-    found = [np.concatenate(each) for each in (strips, places, radii)]
+    found = [np.concatenate(each) for each in (strips, positions, radii)]
     found = comm.exchange(owner[found[0]], found)
     return {
         int(each): (found[1][found[0] == each], found[2][found[0] == each]) for each in np.unique(found[0])

@@ -130,8 +130,8 @@ class FreeArea:
         """The boundary of the free area is made of parts of these; walls first."""
         found: list[Boundary] = []
         for wall in self.all_walls:
-            place = wall.carried(np.array([wall.place]), self.time)[0]
-            if (boundary := wall.geometry.boundary(place, inset)) is not None:
+            origin = wall.carried(np.array([wall.place]), self.time)[0]
+            if (boundary := wall.geometry.boundary(origin, inset)) is not None:
                 found.append(boundary)
         return found + [self._side(axis, end) for axis in (0, 1) if self.box.periodic[axis] for end in (0, 1)]
 
@@ -185,7 +185,7 @@ class FreeArea:
         for i, one in enumerate(boundaries):
             if isinstance(one, CircleBoundary) and one.radius <= 0.0:
                 continue
-            far = 4.0 * size + 2.0 * float(np.max(np.abs(one.place)))
+            far = 4.0 * size + 2.0 * float(np.max(np.abs(one.origin)))
             low, high = one.ends(far)
             met = [s for j, other in enumerate(boundaries) if j != i for s in meetings(one, other)]
             ends = sorted({low, high, *(s for s in met if low < s < high)})

@@ -245,14 +245,14 @@ def close_ones(
     Their ids, radii and centres; of ranks, which give the disks of their slices, on the first one, and None on others.
     The `time` [time] says where the images above and below are in a sheared box.
     """
-    _, ids, radii, places = _with_neighbors(box, radius, position, gap, time)
-    centres = box.wrap(places, time)
+    _, ids, radii, positions = _with_neighbors(box, radius, position, gap, time)
+    centres = box.wrap(positions, time)
     i, j = _close_pairs_at(box, radii, centres, time, gap).T
     near = (
         np.linalg.norm(box.minimum_image(centres[j] - centres[i], time), axis=-1) < radii[i] + radii[j] + gap
     )
     rows = np.union1d(i[near], j[near])
-    found = ids[rows], radii[rows], places[rows]
+    found = ids[rows], radii[rows], positions[rows]
     if also is not None:
         own, _ = current().number(len(radius))
         more = own.start + np.flatnonzero(also), radius[also], position[also]
@@ -260,9 +260,9 @@ def close_ones(
     gathered = current().gather(found)
     if gathered is None:
         return None
-    numbers, radii, places = (np.concatenate(each) for each in zip(*gathered, strict=True))
+    numbers, radii, positions = (np.concatenate(each) for each in zip(*gathered, strict=True))
     numbers, first = np.unique(numbers, return_index=True)
-    return numbers, radii[first], places[first]
+    return numbers, radii[first], positions[first]
 
 
 def replace_rows(position: Array, ids: NDArray[np.int64], moved: Array) -> Array:

@@ -105,10 +105,10 @@ def check(
                 gap = wall.gap(position, radius, time)
                 i = int(np.argmin(gap))
                 deepest = float(gap[i]), ids.start + i, f"({position[i, 0]:.6g}, {position[i, 1]:.6g})"
-            least, disk, place = min(comm.allgather(deepest))
+            least, disk, center = min(comm.allgather(deepest))
             if least < -tolerance:
                 raise InputError(
-                    f"disk {disk} at {place} overlaps {name}{_standing(wall, time)} by {-least:.3g}"
+                    f"disk {disk} at {center} overlaps {name}{_standing(wall, time)} by {-least:.3g}"
                 )
 
 

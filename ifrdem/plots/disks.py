@@ -341,7 +341,7 @@ def draw_walls(
 def _wall(axes: Axes, wall: Wall, lengths: tuple[float, float], time: float) -> None:
     from matplotlib.patches import Circle
 
-    place = wall.carried(np.array([wall.place]), time)[0]
+    center = wall.carried(np.array([wall.place]), time)[0]
     colour = foreground(axes) if wall.temperature is None else HOT
     if not wall.geometry.is_circle:
         ends = wall.carried(wall.geometry.path(lengths), time)
@@ -351,12 +351,12 @@ def _wall(axes: Axes, wall: Wall, lengths: tuple[float, float], time: float) -> 
         axes.plot(*ends.T, scalex=False, scaley=False, **look)
         return
     filled = wall.geometry.side < 0.0
-    axes.add_patch(Circle((place[0], place[1]), wall.radius, fill=filled, fc=POST, ec=colour, lw=2.0))
+    axes.add_patch(Circle((center[0], center[1]), wall.radius, fill=filled, fc=POST, ec=colour, lw=2.0))
     if wall.surface_speed != 0.0:
         angle = np.arange(8) * np.pi / 4.0
         out = np.column_stack((np.cos(angle), np.sin(angle)))
         turn = np.sign(wall.surface_speed) * (1.0 if filled else -1.0)  # counter-clockwise
         along = turn * np.column_stack((-out[:, 1], out[:, 0]))
-        for at, step in zip(place + wall.radius * out, 0.06 * wall.radius * along, strict=True):
+        for at, step in zip(center + wall.radius * out, 0.06 * wall.radius * along, strict=True):
             arrow = {"arrowstyle": "-|>", "color": colour, "lw": 1.5}
             axes.annotate("", xy=at + step, xytext=at - step, arrowprops=arrow)

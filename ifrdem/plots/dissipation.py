@@ -57,8 +57,8 @@ def of(trajectory: Trajectory, frames: Sequence[int] | None = None) -> Dissipati
     first = lost
     for index in used[1:]:
         frame = trajectory[index]
-        now, place = frame["dissipated"], frame.position
-        x, y = place.T
+        now, position = frame["dissipated"], frame.position
+        x, y = position.T
         weights = (now - lost).sum(axis=1)
         total += np.histogram2d(x, y, bins=cells.tolist(), range=region.tolist(), weights=weights)[0]
         lost = now

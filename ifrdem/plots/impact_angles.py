@@ -16,12 +16,12 @@ from ..model.ifr import IFRLaw, Regime, collide
 from ..model.state import Disks
 from ..tools.checked import Array, validated
 from ..trajectory.reader import Trajectory
-from .run import Place, Run, save
+from .run import PicturePath, Run, save
 from .style import OPEN, RATIO, ROTATION, TRANSLATION, grid
 
 
 @validated
-def impact_scan(run: Run, path_png: Place = None) -> Figure:
+def impact_scan(run: Run, path_png: PicturePath = None) -> Figure:
     """Draw the disks that were hit: the tangent of their angle from the line of centres against that of the impact.
 
     As `run.cooling`, of a case with start.positions = "impact_scan", with positions and velocities. Points are the

@@ -198,7 +198,7 @@ class Scene:
 
 def write(
     trajectory: Trajectory,
-    place: Path,
+    output: Path,
     frames: Sequence[int],
     *,
     fps: int = 25,
@@ -215,22 +215,22 @@ def write(
     imageio-ffmpeg is not installed (.mp4), there is nothing to draw, or the file cannot be written: a folder, a device,
     the trajectory.
     """
-    kind = place.suffix.lower() or FORMATS[0]
+    kind = output.suffix.lower() or FORMATS[0]
     if kind not in FORMATS:
-        raise InputError(f"output {place}: a movie is a file with the ending {', '.join(FORMATS)}")
+        raise InputError(f"output {output}: a movie is a file with the ending {', '.join(FORMATS)}")
     if len(frames) == 0 or trajectory.n == 0:
         raise InputError(f"{trajectory.path}: no {'disks' if len(frames) else 'frames'} to draw")
-    check_apart(place, trajectory.path)
+    check_apart(output, trajectory.path)
     encode = _ffmpeg(fps) if kind == FORMATS[0] else _pillow(kind[1:], fps, quality)
     scene = Scene(trajectory, frames, size, color)
 
     def whole(aside: Path) -> None:
         encode(aside, scene.size, (scene.draw(index) for index in progress(frames)))
         if not aside.exists() or aside.stat().st_size == 0:
-            raise InputError(f"output {place}: nothing was written")
+            raise InputError(f"output {output}: nothing was written")
 
-    write_aside(place, whole)
-    return place.stat().st_size
+    write_aside(output, whole)
+    return output.stat().st_size
 
 
 Encoder = Callable[[Path, tuple[int, int], Iterable[NDArray[np.uint8]]], None]

@@ -111,16 +111,16 @@ def _area_below(edge: float, center: Array, radius: Array) -> Array:
 SLABS = 20  # in which the mean flow is drawn
 
 
-def draw(figure: Any, place: Any, trajectory: Trajectory, profile: Strips) -> None:
-    """Draw a profile into a place of the figure's grid: side by side upwards, one above the other across."""
+def draw(figure: Any, cell: Any, trajectory: Trajectory, profile: Strips) -> None:
+    """Draw a profile into a cell of the figure's grid: side by side upwards, one above the other across."""
     upwards = profile.axis == 1
     dragged = any(wall.surface_speed != 0.0 or wall.motion.kind == "steady" for wall in trajectory.walls)
     count = 3 if dragged else 2
-    places = place.subgridspec(1, count) if upwards else place.subgridspec(count, 1)
+    cells = cell.subgridspec(1, count) if upwards else cell.subgridspec(count, 1)
     panels: list[Axes] = []
     for i in range(count):
         shared = {("sharey" if upwards else "sharex"): panels[0]} if panels else {}
-        panels.append(figure.add_subplot(places[0, i] if upwards else places[i, 0], **shared))
+        panels.append(figure.add_subplot(cells[0, i] if upwards else cells[i, 0], **shared))
     _line(panels[0], profile, profile.packing_fraction, color=RATIO, marker="o", ms=3, lw=1.2)
     _value_axis(panels[0], profile, r"packing fraction $\phi$")
     _temperatures(panels[1], trajectory, profile)
@@ -140,8 +140,8 @@ def draw(figure: Any, place: Any, trajectory: Trajectory, profile: Strips) -> No
 
 
 def _line(axes: Axes, profile: Strips, values: Array, **look: Any) -> None:
-    places = profile.middle
-    axes.plot(*((values, places) if profile.axis == 1 else (places, values)), **look)
+    middle = profile.middle
+    axes.plot(*((values, middle) if profile.axis == 1 else (middle, values)), **look)
 
 
 def _value_axis(axes: Axes, profile: Strips, text: str, *, from_zero: bool = True) -> None:

@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Run = str | os.PathLike[str] | Trajectory
-Place = str | os.PathLike[str] | None
+PicturePath = str | os.PathLike[str] | None
 FORMATS = ("png", "svg", "pdf")
 """Of pictures, by their endings."""
 
 
 @validated
-def cooling(run: Run, path_png: Place = None) -> Figure:
+def cooling(run: Run, path_png: PicturePath = None) -> Figure:
     """Draw a cooling gas: its temperatures against time with kinetic theory, and its disks at the end.
 
     The theory is `theory.prediction` from the first frame on, of one kind of disks or of a mixture. Where it does not
@@ -54,7 +54,7 @@ def cooling(run: Run, path_png: Place = None) -> Figure:
 
 
 @validated
-def driven(run: Run, path_png: Place = None) -> Figure:
+def driven(run: Run, path_png: PicturePath = None) -> Figure:
     """Draw a driven gas: its temperatures against time with kinetic theory, and its disks at the end.
 
     As `cooling`, with the parameter `forces` that `ifrdem run` writes, a list of the keys of each force as JSON; of one
@@ -69,7 +69,7 @@ def driven(run: Run, path_png: Place = None) -> Figure:
 
 
 @validated
-def sheared(run: Run, path_png: Place = None) -> Figure:
+def sheared(run: Run, path_png: PicturePath = None) -> Figure:
     """Draw a sheared gas: its temperatures against time with kinetic theory, its flow, and its disks at the end.
 
     As `cooling`, of a sheared box, with `sheared_gas.steady_state`; theory knows one kind of disks without forces. The
@@ -84,7 +84,7 @@ def sheared(run: Run, path_png: Place = None) -> Figure:
 
 
 @validated
-def walled(run: Run, path_png: Place = None) -> Figure:
+def walled(run: Run, path_png: PicturePath = None) -> Figure:
     """Draw a gas between walls: temperatures against time, profiles across it (`profiles.py`), and its last frame.
 
     As `cooling`, without theory. Profiles go upwards under gravity (the parameter `gravity`, two numbers as JSON), else
@@ -114,7 +114,7 @@ def walled(run: Run, path_png: Place = None) -> Figure:
     return figure
 
 
-def _draw(run: Run, path_png: Place, *, flow: bool = False) -> Figure:
+def _draw(run: Run, path_png: PicturePath, *, flow: bool = False) -> Figure:
     """A picture of temperatures (left, and their ratio below), the flow if wished, and disks (right)."""
     with drawing(run, path_png) as (trajectory, figure):
         figure.set_size_inches(16.5 if flow else 13.5, 6.3)
@@ -129,7 +129,7 @@ def _draw(run: Run, path_png: Place, *, flow: bool = False) -> Figure:
 
 
 @contextmanager
-def drawing(run: Run, path_png: Place) -> Iterator[tuple[Trajectory, Figure]]:
+def drawing(run: Run, path_png: PicturePath) -> Iterator[tuple[Trajectory, Figure]]:
     """A trajectory with frames, and a figure that gets its title and is written in the end, if it has a place."""
     from matplotlib.figure import Figure
 

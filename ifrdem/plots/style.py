@@ -89,8 +89,8 @@ def color_bar(axes: Axes, drawn: Any, text: str, extend: str = "neither", names:
 
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
     part = min(max(1.0, abs((y1 - y0) / (x1 - x0))), 4.0) if axes.get_aspect() == 1.0 else 1.0
-    place = axes.inset_axes((1.0 + 0.03 * part, 0.05, 0.035 * part, 0.9))
-    bar = axes.figure.colorbar(drawn, cax=place, extend=extend, format="%.3g")
+    inset = axes.inset_axes((1.0 + 0.03 * part, 0.05, 0.035 * part, 0.9))
+    bar = axes.figure.colorbar(drawn, cax=inset, extend=extend, format="%.3g")
     bar.set_label(text)
     if drawn.get_cmap().N < 20:  # kinds
         bar.locator = MaxNLocator(integer=True)
@@ -123,8 +123,8 @@ def legend_above(axes: Axes, columns: int = 3) -> None:
     """A legend over the axes, in rows, where it can hide no curve; figures laid out as "constrained" make the room."""
     entries = len(axes.get_legend_handles_labels()[1])
     if entries:
-        place: Any = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": min(columns, entries)}
-        axes.legend(frameon=False, fontsize="small", **place)
+        location: Any = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": min(columns, entries)}
+        axes.legend(frameon=False, fontsize="small", **location)
 
 
 def few_labels(axes: Axes) -> None:

@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..tools.checked import Array, validated
 from ..trajectory.reader import Trajectory
 from .disks import shown_region
-from .run import Place, Run, drawing
+from .run import PicturePath, Run, drawing
 from .style import RATIO, ROTATION, TRANSLATION, color_bar, grid, label, legend_above, place_axes, positive
 
 MOST_PATHS = 2000
@@ -20,7 +20,7 @@ MOST_PATHS = 2000
 
 
 @validated
-def table(run: Run, path_png: Place = None) -> Figure:
+def table(run: Run, path_png: PicturePath = None) -> Figure:
     """Draw disks on a table: energies (logarithmic) and moving disks against time; paths and final places.
 
     As `run.cooling`, of a trajectory with positions, velocities, spins and the observables `translational_energy` and

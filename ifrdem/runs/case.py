@@ -90,10 +90,10 @@ class Case(Sections):
         InputError
             If the file cannot be read, or a key or value is wrong: a line for each.
         """
-        place, changes = shipped.find(os.fspath(path)), tuple(assignments(set))
-        text, raw = case_file.load(place)
-        found = cls(**case_file.changed(raw, place, changes))
-        found._path, found._text, found._overrides = place, text, changes
+        source, changes = shipped.find(os.fspath(path)), tuple(assignments(set))
+        text, raw = case_file.load(source)
+        found = cls(**case_file.changed(raw, source, changes))
+        found._path, found._text, found._overrides = source, text, changes
         return found
 
     def check(self) -> Report:

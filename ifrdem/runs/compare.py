@@ -334,8 +334,8 @@ def compare(
         for k in each:
             law = laws[k % len(laws)] if laws else None
             state = _drawn(gas, start, errors, rng)
-            places = _places(_simulation(gas, law, state), measured.id, asked)
-            found.append(_nearest(box, measured.position, places, asked))
+            positions = _positions(_simulation(gas, law, state), measured.id, asked)
+            found.append(_nearest(box, measured.position, positions, asked))
     all_members = np.array(found).reshape(-1, len(measured.id), 2)
     spread = all_members.std(axis=0, ddof=1) if len(found) > 1 else np.full_like(position, math.nan)
     unit = f" {units['length']}" if "length" in units and units["length"] != "reduced" else ""
@@ -405,7 +405,7 @@ def _simulation(gas: CaseGas, law: Mapping[str, float] | None, state: State) -> 
     return gas.simulation(state)
 
 
-def _places(simulation: Simulation, ids: NDArray[np.int64], times: Array) -> Array:
+def _positions(simulation: Simulation, ids: NDArray[np.int64], times: Array) -> Array:
     """Places (m, 2) of disks at times."""
     found, order = np.empty((len(ids), 2)), np.argsort(times, kind="stable")
     each, first = np.unique(times[order], return_index=True)

@@ -40,7 +40,7 @@ def _gas(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     yield "size on disk", size(trajectory.path.stat().st_size)
     if (parts := trajectory.parts) is not None:
         for number in range(len(parts)):
-            own, there = parts.disks(number), parts.place(trajectory.path, number)
+            own, there = parts.disks(number), parts.path_of(trajectory.path, number)
             stored = "MISSING" if number in trajectory.missing else size(there.stat().st_size)
             held = f"disks {own.start} to {own.stop - 1}, {stored}"
             yield "" if number else f"{counted(len(parts), 'part')}", f"{parts.name(number)}: {held}"

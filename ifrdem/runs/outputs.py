@@ -23,29 +23,32 @@ class Outputs:
     views: tuple[Path, ...] = ()
 
     @classmethod
-    def plan(cls, case: CaseSections, place: str | None = None, *, picture: bool = True) -> Outputs:
+    def plan(cls, case: CaseSections, output: str | None = None, *, picture: bool = True) -> Outputs:
         """NAME.h5, and NAME.png, NAME.vtkhdf and NAME.nc if the case wants them.
 
-        `place` is a folder that exists, or a text that ends in a separator: the files get the run's name there.
+        `output` is a folder that exists, or a text that ends in a separator: the files get the run's name there.
         Anything else is the files' path without its ending (".h5" or ".png" at its end is taken off). Without it, they
         are in the present folder. Without `picture`, none is drawn.
 
-        Raises InputError if the place is an empty text, or a device or pipe.
+        Raises InputError if `output` is an empty text, or a device or pipe.
         """
-        prefix, output = Path(case.run.name), case.output
-        if place is not None:
-            if not place.strip():
+        prefix = Path(case.run.name)
+        if output is not None:
+            if not output.strip():
                 raise InputError(
-                    "-o: an empty text is no place; give a folder, or the files' path without its ending"
+                    "-o: an empty text is no path; give a folder, or the files' path without its ending"
                 )
-            if os.path.exists(place) and not (os.path.isdir(place) or os.path.isfile(place)):
-                raise InputError(f"-o {place}: must be a folder, or the path of files without their ending")
-            folder = os.path.isdir(place) or place.endswith(("/", os.sep))
-            prefix = Path(place) / prefix if folder else Path(place.removesuffix(".h5").removesuffix(".png"))
+            if os.path.exists(output) and not (os.path.isdir(output) or os.path.isfile(output)):
+                raise InputError(f"-o {output}: must be a folder, or the path of files without their ending")
+            folder = os.path.isdir(output) or output.endswith(("/", os.sep))
+            stem = Path(output.removesuffix(".h5").removesuffix(".png"))
+            prefix = Path(output) / prefix if folder else stem
         # Not with_suffix: a name such as "mu0.21" would lose its end.
         trajectory, drawn, *views = (prefix.with_name(prefix.name + each) for each in (".h5", ".png", *VIEWS))
-        wanted = output.views and "position" in output.fields
-        return cls(trajectory, drawn if picture and output.picture else None, tuple(views) if wanted else ())
+        has_views = case.output.views and "position" in case.output.fields
+        return cls(
+            trajectory, drawn if picture and case.output.picture else None, tuple(views) if has_views else ()
+        )
 
     @property
     def checkpoint(self) -> Path:
@@ -76,17 +79,17 @@ class Outputs:
         return [path for path in (self.trajectory, self.picture, *self.views) if path is not None]
 
 
-def trajectory_in(place: Path) -> Path:
+def trajectory_in(path: Path) -> Path:
     """The trajectory that a path means: itself, or the only one in a folder.
 
     Raises InputError if the folder has none, or several.
     """
-    if not place.is_dir():
-        return place
-    found = [each for each in place.glob("*.h5") if not each.name.endswith(CHECKPOINT)]
+    if not path.is_dir():
+        return path
+    found = [each for each in path.glob("*.h5") if not each.name.endswith(CHECKPOINT)]
     if not found:
-        raise InputError(f"{place} is a folder without a trajectory (*.h5)")
-    return only(found, f"{place}: several trajectories are here")
+        raise InputError(f"{path} is a folder without a trajectory (*.h5)")
+    return only(found, f"{path}: several trajectories are here")
 
 
 def only(found: Sequence[Path], several: str) -> Path:

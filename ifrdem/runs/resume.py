@@ -38,12 +38,12 @@ NO_RUN = "a checkpoint of `Simulation.save_checkpoint`: Simulation.load_checkpoi
 """Description of a checkpoint without a run."""
 
 
-def find(place: str | os.PathLike[str]) -> Path:
+def find(source: str | os.PathLike[str]) -> Path:
     """The checkpoint that a path means: itself, that of a trajectory, or the only one in a folder.
 
     Raises InputError if there is none, or several.
     """
-    path = Path(place)
+    path = Path(source)
     if path.is_dir():
         there = list(path.glob(f"*{CHECKPOINT}"))
         if not there:
@@ -54,18 +54,18 @@ def find(place: str | os.PathLike[str]) -> Path:
     if path.name.endswith(CHECKPOINT):
         return path
     if not path.exists():
-        raise InputError(f"{place}: there is no such file or folder")
+        raise InputError(f"{source}: there is no such file or folder")
     found = checkpoint_of(path)
     if not found.exists():
         raise InputError(
-            f"{place}: there is no {found.name} beside it: the run is done, or was killed in its very beginning. "
+            f"{source}: there is no {found.name} beside it: the run is done, or was killed in its very beginning. "
             f'A new run can begin with a stored frame: start.positions = "{path.name}"'
         )
     return found
 
 
 def resume(
-    place: str | os.PathLike[str],
+    source: str | os.PathLike[str],
     *,
     ignore_case_changes: bool = False,
     threads: int | None = None,
@@ -79,7 +79,7 @@ def resume(
 
     Frames that were committed after the checkpoint are computed again and compared, bit for bit.
 
-    `place` is the trajectory, its checkpoint, or the folder that holds the only one. `ignore_case_changes` goes on as
+    `source` is the trajectory, its checkpoint, or the folder that holds the only one. `ignore_case_changes` goes on as
     the run began though its case file has changed since. `threads` may be another number of CPU threads than before:
     the result does not depend on it. A picture is drawn at the end, if the case wants it. Others as for `run.run`;
     the number of ranks may be another one, too.
@@ -91,19 +91,19 @@ def resume(
         "ignore_case_changes": ignore_case_changes, "threads": threads, "max_hours": max_hours, "picture": picture,
         "say": say, "warn": warn,
     }  # fmt: skip
-    gas = comm.root_result(lambda: None if comm.size == 1 else _gas_of(find(place)))
-    if gas is not None and on_usable_ranks(gas, comm, say, lambda part: resume(place, **options, comm=part)):
+    gas = comm.root_result(lambda: None if comm.size == 1 else _gas_of(find(source)))
+    if gas is not None and on_usable_ranks(gas, comm, say, lambda part: resume(source, **options, comm=part)):
         return
     cores, share = comm.share_of_cores(backend.cores()), comm.local_share
     began = time.perf_counter()
 
     def prepared() -> tuple[Any, ...]:
-        path = find(place)
+        path = find(source)
         arrays, record = checkpoint.read(path, rows=False)
         with checkpoint.as_damage_error(path, "its record"):
             checkpoint.check_versions(record, path)
             extra: Mapping[str, Any] = record["extra"]
-            if "course" not in extra:
+            if "plan" not in extra:
                 raise InputError(f"{path}: {NO_RUN}")
             if not ignore_case_changes:
                 _refuse_changed(path, extra)
@@ -113,7 +113,7 @@ def resume(
                 raise InputError(f"{path} belongs to {extra['trajectory']}: rename it back")
             begun = Path(extra["case_path"]), str(extra["case"]), tuple(map(str, extra["overrides"]))
             ledger = Ledger.from_record(extra["ledger"])
-            plan = RunPlan.from_record(extra["course"], case.output.frame_cadence, case.output.series_cadence)
+            plan = RunPlan.from_record(extra["plan"], case.output.frame_cadence, case.output.series_cadence)
             names = ("frames", "series_rows", "events")
             written: dict[str, Any] = {name: operator.index(extra["seen"][name]) for name in names}
         if threads is not None:

@@ -28,7 +28,7 @@ from ..model.state import State, gather_state
 from ..model.walls import wall_names
 from ..mpi import SERIAL, Communicator
 from ..simulation import backend, checkpoint
-from ..simulation.schedule import RunPlan, Span
+from ..simulation.schedule import RunPlan, RunPoint, end_at
 from ..simulation.simulation import Simulation
 from ..simulation.tracking import Events
 from ..tools.checked import Array
@@ -120,11 +120,9 @@ def run(
         simulation, tracked, start = made()
     except KeyboardInterrupt:
         raise KeyboardInterrupt("interrupted before the first frame: nothing was written") from None
-    span = Span.to(
-        gas.n, simulation.time, simulation.collisions,
-        t_end=case.run.t_end, collisions_per_disk=case.run.collisions_per_disk,
-    )  # fmt: skip
-    plan = RunPlan(span, case.output.frame_cadence, case.output.series_cadence)
+    now, run_keys = RunPoint(simulation.time, simulation.collisions), case.run
+    end = end_at(gas.n, now, t_end=run_keys.t_end, collisions_per_disk=run_keys.collisions_per_disk)
+    plan = RunPlan(gas.n, now, end, case.output.frame_cadence, case.output.series_cadence)
     in_parts = case.output.in_parts(gas.n, comm.size)
     options = {"units": UNITS[case.run.units], "force": force, **stored(gas)}
 
@@ -240,7 +238,7 @@ def run_root(
     n, unit = gas.n, UNITS[run.units]["time"] if run.units == "SI" else ""
     progress = Progress(
         n, t_end=run.t_end, collisions_per_disk=run.collisions_per_disk,
-        begin=(running.plan.span.time, running.plan.span.collisions), unit=unit, kernels=backend.kernels,
+        begin=(running.plan.begin.time, int(running.plan.begin.collisions)), unit=unit, kernels=backend.kernels,
     )  # fmt: skip
 
     def report(time: float, collisions: int) -> None:
@@ -407,7 +405,7 @@ def save(running: Run, recorder: Recorder) -> None:
         # Without defaults: keys that exclude each other must not stand side by side.
         "case_as_set": running.file.case.model_dump_json(exclude_unset=True),
         "trajectory": running.outputs.trajectory.name,
-        "course": running.plan.to_record(),
+        "plan": running.plan.to_record(),
         "ledger": running.ledger.to_record(),
         "seen": running.writer.written_counts,
     }
@@ -496,9 +494,9 @@ def _remains(running: Run, reason: str) -> str:
     text = f"{reason}: {trajectory} holds the {counted(len(running.writer), 'frame')} so far, "
     text += f"to t = {latest.time:.6g} and {latest.collisions} collisions"
     if running.outputs.checkpoint.exists():
-        place = str(trajectory)  # relative to where the user is, as it was given
-        place = os.path.join(os.curdir, place) if place.startswith("-") else place
-        text += f"\nto go on: ifrdem resume {shlex.quote(place)}"
+        path = str(trajectory)  # relative to where the user is, as it was given
+        path = os.path.join(os.curdir, path) if path.startswith("-") else path
+        text += f"\nto go on: ifrdem resume {shlex.quote(path)}"
     return text
 
 

@@ -169,22 +169,22 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
 
     Raises InputError if there is no such file, or it is not one of ours.
     """
-    place = find(path)
+    status_file = find(path)
     try:
-        with place.open("rb") as file:
+        with status_file.open("rb") as file:
             given = json.loads(file.read(MOST + 1)[:MOST].decode())
         record = Record.model_validate(given)
     except OSError as error:
-        raise InputError(f"{place} cannot be read: {error.strerror}") from error
+        raise InputError(f"{status_file} cannot be read: {error.strerror}") from error
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         name = str(next(iter(first["loc"]), ""))
         if name in ("", "format", "state"):
-            raise InputError(f"{place} is not a status file of ifrdem of format 1") from None
+            raise InputError(f"{status_file} is not a status file of ifrdem of format 1") from None
         wrong = f"{name} = {first['input']!r}: {first['msg']}" if name in given else f"{name} is missing"
-        raise InputError(f"{place} is damaged: {printable(wrong)}") from None
+        raise InputError(f"{status_file} is damaged: {printable(wrong)}") from None
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{place} is not a status file of ifrdem: {error}") from error
+        raise InputError(f"{status_file} is not a status file of ifrdem: {error}") from error
     if record.state == RUNNING and not _lives(record):
         record.state = "dead"
         held = "it had reported no frame"
@@ -230,9 +230,9 @@ def show(
 
     Raises InputError as `read`.
     """
-    place = find(path)
+    status_file = find(path)
     latest: dict[str, Any] = {}
-    content = read(place)
+    content = read(status_file)
     say(f"{content['name']}: {content['trajectory']}, started {content['started']}")
     while True:
         if content != latest:
@@ -241,7 +241,7 @@ def show(
         if not follow or content["state"] != RUNNING:
             return str(content["state"])
         sleep(interval)
-        content = read(place)
+        content = read(status_file)
 
 
 def _lives(record: Record) -> bool:

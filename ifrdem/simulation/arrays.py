@@ -515,8 +515,8 @@ class DeviceArrays:
         """
         held, tile = self.rows_held(part)
         held.pop("kind", None)
-        place = np.arange(len(tile)) - np.searchsorted(tile, tile)
-        held["listed"] = np.stack([tile, place], axis=1).astype(np.int32)
+        slot = np.arange(len(tile)) - np.searchsorted(tile, tile)
+        held["listed"] = np.stack([tile, slot], axis=1).astype(np.int32)
         ids = named(held["meta"], "meta").id.astype(np.int64) - self.domain.first_id
         return dict(zip(held, self.domain.comm.by_id(self.n, ids, list(held.values())), strict=True))
 
@@ -639,14 +639,14 @@ class DeviceArrays:
         disk, image = held["disk"], named(held["meta"], "meta")
         for axis, old in enumerate((listed // counts[1], listed % counts[1])):
             edge = self.edges[axis]
-            place = edge[old] + disk[:, axis].astype(np.float64)
+            position = edge[old] + disk[:, axis].astype(np.float64)
             if self.box.periodic[axis]:
-                boxes = np.floor(place / edge[-1])
-                boxes = np.where(place - boxes * edge[-1] >= edge[-1], boxes + 1, boxes)
-                place -= boxes * edge[-1]
+                boxes = np.floor(position / edge[-1])
+                boxes = np.where(position - boxes * edge[-1] >= edge[-1], boxes + 1, boxes)
+                position -= boxes * edge[-1]
                 (image.image_x, image.image_y)[axis][:] += boxes.astype(np.int32)
-            index[:, axis] = np.clip(np.searchsorted(edge, place, side="right") - 1, 0, counts[axis] - 1)
-            disk[:, axis] = place - edge[index[:, axis]]
+            index[:, axis] = np.clip(np.searchsorted(edge, position, side="right") - 1, 0, counts[axis] - 1)
+            disk[:, axis] = position - edge[index[:, axis]]
         return held, listed, index[:, 0] * counts[1] + index[:, 1]
 
     def rows_held(self, part: int) -> tuple[dict[str, NDArray[Any]], NDArray[np.intp]]:

@@ -64,16 +64,16 @@ def write_parts(
     counts = comm.allgather(len(next(iter(arrays.values()))))
 
     def begin() -> tuple[Path, str]:
-        place = Path(path)
-        _check_unused(place)
+        target = Path(path)
+        _check_unused(target)
         try:
-            parts_of(place).mkdir(exist_ok=True)
+            parts_of(target).mkdir(exist_ok=True)
         except OSError as error:
-            raise InputError(f"checkpoint {parts_of(place)} cannot be made: {error.strerror}") from error
-        return place, secrets.token_hex(8)
+            raise InputError(f"checkpoint {parts_of(target)} cannot be made: {error.strerror}") from error
+        return target, secrets.token_hex(8)
 
-    place, mark = comm.root_result(begin)
-    own, error = _part(place, mark, comm.rank), None
+    target, mark = comm.root_result(begin)
+    own, error = _part(target, mark, comm.rank), None
     try:
         _write(own, arrays, {"mark": mark, "part": comm.rank})
     except InputError as raised:
@@ -81,30 +81,30 @@ def write_parts(
     try:
         comm.raise_collectively(error)
         first = [0, *np.cumsum(counts).tolist()]
-        comm.run_on_root(lambda: _write(place, small, {**record, "parts": {"mark": mark, "first": first}}))
+        comm.run_on_root(lambda: _write(target, small, {**record, "parts": {"mark": mark, "first": first}}))
     except InputError:
         own.unlink(missing_ok=True)
         raise
-    comm.run_on_root(lambda: _remove_parts(place, but=mark))
+    comm.run_on_root(lambda: _remove_parts(target, but=mark))
 
 
-def _check_unused(place: Path) -> None:
+def _check_unused(target: Path) -> None:
     """Refuse the checkpoint of a trajectory that another process is writing."""
-    if not place.name.endswith(files.CHECKPOINT):
+    if not target.name.endswith(files.CHECKPOINT):
         return
-    trajectory = place.with_name(place.name.removesuffix(files.CHECKPOINT) + ".h5")
+    trajectory = target.with_name(target.name.removesuffix(files.CHECKPOINT) + ".h5")
     if not files.is_locked_here(trajectory) and (use := files.being_written(trajectory)):
-        raise InputError(f"checkpoint {place} cannot be written: it belongs to {trajectory.name}, and {use}")
+        raise InputError(f"checkpoint {target} cannot be written: it belongs to {trajectory.name}, and {use}")
 
 
-def _write(place: Path, arrays: Mapping[str, NDArray[Any]], record: Mapping[str, Any]) -> None:
-    for left in place.parent.glob(
-        f".{glob.escape(place.name)}.*.part"
+def _write(target: Path, arrays: Mapping[str, NDArray[Any]], record: Mapping[str, Any]) -> None:
+    for left in target.parent.glob(
+        f".{glob.escape(target.name)}.*.part"
     ):  # by a run that was killed while it wrote
         left.unlink(missing_ok=True)
     text = json.dumps({**record, "versions": package_versions()})
     try:
-        with files.replacing(place) as new:
+        with files.replacing(target) as new:
             with h5py.File(new, "w") as file:
                 # Texts of fixed length: HDF5 may loop for ever in a damaged heap, which holds the others.
                 file.attrs["kind"] = np.bytes_(_KIND)
@@ -118,22 +118,22 @@ def _write(place: Path, arrays: Mapping[str, NDArray[Any]], record: Mapping[str,
                 os.fsync(written.fileno())
     except (OSError, RuntimeError) as error:
         reason = isinstance(error, OSError) and error.strerror
-        raise InputError(f"checkpoint {place} cannot be written: {reason or error}") from error
+        raise InputError(f"checkpoint {target} cannot be written: {reason or error}") from error
 
 
 def parts_of(path: str | os.PathLike[str]) -> Path:
     """Folder with the parts of a checkpoint, NAME.checkpoint.parts for NAME.checkpoint.h5."""
-    place = Path(path)
-    return place.with_name(place.name.removesuffix(".h5") + ".parts")
+    target = Path(path)
+    return target.with_name(target.name.removesuffix(".h5") + ".parts")
 
 
-def _part(place: Path, mark: str, number: int) -> Path:
-    return parts_of(place) / f"{mark}-{number:04d}.h5"
+def _part(target: Path, mark: str, number: int) -> Path:
+    return parts_of(target) / f"{mark}-{number:04d}.h5"
 
 
-def _remove_parts(place: Path, but: str = "") -> None:
+def _remove_parts(target: Path, but: str = "") -> None:
     """Remove the parts of other checkpoints than that of a mark, and the folder if it is empty then."""
-    folder = parts_of(place)
+    folder = parts_of(target)
     for each in folder.iterdir() if folder.is_dir() else ():
         if re.fullmatch(r"\.?[0-9a-f]{16}-\d{4,}\.h5(\..*\.part)?", each.name) and not (
             but and each.name.startswith(but)
@@ -208,11 +208,11 @@ def read_parts(
         return arrays, comm.bcast({} if found is None else found[2]), False
     found = comm.bcast(found)
     assert found is not None
-    place, arrays, record = found
+    target, arrays, record = found
     rows, error = {}, None
     try:
         with comm:
-            rows = _rows(place, record)
+            rows = _rows(target, record)
     except InputError as raised:
         error = raised
     comm.raise_collectively(error)
@@ -229,15 +229,15 @@ def _rows(path: str | os.PathLike[str], record: Mapping[str, Any]) -> dict[str, 
     for number, (start, end) in enumerate(itertools.pairwise(first)):
         low, high = max(start, own.start), min(end, own.stop)
         if low < high:
-            place = _part(Path(path), mark, number)
-            if not place.exists():
+            target = _part(Path(path), mark, number)
+            if not target.exists():
                 raise InputError(
-                    f"checkpoint {path}: its part {place.parent.name}/{place.name} (disks {start} to {end - 1}) is "
+                    f"checkpoint {path}: its part {target.parent.name}/{target.name} (disks {start} to {end - 1}) is "
                     f"missing{NEW_RUN_HINT}"
                 )
-            arrays, marked = _read(place)
+            arrays, marked = _read(target)
             if (marked.get("mark"), marked.get("part")) != (mark, number):
-                raise InputError(f"checkpoint {path}: {place} is part of another one{NEW_RUN_HINT}")
+                raise InputError(f"checkpoint {path}: {target} is part of another one{NEW_RUN_HINT}")
             pieces.append({name: each[low - start : high - start] for name, each in arrays.items()})
     return {name: np.concatenate([each[name] for each in pieces]) for name in pieces[0]}
 

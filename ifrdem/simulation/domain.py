@@ -57,17 +57,17 @@ class Domain:
         self,
         rows: dict[str, NDArray[Any]],
         tile: NDArray[np.integer],
-        place: NDArray[np.integer] | None = None,
+        slot: NDArray[np.integer] | None = None,
     ) -> None:
-        """List rows of the state, which are in order of ids, in their tiles: by `place`, or by ids without it."""
-        self.list_rows(rows, tile, named(rows["meta"], "meta").id if place is None else place)
+        """List rows of the state, which are in order of ids, in their tiles: by `slot`, or by ids without it."""
+        self.list_rows(rows, tile, named(rows["meta"], "meta").id if slot is None else slot)
 
     def list_rows(
-        self, rows: dict[str, NDArray[Any]], tile: NDArray[np.integer], place: NDArray[np.integer]
+        self, rows: dict[str, NDArray[Any]], tile: NDArray[np.integer], slot: NDArray[np.integer]
     ) -> None:
-        """List rows of the state in their tiles, by `place`, at the beginning of a window."""
+        """List rows of the state in their tiles, by `slot`, at the beginning of a window."""
         a = self.arrays
-        order, part = np.lexsort((place, tile)), int(a.grid.part)
+        order, part = np.lexsort((slot, tile)), int(a.grid.part)
         with a.written(*rows) as arrays:
             for array, values in zip(arrays, rows.values(), strict=True):
                 array[part * a.room : part * a.room + a.n] = values[order]

@@ -668,9 +668,9 @@ class Engine:
         self,
         *,
         t_end: float = math.inf,
-        collisions: int | None = None,
+        collisions: float = math.inf,
         pause_at: float = math.inf,
-        pause_after: int | None = None,
+        pause_after: float = math.inf,
         rest_at: float = math.inf,
         ends: float | None = None,
         next_points: Callable[[], Iterable[RunPoint]] = list,
@@ -686,9 +686,7 @@ class Engine:
         with self.exclusive_update():
             self.last_collisions = None
             kick = self.next_kick
-            gate = self._next_gate()
-            if gate is not None and (collisions is None or gate < collisions):
-                collisions = gate
+            collisions = min(collisions, self._next_gate())
             if self._nothing_happens():
                 self._fly_freely(kick, t_end, rest_at, t_end if ends is None else ends)
             else:
@@ -713,13 +711,14 @@ class Engine:
             return not self.arrays.uses.pistons
         return self.n == 1 and not self.walls and not self.box.shear_rate
 
-    def _next_gate(self) -> int | None:
-        """Number of collisions at which the next gate opens; None without one."""
+    def _next_gate(self) -> float:
+        """Number of collisions at which the next gate opens; infinite without one."""
         if not self.arrays.uses.timed:
-            return None
+            return math.inf
         waiting = zip(self.walls, self.open_gates.tolist(), strict=True)
         return min(
-            (w.opens_after for w, opened in waiting if w.opens_after is not None and not opened), default=None
+            (w.opens_after for w, opened in waiting if w.opens_after is not None and not opened),
+            default=math.inf,
         )
 
     def _nothing_happens(self) -> bool:
@@ -748,7 +747,7 @@ class Engine:
         begun = self.statistics.windows
 
         def counted(point: RunPoint) -> tuple[float, float]:
-            return point.time, math.inf if point.collisions is None else point.collisions - first
+            return point.time, point.collisions - first
 
         try:
             windows.run(

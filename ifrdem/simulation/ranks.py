@@ -331,11 +331,11 @@ class RankDomain(Domain):
                 continue
             halo = np.where(theirs, 1.001 * self.band[neighbors], -np.inf)[listed]
             found = theirs[listed]
-            for place, side, step in ((x, width, step_x), (y, height, step_y)):
+            for slot, side, step in ((x, width, step_x), (y, height, step_y)):
                 if step <= 0:
-                    found &= place <= (halo if step < 0 else side + halo)
+                    found &= slot <= (halo if step < 0 else side + halo)
                 if step >= 0:
-                    found &= place >= (side - halo if step > 0 else -halo)
+                    found &= slot >= (side - halo if step > 0 else -halo)
             near |= found
         return near
 
@@ -526,7 +526,7 @@ class RankDomain(Domain):
         self,
         rows: dict[str, NDArray[Any]],
         tile: NDArray[np.integer],
-        place: NDArray[np.integer] | None = None,
+        slot: NDArray[np.integer] | None = None,
     ) -> None:
         """As on one rank, of the rows of slices; tiles are divided among the ranks."""
         self.arrays.grid.part = 0
@@ -538,15 +538,15 @@ class RankDomain(Domain):
             rows = rows | {
                 "kind": kind_rows(of.mass, of.radius, of.k, of.material) if self._of_here else self._kind
             }
-        super().load(rows, tile, place)
+        super().load(rows, tile, slot)
 
     def list_rows(
-        self, rows: dict[str, NDArray[Any]], tile: NDArray[np.integer], place: NDArray[np.integer]
+        self, rows: dict[str, NDArray[Any]], tile: NDArray[np.integer], slot: NDArray[np.integer]
     ) -> None:
-        """List rows in their tiles, by `place`, on the ranks that own these: at the beginning of a window."""
-        tile, place, *values = self.comm.exchange(self.owner[tile], [tile, place, *rows.values()])
+        """List rows in their tiles, by `slot`, on the ranks that own these: at the beginning of a window."""
+        tile, slot, *values = self.comm.exchange(self.owner[tile], [tile, slot, *rows.values()])
         self.communication.messages += self.comm.size - 1
-        order, part = np.lexsort((place, tile)), int(self.arrays.grid.part)
+        order, part = np.lexsort((slot, tile)), int(self.arrays.grid.part)
         self.make_room(len(order))
         if self._of_here:
             self._empty_table(len(order), 0)

@@ -77,10 +77,10 @@ def read(
         for kept, none in ((dated, past), (counted, hits), (uses.itemised, dissipated))
     )
     dates, counts_of = named(past, "past"), named(hits, "hits_out")
-    place = real[:, 0:2]
+    position = real[:, 0:2]
     for axis, periodic in enumerate(engine.box.periodic):
         if periodic:  # rounding can put a disk onto the far side, which is the next box already
-            np.minimum(place[:, axis], below(engine.box.lengths[axis], real.dtype), out=place[:, axis])
+            np.minimum(position[:, axis], below(engine.box.lengths[axis], real.dtype), out=position[:, axis])
     fields: dict[str, Any] = {
         name: _read_only(value) for name, value in zip(engine.past, past_before, strict=True)
     }
@@ -98,16 +98,16 @@ def read(
     if uses.itemised:
         fields["dissipated"] = dissipated
     events = counts[:, 0] - (fields["wall_collisions"] if uses.walled else 0)
-    flow = engine.box.flow(place.astype(np.float64)) if engine.box.shear_rate else None
+    flow = engine.box.flow(position.astype(np.float64)) if engine.box.shear_rate else None
     state: State
     if stored is None:
         state = State(
-            np.ascontiguousarray(place), np.ascontiguousarray(real[:, 2:4]), np.ascontiguousarray(real[:, 4]), time,
+            np.ascontiguousarray(position), np.ascontiguousarray(real[:, 2:4]), np.ascontiguousarray(real[:, 4]), time,
             events, counts[:, 1:3].copy(), flow=flow, **fields,
         )  # fmt: skip
     else:
         image = counts[:, 1:3] if "image" in stored else None
-        state = StoredState(place, real[:, 2:4], real[:, 4], time, events, image, flow=flow, **fields)  # type: ignore[arg-type]
+        state = StoredState(position, real[:, 2:4], real[:, 4], time, events, image, flow=flow, **fields)  # type: ignore[arg-type]
     return state, sums
 
 

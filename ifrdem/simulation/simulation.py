@@ -49,14 +49,14 @@ from .schedule import (
     FrameCallback,
     Progress,
     RunPlan,
+    RunPoint,
     SeriesCallback,
-    SlowRunCheck,
-    Span,
     Trigger,
-    earlier,
-    refuse_endless,
+    end_after,
+    end_at,
     warn_of_end,
 )
+from .slow_run import SlowRunCheck
 from .tracking import Events, Tracking, checked_ids
 
 if TYPE_CHECKING:
@@ -469,6 +469,10 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         return self._engine.collisions
 
     @property
+    def _now(self) -> RunPoint:
+        return RunPoint(self.time, self.collisions)
+
+    @property
     def wall_collisions(self) -> int:
         """Collisions with walls so far."""
         return self._engine.wall_collisions
@@ -715,12 +719,11 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             If another thread runs a simulation, or the process is a forked copy of one that has; or if a guarantee of
             the engine is violated.
         """
-        span = Span.to(
-            self.disks.n, self.time, self.collisions, t_end=t_end, collisions_per_disk=collisions_per_disk
-        )
-        if span.is_over and self.comm.is_root:
+        now = self._now
+        end = end_at(self.disks.n, now, t_end=t_end, collisions_per_disk=collisions_per_disk)
+        if end.reached(*now) and any(now) and self.comm.is_root:
             warn_of_end(t_end=t_end, collisions_per_disk=collisions_per_disk)
-        self._run(span, frames, frame_callbacks, series, series_callbacks, progress)
+        self._run(end, frames, frame_callbacks, series, series_callbacks, progress)
 
     @validated
     def run_for(
@@ -764,14 +767,12 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         Simulation: 2 disks, box 10 x 10 (periodic), IFRLaw, cpu f64
         t = 3, 1 collision (1 per disk)
         """
-        span = Span.for_more(
-            self.disks.n, self.time, self.collisions, more_time=time, collisions_per_disk=collisions_per_disk
-        )
-        self._run(span, frames, frame_callbacks, series, series_callbacks, progress)
+        end = end_after(self.disks.n, self._now, time=time, collisions_per_disk=collisions_per_disk)
+        self._run(end, frames, frame_callbacks, series, series_callbacks, progress)
 
     def _run(
         self,
-        span: Span,
+        end: RunPoint,
         frames: int | Trigger,
         frame_callbacks: Iterable[FrameCallback],
         series: int | Trigger | None,
@@ -784,24 +785,22 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             frames = Trigger(number=checked.integer("frames", frames, 1, MOST))
         if series is not None and not isinstance(series, Trigger):
             series = Trigger(number=checked.integer("series", series, 1, MOST))
-        for cadence in (frames, series):
-            if cadence is not None:
-                refuse_endless(cadence, span)
-        self._warn_of_pinches(span.end.time)
-        bar, comm = None, self.comm
+        n, now, comm, bar = self.disks.n, self._now, self.comm, None
+        plan = RunPlan(n, now, end, frames, series)
+        self._warn_of_pinches(end.time)
         if progress is True or (progress is None and comm.size == 1 and output_is_interactive()):
-            series = Trigger(number=BAR_STEPS) if series is None else series  # pauses, which change no bit
+            plan.series = plan.series or Trigger(number=BAR_STEPS)  # pauses, which change no bit
             progress = None
             if comm.is_root:
-                n, end = self.disks.n, span.end
+                by_time = math.isinf(end.collisions)
                 progress = bar = Bar(
-                    n, t_end=end.time if end.collisions is None else None, unit="",
-                    collisions_per_disk=None if end.collisions is None else 2.0 * end.collisions / max(n, 1),
-                    begin=(span.time, span.collisions), kernels=backend.kernels, brief=True,
+                    n, t_end=end.time if by_time else None, unit="",
+                    collisions_per_disk=None if by_time else 2.0 * end.collisions / max(n, 1),
+                    begin=(self.time, self.collisions), kernels=backend.kernels, brief=True,
                 )  # fmt: skip
         with bar or contextlib.nullcontext():
             self.follow(
-                RunPlan(span, frames, series),
+                plan,
                 frame_callbacks=frame_callbacks,
                 series_callbacks=series_callbacks,
                 progress=progress or None,
@@ -843,11 +842,11 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         between: Callable[[], None] | None = None,
         stored: Collection[str] | None = None,
     ) -> None:
-        """Run as `run` does, from where a course is to its end; `between()` is called wherever the run could stop.
+        """Run as `run` does, from where a plan is to its end; `between()` is called wherever the run could stop.
 
         Frame callbacks that want no more than what a file in single precision has, with the fields `stored`, get frames
         as `StoredState` where the engine looks back, which is faster.
-        The course is kept up to date: after an exception it tells what is due next.
+        The plan is kept up to date: after an exception it tells what is due next.
         """
         frame_callbacks, series_callbacks = (
             _callables("frame_callbacks", frame_callbacks),
@@ -857,7 +856,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             if value is not None and not callable(value):
                 raise InputError(f"{name} = {value!r}: must be a function")
         self._stopping = False
-        self._engine.check_duration(plan.span.end.time)
+        self._engine.check_duration(plan.end.time)
         if (comm := self.comm).size > 1:
             comm.require_equal(repr(plan), "the end of a run, its frames or its series")
             if comm.is_distributed:
@@ -893,7 +892,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         between: Callable[[], None] | None,
         stored: Collection[str] | None,
     ) -> None:
-        frames, rows, end = plan.frame_schedule, plan.row_schedule, plan.span.end
+        frames, rows, end = plan.frames, plan.rows, plan.end
         sampling = plan.series is not None and bool(series_callbacks)
         exact = sampling and plan.series is not None and plan.series.exact
         if plan.next_row == 0:
@@ -907,9 +906,9 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
                 between()
         pace = SlowRunCheck(end)
         while not end.reached(self.time, self.collisions) or plan.next_frame == 1:
-            while not (frame := frames.point(plan.next_frame)).reached(self.time, self.collisions):
-                row = rows.point(plan.next_row)
-                stop = earlier(frame, row) if exact else frame
+            while not (frame := plan.point(frames, plan.next_frame)).reached(self.time, self.collisions):
+                row = plan.point(rows, plan.next_row)
+                stop = frame.earlier(row) if exact else frame
                 self._engine.advance(
                     t_end=stop.time, collisions=stop.collisions, pause_at=row.time, pause_after=row.collisions,
                     rest_at=frame.time, ends=end.time, next_points=partial(plan.next_points, exact),
@@ -920,14 +919,14 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
                 if slow is not None and self.comm.is_root:
                     warnings.warn(slow, SlowRunWarning, stacklevel=4)
                 if plan.series is not None and row.reached(self.time, self.collisions):
-                    plan.next_row = rows.after(plan.next_row, self.time, self.collisions)
+                    plan.next_row = plan.first_not_reached(rows, plan.next_row, self.time, self.collisions)
                     if sampling:
                         self._call_at_row(series_callbacks)
                 if between is not None and not frame.reached(self.time, self.collisions):
                     between()
                 self._stop_if_asked()
             # First: a callback that raises has had its frame.
-            plan.next_frame = frames.after(plan.next_frame + 1, self.time, self.collisions)
+            plan.next_frame = plan.first_not_reached(frames, plan.next_frame + 1, self.time, self.collisions)
             self._call_at_frame(frame_callbacks, stored)
             if between is not None and not end.reached(self.time, self.collisions):
                 between()
@@ -951,7 +950,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         InputError
             If it is not a finite time, or lies in the past.
         """
-        Span.to(self.disks.n, self.time, self.collisions, t_end=t_end)  # refuses it
+        end_at(self.disks.n, self._now, t_end=t_end)  # refuses it
         self._engine.check_duration(t_end)
         return self._recorded(lambda: self.time < t_end, t_end=t_end)
 

@@ -178,12 +178,12 @@ class Tracking:
         event, info = named(real, "event"), named(whole, "event_int")
         normal = event.normal.copy()
         normal /= np.hypot(normal[:, 0], normal[:, 1])[:, None]  # single precision rounds it
-        place, image = event.position.copy(), info.image.copy()
+        position, image = event.position.copy(), info.image.copy()
         for axis, length in enumerate(box.lengths):
             if box.periodic[axis]:
-                boxes = np.floor(place[:, axis] / length)
-                place[:, axis] = np.minimum(
-                    place[:, axis] - boxes * length, below(length, np.dtype(np.float64))
+                boxes = np.floor(position[:, axis] / length)
+                position[:, axis] = np.minimum(
+                    position[:, axis] - boxes * length, below(length, np.dtype(np.float64))
                 )
                 image[:, axis] += boxes.astype(np.int32)
         found = replace(
@@ -191,7 +191,7 @@ class Tracking:
             time=began + event.time,
             id=info.id.copy(),
             partner=info.partner.copy(),
-            position=place,
+            position=position,
             image=image,
             normal=normal,
             velocity_before=event.velocity_before.copy(),

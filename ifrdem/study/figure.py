@@ -88,11 +88,11 @@ def draw(results: Results, what: str, over: str | None = None, by: str | None = 
     lines = math.ceil(len(wanted) / columns)
     figure = Figure(figsize=(2.2 + 4.4 * columns, 0.9 + 3.9 * lines), dpi=200, layout="constrained")
     grid = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True)
-    for axes, place in itertools.zip_longest(grid.ravel(), wanted):
-        if place is None:
+    for axes, panel in itertools.zip_longest(grid.ravel(), wanted):
+        if panel is None:
             axes.set_visible(False)
             continue
-        fixed = dict(zip(panels, place, strict=True))
+        fixed = dict(zip(panels, panel, strict=True))
         _panel(axes, results, name, x, curve, fixed)
         title = ", ".join(f"{dim} = {_value(results, dim, i)}" for dim, i in fixed.items())
         axes.set_title(title, fontsize="medium")
@@ -138,19 +138,19 @@ def _panel(
     """The curves of one panel; of rows that are not drawn over, the last one counts."""
     count = len(results.values(curve)) if curve is not None else 1
     for i in range(count):
-        place = {**fixed, **({curve: i} if curve is not None else {})}
+        panel = {**fixed, **({curve: i} if curve is not None else {})}
         colour = COLOURS[i % len(COLOURS)] if count <= len(COLOURS) else _shade(i, count)
         value = _value(results, curve, i)
         label = value if curve in (None, FILE) else f"{curve} = {value}"
 
-        def along(which: str, place: Mapping[str, int] = place) -> NDArray[Any] | None:
+        def along(which: str, panel: Mapping[str, int] = panel) -> NDArray[Any] | None:
             one = results.variables.get(which)
             if one is None:
                 return None
             rows = [dim for dim in one.dims if dim not in results.axes]
             taken = tuple(
                 slice(None) if dim == x or (x not in one.dims and x not in results.axes and dim == rows[0])
-                else place.get(dim, -1)
+                else panel.get(dim, -1)
                 for dim in one.dims
             )  # fmt: skip
             return one.values[taken]

@@ -155,7 +155,7 @@ class ClusterSection(_Part):
     options: dict[str, Any] = Field(default={})
 
     @model_validator(mode="after")
-    def _one_place(self) -> ClusterSection:
+    def _one_kind(self) -> ClusterSection:
         given = [name for name in ("workers", "scheduler", "kind") if getattr(self, name) is not None]
         if len(given) > 1:
             text = f"at most one of workers, scheduler, kind must be given; given: {given}"
@@ -454,7 +454,7 @@ def _lines(error: ValidationError, model: type[BaseModel] = StudyFile) -> Iterat
         name: type(StudyFile.model_fields[name].default) for name in ("ensemble", "output", "cluster")
     }
     for each in error.errors(include_url=False):
-        place = ".".join(str(step) for step in each["loc"] if step not in ("int", "float"))
+        location = ".".join(str(step) for step in each["loc"] if step not in ("int", "float"))
         text = str(each["msg"]).replace("Input should", "must").replace("be a valid", "be a")
         text = text.replace("integer", "whole number")
         if each["type"] == "extra_forbidden":
@@ -463,10 +463,12 @@ def _lines(error: ValidationError, model: type[BaseModel] = StudyFile) -> Iterat
             known = [one.alias or name for name, one in fields.items()]
             text = f"unknown key{nearest(last, known)}; known here: {', '.join(known)}"
         elif each["type"] == "missing":
-            text = "missing" + (": the case file, or the name of a shipped case" if place == "case" else "")
+            text = "missing" + (
+                ": the case file, or the name of a shipped case" if location == "case" else ""
+            )
         elif each["type"] == "literal_error" and isinstance(each["input"], str):
             text += nearest(each["input"], re.findall(r"'([^']+)'", each["ctx"]["expected"]))
-        yield f"{place}: {text}" if place else text
+        yield f"{location}: {text}" if location else text
 
 
 def _digest(path: Path) -> str:

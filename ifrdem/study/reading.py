@@ -37,28 +37,28 @@ def read(path: str | os.PathLike[str]) -> Content:
 
     Raises InputError if it is no such file, or damaged (`DamageError`).
     """
-    place = os.fspath(path)
-    if not os.path.exists(place):
-        raise InputError(f"{place}: there is no such file")
-    if not os.path.isfile(place):  # a pipe would be waited for
-        raise InputError(f"{place}: is not a file: must be the results of a study (NAME.nc)")
-    words = [sys.executable, "-P", "-X", "utf8", "-c", _PROGRAM, os.path.abspath(place), str(_ROOT)]
+    file_name = os.fspath(path)
+    if not os.path.exists(file_name):
+        raise InputError(f"{file_name}: there is no such file")
+    if not os.path.isfile(file_name):  # a pipe would be waited for
+        raise InputError(f"{file_name}: is not a file: must be the results of a study (NAME.nc)")
+    words = [sys.executable, "-P", "-X", "utf8", "-c", _PROGRAM, os.path.abspath(file_name), str(_ROOT)]
     try:
         done = subprocess.run(
             words, stdin=subprocess.DEVNULL, capture_output=True, timeout=PATIENCE, check=False
         )
     except subprocess.TimeoutExpired:
-        raise DamageError(f"{place} is damaged: HDF5 does not finish within {PATIENCE:g} s") from None
+        raise DamageError(f"{file_name} is damaged: HDF5 does not finish within {PATIENCE:g} s") from None
     if done.returncode < 0:
         raise DamageError(
-            f"{place} is damaged: reading it crashes HDF5 ({signal.Signals(-done.returncode).name})"
+            f"{file_name} is damaged: reading it crashes HDF5 ({signal.Signals(-done.returncode).name})"
         )
     if done.returncode:
         text = done.stderr.decode(errors="replace").strip()
         if done.returncode == _DAMAGED:
-            raise DamageError(f"{place} is damaged: {text}")
+            raise DamageError(f"{file_name} is damaged: {text}")
         reason = text if done.returncode == _REFUSED else f"cannot be read: {(text.splitlines() or [''])[-1]}"
-        raise InputError(f"{place}: {reason}")
+        raise InputError(f"{file_name}: {reason}")
     with np.load(io.BytesIO(done.stdout), allow_pickle=False) as stored:
         head = json.loads(str(stored["head"]))
         variables = {}

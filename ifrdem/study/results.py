@@ -141,7 +141,7 @@ def collect(
 ) -> Results:
     """The results of all finished runs; others are nan, and failed ones have a message."""
     case = next(iter(good.values()))
-    row_axis, places = along(case)
+    row_axis, positions = along(case)
     variables: dict[str, Variable] = {}
     swept = tuple(axis.names[0] for axis in plan.axes)
     for axis in plan.axes:
@@ -172,7 +172,7 @@ def collect(
             room[corner] = one.values
             found[name] = Variable(whole.dims, room, one.unit)
     unit = case.unit("time").strip() if row_axis == "time" else ""
-    variables[row_axis] = Variable((row_axis,), places, unit)
+    variables[row_axis] = Variable((row_axis,), positions, unit)
     variables |= {name: Variable((*swept, SEED), each) for name, each in texts.items()}
     variables |= _means(found, len(swept))
     if "temperature" in found:
@@ -231,10 +231,10 @@ def _theory(
             continue
         when, tau, T_theory, T_rot = curves
         base = when if row_axis == "time" else tau
-        places = variables[row_axis].values
-        inside = places <= base[-1]
-        made["temperature"][point][inside] = np.interp(places[inside], base, T_theory)
-        made["rotational_temperature"][point][inside] = np.interp(places[inside], base, T_rot)
+        positions = variables[row_axis].values
+        inside = positions <= base[-1]
+        made["temperature"][point][inside] = np.interp(positions[inside], base, T_theory)
+        made["rotational_temperature"][point][inside] = np.interp(positions[inside], base, T_rot)
     with np.errstate(divide="ignore", invalid="ignore"):
         made["theta"] = made["rotational_temperature"] / made["temperature"]
     if not np.isfinite(made["temperature"]).any():

@@ -137,11 +137,11 @@ class Study:
                 raise InputError(f"{error}; {more}") from error
         if self.folder.exists() and not self.folder.is_dir():
             raise InputError(f"{self.folder}: is not a folder; runs are kept there: choose another -o")
-        place = self._place(workers, scheduler)
-        if place.scheduler is None and place.kind is None:
+        cluster = self._cluster(workers, scheduler)
+        if cluster.scheduler is None and cluster.kind is None:
             for case in {each.run.device: each for each in good.values()}.values():
                 backend.check(device_of(case.run))
-            processes, _ = self._processes(place)
+            processes, _ = self._processes(cluster)
             largest = max(sum(each.number for each in case.species) for case in good.values())
             case = next(iter(good.values()))
             summary.refuse_beyond_memory(largest * max(processes, 1), case.run.device, case.start.positions)
@@ -198,7 +198,7 @@ class Study:
         """Lines of text on the runs to be done."""
         plan, (finished, _, damaged) = self.plan, self._state(self.tasks)
         done = len(finished)
-        processes, _ = self._processes(self._place(workers, scheduler))
+        processes, _ = self._processes(self._cluster(workers, scheduler))
         points = f"{math.prod(plan.shape[:-1])} points x {len(plan.seeds)} seeds"
         lines = [f"{plan.name}: {points} = {self.runs} runs of {plan.path}"]
         for axis in plan.axes:
@@ -272,10 +272,10 @@ class Study:
         failed: dict[str, str] = {}
         of_run, of_study = "the run stops after this window, with a checkpoint", "the study stops"
         stops = Stops(warn=lambda text: warn(text.replace(of_run, of_study)))
-        place = self.folder.with_suffix("") if part is None else self.folder / f"part{part[0]}"
-        status = Status(place, name=self.plan.name)
+        cluster = self.folder.with_suffix("") if part is None else self.folder / f"part{part[0]}"
+        status = Status(cluster, name=self.plan.name)
         progress = StudyProgress(len(tasks), [task.weight for task in missing], status)
-        work = self._work(missing, self._place(workers, scheduler), say)
+        work = self._work(missing, self._cluster(workers, scheduler), say)
         try:
             with stops:
                 for ended in work if missing else ():
@@ -311,14 +311,14 @@ class Study:
     @contextlib.contextmanager
     def _locked(self, *, shared: bool) -> Iterator[None]:
         """Lock the study against other processes; parts of it (`shared`) may run at the same time."""
-        place = self.folder / LOCK
+        cluster = self.folder / LOCK
         try:
-            file = place.open("ab")
+            file = cluster.open("ab")
         except OSError as error:
-            raise InputError(f"{place}: cannot be written: {error.strerror}") from error
+            raise InputError(f"{cluster}: cannot be written: {error.strerror}") from error
         with file:
             try:
-                files.lock(file.fileno(), place, shared=shared)
+                files.lock(file.fileno(), cluster, shared=shared)
             except BlockingIOError as error:
                 raise InputError(
                     f"{self.output}: another process is running this study: {error.strerror}"
@@ -381,7 +381,7 @@ class Study:
     def _name(self, task: Task) -> str:
         return f"{self.plan.label(task.index[:-1])}, seed {self.plan.seeds[task.index[-1]]}"
 
-    def _place(self, workers: int | None, scheduler: str | None) -> ClusterSection:
+    def _cluster(self, workers: int | None, scheduler: str | None) -> ClusterSection:
         """Place of the runs, by the file and by what is asked for here."""
         if workers is not None and scheduler is not None:
             raise InputError("--workers: cannot be combined with --scheduler, which has its own workers")
@@ -389,25 +389,25 @@ class Study:
             return self.plan.cluster
         return ClusterSection(workers=workers, scheduler=scheduler)
 
-    def _processes(self, place: ClusterSection) -> tuple[int, int]:
+    def _processes(self, cluster: ClusterSection) -> tuple[int, int]:
         """Processes here, and threads of each: one, unless there are more cores than runs."""
         good = self._checked_cases[0]
         if any(case.run.device != "cpu" for case in good.values()):
-            return (place.workers if place.workers is not None else 1), 1
+            return (cluster.workers if cluster.workers is not None else 1), 1
         cores = backend.cores()
-        if place.kind is not None or place.scheduler is not None:
-            return place.jobs, 1
-        count = min(cores, self.runs) if place.workers is None else place.workers
+        if cluster.kind is not None or cluster.scheduler is not None:
+            return cluster.jobs, 1
+        count = min(cores, self.runs) if cluster.workers is None else cluster.workers
         return count, max(1, cores // max(count, 1)) if count <= self.runs < cores or count == 0 else 1
 
-    def _work(self, missing: list[Task], place: ClusterSection, say: Callable[[str], None]) -> workers.Done:
-        processes, threads = self._processes(place)
-        if place.workers == 0:
+    def _work(self, missing: list[Task], cluster: ClusterSection, say: Callable[[str], None]) -> workers.Done:
+        processes, threads = self._processes(cluster)
+        if cluster.workers == 0:
             return workers.in_process(missing, threads)
         processes = max(1, min(processes, len(missing)))
-        if place.scheduler is None and place.kind is None and not workers.has_dask():
+        if cluster.scheduler is None and cluster.kind is None and not workers.has_dask():
             return workers.pool(missing, processes, threads)
-        return workers.dask(missing, place, processes, threads, say)
+        return workers.dask(missing, cluster, processes, threads, say)
 
 
 class StudyProgress:

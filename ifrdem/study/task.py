@@ -27,7 +27,7 @@ from ..case.file import CaseFile
 from ..case.gas import CaseGas
 from ..errors import DamageError, EngineError, InputError
 from ..runs.recorder import COLUMNS, Ledger
-from ..simulation.schedule import Schedule, Span
+from ..simulation.schedule import RunPlan, RunPoint, end_at
 from ..tools.files import write_aside
 from ..trajectory.damage import FAULTS
 from ..trajectory.file import TrajectoryError
@@ -167,19 +167,18 @@ def along(case: CaseSections) -> tuple[str, NDArray[np.float64]]:
         end, name = case.run.t_end, "time"
     else:
         end, name = case.run.collisions_per_disk or 0.0, "collisions_per_disk"
-    schedule = Schedule(cadence, Span.to(2, 0.0, 0, t_end=end))
-    return name, np.array([0.0, *(schedule.point(k + 1).time for k in range(cadence.number))])
+    plan = RunPlan(2, RunPoint(0.0, 0), RunPoint(time=end))
+    return name, np.array([0.0, *(plan.point(cadence, k + 1).time for k in range(cadence.number))])
 
 
 def _at_rows(case: CaseSections, n: int, found: dict[str, NDArray[Any]]) -> dict[str, Variable]:
     """Series at the places where the study has them: where two fall on one collision, one row is both."""
-    name, places = along(case)
-    span = Span.to(n, 0.0, 0, t_end=case.run.t_end, collisions_per_disk=case.run.collisions_per_disk)
-    schedule = Schedule(case.output.series_cadence, span)
-    points = [schedule.point(k + 1) for k in range(len(places) - 1)]
-    wanted = np.array(
-        [0.0, *(each.time if name == "time" else float(each.collisions or 0) for each in points)]
-    )
+    name, positions = along(case)
+    begin, run = RunPoint(0.0, 0), case.run
+    end = end_at(n, begin, t_end=run.t_end, collisions_per_disk=run.collisions_per_disk)
+    plan, cadence = RunPlan(n, begin, end), case.output.series_cadence
+    points = [plan.point(cadence, k + 1) for k in range(len(positions) - 1)]
+    wanted = np.array([0.0, *(each.time if name == "time" else each.collisions for each in points)])
     rows = np.searchsorted(found["time"] if name == "time" else found["collisions"], wanted)
     with np.errstate(divide="ignore", invalid="ignore"):
         found["theta"] = found["rotational_temperature"] / found["temperature"]
@@ -230,10 +229,10 @@ def _outcome(name: str, outcomes: list[Any], dims: tuple[str, ...]) -> dict[str,
         for inner, key, values, unit in parts:
             if key not in found:
                 found[key] = Variable((*dims, *inner), np.full((len(outcomes), *values.shape), np.nan), unit)
-            place = grown(found[key].values, (len(outcomes), *values.shape))
+            stored = grown(found[key].values, (len(outcomes), *values.shape))
             corner: Any = (i, *(slice(size) for size in values.shape))
-            place[corner] = values
-            found[key] = Variable((*dims, *inner), place, unit)
+            stored[corner] = values
+            found[key] = Variable((*dims, *inner), stored, unit)
     return found if dims else {key: Variable(one.dims, one.values[0], one.unit) for key, one in found.items()}
 
 

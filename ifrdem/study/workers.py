@@ -106,24 +106,24 @@ def dask(
 
     with contextlib.ExitStack() as stack:
         if cluster.scheduler is not None:
-            place: Any = cluster.scheduler
+            pool: Any = cluster.scheduler
             try:
-                if not str(place).startswith("inproc://"):  # a cluster of this process has no port
-                    get_address_host_port(place)
+                if not str(pool).startswith("inproc://"):  # a cluster of this process has no port
+                    get_address_host_port(pool)
             except ValueError as error:  # a client would fail too, and then wait for its own end
                 text = f"is no address such as tcp://host:8786: {error}"
-                raise InputError(f"scheduler {place}: {text}") from None
+                raise InputError(f"scheduler {pool}: {text}") from None
         elif cluster.kind is not None:
-            place = stack.enter_context(_jobs(cluster, threads))
-            place.scale(jobs=cluster.jobs)
+            pool = stack.enter_context(_jobs(cluster, threads))
+            pool.scale(jobs=cluster.jobs)
         else:
             local = distributed.LocalCluster(
                 n_workers=workers, threads_per_worker=1, processes=True, memory_limit=0,
                 dashboard_address="127.0.0.1:0", silence_logs=50,
             )  # fmt: skip
-            place = stack.enter_context(local)
+            pool = stack.enter_context(local)
         try:
-            client = stack.enter_context(distributed.Client(place, timeout=ANSWER, set_as_default=False))
+            client = stack.enter_context(distributed.Client(pool, timeout=ANSWER, set_as_default=False))
         except (OSError, ValueError) as error:
             reason = str(error).splitlines()[0] if str(error) else "no answer"
             where = f"scheduler {cluster.scheduler}: does not answer within {ANSWER:g} s"
@@ -159,7 +159,7 @@ def dask(
                     say("the cluster has no worker: waiting for one")
                 waiting = alone
                 if cluster.kind is not None:
-                    place.scale(
+                    pool.scale(
                         jobs=cluster.jobs
                     )  # which asks again for those that have ended at their time limit
                 yield None

@@ -175,8 +175,8 @@ class Numbers:
             wrong &= ~(self.gaps & np.isnan(found))
             if wrong.any():
                 where = tuple(int(i) for i in np.argwhere(wrong)[0])
-                place = f"[{', '.join(map(str, where))}]" if where else ""
-                raise InputError(f"{name}{place} = {found[where]}: must be {self.each}")
+                index = f"[{', '.join(map(str, where))}]" if where else ""
+                raise InputError(f"{name}{index} = {found[where]}: must be {self.each}")
         return found
 
     def _as_array(self, name: str, value: Any) -> NDArray[Any]:
@@ -392,8 +392,8 @@ def integers(
             wrong = ~((found >= least) & (found <= most) & (found == np.floor(found)))
         if np.any(wrong):
             where = tuple(int(axis) for axis in np.argwhere(wrong)[0])
-            place = f"[{', '.join(map(str, where))}]" if where else ""
-            raise InputError(f"{name}{place} = {found[where]}: must be an integer from {least} to {most}")
+            index = f"[{', '.join(map(str, where))}]" if where else ""
+            raise InputError(f"{name}{index} = {found[where]}: must be an integer from {least} to {most}")
     return np.ascontiguousarray(np.broadcast_to(found, shape), dtype=np.int32)
 
 

@@ -135,8 +135,8 @@ def _use(descriptor: int, path: str | os.PathLike[str]) -> str:
     host, found = platform.node(), {}
     with contextlib.suppress(OSError, ValueError), open("/proc/locks", encoding="ascii") as locks:
         for line in locks:  # 1: FLOCK  ADVISORY  WRITE 9646 fe:00:2146383 0 EOF
-            _, kind, *_, mode, process, place, _, _ = line.split()
-            major, minor, inode = place.split(":")
+            _, kind, *_, mode, process, inode_text, _, _ = line.split()
+            major, minor, inode = inode_text.split(":")
             if kind == "FLOCK" and int(inode) == key[1] and int(process) > 0:
                 what = "is writing it" if mode == "WRITE" else "has it open"
                 found[int(major, 16), int(minor, 16)] = f"process {process} on {host} {what}"
@@ -153,31 +153,31 @@ def _use(descriptor: int, path: str | os.PathLike[str]) -> str:
     return "another process is writing it"
 
 
-def create(place: Path) -> Path:
+def create(path: Path) -> Path:
     """Create an empty file beside a place, which nothing that is there can be or lead to; returns its path.
 
     Raises OSError if it cannot be created.
     """
-    created = place.with_name(f".{place.name[:100]}.{secrets.token_hex(4)}.part")
+    created = path.with_name(f".{path.name[:100]}.{secrets.token_hex(4)}.part")
     flags = os.O_CREAT | os.O_EXCL | os.O_RDWR | getattr(os, "O_NOFOLLOW", 0)
     os.close(os.open(created, flags, 0o666))
     return created
 
 
 @contextlib.contextmanager
-def replacing(place: Path) -> Iterator[Path]:
+def replacing(path: Path) -> Iterator[Path]:
     """A new file to be filled, which takes its place at the end; after an exception nothing is left of it.
 
     Raises BlockingIOError if a process writes the file that is there.
     """
-    if use := being_written(place):
+    if use := being_written(path):
         raise _in_use(use)
-    new = create(place)
+    new = create(path)
     try:
         yield new
-        if use := being_written(place):  # a run may have begun meanwhile
+        if use := being_written(path):  # a run may have begun meanwhile
             raise _in_use(use)
-        os.replace(new, place)
+        os.replace(new, path)
     finally:
         new.unlink(missing_ok=True)
 
@@ -225,24 +225,24 @@ def check_files(paths: Sequence[Path], *, force: bool, elsewhere: str = "-o writ
     refuse(wrong)
 
 
-def write_aside(place: Path, write: Callable[[Path], object]) -> None:
+def write_aside(path: Path, write: Callable[[Path], object]) -> None:
     """Let `write` write a file beside its place, and rename it into place: it appears whole or not at all.
 
     Raises InputError if the place is a folder, a device or a pipe, which nothing must take the place of, or cannot be
     written.
     """
-    if special := not_a_file(place):
+    if special := not_a_file(path):
         raise InputError(special)
     try:
-        with replacing(place) as new:
+        with replacing(path) as new:
             write(new)
     except OSError as error:
-        raise InputError(f"output {place}: cannot be written: {error.strerror or error}") from error
+        raise InputError(f"output {path}: cannot be written: {error.strerror or error}") from error
 
 
-def write_text(place: Path, text: str) -> None:
+def write_text(path: Path, text: str) -> None:
     """Write a text in UTF-8, whole or not at all; InputError as `write_aside`."""
-    write_aside(place, lambda aside: aside.write_text(text, encoding="utf-8"))
+    write_aside(path, lambda aside: aside.write_text(text, encoding="utf-8"))
 
 
 def not_a_file(path: Path) -> str | None:

@@ -29,7 +29,7 @@ CSV_KEYS = ("frame", "time", "id")  # first columns of a CSV
 
 def export(
     trajectory: Trajectory,
-    place: str | os.PathLike[str],
+    path: str | os.PathLike[str],
     to: str,
     frames: Sequence[int],
     *,
@@ -37,7 +37,7 @@ def export(
 ) -> None:
     """Write frames of a trajectory to a file; memory holds one frame at a time.
 
-    The file at `place` appears whole or not at all, and replaces one that is there; `frames` are written in this order,
+    The file at `path` appears whole or not at all, and replaces one that is there; `frames` are written in this order,
     and `progress` wraps them, to show how far it is.
 
     gsd: HOOMD's schema in two dimensions, single precision, with the origin in the middle of the box, whose sides
@@ -55,11 +55,11 @@ def export(
     writers = {"gsd": _gsd, "extxyz": _extxyz, "csv": _csv, "h5": write_whole}
     if to in ("gsd", "extxyz"):
         trajectory.require("position")
-    check_apart(Path(place), trajectory.path)
-    write_aside(Path(place), lambda aside: writers[to](trajectory, aside, progress(frames)))
+    check_apart(Path(path), trajectory.path)
+    write_aside(Path(path), lambda aside: writers[to](trajectory, aside, progress(frames)))
 
 
-def write_history(history: History, place: Path) -> None:
+def write_history(history: History, path: Path) -> None:
     """A disk's events as CSV with a header, a line an event; every digit is kept.
 
     NumPy writes numbers as the shortest texts from which they come back.
@@ -69,12 +69,12 @@ def write_history(history: History, place: Path) -> None:
         ends = ("n", "t") if name == "impulse" else ()
         found.update(tables.columns(name, value, ends))
     texts = np.column_stack([column.astype(str) for column in found.values()]).tolist()
-    write_aside(place, lambda aside: write_csv(aside, found, texts))
+    write_aside(path, lambda aside: write_csv(aside, found, texts))
 
 
-def write_csv(place: Path, names: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
+def write_csv(path: Path, names: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
     """Write a header and rows."""
-    with place.open("w", encoding="utf-8", newline="") as file:
+    with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(names)
         writer.writerows(rows)
@@ -86,7 +86,7 @@ def _stored(trajectory: Trajectory, index: int) -> dict[str, NDArray[Any]]:
     return {name: frame[name].astype(trajectory.dtype(name)) for name in trajectory.fields}
 
 
-def _csv(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
+def _csv(trajectory: Trajectory, path: Path, frames: Iterable[int]) -> None:
     n, disks = trajectory.n, trajectory.disks
 
     def rows() -> Iterable[list[str]]:
@@ -98,7 +98,7 @@ def _csv(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
             head = [np.full(n, str(index)), np.full(n, repr(float(trajectory.times[index]))), ids]
             yield from np.column_stack([*head, *flat]).tolist()
 
-    write_csv(place, [*CSV_KEYS, *csv_names(trajectory.fields)], rows())
+    write_csv(path, [*CSV_KEYS, *csv_names(trajectory.fields)], rows())
 
 
 def csv_names(fields: Iterable[str]) -> list[str]:
@@ -133,7 +133,7 @@ def material_names(trajectory: Trajectory) -> list[str] | None:
     return None
 
 
-def _extxyz(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
+def _extxyz(trajectory: Trajectory, path: Path, frames: Iterable[int]) -> None:
     disks, box = trajectory.disks, trajectory.box
     constant = {name: getattr(disks, name) for name in CONSTANT}
     constant["masses"] = disks.mass  # OVITO knows `mass` and `velo`, ASE `masses` and `momenta`
@@ -142,7 +142,7 @@ def _extxyz(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
     if named := kinds(trajectory):
         first.append(np.array(["_".join(name.split()) or "_" for name in named[0]])[named[1]])
         first_properties.append("kind:S:1")
-    with place.open("w", encoding="utf-8") as file:
+    with path.open("w", encoding="utf-8") as file:
         for index in frames:
             columns, properties = list(first), list(first_properties)
             stored = _stored(trajectory, index)
@@ -171,10 +171,10 @@ def _extxyz(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
             file.writelines(f"{' '.join(row)}\n" for row in rows)
 
 
-def _gsd(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
+def _gsd(trajectory: Trajectory, path: Path, frames: Iterable[int]) -> None:
     hoomd = tables.optional_import("gsd.hoomd", "export")
-    place.touch()  # GSD makes files that others cannot read, whatever the umask allows
-    with hoomd.open(str(place), "w") as file:
+    path.touch()  # GSD makes files that others cannot read, whatever the umask allows
+    with hoomd.open(str(path), "w") as file:
         for index in frames:
             file.append(_snapshot(hoomd, trajectory, index))
 
@@ -195,10 +195,10 @@ def _snapshot(hoomd: Any, trajectory: Trajectory, index: int) -> Any:
         lengths, tilt = np.array([side, side]), 0.0
     else:
         middle, lengths, tilt = 0.5 * np.asarray(box.lengths), np.asarray(frame.box[:2]), frame.box[3]
-    place = position - middle
+    path = position - middle
     if tilt:  # into HOOMD's parallelogram
-        place[:, 0] -= lengths[0] * np.round((place[:, 0] - tilt * place[:, 1]) / lengths[0])
-    flat[:, :2] = place
+        path[:, 0] -= lengths[0] * np.round((path[:, 0] - tilt * path[:, 1]) / lengths[0])
+    flat[:, :2] = path
     snapshot.configuration.box = [*lengths, 0.0, tilt, 0.0, 0.0]
     particles = snapshot.particles
     particles.N, particles.position = n, flat

@@ -128,20 +128,20 @@ class OrderedFile:
     def _defer(self, start: int, data: bytes) -> None:
         """Keep a change of space in use; one piece of all that overlap, the new one above."""
         end = start + len(data)
-        for place, held in list(self._waiting.items()):
-            if place < end and start < place + len(held):
-                low, high = min(place, start), max(place + len(held), end)
+        for position, held in list(self._waiting.items()):
+            if position < end and start < position + len(held):
+                low, high = min(position, start), max(position + len(held), end)
                 whole = bytearray(high - low)
-                whole[place - low : place - low + len(held)] = held
+                whole[position - low : position - low + len(held)] = held
                 whole[start - low : start - low + len(data)] = data
-                del self._waiting[place]
+                del self._waiting[position]
                 start, data, end = low, bytes(whole), high
         self._waiting[start] = data
 
-    def _write(self, view: memoryview, place: int) -> None:
+    def _write(self, view: memoryview, position: int) -> None:
         with self._noting():
             if self.error is None:
-                self._raw.seek(place)
+                self._raw.seek(position)
                 while len(view):
                     view = view[self._raw.write(view) :]
 
@@ -381,18 +381,18 @@ def on_pages(size: int) -> int:
 
 def views_of(trajectory: str | os.PathLike[str]) -> list[Path]:
     """Views of a trajectory in its folder: files without data of their own, under the names of views."""
-    place = Path(trajectory)
-    name = place.name.removesuffix(".h5")
-    return [one for each in files.VIEWS if _is_view(one := place.with_name(name + each))]
+    position = Path(trajectory)
+    name = position.name.removesuffix(".h5")
+    return [one for each in files.VIEWS if _is_view(one := position.with_name(name + each))]
 
 
 def check_views(places: Iterable[Path]) -> None:
     """Refuse to write views where other files stand, such as the results of a study: InputError names them."""
     refuse(
         [
-            f"output {place}: is no view of a trajectory, and is not replaced: move it, or write elsewhere"
-            for place in places
-            if place.is_file() and not _is_view(place)
+            f"output {position}: is no view of a trajectory, and is not replaced: move it, or write elsewhere"
+            for position in places
+            if position.is_file() and not _is_view(position)
         ]
     )
 

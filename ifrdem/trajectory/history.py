@@ -121,23 +121,23 @@ class History:
 
         Raises InputError if a time is not between `start` and `end`.
         """
-        at, _, place = self._flight(t)
-        return self._box.wrap(place, at)
+        at, _, unwrapped = self._flight(t)
+        return self._box.wrap(unwrapped, at)
 
     @validated
     def unwrapped(self, t: Times) -> NDArray[np.float64]:
         """Centre at times t on a path without jumps: `Box.unwrap` of position and image."""
-        at, flight, place = self._flight(t)
-        return self._box.unwrap(place, flight["image"], at)
+        at, flight, unwrapped = self._flight(t)
+        return self._box.unwrap(unwrapped, flight["image"], at)
 
     @validated
     def velocity(self, t: Times) -> NDArray[np.float64]:
         """Velocity in the lab at times t [length/time], shape (..., 2); after the event at the time of one."""
-        at, flight, place = self._flight(t)
+        at, flight, unwrapped = self._flight(t)
         velocity = flight["velocity"] + (at - flight["time"])[..., None] * self._gravity
         if self._box.shear_rate:  # who leaves a sheared box above comes in below, so much slower
             height = self._box.lengths[1]
-            velocity[..., 0] -= np.floor(place[..., 1] / height) * self._box.shear_rate * height
+            velocity[..., 0] -= np.floor(unwrapped[..., 1] / height) * self._box.shear_rate * height
         return velocity
 
     @validated
@@ -204,8 +204,8 @@ def read(
     """
     count, _, end = committed(file, path)
     ids = tracked(file)
-    place = int(np.searchsorted(ids, disk))
-    if place == len(ids) or ids[place] != disk:
+    row = int(np.searchsorted(ids, disk))
+    if row == len(ids) or ids[row] != disk:
         near = int(ids[np.argmin(np.abs(ids.astype(np.int64) - disk))]) if len(ids) else None
         some = ", ".join(map(str, ids[:5])) + (", ..." if len(ids) > 5 else "")
         raise InputError(
@@ -216,7 +216,7 @@ def read(
     flights = {"time": np.concatenate([[float(damage.read(group["start/time"]))], columns["time"]])}
     for name in START_COLUMNS:
         after = columns[f"{name}_after" if name in ("velocity", "spin") else name]
-        flights[name] = np.concatenate([damage.read(group[f"start/{name}"], place)[None], after])
+        flights[name] = np.concatenate([damage.read(group[f"start/{name}"], row)[None], after])
     flights["angle"] = np.concatenate([[0.0], np.cumsum(flights["spin"][:-1] * np.diff(flights["time"]))])
     columns["contact_point"] = columns["position"] + radius[disk] * columns["normal"]
     for column in columns.values():

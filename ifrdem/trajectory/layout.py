@@ -295,9 +295,9 @@ def views_of(parts: Parts | None) -> Mapping[str, Collection[tuple[str, str]]]:
         for shown in (field.dataset, "value"):
             sources[f"{PARTICLES}/{name}/{shown}"] = f"/{PARTICLES}/{name}/{field.dataset}"
     names = [part_files.as_source(parts.name(number)) for number in range(len(parts))]
-    found = {place: {(name, source) for name in names} for place, source in sources.items()}
-    for place in VIEWS:
-        found[place] |= {(".", f"/{part_files.ZEROS}/{kind}") for kind in ("f4", "f8", "i4")}
+    found = {path: {(name, source) for name in names} for path, source in sources.items()}
+    for path in VIEWS:
+        found[path] |= {(".", f"/{part_files.ZEROS}/{kind}") for kind in ("f4", "f8", "i4")}
     return found
 
 
@@ -338,9 +338,9 @@ def create_histories(
             group.create_dataset(f"committed/{name}", data=[first], maxshape=(None,), chunks=(64,))
 
 
-def _stepped(file: h5py.File, place: str) -> h5py.Group:
+def _stepped(file: h5py.File, path: str) -> h5py.Group:
     """Make a group of something that each frame has."""
-    group = file.create_group(place)
+    group = file.create_group(path)
     for name in ("step", "time"):
         group[name] = file[f"{clock(file)}/{name}"]
     return group

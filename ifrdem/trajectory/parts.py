@@ -155,7 +155,7 @@ class Parts:
             file.create_dataset(name, shape=(0, self.n), maxshape=(None, self.n), chunks=chunks, dtype=kind)
         return name
 
-    def place(self, path: str | os.PathLike[str], number: int) -> Path:
+    def path_of(self, path: str | os.PathLike[str], number: int) -> Path:
         """Path of a part of the trajectory at `path`."""
         return Path(os.path.realpath(path)).parent / self.name(number)
 
@@ -164,16 +164,16 @@ class Parts:
 
         Raises MissingPart that names it if it is missing, cannot be read, or is not this part of this run.
         """
-        place, what = self.place(path, number), f"{os.fspath(path)}: its {self.described(number)}"
-        if not os.path.exists(place):
+        part_path, what = self.path_of(path, number), f"{os.fspath(path)}: its {self.described(number)}"
+        if not os.path.exists(part_path):
             raise MissingPart(f"{what} is missing{SEE}")
-        if not os.path.isfile(place):
+        if not os.path.isfile(part_path):
             raise MissingPart(f"{what} is not a file{SEE}")
         try:
             try:
-                file = h5py.File(place, "r")
+                file = h5py.File(part_path, "r")
             except OSError:  # its rank writes it, or HDF5 has opened it so for a virtual dataset
-                file = h5py.File(place, "r", locking=False)
+                file = h5py.File(part_path, "r", locking=False)
         except OSError as error:
             raise MissingPart(f"{what} cannot be opened: {error}{SEE}") from error
         try:

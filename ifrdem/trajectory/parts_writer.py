@@ -109,13 +109,13 @@ class PartsWriter:
         """
         ranks = Communicator.of(comm)
         given: Any = ranks.bcast(None if path is None else (Path(path), box, fields, options))
-        place, box, fields, options = given
+        output_path, box, fields, options = given
 
         def begin() -> Parts:
             if force:
-                part_files.remove(place)
-            folder = part_files.folder_of(place)
-            if there := part_files.existing(place):
+                part_files.remove(output_path)
+            folder = part_files.folder_of(output_path)
+            if there := part_files.existing(output_path):
                 raise InputError(f"output {there[0]} exists: choose another name, or replace it (--force)")
             try:
                 folder.mkdir(exist_ok=True)
@@ -125,22 +125,29 @@ class PartsWriter:
             return Parts(folder.name, secrets.token_hex(16), tuple(first))
 
         def part(i: int, of: Disks) -> TrajectoryWriter:
-            name, mark = place.parent / parts.name(i), parts.part(i)
+            name, mark = output_path.parent / parts.name(i), parts.part(i)
             return TrajectoryWriter(name, of, box, fields=fields, within=mark, **options)
 
         def head() -> TrajectoryWriter:
             return TrajectoryWriter(
-                place, disks, box, fields=fields, parameters=parameters, force=force, within=parts, **options
+                output_path,
+                disks,
+                box,
+                fields=fields,
+                parameters=parameters,
+                force=force,
+                within=parts,
+                **options,
             )
 
         with contextlib.ExitStack() as undo:
-            undo.callback(_remove_empty, place)
+            undo.callback(_remove_empty, output_path)
             parts = ranks.root_result(begin)
             with ranks:
                 here = _each_part(parts, own, part, undo)
             first = ranks.run_on_root(head)
             undo.pop_all()
-        return cls(parts, here, first, fields, ranks, place)
+        return cls(parts, here, first, fields, ranks, output_path)
 
     @classmethod
     def resume(
@@ -158,16 +165,18 @@ class PartsWriter:
         options |= {"frames": frames}
         given: Any = None if head is None else (head.path, head.parts, box, fields, options)
         ranks = Communicator.of(comm)
-        place, parts, box, fields, options = ranks.bcast(given)
+        output_path, parts, box, fields, options = ranks.bcast(given)
 
         def part(i: int, of: Disks) -> TrajectoryWriter:
-            return TrajectoryWriter.resume(place.parent / parts.name(i), of, box, fields=fields, **options)
+            return TrajectoryWriter.resume(
+                output_path.parent / parts.name(i), of, box, fields=fields, **options
+            )
 
         with contextlib.ExitStack() as undo:
             with ranks:
                 here = _each_part(parts, own, part, undo)
             undo.pop_all()
-        return cls(parts, here, head, fields, ranks, place)
+        return cls(parts, here, head, fields, ranks, output_path)
 
     def shares(self, state: State) -> Shares:
         """A state of this rank's disks as the parts get it that this rank writes; called by all ranks."""

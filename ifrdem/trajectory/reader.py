@@ -522,10 +522,10 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
         return self._reopening(lambda: self._constants(name, disks))
 
     def _constants(self, name: str, disks: slice | int = slice(None)) -> NDArray[Any]:
-        place = f"{layout.PARTICLES}/{name}"
+        path = f"{layout.PARTICLES}/{name}"
         if self._parts is None:
-            return damage.read(self._opened()[place], disks)
-        return self._parts.read(self.path, place, disks, axis=0)
+            return damage.read(self._opened()[path], disks)
+        return self._parts.read(self.path, path, disks, axis=0)
 
     def _moments(self, group: h5py.Group) -> NDArray[np.float64]:
         """Times of the committed rows of a group."""

@@ -32,7 +32,7 @@ from .reader import _box as box_of
 BLOCK = 1 << 22  # numbers that are copied at once
 
 
-def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> bool:
+def repair(path: Path, output: Path, *, say: Callable[[str], object] = print) -> bool:
     """Write what can be read of a trajectory to a new file; False if nothing is wrong, and nothing was written.
 
     Frames that can be read are kept, also after damaged ones, with the numbers (`step`) that they had. Series and
@@ -46,19 +46,19 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
     Parameters
     ----------
     path : Path
-        The file; it is not changed unless it is `place`.
+        The file; it is not changed unless it is `path_of`.
     place : Path
         Where to write: whole or not at all. `path` itself replaces it; a link or another name of it is refused.
     say : callable
         Called with lines of text on the damage.
     """
     check_file(path)
-    if place != path:
-        check_apart(place, path)
-    if special := not_a_file(place):
+    if output != path:
+        check_apart(output, path)
+    if special := not_a_file(output):
         raise InputError(special)
     with _openable(path, say) as (source, whole), h5py.File(source, "r") as file:
-        if place == path and part_files.GROUP in file:
+        if output == path and part_files.GROUP in file:
             raise InputError(f"{path} is in parts: --in-place cannot merge them; use -o to write one file")
         try:
             with damage.as_damage_error(path, "its bookkeeping"):
@@ -72,26 +72,26 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
             except InputError as error:
                 say(f"  {error}")
         try:
-            with files.replacing(place) as new:
+            with files.replacing(output) as new:
                 with h5py.File(new, "w", **ON_PAGES) as copy:
                     kept.write(copy)
                 _read_through(new)
         except InputError as error:
             raise _unrepairable(path, error, new) from error
         except OSError as error:
-            raise InputError(f"output {place}: cannot be written: {error.strerror or error}") from error
+            raise InputError(f"output {output}: cannot be written: {error.strerror or error}") from error
     say(f"  {len(kept.frames)} of {kept.committed} frames are kept")
     return True
 
 
-def write_whole(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
+def write_whole(trajectory: Trajectory, output: Path, frames: Iterable[int]) -> None:
     """Copy frames, series and histories of a trajectory, which may be in parts, to one file.
 
     Raises InputError if something cannot be read.
     """
     kept = _Salvage(trajectory.file, trajectory.path, None, lambda _: None)
     kept.frames = kept.frames[np.isin(kept.frames, list(frames))]
-    with h5py.File(place, "w", **ON_PAGES) as new:
+    with h5py.File(output, "w", **ON_PAGES) as new:
         kept.write(new, part=False)
 
 

@@ -101,11 +101,11 @@ class CommitLog:
         if not different.any():
             return
         where = np.unravel_index(int(np.argmax(different)) // stored.dtype.itemsize, stored.shape)
-        row, *place = (int(index) for index in where)
-        element = f"{name}[{', '.join(map(str, place))}]" if place else name
+        row, *position = (int(index) for index in where)
+        element = f"{name}[{', '.join(map(str, position))}]" if position else name
         if self.what == "frame" and name in layout.FIELDS:
-            component = f", component {'xy'[place[1]]}," if len(place) > 1 else ""
-            element = f"{name} of disk {self.first_disk + place[0]}{component}"
+            component = f", component {'xy'[position[1]]}," if len(position) > 1 else ""
+            element = f"{name} of disk {self.first_disk + position[0]}{component}"
         raise TrajectoryError(
             f"{self.what} {self.at + row}, computed again, differs from the file: {element} is {values[where]}, the "
             f"file holds {stored[where]}. This is not the same run: the file is not changed"
@@ -365,9 +365,9 @@ def stored(what: str, value: ArrayLike, shape: tuple[int, ...], dtype: DTypeLike
     with np.errstate(over="ignore"):
         found = np.asarray(given, dtype=target, order="C")
     if target.kind == "f" and not np.isfinite(found).all():
-        place = tuple(int(axis) for axis in np.argwhere(~np.isfinite(found))[0])
-        where = ", ".join(map(str, place))
-        raise InputError(f"{what}[{where}] = {given[place]}: must be a finite number of type {target}")
+        position = tuple(int(axis) for axis in np.argwhere(~np.isfinite(found))[0])
+        where = ", ".join(map(str, position))
+        raise InputError(f"{what}[{where}] = {given[position]}: must be a finite number of type {target}")
     return found
 
 

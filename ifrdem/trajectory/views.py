@@ -63,8 +63,8 @@ def write_views(path: str | os.PathLike[str]) -> tuple[Path, Path]:
     """
     check_file(Path(path))
     made = paths(path)
-    for place in made:
-        check_apart(place, Path(path))
+    for view_path in made:
+        check_apart(view_path, Path(path))
     check_files(made, force=True, elsewhere="views are written into the folder of the trajectory")
     check_views(made)
     with Trajectory(path) as trajectory:
@@ -74,22 +74,22 @@ def write_views(path: str | os.PathLike[str]) -> tuple[Path, Path]:
             raise InputError(f"{path}: a view requires {missing[0]}, and there are none")
         if (parts := trajectory.parts) is not None:
             for number in trajectory.missing:
-                if (part := parts.place(path, number)).exists() and not part.is_file():
+                if (part := parts.path_of(path, number)).exists() and not part.is_file():
                     # Programs that open the view would wait for a pipe.
                     raise InputError(f"{path}: its {parts.described(number)} is not a file{SEE}")
-        for place, fill in zip(made, (_fill_vtkhdf, _fill_netcdf), strict=True):
-            _write(place, trajectory, fill)
+        for view_path, fill in zip(made, (_fill_vtkhdf, _fill_netcdf), strict=True):
+            _write(view_path, trajectory, fill)
     return made
 
 
-def _write(place: Path, trajectory: Trajectory, fill: Callable[[h5py.File, Trajectory], None]) -> None:
+def _write(view_path: Path, trajectory: Trajectory, fill: Callable[[h5py.File, Trajectory], None]) -> None:
     try:
         # netCDF-4 wants the order of creation to be kept.
-        with files.replacing(place) as new, h5py.File(new, "w", track_order=True) as file:
+        with files.replacing(view_path) as new, h5py.File(new, "w", track_order=True) as file:
             fill(file, trajectory)
     except (OSError, RuntimeError) as error:
         reason = isinstance(error, OSError) and error.strerror
-        raise InputError(f"view {place} cannot be written: {reason or error}") from error
+        raise InputError(f"view {view_path} cannot be written: {reason or error}") from error
 
 
 def _view(
@@ -98,13 +98,13 @@ def _view(
     """A virtual dataset of a field or a constant, in another shape of as many numbers; vectors get z = 0."""
     frames, n, dtype, field = len(trajectory), trajectory.n, trajectory.dtype(source), source not in CONSTANT
     tail = trajectory.shape(source)[2:] if field else ()
-    place_of = f"/{layouts.PARTICLES}/{source}" + (f"/{layouts.FIELDS[source].dataset}" if field else "")
+    dataset = f"/{layouts.PARTICLES}/{source}" + (f"/{layouts.FIELDS[source].dataset}" if field else "")
     layout = h5py.VirtualLayout(shape=shape, dtype=dtype)
     vector = tail == (2,)
-    for place, disks in _data_files(trajectory):
+    for view_path, disks in _data_files(trajectory):
         count = disks.stop - disks.start
         held = (frames, count, *tail) if field else (count,)
-        origin = h5py.VirtualSource(as_source(place), place_of, shape=held, dtype=dtype)
+        origin = h5py.VirtualSource(as_source(view_path), dataset, shape=held, dtype=dtype)
         rows: tuple[Any, ...] = (slice(None), disks) if field else (disks,)
         if count == n:
             rows = (Ellipsis,)
@@ -221,8 +221,8 @@ def _fill_netcdf(file: h5py.File, trajectory: Trajectory) -> None:
         if name == "dissipated":  # six numbers a disk, for which the convention has no axis
             continue
         tail = (3,) if len(trajectory.shape(name)) == 3 else ()
-        place = names.get(name, name)
-        view = _view(file, place, trajectory, name, (frames, n, *tail))
+        view_path = names.get(name, name)
+        view = _view(file, view_path, trajectory, name, (frames, n, *tail))
         unit = units.get({"position": "length"}.get(name, ""))
         attach(view, "frame", "atom", *(("spatial",) if tail else ()), unit=unit)
     for zeros in file[ZEROS].values():

@@ -169,12 +169,12 @@ class TrajectoryWriter(ReadOnlyAttributes):
         for name, value in expected.items():
             if not isinstance(value, int | np.integer) or value < 0:
                 raise InputError(f"{name} = {value!r}: must be an integer, 0 or more")
-        output, place = OutputFile.reopen(path), os.fspath(path)
+        output, file_name = OutputFile.reopen(path), os.fspath(path)
         try:
-            layout.check_layout(output.file, place)
+            layout.check_layout(output.file, file_name)
             fields = [fields] if isinstance(fields, str) else fields
             text = to_json(walls) if walls else None
-            _check_resumable(output.file, place, disks, box, fields, precision, compression, text)
+            _check_resumable(output.file, file_name, disks, box, fields, precision, compression, text)
             writer = cls.__new__(cls)
             writer._begin(output, disks.n, box, **expected)
             writer._drop_uncommitted()
@@ -182,7 +182,7 @@ class TrajectoryWriter(ReadOnlyAttributes):
         except BaseException as error:
             output.close(lambda: None, keep=True)
             if isinstance(error, OSError | RuntimeError):
-                raise InputError(f"{place} cannot be resumed: {error}") from error
+                raise InputError(f"{file_name} cannot be resumed: {error}") from error
             raise
         return writer
 

@@ -93,7 +93,7 @@ class Content:
 
     def _forget(self) -> None:
         self._events: tuple[Array, NDArray[np.int32]] | None = None
-        self._places: tuple[int, Array, NDArray[np.intp]] | None = None
+        self._positions: tuple[int, Array, NDArray[np.intp]] | None = None
 
     def _now(self) -> tuple[int, int]:
         """Size of the file and the time of its last change."""
@@ -268,11 +268,11 @@ class Content:
 
     def _placed(self, frame: Frame) -> tuple[Array, NDArray[np.intp]]:
         """Positions with periodic images and their owners; kept for the next window of the same frame."""
-        if self._places is None or self._places[0] != frame.index:
+        if self._positions is None or self._positions[0] != frame.index:
             it = self.trajectory
             found = plot_disks.with_images(frame.position, it.disks.radius, it.box, frame.time)
-            self._places = (frame.index, *found)
-        return self._places[1:]
+            self._positions = (frame.index, *found)
+        return self._positions[1:]
 
     def _map(
         self, frame: Frame, header: dict[str, Any], window: Array | None

@@ -80,10 +80,10 @@ def page(
     }
     colours = [one["name"] for one in head["colours"]]
     before: dict[str, NDArray[Any]] = {}
-    for place, index in enumerate(progress(frames)):
+    for position, index in enumerate(progress(frames)):
         header, arrays = content.frame(index, colours)
-        stored = {} if place % WHOLE_EVERY == 0 else _differences(arrays, before, trajectory.n)
-        blocks[f"frame-{place}"] = _deflated(pack(header | {"differences": [*stored]}, arrays | stored))
+        stored = {} if position % WHOLE_EVERY == 0 else _differences(arrays, before, trajectory.n)
+        blocks[f"frame-{position}"] = _deflated(pack(header | {"differences": [*stored]}, arrays | stored))
         before = arrays
     data = "\n".join(f'<script type="text/plain" id="{id}">{text}</script>' for id, text in blocks.items())
     meta = f'<meta http-equiv="Content-Security-Policy" content="{html.escape(policy(chr(39) + "none" + chr(39)))}">'
@@ -92,12 +92,12 @@ def page(
 
 def write(
     trajectory: Trajectory,
-    place: Path,
+    position: Path,
     frames: Sequence[int],
     progress: Callable[[Sequence[int]], Iterable[int]] = iter,
 ) -> None:
     """Write the page with these frames inside; InputError as `page`, or if the file cannot be written."""
-    write_text(place, page(trajectory, frames, progress))
+    write_text(position, page(trajectory, frames, progress))
 
 
 class view:

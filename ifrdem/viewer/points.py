@@ -33,14 +33,14 @@ class StudyPoints:
         If they are no results of a study, or nothing has been swept.
     """
 
-    def __init__(self, place: Path) -> None:
-        if not place.name.endswith((ENDING, RUNS)):
+    def __init__(self, path: Path) -> None:
+        if not path.name.endswith((ENDING, RUNS)):
             raise InputError(
-                f"{place}: must be the results of a study, NAME{ENDING}, or its folder NAME{RUNS}"
+                f"{path}: must be the results of a study, NAME{ENDING}, or its folder NAME{RUNS}"
             )
-        name = place.name.removesuffix(RUNS).removesuffix(ENDING)
-        self._folder = place.with_name(name + RUNS)
-        self.path: Path = place.with_name(name + ENDING)
+        name = path.name.removesuffix(RUNS).removesuffix(ENDING)
+        self._folder = path.with_name(name + RUNS)
+        self.path: Path = path.with_name(name + ENDING)
         self._results = Results.read(self.path)
         self._axes = list(self._results.axes)
         if not self._axes or SEED not in self._results.variables:

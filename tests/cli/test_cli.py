@@ -551,7 +551,7 @@ def test_a_place_that_is_no_place_and_a_file_larger_than_the_disk_are_refused(
     monkeypatch.chdir(tmp_path)
     case = str(Path(__file__).parents[2] / "cases" / "cooling.toml")
     for arguments, message in (
-        (["-o", ""], "-o: an empty text is no place"),
+        (["-o", ""], "-o: an empty text is no path"),
         (["-o", os.devnull], "must be a folder, or the path of files"),
         (["--set", "output.frames=10000000"], "output: the trajectory requires about"),
     ):

@@ -18,7 +18,7 @@ from ifrdem.model.walls import Wall
 from ifrdem.trajectory.parts_writer import PartsWriter
 from ifrdem.trajectory.writer import TrajectoryWriter
 
-SCRIPT = Path(__file__).parents[1] / "support" / "rank_files.py"
+SCRIPT = Path(__file__).parents[1] / "support" / "ranks" / "files.py"
 N = 601
 POST = Wall.post((3.0, 4.0), 0.8)
 FIELDS = ["position", "velocity", "angular_velocity"]

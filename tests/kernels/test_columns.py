@@ -83,7 +83,7 @@ def test_bytes_of_disks_are_what_their_columns_take() -> None:
 def test_kernels_read_and_write_columns_by_name() -> None:
     backend.start()
     import taichi as ti
-    from support.record_kernels import move
+    from support.kernels.records import move
 
     disk, scale = ti.Vector.ndarray(5, ti.f64, 2), columns.blank("scale")
     disk.from_numpy(np.arange(10.0).reshape(2, 5))
@@ -102,7 +102,7 @@ def test_kernels_read_and_write_columns_by_name() -> None:
 def test_a_wrong_name_in_a_kernel_is_reported() -> None:
     backend.start()
     import taichi as ti
-    from support.record_kernels import wrong
+    from support.kernels.records import wrong
 
     disk = ti.Vector.ndarray(5, ti.f64, 2)
     with pytest.raises(ti.TaichiCompilationError, match="no column 'mass'; columns are x, y, vx, vy, spin"):

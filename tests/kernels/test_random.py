@@ -34,7 +34,7 @@ def philox(counter: list[int], key: list[int], bits: int) -> list[int]:
 def on_device(streams: NDArray[np.uint32]) -> tuple[NDArray[np.uint32], NDArray[np.float64]]:
     """Words, and a pair of uniform and one of normal numbers, of each stream's draw 0."""
     backend.start("cpu")
-    from support.random_kernels import draw
+    from support.kernels.draws import draw
 
     words = np.zeros((len(streams), 4), dtype=np.uint32)
     numbers = np.zeros((len(streams), 4))

@@ -43,7 +43,7 @@ def test_small_arrays_go_to_one_board_and_back() -> None:
 def test_variables_around_a_kernel_are_known_in_it() -> None:
     backend.start()
     import taichi as ti
-    from support.record_kernels import shifting
+    from support.kernels.records import shifting
 
     for shift in (2.0, 3.0):
         disk = ti.Vector.ndarray(5, ti.f64, 2)
@@ -55,11 +55,11 @@ def test_variables_around_a_kernel_are_known_in_it() -> None:
 def test_an_error_in_a_kernel_names_its_file_and_line() -> None:
     backend.start()
     import taichi as ti
-    from support import record_kernels
+    from support.kernels import records
 
     disk = ti.Vector.ndarray(5, ti.f64, 2)
     with pytest.raises(ti.TaichiCompilationError) as caught:
-        record_kernels.wrong(disk)
-    path = Path(record_kernels.__file__)
+        records.wrong(disk)
+    path = Path(records.__file__)
     line = 1 + path.read_text().splitlines().index("        gas.disk[i].mass = 1.0")
     assert re.search(rf'{re.escape(str(path))} \(kernel wrong\)", line {line}, in wrong', str(caught.value))

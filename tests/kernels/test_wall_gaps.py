@@ -80,10 +80,10 @@ def flying(name: str, wall: Wall, n: int = 60) -> Array:
 
 
 def of_kernel(name: str, wall: Wall, disks: Array, times: Array) -> tuple[Array, Array]:
-    """What `support.wall_kernels.gaps` finds, shape (disks, times, 6), and the roots."""
+    """What `support.kernels.gaps.gaps` finds, shape (disks, times, 6), and the roots."""
     backend.start("cpu")
     import taichi as ti
-    from support.wall_kernels import gaps
+    from support.kernels.gaps import gaps
 
     rows = wall.rows()
     rows = rows[named(rows, "walls").kind == PIECES.index(name)][:1]

@@ -12,7 +12,7 @@ from support import mpi
 
 from ifrdem.mpi import SERIAL, distribution
 
-SCRIPT = Path(__file__).parents[1] / "support" / "rank_distribution.py"
+SCRIPT = Path(__file__).parents[1] / "support" / "ranks" / "distribution.py"
 MISSING = "a disk is on no rank, or on two: please report this"
 
 

@@ -314,7 +314,7 @@ def test_checkpoints_of_others_are_refused_before_anything_is_done(tmp_path, mon
     assert "Simulation.load_checkpoint resumes from it" in told()
     case = CaseSections.model_validate(tomllib.loads(CASE)).model_dump_json(exclude_unset=True)
     run_of_b = {
-        "course": {},
+        "plan": {},
         "case_path": str(tmp_path / "gone.toml"),
         "case_as_set": case,
         "trajectory": "b.h5",

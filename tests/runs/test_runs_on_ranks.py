@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from support import mpi
 from support.manual import block
-from support.rank_results import differing
+from support.ranks.results import differing
 
 import ifrdem
 from ifrdem.case import file as case_file
@@ -147,7 +147,7 @@ def told(case: Path, plain: Path) -> dict[str, dict[str, Any]]:
             listed.append(["touch", str(folder / "radii" / "gas.checkpoint.parts" / "gone")])
         listed.append([ranks, constants.get("block"), constants.get("gathered"), words])
     (folder / "steps.json").write_text(json.dumps(listed))
-    script = SUPPORT / "rank_commands.py"
+    script = SUPPORT / "ranks" / "commands.py"
     done = mpi.on(4, sys.executable, "-m", "mpi4py", script, folder / "steps.json", timeout=600.0)
     assert done.returncode == 0, done.stderr + done.stdout
     return dict(zip(steps, map(json.loads, done.stdout.splitlines()), strict=True))
@@ -402,7 +402,7 @@ def test_the_lines_of_the_manual_on_slices_run(tmp_path: Path) -> None:
 @mpi.needed
 def test_calls_that_differ_from_rank_to_rank_end_on_all() -> None:
     """Two of three ranks share a gas that only the first has disks of; wrong lines are told to both, and it goes on."""
-    done = mpi.on(3, sys.executable, "-m", "mpi4py", SUPPORT / "rank_calls.py")
+    done = mpi.on(3, sys.executable, "-m", "mpi4py", SUPPORT / "ranks" / "calls.py")
     assert done.returncode == 0, done.stderr
     first, second = map(json.loads, done.stdout.splitlines())
     assert first["kinds"] == "(24000, 24000)"

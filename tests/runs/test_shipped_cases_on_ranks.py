@@ -10,12 +10,12 @@ from typing import Any
 import h5py
 import pytest
 from support import mpi
-from support.rank_results import differing
+from support.ranks.results import differing
 
 from ifrdem.case import file as case_file
 from ifrdem.case import shipped
 
-SCRIPT = Path(__file__).parents[1] / "support" / "rank_commands.py"
+SCRIPT = Path(__file__).parents[1] / "support" / "ranks" / "commands.py"
 NAMES = sorted(path.stem for path in shipped.FOLDER.glob("*.toml"))
 DIVIDED = ["cooling"]  # more than one tile of some 5000 disks, and nothing that cannot be divided
 

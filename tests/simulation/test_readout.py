@@ -19,7 +19,7 @@ from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.observables import Measure, measure
 from ifrdem.model.state import State, StoredState
 from ifrdem.simulation.engine import Engine
-from ifrdem.simulation.schedule import RunPlan, Span, Trigger
+from ifrdem.simulation.schedule import RunPlan, RunPoint, Trigger
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.trajectory import layout
 
@@ -256,9 +256,8 @@ def test_single_frames_are_the_exact_ones_rounded_and_lie_in_the_box(order: str)
     found: list[list[State]] = [[], []]
     for frames, stored in zip(found, (None, ALL_FIELDS), strict=True):
         simulation = gas()
-        span = Span.to(1500, 0.0, 0, t_end=0.6)
         simulation.follow(
-            RunPlan(span, Trigger(number=12)),
+            RunPlan(1500, RunPoint(0.0, 0), RunPoint(time=0.6), Trigger(number=12)),
             frame_callbacks=[lambda state, _, to=frames: to.append(state)],
             stored=stored,
         )
@@ -287,7 +286,9 @@ def test_frames_that_are_kept_are_not_written_over(stored: tuple[str, ...] | Non
         copies.append(tuple(np.array(getattr(state, name)) for name in SEEN))
 
     gas(n=300).follow(
-        RunPlan(Span.to(300, 0.0, 0, t_end=0.6), Trigger(number=20)), frame_callbacks=[look], stored=stored
+        RunPlan(300, RunPoint(0.0, 0), RunPoint(time=0.6), Trigger(number=20)),
+        frame_callbacks=[look],
+        stored=stored,
     )
     assert len(kept) == 21
     for state, copy in zip(kept, copies, strict=True):

@@ -5,7 +5,7 @@
 Run it once before a change, with an empty folder, and after each step of the change with the same folder. It prints the
 SHA-256 of the state and the sums of each gas, and how many kernels were compiled for it: files that the cache gained.
 A step leaves the program as it is if all hashes are equal and nothing was compiled. Together the gases use every kernel
-and every feature (`kernels/layout.py`, `Uses`). `--ranks` adds gases on two ranks of MPI (`rank_gases.py`): fill the
+and every feature (`kernels/layout.py`, `Uses`). `--ranks` adds gases on two ranks of MPI (`ranks/gases.py`): fill the
 folder by two runs, for of ranks that end at the same time only one writes its kernels.
 """
 
@@ -278,7 +278,7 @@ def main() -> None:
             print(f"{found}  {compiled() - before:3d} compiled  {name}", flush=True)
             before = compiled()
     if given.ranks:
-        script = Path(__file__).parent / "rank_gases.py"
+        script = Path(__file__).parent / "ranks" / "gases.py"
         told = mpi.on(2, sys.executable, script, *RANK_GASES, timeout=600.0)
         for line in told.stdout.splitlines() or [told.stderr]:
             print(f"{hashlib.sha256(line.encode()).hexdigest()}  {line}", flush=True)

@@ -394,7 +394,7 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     path = tmp_path_factory.mktemp("stored") / "run.checkpoint.h5"
     chance = np.random.default_rng(1)
     arrays = {"flight": chance.normal(size=(N, 5)), "clock": np.array([1.0]), "one": np.array(3)}
-    checkpoint.write(path, arrays, {"fingerprint": "f", "extra": {"course": {}, "case": "text" * 50}})
+    checkpoint.write(path, arrays, {"fingerprint": "f", "extra": {"plan": {}, "case": "text" * 50}})
     return path.read_bytes()
 
 
@@ -446,7 +446,7 @@ def test_a_checkpoint_made_to_harm_is_refused(tmp_path, capsys, stored, harm):
 
 
 @pytest.mark.parametrize(
-    "extra", [3, {}, {"course": 1}, {"course": {}, "case_path": 3}, {"course": {}, "case": []}]
+    "extra", [3, {}, {"plan": 1}, {"plan": {}, "case_path": 3}, {"plan": {}, "case": []}]
 )
 def test_a_checkpoint_with_another_record_is_refused(tmp_path, capsys, extra):
     path = tmp_path / "run.checkpoint.h5"

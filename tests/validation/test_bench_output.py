@@ -22,16 +22,16 @@ def test_each_turn_times_the_same_time_bare_with_the_ledger_and_with_all(
     lengths: list[float] = []
     follow = Simulation.follow
 
-    def sampled_run(self: Simulation, course: RunPlan, *, frame_callbacks=(), **options) -> None:  # type: ignore[no-untyped-def]
-        if course.next_frame == 0:  # a warming up
-            follow(self, course, frame_callbacks=frame_callbacks, **options)
+    def sampled_run(self: Simulation, plan: RunPlan, *, frame_callbacks=(), **options) -> None:  # type: ignore[no-untyped-def]
+        if plan.next_frame == 0:  # a warming up
+            follow(self, plan, frame_callbacks=frame_callbacks, **options)
             return
         frames: list[float] = []
         before = self.measure()
         watching = (
             [*frame_callbacks, lambda _state, measure: frames.append(measure.time)] if frame_callbacks else []
         )
-        follow(self, course, frame_callbacks=watching, **options)
+        follow(self, plan, frame_callbacks=watching, **options)
         after = self.measure()
         assert before.regimes is not None
         assert after.regimes is not None

@@ -22,7 +22,7 @@ from scipy.stats import quantile_test
 from ...case.gas import CaseGas
 from ...case.output_section import ROWS_PER_FRAME
 from ...runs.recorder import Ledger, Recorder
-from ...simulation.schedule import RunPlan, Span, Trigger
+from ...simulation.schedule import RunPlan, RunPoint, Trigger
 from ...tools.arguments import script
 from ...trajectory.writer import TrajectoryWriter
 from . import bench
@@ -53,18 +53,18 @@ def output_cost(
             def piece(way: str) -> float:
                 """Seconds for a collision per disk."""
                 simulation.switch_ledger(way != BARE)
-                begun, length = simulation.time, FRAMES * every * bench.mean_free_time(gas)
-                span = Span.to(n, begun, simulation.collisions, t_end=begun + length)
+                begin = RunPoint(simulation.time, simulation.collisions)
+                end = RunPoint(time=begin.time + FRAMES * every * bench.mean_free_time(gas))
                 frames = Trigger(number=FRAMES if way == ALL else 1)
                 rows = Trigger(number=ROWS_PER_FRAME * FRAMES, exact=False) if way == ALL else None
                 # As in a run that goes on: the piece before has its last frame and row.
-                course = RunPlan(span, frames, rows, next_frame=1, next_row=1)
+                plan = RunPlan(n, begin, end, frames, rows, next_frame=1, next_row=1)
                 output: dict[str, Any] = {
                     "frame_callbacks": [recorder.frame],
                     "series_callbacks": [recorder.row],
                 }
                 before, began = simulation.collisions, time.perf_counter()
-                simulation.follow(course, **(output if way == ALL else {}))
+                simulation.follow(plan, **(output if way == ALL else {}))
                 recorder.write()
                 return (time.perf_counter() - began) / (simulation.collisions - before) * n / 2.0
 

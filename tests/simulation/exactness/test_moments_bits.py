@@ -15,7 +15,7 @@ from test_same_bits import windows_of_tiles as windows_of_tiles
 from ifrdem import ContactTime
 from ifrdem.model.state import State
 from ifrdem.simulation.engine import Engine
-from ifrdem.simulation.schedule import RunPoint, earlier
+from ifrdem.simulation.schedule import RunPoint
 from ifrdem.simulation.windows import Windows
 
 LOOKED_AT = (*SEEN, "angle", "last_partner", "dissipated", "latest_collision")
@@ -38,7 +38,7 @@ def looked_at(
     engine = Engine(disks, box, state, np.array([[law]]), **more, **KEPT, **options)
     found = []
     while due:
-        stop = functools.reduce(earlier, due)
+        stop = functools.reduce(RunPoint.earlier, due)
         engine.advance(t_end=stop.time, collisions=stop.collisions, next_points=functools.partial(list, due))
         if stop.reached(engine.time, engine.collisions):
             found.append((engine.state(), engine.dissipated(), engine.wall_sums))

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from support import mpi
 
-SCRIPT = Path(__file__).parents[2] / "support" / "rank_starts.py"
+SCRIPT = Path(__file__).parents[2] / "support" / "ranks" / "starts.py"
 CASE = """
 [run]
 name = "gas"

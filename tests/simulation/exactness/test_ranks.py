@@ -13,7 +13,7 @@ from support import mpi
 
 from ifrdem.simulation import backend
 
-GASES = Path(__file__).parents[2] / "support" / "rank_gases.py"
+GASES = Path(__file__).parents[2] / "support" / "ranks" / "gases.py"
 
 
 RUNS = ["1:elastic", "2:walls", "2:shear", "2:sizes"]  # on two, both neighbours are one rank
@@ -67,7 +67,7 @@ def test_all_bits_are_those_of_one_rank(run: str, told: dict[str, dict[str, Any]
 @pytest.mark.skipif(backend.cuda_absence() is not None, reason="no CUDA device on this machine")
 def test_a_gpu_a_rank_has_the_bits_of_one_gpu() -> None:
     """Of a state with latest partners, after tiles ran again; three ranks share GPUs as they are told to."""
-    script = GASES.with_name("rank_gpus.py")
+    script = GASES.with_name("gpus.py")
     seen = {"CUDA_VISIBLE_DEVICES": "0,0"}
     done = mpi.on(3, sys.executable, "-m", "mpi4py", script, timeout=300.0, **seen)
     assert done.returncode == 0, done.stderr + done.stdout

@@ -284,7 +284,7 @@ def hash_of(*collisions: tuple[float, int]) -> tuple[int, int]:
     """Of the history of a disk with these collisions (time, partner)."""
     backend.start()
     import taichi as ti
-    from support.history_kernels import enter
+    from support.kernels.histories import enter
 
     info = ti.Vector.ndarray(TABLES["event_info"].width, ti.i32, 1)
     time, partner = np.array([t for t, _ in collisions]), np.array([j for _, j in collisions], dtype=np.int32)
@@ -323,7 +323,7 @@ def test_hashes_that_agree_are_as_rare_as_chance_makes_them(partners: int) -> No
     """
     backend.start()
     import taichi as ti
-    from support.history_kernels import enter_each
+    from support.kernels.histories import enter_each
 
     n, rng = 2**20, np.random.default_rng(3)
     info = ti.Vector.ndarray(TABLES["event_info"].width, ti.i32, n)

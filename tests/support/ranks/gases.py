@@ -1,4 +1,4 @@
-"""Gases on several ranks: `mpiexec -n 4 python rank_gases.py RANKS:NAME[:FAULT]...` prints a line of JSON for each.
+"""Gases on several ranks: `mpiexec -n 4 python gases.py RANKS:NAME[:FAULT]...` prints a line of JSON for each.
 
 It tells what differs from the same gas on one rank, which the first rank computes as well. One process for all of them
 compiles the kernels of each once.
@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 import numpy as np
 from mpi4py import MPI

@@ -1,4 +1,4 @@
-"""`mpiexec -n P python rank_gpus.py`: a gas on P ranks with a GPU each, and on one; prints what differs (JSON).
+"""`mpiexec -n P python gpus.py`: a gas on P ranks with a GPU each, and on one; prints what differs (JSON).
 
 CUDA_VISIBLE_DEVICES says which GPUs there are, in turn.
 """
@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 import numpy as np
 from mpi4py import MPI

@@ -1,4 +1,4 @@
-"""`mpiexec -n 3 python rank_files.py CASE CHANGES.json`: starts that ranks read in slices; prints a line of JSON.
+"""`mpiexec -n 3 python files.py CASE CHANGES.json`: starts that ranks read in slices; prints a line of JSON.
 
 Each list of changes of the case is read on three ranks, on two of them, and by the first one alone. Told is what
 differs, and what each rank says where a start is refused.

@@ -1,4 +1,4 @@
-"""`mpiexec -n P python rank_commands.py STEPS.json`: commands of ifrdem one after another, each on some of the ranks.
+"""`mpiexec -n P python commands.py STEPS.json`: commands of ifrdem one after another, each on some of the ranks.
 
 STEPS.json lists [ranks, BLOCK, GATHERED, words of the command] (constants of `mpi/distribution`, or null), or
 ["touch", path]. Prints a line of JSON for each command: its exit status, what all ranks said, and the files that there

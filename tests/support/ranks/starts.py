@@ -1,4 +1,4 @@
-"""`mpiexec -n P python rank_starts.py CASE FOLDER`: gases of which no rank has all disks; prints a line of JSON.
+"""`mpiexec -n P python starts.py CASE FOLDER`: gases of which no rank has all disks; prints a line of JSON.
 
 Each is compared with the same one of one process, which the first rank computes as well.
 """

@@ -1,4 +1,4 @@
-"""`mpiexec -n 3 python rank_calls.py`: two of the ranks share a gas, do wrong things with it, and tell what came.
+"""`mpiexec -n 3 python calls.py`: two of the ranks share a gas, do wrong things with it, and tell what came.
 
 Of disks, start, frame_callbacks and series_callbacks only the first one has any.
 """
