@@ -163,15 +163,17 @@ class CaseGas:
         return DiskKinds.made(merge_kinds(kinds), self.n, self.n, squares, radii)
 
     @functools.cached_property
-    def laws(self) -> list[list[IFRLaw | None]]:
+    def laws(self) -> list[list[CollisionLaw | None]]:
         """The law of each pair of `materials`; None for two that only walls are made of, which never meet.
 
         It is made for the largest mean k of what meets with them.
         """
-        found: dict[frozenset[str], IFRLaw] = {}
+        found: dict[frozenset[str], CollisionLaw] = {}
         for each in self.verdicts:
             pair, law = each.materials, each.law
-            if law is not None and (pair not in found or law.k > found[pair].k):
+            if law is not None and (
+                pair not in found or getattr(law, "k", 0.0) > getattr(found[pair], "k", 0.0)
+            ):
                 found[pair] = law
         return [[found.get(frozenset((a, b))) for b in self.materials] for a in self.materials]
 
@@ -185,7 +187,7 @@ class CaseGas:
         """Time of the run's clock at the start [time], and number of collisions of all disks until then."""
         return (0.0, 0) if self.given is None else (self.given.time, self.given.collisions)
 
-    def law(self, i: int = 0, j: int = 0) -> IFRLaw:
+    def law(self, i: int = 0, j: int = 0) -> CollisionLaw:
         """The law of two species, by their numbers."""
         a, b = (self.materials.index(self.species[one].material) for one in (i, j))
         found = self.laws[a][b]
