@@ -9,7 +9,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from support.gases import COIN, ELASTIC, equal_disks, equilibrated, partners
+from support.gases import COIN, ELASTIC, equal_disks, equilibrated, partners, run_to
 from support.serial_reference import simulate
 
 from ifrdem import ContactTime, Device, Rest, VelocityCutoff
@@ -116,9 +116,7 @@ def test_the_tc_rule_gives_the_same_bits_on_two_threads(order: str) -> None:
             tile_disks=200,
             collapse=ContactTime(0.02),
         )
-        while engine.collisions < 3000:
-            engine.advance(collisions=3000)
-        ends.append((engine.state(), engine.statistics.elastic))
+        ends.append((run_to(engine, collisions=3000), engine.statistics.elastic))
     assert ends[0][1] == ends[1][1] > 300
     for name in ("position", "velocity", "spin", "collisions", "latest_collision"):
         np.testing.assert_array_equal(getattr(ends[0][0], name), getattr(ends[1][0], name))
@@ -150,8 +148,7 @@ def test_a_collision_soon_after_another_is_elastic(contact_time: float, elastic:
         collapse=ContactTime(contact_time),
     )
     for t in (1.7, 2.0, 3.0):
-        while engine.time < 1e6 + t:
-            engine.advance(t_end=1e6 + t)
+        run_to(engine, 1e6 + t)
     second = 1.0 if elastic else 0.75
     assert engine.statistics.elastic == elastic
     np.testing.assert_allclose(
@@ -174,9 +171,7 @@ def test_a_bouncing_ball_ends_with_bounces_shorter_than_the_contact_time() -> No
         gravity=(0.0, -1.0),
         collapse=ContactTime(0.02),
     )
-    while engine.time < 30.0:
-        engine.advance(t_end=30.0)
-    state, speed = engine.state(), math.sqrt(5.0) / 2.0**8
+    state, speed = run_to(engine, 30.0), math.sqrt(5.0) / 2.0**8
     at_floor = math.sqrt(state.velocity[0, 1] ** 2 + 2.0 * (state.position[0, 1] - 0.5))
     assert at_floor == pytest.approx(speed, rel=1e-6)
     assert engine.statistics.elastic == engine.wall_collisions - 8 > 1000
@@ -198,12 +193,8 @@ def test_a_column_of_disks_comes_to_rest_on_a_floor() -> None:
         gravity=(0.0, -g),
         collapse=ContactTime(contact_time),
     )
-    while engine.time < 40.0:
-        engine.advance(t_end=40.0)
-    settled, events = engine.state(), engine.collisions + engine.wall_collisions
-    while engine.time < 50.0:
-        engine.advance(t_end=50.0)
-    end = engine.state()
+    settled, events = run_to(engine, 40.0), engine.collisions + engine.wall_collisions
+    end = run_to(engine, 50.0)
     np.testing.assert_allclose(settled.position[:, 1], 0.5 + np.arange(n), atol=0.05)
     assert 0.5 * np.mean(end.velocity**2) < 10.0 * (g * contact_time) ** 2
     rate = (engine.collisions + engine.wall_collisions - events) / n / 10.0

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from support.force_examples import SMOOTH, Magnus, Push, Trap, one_disk, still
-from support.gases import mixture, start
+from support.gases import gas_of, mixture
 
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, Langevin, RandomKicks, Rescale, SpinKicks
@@ -145,9 +145,8 @@ def test_an_elastic_gas_in_a_bath_reaches_its_temperature() -> None:
     The mean of 20 x 4000 squared Gaussian components scatters by sqrt(2 / 80000) = 0.5 %; five of these are allowed.
     """
     disks = mixture(2000)
-    box, state = start(disks, 0.2)
     bath = Langevin(0.5, temperature=2.5, rate=1.0, spin_temperature=0.5, spin_rate=1.0)
-    simulation = Simulation(disks, box, SMOOTH, state, forces=[bath], seed=3)
+    simulation = gas_of(disks, 0.2, SMOOTH, forces=[bath], seed=3)
     simulation.run(t_end=5.0)
     found: list[tuple[float, float]] = []
     simulation.run(
@@ -213,10 +212,9 @@ def test_spin_kicks_put_in_the_power_that_was_set() -> None:
 
 def test_rescaling_keeps_temperature_or_energy_to_rounding() -> None:
     disks = mixture(2000)
-    box, state = start(disks, 0.3)
     law = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
     for force in (Rescale(0.1, temperature=1.7), Rescale(0.1, energy=1.7)):
-        simulation = Simulation(disks, box, law, state, forces=[force])
+        simulation = gas_of(disks, 0.3, law, forces=[force])
         for k in range(4):
             simulation.run(t_end=(k + 0.5) * 0.1)  # right after the force
             found = measure(disks, simulation.state)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.gases import mixture, start
+from support.gases import gas_of, mixture, run_to, start
 from support.law_examples import Half, Misnamed, Numbered, Short, Silent, Viscoelastic, Weak
 
 from ifrdem.errors import InputError
@@ -39,10 +39,9 @@ def test_the_ifr_law_by_a_class_of_ones_own_is_the_ifr_law_to_the_last_bit(order
 
     def end(table: tuple[float, ...], law: type[CollisionLaw]) -> State:
         engine = Engine(disks, box, state, np.array([[table]]), law=law, order=order, tile_disks=60)
-        while engine.time < 0.5:
-            engine.advance(t_end=0.5)
+        reached = run_to(engine, 0.5)
         assert engine.collisions > 300
-        return engine.state()
+        return reached
 
     built_in, own = end((1.0, -0.9, 0.15, 1.0, 0.0), IFRLaw), end((0.0, -0.9, 0.15), Viscoelastic)
     for name in ("position", "velocity", "spin", "collisions"):
@@ -84,12 +83,10 @@ def test_a_law_that_adds_energy_is_told_before_and_after() -> None:
 
 
 def test_a_law_that_lets_disks_through_each_other_is_refused() -> None:
-    disks = mixture(100)
-    box, state = start(disks, 0.2)
     with pytest.raises(
         InputError, match=r"law Weak: .* get P_n = .*, not below m_n g_n = .*through each other"
     ):
-        Simulation(disks, box, Weak(part=0.5), state)
+        gas_of(mixture(100), 0.2, Weak(part=0.5))
 
 
 @pytest.mark.parametrize(

@@ -38,9 +38,7 @@ LAW = IFRLaw(e_n=0.9, e_t=-0.5, mu=0.2)
 
 
 def gas(**options: Any) -> Simulation:
-    disks = gases.equal_disks(20)
-    box, state = gases.start(disks, 0.2)
-    return Simulation(disks, box, LAW, state, **options)
+    return gases.gas_of(gases.equal_disks(20), 0.2, LAW, **options)
 
 
 def state(**values: Any) -> State:

@@ -31,10 +31,9 @@ class Lossy(CollisionLaw):
 def setting(kind: str, n: int = 60) -> tuple[Box, State, dict[str, Any]]:
     """A box with a start, and options: periodic, sheared, open, or between walls under gravity."""
     disks = gases.equal_disks(n)
-    box, state = gases.start(disks, 0.3)
     if kind == "sheared":
-        box = replace(box, shear_rate=0.4)
-        return box, replace(state, velocity=state.velocity + box.flow(state.position)), {}
+        return *gases.sheared(disks, 0.3, rate=0.4), {}
+    box, state = gases.start(disks, 0.3)
     if kind == "open":
         return Box.open(), state, {}
     if kind == "walls":

@@ -8,7 +8,8 @@ from collections.abc import Callable
 import h5py
 import numpy as np
 import pytest
-from support.gases import equal_disks, mixture, start
+from support import gases
+from support.gases import equal_disks, gas_of, mixture
 
 from ifrdem import ContactTime, Device
 from ifrdem.errors import InputError
@@ -28,6 +29,10 @@ STATE = (
 )  # fmt: skip
 
 
+RECORD = ["energy", "partner", "angle"]
+OPENS = 200
+
+
 def same_bits(one: Simulation, other: Simulation) -> None:
     a, b = one.state, other.state
     assert a.time == b.time
@@ -43,20 +48,14 @@ def same_bits(one: Simulation, other: Simulation) -> None:
 
 
 def gas(precision: str = "f64", **options: object) -> Callable[..., Simulation]:
-    disks = mixture(1200)
-    box, state = start(disks, 0.5)
-    return lambda threads=None: Simulation(
-        disks,
-        box,
+    return lambda threads=None: gas_of(
+        mixture(1200),
+        0.5,
         COIN,
-        state,
         device=Device(threads=threads, precision=precision),
-        record=["energy", "partner", "angle"],
+        record=RECORD,
         **options,
     )
-
-
-OPENS = 200
 
 
 def walled(threads: int | None = None) -> Simulation:
@@ -74,33 +73,23 @@ def walled(threads: int | None = None) -> Simulation:
     return Simulation(
         disks, box, COIN, State(grid, rng.normal(size=(60, 2)), rng.normal(size=60)), walls=walls,
         device=Device(threads=threads), gravity=(0.0, -1.0), collapse=ContactTime(0.01), seed=3,
-        record=["energy", "partner", "angle", "wall"],
+        record=[*RECORD, "wall"],
     )  # fmt: skip
 
 
 def sheared(threads: int | None = None) -> Simulation:
     disks = equal_disks(300)
-    box, state = start(disks, 0.4)
-    flowing = Box(box.lengths, shear_rate=0.7)
-    moving = State(state.position, state.velocity + flowing.flow(state.position), state.spin)
-    return Simulation(
-        disks, flowing, COIN, moving, device=Device(threads=threads), record=["energy", "partner", "angle"]
-    )
+    box, state = gases.sheared(disks, 0.4, rate=0.7)
+    return Simulation(disks, box, COIN, state, device=Device(threads=threads), record=RECORD)
 
 
 def freed(threads: int | None = None) -> Simulation:
-    disks = equal_disks(100)
-    _, state = start(disks, 0.4)
-    return Simulation(
-        disks, Box.open(), COIN, state, device=Device(threads=threads), record=["energy", "partner", "angle"]
-    )
+    return gas_of(equal_disks(100), 0.4, COIN, Box.open(), device=Device(threads=threads), record=RECORD)
 
 
 def driven(threads: int | None = None) -> Simulation:
-    disks = equal_disks(300)
-    box, state = start(disks, 0.3)
-    return Simulation(
-        disks, box, COIN, state, device=Device(threads=threads), record=["energy", "partner", "angle"], seed=9,
+    return gas_of(
+        equal_disks(300), 0.3, COIN, device=Device(threads=threads), record=RECORD, seed=9,
         forces=[RandomKicks(0.05, power=0.5), Drag(0.08, rate=0.1)],
     )  # fmt: skip
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.gases import run_to
 
 import ifrdem
 from ifrdem import Device
@@ -86,9 +87,7 @@ def test_tiles_know_what_one_tile_knows():
             device=Device(threads=2),
             record=["energy", "disk_energy"],
         )
-        while engine.time < 2.0:
-            engine.advance(t_end=2.0)
-        found.append(engine.state().dissipated)
+        found.append(run_to(engine, 2.0).dissipated)
     assert found[0].any()
     assert np.array_equal(*found)
 

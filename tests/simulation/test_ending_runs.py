@@ -23,9 +23,7 @@ LAW = IFRLaw(e_n=0.9, e_t=-0.5, mu=0.2)
 
 
 def gas(n: int = 100, **options: Any) -> Simulation:
-    disks = gases.equal_disks(n)
-    box, state = gases.start(disks, 0.3)
-    return Simulation(disks, box, LAW, state, **options)
+    return gases.gas_of(gases.equal_disks(n), 0.3, LAW, **options)
 
 
 class Halt(Exception):

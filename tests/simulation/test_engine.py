@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.gases import COIN, ELASTIC, ROLLING, equal_disks, equilibrated, mixture, start
+from support.gases import COIN, ELASTIC, ROLLING, equal_disks, equilibrated, gas_of, mixture, run_to, start
 
 import ifrdem.simulation.engine
 from ifrdem import Device
@@ -24,9 +24,7 @@ COIN_LAW = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 
 
 def advance(engine: Engine, per_disk: float) -> None:
-    target = engine.collisions + int(per_disk * engine.n / 2)
-    while engine.collisions < target:
-        engine.advance(collisions=target)
+    run_to(engine, collisions=engine.collisions + int(per_disk * engine.n / 2))
 
 
 @pytest.mark.parametrize(("packing_fraction", "rate"), [(0.1, 0.5329), (0.3, 2.3996)])
@@ -156,9 +154,7 @@ def test_image_counts_unwrap_positions() -> None:
 
 
 def test_frames_stand_at_exactly_the_asked_collisions_and_times() -> None:
-    disks = equal_disks(400)
-    box, state = start(disks, 0.3)
-    simulation = Simulation(disks, box, COIN_LAW, state)
+    simulation = gas_of(equal_disks(400), 0.3, COIN_LAW)
     counts: list[int] = []
     simulation.run(
         collisions_per_disk=2.5, frames=5, frame_callbacks=[lambda _, m: counts.append(m.collisions)]
@@ -171,10 +167,8 @@ def test_frames_stand_at_exactly_the_asked_collisions_and_times() -> None:
 
 
 def test_a_run_by_collisions_ends_right_after_the_last_one() -> None:
-    disks = equal_disks(100)
-    box, state = start(disks, 0.1)
     for count in range(1, 30):
-        simulation = Simulation(disks, box, COIN_LAW, state)
+        simulation = gas_of(equal_disks(100), 0.1, COIN_LAW)
         found = simulation.collide(count)
         assert len(found.time) == count
         assert simulation.time == pytest.approx(found.time[-1], rel=1e-15)
@@ -345,9 +339,7 @@ def test_units_do_not_matter_to_the_last_bit(precision: str) -> None:
         law = np.array([[(*ROLLING[:4], ROLLING[4] * length)]])
         larger = Box((box.lengths[0] * length, box.lengths[1] * length))
         engine = Engine(disks, larger, scaled, law, device=Device(precision=precision))
-        while engine.collisions < 2000:
-            engine.advance(collisions=2000)
-        end = engine.state()
+        end = run_to(engine, collisions=2000)
         ends.append((end.position / length, end.velocity / speed, end.spin / (speed / length)))
     for one, other in zip(*ends, strict=True):
         np.testing.assert_array_equal(one, other)

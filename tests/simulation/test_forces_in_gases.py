@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from support.force_examples import SMOOTH, Noise, Push, Summing, one_disk, still
-from support.gases import COIN, equal_disks, mixture, start
+from support.gases import COIN, equal_disks, gas_of, mixture, run_to, start
 
 import ifrdem.simulation.engine
 from ifrdem import Device
@@ -101,9 +101,7 @@ def test_driven_coins_stay_at_the_temperatures_of_kinetic_theory() -> None:
 
 
 def test_collisions_are_recorded_across_forces() -> None:
-    disks = equal_disks(500)
-    box, state = start(disks, 0.3)
-    simulation = Simulation(disks, box, SMOOTH, state, forces=[RandomKicks(0.07, power=1.0)])
+    simulation = gas_of(equal_disks(500), 0.3, SMOOTH, forces=[RandomKicks(0.07, power=1.0)])
     found = simulation.collide_until(1.0)
     assert len(found.time) == simulation.collisions > 100
     assert (np.diff(found.time) >= 0.0).all()
@@ -141,9 +139,7 @@ def test_a_driven_gas_is_bitwise_the_same_on_one_and_two_threads() -> None:
                 disks, box, state, np.array([[COIN]]), device=Device(threads=threads), order=order, tile_disks=500,
                 forces=forces, seed=9,
             )  # fmt: skip
-            while engine.time < 0.4:
-                engine.advance(t_end=0.4)
-            end, put_in = engine.state(), engine.force_steps.energy_inputs
+            end, put_in = run_to(engine, 0.4), engine.force_steps.energy_inputs
             if order not in ends:
                 ends[order] = end, put_in
             for name in ("position", "velocity", "spin", "collisions"):
@@ -237,12 +233,10 @@ def test_a_gas_at_rest_waits_for_a_force_but_not_for_ever(monkeypatch: pytest.Mo
 
 def test_a_stop_within_rounding_of_a_force_changes_no_bit() -> None:
     """The middle of the second step is 0.07500000000000001: a run to 0.075 ends before the force acts."""
-    disks = equal_disks(100)
-    box, state = start(disks, 0.3)
     ends = []
     for stops in ((0.6,), (0.075, 0.1249999999999999, 0.175, 0.6)):
-        gas = Simulation(
-            disks, box, IFRLaw(e_n=0.9, e_t=-0.9, mu=0.2), state, forces=[RandomKicks(0.05, power=0.1)]
+        gas = gas_of(
+            equal_disks(100), 0.3, IFRLaw(e_n=0.9, e_t=-0.9, mu=0.2), forces=[RandomKicks(0.05, power=0.1)]
         )
         for stop in stops:
             gas.run(t_end=stop)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from support import gases
-from support.gases import equal_disks, mixture, start
+from support.gases import equal_disks, gas_of, mixture, run_to, start
 from support.law_examples import Driving, Weak
 
 from ifrdem import Device, VelocityCutoff
@@ -154,10 +154,8 @@ def test_losses_beyond_all_energy_are_counted_and_such_a_gas_is_refused(device, 
 @pytest.mark.filterwarnings("ignore::ifrdem.model.ifr.EnergyWarning")
 def test_the_ledger_closes_where_a_law_drives_spins(device):
     """A negative T gives spins energy: a loss below 0."""
-    disks = equal_disks(300)
-    box, state = start(disks, 0.3)
     measures: list[Measure] = []
-    simulation = Simulation(disks, box, Driving(), state, device=device, record=["energy"])
+    simulation = gas_of(equal_disks(300), 0.3, Driving(), device=device, record=["energy"])
     simulation.run(collisions_per_disk=3.0, series=3, series_callbacks=[measures.append])
     assert measures[-1].dissipated[MECHANISMS.index("rolling")] < -1e-3
     assert abs(residual(measures[0], measures[-1])) < 1e-13
@@ -166,10 +164,8 @@ def test_the_ledger_closes_where_a_law_drives_spins(device):
 @pytest.mark.parametrize("n", [300, 2000])
 @pytest.mark.parametrize("law", [ROLLING, COIN])
 def test_the_ledger_closes_in_a_cooling_gas(device, n, law):
-    disks = mixture(n)
-    box, state = start(disks, 0.3)
     measures: list[Measure] = []
-    simulation = Simulation(disks, box, law, state, device=device, record=["energy"])
+    simulation = gas_of(mixture(n), 0.3, law, device=device, record=["energy"])
     simulation.run(collisions_per_disk=5.0, series=5, series_callbacks=[measures.append])
     assert measures[-1].dissipated[0] > 0.0
     assert measures[-1].regimes.sum() == simulation.collisions
@@ -201,15 +197,10 @@ def test_the_ledger_closes_between_walls_that_shake_and_heat_under_gravity(devic
 
 
 def test_the_ledger_closes_with_forces_and_in_a_sheared_gas(device):
-    disks = equal_disks(400)
-    box, state = start(disks, 0.3)
-    driven = Simulation(
-        disks, box, COIN, state, device=device, record=["energy"],
-        forces=[RandomKicks(0.05, power=0.5), Drag(0.05, rate=0.1)],
-    )  # fmt: skip
-    sheared_box = Box(box.lengths, shear_rate=0.5)
-    moving = State(state.position, state.velocity + sheared_box.flow(state.position), state.spin)
-    sheared = Simulation(disks, sheared_box, COIN, moving, device=device, record=["energy"])
+    disks, forces = equal_disks(400), [RandomKicks(0.05, power=0.5), Drag(0.05, rate=0.1)]
+    driven = gas_of(disks, 0.3, COIN, device=device, record=["energy"], forces=forces)
+    box, state = gases.sheared(disks, 0.3, rate=0.5)
+    sheared = Simulation(disks, box, COIN, state, device=device, record=["energy"])
     for simulation in (driven, sheared):
         measures: list[Measure] = []
         simulation.run(t_end=2.0, series=4, series_callbacks=[measures.append])
@@ -233,8 +224,7 @@ def test_the_ledger_has_the_same_bits_for_any_number_of_threads():
             order=order,
             tile_disks=500,
         )
-        while engine.collisions < 1500:
-            engine.advance(collisions=1500)
+        run_to(engine, collisions=1500)
         found.append(engine.dissipated())
     (two, counts), (one, counts_of_one), (alone, counts_alone) = found
     assert counts.sum() == 1500
@@ -245,11 +235,9 @@ def test_the_ledger_has_the_same_bits_for_any_number_of_threads():
 
 
 def test_series_at_the_ends_of_windows_change_nothing(device):
-    disks = equal_disks(600)
-    box, state = start(disks, 0.5)
     ends, rows = [], []
     for series in (None, Trigger(number=200, exact=False)):
-        simulation = Simulation(disks, box, COIN, state, device=device, record=["energy"])
+        simulation = gas_of(equal_disks(600), 0.5, COIN, device=device, record=["energy"])
         simulation.run(collisions_per_disk=40.0, series=series, series_callbacks=[rows.append])
         ends.append(simulation.state)
     assert len(rows) > 5
@@ -258,10 +246,8 @@ def test_series_at_the_ends_of_windows_change_nothing(device):
 
 
 def test_exact_series_stand_where_they_are_due(device):
-    disks = equal_disks(50)
-    box, state = start(disks, 0.3)
     rows: list[Measure] = []
-    simulation = Simulation(disks, box, COIN, state, device=device)
+    simulation = gas_of(equal_disks(50), 0.3, COIN, device=device)
     simulation.run(t_end=1.0, series=40, series_callbacks=[rows.append])
     assert [row.time for row in rows] == pytest.approx(np.linspace(0.0, 1.0, 41), abs=1e-15)
     assert rows[0].dissipated is None  # no ledger was asked for
@@ -288,9 +274,7 @@ def test_totals_on_the_device_are_those_of_the_state(device):
 
 def test_a_ledger_that_is_switched_off_misses_just_that_time(device):
     """And switched on again, goes on; the collisions are the same to the bit."""
-    disks = equal_disks(300)
-    box, state = start(disks, 0.4)
-    whole, parts = (Simulation(disks, box, COIN, state, device=device, record=["energy"]) for _ in range(2))
+    whole, parts = (gas_of(equal_disks(300), 0.4, COIN, device=device, record=["energy"]) for _ in range(2))
     expected = np.zeros(len(MECHANISMS))
     for k, on in enumerate([True, False, True]):
         parts.switch_ledger(on)
@@ -305,8 +289,6 @@ def test_a_ledger_that_is_switched_off_misses_just_that_time(device):
 
 
 def test_a_simulation_without_a_ledger_has_none_to_switch(device):
-    disks = equal_disks(10)
-    box, state = start(disks, 0.4)
-    simulation = Simulation(disks, box, COIN, state, device=device)
+    simulation = gas_of(equal_disks(10), 0.4, COIN, device=device)
     with pytest.raises(InputError, match="the ledger is not recorded"):
         simulation.switch_ledger(True)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.gases import equal_disks, mixture, start
+from support.gases import equal_disks, gas_of, mixture
 
 from ifrdem import Device
 from ifrdem.errors import EngineError
@@ -39,12 +39,8 @@ def order(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> st
     return chosen
 
 
-def gas(*, n: int = 1500, box: Box | None = None, **options: object) -> Simulation:
-    disks = mixture(n)
-    inside, state = start(disks, 0.5)
-    return Simulation(
-        disks, inside if box is None else box, COIN, state, record=["energy", "partner", "angle"], **options
-    )
+def gas(*, n: int = 1500, **options: object) -> Simulation:
+    return gas_of(mixture(n), 0.5, COIN, record=["energy", "partner", "angle"], **options)
 
 
 def frames_of(simulation: Simulation, **course: object) -> Frames:
@@ -73,9 +69,7 @@ def test_what_happens_does_not_depend_on_how_often_somebody_looks(
 
 
 def test_series_tracked_disks_and_the_ledger_change_no_bit(order: str) -> None:
-    disks = mixture(1500)
-    box, state = start(disks, 0.5)
-    bare = Simulation(disks, box, COIN, state)
+    bare = gas_of(mixture(1500), 0.5, COIN)
     bare.run(t_end=0.6)
     expected = bare.state
     followed = gas(tracked=[0, 7, 700])

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from support.gases import COIN, ELASTIC, ROLLING, equal_disks, mixture, partners, run
+from support.gases import COIN, ELASTIC, ROLLING, equal_disks, mixture, partners, run, run_to
 from support.shear_reference import Sheared
 
 from ifrdem import Device
@@ -193,9 +193,7 @@ def test_a_sheared_run_is_bitwise_the_same_on_one_and_two_threads() -> None:
                 tile_disks=200,
                 device=Device(threads=threads),
             )
-            while engine.collisions < 6000:
-                engine.advance(collisions=6000)
-            end, work = engine.state(), engine.flow_work
+            end, work = run_to(engine, collisions=6000), engine.flow_work
             if order not in ends:
                 ends[order] = end, work
             for name in ("position", "velocity", "spin", "collisions", "image", "time"):

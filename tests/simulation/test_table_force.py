@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.gases import COIN, equal_disks, start
+from support.gases import COIN, equal_disks, run_to, start
 
 from ifrdem import Device
 from ifrdem.errors import InputError, NoMoreCollisions
@@ -127,9 +127,7 @@ def test_a_gas_that_has_come_to_rest_goes_to_the_end_at_no_cost(order: str) -> N
         tile_disks=60,
         device=Device(threads=2),
     )
-    while engine.time < 20.0:
-        engine.advance(t_end=20.0)
-    rest = engine.state()
+    rest = run_to(engine, 20.0)
     assert not rest.velocity.any()
     assert not rest.spin.any()
     assert engine.force_steps.energy_inputs[0] < 0.0
@@ -174,10 +172,9 @@ def test_threads_orders_and_precisions_agree() -> None:
         engine = Engine(
             disks, box, state, np.array([[COIN]]), forces=[table(0.05)], order=order, tile_disks=60, **options
         )
-        while engine.time < 0.4:
-            engine.advance(t_end=0.4)
+        reached = run_to(engine, 0.4)
         assert engine.collisions > 30
-        return engine.state()
+        return reached
 
     # Another number of threads, or precision, starts Taichi anew.
     alone, two, one, single = (

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.gases import COIN, mixture, partners, start
+from support.gases import COIN, mixture, partners, run_to, start
 
 from ifrdem import Device
 from ifrdem.errors import InputError, NoMoreCollisions
@@ -33,12 +33,6 @@ def blob(n: int, packing_fraction: float = 0.4, at: tuple[float, float] = (-7.0,
     disks = mixture(n)
     _, state = start(disks, packing_fraction)
     return disks, State(state.position + at, state.velocity, state.spin)
-
-
-def run(engine: Engine, t_end: float) -> State:
-    while engine.time < t_end:
-        engine.advance(t_end=t_end)
-    return engine.state()
 
 
 @pytest.mark.parametrize("order", ["serial", "tiled"])
@@ -71,13 +65,13 @@ def test_a_gas_that_flies_apart_costs_the_logarithm_of_the_time() -> None:
     engine = Engine(disks, Box.open(), state, np.array([[COIN]]))
     windows = []
     for t_end in (10.0, 100.0, 1e3, 1e4, 1e5, 1e12):
-        run(engine, t_end)
+        run_to(engine, t_end)
         windows.append(engine.statistics.windows)
     assert windows[-1] < 500  # 200 were seen
     assert max(np.diff(windows)) < 200
     assert windows[-1] == windows[-2]
     end = engine.state()
-    later = run(engine, 3e12)
+    later = run_to(engine, 3e12)
     # f64 round-off of places in a box some 1e13 wide.
     np.testing.assert_allclose(later.position, end.position + 2e12 * end.velocity, atol=0.1)
     np.testing.assert_array_equal(later.velocity, end.velocity)
@@ -108,7 +102,7 @@ def test_any_number_of_threads_gives_the_same_bits() -> None:
     disks, state = blob(400)
     law = np.array([[COIN]])
     ends = [
-        run(
+        run_to(
             Engine(
                 disks, Box.open(), state, law, order="tiled", tile_disks=60, device=Device(threads=threads)
             ),

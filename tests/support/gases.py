@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ifrdem.initial import placement
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.simulation.engine import CollisionTimes, Engine
+from ifrdem.simulation.simulation import Simulation
 
 ELASTIC = (1.0, -1.0, 0.0, 0.0, 0.0)  # smooth elastic disks: e_n = 1, e_t = -1, mu = 0
 COIN = (0.87, -0.88, 0.21, 0.0, 0.0)  # 1 pta coins of the paper's Table II, percussion-centre sticking
@@ -33,13 +36,34 @@ def start(disks: Disks, packing_fraction: float, seed: int = 1) -> tuple[Box, St
     return box, State(position, velocity, placement.gaussian_spins(disks.n, spin_rms=1.0, seed=seed))
 
 
+def gas_of(
+    disks: Disks, packing_fraction: float, law: Any, box: Box | None = None, **options: Any
+) -> Simulation:
+    """The simulation of a gas that begins as `start` says, or so but in another box."""
+    filled, state = start(disks, packing_fraction)
+    return Simulation(disks, box or filled, law, state, **options)
+
+
+def boxed(
+    box: Box, position: Any, velocity: Any, law: Any, *, mass: float = 1.0, **options: Any
+) -> Simulation:
+    """The simulation of disks of radius 1/2 without spin, at rest if no velocity is given."""
+    n = len(position)
+    state = State(position, np.zeros((n, 2)) if velocity is None else velocity, np.zeros(n))
+    return Simulation(Disks(n, mass=mass, radius=0.5), box, law, state, **options)
+
+
+def sheared(disks: Disks, packing_fraction: float, rate: float) -> tuple[Box, State]:
+    """Like `start`, around the flow of a sheared box."""
+    box, state = start(disks, packing_fraction)
+    box = Box(box.lengths, shear_rate=rate)
+    return box, State(state.position, state.velocity + box.flow(state.position), state.spin)
+
+
 def equilibrated(disks: Disks, packing_fraction: float, seed: int = 1) -> tuple[Box, State]:
     """Like `start`, but after 20 elastic collisions per disk have mixed it; clock and counts at zero."""
     box, state = start(disks, packing_fraction, seed)
-    engine = Engine(disks, box, state, np.array([[ELASTIC]]))
-    while engine.collisions < 10 * disks.n:
-        engine.advance(collisions=10 * disks.n)
-    mixed = engine.state()
+    mixed = run_to(Engine(disks, box, state, np.array([[ELASTIC]])), collisions=10 * disks.n)
     return box, State(mixed.position, mixed.velocity, mixed.spin)
 
 
@@ -52,6 +76,17 @@ def touching(box: Box, radius: np.ndarray, position: np.ndarray) -> np.ndarray:
         j = int(np.argmin(gap))
         position[i] += apart[j] / distance[j] * gap[j] * (1.0 - 1e-9)
     return box.wrap(position)
+
+
+def run_to(engine: Engine, t_end: float = np.inf, *, collisions: int | None = None) -> State:
+    """The state at `t_end`, or after as many collisions in all."""
+    if collisions is None:
+        while engine.time < t_end:
+            engine.advance(t_end=t_end)
+    else:
+        while engine.collisions < collisions:
+            engine.advance(collisions=collisions)
+    return engine.state()
 
 
 def run(engine: Engine, count: int) -> CollisionTimes:

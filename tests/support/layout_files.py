@@ -60,8 +60,8 @@ def some_state(n: int, frame: int, box: Box = BOX) -> State:
     )
 
 
-def write(path: Path, n: int = 5, frames: int = 3, *, box: Box = BOX, fields=FIELDS, **options) -> None:
-    with TrajectoryWriter(path, some_disks(n), box, fields=fields, **options) as writer:
+def write(path: Path, n: int = 5, frames: int = 3, *, box: Box = BOX, **options) -> None:
+    with TrajectoryWriter(path, some_disks(n), box, **options) as writer:
         for frame in range(frames):
             writer.write(
                 some_state(n, frame, box),

@@ -24,7 +24,7 @@ os.environ["TI_OFFLINE_CACHE_CLEANING_POLICY"] = "never"
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
-from support import mpi
+from support import gases, mpi
 from support.gases import COIN, ROLLING, equal_disks, mixture, start
 
 import ifrdem
@@ -146,9 +146,7 @@ def resting_bed(**options: Any) -> Engine:
 
 def sheared(**options: Any) -> Engine:
     disks = mixture(N)
-    box, state = start(disks, 0.3)
-    box = Box(box.lengths, shear_rate=0.4)
-    state = State(state.position, state.velocity + box.flow(state.position), state.spin)
+    box, state = gases.sheared(disks, 0.3, rate=0.4)
     options = {"forces": [Rescale(0.1, energy=1.2), Drag(0.1, rate=0.2)], **ALL_SUMS} | options
     return Engine(disks, box, state, np.array([[ROLLING]]), **options)
 

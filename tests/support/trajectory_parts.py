@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from test_reader import some_state
+from support.layout_files import some_state
 
 from ifrdem.model.state import State
 from ifrdem.trajectory.layout import EVENT_COLUMNS

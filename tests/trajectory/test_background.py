@@ -10,8 +10,8 @@ import h5py
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from support.layout_files import BOX, some_disks, some_state
 from support.trajectory_parts import TRACKED, row
-from test_reader import BOX, some_disks, some_state
 from test_writer_resume import N, begun, content, go_on
 
 from ifrdem.errors import InputError, TrajectoryError

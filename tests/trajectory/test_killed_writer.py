@@ -17,10 +17,10 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from support.layout_files import BOX, some_disks
+from support.layout_files import some_state as new_state
 from support.trajectory_parts import SERIES_COLUMNS, TRACKED, row
 from support.trajectory_parts import batch as new_batch
-from test_reader import BOX, some_disks
-from test_reader import some_state as new_state
 
 from ifrdem.errors import TrajectoryError
 from ifrdem.trajectory.background import AsyncWriter

@@ -8,8 +8,8 @@ import sys
 import h5py
 import numpy as np
 import pytest
+from support.layout_files import BOX, some_disks, some_state
 from support.trajectory_parts import SERIES_COLUMNS, TRACKED, batch, row
-from test_reader import BOX, some_disks, some_state
 
 from ifrdem.errors import InputError
 from ifrdem.trajectory import layout

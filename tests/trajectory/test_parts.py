@@ -16,8 +16,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from support.layout_files import BOX, FIELDS, some_disks, some_state
 from support.trajectory_parts import SERIES_COLUMNS, TRACKED, batch, row
-from test_reader import BOX, FIELDS, some_disks, some_state
 from test_writer_resume import content
 
 from ifrdem.cli.main import main

@@ -13,6 +13,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from support.layout_files import BOX, FIELDS, some_disks, some_state, write
 
 import ifrdem
 from ifrdem.case.case import UNITS
@@ -23,43 +24,6 @@ from ifrdem.runs.info import describe
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.rows import CommitLog
 from ifrdem.trajectory.writer import TrajectoryWriter
-
-BOX = Box((30.0, 20.0))
-FIELDS = ("position", "velocity", "angular_velocity", "collisions", "image")
-
-
-def some_disks(n: int) -> Disks:
-    rng = np.random.default_rng(1)
-    return Disks(
-        n,
-        mass=rng.uniform(1.0, 2.0, n),
-        radius=rng.uniform(0.1, 0.2, n),
-        k=rng.uniform(1.0, 2.0, n),
-        material=rng.integers(0, 3, n),
-    )
-
-
-def some_state(n: int, frame: int) -> State:
-    """A state that its number determines."""
-    rng = np.random.default_rng(frame)
-    return State(
-        rng.uniform(0.0, 1.0, (n, 2)) * BOX.lengths,
-        rng.normal(size=(n, 2)),
-        rng.normal(size=n),
-        time=0.1 * frame,
-        collisions=rng.integers(0, 1000, n, dtype=np.int32),
-        image=rng.integers(-5, 5, (n, 2), dtype=np.int32),
-    )
-
-
-def write(path: Path, n: int = 5, frames: int = 3, **options) -> None:
-    with TrajectoryWriter(path, some_disks(n), BOX, **options) as writer:
-        for frame in range(frames):
-            writer.write(
-                some_state(n, frame),
-                {"energy": 0.1 * frame, "collisions": 10 * frame, "momentum": np.array([1.0, frame])},
-            )
-
 
 # --- what is written comes back
 
@@ -638,8 +602,8 @@ def test_a_frame_that_does_not_fit_is_refused_and_the_file_unchanged(tmp_path):
 CHILD = """
 import sys
 import numpy as np
-sys.path[:0] = [sys.argv[1], sys.argv[1] + "/tests", sys.argv[1] + "/tests/trajectory"]
-from test_reader import BOX, some_disks, some_state
+sys.path[:0] = [sys.argv[1], sys.argv[1] + "/tests"]
+from support.layout_files import BOX, some_disks, some_state
 from ifrdem.errors import TrajectoryError
 from ifrdem.trajectory.writer import TrajectoryWriter
 n, limit, pause = int(sys.argv[3]), int(sys.argv[4]), int(sys.argv[5])

@@ -9,8 +9,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from support.layout_files import BOX, FIELDS, some_disks, some_state
 from support.trajectory_parts import SERIES_COLUMNS, TRACKED, batch, partnered, row
-from test_reader import BOX, FIELDS, some_disks, some_state
 
 from ifrdem.errors import InputError, TrajectoryError
 from ifrdem.model.box import Box

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.layout_files import BOX, FIELDS, some_disks, some_state
 from support.trajectory_parts import SERIES_COLUMNS, TRACKED, batch, row
 from test_fuzz_files import no_hang
-from test_reader import BOX, FIELDS, some_disks, some_state
 
 import ifrdem
 from ifrdem.cli.main import main

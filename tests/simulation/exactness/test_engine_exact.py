@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.gases import COIN, ELASTIC, equal_disks, equilibrated, mixture, partners, run
+from support.gases import COIN, ELASTIC, equal_disks, equilibrated, mixture, partners, run, run_to
 from support.serial_reference import simulate
 
 from ifrdem import Device
@@ -81,9 +81,8 @@ def test_no_disks_overlap_in_ten_million_collisions(phi: float, law: str, order:
     box, state = equilibrated(disks, phi)
     engine = Engine(disks, box, state, np.array([[LAWS[law]]]), order=order)
     for frame in range(1, 11):
-        while engine.collisions < frame * 500_000:
-            engine.advance(collisions=frame * 500_000)
-        placement.check_no_overlap(box, disks.radius, engine.state().position, tolerance=1e-11)
+        state = run_to(engine, collisions=frame * 500_000)
+        placement.check_no_overlap(box, disks.radius, state.position, tolerance=1e-11)
     assert engine.collisions == 5_000_000
 
 
@@ -94,9 +93,7 @@ def test_a_run_repeats_to_the_last_bit(order: str) -> None:
     ends = []
     for _ in range(2):
         engine = Engine(disks, box, state, np.array([[COIN]]), order=order, tile_disks=300)
-        while engine.collisions < 30_000:
-            engine.advance(collisions=30_000)
-        ends.append(engine.state())
+        ends.append(run_to(engine, collisions=30_000))
     for name in ("position", "velocity", "spin", "collisions", "image", "time"):
         np.testing.assert_array_equal(getattr(ends[0], name), getattr(ends[1], name))
 
@@ -122,9 +119,7 @@ def test_single_precision_keeps_energy_and_contacts_to_its_rounding() -> None:
         assert (
             engine.bytes_allocated < 0.9 * double[order]
         )  # the scratch space of so few disks is half of all
-        while engine.collisions < 200_000:
-            engine.advance(collisions=200_000)
-        end = engine.state()
+        end = run_to(engine, collisions=200_000)
         before, after = (float(np.sum(s.velocity.astype(np.float64) ** 2)) for s in (state, end))
         assert after == pytest.approx(before, rel=2e-5)
         assert after != before  # it was single precision

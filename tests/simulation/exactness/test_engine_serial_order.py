@@ -12,7 +12,18 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
-from support.gases import COIN, ELASTIC, ROLLING, equal_disks, equilibrated, mixture, partners, run, start
+from support.gases import (
+    COIN,
+    ELASTIC,
+    ROLLING,
+    equal_disks,
+    equilibrated,
+    mixture,
+    partners,
+    run,
+    run_to,
+    start,
+)
 from support.serial_reference import simulate
 
 from ifrdem.initial import placement
@@ -86,10 +97,7 @@ def test_none_of_many_disks_ever_overlap(order: str, n: int) -> None:
     engine = Engine(disks, box, state, np.array([[ELASTIC]]), order=order)
     lengths = np.array(box.lengths)
     for _ in range(30):
-        target = engine.collisions + disks.n // 8
-        while engine.collisions < target:
-            engine.advance(collisions=target)
-        position = engine.state().position % lengths
+        position = run_to(engine, collisions=engine.collisions + disks.n // 8).position % lengths
         inside = cKDTree(position, boxsize=lengths).query_pairs(1.0 - 1e-9, output_type="ndarray")
         assert not len(inside), (engine.time, inside)
 
@@ -193,7 +201,5 @@ def test_disks_in_a_strip_of_three_diameters_meet_by_every_image(n: int) -> None
     position = np.stack([np.full(n, 1.5), 2.4 * np.arange(n) + 0.3], axis=1)
     velocity = placement.maxwellian(np.ones(n), temperature=1.0, seed=1)
     engine = Engine(equal_disks(n), box, State(position, velocity, np.zeros(n)), np.array([[ELASTIC]]))
-    while engine.time < 2.0:
-        engine.advance(t_end=2.0)
-    position = engine.state().position % np.array(box.lengths)
+    position = run_to(engine, 2.0).position % np.array(box.lengths)
     assert not cKDTree(position, boxsize=box.lengths).query_pairs(1.0 - 1e-9)

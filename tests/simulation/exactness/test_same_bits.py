@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.gases import COIN, ELASTIC, ROLLING, equal_disks, equilibrated, mixture
+from support.gases import COIN, ELASTIC, ROLLING, equal_disks, equilibrated, mixture, run_to
 
 from ifrdem import Device
 from ifrdem.kernels.columns import TABLES, named
@@ -38,12 +38,6 @@ Gas = tuple[Disks, Box, State, tuple[float, ...], dict[str, Any]]
 def windows_of_tiles(monkeypatch: pytest.MonkeyPatch) -> None:
     """Windows as short as those of gases that are divided: few disks have longer ones, which would need wide halos."""
     monkeypatch.setattr("ifrdem.simulation.arrays.SINGLE_TILE", 100)
-
-
-def run_on(engine: Engine, collisions: int) -> State:
-    while engine.collisions < collisions:
-        engine.advance(collisions=collisions)
-    return engine.state()
 
 
 def periodic(
@@ -86,7 +80,7 @@ def clusters() -> Gas:
     """Coins that have cooled for 150 collisions each: dense clusters in a thin gas."""
     disks = equal_disks(N)
     box, state = equilibrated(disks, 0.3)
-    cooled = run_on(Engine(disks, box, state, np.array([[COIN]]), order="serial"), 75 * N)
+    cooled = run_to(Engine(disks, box, state, np.array([[COIN]]), order="serial"), collisions=75 * N)
     count = np.histogram2d(*cooled.position.T, bins=12, range=[(0.0, length) for length in box.lengths])[0]
     assert count.var() > 3.0 * count.mean()  # of chance alone at this density: 0.4 times
     scale = np.sqrt(2.0 / np.mean(np.sum(cooled.velocity**2, axis=1)))
@@ -113,7 +107,7 @@ def made(name: str) -> Gas:
 def after(name: str, per_disk: float | None = None, **options: Any) -> tuple[Engine, State]:
     disks, box, state, law, more = made(name)
     engine = Engine(disks, box, state, np.array([[law]]), **more, **options)
-    return engine, run_on(engine, int((per_disk or PER_DISK.get(name, 100)) * N / 2))
+    return engine, run_to(engine, collisions=int((per_disk or PER_DISK.get(name, 100)) * N / 2))
 
 
 @cache

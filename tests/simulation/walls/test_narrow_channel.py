@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.gases import COIN
+from support.gases import COIN, run_to
 from support.serial_walls import Gas
 
 from ifrdem.errors import InputError
@@ -54,10 +54,8 @@ def test_a_narrow_channel_in_many_tiles_has_the_bits_of_one() -> None:
     ends = []
     for order in ("serial", "tiled"):
         engine = Engine(disks, box, state, np.array([[COIN]]), order=order, tile_disks=15)
-        while engine.time < 4.0:
-            engine.advance(t_end=4.0)
+        ends.append(run_to(engine, 4.0))
         assert engine.collisions > 75  # one of each disk
-        ends.append(engine.state())
         assert (engine.arrays.tiles > 5) == (order == "tiled")
     for name in ("position", "velocity", "spin", "collisions", "image"):
         np.testing.assert_array_equal(*(getattr(end, name) for end in ends), err_msg=name)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.spatial.distance import pdist
+from support.gases import boxed
 
 from ifrdem import Device, Rest
 from ifrdem.errors import InputError
@@ -24,22 +25,14 @@ from ifrdem.simulation.simulation import Simulation
 
 SLOW = 0.02
 REST = MECHANISMS.index("rest")
+BOX = Box((12.0, 10.0), periodic=(False, False))
 NEAR = 4.0 * SLOW**2  # gap of contacts, at g = 1
 
 
-def gas(
-    position: Any, velocity: Any = None, law: Any = None, mass: float = 1.0, **options: Any
-) -> Simulation:
-    """Disks of radius 1/2 in a box of 12 x 10 with walls all around, under g = 1; at rest if no velocity is told."""
-    n = len(position)
-    given: dict[str, Any] = {
-        "gravity": (0.0, -1.0), "collapse": Rest(SLOW), "record": ["energy"],
-    } | options  # fmt: skip
-    return Simulation(
-        Disks(n, mass=mass, radius=0.5), Box((12.0, 10.0), periodic=(False, False)),
-        law or IFRLaw(e_n=0.6, e_t=-1.0, mu=0.3),
-        State(position, np.zeros((n, 2)) if velocity is None else velocity, np.zeros(n)), **given,
-    )  # fmt: skip
+def gas(position: Any, velocity: Any = None, law: Any = None, **options: Any) -> Simulation:
+    """Disks in a box of 12 x 10 with walls all around, under g = 1."""
+    given = {"gravity": (0.0, -1.0), "collapse": Rest(SLOW), "record": ["energy"]} | options
+    return boxed(BOX, position, velocity, law or IFRLaw(e_n=0.6, e_t=-1.0, mu=0.3), **given)
 
 
 def said_asleep(run: Simulation, asleep: list[int], **law: float) -> Simulation:
@@ -54,9 +47,9 @@ def said_asleep(run: Simulation, asleep: list[int], **law: float) -> Simulation:
 
 def pile(n: int = 60, seed: int = 1, **options: Any) -> Simulation:
     """Disks that fall from everywhere in the box."""
-    box, radius = Box((12.0, 10.0), periodic=(False, False)), np.full(n, 0.5)
+    radius = np.full(n, 0.5)
     speeds = maxwellian(np.ones(n), speed_rms=1.0, seed=seed)
-    return gas(random_positions(box, radius, seed=seed), speeds, **options)
+    return gas(random_positions(BOX, radius, seed=seed), speeds, **options)
 
 
 def closes(run: Simulation) -> None:
@@ -155,7 +148,7 @@ def test_a_disk_rolls_down_a_slope_without_slip_up_to_a_third_of_the_angle_of_fr
     angle, time, slow = math.atan(0.3), 6.0, 0.002
     law = IFRLaw(e_n=0.6, e_t=-1.0, mu=part * 0.3 / (1.0 + k))
     run = Simulation(
-        Disks(1, mass=1.0, radius=0.5, k=k), Box((12.0, 10.0), (False, False)), law,
+        Disks(1, mass=1.0, radius=0.5, k=k), BOX, law,
         State([[1.0, 0.5 + 1e-9]], [[0.0, 0.0]], [0.0]), gravity=(math.sin(angle), -math.cos(angle)),
         collapse=Rest(slow), record=["energy"],
     )  # fmt: skip
@@ -200,7 +193,7 @@ def test_a_pyramid_of_three_stands_by_friction(mu: float, stands: bool) -> None:
     between, floor = IFRLaw(e_n=0.6, e_t=-1.0, mu=mu), IFRLaw(e_n=0.6, e_t=-1.0, mu=0.5)
     place = [[5.5, 0.5001], [6.5001, 0.5001], [6.0, 0.5001 + 0.5 * math.sqrt(3.0) + 1e-3]]
     run = Simulation(
-        Disks(3, mass=1.0, radius=0.5, material=1), Box((12.0, 10.0), periodic=(False, False)),
+        Disks(3, mass=1.0, radius=0.5, material=1), BOX,
         [[floor, floor], [floor, between]], State(place, np.zeros((3, 2)), np.zeros(3)),
         gravity=(0.0, -1.0), collapse=Rest(0.005), record=["energy"],
     )  # fmt: skip

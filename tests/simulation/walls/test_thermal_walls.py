@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 from scipy.integrate import cumulative_trapezoid, solve_ivp
-from support.gases import COIN, ELASTIC
+from support.gases import COIN, ELASTIC, run_to
 
 from ifrdem import Device
 from ifrdem.errors import InputError
@@ -29,12 +29,6 @@ LAW = np.array([[ELASTIC]])
 ROUGH = np.array(
     [[(1.0, 1.0, 0.0, 0.0, 0.0)]]
 )  # perfectly rough, e_t = 1: keeps energy, exchanges it with spins
-
-
-def run_to(engine: Engine, t_end: float) -> State:
-    while engine.time < t_end:
-        engine.advance(t_end=t_end)
-    return engine.state()
 
 
 def lattice(box: Box, n: int, seed: int, temperature: float = 1.0) -> State:

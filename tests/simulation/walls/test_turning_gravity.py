@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support.gases import boxed
 
 from ifrdem import Rest, RotatingGravity
 from ifrdem.errors import InputError
@@ -28,11 +29,9 @@ def turns(rate: float, **step: float) -> RotatingGravity:
 
 
 def gas(position: Any, velocity: Any = None, law: IFRLaw = ROUGH, **options: Any) -> Simulation:
-    """Disks of radius 1/2 in a box of 12 x 12 with walls all around, g = 1."""
-    n = len(position)
-    state = State(position, np.zeros((n, 2)) if velocity is None else velocity, np.zeros(n))
-    given = {"gravity": turns(0.05), "record": ["energy"], "box": BOX} | options
-    return Simulation(Disks(n, mass=1.0, radius=0.5), given.pop("box"), law, state, **given)
+    """Disks in a box of 12 x 12 with walls all around, g = 1."""
+    return boxed(position=position, velocity=velocity, law=law,
+                 **{"gravity": turns(0.05), "record": ["energy"], "box": BOX} | options)  # fmt: skip
 
 
 def drum(**options: Any) -> Simulation:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from support.gases import COIN, ELASTIC
+from support.gases import COIN, ELASTIC, run_to
 
 from ifrdem import Device, VelocityCutoff
 from ifrdem.errors import InputError
@@ -69,12 +69,6 @@ def gas(
         disks, BOX, state, np.array([[law]]), order=order, walls=walls, gravity=gravity, record=["wall"] * sums,
         tile_disks=30, device=Device(threads=threads), collapse=VelocityCutoff(cutoff) if cutoff else None,
     )  # fmt: skip
-
-
-def run_to(engine: Engine, t: float) -> State:
-    while engine.time < t:
-        engine.advance(t_end=t)
-    return engine.state()
 
 
 def same(one: State, other: State) -> None:
@@ -218,8 +212,7 @@ def test_a_gate_opens_at_its_time_and_after_its_collisions_to_the_collision(orde
 
     shut = gated()
     by_time, by_count = gated(opens_at=2.5), gated(opens_after=40)
-    while shut.collisions < 40:
-        shut.advance(collisions=40)
+    run_to(shut, collisions=40)
     while not by_count.open_gates[0]:
         by_count.advance(t_end=50.0)
     assert by_count.collisions == 40

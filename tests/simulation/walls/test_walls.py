@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from support.gases import COIN, ELASTIC, partners
+from support.gases import COIN, ELASTIC, partners, run_to
 from support.serial_reference import simulate
 
 from ifrdem import Device, VelocityCutoff, forces
@@ -24,12 +24,6 @@ from ifrdem.simulation.simulation import Simulation
 
 ORDERS = ("serial", "tiled")
 LAW = np.array([[ELASTIC]])
-
-
-def run_to(engine: Engine, t_end: float) -> State:
-    while engine.time < t_end:
-        engine.advance(t_end=t_end)
-    return engine.state()
 
 
 def gas_in(box: Box, n: int, seed: int = 1, radius: float = 0.5) -> tuple[Disks, State]:

@@ -17,6 +17,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 import numpy as np
 from mpi4py import MPI
+from support import gases
 from support.gases import COIN, ELASTIC, ROLLING, equal_disks, mixture, start
 
 from ifrdem import ContactTime, Device
@@ -65,16 +66,7 @@ def walled() -> Gas:
 
 def sheared() -> Gas:
     disks = equal_disks(N)
-    box, state = start(disks, 0.3)
-    box = Box(box.lengths, shear_rate=0.4)
-    return (
-        disks,
-        box,
-        State(state.position, state.velocity + box.flow(state.position), state.spin),
-        COIN,
-        10.0,
-        {},
-    )
+    return disks, *gases.sheared(disks, 0.3, rate=0.4), COIN, 10.0, {}
 
 
 def sizes(n: int, small: float = 1.0) -> Disks:
