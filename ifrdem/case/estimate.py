@@ -14,6 +14,7 @@ from .. import theory
 from ..errors import TheoryError
 from ..kernels import columns
 from ..model.observables import MECHANISMS, REGIMES
+from ..model.viscoelastic import Viscoelastic
 from ..model.walls import PISTONS, SUMS
 from ..theory import driven_gas, sheared_gas
 from ..theory.driven_gas import Drive
@@ -225,7 +226,7 @@ def _only_cools(gas: CaseGas) -> bool:
     It does if it is the same everywhere and begins with one temperature of translation, none of rotation above it, and
     all collisions dissipate: the highest of its temperatures falls then, and the rate is below that of all at it.
     """
-    dissipative = all(each.law is not None and each.law.e_n < 1.0 for each in gas.verdicts)
+    dissipative = all(each.law is not None and each.law.is_dissipative for each in gas.verdicts)
     start = gas.case.start
     drawn = start.file is None and start.trajectory is None
     if not (drawn and dissipative and gas.case.homogeneous):
@@ -314,7 +315,9 @@ def _by_theory(gas: CaseGas, phi: float, rate: float) -> tuple[tuple[float, floa
     wanted = case.run.collisions_per_disk
     per_disk = math.nan if wanted is None else wanted - 2.0 * before / gas.n
     each, law, shear_rate = gas.species[0], gas.law(), gas.box.shear_rate
-    if gas.box.is_open or len(gas.species) > 1 or not each.equal or law.rho > 0.0:
+    if gas.box.is_open or len(gas.species) > 1 or not each.equal or getattr(law, "rho", 0.0) > 0.0:
+        return None, end, per_disk
+    if isinstance(law, Viscoelastic) and (shear_rate or case.force):  # only its cooling is known
         return None, end, per_disk
     mass, radius = each.summary.mass.low, each.summary.radius.low
     inertia = mass * radius**2 / each.k
@@ -344,7 +347,9 @@ def _by_theory(gas: CaseGas, phi: float, rate: float) -> tuple[tuple[float, floa
 
     def collisions(times: Array) -> Array:
         if drive is None:
-            return theory.cooling(*one, T, T_rot, times)[2]
+            mixture = theory.Mixture([mass], [radius], law, phi, k=[each.k])
+            found: Array = theory.mixture_cooling(mixture, T, T_rot, times).collisions_per_disk[:, 0]
+            return found
         return driven_gas.driven(*one, drive, T, T_rot, times)[2]
 
     if math.isnan(per_disk):

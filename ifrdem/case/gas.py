@@ -23,6 +23,7 @@ from ..model.box import Box
 from ..model.collapse import Rest
 from ..model.free_area import FreeArea
 from ..model.ifr import EnergyWarning, IFRLaw
+from ..model.law import CollisionLaw
 from ..model.observables import drift_text
 from ..model.state import DiskKinds, Disks, State, merge_kinds, scatter_state
 from ..model.walls import Wall, at_displacements, free_directions, smooth_materials, wall_names
@@ -371,7 +372,10 @@ class CaseGas:
         """True along x and y where the whole gas can drift (`model.walls.free_directions`)."""
         of_disks = {self.materials.index(each.material) for each in self.species}
         e_t, mu = (
-            [[math.nan if law is None else getattr(law, name) for law in row] for row in self.laws]
+            [
+                [getattr(law, name) if isinstance(law, IFRLaw) else math.nan for law in row]
+                for row in self.laws
+            ]
             for name in ("e_t", "mu")
         )
         return free_directions(self.free_area.all_walls, smooth=smooth_materials(e_t, mu, of_disks))
@@ -452,7 +456,7 @@ class CaseGas:
         if isinstance(collapse := collapse_of(case.run), Rest):
             checks.check_resting(
                 self.kinds, self.box, (case.box.gravity[0], case.box.gravity[1]), collapse,
-                [each.kind for each in case.force], IFRLaw, device_of(case.run),
+                [each.kind for each in case.force], type(self.law()), device_of(case.run),
             )  # fmt: skip
         largest = {
             "a velocity": comm.largest(float(np.abs(velocity).max(initial=0.0))) + flow,
@@ -471,7 +475,7 @@ class CaseGas:
         case, run, smallest = self.case, self.case.run, float(self.kinds.radius.min())
         walls, size = self.free_area.all_walls, "lengths" if self.case.box.lengths else "packing_fraction"
         gravity = (case.box.gravity[0], case.box.gravity[1])
-        e_n = np.array([[math.nan if law is None else law.e_n for law in row] for row in self.laws])
+        e_n = np.array([[getattr(law, "e_n", math.nan) for law in row] for row in self.laws])
         materials = [self.materials.index(each.material) for each in self.species]
         meets_none = known and not walls and not self.box.is_open and self.box.shear_rate == 0.0
         alone = 0.0

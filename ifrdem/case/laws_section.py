@@ -165,8 +165,8 @@ class IFRMaterial(MaterialSection):
     def made(self, k: float) -> IFRLaw:
         """The law of disks whose mean shape number is k."""
         given = self if self.coin is None else coins[self.coin].law
-        assert given.e_n is not None and given.e_t is not None and given.mu is not None  # noqa: PT018: `mistakes`
-        return IFRLaw(e_n=given.e_n, e_t=given.e_t, mu=given.mu, sticking=self.sticking, rho=self.rho, k=k)
+        numbers: dict[str, Any] = {key: getattr(given, key) for key in ("e_n", "e_t", "mu")}
+        return IFRLaw(**numbers, sticking=self.sticking, rho=self.rho, k=k)
 
 
 class WaltonMaterial(MaterialSection, WaltonKeys):

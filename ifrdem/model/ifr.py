@@ -205,6 +205,11 @@ class IFRLaw(CollisionLaw):
         """The numbers that `collide_pair` takes: e_n, e_t, mu, contact_point (1.0 or 0.0), rho [length]."""
         return self.e_n, self.e_t, self.mu, float(self.sticking == "contact_point"), self.rho
 
+    @property
+    def is_dissipative(self) -> bool:
+        """True if e_n is below 1."""
+        return self.e_n < 1.0
+
     def _act_on(self, verdict: Admissibility, stacklevel: int) -> None:
         if not verdict.admissible:
             raise InputError(verdict.message)

@@ -159,6 +159,11 @@ class CollisionLaw:
         """The coefficients in their order."""
         return self._row
 
+    @property
+    def is_dissipative(self) -> bool:
+        """True if every collision is known to take energy."""
+        return False
+
     def check(self, k_i: float, k_j: float, m_i: float = 1.0, m_j: float = 1.0) -> None:
         """Refuse disks with which the law cannot be used: k, and masses [any one unit]. Here none."""
 

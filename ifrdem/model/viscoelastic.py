@@ -86,6 +86,11 @@ class Viscoelastic(CollisionLaw):
         """Refuse the law for disks with these k and masses if a collision could add energy; see `IFRLaw.check`."""
         self._slow(self.k).check(k_i, k_j, m_i, m_j)
 
+    @property
+    def is_dissipative(self) -> bool:
+        """True if A is above 0."""
+        return self.A > 0.0
+
     def restitutions(self, g_n: ArrayLike, m_n: ArrayLike, R: float) -> Array:
         """e_n of pairs of effective masses [mass] and radius [length] that approach at g_n [length/time]; arrays."""
         from ..kernels.laws import restitution  # imports Taichi, which is slow

@@ -54,3 +54,8 @@ class Walton(CollisionLaw):
     is_proved: ClassVar[bool] = True
     collide: ClassVar[Any] = FromKernels("laws", "walton")
     parts: ClassVar[Any] = FromKernels("laws", "walton_parts")
+
+    @property
+    def is_dissipative(self) -> bool:
+        """True if e_n is below 1."""
+        return self.e_n < 1.0

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from ..analysis import result
 from ..errors import InputError
-from ..model.ifr import EnergyWarning, IFRLaw
+from ..model.ifr import EnergyWarning
+from ..model.law import CollisionLaw
 from ..model.state import Disks
 from ..theory import driven_gas, sheared_gas
 from ..theory.choose import prediction
@@ -48,7 +49,7 @@ class _Gas:
     """Gas of a trajectory as kinetic theory takes it: temperatures at its start are those of each kind of disks."""
 
     disks: Disks
-    laws: list[list[IFRLaw]]
+    laws: list[list[CollisionLaw]]
     phi: float
     T0: Array
     T_rot0: Array
@@ -56,7 +57,7 @@ class _Gas:
     kinds: int
 
     @property
-    def one_kind(self) -> tuple[IFRLaw, float, float, float, float]:
+    def one_kind(self) -> tuple[CollisionLaw, float, float, float, float]:
         """Law, mass, radius, k and packing fraction, as theories of equal disks take them."""
         d, material = self.disks, int(self.disks.material[0])
         return self.laws[material][material], float(d.mass[0]), float(d.radius[0]), float(d.k[0]), self.phi
@@ -117,13 +118,12 @@ def _gas(trajectory: Trajectory) -> _Gas | str:
             return f"{text}: no kinetic theory here"
     phi = trajectory.box.packing_fraction(disks.radius)
     with warnings.catch_warnings(action="ignore", category=EnergyWarning):
-        rows = [[one for one in line if one is not None] for line in trajectory.laws]
-        if any(len(line) < len(rows) for line in rows):
+        laws = [[one for one in line if one is not None] for line in trajectory.laws]
+        if any(len(line) < len(laws) for line in laws):
             return "materials that never meet: no kinetic theory here"
-        if any(row["rho"] > 0.0 for line in rows for row in line):
+        if any(getattr(one, "rho", 0.0) > 0.0 for line in laws for one in line):
             return "rolling friction: no kinetic theory here"
         try:
-            laws = _laws(disks, rows)
             _, which = Mixture.of(disks, laws, phi)
         except InputError as error:
             return f"no kinetic theory here: {error}"
@@ -143,18 +143,6 @@ def _forces(given: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """The forces of a case, as far as the theory supports them."""
     Drive.of(given, 1.0, 1.0)
     return given
-
-
-def _laws(disks: Disks, rows: list[list[dict[str, Any]]]) -> list[list[IFRLaw]]:
-    """The table [material][material] of a file, each law with the mean k of a pair of disks that is there."""
-    m, k = (
-        np.array([column[disks.material == a][0] if np.any(disks.material == a) else 2.0 for a in range(len(rows))])
-        for column in (disks.mass, disks.k)
-    )  # fmt: skip
-    return [
-        [IFRLaw(**row, k=(k[a] * m[b] + k[b] * m[a]) / (m[a] + m[b])) for b, row in enumerate(line)]
-        for a, line in enumerate(rows)
-    ]
 
 
 def theory(trajectory: Trajectory, over: str = "t") -> tuple[Curves | None, tuple[float, float] | None, str]:

@@ -23,7 +23,7 @@ from ..fit.figure import save
 from ..fit.tabular import TableFormat
 from ..initial import from_trajectory
 from ..model.box import Box
-from ..model.ifr import EnergyWarning
+from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.overlaps import relax
 from ..model.state import State
 from ..simulation.simulation import Simulation
@@ -394,6 +394,11 @@ def _simulation(gas: CaseGas, law: Mapping[str, float] | None, state: State) -> 
     """The simulation of a state, with the coefficients `law` in place of those of every pair of materials."""
     if law is not None:
         numbers: dict[str, Any] = {name: float(law[name]) for name in _COEFFICIENTS if name in law}
+        for each in gas.verdicts:
+            if not isinstance(each.law, IFRLaw):
+                raise InputError(
+                    f"laws: law of {each.first} and {each.second} is {each.law}: must be an IFRLaw"
+                )
         # The case has said so of its own coefficients.
         with warnings.catch_warnings(action="ignore", category=EnergyWarning):
             gas = replace(

@@ -43,8 +43,6 @@ and a sum over y gives J_1, J_2, and <(1 + e_n) y^2> and <(1 + e_n)^2 y^2> in pl
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import fields
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -84,7 +82,6 @@ ClosedLaw = IFRLaw | Walton
 KnownLaw = ClosedLaw | Viscoelastic
 """Laws whose averages over collisions are known."""
 
-_COEFFICIENTS = {each.name for each in fields(IFRLaw)}
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 _HIGHEST = 9.0  # of y: beyond are 3e-18 of all collisions
 _ROOT = 0.5 * math.sqrt(_HIGHEST) * (_NODES + 1.0)  # of y, so that the power 1/5 is smooth enough
@@ -93,25 +90,23 @@ _Y_WEIGHTS = math.sqrt(_HIGHEST) * _WEIGHTS * _ROOT * _Y * np.exp(-0.5 * _Y**2)
 
 
 def checked_law(name: str, law: Any) -> KnownLaw:
-    """The law, or that of a mapping of coefficients (as in `Trajectory.laws`), if its averages are known.
+    """The law, if its averages are known.
 
     InputError if they are not, or it has rolling friction.
     """
-    given = set(law) if isinstance(law, Mapping) else set()
-    found = IFRLaw(**law) if {"e_n", "e_t", "mu"} <= given <= _COEFFICIENTS else law
-    if not isinstance(found, IFRLaw | Walton | Viscoelastic):
+    if not isinstance(law, IFRLaw | Walton | Viscoelastic):
         raise must_be(
             name,
             law,
             "an IFRLaw, Walton or Viscoelastic, whose averages are known (ifrdem.DSMC takes any law)",
         )
-    if isinstance(found, Walton):  # without restitution of the slip there is no friction
-        return found if found.beta_0 > -1.0 else smooth_disks(found.e_n)
-    if found.rho != 0.0:
+    if isinstance(law, Walton):  # without restitution of the slip there is no friction
+        return law if law.beta_0 > -1.0 else smooth_disks(law.e_n)
+    if law.rho != 0.0:
         raise InputError(
-            f"{name}: rho = {found.rho}: must be 0, kinetic theory has no rolling friction (ifrdem.DSMC has)"
+            f"{name}: rho = {law.rho}: must be 0, kinetic theory has no rolling friction (ifrdem.DSMC has)"
         )
-    return found
+    return law
 
 
 def _closed(name: str, law: Any) -> ClosedLaw:
@@ -122,7 +117,7 @@ def _closed(name: str, law: Any) -> ClosedLaw:
 
 
 KineticLaw = Annotated[ClosedLaw, _closed]
-"""A law of constant e_n whose averages are known, or a mapping of its coefficients."""
+"""A law of constant e_n whose averages are known."""
 
 
 def slip_coefficients(law: KnownLaw, inverse_a: ArrayLike) -> tuple[Array, Array]:

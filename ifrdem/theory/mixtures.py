@@ -12,7 +12,7 @@ A. Santos, arXiv:1803.04290, has the same for disks of constant roughness.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 from typing import Annotated, Any, NamedTuple
 
@@ -43,10 +43,8 @@ def _laws(name: str, law: Any) -> KnownLaw | tuple[tuple[KnownLaw | None, ...], 
     )
 
 
-LawTable = Annotated[
-    CollisionLaw | Sequence[Sequence[CollisionLaw]] | Sequence[Sequence[Mapping[str, Any] | None]], _laws
-]
-"""One law for all pairs, or a table of laws or of their coefficients."""
+LawTable = Annotated[CollisionLaw | Sequence[Sequence[CollisionLaw | None]], _laws]
+"""One law for all pairs, or a table of laws."""
 
 
 @dataclass(frozen=True)
