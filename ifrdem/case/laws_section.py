@@ -85,7 +85,7 @@ class IFRPair(PairSection):
 class WaltonKeys(Section):
     """Walton's law: constant restitution of the slip up to Coulomb's limit."""
 
-    law: Literal["walton"]
+    law: Literal["walton"] = field("walton", description=LAW)
     e_n: NormalRestitution
     beta_0: float = field(0.4, ge=-1.0, le=1.0)
     """Tangential restitution of impacts that stick [1], -1 (smooth) to 1."""
@@ -99,7 +99,7 @@ class WaltonKeys(Section):
 class ViscoelasticKeys(Section):
     """Viscoelastic spheres, e_n by the speed of impact, with the friction of the IFR law."""
 
-    law: Literal["viscoelastic"]
+    law: Literal["viscoelastic"] = field("viscoelastic", description=LAW)
     A: float = field(1e-5, ge=0.0)
     """Dissipative time of the material [s]."""
     Y: float = field(1e9, gt=0.0)
@@ -119,7 +119,7 @@ class ViscoelasticKeys(Section):
 class RoughKeys(Section):
     """Rough disks of constant normal and tangential restitution, without friction."""
 
-    law: Literal["rough"]
+    law: Literal["rough"] = field("rough", description=LAW)
     e_n: NormalRestitution
     beta: float = field(0.5, ge=-1.0, le=1.0)
     """Tangential restitution of the slip [1], -1 (smooth) to 1 (perfectly rough)."""
@@ -132,7 +132,7 @@ class RoughKeys(Section):
 class SmoothKeys(Section):
     """Smooth disks, normal restitution only."""
 
-    law: Literal["smooth"]
+    law: Literal["smooth"] = field("smooth", description=LAW)
     e_n: NormalRestitution
 
     def made(self, k: float) -> IFRLaw:

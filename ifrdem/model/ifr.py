@@ -11,7 +11,7 @@ import sys
 import warnings
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -159,8 +159,8 @@ class IFRLaw(CollisionLaw):
 
     coefficients: ClassVar[tuple[str, ...]] = ("e_n", "e_t", "mu", "contact_point", "rho")
     is_proved: ClassVar[bool] = True
-    collide: ClassVar[Any] = FromKernels("law", "ifr")
-    parts: ClassVar[Any] = FromKernels("law", "ifr_parts")
+    collide = FromKernels("law", "ifr")
+    parts = FromKernels("law", "ifr_parts")
 
     e_n: float
     e_t: float

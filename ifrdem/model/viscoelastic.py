@@ -64,8 +64,8 @@ class Viscoelastic(CollisionLaw):
         "Y": Number(*_POSITIVE, "a number from 1e-100 to 1e100 (elastic modulus)"),
     })  # fmt: skip
     is_proved: ClassVar[bool] = True
-    collide: ClassVar[Any] = FromKernels("laws", "viscoelastic")
-    parts: ClassVar[Any] = FromKernels("laws", "viscoelastic_parts")
+    collide = FromKernels("laws", "viscoelastic")
+    parts = FromKernels("laws", "viscoelastic_parts")
 
     def __init__(
         self, *, A: float, Y: float, e_t: float = -1.0, mu: float = 0.0,

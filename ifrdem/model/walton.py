@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from ..tools.checked import Number
 from .law import CollisionLaw, FromKernels
@@ -52,8 +52,8 @@ class Walton(CollisionLaw):
         "mu": Number(0.0, 1e50, "a number from 0 to 1e50"),
     })  # fmt: skip
     is_proved: ClassVar[bool] = True
-    collide: ClassVar[Any] = FromKernels("laws", "walton")
-    parts: ClassVar[Any] = FromKernels("laws", "walton_parts")
+    collide = FromKernels("laws", "walton")
+    parts = FromKernels("laws", "walton_parts")
 
     @property
     def is_dissipative(self) -> bool:

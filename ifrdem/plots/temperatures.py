@@ -118,12 +118,12 @@ def _gas(trajectory: Trajectory) -> _Gas | str:
             return f"{text}: no kinetic theory here"
     phi = trajectory.box.packing_fraction(disks.radius)
     with warnings.catch_warnings(action="ignore", category=EnergyWarning):
-        laws = [[one for one in line if one is not None] for line in trajectory.laws]
-        if any(len(line) < len(laws) for line in laws):
-            return "materials that never meet: no kinetic theory here"
-        if any(getattr(one, "rho", 0.0) > 0.0 for line in laws for one in line):
-            return "rolling friction: no kinetic theory here"
         try:
+            laws = [[one for one in line if one is not None] for line in trajectory.laws]
+            if any(len(line) < len(laws) for line in laws):
+                return "materials that never meet: no kinetic theory here"
+            if any(getattr(one, "rho", 0.0) > 0.0 for line in laws for one in line):
+                return "rolling friction: no kinetic theory here"
             _, which = Mixture.of(disks, laws, phi)
         except InputError as error:
             return f"no kinetic theory here: {error}"
