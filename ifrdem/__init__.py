@@ -8,6 +8,7 @@
 `Device`, `RotatingGravity`            device and precision; gravity whose direction rotates
 `Piston`, `WallSums`                   a wall with a mass; what walls gave to the disks
 `forces`, `laws`                       forces between collisions; collision laws
+`ti`                                   the language of custom laws and forces
 `IFRLaw`, `coins`, `CollisionLaw`      the law, the coins of the paper, a custom law
 `collide`, `Regime`, `EnergyWarning`   a single collision, its regime; a law that could add energy
 `initial`                              positions, velocities, spins and radii to start from
@@ -52,9 +53,10 @@ import lazy_loader as _lazy_loader
 
 from .tools import renderer as _renderer
 
-# Taichi, imported later by whomever, prints a banner unless told not to, and in a notebook a line for each kernel.
-_os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
-_os.environ.setdefault("TI_ENABLE_PYBUF", "0")
+# The runtime, imported later by whomever, prints a banner unless told not to, and in a notebook a line for each kernel.
+for _runtime, _prefix in (("TAICHI", "TI"), ("QUADRANTS", "QD")):
+    _os.environ.setdefault(f"ENABLE_{_runtime}_HEADER_PRINT", "0")
+    _os.environ.setdefault(f"{_prefix}_ENABLE_PYBUF", "0")
 if "HOME" not in _os.environ:  # as batch systems and containers may leave it: Taichi would abort the process
     _home = _os.path.expanduser("~")  # "~" itself for a user without an entry
     _os.environ["HOME"] = _home if _os.path.isabs(_home) else _tempfile.gettempdir()

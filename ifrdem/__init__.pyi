@@ -13,6 +13,7 @@ from .errors import InelasticCollapse as InelasticCollapse
 from .errors import InputError as InputError
 from .errors import NoMoreCollisions as NoMoreCollisions
 from .errors import RunWarning as RunWarning
+from .kernels.language import ti as ti
 from .model.box import Box as Box
 from .model.coin_table import coins as coins
 from .model.collapse import ContactTime as ContactTime

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import difflib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 
 class InputError(ValueError):
@@ -74,6 +75,25 @@ class AttributeMissing(NameMissing, AttributeError):
 
 class TheoryError(RuntimeError):
     """Equations of kinetic theory that cannot be integrated numerically for these coefficients."""
+
+
+_on_command_line = False
+
+
+@contextlib.contextmanager
+def on_command_line() -> Iterator[None]:
+    """Let messages name options of the command line, not arguments of Python."""
+    global _on_command_line
+    before, _on_command_line = _on_command_line, True
+    try:
+        yield
+    finally:
+        _on_command_line = before
+
+
+def option_name(option: str, argument: str) -> str:
+    """An option of a command, or the argument of the same meaning in Python, for a message to who called."""
+    return option if _on_command_line else argument
 
 
 def printable(text: str) -> str:

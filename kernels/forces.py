@@ -2,8 +2,7 @@
 
 from typing import Any
 
-from .language import Rows, Table, spread_of_loops, ti
-from .layout import plain
+from .language import Rows, Table, declared, spread_of_loops, ti
 from .particle import listed_kind, round_products
 from .random import DRAWS
 from .readout import placed
@@ -69,10 +68,7 @@ def step_of(time: Any, dt: Any, free: Any, random: Any, totals: list[Any]) -> tu
 
 def kernels_of(force: Any) -> tuple[Any, Any, Any]:
     """Kernels of a class of forces: sum its totals (None without totals), apply it, compile it for one disk."""
-    act, measure = (
-        function if hasattr(function, "_is_taichi_function") else ti.func(plain(function))
-        for function in (force.act, force.measure)
-    )
+    act, measure = declared(force.act), declared(force.measure)
     names = tuple(force.parameters)
     return (
         _sum_totals_of(measure, force.totals, names) if force.totals else None,

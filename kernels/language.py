@@ -1,36 +1,59 @@
-"""Taichi as the kernels import it: `from .language import ti`. Types of arrays, and what is compiled for."""
+"""The runtime as the kernels import it: `from .language import ti`. Types of arrays, and what is compiled for.
+
+`ti` is the module `taichi` or `quadrants` (`runtime.py`).
+"""
 
 import ctypes
 import math
+import types
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import EngineError
-from . import taichi_patches
+from ..errors import InputError
+from . import runtime, taichi_patches
 
-try:
-    with taichi_patches.short_import():
-        import taichi as ti
-except ImportError as error:
-    why = f"Taichi cannot be loaded ({error})"
-    if "X11" in str(error):
-        why += (
-            ": it needs libX11, which small images of Linux lack: apt install libx11-6, or dnf install libX11"
-        )
-    raise EngineError(why) from error
+ti = runtime.load()
+taichi_patches.apply(runtime.chosen())
 
-from .taichi_fixes import round_products_by
+from .compiler_fixes import round_products_by  # noqa: E402  (imports `ti` from here)
 
 __all__ = [
-    "Cube", "Rows", "Table", "has_numbers", "is_single_precision", "on_gpu", "round_products_by", "spread_of_loops",
-    "ti", "view", "width",
+    "CompilationError", "Cube", "Rows", "Table", "declared", "from_numpy", "has_numbers", "is_single_precision",
+    "on_gpu", "program", "round_products_by", "spread_of_loops", "ti", "to_numpy", "view", "width",
 ]  # fmt: skip
 
 Rows: Any = ti.types.ndarray(ndim=1)
 Table: Any = ti.types.ndarray(ndim=2)
 Cube: Any = ti.types.ndarray(ndim=3)
+CompilationError: Any = getattr(ti, f"{runtime.chosen().capitalize()}CompilationError")
+
+
+def declared(function: Any) -> Any:
+    """A function of kernels: the given one if it is declared by `ti.func`, else a declared copy of it.
+
+    The copy has no type annotations, of which `ti.func` takes none but its own. InputError if it uses the other
+    runtime.
+    """
+    if hasattr(function, "_is_taichi_function") or hasattr(function, "_is_quadrants_function"):
+        return function
+    for name in function.__code__.co_names:
+        used = function.__globals__.get(name)
+        if isinstance(used, types.ModuleType) and used.__name__ in runtime.NAMES and used is not ti:
+            raise InputError(
+                f"{function.__qualname__}: `{name}` must be {ti.__name__}, the runtime of this process, not "
+                f"{used.__name__}: import it by `from ifrdem import ti`"
+            )
+    parts = ("__code__", "__globals__", "__name__", "__defaults__", "__closure__")
+    copy = type(function)(*(getattr(function, part) for part in parts))
+    copy.__qualname__, copy.__module__ = function.__qualname__, function.__module__
+    return ti.func(copy)
+
+
+def program() -> Any:
+    """What holds arrays and compiled kernels of the runtime; None before it has started."""
+    return vars(ti.lang.impl.get_runtime())["prog" if runtime.chosen() == "taichi" else "_prog"]
 
 
 def on_gpu() -> bool:
@@ -44,7 +67,7 @@ def is_single_precision() -> bool:
 
 
 def spread_of_loops() -> int:
-    """Items of a loop over few, long ones that one of them takes: Taichi hands a thread of a CPU at least so many."""
+    """Items of a loop over few, long ones that one of them takes: a thread of a CPU is handed at least so many."""
     return 1 if on_gpu() else 512
 
 
@@ -60,11 +83,29 @@ def width(array: Any) -> int:
 
 
 def view(array: Any) -> NDArray[Any]:
-    """The memory of a Taichi array on the CPU as an array of NumPy, without a copy; as long as the array lives."""
+    """The memory of an array on the CPU as an array of NumPy, without a copy; as long as the array lives."""
     shape, kind = array.arr.total_shape(), np.dtype(ti.lang.util.to_numpy_type(array.dtype))
-    address = ti.lang.impl.get_runtime().prog.get_ndarray_data_ptr_as_int(array.arr)
+    address = program().get_ndarray_data_ptr_as_int(array.arr)
     memory: Any = (ctypes.c_char * (kind.itemsize * math.prod(shape))).from_address(address)
     return np.ndarray(shape, kind, buffer=memory)
 
 
-taichi_patches.apply(lambda array: None if on_gpu() else view(array))
+def from_numpy(array: Any, values: NDArray[Any]) -> None:
+    """Copy numbers of NumPy into an array of the same shape.
+
+    Taichi's own copy is a kernel for each type and shape, which it compiles at every start. On a CPU both lie in the
+    memory of the process.
+    """
+    if on_gpu():
+        array.from_numpy(values)
+        return
+    memory = view(array)
+    if memory.shape != values.shape:
+        raise ValueError(f"an array of shape {values.shape} for one of shape {memory.shape}")
+    memory[...] = values
+
+
+def to_numpy(array: Any) -> NDArray[Any]:
+    """The numbers of an array as a new one of NumPy."""
+    found: NDArray[Any] = array.to_numpy() if on_gpu() else view(array).copy()
+    return found

@@ -61,13 +61,6 @@ FIRST_WALL = -10  # as a partner: wall 0; wall w is FIRST_WALL - w
 NO_PARTNER = -1
 
 
-def plain(f: Any) -> Any:
-    """A copy of a Python function without type annotations, of which `ti.func` takes none but its own."""
-    copy = type(f)(f.__code__, f.__globals__, f.__name__, f.__defaults__, f.__closure__)
-    copy.__qualname__, copy.__module__ = f.__qualname__, f.__module__
-    return copy
-
-
 class CompiledLaw(NamedTuple):
     """The compiled part of the law: its functions of a pair, and the names of its coefficients."""
 
@@ -76,8 +69,11 @@ class CompiledLaw(NamedTuple):
     parts: Any = None  # what `impulses` gives, and P_et, sticking, rolling: of laws that divide P_t
 
 
-class Uses(NamedTuple):
-    """Features of a gas: code of others is not compiled. One template argument, `uses`, of every kernel that asks."""
+class Uses:
+    """Features of a gas: code of others is not compiled. One template argument, `uses`, of every kernel that asks.
+
+    It is constant, and equal to one with the same features.
+    """
 
     walled: bool = False
     thermal: bool = False  # some walls are
@@ -99,3 +95,22 @@ class Uses(NamedTuple):
     rests: bool = False  # disks fall asleep
     shared: bool = False  # several ranks have a part of the tiles each
     collision_law: Any = None  # a `CompiledLaw`
+
+    def __init__(self, **given: Any) -> None:
+        if unknown := given.keys() - Uses.__annotations__.keys():
+            raise TypeError(f"there are no features {', '.join(sorted(unknown))}")
+        vars(self).update(given)
+
+    def replace(self, **given: Any) -> "Uses":
+        """The same with other values of some features."""
+        return Uses(**(vars(self) | given))
+
+    def values(self) -> tuple[Any, ...]:
+        """Values of all features, in order."""
+        return tuple(getattr(self, name) for name in Uses.__annotations__)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Uses) and self.values() == other.values()
+
+    def __hash__(self) -> int:
+        return hash(self.values())

@@ -7,7 +7,7 @@ from .layout import AT_END, FULL_WATCHED, TRACKED
 
 @ti.func
 def round_products(gas: ti.template()):
-    """Round products by themselves in the loop that begins with this, on a GPU (`taichi_fixes.py`)."""
+    """Round products by themselves in the loop that begins with this, on a GPU (`compiler_fixes.py`)."""
     if ti.static(on_gpu()):
         zero = ti.cast(gas.grid.opaque_zero, ti.u64)
         ti.static(round_products_by(zero))

@@ -1,6 +1,6 @@
 """Patches of Taichi 1.7.4 that shorten each start of a process by half a second. They change no kernel.
 
-For other versions of Taichi none is applied: `apply` and `short_import` then do nothing.
+For other versions and runtimes none is applied: `apply` and `short_import` then do nothing.
 """
 
 import ast
@@ -15,25 +15,22 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-from numpy.typing import NDArray
-
 VERSION = "1.7.4"
 
 
-@functools.cache
-def fit() -> bool:
-    """True if the installed Taichi is the version that the patches are for."""
-    return importlib.metadata.version("taichi") == VERSION
+def fit(runtime: str) -> bool:
+    """True if the runtime is the version of Taichi that the patches are for."""
+    return runtime == "taichi" and importlib.metadata.version("taichi") == VERSION
 
 
 @contextmanager
-def short_import() -> Iterator[None]:
+def short_import(runtime: str) -> Iterator[None]:
     """Import Taichi without its search for the module of each frame that declares a function.
 
     Taichi wants the line of source there; `inspect` goes through all of `sys.modules` for that, again and again.
     """
     whole = inspect.getframeinfo
-    if fit():
+    if fit(runtime):
         inspect.getframeinfo = _frame_info  # type: ignore[assignment]
     try:
         yield
@@ -49,20 +46,13 @@ def _frame_info(frame: FrameType, context: int = 1) -> inspect.Traceback:
     )
 
 
-def apply(memory: Callable[[Any], NDArray[Any] | None]) -> None:
-    """Patch Taichi, which has been imported; `memory` gives the content of an array, or None of one on a GPU."""
-    if not fit():
+def apply(runtime: str) -> None:
+    """Patch the runtime, which has been imported, if it is the Taichi that the patches are for."""
+    if not fit(runtime):
         return
-    import taichi as ti
     from taichi.lang import _ndarray, kernel_impl, matrix
     from taichi.lang.ast import ast_transformer_utils
 
-    # Taichi copies arrays from and to NumPy by a kernel for each type and shape, which it compiles at every start.
-    # On a CPU both lie in the memory of the process.
-    for name in ("_ndarray_from_numpy", "_ndarray_matrix_from_numpy"):
-        setattr(ti.Ndarray, name, _from_numpy(getattr(ti.Ndarray, name), memory))
-    for name in ("_ndarray_to_numpy", "_ndarray_matrix_to_numpy"):
-        setattr(ti.Ndarray, name, _to_numpy(getattr(ti.Ndarray, name), memory))
     # With each array Taichi notes all calls that led to where it was made, half a millisecond each.
     # Only its own report of leaks reads them.
     _ndarray.get_traceback = matrix.get_traceback = lambda *_: ""
@@ -78,34 +68,6 @@ def apply(memory: Callable[[Any], NDArray[Any] | None]) -> None:
     # For each node of the syntax tree Taichi lays out an excerpt of the source, in case of an error there.
     # File, line and the line's text say as much.
     ast_transformer_utils.ASTTransformerContext.get_pos_info = _position
-
-
-def _from_numpy(by_kernel: Callable[..., None], memory: Callable[[Any], Any]) -> Callable[..., None]:
-    """Copy an array of NumPy into one of Taichi."""
-
-    def copy(array: Any, values: NDArray[Any], **layout: int) -> None:
-        held = memory(array)
-        if held is None:
-            by_kernel(array, values, **layout)
-            return
-        if held.shape != values.shape:
-            raise ValueError(f"an array of shape {values.shape} for one of shape {held.shape}")
-        held[...] = values
-
-    return copy
-
-
-def _to_numpy(
-    by_kernel: Callable[..., NDArray[Any]], memory: Callable[[Any], Any]
-) -> Callable[..., NDArray[Any]]:
-    """Copy an array of Taichi into a new one of NumPy."""
-
-    def copy(array: Any, **layout: int) -> NDArray[Any]:
-        held = memory(array)
-        found: NDArray[Any] = by_kernel(array, **layout) if held is None else held.copy()
-        return found
-
-    return copy
 
 
 def _inside_class(patterns: Any, level_of_class_stackframe: int) -> bool:

@@ -11,21 +11,33 @@ from collections.abc import Iterator
 import pytest
 from matplotlib.figure import Figure
 
+from ifrdem.kernels import runtime
 from ifrdem.plots import run
 from ifrdem.simulation import backend
 
 # A shell starts background jobs deaf to SIGINT, and children inherit that; tests interrupt some of theirs.
 signal.signal(signal.SIGINT, signal.default_int_handler)
-# Kernels without Taichi's optimiser, here and in processes that tests start: the same bits, half the time to compile.
-os.environ["TI_ADVANCED_OPTIMIZATION"] = "0"
+# Kernels without the optimiser, here and in processes that tests start: the same bits, half the time to compile.
+OPTIMIZATION = ("TI_ADVANCED_OPTIMIZATION", "QD_ADVANCED_OPTIMIZATION")
+os.environ.update(dict.fromkeys(OPTIMIZATION, "0"))
 
 CUDA = any(device.name == "cuda" for device in backend.available())
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--runtime", choices=runtime.NAMES, help="what compiles the kernels, also in processes of tests"
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    runtime.choose(config.getoption("--runtime"), "--runtime")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the file that takes longest.
 
-    Tests of threads, precision and profiles come last in their files: they start Taichi anew, kernels are lost.
+    Tests of threads, precision and profiles come last in their files: they restart the runtime, kernels are lost.
     """
     files = list(dict.fromkeys(item.path for item in items))
     place = {path: number for number, path in enumerate(files)}
@@ -51,15 +63,15 @@ def device(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture(autouse=True, scope="module")
 def compiler(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Files marked `optimised` run what users run; all others have one Taichi and its kernels in common."""
+    """Files marked `optimised` run what users run; all others have one runtime and its kernels in common."""
     if request.node.get_closest_marker("optimised") is None:
         yield
         return
     backend.stop()
-    os.environ["TI_ADVANCED_OPTIMIZATION"] = "1"
+    os.environ.update(dict.fromkeys(OPTIMIZATION, "1"))
     yield
     backend.stop()
-    os.environ["TI_ADVANCED_OPTIMIZATION"] = "0"
+    os.environ.update(dict.fromkeys(OPTIMIZATION, "0"))
 
 
 @pytest.fixture

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import ast
+import builtins
 import dataclasses
 import functools
+import importlib
 import inspect
 import itertools
 import json
 import math
+import pkgutil
+import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -25,6 +30,7 @@ import ifrdem
 from ifrdem import Device, InputError, analysis, bullet, theory
 from ifrdem.plots import impact_angles
 from ifrdem.theory.driven_gas import Drive
+from ifrdem.tools import checked
 from ifrdem.tools.checked import check_of
 
 Scalar = TypeVar("Scalar", bound=np.generic)
@@ -285,7 +291,6 @@ FIT: dict[str, dict[str, Any]] = {
     "Disk": {"mass": [1.0, 2.0], "radius": 0.5, "k": 2.0},
     "TableFormat": {"columns": {}, "units": {}, "known": {}, "delimiter": ",", "decimal": "."},
     "Pair": {"M": 0.5, "k_1": 2.0, "k_2": 2.0, "R_1": 1.0, "R_2": 1.0},
-    "Walton": {"e_n": 0.9, "beta_0": 0.5, "mu": 0.2},
     "example": {"seed": 1},
     "fit": {"data": IMPACTS, "M": 1.0, "k_1": 2.0, "k_2": 2.0, "R_1": 1.0, "R_2": 1.0, "model": ["brach"], "own": (),
             "fix": {"mu": 0.2}, "rolling": False, "robust": False, "level": 0.95, "profile": False,
@@ -445,7 +450,15 @@ def small_file(folder: Path) -> str:
 
 def scan(folder: Path) -> Path:
     """A trajectory of one impact: disk 0 on disk 1, at rest."""
-    law = {"e_n": 0.9, "e_t": -1.0, "mu": 0.0, "sticking": "contact_point", "rho": 0.0}
+    law = {
+        "law": "ifr",
+        "e_n": 0.9,
+        "e_t": -1.0,
+        "mu": 0.0,
+        "sticking": "contact_point",
+        "rho": 0.0,
+        "k": 2.0,
+    }
     parameters = {"laws": json.dumps([[law]])}
     path, disks = folder / "scan.h5", ifrdem.Disks(2, mass=1.0, radius=0.5)
     with ifrdem.TrajectoryWriter(path, disks, SMALL, parameters=parameters) as file:
@@ -737,3 +750,43 @@ def test_aliases_of_types_are_checked_as_what_they_stand_for() -> None:
     array = TypeAliasType("array", np.ndarray[Any, np.dtype[Scalar]], type_params=(Scalar,))
     assert check_of(array[np.integer]) == check_of(np.ndarray[Any, np.dtype[np.integer]]) is None
     assert check_of(TypeAliasType("number", float | None)) == check_of(float | None)
+
+
+def type_checking_names(module: ModuleType) -> set[str]:
+    """Names that a module imports for type checkers only."""
+    tree = ast.parse(inspect.getsource(module))
+    blocks = [
+        each
+        for each in ast.walk(tree)
+        if isinstance(each, ast.If) and ast.unparse(each.test) == "TYPE_CHECKING"
+    ]
+    imports = [one for block in blocks for one in block.body if isinstance(one, ast.Import | ast.ImportFrom)]
+    return {(alias.asname or alias.name).split(".")[0] for one in imports for alias in one.names}
+
+
+def unknown_names(function: Callable[..., Any]) -> set[str]:
+    """Names in the annotations of a checked function that are nowhere: `validated` would not check those arguments."""
+    module = sys.modules[function.__module__]
+    known = {*vars(builtins), *vars(module), *type_checking_names(module)}
+    hints = [one.annotation for one in inspect.signature(function).parameters.values()]
+    trees = [ast.parse(hint, mode="eval") for hint in hints if isinstance(hint, str)]
+    return {each.id for tree in trees for each in ast.walk(tree) if isinstance(each, ast.Name)} - known
+
+
+def test_every_annotation_of_a_checked_function_names_what_is_there() -> None:
+    for module in pkgutil.walk_packages(ifrdem.__path__, "ifrdem."):
+        if not module.name.startswith(
+            ("ifrdem.docs", "ifrdem.__main__", "ifrdem.validation", "ifrdem.cases")
+        ):
+            importlib.import_module(module.name)
+    assert len(checked.VALIDATED) > 150
+    found = {f"{one.__module__}.{one.__qualname__}": unknown_names(one) for one in checked.VALIDATED}
+    assert {name: names for name, names in found.items() if names} == {}
+
+
+def _misspelt(value: Positiv) -> None:  # type: ignore[name-defined]  # noqa: F821
+    """A function whose annotation names nothing."""
+
+
+def test_an_annotation_that_names_nothing_is_found() -> None:
+    assert unknown_names(_misspelt) == {"Positiv"}

@@ -53,6 +53,9 @@ class RunSection(Section):
     """Device: "cpu", or "cuda" (an NVIDIA GPU)."""
     threads: int | None = field(2, None, ge=1)
     """CPU threads [whole number]; all cores without it. The result does not depend on it."""
+    runtime: Literal["taichi", "quadrants"] | None = field("taichi", None)
+    """Runtime that compiles the kernels: "taichi" or "quadrants"; without it, that of the variable IFRDEM_RUNTIME of
+    the environment, or the first of the two that is installed."""
     precision: Literal["f64", "f32"] = field("f64", "f64")
     """Numbers that the run computes with: "f64" (double precision), or "f32" (single: less memory, less exact)."""
     units: Literal["SI", "reduced"] = field("SI", "SI")

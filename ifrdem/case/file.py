@@ -12,7 +12,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from ..errors import InputError, listed
+from ..errors import InputError, listed, option_name
 from ..mpi import Communicator
 from ..tools import text_file
 from .case import IMPACT_SCAN, CaseSections
@@ -200,12 +200,14 @@ def override(raw: dict[str, Any], assignment: str) -> None:
         where = spelled(key[:depth]) or "the case"
         if isinstance(node, list) and isinstance(step, int):
             if not 0 <= step < len(node):
-                raise InputError(f"--set {assignment}: {where} has {len(node)} entries, numbered from 0")
+                raise InputError(
+                    f"{option_name('--set', 'set:')} {assignment}: {where} has {len(node)} entries, numbered from 0"
+                )
         elif not (isinstance(node, dict) and isinstance(step, str)):
             kind = "a list: give a number" if isinstance(node, list) else "no table that holds keys"
             if node == {} and isinstance(step, int):
                 kind = f"not there{_coins_in(raw) if where == 'material' else ''}"
-            raise InputError(f"--set {assignment}: {where} is {kind}")
+            raise InputError(f"{option_name('--set', 'set:')} {assignment}: {where} is {kind}")
         elif not last and step not in node:
             node[step] = {}
         if not last:
@@ -237,7 +239,7 @@ def parse_assignment(assignment: str) -> tuple[KeyPath, Any, bool]:
     key, value = key.strip(), value.strip()
     if not equals or not _PATH.fullmatch(key):
         such = "such as run.seed=3 or species[0].number=100"
-        raise InputError(f"--set {cut(assignment)}: must be KEY=VALUE, {such}")
+        raise InputError(f"{option_name('--set', 'set:')} {cut(assignment)}: must be KEY=VALUE, {such}")
     path: KeyPath = tuple(int(step) if step.isdecimal() else step for step in re.findall(r"[\w-]+", key))
     try:
         # A line break would let a value bring further keys with it.

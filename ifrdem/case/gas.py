@@ -34,7 +34,7 @@ from ..simulation.turning import FASTEST_DRUM
 from ..tools import seeds
 from . import pair_rules, rules
 from .case import GROWN, IMPACT_SCAN, CaseSections
-from .objects import collapse_of, device_of, gravity_of, record_of
+from .objects import choose_runtime, collapse_of, device_of, gravity_of, record_of
 from .pair_rules import PairVerdict
 from .section import Problem
 from .species import Species, species_of
@@ -300,6 +300,7 @@ class CaseGas:
 
         Raises InputError if the disks do not fit into the box in the way the case wants: a line with the key.
         """
+        choose_runtime(self.case.run)
         given = self.given
         position = self._placed(progress) if given is None else given.position
         past: dict[str, Any] = {} if given is None else {"time": given.time, **given.past}
@@ -539,6 +540,7 @@ class CaseGas:
         they are distributed.
         """
         run = self.case.run
+        choose_runtime(run)
         comm = self.communicator(comm)
         distributed = comm.is_distributed
 
@@ -655,7 +657,7 @@ def validate_case(
 
 
 def forces_of(case: CaseSections) -> list[Force]:
-    """The forces of a case, in its order. Imports Taichi if there are any."""
+    """The forces of a case, in its order. Imports the runtime if there are any."""
     if not case.force:
         return []
     from ..model.forces import Drag, Langevin, RandomKicks, Rescale, SpinKicks, TableFriction

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from ..kernels import runtime
 from ..model.collapse import Collapse, ContactTime, Rest, VelocityCutoff
 from ..model.gravity import Gravity, RotatingGravity
 from ..simulation.device import Device
 from ..simulation.engine import EngineOptions
 from .case import BoxSection, CaseSections, RunSection
+
+
+def choose_runtime(run: RunSection) -> None:
+    """Have kernels compiled by the runtime of a run. InputError if it is not there."""
+    runtime.choose(run.runtime, "run.runtime")
 
 
 def device_of(run: RunSection) -> Device:

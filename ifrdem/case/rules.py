@@ -30,7 +30,7 @@ from ..mpi.decomposition import counted_tiles, most_ranks
 from ..simulation.checks import check_pistons
 from ..simulation.schedule import first_after, time_of
 from .case import GROWN, IMPACT_SCAN, CaseSections
-from .objects import options_of
+from .objects import choose_runtime, options_of
 from .pair_rules import PairVerdict
 from .section import Problem
 from .species import Species
@@ -272,7 +272,8 @@ def usable_ranks(case: CaseSections, kinds: DiskKinds, box: Box, ranks: int) -> 
         return 1, f"{' and '.join(keys)} cannot be divided among ranks"
     if run.device != "cpu":  # the engine of a GPU has other, smaller tiles
         return ranks, ""
-    from ..simulation.arrays import tiles_on_ranks  # imports Taichi
+    choose_runtime(run)
+    from ..simulation.arrays import tiles_on_ranks  # imports the runtime
 
     tiles = tiles_on_ranks(kinds, box)
     found = most_ranks(tiles, ranks)

@@ -7,7 +7,8 @@ import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from ..errors import InputError, refuse
+from ..errors import InputError, option_name, refuse
+from ..kernels import runtime
 from ..kernels.columns import BYTES_PER_DISK
 from ..simulation import backend, checks
 from .case import GROWN, CaseSections
@@ -92,7 +93,7 @@ def refuse_beyond_disk(needed: int, folder: Path) -> None:
     free = shutil.disk_usage(folder).free
     if needed > free:
         place = f"{size(free)} are free in {folder.resolve()}"
-        fewer = "fewer output.frames or output.fields, or another place (-o)"
+        fewer = f"fewer output.frames or output.fields, or another place ({option_name('-o', 'output')})"
         raise InputError(f"output: the trajectory requires about {size(needed)}, and {place}: {fewer}")
 
 
@@ -116,6 +117,7 @@ def refused_here(
     start = strip_bytes(gas, ranks) * min(share * ranks, gas.strips) if ranks > 1 else 0.0
     run, found = gas.case.run, []
     needs: list[Callable[[], None]] = [
+        lambda: runtime.check(run.runtime, "run.runtime"),
         lambda: backend.check(device_of(run)),
         lambda: checks.check_number(gas.n, ranks),
         lambda: refuse_beyond_memory(
@@ -124,7 +126,7 @@ def refused_here(
         lambda: refuse_beyond_disk(estimate.file_bytes, folder),
     ]
     if run.device != "cpu" and backend.cuda_absence() is not None:
-        del needs[2]
+        del needs[3]
     for need in needs:
         try:
             need()

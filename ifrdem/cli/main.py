@@ -25,7 +25,7 @@ from cyclopts import (
 )
 
 from .. import mpi
-from ..errors import EngineError, InputError, nearest, there_are
+from ..errors import EngineError, InputError, nearest, on_command_line, there_are
 from ..tools.arguments import unfailing_messages
 from ..tools.versions import __version__
 from . import analyse, console, fit, program, run, trajectory
@@ -111,9 +111,22 @@ def _any(
     if quiet and verbose:
         raise InputError("--quiet: cannot be combined with --verbose")
     console.set_level(quiet=quiet, verbose=verbose)
+    _refuse_empty(words)
     if not words:
         raise InputError(f"COMMAND is missing: must be one of {', '.join(_commands())} (see `ifrdem --help`)")
     return app(words, exit_on_error=False, print_error=False)
+
+
+def _refuse_empty(words: Sequence[str]) -> None:
+    """Raise InputError for a text that is empty or has a NUL character, which no argument or option takes."""
+    for place, word in enumerate(words):
+        option, equals, value = word.partition("=") if word.startswith("-") else ("", "=", word)
+        if equals and (not value or "\0" in value):
+            if not option:
+                before = words[place - 1] if place else ""
+                option = before if before.startswith("-") else f"argument {place} of `ifrdem {words[0]}`"
+            option = option if place else "COMMAND"
+            raise InputError(f"{option} {value!r}: must be a text, not empty and without NUL characters")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -127,7 +140,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if sys.stdout is None:  # closed by the caller, as by `>&-`
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (as long as the process)
     began = time.perf_counter()
-    with unfailing_messages(), console.shown():
+    with unfailing_messages(), console.shown(), on_command_line():
         try:
             with warnings.catch_warnings():
                 warnings.showwarning = lambda message, *_args, **_options: console.warn(str(message))

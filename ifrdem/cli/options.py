@@ -136,6 +136,14 @@ Device = Annotated[
     Literal["cpu", "cuda"] | None,
     choice("DEVICE", "cpu or cuda (see `ifrdem devices`); sets run.device", ("cpu", "cuda")),
 ]
+Runtime = Annotated[
+    Literal["taichi", "quadrants"] | None,
+    choice(
+        "RUNTIME",
+        "taichi or quadrants: what compiles the kernels (see `ifrdem devices`)",
+        ("taichi", "quadrants"),
+    ),
+]
 Seed = Annotated[int | None, integer("N", "seed of the random numbers; sets run.seed", 0, MOST_SEED)]
 Threads = Annotated[int | None, integer("N", "CPU threads (default: all cores); sets run.threads", 1)]
 Precision = Annotated[
@@ -247,7 +255,7 @@ def output_path(file: str, output: str | None, ending: str, *, force: bool, opti
 
     given = Path(file)
     if output is not None and not output.strip():
-        raise InputError(f"{option}: an empty text is no file")
+        raise InputError(f"{option} {output!r}: must be the path of a file")
     found = given.with_name(given.name.removesuffix(".h5") + ending) if output is None else Path(output)
     if given.exists():
         check_apart(found, given, option)

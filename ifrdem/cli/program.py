@@ -11,11 +11,13 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from ..errors import InputError, refuse, there_are
+from ..kernels.runtime import choose as choose_runtime
 from .console import progress, ranks, say
 from .options import (
     MOST_SEED,
     Device,
     Precision,
+    Runtime,
     Set,
     Threads,
     flag,
@@ -38,6 +40,7 @@ def validate(
     quick: Annotated[bool, flag("fewer samples: under a minute (gas: two minutes)")] = False,
     seed: Annotated[int | None, integer("N", "of the random gases of gas (default: 1)", 0, 1_000_000)] = None,
     jobs: Annotated[int | None, integer("N", JOBS, 1)] = None,
+    runtime: Runtime = None,
     list: Annotated[bool, flag("list the cases and run none")] = False,
     output: Annotated[
         str, option("DIR", "folder (default: validation-report)", "--output", "-o")
@@ -50,6 +53,7 @@ def validate(
     with PyBullet and pymunk instead, `validate gas` holds gases of many disks against the literature, `validate device`
     a GPU against the CPU. Writes results.json, report.html and the figures. Exit status 0 only if every row passed.
     """
+    choose_runtime(runtime, "--runtime")
     from ..validation.report import runner
 
     if list:
@@ -80,6 +84,7 @@ def bench(
     ] = None,
     device: Device = None,
     precision: Precision = None,
+    runtime: Runtime = None,
     threads: Threads = None,
     runs: Annotated[int, integer("R", "timed runs (default: 5)", 1, 10_000)] = 5,
     seconds: Annotated[
@@ -107,6 +112,7 @@ def bench(
     range; progress goes to the standard error stream. Under `mpiexec -n P` it times one gas on P ranks, and counts what
     they send. A grid of gases, start times and the cost of output are scripts (`ifrdem docs performance`).
     """
+    choose_runtime(runtime, "--runtime")
     from ..kernels.columns import MOST_DISKS
     from ..simulation import backend
     from ..simulation.device import Device as OfSimulation
@@ -149,9 +155,10 @@ def _conflicts(of_gas: dict[str, Any], of_case: dict[str, Any], case: str | None
 
 
 def devices() -> None:
-    """List the devices that can compute."""
+    """List the devices that can compute, and the runtime that compiles for them."""
     from .. import bullet
-    from ..kernels import language  # noqa: F401  (an error where Taichi cannot be loaded)
+    from ..kernels import language  # noqa: F401  (an error where the runtime cannot be loaded)
+    from ..kernels.runtime import describe
     from ..simulation import backend
 
     for each in backend.available():
@@ -159,6 +166,7 @@ def devices() -> None:
     absence = backend.cuda_absence()
     if absence is not None:
         say(f"cuda     not usable: {absence}")
+    say(f"runtime  {describe()}")
     say(f"pybullet {bullet.describe()}")
 
 

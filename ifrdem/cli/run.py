@@ -22,6 +22,7 @@ from .options import (
     MaxHours,
     NoPicture,
     Precision,
+    Runtime,
     Seed,
     Set,
     Threads,
@@ -46,6 +47,7 @@ def run(
     seed: Seed = None,
     threads: Threads = None,
     precision: Precision = None,
+    runtime: Runtime = None,
     output: Annotated[
         str | None,
         option(
@@ -65,7 +67,7 @@ def run(
     from which `ifrdem resume` goes on. `mpiexec -n P ifrdem run CASE` shares the gas among P processes.
     """
     _spare_threads()
-    changes = overrides(set, device=device, seed=seed, threads=threads, precision=precision)
+    changes = overrides(set, device=device, seed=seed, threads=threads, precision=precision, runtime=runtime)
     # Which files there will be is known only from the case, so a wrong case comes first.
     from ..case import file as case_file
     from ..case import shipped
@@ -95,6 +97,7 @@ def resume(
     /,
     *,
     threads: Annotated[int | None, integer("N", "CPU threads; the result does not depend on it", 1)] = None,
+    runtime: Runtime = None,
     ignore_case_changes: Annotated[
         bool, flag("go on with the case as it was, though its file has changed")
     ] = False,
@@ -113,8 +116,8 @@ def resume(
     comm.run_on_root(lambda: resuming.find(source))  # before anything takes a second
     return _ended(
         lambda: resuming.resume(
-            source, ignore_case_changes=ignore_case_changes, threads=threads, max_hours=max_hours,
-            picture=not no_picture, say=note, warn=warn, comm=comm,
+            source, ignore_case_changes=ignore_case_changes, threads=threads, runtime=runtime,
+            max_hours=max_hours, picture=not no_picture, say=note, warn=warn, comm=comm,
         )
     )  # fmt: skip
 
@@ -313,7 +316,7 @@ def new(
     from ..tools.files import check_files, write_aside, write_text
 
     if output is not None and not output.strip():
-        raise InputError("-o: an empty text is no file")
+        raise InputError(f"-o {output!r}: must be the path of a file")
     if kind == "study":
         from ..study import plan  # imports h5py
 

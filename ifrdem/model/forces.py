@@ -20,7 +20,8 @@ from ..kernels.random import normals, uniforms
 from ..kernels.table_friction import advance, step_tolerance
 from ..tools import checked
 from ..tools.checked import NonNegative, Positive, validated
-from .coefficients import named_numbers
+from ..tools.read_only import ReadOnlyAttributes
+from .custom_code import declared_names, named_numbers
 from .state import Disks
 
 __all__ = [
@@ -45,7 +46,7 @@ class _Parameter:
         force._values[self._name] = number(self._name, value, negative=True)
 
 
-class Force:
+class Force(ReadOnlyAttributes):
     """A force on every disk; subclasses say in `act` what it does to one of them during a step.
 
     InputError if the step is not a positive finite number, or a parameter is missing, unknown or not finite.
@@ -56,7 +57,8 @@ class Force:
         Time between two applications [time].
     **values : float
         A finite number for each of the names in `parameters`. Attributes of these names can be assigned between runs:
-        the numbers are not compiled in.
+        the numbers are not compiled in. Of other attributes, only those can be assigned that the class declares, or
+        sets in its `__init__`.
 
     Attributes
     ----------
@@ -81,6 +83,9 @@ class Force:
     number)` or `uniforms(step.random, number)`, pairs of them, one pair for each number 0 to 65535: they depend on the
     seed, the disk, the step and the position of the force in the list, and on nothing else.
 
+    Variables from outside, such as module globals, are compiled in as constants: InputError from a later simulation or
+    run if they have changed.
+
     Examples
     --------
     >>> import ifrdem
@@ -96,20 +101,20 @@ class Force:
     {'acceleration': 0.4}
     """
 
-    __slots__ = ("_step", "_values")  # a misspelt attribute is refused; custom classes may have any
-
     parameters: ClassVar[tuple[str, ...]] = ()
     totals: ClassVar[int] = 0
     keeps_rest: ClassVar[bool] = False
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
+        checked.integer(f"{cls.__name__}: totals", cls.totals, 0, 1000)
         for name in cls.__dict__.get("parameters", ()):
             if not isinstance(name, str) or not name.isidentifier() or hasattr(Force, name):
                 raise InputError(
                     f"{cls.__name__}: parameters = {cls.parameters!r}: must be names that a force has not already"
                 )
             setattr(cls, name, _Parameter(name))
+        cls.assignable = declared_names(cls, Force)
 
     @property
     def keeps_momentum(self) -> bool:
@@ -122,6 +127,10 @@ class Force:
         self._values: dict[str, float] = named_numbers(
             type(self).__name__, "parameter", self.parameters, values
         )
+
+    def __repr__(self) -> str:
+        values = "".join(f", {name} {value:g}" for name, value in self._values.items())
+        return f"<{type(self).__name__}: step {self._step:g}{values}>"
 
     @property
     def step(self) -> float:
@@ -188,7 +197,6 @@ class RandomKicks(Force):
     {'power': 0.1, 'diffusion': 0.0}
     """
 
-    __slots__ = ()
     parameters = ("power", "diffusion")
     totals = 4
     keeps_momentum = True
@@ -235,7 +243,6 @@ class SpinKicks(Force):
     {'power': 0.1, 'diffusion': 0.0}
     """
 
-    __slots__ = ()
     parameters = ("power", "diffusion")
     keeps_momentum = True
 
@@ -271,7 +278,6 @@ class Langevin(Force):
     {'temperature': 1.0, 'rate': 0.2, 'spin_temperature': 1.0, 'spin_rate': 0.0}
     """
 
-    __slots__ = ()
     parameters = ("temperature", "rate", "spin_temperature", "spin_rate")
 
     @validated
@@ -333,7 +339,6 @@ class Drag(Force):
     {'rate': 0.2, 'quadratic': 0.0, 'spin_rate': 0.0}
     """
 
-    __slots__ = ()
     parameters = ("rate", "quadratic", "spin_rate")
     keeps_rest = True
 
@@ -397,7 +402,6 @@ class TableFriction(Force):
     {'deceleration': 2.0}
     """
 
-    __slots__ = ()
     parameters = ("deceleration",)
     keeps_rest = True
 
@@ -446,7 +450,6 @@ class Rescale(Force):
     {'target': 1.0, 'with_spins': 0.0}
     """
 
-    __slots__ = ()
     parameters = ("target", "with_spins")
     totals = 6
     keeps_rest = True

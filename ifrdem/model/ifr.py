@@ -19,7 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 from ..tools import checked
 from ..tools.checked import LEAST, MOST, Array, Number, Numbers, validated
-from .law import CollisionLaw, EnergyWarning, FromKernels
+from .custom_code import FromKernels
+from .law import CollisionLaw, EnergyWarning
 
 STICKING = ("percussion_center", "contact_point")
 

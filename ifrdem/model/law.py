@@ -6,9 +6,8 @@
 from __future__ import annotations
 
 import functools
-import importlib
+import inspect
 import math
-import re
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
@@ -18,7 +17,15 @@ import numpy as np
 
 from ..errors import InputError, nearest
 from ..tools.checked import Array, Number
-from .coefficients import named_numbers
+from ..tools.read_only import ReadOnlyAttributes
+from .custom_code import (
+    FromKernels,
+    check_constants,
+    check_signature,
+    declared_names,
+    named_numbers,
+    why_not_compiled,
+)
 from .state import Disks
 
 PAIRS = 4096
@@ -34,21 +41,7 @@ class EnergyWarning(UserWarning):
     """The tangential impulses alone can add energy; only the loss along the line of centres outweighs it."""
 
 
-class FromKernels:
-    """A function of a module of `kernels`, imported where it is first asked for: Taichi is slow to import."""
-
-    def __init__(self, module: str, name: str) -> None:
-        self._module, self._name = module, name
-
-    def __get__(self, law: Any, kind: type) -> Callable[..., Any]:
-        """The function."""
-        found: Callable[..., Any] = getattr(
-            importlib.import_module(f"ifrdem.kernels.{self._module}"), self._name
-        )
-        return found
-
-
-class CollisionLaw:
+class CollisionLaw(ReadOnlyAttributes):
     """A collision law of one's own: subclasses say in `collide` which impulses a pair of disks exchanges.
 
     `ifrdem.IFRLaw` is one too, and passes through the same code. InputError if a coefficient is missing, unknown or
@@ -58,7 +51,7 @@ class CollisionLaw:
     ----------
     **values : float
         A finite number for each of the names in `coefficients`: one row for each pair of materials. They are not
-        compiled in, and are attributes of the law.
+        compiled in, and are attributes of these names; `set_law` of a simulation gives it other ones.
 
     Attributes
     ----------
@@ -75,7 +68,8 @@ class CollisionLaw:
     T, the angular momentum. Whether the law can add energy is *not* known beforehand, as it is for the IFR law: a
     simulation tries it on random pairs and warns if one gains (`EnergyWarning`), and `Simulation.dissipated_energy`
     tells what became of it. One class of laws serves a whole simulation; its rows may differ from pair to pair of
-    materials.
+    materials. Variables from outside, such as module globals, are compiled in as constants: InputError from a later
+    simulation or run if they have changed.
 
     Examples
     --------
@@ -91,11 +85,13 @@ class CollisionLaw:
     ('e_n',)
     """
 
-    __slots__ = ("_row",)
-
     coefficients: ClassVar[tuple[str, ...]] = ()
     ranges: ClassVar[Mapping[str, Number]] = MappingProxyType({})
     is_proved: ClassVar[bool] = False
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        cls.assignable = declared_names(cls, CollisionLaw)
 
     def __init__(self, **values: float) -> None:
         row = named_numbers(type(self).__name__, "coefficient", self.coefficients, values)
@@ -104,10 +100,12 @@ class CollisionLaw:
         self._row = tuple(row.values())
 
     def __getattr__(self, name: str) -> float:
-        """A coefficient by its name."""
-        if name in type(self).coefficients:
-            return self._row[self.coefficients.index(name)]
-        raise AttributeError(f"{type(self).__name__} has no '{name}'{nearest(name, self.coefficients)}")
+        if name not in type(self).coefficients:
+            raise AttributeError(f"{type(self).__name__} has no attribute {name!r}{nearest(name, dir(self))}")
+        return self._row[self.coefficients.index(name)]
+
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *self.coefficients})
 
     def __repr__(self) -> str:
         """The law and its coefficients."""
@@ -171,21 +169,15 @@ class CollisionLaw:
 @functools.cache
 def compiled(kind: type[CollisionLaw]) -> Any:
     """Compiled form of a class of laws, a `kernels.layout.CompiledLaw`; one object for each class."""
+    from ..kernels.language import declared
     from ..kernels.layout import CompiledLaw
 
-    collide, parts = (
-        getattr(kind, name) and _taichi_function(getattr(kind, name)) for name in ("collide", "parts")
-    )
-    defined = [next(each for each in kind.__mro__ if name in vars(each)) for name in ("parts", "collide")]
-    own = issubclass(*defined)  # not of a law whose `collide` another one replaces
-    return CompiledLaw(collide, tuple(kind.coefficients) or ("none",), parts if own else None)
-
-
-def _taichi_function(function: Any) -> Any:
-    from ..kernels.language import ti
-    from ..kernels.layout import plain
-
-    return function if hasattr(function, "_is_taichi_function") else ti.func(plain(function))
+    if not isinstance(inspect.getattr_static(kind, "collide"), FromKernels):
+        check_signature(f"law {kind.__name__}", kind.collide, ("pair", "law"))
+    owners = [next(each for each in kind.__mro__ if name in vars(each)) for name in ("parts", "collide")]
+    parts = kind.parts if issubclass(*owners) else None  # not of a law whose `collide` another one replaces
+    names = tuple(kind.coefficients) or ("none",)
+    return CompiledLaw(declared(kind.collide), names, parts and declared(parts))
 
 
 def checked_class(laws: list[list[CollisionLaw]]) -> type[CollisionLaw]:
@@ -231,11 +223,11 @@ def check_by_sampling(
     speed : float
         The fastest at the start [length/time].
     """
-    from taichi.lang.exception import TaichiCompilationError
-
     from ..kernels.contact import sample_law
+    from ..kernels.language import CompilationError
     from ..kernels.layout import Uses
 
+    check_constants(f"law {kind.__name__}", kind, "collide")
     movable = np.flatnonzero(disks.movable)
     if not len(movable):
         return
@@ -259,12 +251,14 @@ def check_by_sampling(
     law: Any = kind  # mypy does not take a class for hashable
     try:
         sample_law(Uses(collision_law=compiled(law)), np.ascontiguousarray(table), pairs, found)
-    except TaichiCompilationError as error:
-        known = {"law": kind.coefficients or ("no coefficients",), "pair": OF_PAIR}
-        raise InputError(
-            f"law {kind.__name__}: Taichi cannot compile its collide(pair, law), a static method that returns P_n, P_t "
-            f"and T: {why_not_compiled(error, known)}"
-        ) from error
+    except CompilationError as error:
+        reason = why_not_compiled(
+            error,
+            [kind.collide],
+            {"pair": OF_PAIR, "law": kind.coefficients},
+            "collide must return P_n, P_t and T",
+        )
+        raise InputError(f"law {kind.__name__}: cannot compile its collide: {reason}") from error
     _refuse_too_weak(kind, pairs, found)
     gain = _energy(pairs, found[:, 2:]) / _energy(pairs, _before(pairs)) - 1.0
     if gaining := np.count_nonzero(gain > _ROUND_OFF):
@@ -272,18 +266,6 @@ def check_by_sampling(
         text = f"of {PAIRS} random collisions {gaining} added energy, {most}"
         more = "Simulation.dissipated_energy tells what becomes of it"
         warnings.warn(f"law {kind.__name__}: {text}. {more}", EnergyWarning, stacklevel=5)
-
-
-def why_not_compiled(error: Exception, known: Mapping[str, Sequence[str]]) -> str:
-    """Reason of Taichi's error; for an unknown name or an index, the names that each argument has (`known`)."""
-    reason = str(error).strip().splitlines()[-1].strip()
-    there = "; ".join(f"{owner} has {', '.join(names)}" for owner, names in known.items())
-    if missing := re.search(r"(?:'Struct\d*' object has no attribute|no number) '(\w+)'", reason):
-        others = [name for names in known.values() for name in names if name != missing[1]]
-        return f"there is no '{missing[1]}'{nearest(missing[1], others)}; {there}"
-    if missing := re.fullmatch(r"KeyError: (.*)", reason):
-        return f"[{missing[1]}]: must be a name after a dot; {there}"
-    return reason
 
 
 def _refuse_too_weak(kind: type[CollisionLaw], pairs: Array, found: Array) -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import copy
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, fields
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from ..mpi import SERIAL, current
 from ..mpi.distribution import broadcast_constant_rows
 from ..tools import checked
 from ..tools.checked import Array, Integer, Numbers, validated
+from ..tools.not_recorded import NotRecorded
 from ..tools.notebook import NotebookRepr
 from ..tools.read_only import ReadOnlyAttributes
 from ..tools.reprs import Brief
@@ -204,6 +205,14 @@ def extremes(columns: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
     return unlike([column[found] for column in columns])
 
 
+RECORDED = {
+    "latest_collision": "collapse=ContactTime(...)",
+    "last_partner": 'record=["partner"]',
+    "angle": 'record=["angle"]',
+    "dissipated": 'record=["disk_energy"]',
+}
+"""Quantities of a state that only some simulations record, and what to give `Simulation` for each."""
+
 _LOWEST = -(2**31)
 _COUNTS = (
     ("collisions", (), 0, 0),
@@ -233,22 +242,26 @@ class State(Brief, ReadOnlyAttributes, NotebookRepr):
         Collisions that each disk has had, those with walls, and how often it has left the box through each side, of
         which `Box.unwrap` makes paths. Thermal walls count their hits to draw random numbers.
     latest_collision : array (n,)
-        When each disk last collided with a disk or wall [time], -inf if never. Only runs with a `ContactTime`
-        keep it up to date.
+        When each disk last collided with a disk or wall [time], -inf if never. Recorded by runs with a `ContactTime`.
     last_partner : array (n,) of int32
-        Latest partner of each disk: an id, -1 if there is none yet, -2 - w for wall w. Only runs that are asked to
-        (`record=["partner"]`) keep it up to date.
+        Latest partner of each disk: an id, -1 if there is none yet, -2 - w for wall w. Recorded by runs with
+        `record=["partner"]`.
     angle : array (n,)
-        How far each disk has turned since the start, counter-clockwise, full turns included [rad]. Only runs that are
-        asked to (`record=["angle"]`) keep it up to date.
+        How far each disk has turned since the start, counter-clockwise, full turns included [rad]. Recorded by runs
+        with `record=["angle"]`.
     dissipated : array (n, 7)
         Energy that each disk's collisions have taken, by mechanism (`observables.MECHANISMS`), half of what one took
-        for either disk [energy]. Only runs that are asked to (`record=["disk_energy"]`) keep it up to date.
+        for either disk [energy]. Recorded by runs with `record=["disk_energy"]`.
     asleep : array (n,) of int32
         1 for disks that sleep where they are at rest, else 0 (`collapse=Rest(speed)`).
     flow : array (n, 2) or None
         Velocity of the mean flow at each disk [length/time]; None where there is none. A simulation in a sheared box
         sets it, and `observables.measure` needs it; to start one, it is not needed.
+
+    Notes
+    -----
+    In a state of a simulation, the use of a quantity that it did not record raises InputError (also an
+    AttributeError). A start need not have them: they begin at 0, or with no collision.
 
     Examples
     --------
@@ -273,13 +286,14 @@ class State(Brief, ReadOnlyAttributes, NotebookRepr):
     asleep: NDArray[np.int32] = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
-        self.spin = checked.array("spin", self.spin)
-        if self.spin.ndim != 1:
-            raise InputError(f"spin has shape {self.spin.shape}: must be one number for each disk, (n,)")
-        n = len(self.spin)
-        if (shape := np.shape(checked.array("position", self.position))) != (n, 2):
-            raise InputError(f"position has shape {shape}: must be {(n, 2)}, as spin has {n}")
-        self.position = checked.array("position", self.position, (n, 2))
+        for name in RECORDED:
+            if isinstance(getattr(self, name), NotRecorded):
+                setattr(self, name, None)
+        self.position = checked.array("position", self.position)
+        if self.position.ndim != 2 or self.position.shape[1] != 2:
+            raise InputError(f"position has shape {self.position.shape}: must be (n, 2)")
+        n = len(self.position)
+        self.spin = checked.array("spin", self.spin, (n,))
         self.velocity = checked.array("velocity", self.velocity, (n, 2))
         self.time = checked.FINITE("time", self.time)
         for name, shape, default, least in _COUNTS:
@@ -323,6 +337,12 @@ class State(Brief, ReadOnlyAttributes, NotebookRepr):
         """Velocities relative to the mean flow [length/time], shape (n, 2)."""
         return self.velocity if self.flow is None else self.velocity - self.flow
 
+    def without_all_but(self, recorded: Collection[str]) -> Self:
+        """The state itself, whose quantities of `RECORDED` beyond these names are replaced by errors."""
+        for name in RECORDED.keys() - recorded:
+            setattr(self, name, NotRecorded(f"State.{name}", RECORDED[name]))
+        return self
+
 
 State.assignable = frozenset(each.name for each in fields(State))
 OF_STATE = tuple(each.name for each in fields(State) if each.name not in ("time", "flow"))
@@ -352,7 +372,9 @@ def scatter_state(disks: Disks | None, state: State | None) -> tuple[Disks, Stat
 
 def gather_state(n: int, state: State) -> State | None:
     """The state of all n disks, of which each rank gives its slice: on the root; None on the others."""
-    names = [name for name in sorted(State.assignable - {"time"}) if getattr(state, name) is not None]
+    names = [
+        name for name in sorted(State.assignable - {"time"}) if isinstance(getattr(state, name), np.ndarray)
+    ]
     rows = current().gather_rows(n, [getattr(state, name) for name in names])
     if rows is None:
         return None

@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 
 from ..tools import checked
 from ..tools.checked import Array, Number, Positive, validated
+from .custom_code import FromKernels
 from .ifr import STICKING, IFRLaw
-from .law import CollisionLaw, FromKernels
+from .law import CollisionLaw
 
 _POSITIVE = (1e-100, 1e100)
 
@@ -56,8 +57,6 @@ class Viscoelastic(CollisionLaw):
     [0.9, 0.9735]
     """
 
-    __slots__ = ("k", "sticking")
-
     coefficients: ClassVar[tuple[str, ...]] = ("A", "Y", "e_t", "mu", "contact_point", "rho")
     ranges: ClassVar[Mapping[str, Number]] = MappingProxyType({
         "A": Number(*_POSITIVE, "0, or a number from 1e-100 to 1e100 (dissipative time)", zero=True),
@@ -75,8 +74,18 @@ class Viscoelastic(CollisionLaw):
         checked.choice("sticking", sticking, STICKING)
         contact_point = float(sticking == "contact_point")
         super().__init__(A=A, Y=Y, e_t=e_t, mu=mu, contact_point=contact_point, rho=rho)
-        self.sticking, self.k = sticking, k
+        self._k = k
         self._slow(k)
+
+    @property
+    def sticking(self) -> Literal["percussion_center", "contact_point"]:
+        """As of `IFRLaw`."""
+        return "contact_point" if self.contact_point else "percussion_center"
+
+    @property
+    def k(self) -> float:
+        """Shape number of the disks for which the law was examined."""
+        return self._k
 
     def _slow(self, k: float) -> IFRLaw:
         """The IFR law of its slowest impacts, which are elastic."""

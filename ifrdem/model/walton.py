@@ -7,7 +7,8 @@ from types import MappingProxyType
 from typing import ClassVar
 
 from ..tools.checked import Number
-from .law import CollisionLaw, FromKernels
+from .custom_code import FromKernels
+from .law import CollisionLaw
 
 
 class Walton(CollisionLaw):
@@ -42,8 +43,6 @@ class Walton(CollisionLaw):
     >>> law.beta_0
     0.4
     """
-
-    __slots__ = ()
 
     coefficients: ClassVar[tuple[str, ...]] = ("e_n", "beta_0", "mu")
     ranges: ClassVar[Mapping[str, Number]] = MappingProxyType({

@@ -60,7 +60,8 @@ class View:
             )  # fmt: skip
         state = thing.state
         stored: tuple[str, ...] = ("position", "velocity", "angular_velocity", "collisions")
-        stored += ("dissipated",) * bool(state.dissipated.any()) + ("asleep",) * bool(state.asleep.any())
+        stored += ("dissipated",) * isinstance(state.dissipated, np.ndarray)
+        stored += ("asleep",) * bool(state.asleep.any())
         walls = at_displacements(thing.walls, thing.pistons[:, 0].tolist())
         return cls(thing.disks, thing.box, walls, None, state, stored)
 

@@ -17,7 +17,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from numpy.typing import NDArray
 from PIL import Image
 
-from ..errors import InputError
+from ..errors import InputError, option_name
 from ..tools.checked import Array
 from ..tools.files import check_apart, write_aside
 from ..trajectory import tables
@@ -55,7 +55,10 @@ class Scene:
         size: tuple[int, int] | None = None,
         color: str = "spin",
     ) -> None:
-        self._trajectory, self._colour = trajectory, plot_disks.colour_of(color, "--color")
+        self._trajectory, self._colour = (
+            trajectory,
+            plot_disks.colour_of(color, option_name("--color", "color =")),
+        )
         self._is_map = trajectory.n > plot_disks.MOST_DISKS
         trajectory.require("position")
         if self._colour is not None:

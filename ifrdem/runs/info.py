@@ -165,11 +165,11 @@ def _describe_names(title: str, names: Mapping[str, object], *, full: bool) -> l
         text = str(value).rstrip("\n")
         rows = text.splitlines()
         if len(rows) <= 1 and (full or len(text) <= 80):
-            lines.append(f"  {name:<18}{text}")
+            lines.append(f"  {name:<20}{text}")
         elif full:
             lines += [f"  {name}", *(f"    {row}" for row in rows)]
         else:
-            lines.append(f"  {name:<18}{rows[0][:50]} ... ({len(rows)} lines, {len(text)} characters)")
+            lines.append(f"  {name:<20}{rows[0][:50]} ... ({len(rows)} lines, {len(text)} characters)")
     return lines
 
 

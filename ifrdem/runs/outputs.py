@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..case.case import CaseSections
-from ..errors import InputError
+from ..errors import InputError, option_name
 from ..tools.files import CHECKPOINT, VIEWS, check_files, checkpoint_of
 from ..trajectory import parts
 from ..trajectory.file import check_views, views_of
@@ -34,12 +34,12 @@ class Outputs:
         """
         prefix = Path(case.run.name)
         if output is not None:
-            if not output.strip():
+            special = os.path.exists(output) and not (os.path.isdir(output) or os.path.isfile(output))
+            if special or not output.strip() or "\0" in output:
+                name = option_name("-o", "output =")
                 raise InputError(
-                    "-o: an empty text is no path; give a folder, or the files' path without its ending"
+                    f"{name} {output!r}: must be a folder, or the path of files without their ending"
                 )
-            if os.path.exists(output) and not (os.path.isdir(output) or os.path.isfile(output)):
-                raise InputError(f"-o {output}: must be a folder, or the path of files without their ending")
             folder = os.path.isdir(output) or output.endswith(("/", os.sep))
             stem = Path(output.removesuffix(".h5").removesuffix(".png"))
             prefix = Path(output) / prefix if folder else stem
@@ -65,8 +65,9 @@ class Outputs:
         check_views(self.views)
         parts.check_unused(self.trajectory)
         if (there := parts.existing(self.trajectory)) and not force:
+            replaces = option_name("--force replaces it, -o", "force=True replaces it, another output")
             raise InputError(
-                f"output {there[0].parent}: holds parts of a trajectory; --force replaces it, -o writes elsewhere"
+                f"output {there[0].parent}: holds parts of a trajectory; {replaces} writes elsewhere"
             )
 
     def sizes(self) -> dict[Path, int]:

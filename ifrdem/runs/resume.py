@@ -20,12 +20,14 @@ from ..case.file import CaseFile
 from ..case.gas import CaseGas
 from ..case.objects import device_of
 from ..errors import InputError
+from ..kernels import runtime as of_kernels
 from ..mpi import SERIAL, Communicator
 from ..simulation import backend, checkpoint
 from ..simulation.schedule import RunPlan
 from ..simulation.tracking import Events
 from ..tools import text_file
 from ..tools.files import CHECKPOINT, checkpoint_of
+from ..tools.versions import package_versions
 from ..trajectory import parts
 from ..trajectory.background import AsyncWriter
 from ..trajectory.parts_writer import PartsWriter
@@ -69,6 +71,7 @@ def resume(
     *,
     ignore_case_changes: bool = False,
     threads: int | None = None,
+    runtime: str | None = None,
     max_hours: float | None = None,
     picture: bool = True,
     say: Callable[[str], None] = print,
@@ -81,17 +84,18 @@ def resume(
 
     `source` is the trajectory, its checkpoint, or the folder that holds the only one. `ignore_case_changes` goes on as
     the run began though its case file has changed since. `threads` may be another number of CPU threads than before:
-    the result does not depend on it. A picture is drawn at the end, if the case wants it. Others as for `run.run`;
+    the result does not depend on it. `runtime` compiles the kernels, by default that of the environment or else, if it
+    is installed, that of the checkpoint. A picture is drawn at the end, if the case wants it. Others as for `run.run`;
     the number of ranks may be another one, too.
 
     Raises InputError if there is no checkpoint, it belongs to another version, case or trajectory, or the device is not
     there; Stopped or KeyboardInterrupt or EngineError or TrajectoryError as `run.run`.
     """
     options: dict[str, Any] = {
-        "ignore_case_changes": ignore_case_changes, "threads": threads, "max_hours": max_hours, "picture": picture,
-        "say": say, "warn": warn,
+        "ignore_case_changes": ignore_case_changes, "threads": threads, "runtime": runtime, "max_hours": max_hours,
+        "picture": picture, "say": say, "warn": warn,
     }  # fmt: skip
-    gas = comm.root_result(lambda: None if comm.size == 1 else _gas_of(find(source)))
+    gas = comm.root_result(lambda: None if comm.size == 1 else _gas_of(find(source), runtime))
     if gas is not None and on_usable_ranks(gas, comm, say, lambda part: resume(source, **options, comm=part)):
         return
     cores, share = comm.share_of_cores(backend.cores()), comm.local_share
@@ -101,13 +105,13 @@ def resume(
         path = find(source)
         arrays, record = checkpoint.read(path, rows=False)
         with checkpoint.as_damage_error(path, "its record"):
-            checkpoint.check_versions(record, path)
             extra: Mapping[str, Any] = record["extra"]
             if "plan" not in extra:
                 raise InputError(f"{path}: {NO_RUN}")
             if not ignore_case_changes:
                 _refuse_changed(path, extra)
-            case = CaseSections.model_validate_json(extra["case_as_set"])
+            case = _case_of(record, path, runtime)
+            _tell_other_runtime(record, path, say)
             trajectory = path.with_name(extra["trajectory"])
             if checkpoint_of(trajectory) != path:
                 raise InputError(f"{path} belongs to {extra['trajectory']}: rename it back")
@@ -117,7 +121,7 @@ def resume(
             names = ("frames", "series_rows", "events")
             written: dict[str, Any] = {name: operator.index(extra["seen"][name]) for name in names}
         if threads is not None:
-            case = case.model_copy(update={"run": case.run.model_copy(update={"threads": threads})})
+            case = _with(case, threads=threads)
         backend.check(device_of(case.run))
         n = sum(each.number for each in case.species)
         summary.refuse_beyond_memory(n, case.run.device, share=share, ranks=comm.size)
@@ -169,14 +173,36 @@ def resume(
     finish(running, began, before, rate, say)
 
 
-def _gas_of(path: Path) -> CaseGas:
+def _with(case: CaseSections, **run: Any) -> CaseSections:
+    """A case with other values of its run."""
+    return case.model_copy(update={"run": case.run.model_copy(update=run)})
+
+
+def _case_of(record: Mapping[str, Any], path: Path, name: str | None) -> CaseSections:
+    """The case of a checkpoint on the runtime that is chosen for it; InputError if its bits could not go on."""
+    written = of_kernels.of_versions(record["versions"])[0]
+    if name is None and not os.environ.get(of_kernels.VARIABLE) and of_kernels.version(written) is not None:
+        name = written
+    of_kernels.choose(name, "--runtime")
+    case = CaseSections.model_validate_json(record["extra"]["case_as_set"])
+    checkpoint.check_versions(record, path, case.run.device)
+    return _with(case, runtime=of_kernels.chosen())
+
+
+def _tell_other_runtime(record: Mapping[str, Any], path: Path, say: Callable[[str], None]) -> None:
+    """Say it if the run continues with another runtime, which gives the same bits."""
+    written, here = map(of_kernels.of_versions, (record["versions"], package_versions()))
+    if written != here:
+        say(f"{path} was written by {' '.join(written)}; {' '.join(here)} gives the same bits on a CPU")
+
+
+def _gas_of(path: Path, runtime: str | None) -> CaseGas:
     """The gas of a checkpoint, as far as ranks are divided for it."""
     record = checkpoint.read(path, rows=False)[1]
     with checkpoint.as_damage_error(path, "its record"):
-        checkpoint.check_versions(record, path)
         if "case_as_set" not in record["extra"]:
             raise InputError(f"{path}: {NO_RUN}")
-        case = CaseSections.model_validate_json(record["extra"]["case_as_set"])
+        case = _case_of(record, path, runtime)
         folder = Path(record["extra"]["case_path"]).parent
     return CaseGas.from_case(case, folder, start=False)
 

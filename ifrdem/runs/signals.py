@@ -10,7 +10,7 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Any
 
-from ..errors import Stopped
+from ..errors import Stopped, option_name
 
 WARNINGS: list[signal.Signals] = [
     getattr(signal, name) for name in ("SIGUSR1", "SIGUSR2") if hasattr(signal, name)
@@ -66,7 +66,9 @@ class Stops:
     def check(self) -> None:
         """Raise `Stopped` if there is a reason to."""
         if self._limit is not None and time.monotonic() - self._began >= self._limit and self._reason is None:
-            self._reason = Stopped(f"{self._max_hours:g} hours are up (--max-hours)", TIME_IS_UP)
+            self._reason = Stopped(
+                f"{self._max_hours:g} hours are up ({option_name('--max-hours', 'max_hours')})", TIME_IS_UP
+            )
         if self._reason is not None:
             raise self._reason
 

@@ -37,7 +37,7 @@ from ..kernels.columns import (
     blank,
     named,
 )
-from ..kernels.language import ti, view
+from ..kernels.language import from_numpy, ti, to_numpy, view
 from ..kernels.readout import exchange
 from ..kernels.shear import displacement
 from ..kernels.signature import parameters_of
@@ -172,17 +172,17 @@ class DeviceArrays:
         self.kinds: Any
         self.make("kinds", len(kinds))
         if n:
-            self.kinds.from_numpy(kinds.astype(self.real))
+            from_numpy(self.kinds, kinds.astype(self.real))
         self._split = split_of(disks.radius)
         # Walls are noted in one layer of cells.
         layered = self._split is not None and not (uses.walled or uses.rests)
-        self.uses = uses = uses._replace(mixed=len(kinds) > 1, layered=layered)
+        self.uses = uses = uses.replace(mixed=len(kinds) > 1, layered=layered)
         self.kind: Any
         self.make("kind", n if uses.mixed and not uses.shared else 1)
         if uses.mixed and not uses.shared:
-            self.kind.from_numpy(self._kind.astype(np.int32))
+            from_numpy(self.kind, self._kind.astype(np.int32))
         self.law: Any = ti.ndarray(self._type, law_table.shape)
-        self.law.from_numpy(law_table.astype(self.real))
+        from_numpy(self.law, law_table.astype(self.real))
         # Small arrays that the host reads after every launch. Kernels on a CPU take NumPy arrays as they are; a GPU has
         # arrays of its own for them (`launch`).
         self.on_gpu: bool = options.device.name != "cpu"
@@ -222,7 +222,7 @@ class DeviceArrays:
             wall.sums = len(self.thermal) + WALL_SUM.width * owner
             wall.piston.sums[self.pistons] = first_piston + PISTON_STATE.width * np.arange(len(self.pistons))
             wall.piston.next[self.pistons] = np.append(self.pistons[1:], -1)[: len(self.pistons)]
-            self.walls.from_numpy(walls.astype(self.real))
+            from_numpy(self.walls, walls.astype(self.real))
         self.sums: NDArray[np.float64] = np.zeros(self.columns)
         self._lanes = 0
         self.batch: int = 0
@@ -376,13 +376,13 @@ class DeviceArrays:
             )
         for axis, name in enumerate(("edge_x", "edge_y")):
             self.make(name, len(edges[axis]))
-            getattr(self, name).from_numpy(edges[axis])
+            from_numpy(getattr(self, name), edges[axis])
         self._make_table("tile", total)
         self.make("listed", total)
         self._make_table("reach", total)
         blocks = -(-total // k.BLOCK_OF_TILES)
         self.make("blocks", blocks)  # that this process adds up
-        self.blocks.from_numpy(np.arange(blocks, dtype=np.int32))
+        from_numpy(self.blocks, np.arange(blocks, dtype=np.int32))
         self.total: NDArray[np.float64] = np.zeros(0)
         self._make_sums()
         self.scale.length_x, self.scale.length_y = (edge[-1] - edge[0] for edge in edges)
@@ -497,7 +497,7 @@ class DeviceArrays:
         rows = self.wall_rows.copy()
         wall = named(rows, "walls")
         wall.kind[opened[wall.owner.astype(np.int64)]] = GONE
-        self.walls.from_numpy(rows.astype(self.real))
+        from_numpy(self.walls, rows.astype(self.real))
 
     def change_wall(self, number: int, wall: Wall) -> None:
         """Have the piston that is this wall be driven by another force; `open_walls` then sends it."""
@@ -527,8 +527,12 @@ class DeviceArrays:
     def values(self, name: str) -> NDArray[Any]:
         """Content of an array; on a CPU not to be changed, for it is the array itself."""
         array = getattr(self, name)
-        found: NDArray[Any] = array.to_numpy() if self.on_gpu else view(array)
+        found: NDArray[Any] = to_numpy(array) if self.on_gpu else view(array)
         return found
+
+    def watch(self, chosen: NDArray[np.bool_]) -> None:
+        """Choose the disks, by id, whose collisions are written down."""
+        from_numpy(self.watched, chosen.astype(np.int32))
 
     @contextmanager
     def written(self, *names: str) -> Iterator[list[NDArray[Any]]]:
@@ -537,7 +541,7 @@ class DeviceArrays:
         yield found
         if self.on_gpu:
             for name, values in zip(names, found, strict=True):
-                getattr(self, name).from_numpy(values)
+                from_numpy(getattr(self, name), values)
 
     def displace_rows(self, time: float) -> None:
         """Note how far rows of tiles in a sheared gas have moved against those below until `time` [time]."""
@@ -719,8 +723,8 @@ class DeviceArrays:
         """Collide by another law from here on."""
         if law_table.shape != tuple(self.law.shape):
             self.replace("law", ti.ndarray(self._type, law_table.shape))
-        self.law.from_numpy(law_table.astype(self.real))
-        self.uses = self.uses._replace(collision_law=collision_law)
+        from_numpy(self.law, law_table.astype(self.real))
+        self.uses = self.uses.replace(collision_law=collision_law)
 
     def set_gravity(
         self, gravity: tuple[float, float], resting_speed: float, turned_at: float = -math.inf

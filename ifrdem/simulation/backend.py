@@ -1,4 +1,4 @@
-"""Starting Taichi on a device, and saying which devices there are."""
+"""Starting the runtime of the kernels on a device, and saying which devices there are."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ from types import FrameType
 from typing import Any
 
 from ..errors import EngineError, InputError
+from ..kernels import runtime
 from .device import NAMES, Device
 
 GPU_LANES = 65536  # tiles that have scratch space at the same time
@@ -40,7 +41,7 @@ class DeviceInfo:
 
 @dataclass(frozen=True)
 class Running:
-    """Options with which Taichi was started."""
+    """Options with which the runtime was started."""
 
     device: str
     threads: int
@@ -49,7 +50,7 @@ class Running:
 
 
 _running: Running | None = None
-_process: int | None = None  # the one that started Taichi
+_process: int | None = None  # the one that started the runtime
 _asked = False  # the driver, for GPUs
 _shown: str | None = None  # the GPU that `show_gpu` has chosen
 _in_use = threading.RLock()
@@ -76,26 +77,26 @@ def cores() -> int:
 
 
 def check_process() -> None:
-    """Raise EngineError in a process that was forked after Taichi started: its threads are not in the copy."""
+    """Raise EngineError in a process that was forked after the runtime started: its threads are not in the copy."""
     if _process not in (None, os.getpid()):
         raise EngineError(
-            "this process is a copy (fork) of one in which a simulation has started already, and Taichi's threads are "
-            'not copied: a simulation here would wait for them for ever. Start processes by "spawn" instead: '
+            "this process is a copy (fork) of one in which a simulation has started already, and the runtime's threads "
+            'are not copied: a simulation here would wait for them for ever. Start processes by "spawn" instead: '
             'multiprocessing.get_context("spawn"), or ProcessPoolExecutor(mp_context=get_context("spawn"))'
         )
 
 
 @contextlib.contextmanager
 def sole_use() -> Iterator[None]:
-    """Keep Taichi to the present thread; a decorator too.
+    """Keep the runtime to the present thread; a decorator too.
 
     EngineError if another thread uses it, or the process is a forked copy (`check_process`).
     """
     check_process()
     if not _in_use.acquire(blocking=False):
         raise EngineError(
-            "another thread of this process is running a simulation: one thread at a time can, because Taichi is one "
-            "per process. Wait until it is done, or run each simulation in a process of its own: "
+            "another thread of this process is running a simulation: one thread at a time can, because a process has "
+            "one runtime. Wait until it is done, or run each simulation in a process of its own: "
             'multiprocessing.get_context("spawn")'
         )
     try:
@@ -186,15 +187,15 @@ def cuda_absence() -> str | None:
     global _asked
     _asked = True
     try:
-        driver = ctypes.CDLL("libcuda.so")  # under this name Taichi opens it
+        driver = ctypes.CDLL("libcuda.so")  # under this name the runtime opens it
     except OSError:
         try:
             ctypes.CDLL("libcuda.so.1")
         except OSError:
             return "no NVIDIA driver (libcuda.so)"
         return (
-            "the NVIDIA driver is here as libcuda.so.1 only, and Taichi opens libcuda.so: put a link of that name to "
-            "it into a folder, and the folder into LD_LIBRARY_PATH"
+            f"the NVIDIA driver is here as libcuda.so.1 only, and {runtime.chosen()} opens libcuda.so: put a link of "
+            "that name to it into a folder, and the folder into LD_LIBRARY_PATH"
         )
     failed = driver.cuInit(0)
     if failed:
@@ -206,12 +207,10 @@ def cuda_absence() -> str | None:
     if failed or count.value < 1:
         visible = os.environ.get("CUDA_VISIBLE_DEVICES")
         return f"the NVIDIA driver has no device (CUDA_VISIBLE_DEVICES = {visible}){_gpu_of_rank_hint()}"
-    from .. import kernels  # noqa: F401  (keeps Taichi from printing its banner)
-
-    import taichi as ti  # isort: skip
+    from ..kernels.language import ti
 
     if not ti._lib.core.with_cuda():
-        return "Taichi cannot use this NVIDIA driver: it needs one for CUDA 10 or later"
+        return f"{runtime.chosen()} cannot use this NVIDIA driver: it needs one for CUDA 10 or later"
     return None
 
 
@@ -277,8 +276,9 @@ def check(device: Device | str) -> None:
 
 
 def _usual_cache() -> Path:
-    """Folder in which Taichi keeps compiled kernels."""
-    return Path(os.environ.get("TI_OFFLINE_CACHE_FILE_PATH") or Path("~/.cache/taichi/ticache").expanduser())
+    """Folder in which the runtime keeps compiled kernels."""
+    usual = Path("~/.cache", runtime.chosen(), runtime.cache_name())
+    return Path(os.environ.get(runtime.variable("OFFLINE_CACHE_FILE_PATH")) or usual.expanduser())
 
 
 def kernel_cache_trouble() -> str | None:
@@ -291,15 +291,15 @@ def kernel_cache_trouble() -> str | None:
     except OSError as error:
         return (
             f"kernel cache {folder}: cannot be written to ({error.strerror or error}): every process compiles its "
-            "kernels again; set TI_OFFLINE_CACHE_FILE_PATH to a folder that can be written to"
+            f"kernels again; set {runtime.variable('OFFLINE_CACHE_FILE_PATH')} to a folder that can be written to"
         )
     return None
 
 
 def _kernel_cache() -> str | None:
-    """Folder of compiled kernels: Taichi's usual one, else a temporary one; None if neither can be written.
+    """Folder of compiled kernels: the runtime's usual one, else a temporary one; None if neither can be written.
 
-    Taichi itself crashes when it cannot write its cache.
+    The runtime itself crashes when it cannot write its cache.
     """
     if (trouble := kernel_cache_trouble()) is None:
         return str(_usual_cache())
@@ -323,12 +323,12 @@ def _temporary_cache() -> str | None:
 _warned: set[str] = set()  # texts on kernel caches that were shown
 
 STALE = 60.0
-"""Seconds after which a lock of the kernel cache is that of a killed process; Taichi holds one for milliseconds."""
+"""Seconds after which a lock of the kernel cache is that of a killed process; a runtime holds one for milliseconds."""
 
 
 def _remove_stale_lock(folder: Path) -> None:
-    """Remove a lock that a killed process left: with one there, Taichi neither reads nor writes its cache."""
-    lock = folder / "ticache.lock"
+    """Remove a lock that a killed process left: with one there, the runtime neither reads nor writes its cache."""
+    lock = folder / runtime.cache_lock()
     with contextlib.suppress(FileNotFoundError):  # there is none, or another process removed it
         if time.time() - lock.stat().st_mtime > STALE:
             lock.unlink()
@@ -338,7 +338,7 @@ _users: weakref.WeakSet[Any] = weakref.WeakSet()
 
 
 def register(user: Any) -> None:
-    """Have `user.release()`, which gives its arrays up, called before Taichi ends or restarts."""
+    """Have `user.release()`, which gives its arrays up, called before the runtime ends or restarts."""
     _users.add(user)
 
 
@@ -350,31 +350,31 @@ def lanes() -> int:
 
 def kernels() -> int:
     """Number of kernels compiled so far, or found in the cache."""
-    import taichi as ti
+    from ..kernels.language import ti
 
     return int(ti.lang.impl.get_runtime().get_num_compiled_functions())
 
 
 def free_array(array: Any) -> None:
-    """Give the memory of a Taichi array back, also if it is still referred to; the array cannot be used any more.
+    """Give the memory of an array back, also if it is still referred to; the array cannot be used any more.
 
-    Taichi frees arrays of numbers when Python forgets them, and arrays of vectors only when it ends.
+    The runtime frees arrays of numbers when Python forgets them, and arrays of vectors only when it ends.
     """
-    import taichi as ti
+    from ..kernels.language import program
 
-    runtime = ti.lang.impl.get_runtime()
-    if runtime.prog is not None and array.arr is not None:
-        runtime.prog.delete_ndarray(array.arr)
+    present = program()
+    if present is not None and array.arr is not None:
+        present.delete_ndarray(array.arr)
         array.arr = None
 
 
 def _release_all() -> None:
-    """Free every array of this Taichi, which is about to end.
+    """Free every array of this runtime, which is about to end.
 
-    One that Python forgot only later (a traceback can hold it for long) would take an array of the next Taichi with
-    it: Taichi knows arrays by their addresses, and a new array may have the address of an old one.
+    One that Python forgot only later (a traceback can hold it for long) would take an array of the next start with
+    it: the runtime knows arrays by their addresses, and a new array may have the address of an old one.
     """
-    import taichi as ti
+    from ..kernels.language import ti
 
     for user in list(_users):
         user.release()
@@ -385,9 +385,9 @@ def _release_all() -> None:
 
 
 def start(device: Device | str = "cpu", *, profile: bool = False) -> Running:
-    """Start Taichi, or do nothing if it already runs with the same settings.
+    """Start the runtime, or do nothing if it already runs with the same settings.
 
-    Taichi is one per process: starting it with other settings ends every simulation of the process so far.
+    There is one per process: starting it with other settings ends every simulation of the process so far.
 
     Parameters
     ----------
@@ -395,11 +395,11 @@ def start(device: Device | str = "cpu", *, profile: bool = False) -> Running:
         A device that is not there is refused; there is no fall-back. Without threads those of all cores, or as many as
         `limit_threads` says. The precision is the type of literals and of real numbers whose type is not said.
     profile : bool
-        Let Taichi time every kernel, for `ifrdem.validation.speed.bench`. Without it, a Taichi that runs so already
+        Let the runtime time every kernel, for `ifrdem.validation.speed.bench`. Without it, one that runs so already
         is kept, so that simulations can be made under the profiler; `stop` ends that.
 
     InputError if the device is not there, or there are not so many cores;
-    EngineError if the process is a forked copy of one that has started Taichi.
+    EngineError if the process is a forked copy of one that has started the runtime.
     """
     global _running, _process
     check_process()
@@ -407,18 +407,16 @@ def start(device: Device | str = "cpu", *, profile: bool = False) -> Running:
     check(device)
     threads = device.threads or min(cores(), _most_threads or cores())
     wanted = Running(device.name, threads, device.precision, profile)
-    from .. import kernels  # noqa: F401  (keeps Taichi from printing its banner)
+    from ..kernels.language import program, ti
 
-    import taichi as ti  # isort: skip
-
-    os.environ.pop("TI_ARCH", None)  # Taichi would follow it instead of what was asked for
+    os.environ.pop(runtime.variable("ARCH"), None)  # it would be followed instead of what was asked for
     good_enough = (wanted, replace(wanted, profile=True))
-    if _running is not None and _running in good_enough and ti.lang.impl.get_runtime().prog is not None:
+    if _running is not None and _running in good_enough and program() is not None:
         return _running
     _release_all()
     cache = _kernel_cache()
     ti.set_logging_level(ti.ERROR)  # it would warn of variables of the environment that arguments override
-    with contextlib.redirect_stdout(io.StringIO()):  # Taichi announces itself on stdout, where results go
+    with contextlib.redirect_stdout(io.StringIO()):  # it announces itself on stdout, where results go
         ti.init(
             arch=getattr(ti, wanted.device),
             default_fp=getattr(ti, wanted.precision),
@@ -429,7 +427,7 @@ def start(device: Device | str = "cpu", *, profile: bool = False) -> Running:
             offline_cache_file_path=cache or "",
             log_level=ti.WARN,
             enable_fallback=False,
-            unrolling_limit=0,  # no warning of Taichi's own copies of walls, which have 38 columns, to a GPU
+            unrolling_limit=0,  # no warning of its own copies of walls, which have 38 columns, to a GPU
             cfg_optimization=False,  # the same bits and speed, a quarter of the time to compile
             kernel_profiler=profile,
         )
@@ -440,11 +438,11 @@ def start(device: Device | str = "cpu", *, profile: bool = False) -> Running:
 
 
 def stop() -> None:
-    """End Taichi, and with it every simulation of this process."""
+    """End the runtime, and with it every simulation of this process."""
     global _running, _process
     if _running is not None:
         check_process()
-        import taichi as ti
+        from ..kernels.language import ti
 
         _release_all()
         ti.reset()

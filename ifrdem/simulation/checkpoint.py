@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DamageError, InputError
+from ..kernels import runtime
 from ..kernels.columns import named
 from ..model.state import State
 from ..mpi import SERIAL, Communicator, current
@@ -288,13 +289,30 @@ def state_of(arrays: Mapping[str, NDArray[Any]]) -> State:
     )
 
 
-def check_versions(record: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
-    """Refuse a checkpoint of another version, whose bits could not go on: InputError with both versions."""
+def check_versions(record: Mapping[str, Any], path: str | os.PathLike[str], device: str = "cpu") -> None:
+    """Refuse a checkpoint of another version, whose bits could not go on: InputError with both versions.
+
+    One of another runtime is accepted where both are known to give the same bits on the device.
+    """
     present = package_versions()
-    for package in ("ifrdem", "taichi"):
-        if record["versions"].get(package) != present[package]:
+    here, written = runtime.of_versions(present), runtime.of_versions(record["versions"])
+    own = ("ifrdem", record["versions"].get("ifrdem")), ("ifrdem", present["ifrdem"])
+    for before, now, same in (
+        (*own, own[0] == own[1]),
+        (written, here, runtime.have_same_bits(written, here, device)),
+    ):
+        if not same:
             raise InputError(
-                f"{path} was written by {package} {record['versions'].get(package)}, this is {present[package]}: a run "
-                "goes on to the bit with the same version only. Begin a new run from a stored frame: start.positions = "
-                '"NAME.h5"'
+                f"{path} was written by {' '.join(map(str, before))}, this is {' '.join(now)}: a run goes on to the "
+                f"bit with the same version only. {_remedy(*written) if now is here else ''}Begin a new run from a "
+                'stored frame: start.positions = "NAME.h5"'
             )
+
+
+def _remedy(name: str, version: str) -> str:
+    """What to do to resume with this version of a runtime."""
+    if name not in runtime.NAMES:
+        return ""
+    if runtime.version(name) == version:
+        return f"Resume with `--runtime {name}`. Or: "
+    return f"Resume with it: `pip install {name}=={version}`, `--runtime {name}`. Or: "

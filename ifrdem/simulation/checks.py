@@ -405,9 +405,11 @@ def _check_sheared(disks: Disks, box: Box, walls: Sequence[Wall]) -> None:
         )
 
 
-def check_forces(forces: Iterable[object]) -> None:
-    """Raise InputError unless all are forces, and none is only the base class, or a class itself."""
-    if not (forces := list(forces)):
+def check_forces(forces: object) -> None:
+    """Raise InputError unless it is a list of forces, none of them only the base class, or a class itself."""
+    if not isinstance(forces, Sequence) or isinstance(forces, str):
+        raise InputError(f"forces = {forces!r}: must be a list of forces, [force] for one")
+    if not forces:
         return
     from ..model.forces import Force  # imports Taichi, which is slow
 

@@ -306,12 +306,14 @@ class DSMC(ReadOnlyAttributes):
         return which.ravel()
 
     def _make_arrays(self, start: State, law: Any, table: NDArray[np.float64]) -> None:
-        from ..kernels import dsmc as kernels  # imports Taichi, which `backend.start` has set going
+        # They import the runtime, which `backend.start` has set going.
+        from ..kernels import dsmc as kernels
+        from ..kernels import language
+        from ..kernels.language import ti
         from ..kernels.signature import parameters_of
 
-        import taichi as ti  # isort: skip
-
         self._kernels: Any = kernels
+        self._language: Any = language
         self._parameters_of: Any = functools.cache(parameters_of)
         self._uses = Uses(collision_law=law)
         n, disks = self.disks.n, self.disks
@@ -326,14 +328,14 @@ class DSMC(ReadOnlyAttributes):
         self._hits_before: Any = ti.ndarray(ti.i32, (n,))
         self._first: Any = ti.ndarray(ti.i32, (n,))
         self._law: Any = ti.ndarray(real, table.shape)
-        self._law.from_numpy(table.astype(self._real))
+        self._language.from_numpy(self._law, table.astype(self._real))
         self._hits.fill(0)
         body = Named(np.empty((n, BODY.width), dtype=self._real), BODY)
         body.vx, body.vy, body.spin = *start.velocity.T, start.spin
         body.inverse_mass, body.radius, body.k, body.material = (
             1.0 / disks.mass, disks.radius, disks.k, disks.material
         )  # fmt: skip
-        self._disk.from_numpy(body.array)
+        self._language.from_numpy(self._disk, body.array)
         self._scale = np.zeros(SCALE.width, dtype=self._real)  # no velocity cut-off
         self._counter = np.zeros(DSMC_TABLES["counter"].width, dtype=np.int32)
         self._fastest = np.zeros(1, dtype=self._real)
@@ -359,7 +361,7 @@ class DSMC(ReadOnlyAttributes):
 
     def _record(self) -> NDArray[np.float64]:
         self._check_alive()
-        return np.asarray(self._disk.to_numpy(), dtype=np.float64)
+        return np.asarray(self._language.to_numpy(self._disk), dtype=np.float64)
 
     @property
     def velocity(self) -> NDArray[np.float64]:
@@ -376,7 +378,7 @@ class DSMC(ReadOnlyAttributes):
     @property
     def collisions_of_disks(self) -> NDArray[np.int32]:
         """Collisions that each disk has had, shape (n,)."""
-        return np.asarray(self._hits.to_numpy(), dtype=np.int32)
+        return np.asarray(self._language.to_numpy(self._hits), dtype=np.int32)
 
     def checkpoint(self) -> Checkpoint:
         """The present state. Another gas of the same disks, law, seed and drive that resumes it goes on bit by bit."""
@@ -401,8 +403,8 @@ class DSMC(ReadOnlyAttributes):
             )
         record = self._record()
         record[:, :2], record[:, 2] = state.velocity, state.spin
-        self._disk.from_numpy(np.ascontiguousarray(record, dtype=self._real))
-        self._hits.from_numpy(state.collisions_of_disks.astype(np.int32))
+        self._language.from_numpy(self._disk, np.ascontiguousarray(record, dtype=self._real))
+        self._language.from_numpy(self._hits, state.collisions_of_disks.astype(np.int32))
         self._set(
             collisions=int(np.sum(state.collisions_of_disks, dtype=np.int64)) // 2,
             time=state.time,

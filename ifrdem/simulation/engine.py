@@ -112,6 +112,17 @@ class EngineOptions:
             checked.integer("tile_disks", self.tile_disks, 1)
 
     @property
+    def recorded(self) -> list[str]:
+        """Those quantities of a state (`state.RECORDED`) that the engine keeps up to date."""
+        kept = {
+            "latest_collision": isinstance(self.collapse, ContactTime),
+            "last_partner": "partner" in self.record,
+            "angle": "angle" in self.record,
+            "dissipated": "disk_energy" in self.record,
+        }
+        return [name for name, there in kept.items() if there]
+
+    @property
     def velocity_cutoff(self) -> float:
         """Cut-off for kernels [length/time]; 0 without."""
         return self.collapse.speed if isinstance(self.collapse, VelocityCutoff) else 0.0
@@ -309,14 +320,14 @@ class Engine:
             from .ranks import RankDomain, RankWindows
 
             assert isinstance(self.kinds, DiskKinds)
-            uses = uses._replace(shared=True)
+            uses = uses.replace(shared=True)
             domain, windows = RankDomain(comm, self.disks_here, self.kinds), RankWindows
         self.arrays: DeviceArrays = DeviceArrays(self.kinds, box, self._law_table, given, rows, uses, domain)
         self.apply_gravity()
         self._released = False
         backend.register(self)
         if tracking is not None:
-            self.arrays.watched.from_numpy((tracking.rows > 0).astype(np.int32))
+            self.arrays.watch(tracking.rows > 0)
         self.arrays.clock.wall_speed = max((wall.most_speed for wall in self.walls), default=0.0)
         self.past: dict[str, Any] = {
             "wall_collisions": begin.wall_collisions, "latest_collision": begin.latest_collision,
@@ -467,7 +478,7 @@ class Engine:
     def switch_ledger(self, on: bool) -> None:
         """Go on without adding up what takes energy, or with it again: to time what the ledger costs."""
         with self.exclusive_update():
-            self.windows.switch(self.arrays.uses._replace(tallied=on))
+            self.windows.switch(self.arrays.uses.replace(tallied=on))
 
     # ------------------------------------------------------------------ changes between runs
 

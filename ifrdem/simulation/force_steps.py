@@ -1,6 +1,6 @@
 """Operator splitting: when each force acts, and what it did to the energy.
 
-Imports the kernels, and Taichi with them: import this module only after `backend.start`.
+Imports the kernels, and the runtime with them: import this module only after `backend.start`.
 
 Forces that act at one and the same time do so in the order given at every other such time and in the reverse order at
 those between. Forces that do not commute would else make an error of first order in the step: drag before kicks is
@@ -11,17 +11,17 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from taichi.lang.exception import TaichiCompilationError
 
-from ..errors import EngineError, InputError, counted
+from ..errors import EngineError, InputError
 from ..kernels.forces import LEVELS, kernels_of
+from ..kernels.language import CompilationError
+from ..model.custom_code import check_constants, check_signature, why_not_compiled
 from ..model.forces import OF_DISK, OF_STEP, Force
-from ..model.law import why_not_compiled
 from ..model.state import Disks
 from . import checks
 from .arrays import DeviceArrays
@@ -47,16 +47,13 @@ class ForceSteps:
     def __init__(
         self, forces: Sequence[Force], arrays: DeviceArrays, disks: Disks, seed: int, time: float
     ) -> None:
-        if isinstance(forces, Force):
-            raise InputError(f"forces = {forces!r}: must be a list of forces, [force] for one")
-        if not isinstance(forces, Iterable):
-            raise InputError(f"forces = {forces!r}: must be a list of forces")
+        checks.check_forces(forces)
         self.forces: tuple[Force, ...] = tuple(forces)
-        checks.check_forces(self.forces)
         for i, force in enumerate(self.forces):
             if force.totals and type(force).measure is Force.measure:
                 raise InputError(
-                    f"forces[{i}] = {force!r}: totals = {force.totals} needs a method measure too"
+                    f"forces[{i}] = {force!r}: totals = {force.totals} requires a static method measure(disk, step, p) "
+                    "that returns a ti.Vector of as many numbers"
                 )
             force.check(disks)
             _check_compiles(i, force)
@@ -142,21 +139,26 @@ class ForceSteps:
 
 
 def _check_compiles(i: int, force: Force) -> None:
-    """Compile a custom force by itself; InputError if Taichi cannot, such as for a parameter that it lacks."""
+    """Compile a custom force by itself; InputError if the runtime cannot, such as for a parameter that it lacks."""
     kind: Any = type(force)
     if kind.__module__ == Force.__module__:
         return
+    owner, functions = f"forces[{i}] = {kind.__name__}", [kind.act] + [kind.measure] * (force.totals > 0)
+    for function in functions:
+        check_signature(owner, function, ("disk", "step", "p"))
+    check_constants(owner, kind, "act", "measure")
     try:
         _kernels(kind)[2](np.ones(2), np.ones(len(force.parameters) + 1))
-    except TaichiCompilationError as error:
-        known = {"disk": OF_DISK, "step": OF_STEP, "parameters": force.parameters or ("no names",)}
+    except CompilationError as error:
+        of_step = (*OF_STEP, *["totals (in act)"] * (force.totals > 0))
+        returns = "act must return three numbers, vx, vy and spin"
         if force.totals:
-            known["in act, step also"] = ("totals",)
-        reason = why_not_compiled(error, known)
-        raise InputError(
-            f"forces[{i}] = {kind.__name__}: Taichi cannot compile its act or measure: {reason}; it has "
-            f"{counted(force.totals, 'total')}"
-        ) from error
+            returns += f", and measure a ti.Vector of length {force.totals}, as totals = {force.totals}"
+        owners = {"disk": OF_DISK, "step": of_step, "p": force.parameters}
+        reason = why_not_compiled(error, functions, owners, returns)
+        if not force.totals and "'totals'" in reason:
+            reason += "; totals require a class attribute totals (their number) and a static method measure"
+        raise InputError(f"{owner}: cannot compile it: {reason}") from error
 
 
 def _size(largest: NDArray[np.float64]) -> NDArray[np.int64]:

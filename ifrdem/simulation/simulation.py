@@ -18,6 +18,7 @@ from ..errors import InputError, SlowRunWarning
 from ..model import crush
 from ..model.box import Box, describe_sides
 from ..model.collapse import Collapse
+from ..model.custom_code import check_constants
 from ..model.gravity import RotatingGravity
 from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.law import (
@@ -193,7 +194,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         *,
         walls: Sequence[Wall] = (),
         gravity: tuple[float, float] | RotatingGravity = (0.0, 0.0),
-        forces: Sequence[Force] = (),
+        forces: Annotated[Sequence[Force], LATER] = (),
         collapse: Annotated[Collapse | None, LATER] = None,
         device: Annotated[Device | str | None, LATER] = None,
         record: Iterable[str] = (),
@@ -330,7 +331,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             self._tracking.laws = laws
 
     @validated
-    def set_forces(self, forces: Sequence[Force]) -> None:
+    def set_forces(self, forces: Annotated[Sequence[Force], LATER]) -> None:
         """Have other forces act from now on, instead of the present ones; an empty list for none.
 
         `energy_inputs` are then those of the new forces; `energy_input` still has what the old ones put in.
@@ -390,8 +391,6 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         state = State(
             present.position, velocity, present.spin if spin is None else spin, time=self.time  # type: ignore[arg-type]
         )  # fmt: skip
-        if state.n != present.n:
-            raise InputError(f"spin has {state.n} entries, there are {present.n} disks: they must agree")
         before = self.measure()
         if not self.comm.is_distributed:
             with self.comm:
@@ -657,8 +656,11 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     @property
     def state(self) -> State:
-        """A copy of the present state, in the order of the disks; of a distributed gas, that of this rank's slice."""
-        return self._engine.state()
+        """A copy of the present state, in the order of the disks; of a distributed gas, that of this rank's slice.
+
+        Quantities that are not recorded (`record`) raise InputError when used.
+        """
+        return self._engine.state().without_all_but(self._engine.options.recorded)
 
     @validated
     def run(
@@ -856,6 +858,10 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             if value is not None and not callable(value):
                 raise InputError(f"{name} = {value!r}: must be a function")
         self._stopping = False
+        kind: type[CollisionLaw] = type(self._laws[0][0])
+        check_constants(f"law {kind.__name__}", kind, "collide")
+        for i, force in enumerate(self.forces):
+            check_constants(f"forces[{i}] = {type(force).__name__}", type(force), "act", "measure")
         self._engine.check_duration(plan.end.time)
         if (comm := self.comm).size > 1:
             comm.require_equal(repr(plan), "the end of a run, its frames or its series")
@@ -991,8 +997,9 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
         def call_back() -> None:
             assert state is not None
+            shown = state.without_all_but(self._engine.options.recorded)
             for callback in frame_callbacks:
-                callback(state, measured)
+                callback(shown, measured)
 
         (self.comm.run_on_all if self.comm.is_distributed else self.comm.run_on_root)(call_back)
         self._stop_if_asked()

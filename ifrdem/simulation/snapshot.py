@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..kernels import layout as k
 from ..kernels.columns import named
+from ..kernels.language import from_numpy, to_numpy
 from ..model.gravity import RotatingGravity
 from ..model.state import COLUMNS
 from .tracking import Statistics
@@ -42,7 +43,7 @@ def fingerprint(engine: Engine) -> str:
         np.array(box.lengths), np.array(box.periodic),
         np.array([
             box.shear_rate, *gravity, options.velocity_cutoff, options.contact_time, options.resting_speed,
-        ]), a.law.to_numpy(),
+        ]), to_numpy(a.law),
         walls.array, repr([(wall.opens_at, wall.opens_after) for wall in engine.walls]),
         options.device.precision, options.device.name, options.seed, sorted(options.record),
         a.uses.collision_law.impulses.__qualname__,
@@ -132,7 +133,7 @@ def _restore(engine: Engine, found: Snapshot) -> None:
     a.divide((len(found["edge_x"]) - 1, len(found["edge_y"]) - 1), low, high)
     for axis, name in enumerate(("edge_x", "edge_y")):
         a.edges[axis] = found[name]
-        getattr(a, name).from_numpy(found[name])
+        from_numpy(getattr(a, name), found[name])
     a.single_tile = a.single_tile and a.tiles == 1
     a.grid.single_tile = int(a.single_tile)
     a.grid.part = 0

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.columns import TABLES, named
+from ..kernels.language import to_numpy
 
 if TYPE_CHECKING:
     from .arrays import DeviceArrays
@@ -30,7 +31,7 @@ class WindowLog:
     def take(self, arrays: DeviceArrays, count: int) -> None:
         """Add the first `count` rows of the arrays."""
         if count:
-            real, whole = (getattr(arrays, name).to_numpy()[:count] for name in (self._real, self._whole))
+            real, whole = (to_numpy(getattr(arrays, name))[:count] for name in (self._real, self._whole))
             self._parts.append((real, whole))
 
     def drop(self, tiles: NDArray[np.int32]) -> None:

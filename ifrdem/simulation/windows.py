@@ -17,6 +17,7 @@ from ..errors import EngineError, InelasticCollapse
 from ..kernels import layout as k
 from ..kernels.columns import TALLY, TOTAL, named
 from ..kernels.events import TOO_FAR
+from ..kernels.language import from_numpy, to_numpy
 from ..kernels.planner import plan_window, survey
 from ..kernels.windows import LEAST_HALO, run_windows, run_windows_on_gpu, verify
 from .arrays import SLACK, DeviceArrays
@@ -541,7 +542,7 @@ class Windows:
             if reach > most or a.counter.stuck:
                 self._whole_box()
                 break
-            self._drop(a.listed.to_numpy()[: self._bad])
+            self._drop(to_numpy(a.listed)[: self._bad])
             self._run_again(count)
             self._collect()
         self.statistics.run_again += bad
@@ -555,7 +556,7 @@ class Windows:
             except _Again:
                 self._clear_logs()
                 self._n_ghosts, count = 0, a.tiles
-                a.listed.from_numpy(np.arange(a.tiles, dtype=np.int32))
+                from_numpy(a.listed, np.arange(a.tiles, dtype=np.int32))
 
     def _drop(self, tiles: NDArray[np.int32]) -> None:
         """Forget what these tiles have written down."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, nearest
+from ..errors import InputError, nearest, option_name
 from ..trajectory.reader import Trajectory
 from ..trajectory.tables import PER_DISK, QUANTITIES, at_equal_collisions
 from .results import Results
@@ -76,9 +76,9 @@ def draw(results: Results, what: str, over: str | None = None, by: str | None = 
     rows = mean.dims[len(swept) :]
     x, curve = _x(results, over, mean.dims), None
     if swept and (left := [dim for dim in swept if dim != x]):
-        curve = _dim(results, "--by", by, left) if by is not None else left[0]
+        curve = _dim(results, option_name("--by", "by ="), by, left) if by is not None else left[0]
     elif by is not None:
-        raise InputError(f"--by {by}: no dimension is left for curves")
+        raise InputError(f"{option_name('--by', 'by =')} {by}: no dimension is left for curves")
     panels = [dim for dim in swept if dim not in (x, curve)]
     wanted = list(itertools.product(*(range(len(results.values(dim))) for dim in panels)))
     if len(wanted) > MOST_PANELS:
@@ -117,7 +117,7 @@ def _x(results: Results, over: str | None, dims: tuple[str, ...]) -> str:
     name = SHORT.get(over, over)
     if name in dims or (name in ("time", PER_DISK) and f"{name}_mean" in results.variables and rows):
         return name
-    return _dim(results, "--over", over, [*dims, *(["time"] if rows else [])])
+    return _dim(results, option_name("--over", "over ="), over, [*dims, *(["time"] if rows else [])])
 
 
 def _dim(results: Results, option: str, given: str, allowed: Sequence[str]) -> str:

@@ -22,7 +22,7 @@ from ..case import file as case_file
 from ..case import shipped
 from ..case.case import CaseSections
 from ..case.estimate import LEDGER, OBSERVABLES
-from ..errors import InputError, listed, nearest
+from ..errors import InputError, listed, nearest, option_name
 from ..tools.versions import __version__
 from .task import OverTime, PerFrame, Task
 
@@ -32,9 +32,9 @@ MOST_RUNS = 100_000
 MOST_FRAMES = 2000
 """Frames of a run that the times of analyses may need."""
 FIXED = {
-    "run.seed": "--seeds, or [ensemble] seeds, varies it",
+    "run.seed": "the seeds of the study ([ensemble] seeds) vary it",
     "run.name": "runs of a study are named by themselves",
-    "run.threads": "the results do not depend on it; --workers says how many runs go side by side",
+    "run.threads": "the results do not depend on it; the number of workers says how many runs go side by side",
     "run.units": "one study has one system of units",
     "run.t_end": "every run has the same end: a longer run holds the shorter ones",
     "run.collisions_per_disk": "every run has the same end: a longer run holds the shorter ones",
@@ -239,7 +239,7 @@ class Plan:
                 good[point] = file.case  # without its arrays, of which there may be many
             except InputError as error:
                 for line in str(error).replace(" [set on the command line]", "").splitlines():
-                    line = line.removeprefix(f"{self.path}: ").removeprefix("--set ")
+                    line = line.removeprefix(f"{self.path}: ").removeprefix("--set ").removeprefix("set: ")
                     wrong.setdefault(line, []).append(self.label(point))
         of_all = 0 if good else math.prod(self.shape[:-1])
         problems = []
@@ -315,9 +315,9 @@ def axis_of(text: str) -> dict[str, Any]:
         key, equals, values = (each.strip() for each in part.partition("="))
         if not (key and equals and values):
             such = "such as material[0].e_n=0.7,0.8,0.9 or material[0].mu=0.1:0.5:5"
-            raise InputError(f"--vary {text}: must be KEY=VALUES, {such}")
+            raise InputError(f"{option_name('--vary', 'vary:')} {text}: must be KEY=VALUES, {such}")
         if key in found:
-            raise InputError(f"--vary {text}: {key} is there twice")
+            raise InputError(f"{option_name('--vary', 'vary:')} {text}: {key} is there twice")
         number = r"[-+\d.eE_]+"
         if match := re.fullmatch(rf"({number}):({number}):(\d+)(?::(linear|log))?", values):
             start, to = (_toml(each, each) for each in match.group(1, 2))

@@ -18,7 +18,7 @@ from ..case import summary
 from ..case.estimate import RunEstimate
 from ..case.gas import CaseGas
 from ..case.objects import device_of
-from ..errors import DamageError, DamageWarning, InputError, listed
+from ..errors import DamageError, DamageWarning, InputError, listed, option_name
 from ..runs.signals import Stopped, Stops
 from ..runs.status import Status
 from ..simulation import backend
@@ -126,7 +126,7 @@ class Study:
         """
         good, wrong = self._checked_cases
         if wrong and not (keep_going and good):
-            more = "" if not good else "\n--keep-going runs the other points"
+            more = f"\n{option_name('--keep-going', 'keep_going=True')} runs the other points" if good else ""
             raise InputError(listed([f"{self.plan.path}: {line}" for line in wrong]) + more)
         check_files([self.output], force=True)
         if self.output.exists():
@@ -136,7 +136,9 @@ class Study:
                 more = f"delete it, and it is made again from the runs in {self.folder}"
                 raise InputError(f"{error}; {more}") from error
         if self.folder.exists() and not self.folder.is_dir():
-            raise InputError(f"{self.folder}: is not a folder; runs are kept there: choose another -o")
+            raise InputError(
+                f"{self.folder}: is not a folder; runs are kept there: choose another {option_name('-o', 'output')}"
+            )
         cluster = self._cluster(workers, scheduler)
         if cluster.scheduler is None and cluster.kind is None:
             for case in {each.run.device: each for each in good.values()}.values():
@@ -149,7 +151,8 @@ class Study:
         if needed > MOST_OF_DISK * free:
             raise InputError(
                 f"{self.output}: the study needs some {summary.size(needed)}, and {summary.size(free)} are free in "
-                f"{self.output.parent.resolve()}: use fewer rows, seeds or points, or another disk (-o)"
+                f"{self.output.parent.resolve()}: use fewer rows, seeds or points, or another disk "
+                f"({option_name('-o', 'output')})"
             )
         return wrong
 
@@ -384,7 +387,8 @@ class Study:
     def _cluster(self, workers: int | None, scheduler: str | None) -> ClusterSection:
         """Place of the runs, by the file and by what is asked for here."""
         if workers is not None and scheduler is not None:
-            raise InputError("--workers: cannot be combined with --scheduler, which has its own workers")
+            names = option_name("--workers", "workers"), option_name("--scheduler", "scheduler")
+            raise InputError(f"{names[0]}: cannot be combined with {names[1]}, which has its own workers")
         if workers is None and scheduler is None:
             return self.plan.cluster
         return ClusterSection(workers=workers, scheduler=scheduler)

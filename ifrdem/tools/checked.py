@@ -236,6 +236,18 @@ class Instance:
         return value
 
 
+@dataclass(frozen=True)
+class PathOfFile:
+    """Check of a path: a text or an `os.PathLike`, not empty and without NUL."""
+
+    needed: str = "a text or a path, not empty and without NUL characters"
+
+    def __call__(self, name: str, value: Any) -> Any:
+        if not isinstance(value, str | os.PathLike) or not (text := os.fspath(value)) or "\0" in str(text):
+            raise must_be(name, value, self.needed)
+        return value
+
+
 _NAMES: dict[type, str] = {str: "text", os.PathLike: "path", Callable: "function"}  # type: ignore[dict-item]
 
 
@@ -363,7 +375,7 @@ def instance(name: str, value: Any, kind: type) -> None:
 
 def path(name: str, value: Any) -> Path:
     """The path of a file."""
-    return Path(Instance((str, os.PathLike))(name, value))
+    return Path(PathOfFile()(name, value))
 
 
 def array(name: str, value: Any, shape: tuple[int, ...] | None = None) -> Array:
@@ -470,7 +482,11 @@ def check_of(annotation: Any) -> Check | None:
         checks = tuple(one for one in some if one is not None)
         kinds = [one.kinds for one in checks if isinstance(one, Instance)]
         if len(kinds) == len(checks):
-            checks = (Instance(tuple(itertools.chain(*kinds))),)
+            together = tuple(itertools.chain(*kinds))
+            checks = (Instance(together),)
+            if {str, os.PathLike} <= {*together}:
+                others = tuple(kind for kind in together if kind not in (str, os.PathLike))
+                checks = (PathOfFile(), *[Instance(others)] * bool(others))
         found = checks[0] if len(checks) == 1 else AnyOf(checks)
         return Optional(found) if type(None) in parts else found
     if origin in (Sequence, tuple, list, Iterable):
@@ -489,6 +505,10 @@ def check_of(annotation: Any) -> Check | None:
 F = TypeVar("F", bound=Callable[..., Any])
 
 
+VALIDATED: list[Callable[..., Any]] = []
+"""Functions whose arguments are checked."""
+
+
 def validated(function: F) -> F:
     """Check the arguments of a function, or of a class when it is made, by their annotations.
 
@@ -499,6 +519,7 @@ def validated(function: F) -> F:
     if isinstance(function, type):
         function.__init__ = validated(function.__init__)  # type: ignore[misc]
         return function
+    VALIDATED.append(function)
     by_name: dict[str, Check] = {}
     in_order: list[tuple[int, str, Check]] = []
 
@@ -509,7 +530,8 @@ def validated(function: F) -> F:
 
     def read() -> None:
         """Read the annotations, at the first call: the module may define their names further below."""
-        # Classes that only type checkers import are not checked here, but by the function itself.
+        # Classes that only type checkers import are not checked here, but by the function itself. That all other names
+        # are there is a test.
         only_types = collections.defaultdict(lambda: Any)  # type: ignore[var-annotated]
         names = collections.ChainMap(function.__globals__, vars(builtins), only_types)
         for i, one in enumerate(inspect.signature(function).parameters.values()):

@@ -8,11 +8,12 @@ import json
 import os
 import platform
 import secrets
+import shlex
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from ..errors import InputError, printable, refuse
+from ..errors import InputError, option_name, printable, refuse
 
 try:
     import fcntl
@@ -182,12 +183,13 @@ def replacing(path: Path) -> Iterator[Path]:
         new.unlink(missing_ok=True)
 
 
-def check_apart(path: Path, trajectory: Path, option: str = "-o") -> None:
+def check_apart(path: Path, trajectory: Path, option: str | None = None) -> None:
     """Refuse an output that would replace the trajectory that it is made of.
 
     Raises InputError if both are one file.
     """
     if path.exists() and path.samefile(trajectory):
+        option = option or option_name("-o", "another output")
         raise InputError(f"output {path}: is the trajectory itself; {option} writes elsewhere")
 
 
@@ -198,20 +200,26 @@ def _checkpoint_in_use(path: Path) -> str | None:
     return being_written(path.with_name(path.name.removesuffix(CHECKPOINT) + ".h5"))
 
 
-def check_files(paths: Sequence[Path], *, force: bool, elsewhere: str = "-o writes elsewhere") -> None:
+def check_files(paths: Sequence[Path], *, force: bool, elsewhere: str | None = None) -> None:
     """Refuse files that exist (unless `force`), that a process is writing, or that cannot be written.
 
     Raises InputError with a line for each thing that is wrong; `elsewhere` says how to choose another place. Nothing is
     left behind.
     """
     wrong = []
+    elsewhere = elsewhere or option_name("-o writes elsewhere", "another output writes elsewhere")
+    replaces = option_name("--force replaces it", "force=True replaces it")
     for path in paths:
         if special := not_a_file(path):
             wrong.append(special)
         elif use := being_written(path) or _checkpoint_in_use(path):
             wrong.append(f"output {path}: {use}: wait for it or stop it first; {elsewhere}")
         elif path.exists() and not force:
-            wrong.append(f"output {path}: exists already; --force replaces it, {elsewhere}")
+            if path.suffix == ".h5" and checkpoint_of(path).exists():
+                resumes = f"`ifrdem resume {shlex.quote(str(path))}` continues it"
+                wrong.append(f"output {path}: holds an interrupted run: {resumes}; {replaces}, {elsewhere}")
+            else:
+                wrong.append(f"output {path}: exists already; {replaces}, {elsewhere}")
     for folder in dict.fromkeys(path.parent for path in paths):
         if not folder.exists():
             wrong.append(f"output folder {folder}: does not exist")

@@ -8,17 +8,23 @@ import platform
 import subprocess
 from pathlib import Path
 
+from ..kernels import runtime
+
 __version__ = "0.1.0"
 
 
-@functools.cache
 def package_versions() -> dict[str, str]:
-    """Versions of Python, this package, Taichi, NumPy and h5py; imports none of them."""
+    """Versions of Python, this package, the runtime of kernels (by its name), NumPy and h5py; imports none of them."""
+    return dict(_versions(runtime.chosen()))
+
+
+@functools.cache
+def _versions(of_kernels: str) -> dict[str, str]:
     versions = {"python": platform.python_version(), "ifrdem": __version__}
-    for package in ("taichi", "numpy", "h5py"):
+    for package in (of_kernels, "numpy", "h5py"):
         try:
             versions[package] = importlib.metadata.version(package)
-        except importlib.metadata.PackageNotFoundError:  # a trajectory can be written without Taichi
+        except importlib.metadata.PackageNotFoundError:  # a trajectory can be written without a runtime
             versions[package] = "not installed"
     return versions
 

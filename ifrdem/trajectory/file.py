@@ -11,7 +11,7 @@ from pathlib import Path
 
 import h5py
 
-from ..errors import InputError, TrajectoryError, refuse
+from ..errors import InputError, TrajectoryError, option_name, refuse
 from ..tools import files
 
 _SUPERBLOCK = b"\x89HDF\r\n\x1a\n"
@@ -216,7 +216,9 @@ class OutputFile:
         if (replaces := os.path.exists(path)) and not os.path.isfile(path):
             raise InputError(f"{name} is not a regular file")
         if replaces and not force:
-            raise InputError(f"{name} exists: choose another name, or replace it (--force)")
+            raise InputError(
+                f"{name} exists: choose another name, or replace it ({option_name('--force', 'force=True')})"
+            )
         held = None
         try:
             held = files.Hold(path) if replaces else None

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError, TrajectoryError
+from ..errors import InputError, TrajectoryError, option_name
 from ..model.box import Box
 from ..model.state import Disks, State
 from ..mpi import Communicator, current
@@ -116,7 +116,8 @@ class PartsWriter:
                 part_files.remove(output_path)
             folder = part_files.folder_of(output_path)
             if there := part_files.existing(output_path):
-                raise InputError(f"output {there[0]} exists: choose another name, or replace it (--force)")
+                how = option_name("--force", "force=True")
+                raise InputError(f"output {there[0]} exists: choose another name, or replace it ({how})")
             try:
                 folder.mkdir(exist_ok=True)
             except OSError as error:

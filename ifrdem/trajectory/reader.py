@@ -99,11 +99,6 @@ class Frame(ReadOnlyAttributes, DisksRepr):
     def __getattr__(self, name: str) -> NDArray[Any]:
         if name.startswith("_"):
             raise AttributeError(name)
-        if name not in self.trajectory.fields:
-            try:
-                self.trajectory.require(name)
-            except NameMissing as error:
-                raise AttributeMissing(str(error)) from None
         return self.field(name)
 
     def __dir__(self) -> list[str]:
@@ -113,9 +108,13 @@ class Frame(ReadOnlyAttributes, DisksRepr):
     def field(self, name: str) -> NDArray[Any]:
         """A stored field by its name in the file, shape (n,) or (n, 2).
 
-        Raises InputError if the file does not hold it (also a KeyError), or it cannot be read (`DamageError`).
+        Raises InputError if the file does not hold it (also a KeyError and an AttributeError, so that `hasattr` works),
+        or it cannot be read (`DamageError`).
         """
-        value = self.trajectory.read(name, self.index)
+        try:
+            value = self.trajectory.read(name, self.index)
+        except NameMissing as error:
+            raise AttributeMissing(str(error)) from None
         return value.astype(np.float64) if value.dtype.kind == "f" else value
 
     @property

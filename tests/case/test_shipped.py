@@ -40,7 +40,7 @@ def test_every_shipped_case_is_in_order_and_named_like_its_file(name: str) -> No
 def test_listing_imports_nothing_heavy() -> None:
     code = (
         "import sys; from ifrdem.cli import main as cli; cli.main(['cases']); "
-        "print(sorted(m for m in ('taichi', 'matplotlib', 'h5py', 'scipy') if m in sys.modules))"
+        "print(sorted(m for m in ('taichi', 'quadrants', 'matplotlib', 'h5py', 'scipy') if m in sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stdout.splitlines()[-1] == "[]"

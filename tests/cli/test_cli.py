@@ -18,8 +18,8 @@ import pytest
 
 import ifrdem
 from ifrdem.case.gas import CaseGas
-from ifrdem.cli.main import main
-from ifrdem.errors import EngineError, TrajectoryError
+from ifrdem.cli.main import app, main
+from ifrdem.errors import EngineError, InputError, TrajectoryError
 from ifrdem.model.observables import Measure
 from ifrdem.model.state import State
 from ifrdem.runs.recorder import Recorder
@@ -87,7 +87,8 @@ def test_help_and_version_start_nothing_heavy() -> None:
         "import sys\n"
         "from ifrdem.cli.main import main\n"
         "assert main([sys.argv[1]]) == 0\n"
-        "heavy = {'taichi', 'numpy', 'h5py', 'pydantic', 'matplotlib', 'scipy', 'tqdm'} & set(sys.modules)\n"
+        "heavy = {'taichi', 'quadrants', 'numpy', 'h5py', 'pydantic', 'matplotlib', 'scipy', 'tqdm'}\n"
+        "heavy &= set(sys.modules)\n"
         "assert not heavy, heavy\n"
     )
     for option, shown in (("--help", "Run a case"), ("--version", f"ifrdem {ifrdem.__version__}")):
@@ -98,10 +99,10 @@ def test_help_and_version_start_nothing_heavy() -> None:
         assert shown in done.stdout
 
 
-def test_checking_a_case_does_not_import_taichi(folder: Path) -> None:
+def test_checking_a_case_does_not_import_the_runtime(folder: Path) -> None:
     code = (
         "import sys\nfrom ifrdem.cli.main import main\n"
-        "assert main(['check', sys.argv[1]]) == 0\nassert 'taichi' not in sys.modules\n"
+        "assert main(['check', sys.argv[1]]) == 0\nassert not {'taichi', 'quadrants'} & set(sys.modules)\n"
     )
     done = subprocess.run(
         [sys.executable, "-c", code, str(folder / "tiny.toml")],
@@ -141,7 +142,7 @@ def test_module_can_be_run_and_a_wrong_case_ends_with_status_2(folder: Path) -> 
         (["run", "tiny.toml", "--sed", "3"], r"unknown option --sed \(did you mean '--seed'\?\)"),
         (["run", "tiny.toml", "more"], "unexpected argument 'more'"),
         (["new", "coolin"], r"no template or shipped case is called 'coolin' \(did you mean 'cooling'\?\)"),
-        (["new", "cooling", "-o", ""], "-o: an empty text is no file"),
+        (["new", "cooling", "-o", ""], "-o '': must be a text, not empty"),
         (["new", "cooling", "-o", "nowhere/a.toml"], "output folder nowhere: does not exist"),
         (["new", "cooling", "-o", "tiny.toml"], "exists already"),
         (["info", "no.h5"], "no such file"),
@@ -154,6 +155,24 @@ def test_command_that_cannot_be_understood_is_refused(
     arguments: list[str], says: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert re.search(says, refused(arguments, folder, capsys))
+
+
+COMMANDS = [name for name in app if not name.startswith("-")]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_an_empty_text_or_a_nul_character_is_refused_for_every_argument_and_option(
+    command: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = [name for each in app[command].assemble_argument_collection() for name in each.names]
+    options = [name for name in options if name.startswith("-")]
+    for text in ("", "a\0b"):
+        assert repr(text) in refused([command, text], folder, capsys)
+        for name in options:
+            assert f"{name} {text!r}: must be" in refused([command, "tiny.toml", name, text], folder, capsys)
+            if name.startswith("--"):
+                shown = refused([command, "tiny.toml", f"{name}={text}"], folder, capsys)
+                assert f"{name} {text!r}: must be" in shown
 
 
 def test_new_writes_a_template_that_check_likes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -283,6 +302,18 @@ def test_existing_outputs_are_refused_before_any_work(
         f"ifrdem: output {name}: exists already; --force replaces it, -o writes elsewhere"
         for name in existing
     ]
+
+
+def test_a_rerun_over_an_interrupted_run_names_resume_first(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("tiny.h5", "tiny.checkpoint.h5"):
+        (folder / name).write_text("precious", encoding="utf-8")
+    message = refused(["run", "tiny.toml"], folder, capsys)
+    assert message.index("`ifrdem resume tiny.h5`") < message.index("--force replaces it")
+    with pytest.raises(InputError, match=r"`ifrdem resume tiny.h5` continues it; force=True replaces it"):
+        ifrdem.run("tiny.toml")
+    assert (folder / "tiny.h5").read_text(encoding="utf-8") == "precious"
 
 
 def test_refused_run_with_force_keeps_the_old_files(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -551,7 +582,8 @@ def test_a_place_that_is_no_place_and_a_file_larger_than_the_disk_are_refused(
     monkeypatch.chdir(tmp_path)
     case = str(Path(__file__).parents[2] / "cases" / "cooling.toml")
     for arguments, message in (
-        (["-o", ""], "-o: an empty text is no path"),
+        (["-o", ""], "-o '': must be a text, not empty"),
+        (["-o", " "], "-o ' ': must be a folder, or the path of files"),
         (["-o", os.devnull], "must be a folder, or the path of files"),
         (["--set", "output.frames=10000000"], "output: the trajectory requires about"),
     ):

@@ -161,7 +161,7 @@ def test_help_and_refusals_start_no_heavy_import(folder: Path) -> None:
     code = (
         "import sys\nfrom ifrdem.cli.main import main\n"
         "status = main(['fit', *sys.argv[1:]])\n"
-        "assert not {'taichi', 'scipy', 'matplotlib'} & set(sys.modules)\nsys.exit(status)\n"
+        "assert not {'taichi', 'quadrants', 'scipy', 'matplotlib'} & set(sys.modules)\nsys.exit(status)\n"
     )
     for arguments, status in ((["--help"], 0), (["data.csv", "--M", "0"], 2)):
         done = subprocess.run(

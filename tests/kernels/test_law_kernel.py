@@ -3,8 +3,8 @@
 
 import numpy as np
 import pytest
-import taichi as ti
 
+from ifrdem.kernels.language import ti
 from ifrdem.kernels.law import collide_pair
 from ifrdem.simulation import backend
 

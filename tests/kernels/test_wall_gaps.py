@@ -82,8 +82,9 @@ def flying(name: str, wall: Wall, n: int = 60) -> Array:
 def of_kernel(name: str, wall: Wall, disks: Array, times: Array) -> tuple[Array, Array]:
     """What `support.kernels.gaps.gaps` finds, shape (disks, times, 6), and the roots."""
     backend.start("cpu")
-    import taichi as ti
     from support.kernels.gaps import gaps
+
+    from ifrdem.kernels.language import ti
 
     rows = wall.rows()
     rows = rows[named(rows, "walls").kind == PIECES.index(name)][:1]

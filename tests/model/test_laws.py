@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 import ifrdem
 from ifrdem import InputError, laws, theory
-from ifrdem.model.law import FromKernels
+from ifrdem.model.custom_code import FromKernels
 
 VISCOELASTIC = laws.Viscoelastic.of_restitution(0.9, g_n=1.0, mass=1.0, radius=0.5, e_t=-0.9, mu=0.2)
 WALTON = laws.Walton(e_n=0.9, beta_0=0.4, mu=0.2)

@@ -137,7 +137,7 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "class for a force": (
         lambda: gas(forces=[forces.Langevin]), r"forces\[0\] = <class '.*Langevin'>: must be an object of a class",
     ),
-    "number for forces": (lambda: gas(forces=5), "forces = 5: must be a sequence"),
+    "number for forces": (lambda: gas(forces=5), "forces = 5: must be a list of forces"),
     "text for an end": (lambda: gas().collide_until("soon"), "t_end = 'soon': must be a finite time"),
     "number for a checkpoint": (lambda: gas().load_checkpoint(5), "path = 5: must be a text or a path"),
     "text for radii": (lambda: Box.from_packing_fraction("a", 0.5), r"radius = 'a': must be an array"),
@@ -189,6 +189,7 @@ class Spring(forces.Force):
 
 class Own(CollisionLaw):
     coefficients = ("e",)
+    note: str
 
     @staticmethod
     def collide(pair, law):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -49,6 +50,32 @@ def test_python_and_the_command_line_run_the_same(tmp_path: Path, monkeypatch: p
     gas.run(collisions_per_disk=3.0)
     with ifrdem.Trajectory("cli.h5") as cli:
         np.testing.assert_array_equal(gas.state.velocity, cli[-1].velocity)
+
+
+@pytest.mark.parametrize(
+    ("output", "changes", "message"),
+    [
+        (
+            "there.h5",
+            {},
+            r"output there.h5: exists already; force=True replaces it, another output writes elsewhere",
+        ),
+        ("", {}, "output = '': must be a text or a path, not empty"),
+        ("a\0b", {}, r"output = 'a\\x00b': must be a text or a path, not empty"),
+        (os.devnull, {}, f"output = '{os.devnull}': must be a folder, or the path of files"),
+        ("new.h5", ["run.seed"], "set: run.seed: must be KEY=VALUE"),
+        ("new.h5", {"material[3].e_n": 0.5}, r"set: material.3..e_n=0.5: material has \d entries"),
+    ],
+)
+def test_messages_of_python_calls_name_arguments_of_python(
+    output: str, changes: Any, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("there.h5").write_text("precious", encoding="utf-8")
+    with pytest.raises(ifrdem.InputError, match=message) as raised:
+        ifrdem.run("elastic", output, set=changes, picture=False)
+    assert "--" not in str(raised.value)
+    assert [each.name for each in tmp_path.iterdir()] == ["there.h5"]
 
 
 @pytest.mark.parametrize("name", shipped.names())

@@ -14,6 +14,7 @@ import pytest
 
 from ifrdem import Device
 from ifrdem.errors import InputError
+from ifrdem.kernels import runtime
 from ifrdem.simulation import backend
 
 
@@ -43,7 +44,7 @@ def test_an_absent_gpu_is_refused_and_not_replaced_by_the_cpu() -> None:
 
 
 def test_starting_again_with_the_same_settings_keeps_what_runs() -> None:
-    import taichi as ti
+    from ifrdem.kernels.language import ti
 
     running = backend.start("cpu")
     program = ti.lang.impl.get_runtime().prog
@@ -53,7 +54,7 @@ def test_starting_again_with_the_same_settings_keeps_what_runs() -> None:
 
 @pytest.mark.parametrize("precision", ["f32", "f64"])
 def test_precision_is_the_type_of_real_numbers(precision: str) -> None:
-    import taichi as ti
+    from ifrdem.kernels.language import ti
 
     try:
         assert backend.start(Device("cpu", precision=precision)).precision == precision
@@ -77,10 +78,10 @@ def test_memory_that_is_available_is_no_more_than_there_is() -> None:
 
 def test_neither_the_environment_nor_an_unwritable_cache_changes_what_runs() -> None:
     code = (
-        "from ifrdem.simulation import backend; backend.start('cpu'); import taichi as ti; "
+        "from ifrdem.simulation import backend; backend.start('cpu'); from ifrdem.kernels.language import ti; "
         "assert ti.cfg.arch == ti.cpu, ti.cfg.arch"
     )
-    environment = {**os.environ, "TI_ARCH": "vulkan", "TI_OFFLINE_CACHE_FILE_PATH": "/proc/1/nowhere"}
+    environment = {**os.environ, runtime.variable("ARCH"): "vulkan", CACHE: "/proc/1/nowhere"}
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, env=environment
     )
@@ -95,9 +96,9 @@ def test_starting_says_nothing_on_stdout() -> None:
     assert done.stdout == ""
 
 
-def test_arrays_of_a_taichi_that_ended_take_none_of_the_next_with_them() -> None:
-    # Taichi knows an array by its address: without `free_array` some of the new arrays here are freed with the old.
-    import taichi as ti
+def test_arrays_of_a_runtime_that_ended_take_none_of_the_next_with_them() -> None:
+    # The runtime knows arrays by their addresses: without `free_array` some of the new ones are freed with the old.
+    from ifrdem.kernels.language import ti
 
     backend.start("cpu")
     for _ in range(3):
@@ -113,6 +114,7 @@ def test_arrays_of_a_taichi_that_ended_take_none_of_the_next_with_them() -> None
     backend.stop()
 
 
+CACHE = runtime.variable("OFFLINE_CACHE_FILE_PATH")
 DRIVER = """
 int cuInit(unsigned flags) { return %d; }
 int cuDeviceGetCount(int *count) { *count = 0; return 0; }
@@ -125,13 +127,14 @@ int cuDeviceGetCount(int *count) { *count = 0; return 0; }
     [
         ("libcuda.so", 100, "finds no device that works (cuInit gives error 100)"),
         ("libcuda.so", 0, "has no device (CUDA_VISIBLE_DEVICES = 7)"),
-        ("libcuda.so.1", 0, "libcuda.so.1 only, and Taichi opens libcuda.so"),
+        ("libcuda.so.1", 0, "libcuda.so.1 only, and {runtime} opens libcuda.so"),
     ],
 )
 def test_a_driver_without_a_device_is_told_and_no_device(
     library: str, error: int, says: str, tmp_path: Path
 ) -> None:
     """Error 100 is CUDA_ERROR_NO_DEVICE, what a driver says where no GPU was handed to a container or a job."""
+    says = says.format(runtime=runtime.chosen())
     (tmp_path / "driver.c").write_text(DRIVER % error)
     subprocess.run(["cc", "-shared", "-fPIC", "-o", library, "driver.c"], cwd=tmp_path, check=True)
     environment = {**os.environ, "LD_LIBRARY_PATH": str(tmp_path), "CUDA_VISIBLE_DEVICES": "7"}
@@ -145,6 +148,7 @@ def test_a_driver_without_a_device_is_told_and_no_device(
     assert says in listed
     assert [line.split()[0] for line in listed.splitlines() if "not usable" not in line] == [
         "cpu",
+        "runtime",
         "pybullet",
     ]
     started = run("from ifrdem.simulation import backend; backend.start('cuda')")
@@ -195,13 +199,13 @@ def test_a_gpu_cannot_be_chosen_after_the_driver_was_asked(monkeypatch: pytest.M
 
 
 @pytest.mark.parametrize("cache", [True, False])
-def test_taichi_runs_without_a_home(tmp_path: Path, cache: bool) -> None:
+def test_the_runtime_starts_without_a_home(tmp_path: Path, cache: bool) -> None:
     """Taichi itself aborts then; batch systems and containers may leave HOME out."""
     code = "from ifrdem.simulation import backend; backend.start(backend.Device('cpu', threads=1)); print('runs')"
     environment = {key: value for key, value in os.environ.items() if key != "HOME"}
-    environment.pop("TI_OFFLINE_CACHE_FILE_PATH", None)
+    environment.pop(CACHE, None)
     if cache:
-        environment["TI_OFFLINE_CACHE_FILE_PATH"] = str(tmp_path)
+        environment[CACHE] = str(tmp_path)
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, "runs\n"), done.stderr
 
@@ -215,11 +219,14 @@ def test_a_cache_that_cannot_be_written_is_reported_once(tmp_path: Path) -> None
         "print([name for name in os.listdir(tempfile.gettempdir()) if name.startswith('ifrdem-kernels-')])\n"
     )
     environment = {**os.environ, "HOME": "/proc", "TMPDIR": str(tmp_path)}
-    environment.pop("TI_OFFLINE_CACHE_FILE_PATH", None)
+    environment.pop(CACHE, None)
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert done.stderr.count("kernel cache /proc/.cache/taichi/ticache: cannot be written to") == 1
-    assert "set TI_OFFLINE_CACHE_FILE_PATH to a folder" in done.stderr
+    assert (
+        done.stderr.count(f"kernel cache /proc/.cache/{runtime.chosen()}/{runtime.cache_name()}: cannot be")
+        == 1
+    )
+    assert f"set {CACHE} to a folder" in done.stderr
     assert len(ast.literal_eval(done.stdout)) == 1  # all in one folder, which is gone at the end
     assert not list(tmp_path.iterdir())
 
@@ -227,9 +234,10 @@ def test_a_cache_that_cannot_be_written_is_reported_once(tmp_path: Path) -> None
 def test_a_lock_of_a_killed_process_leaves_the_kernel_cache_at_a_start(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With a lock there, Taichi neither reads nor writes its cache; one of a minute ago is nobody's any more."""
-    monkeypatch.setenv("TI_OFFLINE_CACHE_FILE_PATH", str(tmp_path))
-    lock = tmp_path / "ticache.lock"
+    """With a lock there, the runtime neither reads nor writes its cache; one of a minute ago is nobody's any more."""
+    monkeypatch.setenv(CACHE, str(tmp_path))
+    lock = tmp_path / runtime.cache_lock()
+    lock.parent.mkdir(exist_ok=True)
     lock.touch()
     backend.stop()
     backend.start("cpu")

@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-import taichi as ti
 
 import ifrdem
-from ifrdem import Device, InputError, theory
+from ifrdem import Device, InputError, theory, ti
 from ifrdem.runs.run import _mechanisms
 
 DISKS = ifrdem.Disks(2, mass=1.0, radius=0.5)
@@ -47,8 +46,8 @@ class ReadsOne(ifrdem.CollisionLaw):
 
 @pytest.mark.parametrize(
     ("law", "message"),
-    [(ReadsTwo(e_n=0.5), r"law has e_n; pair has"),
-     (ReadsOne(), "law has no coefficients; pair has")],
+    [(ReadsTwo(e_n=0.5), r"law has e_n$"),
+     (ReadsOne(), "law has no names$")],
 )  # fmt: skip
 def test_a_coefficient_that_a_law_has_not_is_refused(law: ifrdem.CollisionLaw, message: str) -> None:
     """Taichi's compiler aborts the process at the first; the second read a 0."""
@@ -98,32 +97,31 @@ def mass_alone(disk, step, p):
 WRONG_FORCES: dict[str, tuple[Any, dict[str, float], str]] = {
     "misspelt parameter": (
         force(misspelt_parameter, names=("rate", "b")), {"rate": 1.0, "b": 2.0},
-        r"there is no 'rat' \(did you mean 'rate'\?\); .*; parameters has rate, b",
+        r"line \d+, in \w+: .*there is no 'rat' \(did you mean 'rate'\?\); p has rate, b$",
     ),
     "parameter without names": (
-        force(misspelt_parameter), {}, "there is no 'rat'; .*; parameters has no names"
+        force(misspelt_parameter), {}, "there is no 'rat'; p has no names$"
     ),
     "parameter by number": (
         force(second_parameter, names=("rate",)), {"rate": 1.0},
-        r"\[1\]: must be a name after a dot; .*; parameters has rate",
+        r"\[1\]: must be a name after a dot; .*; p has rate$",
     ),
-    "no totals": (force(any_total), {}, "there is no 'totals'; disk has .*; it has 0 totals"),
+    "no totals": (force(any_total), {}, "there is no 'totals'; step has time, .*; totals require a class attribute"),
     "second of one total": (
-        force(second_total, mass_alone, 1), {}, "index 1 does not exist: must be 0; it has 1 total"
+        force(second_total, mass_alone, 1), {}, r"in second_total: .*index 1 does not exist: must be 0$"
     ),
     "second of one term": (
-        force(second_total, mass_alone, 2), {}, "index 1 does not exist: must be 0; it has 2 totals"
+        force(second_total, mass_alone, 2), {}, "measure a ti.Vector of length 2"
     ),
     "misspelt quantity of a disk": (
         force(misspelt_spin), {},
-        r"there is no 'spn' \(did you mean 'spin'\?\); disk has x, y, vx, vy, spin, mass, radius, k, inertia; "
-        "step has time, dt, free, random; parameters has no names; it has 0 totals",
+        r"there is no 'spn' \(did you mean 'spin'\?\); disk has x, y, vx, vy, spin, mass, radius, k, inertia$",
     ),
     "misspelt quantity of a step": (
         force(any_total, misspelt_time, 1), {},
-        r"there is no 'dtt' \(did you mean 'dt'\?\); .* in act, step also has totals",
+        r"there is no 'dtt' \(did you mean 'dt'\?\); step has time, dt, .*totals \(in act\)$",
     ),
-    "quantity of something else": (force(time_as_spin), {}, "there is no 'spin'; disk has x, y, vx, vy, spin"),
+    "quantity of something else": (force(time_as_spin), {}, "there is no 'spin'; step has time, dt, free, random$"),
 }  # fmt: skip
 
 
@@ -162,6 +160,121 @@ def test_a_parameter_cannot_have_the_name_of_something_else() -> None:
     for names in (("step",), ("totals",), ("a b",), (1,)):
         with pytest.raises(InputError, match=r"Mine: parameters = .*: must be names"):
             force(mass_alone, names=names)  # type: ignore[arg-type]
+
+
+def two_numbers(disk, step, p):
+    return disk.vx, disk.vy
+
+
+def without_parameters(disk, step):
+    return disk.vx, disk.vy, disk.spin
+
+
+def two_rates(disk, step, p):
+    return p.rate * disk.vx, p.b * disk.vy, disk.spin
+
+
+@pytest.mark.parametrize(
+    ("act", "message"),
+    [(two_numbers, "must return three numbers, vx, vy and spin"),
+     (without_parameters, r"without_parameters\(disk, step\): must be a static method"),
+     (mass_alone, "must return three numbers, vx, vy and spin")],
+)  # fmt: skip
+def test_what_act_must_take_and_return_is_in_the_message(act: Any, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        gas(forces=[force(act)(0.1)])
+
+
+@pytest.mark.parametrize("totals", [-1, 1.5, "two"])
+def test_the_number_of_totals_is_checked_when_the_class_is_made(totals: Any) -> None:
+    with pytest.raises(InputError, match=f"Mine: totals = {totals!r}: must be an integer from 0"):
+        force(mass_alone, totals=totals)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [({"rate": 1.0}, "Mine: parameter 'b' is missing: must be a finite number; .* are rate, b$"),
+     ({"rat": 1.0, "b": 2.0}, r"Mine: unknown parameter 'rat' \(did you mean 'rate'\?\); .* are rate, b$"),
+     ({"rate": "fast", "b": 2.0}, "rate = 'fast': must be a finite number")],
+)  # fmt: skip
+def test_a_wrong_parameter_of_a_force_is_named_with_those_that_there_are(values: Any, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        force(two_rates, names=("rate", "b"))(0.1, **values)
+
+
+@pytest.mark.parametrize("given", [ifrdem.forces.Drag(0.1, rate=1.0), ifrdem.forces.Drag, 3, None, "drag"])
+def test_forces_must_be_a_list(given: Any) -> None:
+    with pytest.raises(InputError, match=r"forces = .*: must be a list of forces, \[force\] for one"):
+        gas(forces=given)
+    with pytest.raises(InputError, match=r"must be a list of forces, \[force\] for one"):
+        gas().set_forces(given)
+
+
+def test_a_misspelt_attribute_of_a_force_or_law_is_refused() -> None:
+    class Noted(ifrdem.forces.Force):
+        parameters = ("rate", "b")
+        note: str
+        act = staticmethod(two_rates)
+
+    class Smooth(ifrdem.CollisionLaw):
+        coefficients = ("e_n",)
+
+        @staticmethod
+        def collide(pair: Any, law: Any) -> tuple[Any, Any, Any]:
+            return (1.0 + law.e_n) * pair.m_n * pair.g_n, 0.0, 0.0
+
+    drag, own, law = ifrdem.forces.Drag(0.1, rate=1.0), Noted(0.1, rate=1.0, b=2.0), Smooth(e_n=0.9)
+    for thing, name, message in (
+        (drag, "rtae", "Drag has no attribute 'rtae' .did you mean 'rate'"),
+        (own, "rtae", "Noted has no attribute 'rtae' .did you mean 'rate'"),
+        (own, "step", "Noted.step is read-only"),
+        (own, "totals", "Noted.totals is read-only"),
+        (law, "e_n", "Smooth.e_n is read-only"),
+        (law, "e_m", "Smooth has no attribute 'e_m' .did you mean 'e_n'"),
+    ):
+        with pytest.raises(AttributeError, match=message):
+            setattr(thing, name, 2.0)
+    own.rate, own.note = 3.0, "declared in the class"
+    assert own.values == {"rate": 3.0, "b": 2.0}
+    assert law.e_n == 0.9
+
+
+FACTOR = 1.0
+
+
+def doubled(value):
+    return 2.0 * FACTOR * value
+
+
+class Outside(ifrdem.forces.Force):
+    """A force that uses a variable of the module, by way of a function."""
+
+    @staticmethod
+    def act(disk, step, p):
+        return doubled(disk.vx), disk.vy, disk.spin
+
+
+class OutsideLaw(ifrdem.CollisionLaw):
+    """A law that does."""
+
+    @staticmethod
+    def collide(pair: Any, law: Any) -> tuple[Any, Any, Any]:
+        return (1.0 + 0.5 * FACTOR) * pair.m_n * pair.g_n, 0.0, 0.0
+
+
+@pytest.mark.filterwarnings("ignore::SyntaxWarning")
+@pytest.mark.parametrize("given", [{"forces": [Outside(0.1)]}, {"law": OutsideLaw()}])
+def test_a_variable_from_outside_that_is_compiled_in_must_not_change(
+    given: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = gas(**given)
+    first.run_for(time=0.1)
+    monkeypatch.setitem(globals(), "FACTOR", 2.0)
+    for use in (lambda: gas(**given), lambda: first.run_for(time=0.1)):
+        with pytest.raises(InputError, match=r"FACTOR = 2.0: must stay 1.0: .* make it a parameter"):
+            use()
+    monkeypatch.setitem(globals(), "FACTOR", 1.0)
+    first.run_for(time=0.1)
 
 
 def test_a_run_that_does_nothing_says_so() -> None:

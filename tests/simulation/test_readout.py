@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import itertools
 import math
+from copy import deepcopy
 from pathlib import Path
 
 import numpy as np
 import pytest
 from support.gases import equal_disks, gas_of, mixture
 
-from ifrdem import Device
-from ifrdem.errors import EngineError
+from ifrdem import ContactTime, Device
+from ifrdem.errors import EngineError, InputError
 from ifrdem.model.box import Box, below
 from ifrdem.model.forces import RandomKicks
 from ifrdem.model.ifr import IFRLaw
@@ -22,6 +24,7 @@ from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.schedule import RunPlan, RunPoint, Trigger
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.trajectory import layout
+from ifrdem.trajectory.writer import TrajectoryWriter
 
 COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 SEEN = ("position", "velocity", "spin", "collisions", "image", "last_partner", "angle")
@@ -361,3 +364,38 @@ def test_moments_as_short_as_the_clock_tells_apart_are_frames_of_their_own() -> 
     simulation.run(t_end=after)
     assert simulation.time == after
     assert np.array_equal(simulation.state.velocity, before.velocity)
+
+
+RECORDED_BY = {
+    "latest_collision": {"collapse": ContactTime(1e-6)},
+    "last_partner": {"record": ["partner"]},
+    "angle": {"record": ["angle"]},
+    "dissipated": {"record": ["disk_energy"]},
+}
+
+
+@pytest.mark.parametrize("name", RECORDED_BY)
+def test_a_quantity_that_is_not_recorded_raises_instead_of_reading_as_zeros(
+    name: str, tmp_path: Path
+) -> None:
+    disks = equal_disks(2)
+    box, begin = Box((10.0, 10.0)), State([[2.0, 5.0], [4.0, 5.0]], [[1.0, 0.0], [0.0, 0.0]], [0.5, 0.0])
+    without = Simulation(disks, box, COIN, begin)
+    seen = [state for state, _ in frames_of(without, t_end=3.0)]
+    uses = (np.sum, np.asarray, lambda value: value + 1.0, lambda value: value[0], lambda value: value.shape)
+    for state in (without.state, deepcopy(without.state), *seen):
+        for use in uses:
+            with pytest.raises(InputError, match=f"State.{name} was not recorded"):
+                use(getattr(state, name))
+    assert f"{name} not recorded" in repr(without.state)
+    # A start of another run, whose quantities begin at 0 or with no collision.
+    begin = dataclasses.replace(without.state, spin=np.ones(2))
+    again = Simulation(disks, box, COIN, begin, **RECORDED_BY[name])
+    expected = {"latest_collision": -np.inf, "last_partner": -1}.get(name, 0.0)
+    assert np.all(getattr(again.state, name) == expected)
+    if name in layout.FIELDS:
+        with (
+            TrajectoryWriter(tmp_path / "gas.h5", disks, box, fields=("position", name)) as file,
+            pytest.raises(InputError, match=f"State.{name} was not recorded"),
+        ):
+            file.write(without.state)

@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import taichi as ti
 from numpy.typing import NDArray
 
+from ifrdem.kernels.language import ti
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Force, uniforms
 from ifrdem.model.ifr import IFRLaw

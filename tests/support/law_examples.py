@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import taichi as ti
-
+from ifrdem.kernels.language import ti
 from ifrdem.kernels.law import ifr_impulses
 from ifrdem.model.law import CollisionLaw
 

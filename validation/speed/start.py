@@ -16,6 +16,7 @@ import time
 from pathlib import Path
 
 from ...errors import EngineError
+from ...kernels import runtime
 from ...tools.arguments import script
 
 # What else is imported is imported where it is needed: a process that is timed imports what a command does.
@@ -53,7 +54,7 @@ def start(
 def _in_a_process(function: str, cache: str, arguments: list[str]) -> dict[str, float]:
     """The seconds that a function below prints when a fresh process calls it."""
     code = f"import sys, {__package__}.start as own; own.{function}(float(sys.argv[1]), sys.argv[2:])"
-    environment = {**os.environ, "TI_OFFLINE_CACHE_FILE_PATH": cache}
+    environment = {**os.environ, runtime.variable("OFFLINE_CACHE_FILE_PATH"): cache}
     # The monotonic clock is one for all processes.
     command = [sys.executable, "-c", code, repr(time.monotonic()), *arguments]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
@@ -67,9 +68,8 @@ def _in_a_process(function: str, cache: str, arguments: list[str]) -> dict[str, 
 
 def start_a_gas(began: float, arguments: list[str]) -> None:
     """In a process of its own: run an elastic gas for a mean free time, by which every usual kernel has run."""
-    import taichi  # noqa: F401
-
     from ...case.gas import CaseGas
+    from ...kernels.language import ti  # noqa: F401
     from . import bench
 
     imports = time.monotonic() - began

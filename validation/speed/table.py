@@ -194,7 +194,7 @@ def table(
     number = threads or int(own["cores"])
     used = f"{number} thread{'s' * (number > 1)} of {own['processor']}" if device == "cpu" else device
     print(
-        f"{used}, {precision}; ifrdem {own['ifrdem']}, Taichi {own['taichi']}, Python {own['python']}; {own['date']}. "
+        f"{used}, {precision}; ifrdem {own['ifrdem']}, {own['runtime']}, Python {own['python']}; {own['date']}. "
         f"Collisions/s, or the time of one as a multiple: median (range) of {runs} runs.\n\n"
         f"{_markdown(*COLUMNS)}\n|{'---|' * len(COLUMNS)}", flush=True
     )  # fmt: skip
@@ -203,7 +203,7 @@ def table(
             each.measure(runs, seconds, device=device, threads=threads, precision=precision, seed=seed),
             flush=True,
         )
-        backend.stop()  # Taichi keeps the memory of arrays of vectors until then
+        backend.stop()  # the runtime keeps the memory of arrays of vectors until then
 
 
 def _row(name: str, measured: str, target: str, reached: bool) -> str:

@@ -6,7 +6,7 @@
 
 # %%
 import numpy as np
-import taichi as ti
+from ifrdem import ti
 
 import ifrdem
 

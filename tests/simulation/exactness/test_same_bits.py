@@ -277,8 +277,9 @@ def test_without_verification_the_bits_would_change(
 def hash_of(*collisions: tuple[float, int]) -> tuple[int, int]:
     """Of the history of a disk with these collisions (time, partner)."""
     backend.start()
-    import taichi as ti
     from support.kernels.histories import enter
+
+    from ifrdem.kernels.language import ti
 
     info = ti.Vector.ndarray(TABLES["event_info"].width, ti.i32, 1)
     time, partner = np.array([t for t, _ in collisions]), np.array([j for _, j in collisions], dtype=np.int32)
@@ -316,8 +317,9 @@ def test_hashes_that_agree_are_as_rare_as_chance_makes_them(partners: int) -> No
     Five standard errors of a Poisson number.
     """
     backend.start()
-    import taichi as ti
     from support.kernels.histories import enter_each
+
+    from ifrdem.kernels.language import ti
 
     n, rng = 2**20, np.random.default_rng(3)
     info = ti.Vector.ndarray(TABLES["event_info"].width, ti.i32, n)

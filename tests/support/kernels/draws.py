@@ -1,7 +1,6 @@
 """A kernel that shows the random numbers of `kernels/random.py`. Import it only after `backend.start`."""
 
-import taichi as ti
-
+from ifrdem.kernels.language import ti
 from ifrdem.kernels.random import normals, uniforms, words
 
 

@@ -1,7 +1,6 @@
 """Kernels that use columns by name, for tests. Import only after `backend.start`."""
 
-import taichi as ti
-
+from ifrdem.kernels.language import ti
 from ifrdem.kernels.signature import Arrays, kernel
 
 

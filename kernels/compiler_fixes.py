@@ -1,12 +1,12 @@
-"""Two corrections of what Taichi compiles: products on a GPU, and indices that do not exist.
+"""Two corrections of what the runtime compiles: products on a GPU, and indices that do not exist.
 
-On a GPU, Taichi has the compiler fuse products and sums, whatever `fast_math` says: a * b + c is rounded once there,
+On a GPU, the compiler fuses products and sums, whatever `fast_math` says: a * b + c is rounded once there,
 twice on a CPU. It takes a / r and b / r as products with an approximate 1 / r, too. So products, and what is divided
 by, are made opaque to it: their bits are XORed with a 0 that no compiler can know (`round_products_by`). Then +, -, *,
 / and roots give the bits of the CPU, in double precision; sines, cosines and logarithms are those of another library
 and do not.
 
-A constant index beyond a vector aborts the process in Taichi's compiler. It is refused as an error here.
+A constant index beyond a vector aborts the process in the compiler. It is refused as an error here.
 """
 
 import ast
@@ -14,12 +14,11 @@ import itertools
 import math
 from typing import Any
 
-import taichi as ti
-from taichi.lang import impl
-from taichi.lang.ast import ast_transformer
-from taichi.lang.exception import TaichiIndexError
-from taichi.lang.expr import Expr
+from . import runtime
+from .language import ti
 
+_IndexError = getattr(ti.lang.exception, f"{runtime.chosen().capitalize()}IndexError")
+impl, Expr = ti.lang.impl, ti.lang.expr.Expr
 # By the kernel that is compiled: a variable of it, and numbers from 1 on.
 _ZERO: dict[Any, tuple[Any, Any]] = {}
 _WORDS = {ti.f64: ti.u64, ti.f32: ti.u32}
@@ -42,7 +41,7 @@ def _opaque(value: Any, kind: Any, zero: Any) -> Any:
 
 
 def _build_product(context: Any, node: Any) -> Any:
-    """Build a binary operation as Taichi does, but round a product or quotient of real numbers by itself on a GPU."""
+    """Build a binary operation as usual, but round a product or quotient of real numbers by itself on a GPU."""
     found = _build_operation(context, node)
     zero, numbers = _ZERO.get(impl.get_runtime().compiling_callable, (None, None))
     if zero is None or not isinstance(found, Expr):
@@ -65,9 +64,9 @@ def _check_index(value: Any, index: Any) -> None:
     for one, length in zip(index, value.get_shape(), strict=False):
         if isinstance(one, int) and one >= length:
             allowed = "0" if length == 1 else f"from 0 to {length - 1}"
-            raise TaichiIndexError(f"index {one} does not exist: must be {allowed}")
+            raise _IndexError(f"index {one} does not exist: must be {allowed}")
 
 
 _validate_index, impl.validate_subscript_index = impl.validate_subscript_index, _check_index
-_build_operation = ast_transformer.ASTTransformer.build_BinOp
-ast_transformer.ASTTransformer.build_BinOp = staticmethod(_build_product)
+_transformer = ti.lang.ast.ast_transformer.ASTTransformer
+_build_operation, _transformer.build_BinOp = _transformer.build_BinOp, staticmethod(_build_product)
