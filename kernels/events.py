@@ -15,7 +15,7 @@ histories depend neither on the cells nor on the region, only on the disks in it
 
 from .columns import MECHANISM, TALLY
 from .contact import ELASTIC, ROLLS, STICKS, collided
-from .flights import contact_delay, rounding
+from .flights import bits_of, contact_delay, contact_signs, real_of, rounding
 from .language import on_gpu, ti
 from .layout import (
     AT_END, AT_MOMENT, BY_COUNT, BY_LAW, BY_REMEDY, ELASTICALLY, FAR, FIRST_WALL, FULL_PAIRS, NO_PARTNER,
@@ -36,6 +36,7 @@ from .walls.pistons import bounce, meets_piston, next_stop
 
 EMPTY = -1  # of bins and cells
 SEPARATING = 2.25  # square of a distance in contact distances: at it or less two disks have just collided
+RING = 16  # places for slots to come, of up to 9 cells; a power of two
 NOT_QUEUED = -1  # as PREVIOUS; the first of bin b has -2 - b
 MANY_EVENTS = 200_000  # without progress of time: an inelastic collapse
 TOO_FAR = 1e6  # or a disk that would come so many times through its region in a window
@@ -106,23 +107,17 @@ def leaving(i, region: ti.template(), gas: ti.template()):
         if row != 0:  # in the frame of the region
             vx += row * gas.scale.drift
             x += row * (gas.scale.aside + gas.scale.drift * motion.tau)
-    soonest, side = FAR + 0.0 * x, 0
-    if vx > 0.0:
-        if cx < nx - 1 or region.wrap_x == 1:
-            soonest, side = (region.x + (cx + 1) * side_x - x) / vx, 2
-    elif vx < 0.0:
-        if cx > 0 or region.wrap_x == 1:
-            soonest, side = (region.x + cx * side_x - x) / vx, 1
-    ahead = 0.0 * x  # to the side in y; the quotient is needed only if it comes first
-    if vy > 0.0:
-        ahead = region.y + (cy + 1) * side_y - y
-        if (cy < ny - 1 or region.wrap_y == 1) and ahead < soonest * vy:
-            soonest, side = ahead / vy, 4
-    elif vy < 0.0:
-        ahead = region.y + cy * side_y - y
-        if (cy > 0 or region.wrap_y == 1) and ahead > soonest * vy:
-            soonest, side = ahead / vy, 3
-    return motion.tau + ti.select(soonest > 0.0, soonest, 0.0 * x), side
+    # Without branches, which no processor foresees: of times as integers, which have the order of numbers from 0 on.
+    right, up = ti.cast(vx > 0.0, ti.i32), ti.cast(vy > 0.0, ti.i32)
+    never = bits_of(FAR + 0.0 * x)
+    to_x = bits_of((region.x + (cx + right) * side_x - x) / vx)
+    to_y = bits_of((region.y + (cy + up) * side_y - y) / vy)
+    moves_x, moves_y = ti.abs(vx) > 0.0, ti.abs(vy) > 0.0
+    to_x = ti.select(moves_x & ((region.wrap_x == 1) | (cx != right * (nx - 1))), to_x, never)
+    to_y = ti.select(moves_y & ((region.wrap_y == 1) | (cy != up * (ny - 1))), to_y, never)
+    side = ti.select(to_y < to_x, 3 + up, 1 + right)
+    soonest = real_of(ti.max(ti.min(to_x, to_y), 0 * never))
+    return motion.tau + soonest, side
 
 
 @ti.func
@@ -358,23 +353,22 @@ def sooner(t, j, best, partner, gas: ti.template()):
 
 
 @ti.func
-def compare(
-    i: ti.template(), j: ti.template(), x: ti.template(), y: ti.template(), vx: ti.template(), vy: ti.template(),
-    tau: ti.template(), size: ti.template(), radius: ti.template(), last: ti.template(), shift_x: ti.template(),
-    shift_y: ti.template(), info: ti.template(), best: ti.template(), partner: ti.template(), gas: ti.template(),
+def separation(
+    j, x, y, vx, vy, tau, radius, shift_x, shift_y, info: ti.template(), gas: ti.template()
 ):  # fmt: skip
-    """Replace `best` and `partner` by the meeting of the disks in slots i and j, if that is earlier.
+    """Position and velocity of an image of the disk in slot j relative to another disk, and their contact distance.
 
-    Of disk i: its position, velocity, time of these, |v_x| + |v_y|, radius and latest partner. The image of disk j that
-    is looked at is shifted.
+    They hold from `start` on, which comes first of what is returned: since then both fly as they do now. Given of the
+    other disk: position, velocity, time of these, radius, row of `event_info`; of the image: its shift.
     """
-    tau_j = gas.motion[j].tau
+    other = gas.motion[j]
+    tau_j = other.tau
     start = ti.select(tau_j > tau, tau_j, tau)
-    vx_j, vy_j = gas.motion[j].vx, gas.motion[j].vy
+    vx_j, vy_j = other.vx, other.vy
     from_i, from_j = start - tau, start - tau_j
     # Differences of positions are exact. Seen from j, every term only changes its sign.
-    rx = ((gas.motion[j].x - x) + shift_x) + (vx_j * from_j - vx * from_i)
-    ry = ((gas.motion[j].y - y) + shift_y) + (vy_j * from_j - vy * from_i)
+    rx = ((other.x - x) + shift_x) + (vx_j * from_j - vx * from_i)
+    ry = ((other.y - y) + shift_y) + (vy_j * from_j - vy * from_i)
     ux, uy = vx_j - vx, vy_j - vy
     if ti.static(gas.uses.sheared):
         rows = gas.event_info[j].shear_row - info.shear_row
@@ -384,7 +378,20 @@ def compare(
     sigma = gas.scale.widest
     if ti.static(gas.uses.mixed):
         sigma = radius + radius_of(j, gas)
-    noise = ti.static(rounding()) * (size + (ti.abs(vx_j) + ti.abs(vy_j)))
+    return start, rx, ry, ux, uy, sigma
+
+
+@ti.func
+def compare(
+    i: ti.template(), j: ti.template(), start: ti.template(), rx: ti.template(), ry: ti.template(),
+    ux: ti.template(), uy: ti.template(), sigma: ti.template(), size: ti.template(), last: ti.template(),
+    best: ti.template(), partner: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """Replace `best` and `partner` by the meeting of the disks in slots i and j, if that is earlier.
+
+    Of disk i: |v_x| + |v_y| and latest partner. `start` and what follows are those of `separation`.
+    """
+    noise = ti.static(rounding()) * (size + (ti.abs(gas.motion[j].vx) + ti.abs(gas.motion[j].vy)))
     t = start + contact_delay(rx, ry, ux, uy, noise, sigma, best - start, gas)
     if j == last and gas.event_info[j].last == i:
         # They separate since this start; but across a narrow box another image may come.
@@ -409,6 +416,128 @@ def compare(
 
 
 @ti.func
+def search_cells(
+    i: ti.template(), low_x: ti.template(), high_x: ti.template(), low_y: ti.template(), high_y: ti.template(),
+    own_x: ti.template(), own_y: ti.template(), halved: ti.template(), layer: ti.template(), nx: ti.template(),
+    ny: ti.template(), last: ti.template(), radius: ti.template(), size: ti.template(), best: ti.template(),
+    partner: ti.template(), region: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """Compare the disk in slot i with those of a layer in columns and rows of cells, cell by cell: on a GPU."""
+    info, motion = gas.event_info[i], gas.motion[i]
+    x, y, vx, vy, tau = motion.x, motion.y, motion.vx, motion.vy, motion.tau
+    for column in range(low_x, high_x + 1):
+        ax = column
+        shift_x = 0.0 * x
+        if ax < 0:
+            ax += nx
+            shift_x = -gas.scale.length_x
+        elif ax >= nx:
+            ax -= nx
+            shift_x = gas.scale.length_x
+        first_y = low_y
+        if halved == 1 and column == own_x:
+            first_y = own_y
+        for row_of_cells in range(first_y, high_y + 1):
+            ay = row_of_cells
+            shift_y = 0.0 * x
+            if ay < 0:
+                ay += ny
+                shift_y = -gas.scale.length_y
+            elif ay >= ny:
+                ay -= ny
+                shift_y = gas.scale.length_y
+            j = gas.head[head_at(ax, ay, layer, region, gas)]
+            if halved == 1 and column == own_x and row_of_cells == own_y:
+                j = info.next_in_cell
+            while j >= 0:
+                following = gas.event_info[j].next_in_cell
+                if j != i:
+                    start, rx, ry, ux, uy, sigma = separation(
+                        j, x, y, vx, vy, tau, radius, shift_x, shift_y, info, gas
+                    )
+                    compare(i, j, start, rx, ry, ux, uy, sigma, size, last, best, partner, gas)
+                j = following
+
+
+@ti.func
+def search_candidates(
+    i: ti.template(), low_x: ti.template(), high_x: ti.template(), low_y: ti.template(), high_y: ti.template(),
+    own_x: ti.template(), own_y: ti.template(), halved: ti.template(), layer: ti.template(), nx: ti.template(),
+    ny: ti.template(), last: ti.template(), radius: ti.template(), size: ti.template(), best: ti.template(),
+    partner: ti.template(), region: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """As `search_cells`, on a CPU: image of the box by image, and there, with two layers, by blocks of 3 x 3 cells."""
+    for box_x in range(0 - ti.cast(low_x < 0, ti.i32), 1 + ti.cast(high_x >= nx, ti.i32)):
+        first_x, last_x = ti.max(low_x - box_x * nx, 0), ti.min(high_x - box_x * nx, nx - 1)
+        for box_y in range(0 - ti.cast(low_y < 0, ti.i32), 1 + ti.cast(high_y >= ny, ti.i32)):
+            first_y, last_y = ti.max(low_y - box_y * ny, 0), ti.min(high_y - box_y * ny, ny - 1)
+            half_x, half_y = -1, -1
+            if halved == 1:
+                half_x, half_y = own_x - box_x * nx, own_y - box_y * ny
+            if ti.static(gas.uses.layered):
+                for across in range((last_x - first_x + 3) // 3):
+                    for along in range((last_y - first_y + 3) // 3):
+                        block_x, block_y = first_x + 3 * across, first_y + 3 * along
+                        search_block(
+                            i, block_x, ti.min(block_x + 2, last_x), block_y, ti.min(block_y + 2, last_y), half_x,
+                            half_y, box_x, box_y, layer, last, radius, size, best, partner, region, gas,
+                        )  # fmt: skip
+            else:
+                search_block(
+                    i, first_x, last_x, first_y, last_y, half_x, half_y, box_x, box_y, layer, last, radius, size,
+                    best, partner, region, gas,
+                )  # fmt: skip
+
+
+@ti.func
+def search_block(
+    i: ti.template(), first_x: ti.template(), last_x: ti.template(), first_y: ti.template(), last_y: ti.template(),
+    half_x: ti.template(), half_y: ti.template(), box_x: ti.template(), box_y: ti.template(), layer: ti.template(),
+    last: ti.template(), radius: ti.template(), size: ti.template(), best: ti.template(), partner: ti.template(),
+    region: ti.template(), gas: ti.template(),
+):  # fmt: skip
+    """Compare the disk in slot i with those in at most 3 x 3 cells, by one loop whose end alone is hard to foresee.
+
+    A ring holds the slots that are still to be compared: at first the head of each cell. One that is taken from it adds
+    the next in its cell, so it never holds more slots than there are cells. If cell (half_x, half_y) is among them, it
+    begins behind disk i, and its column there.
+    """
+    info, motion = gas.event_info[i], gas.motion[i]
+    x, y, vx, vy, tau = motion.x, motion.y, motion.vx, motion.vy, motion.tau
+    shift_x, shift_y = box_x * gas.scale.length_x, box_y * gas.scale.length_y
+    ring = ti.Vector([0] * RING, ti.i32)
+    end = 0
+    for column in range(first_x, last_x + 1):
+        begin_y = first_y
+        if column == half_x:
+            begin_y = ti.max(first_y, half_y)
+            if first_y <= half_y and half_y <= last_y:
+                begin_y += 1
+                ring[0] = info.next_in_cell
+                end = (ring[0] >> 31) + 1
+        at = head_at(column, 0, layer, region, gas)
+        for cell in range(at + begin_y, at + last_y + 1):
+            j = gas.head[cell]
+            ring[end] = j
+            end += (j >> 31) + 1  # empty cells are negative
+    m = 0
+    while m < end:
+        j = ring[m & (RING - 1)]
+        m += 1
+        following = gas.event_info[j].next_in_cell
+        ring[end & (RING - 1)] = following
+        end += (following >> 31) + 1
+        # Of a disk and itself b = 0.
+        start, rx, ry, ux, uy, sigma = separation(j, x, y, vx, vy, tau, radius, shift_x, shift_y, info, gas)
+        signs = contact_signs(rx, ry, ux, uy, sigma, best - start)
+        if ti.static(gas.uses.rests):
+            if sleeps(i, gas) or sleeps(j, gas):
+                signs = -1
+        if signs < 0:
+            compare(i, j, start, rx, ry, ux, uy, sigma, size, last, best, partner, gas)
+
+
+@ti.func
 def find(
     i, x_low, x_high, y_low, y_high, half, best, partner, region: ti.template(), gas: ti.template()
 ):  # fmt: skip
@@ -420,12 +549,11 @@ def find(
     """
     info, motion = gas.event_info[i], gas.motion[i]
     own_x, own_y = info.cell >> 16, info.cell & 0xFFFF
-    x, y, vx, vy, tau = motion.x, motion.y, motion.vx, motion.vy, motion.tau
     last = info.last
     radius = gas.scale.widest * 0.5
     if ti.static(gas.uses.mixed):
         radius = radius_of(i, gas)
-    size = ti.abs(vx) + ti.abs(vy)
+    size = ti.abs(motion.vx) + ti.abs(motion.vy)
     mine = layer_of(i, gas)
     for other in range(ti.static(2 if gas.uses.layered else 1)):
         layer = other
@@ -450,37 +578,16 @@ def find(
             low_x, high_x = ti.max(low_x, 0), ti.min(high_x, nx - 1)
         if region.wrap_y == 0:
             low_y, high_y = ti.max(low_y, 0), ti.min(high_y, ny - 1)
-        for column in range(low_x, high_x + 1):
-            ax = column
-            shift_x = 0.0 * x
-            if ax < 0:
-                ax += nx
-                shift_x = -gas.scale.length_x
-            elif ax >= nx:
-                ax -= nx
-                shift_x = gas.scale.length_x
-            first_y = low_y
-            if halved == 1 and column == own_x:
-                first_y = own_y
-            for row_of_cells in range(first_y, high_y + 1):
-                ay = row_of_cells
-                shift_y = 0.0 * x
-                if ay < 0:
-                    ay += ny
-                    shift_y = -gas.scale.length_y
-                elif ay >= ny:
-                    ay -= ny
-                    shift_y = gas.scale.length_y
-                j = gas.head[head_at(ax, ay, layer, region, gas)]
-                if halved == 1 and column == own_x and row_of_cells == own_y:
-                    j = info.next_in_cell
-                while j >= 0:
-                    following = gas.event_info[j].next_in_cell
-                    if j != i:
-                        compare(
-                            i, j, x, y, vx, vy, tau, size, radius, last, shift_x, shift_y, info, best, partner, gas
-                        )  # fmt: skip
-                    j = following
+        if ti.static(on_gpu()):
+            search_cells(
+                i, low_x, high_x, low_y, high_y, own_x, own_y, halved, layer, nx, ny, last, radius, size, best, partner,
+                region, gas,
+            )  # fmt: skip
+        else:
+            search_candidates(
+                i, low_x, high_x, low_y, high_y, own_x, own_y, halved, layer, nx, ny, last, radius, size, best, partner,
+                region, gas,
+            )  # fmt: skip
     return best, partner
 
 

@@ -51,6 +51,35 @@ def contact_delay(rx, ry, vx, vy, noise, sigma, within, gas: ti.template()):
     return delay
 
 
+@ti.func
+def bits_of(value):
+    """Bits of a real number as an integer of the same width, which is negative where the number or -0 is."""
+    if ti.static(is_single_precision()):
+        return ti.bit_cast(value, ti.i32)
+    else:
+        return ti.bit_cast(value, ti.i64)
+
+
+@ti.func
+def real_of(bits):
+    """The real number that has these bits: the inverse of `bits_of`."""
+    return ti.bit_cast(bits, float)
+
+
+@ti.func
+def contact_signs(rx, ry, vx, vy, sigma, within):
+    """An integer that is negative unless `contact_delay` gives FAR: all its conditions in one.
+
+    Most pairs fail one of them, which no processor foresees: so its sign is that of b < 0, -2 b within - c >= 0 and
+    b^2 - v^2 c >= 0. Equality passes.
+    """
+    b = rx * vx + ry * vy
+    c = rx * rx + ry * ry - sigma * sigma
+    late = -2.0 * b * within - c
+    d = b * b - (vx * vx + vy * vy) * c
+    return bits_of(b) & ~(bits_of(late) | bits_of(d))
+
+
 @ti.kernel
 def approaching(first: ti.i32, last: ti.i32, position: Table, velocity: Table, radius: Rows) -> ti.i32:
     """1 if one of the disks [first, last) and one after it may touch in straight flight, else 0.

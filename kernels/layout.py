@@ -55,6 +55,7 @@ BY_LAW, BY_REMEDY, BY_HEAT = range(3)  # kind of a collision
 PAIRS, TRACKED = 1, 2  # what is written down: the collisions of all pairs, and all that happens to some disks
 TEAM = 32  # threads of a GPU that share a tile
 HALO_DECAY = 0.97  # a halo that had to be wider is so in the next windows too, less from window to window
+BINS_PER_DISK = 8  # of the queue of a gas in one tile, whose windows are long; on a CPU
 BLOCK = 1024
 FAR = 1.0e30  # a time later than any event
 FIRST_WALL = -10  # as a partner: wall 0; wall w is FIRST_WALL - w

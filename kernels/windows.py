@@ -2,8 +2,8 @@
 
 from .columns import TALLY
 from .events import predict, run_events
-from .language import spread_of_loops, ti
-from .layout import AT_END, FULL_CELLS, FULL_SLOTS
+from .language import on_gpu, spread_of_loops, ti
+from .layout import AT_END, BINS_PER_DISK, FULL_CELLS, FULL_SLOTS
 from .particle import round_products
 from .planner import commit, plan
 from .rest import update_resting
@@ -49,8 +49,10 @@ def has_room(tile, region: ti.template(), gas: ti.template()):
 @ti.func
 def bins_of(n, gas: ti.template()):
     """Number of bins for n disks: a power of two."""
-    n_bins = 1
-    while n_bins < n and 2 * n_bins <= gas.grid.bins:
+    n_bins, wanted = 1, n
+    if ti.static(not on_gpu()):
+        wanted = ti.select(gas.grid.single_tile == 1, BINS_PER_DISK * n, n)
+    while n_bins < wanted and 2 * n_bins <= gas.grid.bins:
         n_bins *= 2
     return n_bins
 

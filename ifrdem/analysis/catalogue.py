@@ -168,9 +168,11 @@ def of_fields(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluatio
     disks, frame, box = trajectory.disks, trajectory[used], trajectory.box
     movable = np.isfinite(disks.mass)
     position = frame.position[movable]
+    if not len(position):
+        raise InputError("mass: must be finite for one disk or more: fields are those of disks that can move")
     lengths = np.ptp(position, axis=0) if box.is_open else np.array(box.lengths)
     # Some 20 disks a cell, and 200 cells along a side at most.
-    side = np.sqrt(float(np.prod(lengths)) * 20.0 / max(len(position), 1))
+    side = np.sqrt(float(np.prod(lengths)) * 20.0 / len(position))
     a, b = (int(number) for number in np.clip(np.rint(lengths / side), 1, 200))
     spin = frame.spin[movable] if "angular_velocity" in trajectory.fields else None
     found = fields.coarse_grain(

@@ -136,6 +136,7 @@ def _count_pairs(
     by_cell, centres = np.zeros((0, bins)), np.zeros(0)
     edges = np.linspace(r_min, r_max, bins + 1)
     rings = np.pi * np.diff(edges**2)
+    rdf = freud.density.RDF(bins, r_max, r_min=r_min)
     for points, when in zip(position, time, strict=False):
         if len(points) < 2:
             raise InputError(f"position has a frame of {len(points)} disks: must have 2 or more")
@@ -151,7 +152,6 @@ def _count_pairs(
         where = np.where(inside, cells_of(box.wrap(points, when), box, side), -1)
         for cell in np.unique(where[inside]):
             own = frame.points[where == cell]
-            rdf = freud.density.RDF(bins, r_max, r_min=r_min)
             rdf.compute(query, query_points=own, neighbors={"r_max": r_max})
             counts = np.asarray(rdf.bin_counts, dtype=float)
             if r_min == 0.0:

@@ -229,7 +229,7 @@ class DeviceArrays:
         self.make_parts(2, self.domain.first_slots(n))
         self.watched: Any
         self.make("watched", n if uses.watched else 1)
-        self.scratch(0, 0, 0, 0)
+        self.scratch(0, 0, 0)
         self.make_ghosts(0)
         self.events(0)
         self.make_pairs(0)
@@ -300,8 +300,11 @@ class DeviceArrays:
                 f"{ADDRESSABLE // 24} disks"
             )
 
-    def scratch(self, lane_slots: int, cells: int, bins: int, items: int) -> None:
+    def scratch(self, lane_slots: int, cells: int, items: int) -> None:
         """Scratch space of the lanes: disks, cells, bins (a power of two) and walls near cells of a region."""
+        bins = 1 << max(lane_slots - 1, 1).bit_length()
+        if self.grid.single_tile and not self.on_gpu:
+            bins *= k.BINS_PER_DISK
         lanes, uses = int(self.grid.lanes), self.uses
         rows = lanes * lane_slots
         self._check_addresses(2 * rows)
@@ -487,9 +490,7 @@ class DeviceArrays:
             lane_slots, cells = min(2 * n // self.tiles + 64, 9 * n), 64
         if lane_slots > self.grid.lane_slots or cells > self.grid.cells or lanes != self._lanes:
             self._lanes = lanes
-            self.scratch(
-                lane_slots, cells, 1 << max(lane_slots - 1, 1).bit_length(), 256 if self.uses.walled else 0
-            )
+            self.scratch(lane_slots, cells, 256 if self.uses.walled else 0)
         self.load_state(state)
 
     def open_walls(self, opened: NDArray[np.bool_]) -> None:

@@ -477,7 +477,7 @@ class Windows:
                     moments[0] = clock.stop - clock.begin
             resuming = False  # from the beginning of the window
             a.clock.array[:], a.grid.part, a.scale.moment = clock.array, part, moments
-            lane_slots, cells, bins, items = self._room()
+            lane_slots, cells, items = self._room()
             # Threads of a CPU have stopped before the other tiles, which will have as many.
             ran = tiles if a.on_gpu else max(int(a.counter.next_tile - a.grid.lanes), 1)
             more = SLACK * max(tiles / ran, 1.0)
@@ -493,17 +493,16 @@ class Windows:
                 grown = int(SLACK * needed) + 16
                 if full & k.FULL_SLOTS:
                     lane_slots = max(lane_slots, min(grown, a.n if a.grid.single_tile else 9 * a.n))
-                    bins = 1 << max(lane_slots - 1, 1).bit_length()
                 if full & k.FULL_CELLS:
                     cells = max(cells, grown)
                 if full & k.FULL_WALLS:
                     items = max(items, grown)
-                a.scratch(lane_slots, cells, bins, items)
+                a.scratch(lane_slots, cells, items)
 
-    def _room(self) -> tuple[int, int, int, int]:
-        """Slots for disks, cells, bins and walls of a lane."""
+    def _room(self) -> tuple[int, int, int]:
+        """Slots for disks, cells and walls of a lane."""
         grid = self.arrays.grid
-        return int(grid.lane_slots), int(grid.cells), int(grid.bins), int(grid.items)
+        return int(grid.lane_slots), int(grid.cells), int(grid.items)
 
     def _check(self, launch: Callable[..., Any]) -> None:
         """Verify the tiles that have just run."""
@@ -578,9 +577,8 @@ class Windows:
         self._clear_logs()
         self._launch(1, 1)
         self._collect()
-        a.grid.lanes = lanes
+        a.grid.lanes, a.grid.single_tile = lanes, 0
         a.scratch(*room)
-        a.grid.single_tile = 0
 
 
 class _TooLong(Exception):

@@ -366,14 +366,14 @@ def shear_mode_time(
     18.6
     """
     nu0 = collision_rate(packing_fraction, T0, mass, radius)
-    end, last = 8.0, 0.0
+    end = 8.0
     while True:
         path, found = _mode_energy(law, radius, packing_fraction, box, k, theta0, end)
         if found.max() >= share:
             break
-        if path.tau[-1] == last or end > _LONGEST:
+        if path.tau[-1] < end or end > _LONGEST:  # as cold as it gets
             return ShearModes(math.inf, math.inf)
-        end, last = 2.0 * end, float(path.tau[-1])
+        end *= 2.0
     first = int(np.argmax(found >= share))
     part = (share - found[first - 1]) / (found[first] - found[first - 1])
     tau, time = (

@@ -61,3 +61,28 @@ def test_diffusion_counts_directions_without_walls(tmp_path: Path, kind: str) ->
     assert rows["D"] == pytest.approx(0.5 / directions, rel=0.12)
     assert ("along x only: walls bound the other direction" in found.notes) == (directions == 1)
     assert any("walls on all sides" in warning for warning in found.warnings) == (kind == "closed")
+
+
+@pytest.mark.parametrize(
+    ("n", "lengths", "cells"),
+    [(180, (30.0, 10.0), (5, 2)), (1, (30.0, 1.0), (1, 1))],
+)
+def test_cells_of_fields_are_squares_for_twenty_disks(
+    tmp_path: Path, n: int, lengths: tuple[float, float], cells: tuple[int, int]
+) -> None:
+    """Of side a = sqrt(20 Lx Ly / n): 180 disks on 30 x 10 have 30 / a = 5.2, 10 / a = 1.7; one on 30 x 1 has 1.2."""
+    disks = ifrdem.Disks(n + 1, mass=np.r_[np.ones(n), np.inf], radius=0.1)
+    position = np.random.default_rng(3).uniform(0.0, lengths, (n + 1, 2))
+    with ifrdem.TrajectoryWriter(tmp_path / "gas.h5", disks, ifrdem.Box(lengths)) as file:
+        file.write(ifrdem.State(position, np.ones((n + 1, 2)), np.zeros(n + 1)), {"temperature": 1.0})
+    found = catalogue.of_fields(ifrdem.Trajectory(tmp_path / "gas.h5"), None)
+    rows = {row.name: row.value for row in found.rows}
+    assert (rows["cells along x"], rows["cells along y"]) == cells
+
+
+def test_disks_that_cannot_move_have_no_fields(tmp_path: Path) -> None:
+    disks = ifrdem.Disks(1, mass=np.inf, radius=0.1)
+    with ifrdem.TrajectoryWriter(tmp_path / "still.h5", disks, ifrdem.Box((2.0, 2.0))) as file:
+        file.write(ifrdem.State([[1.0, 1.0]], [[0.0, 0.0]], [0.0]), {"temperature": 0.0})
+    with pytest.raises(ifrdem.InputError, match="mass: must be finite"):
+        catalogue.of_fields(ifrdem.Trajectory(tmp_path / "still.h5"), None)

@@ -425,6 +425,23 @@ def test_fit_of_the_ratio_finds_end_and_lag() -> None:
     assert 0.7 < np.sqrt(np.mean(np.square(pulls))) < 1.5
 
 
+@pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
+def test_a_ratio_that_begins_at_its_end_by_chance_has_the_lag_of_least_squares_in_any_unit(
+    unit: float,
+) -> None:
+    """No value is nearer to the end than the first one, so that none tells the fit where to look for the lag.
+
+    At a given lag the law is linear in its other two parameters: of a fine grid of lags the best is the answer.
+    """
+    x = np.linspace(0.0, 20.0, 201)
+    theta = 0.6 - 0.6 * np.exp(-x / 3.0)
+    theta[0] = theta[-40:].mean()
+    grid = np.geomspace(1e-3, 100.0, 2001)
+    laws = [np.column_stack((np.ones_like(x), np.exp(-x / lag))) for lag in grid]
+    left = [np.sum((law @ np.linalg.lstsq(law, theta, rcond=None)[0] - theta) ** 2) for law in laws]
+    assert analysis.ratio_fit(unit * x, theta).lag / unit == pytest.approx(grid[np.argmin(left)], rel=0.006)
+
+
 def test_swapped_times_and_paths_are_told_apart() -> None:
     times, paths = np.arange(5.0), np.zeros((5, 7, 2))
     for function, name in (

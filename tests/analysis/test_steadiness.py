@@ -209,6 +209,15 @@ def test_rounding_is_no_change(tmp_path: Path) -> None:
             assert found.warnings == []
 
 
+@pytest.mark.parametrize(
+    ("early", "late", "t"),
+    # t = (late - early) / sqrt(0.03^2 + 0.04^2), but 0 for less than 1e-6 of the larger value.
+    [(1.0, 1.5, 10.0), (-1.0, 1.0, 40.0), (-1.0, -1.5, -10.0), (1e6, 1e6 + 0.5, 0.0), (1e5, 1e5 + 0.5, 10.0)],
+)
+def test_a_change_counts_in_standard_errors_beyond_rounding(early: float, late: float, t: float) -> None:
+    assert steadiness.between("S", (early, 0.03), (late, 0.04), 9).t == pytest.approx(t, rel=1e-9)
+
+
 def test_a_kind_with_one_disk_has_no_distribution_and_the_others_have(tmp_path: Path) -> None:
     rng = np.random.default_rng(5)
     velocity, spin, position = rng.normal(size=(61, 2)), rng.normal(size=61), 9.0 * rng.random((61, 2))

@@ -269,16 +269,13 @@ def test_order_inside_walls_sees_no_images() -> None:
 
 
 def test_a_row_between_walls_has_its_neighbours_along_it() -> None:
-    """Six nearest of a zigzag row by all distances: images of it across the walls would be nearer than the sixth."""
+    """Six nearest of a zigzag row by all distances: images across the walls beside it or beyond its ends are nearer."""
     row = np.column_stack((np.arange(20) * 1.2 + 1.0, 0.5 + 0.2 * (np.arange(20) % 2)))
     found = analysis.hexatic(row, Box((25.0, 1.2), periodic=(False, False)))
     apart = row - row[:, None]
     near = np.argsort(np.linalg.norm(apart, axis=2), axis=1)[:, 1:7]
     x, y = np.take_along_axis(apart, near[..., None], axis=1).transpose(2, 0, 1)
-    inner = slice(3, -3)  # of the outer ones two are as far
-    np.testing.assert_allclose(
-        found.psi6[inner], np.exp(6j * np.arctan2(y, x)).mean(axis=1)[inner], atol=1e-5
-    )
+    np.testing.assert_allclose(found.psi6, np.exp(6j * np.arctan2(y, x)).mean(axis=1), atol=2e-5)
 
 
 def test_touching_lattice_is_one_cluster_that_spans_the_box() -> None:

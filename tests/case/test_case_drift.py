@@ -105,7 +105,7 @@ def test_between_walls_and_beside_a_medium_speeds_and_temperatures_say_what_they
     assert gas_of(shifted.replace("mu = 0.0", "mu = 0.1"), folder=tmp_path).drift == (0.0, 0.0)
     drag = '[[force]]\nkind = "drag"\nstep = 0.1\nrate = 0.1\n'
     (said,) = gas_of(text + drag, folder=tmp_path).cautions
-    assert "temperatures of the run are not, for the medium of drag is at rest" in said
+    assert "the medium of drag is at rest" in said
 
 
 @pytest.mark.parametrize("shear", ["", "shear_rate = 0.3\n"])

@@ -63,9 +63,7 @@ def test_a_name_that_is_neither_file_nor_case_gets_the_nearest(
     monkeypatch.chdir(tmp_path)
     assert cli.main([verb, "mixtrue"]) == 2
     error = capsys.readouterr().err
-    assert (
-        "mixtrue: there is no such file, and no shipped case of this name (did you mean 'mixture'?)" in error
-    )
+    assert "no shipped case of this name (did you mean 'mixture'?)" in error
     assert list(tmp_path.iterdir()) == []
 
 

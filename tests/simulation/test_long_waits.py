@@ -112,10 +112,7 @@ def test_a_run_without_collisions_says_once_what_it_waits_for() -> None:
     # 36 s for a time of 9: 3e12 take 1.2e13 s, which are 3.8e5 years of 365.25 days.
     text = at(76.0, 12.0, 1)
     assert text is not None
-    assert (
-        "without a collision; the mean time between two at this density and speed is 3e+12, 3.8e+05 years"
-        in text
-    )
+    assert "the mean time between two at this density and speed is 3e+12, 3.8e+05 years" in text
     assert at(120.0, 13.0, 1) is None
 
 

@@ -245,10 +245,7 @@ speed_rms = 1.4
     )
     (tmp_path / "gas.toml").write_text(coins.replace('"reduced"', '"SI"'))
     said = bad(tmp_path, capsys, "--vary", VARY)
-    assert (
-        "material is not there: coefficients are those of species[0].coin. Change species[0].coin, or write"
-        in said
-    )
+    assert "material is not there: coefficients are those of species[0].coin" in said
     assert (
         cli.main(["study", f"{tmp_path}/gas.toml", "--vary", 'species[0].coin="1 pta","5 pts"', "--dry-run"])
         == 0

@@ -141,8 +141,8 @@ def run(tests: list[str], seconds: float, lines: Path | None = None) -> tuple[bo
 def main() -> None:
     """Plant them, and write a line of JSON for each: the mutation, if it survived, and CPU seconds."""
     parser = argparse.ArgumentParser(prog="python -m support.mutations", description=__doc__)
-    parser.add_argument("files", help='"ifrdem/theory/*", "kernels/[a-l]*.py", ...')
-    parser.add_argument("--count", type=int, default=50)
+    parser.add_argument("files", nargs="+", help='"ifrdem/theory/*", "kernels/[a-l]*.py", ...')
+    parser.add_argument("--count", type=int, default=50, help="mutations of each of FILES (default: 50)")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument(
         "--out", type=Path, required=True, help="lines of JSON; mutations that are there are left out"
@@ -152,11 +152,13 @@ def main() -> None:
     listed = subprocess.run(["git", "ls-files"], capture_output=True, check=True, text=True).stdout.split(
         "\n"
     )[:-1]
-    files = [
-        name for name in listed if fnmatch(name, given.files) and any(fnmatch(name, each) for each in TESTS)
-    ]
-    every = [one for name in files for one in mutations(name)]
-    chosen = random.Random(given.seed).sample(every, min(given.count, len(every)))
+    tested = [name for name in listed if any(fnmatch(name, each) for each in TESTS)]
+    draw = random.Random(given.seed)
+    chosen: list[Mutation] = []
+    for pattern in given.files:
+        every = [one for name in tested if fnmatch(name, pattern) for one in mutations(name)]
+        print(f"{pattern}: {len(every)} mutations are possible", flush=True)
+        chosen += draw.sample(every, min(given.count, len(every)))
     known = [json.loads(line) for line in out.read_text().splitlines()] if out.exists() else []
     with tempfile.TemporaryDirectory() as folder:
         for name in listed:

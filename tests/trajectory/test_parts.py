@@ -307,7 +307,7 @@ def test_what_does_not_need_a_missing_part_can_be_read(made, said, capsys, tmp_p
     (warning,) = (str(each.message) for each in told)
     assert f"run.parts/0002.h5 (disks 20 to 29) {'is missing' if said == 'is missing' else ''}" in warning
     assert said in warning
-    assert warning.endswith("radii, masses and fields of its disks cannot be read, all else can")
+    assert "cannot be read, all else can" in warning
     assert (trajectory.n, len(trajectory), trajectory.missing) == (N, 5, (2,))
     assert "41 disks, 5 frames" in repr(trajectory)
     assert np.array_equal(trajectory.series["energy"], series)

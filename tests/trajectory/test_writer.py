@@ -254,9 +254,7 @@ def test_zstd_is_a_filter_that_only_the_plugin_undoes(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "hdf5plugin", None)
     with pytest.raises(InputError, match=r'compression "zstd" requires the package hdf5plugin'):
         TrajectoryWriter(tmp_path / "other.h5", some_disks(100), BOX, compression="zstd")
-    with pytest.raises(
-        InputError, match=r"run\.h5 is compressed by zstd: reading it requires the package hdf5plugin"
-    ):
+    with pytest.raises(InputError, match=r"run\.h5 is compressed by zstd.*hdf5plugin"):
         Trajectory(path)
     assert [each.name for each in tmp_path.iterdir()] == ["run.h5"]
 

@@ -261,11 +261,9 @@ def test_a_gas_beyond_the_memory_is_refused_before_anything_runs(
     assert "of memory, and 10 MB are free" in capsys.readouterr().err
     assert cli.main(["run", case_file, "--set", "species[0].number=100000"]) == cli.BAD_INPUT
     monkeypatch.setattr(backend, "gpu_memory", lambda: 1_000_000_000)
-    with pytest.raises(InputError, match="500000 disks: the GPU has 1 GB of memory, in which 400000 fit"):
+    with pytest.raises(InputError, match=r"500000 disks: the GPU has 1 GB .*400000 fit"):
         summary.refuse_beyond_memory(500_000, "cuda")
-    with pytest.raises(
-        InputError, match="900000 disks: 2 GPUs have 1 GB of memory each, in which 800000 fit"
-    ):
+    with pytest.raises(InputError, match=r"900000 disks: 2 GPUs have 1 GB .*800000 fit"):
         summary.refuse_beyond_memory(900_000, "cuda", ranks=2)
     with pytest.raises(InputError, match="100000 disks need some 50 MB"):
         summary.refuse_beyond_memory(100_000, "cuda")  # the GPU's own memory holds the rest

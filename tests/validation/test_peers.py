@@ -297,7 +297,7 @@ def test_dynamo_gets_the_gas_and_tells_its_speed(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("option", "text", "message"),
     [
-        ("--edmd", "", "status 0 and not the output of `Single` of EDMD .* its last output: none"),
+        ("--edmd", "", "status 0 .*last output: none"),
         ("--edmd", "print('Too many neighbors.'); raise SystemExit(3)", "status 3 .* Too many neighbors."),
         ("--dynamo", "raise SystemExit('This version is obsolete')", "status 1 .* `dynarun` .* obsolete"),
         ("--dynamo", "open('output.xml', 'w').write('<OutputData/>')", "status 0 and not the output"),

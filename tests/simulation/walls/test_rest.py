@@ -306,6 +306,21 @@ def test_a_pile_comes_to_rest_at_a_bounded_cost() -> None:
     np.testing.assert_array_equal(run.state.position, state.position)
 
 
+def test_the_more_disks_rest_the_more_steps_may_find_their_forces() -> None:
+    """Each of 450 on a floor has a contact of its own, F_n = m g, found as quickly as one."""
+    n = 450
+    position = np.stack((1.0 + 1.1 * np.arange(n), np.full(n, 0.5)), axis=1)
+    state = State(position, np.zeros((n, 2)), np.zeros(n))
+    state.asleep = np.ones(n, dtype=np.int32)
+    run = Simulation(
+        Disks(n, mass=1.0, radius=0.5), Box((500.0, 10.0), periodic=(False, False)), IFRLaw(e_n=0.6, e_t=-1.0, mu=0.3),
+        state, gravity=(0.0, -1.0), collapse=Rest(SLOW),
+    )  # fmt: skip
+    run.run(t_end=1.0)
+    assert run.statistics.unjudged == 0
+    assert run.asleep == n
+
+
 def test_a_pile_rests_at_any_friction() -> None:
     """Both edges of a cone of mu = 100 are almost opposite: amounts of them would take some mu^2 steps to find."""
     run = pile(30, law=IFRLaw(e_n=0.6, e_t=-1.0, mu=100.0))
