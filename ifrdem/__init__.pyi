@@ -13,6 +13,7 @@ from .errors import InelasticCollapse as InelasticCollapse
 from .errors import InputError as InputError
 from .errors import NoMoreCollisions as NoMoreCollisions
 from .errors import RunWarning as RunWarning
+from .errors import TheoryWarning as TheoryWarning
 from .kernels.language import ti as ti
 from .model.box import Box as Box
 from .model.coin_table import coins as coins
@@ -41,7 +42,6 @@ from .simulation.device import Device as Device
 from .simulation.dsmc import DSMC as DSMC
 from .simulation.simulation import Simulation as Simulation
 from .study.study import Study as Study
-from .theory.sheared_gas import TheoryWarning as TheoryWarning
 from .tools.versions import __version__ as __version__
 from .trajectory.history import History as History
 from .trajectory.parts_writer import PartsWriter as PartsWriter

@@ -472,26 +472,26 @@ class _Step:
     def _with_disks(self, pair: NDArray[np.int64]) -> Array:
         """Times at which disks of pairs (m, 2) touch; infinite where they do not."""
         i, j = pair.T
-        began = np.maximum(self.since[i], self.since[j])
+        flight_start = np.maximum(self.since[i], self.since[j])
         v = self.v[j] - self.v[i]
-        r = self.x[j, :2] - self.x[i, :2] + v * began[:, None]
+        r = self.x[j, :2] - self.x[i, :2] + v * flight_start[:, None]
         sigma = self.bodies.radius[i] + self.bodies.radius[j]
         b, c, vv = np.sum(r * v, axis=1), np.sum(r * r, axis=1) - sigma**2, np.sum(v * v, axis=1)
         root = b * b - vv * c
         meet = (b < 0.0) & (root >= 0.0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(meet, began + np.maximum(c, 0.0) / (np.sqrt(root) - b), np.inf)
+            return np.where(meet, flight_start + np.maximum(c, 0.0) / (np.sqrt(root) - b), np.inf)
 
     def _with_walls(self, pair: NDArray[np.int64]) -> Array:
         """Times at which disks and walls of pairs (m, 2) touch; infinite where they do not."""
         i, wall = pair[:, 0], pair[:, 1] - self.n
-        began = np.maximum(self.since[i], self.since[pair[:, 1]])
+        flight_start = np.maximum(self.since[i], self.since[pair[:, 1]])
         n = self.normal[wall]
         approach = -np.sum(self.v[i] * n, axis=1)
-        at = self.x[i, :2] + self.v[i] * began[:, None] - self.point[wall]
+        at = self.x[i, :2] + self.v[i] * flight_start[:, None] - self.point[wall]
         gap = np.sum(at * n, axis=1) - self.bodies.radius[i]
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(approach > 0.0, began + np.maximum(gap, 0.0) / approach, np.inf)
+            return np.where(approach > 0.0, flight_start + np.maximum(gap, 0.0) / approach, np.inf)
 
     def _collide(self, time: float, i: int, j: int) -> Hit:
         """Collide i and j at `time`, and put them back where they then are at the end of the step."""

@@ -38,6 +38,10 @@ class RunWarning(UserWarning):
     """A run that does nothing: its end, which counts from the start of the gas, was reached before."""
 
 
+class TheoryWarning(UserWarning):
+    """A theory is used outside the range in which it was compared with simulations."""
+
+
 class Stopped(Exception):
     """A run was stopped before its end; `status` is the exit status of the command, the message says why."""
 
@@ -127,10 +131,12 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
-def refuse(wrong: Sequence[str], source: object = "", most: int = 100, count: int | None = None) -> None:
+def refuse(problems: Sequence[str], source: object = "", most: int = 100, count: int | None = None) -> None:
     """Raise InputError with a line for each thing that is wrong, behind the name of its source; return if none is."""
-    if wrong:
-        raise InputError(listed([f"{source}: {each}" for each in wrong] if source else wrong, most, count))
+    if problems:
+        raise InputError(
+            listed([f"{source}: {each}" for each in problems] if source else problems, most, count)
+        )
 
 
 def listed(lines: Sequence[str], most: int = 20, count: int | None = None) -> str:

@@ -200,9 +200,9 @@ CANDIDATE = Columns(**columns("slot", "cell", "own_rank", "step"))
 REST = Columns(**columns("asleep", "may_rest", "hits"))
 # Contact that may bear: slots of both disks, the second -1 for a wall; the normal; what a unit of its four forces
 # (normal, along the contact, torques on both disks) does to either, scaled so that each changes sqrt(m) a by 1 in all;
-# bounds of the last three over the first; the forces, and those that are tried, or the last change (`add_contact`).
+# bounds of the last three over the first; the forces, and trial forces, or the last change (`add_contact`).
 CONTACT = Columns(
-    **columns("i", "j", "normal_x", "normal_y"), push=2, drag=2, spin_up=2, bound=3, force=FORCES, tried=FORCES
+    **columns("i", "j", "normal_x", "normal_y"), push=2, drag=2, spin_up=2, bound=3, force=FORCES, trial=FORCES
 )  # fmt: skip
 # sqrt(m) a and sqrt(I) alpha.
 RESIDUAL_ACCELERATION = Columns(**columns("x", "y", "turn"))
@@ -216,7 +216,7 @@ EVENT = Columns(
 )  # fmt: skip
 # Tile; the disk's id; the partner's, or -2 - wall; boxes travelled; kind (BY_LAW ...); the disk's number of collisions.
 EVENT_INT = Columns(
-    **columns("tile", "id", "partner"), image=2, **columns("how", "number", "unused"),
+    **columns("tile", "id", "partner"), image=2, **columns("regime", "number", "unused"),
 )  # fmt: skip
 # A collision of two disks: tile; ids of both, the smaller first.
 PAIR = Columns(**columns("tile", "id", "partner"))
@@ -231,7 +231,7 @@ PAIR = Columns(**columns("tile", "id", "partner"))
 # of pairs.
 COUNTER = Columns(**columns(
     "next_tile", "n_ghosts", "full", "n_slots", "needed", "resting", "stalled", "n_bad", "n_events", "n_windows",
-    "n_watched", "again", "pausing", "resuming", "paused", "stuck", "halted", "unjudged", "jammed", "n_pairs",
+    "n_watched", "again", "pausing", "resuming", "paused", "stuck", "halted", "unverified", "jammed", "n_pairs",
 ))  # fmt: skip
 # Begin and end of the window; where to stop (time, collisions in all), to pause, when a force acts; what sets the
 # length of windows: a path, the side of a tile, the speed of walls; unit of squares of speeds; path in a gas that fills
@@ -339,7 +339,7 @@ DSMC_TABLES: dict[str, Columns] = {
     "key": Columns(**columns("number_low", "number_high", "seed_low", "seed_high")),
     # Coefficients of contact values (`contact.contact_value_coefficients`); the largest g_ij sigma_ij |v_i - v_j| that
     # may occur; the square of the highest speed for which that holds.
-    "crowding": Columns(**columns("one", "two", "majorant", "cap")),
+    "contact_value": Columns(**columns("one", "two", "majorant", "cap")),
     # Factors of a velocity and of a spin by friction; energy that noise gives to the motion and to the spin.
     "factors": Columns(**columns("velocity", "spin", "energy", "spin_energy")),
     "scale": SCALE,
@@ -385,7 +385,7 @@ SINGLE = (
     "when",
     "counter_words",
     "key",
-    "crowding",
+    "contact_value",
     "factors",
 )
 """Arrays of one row."""

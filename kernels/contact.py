@@ -100,22 +100,22 @@ def impulses_between(
 
 @ti.func
 def collided(
-    p, q, n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j, lasting,
+    p, q, n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j, persistent,
     gas: ti.template(),
 ):  # fmt: skip
     """Velocities and spins (vx_i, vy_i, w_i, vx_j, vy_j, w_j) of p and q after a collision; how it was; its losses.
 
     How: ELASTIC; else, with a ledger, STICKS and ROLLS; else 0. Losses: as of `losses_of`; 0 without one.
     Arguments as for `law.collide_pair`; p and q are materials. A pair that separates keeps its velocities and spins.
-    With `lasting` > 0 (the tc rule), or below the cut-off, disks collide like smooth elastic ones.
+    With `persistent` > 0 (the tc rule), or below the cut-off, disks collide like smooth elastic ones.
     """
     P_n, P_t, T, P_et, sticking, rolling, g_n, pair = impulses_between(
         p, q, n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j, gas
     )
     elastic = g_n < gas.scale.cutoff
     if ti.static(gas.uses.remembers):
-        elastic = elastic or lasting > 0
-    how = 0
+        elastic = elastic or persistent > 0
+    regime = 0
     lost = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)
     approaching = 1.0 * (g_n > 0.0)
     if ti.static(gas.uses.rests):
@@ -123,27 +123,27 @@ def collided(
         if elastic and P_n > 0.0:
             if ti.static(gas.uses.tallied):
                 lost = losses_of(P_n, P_t, T, P_et, pair)
-                how = STICKS * ti.cast(sticking, ti.i32)
-            how += ELASTIC
+                regime = STICKS * ti.cast(sticking, ti.i32)
+            regime += ELASTIC
             elastic = False
         elif g_n > 0.0:
             if ti.static(gas.uses.tallied):
                 lost = losses_of(P_n, P_t, T, P_et, pair)
-                how = STICKS * ti.cast(sticking, ti.i32) + ROLLS * ti.cast(rolling, ti.i32)
+                regime = STICKS * ti.cast(sticking, ti.i32) + ROLLS * ti.cast(rolling, ti.i32)
     elif elastic:
         P_n = 2.0 * pair.m_n * g_n
         P_t = 0.0
         T = 0.0
-        how = ELASTIC
+        regime = ELASTIC
     elif g_n > 0.0:
         if ti.static(gas.uses.tallied):
             lost = losses_of(P_n, P_t, T, P_et, pair)
-            how = STICKS * ti.cast(sticking, ti.i32) + ROLLS * ti.cast(rolling, ti.i32)
+            regime = STICKS * ti.cast(sticking, ti.i32) + ROLLS * ti.cast(rolling, ti.i32)
     vx_i_new, vy_i_new, w_i_new, vx_j_new, vy_j_new, w_j_new = after_impulses(
         approaching * P_n, approaching * P_t, approaching * T,
         n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j,
     )  # fmt: skip
-    return vx_i_new, vy_i_new, w_i_new, vx_j_new, vy_j_new, w_j_new, how, lost
+    return vx_i_new, vy_i_new, w_i_new, vx_j_new, vy_j_new, w_j_new, regime, lost
 
 
 @kernel

@@ -76,15 +76,15 @@ def meet(c, i, j, gas: ti.template()):
     gx, gy = a[BODY.vx] - b[BODY.vx], a[BODY.vy] - b[BODY.vy]
     speed = ti.sqrt(gx * gx + gy * gy)
     section = (
-        gas.crowding.one * (a[BODY.radius] + b[BODY.radius])
-        + gas.crowding.two * a[BODY.radius] * b[BODY.radius]
+        gas.contact_value.one * (a[BODY.radius] + b[BODY.radius])
+        + gas.contact_value.two * a[BODY.radius] * b[BODY.radius]
     )
     w = words(stream_of(c, PAIRS, gas), 1)
-    if unit(w[0], w[1]) * gas.crowding.majorant <= section * speed and speed > 0.0:
+    if unit(w[0], w[1]) * gas.contact_value.majorant <= section * speed and speed > 0.0:
         sine = ti.cast(2.0 * unit(w[2], w[3]) - 1.0, float)
         cosine = ti.sqrt(ti.max(1.0 - sine * sine, 0.0))
         n_x, n_y = (gx * cosine - gy * sine) / speed, (gy * cosine + gx * sine) / speed
-        vx_i, vy_i, w_i, vx_j, vy_j, w_j, _how, _lost = collided(
+        vx_i, vy_i, w_i, vx_j, vy_j, w_j, _regime, _lost = collided(
             ti.cast(a[BODY.material], ti.i32), ti.cast(b[BODY.material], ti.i32), n_x, n_y,
             a[BODY.inverse_mass], a[BODY.radius], a[BODY.k], a[BODY.vx], a[BODY.vy], a[BODY.spin],
             b[BODY.inverse_mass], b[BODY.radius], b[BODY.k], b[BODY.vx], b[BODY.vy], b[BODY.spin], 0, gas,
@@ -94,14 +94,14 @@ def meet(c, i, j, gas: ti.template()):
         gas.hits[i] += 1
         gas.hits[j] += 1
         ti.atomic_add(gas.counter.collisions, 1)
-        if ti.max(vx_i * vx_i + vy_i * vy_i, vx_j * vx_j + vy_j * vy_j) > gas.crowding.cap:
+        if ti.max(vx_i * vx_i + vy_i * vy_i, vx_j * vx_j + vy_j * vy_j) > gas.contact_value.cap:
             ti.atomic_min(gas.counter.cut, c)
 
 
 @kernel
 def resolve_pairs(
     now: ti.i32,
-    gas: Arrays("uses disk hits first pair todo counter law scale crowding key", DSMC_TABLES),
+    gas: Arrays("uses disk hits first pair todo counter law scale contact_value key", DSMC_TABLES),
 ):
     """Resolve the open candidates of list `now` that are the first of both their disks; list the others again."""
     for e in range(gas.counter[now]):
@@ -124,7 +124,7 @@ def resolve_pairs(
 
 @kernel
 def resolve_pairs_serially(
-    count: ti.i32, gas: Arrays("uses disk hits pair counter law scale crowding key", DSMC_TABLES)
+    count: ti.i32, gas: Arrays("uses disk hits pair counter law scale contact_value key", DSMC_TABLES)
 ):
     """Resolve all candidates one after the other, which is fastest on one thread and gives the same bits."""
     for _ in range(1):

@@ -116,8 +116,8 @@ def leaving(i, region: ti.template(), gas: ti.template()):
     to_x = ti.select(moves_x & ((region.wrap_x == 1) | (cx != right * (nx - 1))), to_x, never)
     to_y = ti.select(moves_y & ((region.wrap_y == 1) | (cy != up * (ny - 1))), to_y, never)
     side = ti.select(to_y < to_x, 3 + up, 1 + right)
-    soonest = real_of(ti.max(ti.min(to_x, to_y), 0 * never))
-    return motion.tau + soonest, side
+    earliest = real_of(ti.max(ti.min(to_x, to_y), 0 * never))
+    return motion.tau + earliest, side
 
 
 @ti.func
@@ -172,27 +172,27 @@ def nearest(d, length, wraps):
 
 
 @ti.func
-def friction_column(how):
+def friction_column(regime):
     """Column of losses to which friction in a collision belongs."""
-    return ti.select(how % ROLLS == STICKS, MECHANISM.sticking, MECHANISM.sliding)
+    return ti.select(regime % ROLLS == STICKS, MECHANISM.sticking, MECHANISM.sliding)
 
 
 @ti.func
-def enter_losses(tile, how, lost, gas: ti.template()):
+def enter_losses(tile, regime, lost, gas: ti.template()):
     """Add the losses and the regime of a collision of two disks to the tally."""
     add(tile, TALLY.losses.normal, lost[0], gas)
     add(tile, TALLY.losses.restitution, lost[1], gas)
-    add(tile, TALLY.losses[friction_column(how)], lost[2], gas)
+    add(tile, TALLY.losses[friction_column(regime)], lost[2], gas)
     add(tile, TALLY.losses.rolling, lost[3], gas)
-    add(tile, TALLY.regimes[ti.min(how, ELASTICALLY)], 1.0, gas)
+    add(tile, TALLY.regimes[ti.min(regime, ELASTICALLY)], 1.0, gas)
 
 
 @ti.func
-def charge_half(i, how, lost, gas: ti.template()):
+def charge_half(i, regime, lost, gas: ti.template()):
     """Add half of the losses of a collision to those of the disk in slot i."""
     charge(i, MECHANISM.normal, 0.5 * lost[0], gas)
     charge(i, MECHANISM.restitution, 0.5 * lost[1], gas)
-    charge(i, friction_column(how), 0.5 * lost[2], gas)
+    charge(i, friction_column(regime), 0.5 * lost[2], gas)
     charge(i, MECHANISM.rolling, 0.5 * lost[3], gas)
 
 
@@ -224,7 +224,7 @@ def hit_sleepers(
 @ti.func
 def write_collision(
     a: ti.template(), b: ti.template(), t: ti.template(), rx: ti.template(), ry: ti.template(), r: ti.template(),
-    before: ti.template(), after: ti.template(), how: ti.template(), tile: ti.template(), region: ti.template(),
+    before: ti.template(), after: ti.template(), regime: ti.template(), tile: ti.template(), region: ti.template(),
     gas: ti.template(),
 ):  # fmt: skip
     """Write a row of `event` for each of the disks in slots a and b that is tracked."""
@@ -237,21 +237,21 @@ def write_collision(
             gas.event[row].normal[0], gas.event[row].normal[1] = sign * rx / r, sign * ry / r
             write_motion(row, t, 3 * side, before, after, gas)
             gas.event_int[row].partner = gas.event_info[other].id
-            gas.event_int[row].how = ti.select(how >= ELASTIC, BY_REMEDY, BY_LAW)
+            gas.event_int[row].regime = ti.select(regime >= ELASTIC, BY_REMEDY, BY_LAW)
 
 
 @ti.func
 def count_collision(
-    a: ti.template(), kind_a: ti.template(), how: ti.template(), lost: ti.template(), rows: ti.template(),
+    a: ti.template(), kind_a: ti.template(), regime: ti.template(), lost: ti.template(), rows: ti.template(),
     faster: ti.template(), vx_a: ti.template(), new_vx_a: ti.template(), tile: ti.template(), gas: ti.template(),
 ):  # fmt: skip
     """Add a collision of the disk in slot a, whose velocity along x changed, to the tally of the tile that owns it."""
     if gas.event_info[a].own_rank > 0:
         add(tile, TALLY.collisions, 1.0, gas)
-        if how >= ELASTIC:
+        if regime >= ELASTIC:
             add(tile, TALLY.elastics, 1.0, gas)
         if ti.static(gas.uses.tallied):
-            enter_losses(tile, how, lost, gas)
+            enter_losses(tile, regime, lost, gas)
         if ti.static(gas.uses.sheared):
             if rows != 0:
                 # a got the momentum m dv, and b, in a frame that is faster, the opposite.
@@ -265,9 +265,9 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     a, b = i, j
     if gas.event_info[j].id < gas.event_info[i].id:
         a, b = j, i
-    lasting = 0
+    persistent = 0
     if ti.static(gas.uses.remembers):
-        lasting = ti.max(just_collided(a, t, gas), just_collided(b, t, gas))
+        persistent = ti.max(just_collided(a, t, gas), just_collided(b, t, gas))
         gas.since[a] = t
         gas.since[b] = t
     since_a, since_b = gas.motion[a].tau, gas.motion[b].tau
@@ -302,10 +302,10 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     if ti.static(gas.uses.rests):
         slow = ((vx_a - vx_b) * rx + (vy_a_0 - vy_b_0) * ry) / r < gas.scale.cutoff
         hit_sleepers(a, b, t, since_a, since_b, asleep_a, asleep_b, slow, inverse_a, inverse_b, tile, gas)
-    new_vx_a, vy_a, w_a, new_vx_b, vy_b, w_b, how, lost = collided(
+    new_vx_a, vy_a, w_a, new_vx_b, vy_b, w_b, regime, lost = collided(
         p, q, rx / r, ry / r, inverse_a, gas.kinds[kind_a].radius, gas.kinds[kind_a].k, vx_a, gas.motion[a].vy,
         gas.motion[a].spin, inverse_b, gas.kinds[kind_b].radius, gas.kinds[kind_b].k, vx_b, gas.motion[b].vy,
-        gas.motion[b].spin, lasting, gas,
+        gas.motion[b].spin, persistent, gas,
     )  # fmt: skip
     gas.motion[a].vx, gas.motion[a].vy, gas.motion[a].spin = new_vx_a, vy_a, w_a
     gas.motion[b].vx, gas.motion[b].vy, gas.motion[b].spin = new_vx_b - faster, vy_b, w_b
@@ -333,11 +333,11 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     if ti.static(gas.uses.watched):
         before = ti.Vector([vx_a, vy_a_0, w_a_0, vx_b, vy_b_0, w_b_0])
         after = ti.Vector([new_vx_a, vy_a, w_a, new_vx_b, vy_b, w_b])
-        write_collision(a, b, t, rx, ry, r, before, after, how, tile, region, gas)
+        write_collision(a, b, t, rx, ry, r, before, after, regime, tile, region, gas)
     if ti.static(gas.uses.itemised):
-        charge_half(a, how, lost, gas)
-        charge_half(b, how, lost, gas)
-    count_collision(a, kind_a, how, lost, rows, faster, vx_a, new_vx_a, tile, gas)
+        charge_half(a, regime, lost, gas)
+        charge_half(b, regime, lost, gas)
+    count_collision(a, kind_a, regime, lost, rows, faster, vx_a, new_vx_a, tile, gas)
 
 
 @ti.func
@@ -666,7 +666,7 @@ def earliest_event(
 @ti.func
 def check_moment(
     i: ti.template(), t: ti.template(), moment: ti.template(), written: ti.template(), writing: ti.template(),
-    going: ti.template(), pausing: ti.template(), pauses: ti.template(), gas: ti.template(),
+    active: ti.template(), pausing: ti.template(), pauses: ti.template(), gas: ti.template(),
 ):  # fmt: skip
     """Set `writing` to the time of the tally that is due before the event of the disk in slot i at t, if one is."""
     if moment < FAR and (i < 0 or t > moment):
@@ -675,9 +675,9 @@ def check_moment(
         moment = gas.scale.moment[written]
         if pausing == 1:
             gas.counter.paused = pauses
-            going = 0
+            active = 0
     elif i < 0:
-        writing, going = AT_END, 0
+        writing, active = AT_END, 0
 
 
 @ti.func
@@ -722,16 +722,16 @@ def pause_after(
 @ti.func
 def meet_wall(
     i: ti.template(), partner: ti.template(), t: ti.template(), n: ti.template(), tile: ti.template(),
-    looking: ti.template(), all_look: ti.template(), region: ti.template(), gas: ti.template(),
+    n_searching: ti.template(), all_search: ti.template(), region: ti.template(), gas: ti.template(),
 ):  # fmt: skip
     """Collide the disk in slot i with its wall. After one with a piston all disks look for theirs again."""
     since = gas.motion[i].tau
     if ti.static(gas.uses.pistons):
         if meets_piston(i, gas) == 1:
-            looking, all_look = n, 1
-    how = hit_wall(i, t, tile, region, gas)
+            n_searching, all_search = n, 1
+    regime = hit_wall(i, t, tile, region, gas)
     if ti.static(gas.uses.rests):
-        if how >= ELASTIC and is_support(wall_of(from_partner(partner)), gas):
+        if regime >= ELASTIC and is_support(wall_of(from_partner(partner)), gas):
             count_hit(i, t, since, gas)
             fall_asleep(i, t, tile, gas)
 
@@ -739,7 +739,7 @@ def meet_wall(
 @ti.func
 def check_progress(
     n: ti.template(), offset: ti.template(), t: ti.template(), window: ti.template(), checked_at: ti.template(),
-    going: ti.template(), region: ti.template(), gas: ti.template(),
+    active: ti.template(), region: ti.template(), gas: ti.template(),
 ):  # fmt: skip
     """End the events if time has not advanced since `checked_at`: so many events without progress have no end."""
     if t - checked_at < 1e-9 * window:
@@ -748,16 +748,16 @@ def check_progress(
             if not (largest_speed(m, gas) * window <= TOO_FAR * (region.nx * region.side_x)):
                 stalled = 2  # also of a speed that is no number
         ti.atomic_max(gas.counter.stalled, stalled)
-        going = 0
+        active = 0
 
 
 @ti.func
 def look_for_pistons(
-    i: ti.template(), q: ti.template(), offset: ti.template(), bins: ti.template(), all_look: ti.template(),
+    i: ti.template(), q: ti.template(), offset: ti.template(), bins: ti.template(), all_search: ti.template(),
     x_low: ti.template(), x_high: ti.template(), keeps: ti.template(), gas: ti.template(),
 ):  # fmt: skip
     """After an event of a piston, have disk number q look at walls, and at disks too if it is to meet a piston."""
-    if all_look == 1:
+    if all_search == 1:
         i = offset + q
         remove_event(i, bins, gas)
         x_low, x_high, keeps = 1, 0, 1  # at no disk, but at walls
@@ -789,7 +789,7 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
     offset, bins = lane * gas.grid.lane_slots, lane * gas.grid.bins
     window = gas.scale.window
     moment = gas.scale.moment[0]
-    present, fresh, written, going = 0, n, 0, 1
+    present, fresh, written, active = 0, n, 0, 1
     if resuming == 0:
         fresh = 0
         for b in range(n_bins):
@@ -800,14 +800,14 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
     patience = MANY_EVENTS + 20 * n
     rate = n_bins / window
     begin_queue(n, n_bins, offset, bins, rate, fresh, gas)
-    while going == 1:
+    while active == 1:
         # At most two disks look around themselves in a turn; one place in the code where they do keeps it small.
-        looking, first, second, half = 0, 0, 0, 0
-        all_look, stop, stopped = 0, window, -1  # for a piston, after an event of it
+        n_searching, first, second, half = 0, 0, 0, 0
+        all_search, stop, stopped = 0, window, -1  # for a piston, after an event of it
         x_low, x_high, y_low, y_high = -1, 1, -1, 1
         keeps = 0
         if fresh < n:
-            first, looking, half, x_low = offset + fresh, 1, 1, 0
+            first, n_searching, half, x_low = offset + fresh, 1, 1, 0
             fresh += 1
         else:
             i = EMPTY
@@ -820,19 +820,19 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                 else:
                     stopped = -1
             writing = -1
-            check_moment(i, t, moment, written, writing, going, pausing, pauses, gas)
+            check_moment(i, t, moment, written, writing, active, pausing, pauses, gas)
             if writing >= 0:
                 write_here(n, tile, writing, region, gas)
             elif stopped >= 0:
                 events += 1
                 if ti.static(gas.uses.pistons):
                     bounce(stopped, t, gas)
-                looking, all_look = n, 1
+                n_searching, all_search = n, 1
                 present = ti.min(present, n_bins - 1)  # for who meets it later in this window
             else:
                 events += 1
                 remove_event(i, bins, gas)
-                first, looking = i, 1
+                first, n_searching = i, 1
                 partner = gas.event_info[i].partner
                 if gas.motion[i].t_leave < gas.motion[i].t_hit:
                     cross_side(i, keeps, x_low, x_high, y_low, y_high, region, gas)
@@ -840,20 +840,20 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
                     if gas.event_info[partner].number == gas.event_info[i].partner_number:
                         remove_event(partner, bins, gas)
                         collide(i, partner, t, tile, region, gas)
-                        second, looking = partner, 2
+                        second, n_searching = partner, 2
                         pause_after(t, tile, moment, written, pausing, pauses, gas)
                 else:
                     if ti.static(gas.uses.walled):
-                        meet_wall(i, partner, t, n, tile, looking, all_look, region, gas)
+                        meet_wall(i, partner, t, n, tile, n_searching, all_search, region, gas)
                 if events - checked > patience:
-                    check_progress(n, offset, t, window, checked_at, going, region, gas)
+                    check_progress(n, offset, t, window, checked_at, active, region, gas)
                     checked, checked_at = events, t
-        for q in range(looking):
+        for q in range(n_searching):
             i = first
             if q == 1:
                 i = second
             if ti.static(gas.uses.pistons):
-                look_for_pistons(i, q, offset, bins, all_look, x_low, x_high, keeps, gas)
+                look_for_pistons(i, q, offset, bins, all_search, x_low, x_high, keeps, gas)
             t = predict(i, x_low, x_high, y_low, y_high, half, keeps, region, gas)
             insert_event(i, t, present, bins, n_bins, rate, gas)
     ti.atomic_add(gas.counter.n_events, events)

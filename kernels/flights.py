@@ -15,9 +15,9 @@ def rounding() -> float:
 
 
 @ti.func
-def on_grid(way, gas: ti.template()):
+def on_grid(distance, gas: ti.template()):
     """A displacement rounded to the grid of positions: (z + C) - C, where C is 1.5 q times the largest mantissa."""
-    return (way + gas.scale.rounding_constant) - gas.scale.rounding_constant
+    return (distance + gas.scale.rounding_constant) - gas.scale.rounding_constant
 
 
 @ti.func

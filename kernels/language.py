@@ -84,7 +84,8 @@ def width(array: Any) -> int:
 
 def view(array: Any) -> NDArray[Any]:
     """The memory of an array on the CPU as an array of NumPy, without a copy; as long as the array lives."""
-    shape, kind = array.arr.total_shape(), np.dtype(ti.lang.util.to_numpy_type(array.dtype))
+    shape = (*array.shape, *array.element_shape)
+    kind = np.dtype(ti.lang.util.to_numpy_type(array.dtype))
     address = program().get_ndarray_data_ptr_as_int(array.arr)
     memory: Any = (ctypes.c_char * (kind.itemsize * math.prod(shape))).from_address(address)
     return np.ndarray(shape, kind, buffer=memory)

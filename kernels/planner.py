@@ -38,15 +38,15 @@ def usual_halo(chain_halo, fastest, pull, wall_speed, window):
 
 
 @ti.func
-def path_from(path, free_path, in_window, way, collisions):
-    """The path that sets the next window, after one in which disks came a `way` at `path`, with so many collisions.
+def path_from(path, free_path, in_window, distance, collisions):
+    """Path for the next window, after one in which disks moved a `distance` at `path`, with so many collisions.
 
     That of a gas that fills the box (`free_path`), or a shorter one where disks are in clusters and collide more often,
     so that as many as that gas has `in_window` happen.
     """
     found = free_path
     if collisions > in_window:
-        found = ti.max(way * in_window / collisions, ti.f64(LEAST_PATH) * free_path)
+        found = ti.max(distance * in_window / collisions, ti.f64(LEAST_PATH) * free_path)
     return ti.min(ti.min(found, free_path), 2.0 * path)
 
 
@@ -76,9 +76,9 @@ def commit(gas: ti.template()):
     """Add up the sums of the last window, and have one begin where it ended, with the path that follows from it."""
     for column in range(gas.tally.shape[2]):
         gas.sums[column] = gas.sums[column] + total_of(column, gas)
-    way = gas.clock.speed * (gas.clock.end - gas.clock.begin)
+    distance = gas.clock.speed * (gas.clock.end - gas.clock.begin)
     gas.clock.path = path_from(
-        gas.clock.path, gas.clock.free_path, gas.clock.in_window, way, total_of(TALLY.collisions, gas)
+        gas.clock.path, gas.clock.free_path, gas.clock.in_window, distance, total_of(TALLY.collisions, gas)
     )
     gas.clock.begin = gas.clock.end
     gas.clock.overhang = gas.total.overhang

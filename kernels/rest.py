@@ -168,9 +168,9 @@ def time_to_sleeper(rx, ry, vx, vy, noise, sigma, within, gas: ti.template()):
     tolerance = 1.0e-15 * (gas.scale.length_x + gas.scale.length_y)
     reach = sigma + (ti.abs(vx) + ti.abs(vy) + 0.5 * pull * within) * within
     s = 0.0 * rx
-    going = ti.cast(rx * rx + ry * ry < reach * reach and within >= 0.0, ti.i32)
+    active = ti.cast(rx * rx + ry * ry < reach * reach and within >= 0.0, ti.i32)
     steps = 0
-    while going == 1:
+    while active == 1:
         steps += 1
         x, y = rx + vx * s + 0.5 * gx * s * s, ry + vy * s + 0.5 * gy * s * s
         ux, uy = vx + gx * s, vy + gy * s
@@ -184,8 +184,8 @@ def time_to_sleeper(rx, ry, vx, vy, noise, sigma, within, gas: ti.template()):
             elif slope <= noise and ux * ux + uy * uy - slope * slope + x * gx + y * gy < 0.0:
                 found = s
             if found < FAR:
-                going = 0
-        if going == 1:
+                active = 0
+        if active == 1:
             root = ti.sqrt(slope * slope + 2.0 * pull * f)
             step = (slope + root) / pull
             if slope < 0.0:
@@ -195,7 +195,7 @@ def time_to_sleeper(rx, ry, vx, vy, noise, sigma, within, gas: ti.template()):
                 least = 1.0e-6 * within  # they separate
             s += ti.max(step, least)
             if s >= within or steps > 1000:
-                going = 0
+                active = 0
     return found
 
 
@@ -334,13 +334,13 @@ def find_contacts(n, region: ti.template(), gas: ti.template()):
                         )
     if count > CONTACTS_PER_DISK * gas.grid.lane_slots:
         count = CONTACTS_PER_DISK * gas.grid.lane_slots
-        gas.counter.unjudged = gas.counter.unjudged + 1
+        gas.counter.unverified = gas.counter.unverified + 1
     return count
 
 
 @ti.func
 def accelerate(count, n, further, weight, rolls, offset, gas: ti.template()):
-    """Find sqrt(m) a and sqrt(I) alpha of n disks by `weight` times gravity and forces, which become those tried.
+    """Find sqrt(m) a and sqrt(I) alpha of n disks by `weight` times gravity and forces, which become the trial forces.
 
     These are the forces plus `further` times their last change. Friction torques count only if some contact `rolls`.
     """
@@ -356,9 +356,9 @@ def accelerate(count, n, further, weight, rolls, offset, gas: ti.template()):
         contact = gas.contact[c]
         i, j = ti.cast(contact.i, ti.i32), ti.cast(contact.j, ti.i32)
         nx, ny = contact.normal_x, contact.normal_y
-        push = contact.force[0] + further * contact.tried[0]
-        drag = contact.force[1] + further * contact.tried[1]
-        contact.tried[0], contact.tried[1] = push, drag
+        push = contact.force[0] + further * contact.trial[0]
+        drag = contact.force[1] + further * contact.trial[1]
+        contact.trial[0], contact.trial[1] = push, drag
         p, q = push * contact.push[0], drag * contact.drag[0]
         gas.residual_acceleration[i].x = gas.residual_acceleration[i].x + (p * nx - q * ny)
         gas.residual_acceleration[i].y = gas.residual_acceleration[i].y + (p * ny + q * nx)
@@ -370,10 +370,10 @@ def accelerate(count, n, further, weight, rolls, offset, gas: ti.template()):
             gas.residual_acceleration[j].turn = gas.residual_acceleration[j].turn + drag * contact.spin_up[1]
         if rolls == 1:
             for q in ti.static(range(2, FORCES)):
-                contact.tried[q] = contact.force[q] + further * contact.tried[q]
-            gas.residual_acceleration[i].turn = gas.residual_acceleration[i].turn + contact.tried[2]
+                contact.trial[q] = contact.force[q] + further * contact.trial[q]
+            gas.residual_acceleration[i].turn = gas.residual_acceleration[i].turn + contact.trial[2]
             if j >= 0:
-                gas.residual_acceleration[j].turn = gas.residual_acceleration[j].turn + contact.tried[3]
+                gas.residual_acceleration[j].turn = gas.residual_acceleration[j].turn + contact.trial[3]
 
 
 @ti.func
@@ -426,8 +426,8 @@ def project_on_cone(force, c, gas: ti.template()):
         least += contact.bound[q] * ti.abs(force[q + 1])
     found = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)
     if least > 0.0:
-        going, steps = 1, 0
-        while going == 1:
+        active, steps = 1, 0
+        while active == 1:
             value, slope = push - force[0], ti.cast(1.0, ti.f64)
             for q in ti.static(range(FORCES - 1)):
                 bound = contact.bound[q]
@@ -437,7 +437,7 @@ def project_on_cone(force, c, gas: ti.template()):
                     slope += bound * bound
             push -= value / slope
             steps += 1
-            going = ti.cast(value < 0.0 and steps < FORCES, ti.i32)
+            active = ti.cast(value < 0.0 and steps < FORCES, ti.i32)
         found[0] = push
         for q in ti.static(range(FORCES - 1)):
             most = contact.bound[q] * push
@@ -459,7 +459,7 @@ def solve_contact_forces(count, n, most, offset, gas: ti.template()):
         contact.force[0], contact.force[1] = 1.0, -1.0 - 0.1 * ti.cast(c % 3, ti.f64)
         contact.force[2], contact.force[3] = 1.0, 1.0
         for q in ti.static(range(FORCES)):
-            contact.tried[q] = 0.0
+            contact.trial[q] = 0.0
     pull = ti.cast(ti.sqrt(gas.scale.gx**2 + gas.scale.gy**2), ti.f64)
     enough = (NEAR_ENOUGH * pull) ** 2 / ti.max(lightest, 1.0e-300)
     # The largest curvature, by the power method, and a tenth more as an upper bound.
@@ -480,34 +480,34 @@ def solve_contact_forces(count, n, most, offset, gas: ti.template()):
     step = 1.0 / (1.1 * largest)
     for c in range(count):
         load_cached_forces(c, gas)
-    going, done, turn, further, momentum = 1, 0, 0, ti.cast(0.0, ti.f64), ti.cast(1.0, ti.f64)
-    while going == 1:
+    active, done, turn, further, momentum = 1, 0, 0, ti.cast(0.0, ti.f64), ti.cast(1.0, ti.f64)
+    while active == 1:
         accelerate(count, n, further, 1.0, rolls, offset, gas)
         changed, upwards = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
         for c in range(count):
             touching = gas.contact[c]
             slope = energy_gradient(c, gas)
             force = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)
-            force[0] = touching.tried[0] - step * slope[0]
-            force[1] = touching.tried[1] - step * slope[1]
+            force[0] = touching.trial[0] - step * slope[0]
+            force[1] = touching.trial[1] - step * slope[1]
             if rolls == 1:
-                force[2] = touching.tried[2] - step * slope[2]
-                force[3] = touching.tried[3] - step * slope[3]
+                force[2] = touching.trial[2] - step * slope[2]
+                force[3] = touching.trial[3] - step * slope[3]
                 force = project_on_cone(force, c, gas)
             else:
                 force[0], force[1] = project_on_wedge(force[0], force[1], touching.bound[0])
             for q in ti.static(range(FORCES)):
                 if q < 2 or rolls == 1:
                     change = force[q] - touching.force[q]
-                    changed += (force[q] - touching.tried[q]) ** 2
+                    changed += (force[q] - touching.trial[q]) ** 2
                     upwards += slope[q] * change
-                    touching.tried[q] = change
+                    touching.trial[q] = change
                     touching.force[q] = force[q]
         turn += 1
         if changed < enough * step * step:
-            going, done = 0, 1
+            active, done = 0, 1
         elif turn > most:
-            going = 0
+            active = 0
         further = 0.0
         if upwards > 0.0:
             momentum = 1.0
@@ -555,7 +555,7 @@ def load_cached_forces(c, gas: ti.template()):
                     ti.f64,
                 )
     for q in ti.static(range(FORCES)):
-        contact.force[q], contact.tried[q] = found[q], 0.0  # no change yet
+        contact.force[q], contact.trial[q] = found[q], 0.0  # no change yet
 
 
 @ti.func
@@ -567,13 +567,13 @@ def cache_forces(count, n, offset, gas: ti.template()):
     for c in range(count):
         contact = gas.contact[c]
         i = ti.cast(contact.i, ti.i32)
-        going = ti.cast(contact.force[0] > 0.0, ti.i32)
+        active = ti.cast(contact.force[0] > 0.0, ti.i32)
         for h in ti.static(range(HELD.contact.count)):
-            if going == 1 and gas.cached_force[i].contact[h].other == NO_PARTNER:
+            if active == 1 and gas.cached_force[i].contact[h].other == NO_PARTNER:
                 gas.cached_force[i].contact[h].other = contact_partner(c, gas)
                 for q in ti.static(range(FORCES)):
                     gas.cached_force[i].contact[h].force[q] = contact.force[q]
-                going = 0
+                active = 0
 
 
 @ti.func
@@ -627,7 +627,7 @@ def update_resting(n, tile, region: ti.template(), gas: ti.template()):
         for i in range(offset, offset + n):
             resting += gas.rest[i].may_rest
         if not solve_contact_forces(count, n, 4000 + 10 * resting, offset, gas):
-            gas.counter.unjudged = gas.counter.unjudged + 1
+            gas.counter.unverified = gas.counter.unverified + 1
         for i in range(offset, offset + n):
             over = residual_of(i, gas)
             if sleeps(i, gas):

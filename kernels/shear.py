@@ -17,10 +17,10 @@ from .language import ti
 @ti.pyfunc
 def displacement(speed, time, tile_side, tiles):
     """Way of a row of tiles at `speed`, in double precision: whole boxes, whole tiles, and the rest."""
-    way = speed * time
-    whole = ti.floor(way / tile_side + 0.5)
+    distance = speed * time
+    whole = ti.floor(distance / tile_side + 0.5)
     boxes = ti.floor(whole / tiles)
-    return boxes, whole - boxes * tiles, way - whole * tile_side
+    return boxes, whole - boxes * tiles, distance - whole * tile_side
 
 
 @ti.func

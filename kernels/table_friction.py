@@ -107,9 +107,9 @@ def slide(theta, k, end, tolerance):
     h = 0.05 + 0.0 * theta
     rest_at = ti.log(tolerance)
     at_rest = 0.0 * theta
-    going = 1
+    active = 1
     steps = 0
-    while going == 1:
+    while active == 1:
         k1 = rates(y[0], y[1], k)
         left = end - y[2]
         part = -k1[1] * left / k1[2]
@@ -154,20 +154,20 @@ def slide(theta, k, end, tolerance):
             if last == 0:
                 h = step * factor
             elif ti.abs(end - y[2]) <= 0.1 * tolerance * end:
-                going = 0
-            if y[1] < rest_at and going == 1:
+                active = 0
+            if y[1] < rest_at and active == 1:
                 # A uniform deceleration from here: d(ln q)/ds keeps its value, so t = q/rate and x = q^2 sin/(2 rate).
                 final = rates(y[0], y[1], k)
                 y[2] -= final[2] / final[1]
                 y[3] -= 0.5 * final[3] / final[1]
                 if y[2] <= end:
                     at_rest += 1.0
-                going = 0
+                active = 0
         else:
             h = ti.abs(step) * factor
         if steps >= MOST_STEPS:
             y *= ti.math.nan  # never seen; a wrong number would be worse
-            going = 0
+            active = 0
     return y[0], y[1], y[2], y[3], at_rest
 
 

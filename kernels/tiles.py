@@ -655,14 +655,14 @@ def is_too_narrow(tile, gas: ti.template()):
 @ti.func
 def is_wrong(tile, thread, gas: ti.template()):
     """1 if a ghost record of a tile that this thread of its team tests may make its window inexact (2 above)."""
-    wrong = 0
+    invalid = 0
     g, end = gas.tile[tile].ghosts + thread, gas.tile[tile].ghosts + gas.tile[tile].n_ghosts
-    while g < end and wrong == 0:
+    while g < end and invalid == 0:
         s = gas.ghost[g].slot
         if (
             gas.ghost[g].hash_1 != gas.history_hash[s].hash_1
             or gas.ghost[g].hash_2 != gas.history_hash[s].hash_2
         ):
-            wrong = may_touch(g, tile, gas)
+            invalid = may_touch(g, tile, gas)
         g += ti.static(team_of(gas.uses))
-    return wrong
+    return invalid

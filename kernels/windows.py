@@ -102,16 +102,16 @@ def may_go_on(gas: ti.template()):
     None does where the run stops or pauses, a force acts, something is amiss, or the launch has lasted long enough.
     """
     end, collisions = gas.clock.end, gas.sums.collisions + total_of(TALLY.collisions, gas)
-    amiss = gas.counter.full + gas.counter.stalled + gas.counter.resting + gas.counter.paused > 0
+    stopped = gas.counter.full + gas.counter.stalled + gas.counter.resting + gas.counter.paused > 0
     done = end >= gas.clock.stop or end >= gas.clock.kick or collisions >= gas.clock.wanted
     paused = end >= gas.clock.pause or collisions >= gas.clock.pause_after
     still = max_speed_sq(gas) == 0.0
     long = gas.grid.single_tile == 1 and gas.counter.n_events > MOST_EVENTS_OF_A_LAUNCH
     if gas.grid.single_tile == 0:
         reach = ti.cast(gas.scale.widest, ti.f64) + gas.total.excursion + gas.total.max_displacement
-        amiss = amiss or gas.counter.n_bad > 0 or reach > gas.scale.most_halo
-        amiss = amiss or gas.scale.least_side - gas.total.overhang < LEAST_HALO * gas.scale.least_side
-    return not (amiss or done or paused or still or long)
+        stopped = stopped or gas.counter.n_bad > 0 or reach > gas.scale.most_halo
+        stopped = stopped or gas.scale.least_side - gas.total.overhang < LEAST_HALO * gas.scale.least_side
+    return not (stopped or done or paused or still or long)
 
 
 @ti.func
@@ -130,7 +130,7 @@ def begin_window(gas: ti.template()):
 
 
 @ti.func
-def is_going(gas: ti.template()):
+def is_active(gas: ti.template()):
     """1 as long as there is room for all and the window may be run, else 0."""
     return gas.counter.full == 0 and gas.counter.halted == 0
 
@@ -144,7 +144,7 @@ def share_of(item, first, gas: ti.template()):
     round_products(gas)
     lane = item // ti.static(team_of(gas.uses))
     k = tile_of(first + lane, gas)
-    n = ti.select(is_going(gas), gas.tile[k].gathered, 0)
+    n = ti.select(is_active(gas), gas.tile[k].gathered, 0)
     return k, region_of(k, lane, gas), item - lane * ti.static(team_of(gas.uses)), n
 
 
@@ -153,14 +153,14 @@ def run_lane(lane: ti.template(), n_listed: ti.template(), most_windows: ti.temp
     """The windows of tile after tile, as long as there are some and there is room for them."""
     k = ti.atomic_add(gas.counter.next_tile, 1)
     while k < n_listed and gas.counter.full == 0:
-        going = 1
-        while going == 1:
+        active = 1
+        while active == 1:
             run_tile(tile_of(k, gas), lane, gas)
-            going = 0
+            active = 0
             if gas.grid.single_tile == 1:
                 gas.counter.n_windows = gas.counter.n_windows + 1
                 if may_go_on(gas) and gas.counter.n_windows < most_windows:
-                    going = 1
+                    active = 1
                     commit(gas)
                     plan(gas)
                     if ti.static(gas.uses.walled):
@@ -174,21 +174,21 @@ def gather_tiles(first: ti.template(), n_listed: ti.template(), gas: ti.template
     team = ti.static(team_of(gas.uses))
     for lane in range(n_listed - first):
         round_products(gas)
-        if is_going(gas):
+        if is_active(gas):
             begin(tile_of(first + lane, gas), gas)
     for c in range((n_listed - first) * gas.grid.cells):
         gas.head[c] = 0
     for item in range((n_listed - first) * team):
         k, region, thread, _n = share_of(item, first, gas)
-        if is_going(gas) and cells_of(region, gas) <= gas.grid.cells:
+        if is_active(gas) and cells_of(region, gas) <= gas.grid.cells:
             gather(k, thread, region, gas)
     for item in range((n_listed - first) * team):
         k, region, thread, _n = share_of(item, first, gas)
-        if is_going(gas) and has_room(k, region, gas):
+        if is_active(gas) and has_room(k, region, gas):
             count_chunk(thread, region, gas)
     for item in range((n_listed - first) * team):
         k, region, thread, _n = share_of(item, first, gas)
-        if is_going(gas):
+        if is_active(gas):
             order(k, thread, region, gas)
             if ti.static(gas.uses.walled):
                 if thread == 0:
@@ -265,7 +265,7 @@ def run_windows_on_gpu(first: ti.i32, n_listed: ti.i32, most_windows: ti.i32, ga
     ti.loop_config(block_dim=32)
     for item in range((n_listed - first) * gas.grid.stride):
         k, region, _m, n = share_of(item // gas.grid.stride * team, first, gas)
-        if item % gas.grid.stride == 0 and is_going(gas):
+        if item % gas.grid.stride == 0 and is_active(gas):
             run_events(n, bins_of(n, gas), k, 0, region, gas)
     for item in range((n_listed - first) * team):
         k, region, thread, n = share_of(item, first, gas)
@@ -286,18 +286,18 @@ def verify(
     spread = ti.static(spread_of_loops())
     for item in range(spread * gas.grid.tiles_x * gas.grid.tiles_y):
         round_products(gas)
-        if item % spread == 0 and is_going(gas) and is_owned(item // spread, gas) == 1:
+        if item % spread == 0 and is_active(gas) and is_owned(item // spread, gas) == 1:
             gas.tile[item // spread].bad = is_too_narrow(item // spread, gas)
     for item in range(spread * team * gas.grid.tiles_x * gas.grid.tiles_y):
         round_products(gas)
         if item % spread == 0:
             k = item // (spread * team)
-            if is_going(gas) and is_owned(k, gas) == 1 and gas.tile[k].bad == 0:
+            if is_active(gas) and is_owned(k, gas) == 1 and gas.tile[k].bad == 0:
                 if is_wrong(k, item // spread - k * team, gas) == 1:
                     gas.tile[k].bad = 1
     for k in range(gas.grid.tiles_x * gas.grid.tiles_y):
         round_products(gas)
-        if is_going(gas) and gas.tile[k].bad == 1:
+        if is_active(gas) and gas.tile[k].bad == 1:
             gas.listed[ti.atomic_add(gas.counter.n_bad, 1)] = k
             if gas.reach[k].halo >= gas.scale.most_halo:
                 ti.atomic_add(gas.counter.stuck, 1)

@@ -29,7 +29,7 @@ from typing_extensions import TypeAliasType
 import ifrdem
 from ifrdem import Device, InputError, analysis, bullet, theory
 from ifrdem.plots import impact_angles
-from ifrdem.theory.driven_gas import Drive
+from ifrdem.theory.driven_gas import Driving
 from ifrdem.tools import checked
 from ifrdem.tools.checked import check_of
 
@@ -82,7 +82,7 @@ THEORY: dict[str, dict[str, Any]] = {
                                "contact": "virial"},
     "mixture_cooling": {"mixture": MIXTURE, **TWO},
     "mixture_cooling_rates": {"mixture": MIXTURE, "T": [1.0, 2.0], "T_rot": [0.5, 0.5]},
-    "mixture_driven": {"mixture": MIXTURE, "drives": [Drive(power=0.1), Drive(power=0.2)], **TWO},
+    "mixture_driven": {"mixture": MIXTURE, "driving": [Driving(power=0.1), Driving(power=0.2)], **TWO},
     "prediction": {"disks": DISKS, "law": SMOOTH, "packing_fraction": 0.2, "T0": 1.0, "T_rot0": 0.5,
                    "times": [0.0, 1.0], "forces": (), "shear_rate": 0.0},
     "rough_rates": {"theta": 0.5, "e_n": 0.9, "beta": 0.5, "k": 2.0},
@@ -620,7 +620,7 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
     }  # fmt: skip
     return {
         "DSMC": (dsmc, {"disks": DISKS, "law": law, "packing_fraction": 0.1, "velocity": np.ones((4, 2)),
-                        "spin": None, "seed": 0, "species": None, "drive": None, "contact": "virial",
+                        "spin": None, "seed": 0, "species": None, "driving": None, "contact": "virial",
                         "device": "cpu"}),
         "Simulation": (gas, simulation),
         "Simulation.run": (lambda **given: gas().run(**given), {

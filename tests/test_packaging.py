@@ -155,12 +155,12 @@ def test_help_does_not_start_the_runtime():
 
 
 def test_python_range_is_that_of_the_wheels_we_depend_on():
-    """Taichi 1.7.4 has wheels up to 3.13; tomllib needs 3.11."""
+    """Taichi 1.7.4 has wheels up to 3.13, quadrants 1.4.0 for 3.14; tomllib needs 3.11."""
     supported = SpecifierSet(PROJECT["project"]["requires-python"])
     accepted = [minor for minor in range(8, 18) if f"3.{minor}.5" in supported]
-    assert accepted == [11, 12, 13]
+    assert accepted == [11, 12, 13, 14]
     named = [c.rsplit(" ", 1)[1] for c in PROJECT["project"]["classifiers"] if "Python :: 3." in c]
-    assert named == ["3.11", "3.12", "3.13"]
+    assert named == ["3.11", "3.12", "3.13", "3.14"]
 
 
 def test_bullet_extra_asks_for_pybullet_only_where_it_has_wheels():

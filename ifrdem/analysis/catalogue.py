@@ -30,22 +30,22 @@ SONINE = ("a20", "a02", "a11")
 Indices = NDArray[np.intp]
 
 
-def of_velocity(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
+def of_velocity(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
     stored.require_fields(
         trajectory, "velocity", "angular_velocity", *["position"] * bool(trajectory.box.shear_rate)
     )
-    used, disks = second_half(trajectory, chosen), trajectory.disks
+    used, disks = second_half(trajectory, frames), trajectory.disks
     results: dict[str, velocities.VelocityDistribution] = {}
     rows: list[Reading] = []
     table: Columns = {}
     changes: list[steadiness.Change] = []
     left_out: list[str] = []
 
-    def distribution(which: Indices, some: Sequence[int], bins: int) -> velocities.VelocityDistribution:
+    def distribution(which: Indices, frames: Sequence[int], bins: int) -> velocities.VelocityDistribution:
         names = ("peculiar_velocity", "spin")
-        frames = [[getattr(trajectory[i], name)[which] for i in some] for name in names]
+        values = [[getattr(trajectory[i], name)[which] for i in frames] for name in names]
         mass, inertia = disks.mass[which], disks.inertia[which]
-        return velocities.velocity_distribution(frames[0], frames[1], mass=mass, inertia=inertia, bins=bins)
+        return velocities.velocity_distribution(values[0], values[1], mass=mass, inertia=inertia, bins=bins)
 
     def coefficient(found: velocities.VelocityDistribution, label: str) -> tuple[float, float]:
         return getattr(found.sonine, label), getattr(found.sonine, f"{label}_error")
@@ -82,9 +82,9 @@ def _positions(trajectory: Trajectory, used: Sequence[int]) -> Iterator[Array]:
     return (trajectory[i].position for i in used)
 
 
-def of_pairs(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
+def of_pairs(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
     stored.require_fields(trajectory, "position")
-    used = second_half(trajectory, chosen)
+    used = second_half(trajectory, frames)
     box, radius, when = trajectory.box, trajectory.disks.radius, trajectory.times[used]
     diameter = 2.0 * float(radius.mean())
     reach = min(6.0 * diameter, 0.45 * min(box.lengths))
@@ -124,9 +124,9 @@ def _neighbours_change(trajectory: Trajectory, used: Sequence[int], reach: float
     return steadiness.warnings([steadiness.between_cells(what, count, where, trajectory.box)])
 
 
-def of_structure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
+def of_structure(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
     stored.require_fields(trajectory, "position")
-    used = second_half(trajectory, chosen)
+    used = second_half(trajectory, frames)
     k_max, when = 10.0 / float(trajectory.disks.radius.mean()), trajectory.times[used]
     found = structure.structure_factor(_positions(trajectory, used), trajectory.box, k_max=k_max, time=when)
     high = int(np.argmax(found.S))
@@ -162,9 +162,9 @@ def _modes_change(trajectory: Trajectory, used: Sequence[int]) -> list[str]:
     return steadiness.warnings([steadiness.between_modes(what, [S.ravel()[longest] for _, S in modes])])
 
 
-def of_fields(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
+def of_fields(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
     stored.require_fields(trajectory, "position", "velocity")
-    used = second_half(trajectory, chosen)[-1]
+    used = second_half(trajectory, frames)[-1]
     disks, frame, box = trajectory.disks, trajectory[used], trajectory.box
     movable = np.isfinite(disks.mass)
     position = frame.position[movable]
@@ -185,8 +185,8 @@ def of_fields(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluatio
     rows = [
         Reading("cells along x", a),
         Reading("cells along y", b),
-        Reading("packing fraction, mean", float(phi.mean())),
-        Reading("packing fraction, standard deviation", float(phi.std())),
+        Reading("packing fraction of cells, mean", float(phi.mean())),
+        Reading("packing fraction of cells, standard deviation", float(phi.std())),
         Reading("thermal temperature, mean over cells", mean_T, unit=unit(trajectory, "energy")),
         Reading("flow, root mean square", flow, unit=unit(trajectory, "length/time")),
     ]
@@ -213,9 +213,9 @@ class ClusterSeries(Brief):
     clusters: list[structure.Clusters] = field(default_factory=list)
 
 
-def of_clusters(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
+def of_clusters(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
     stored.require_fields(trajectory, "position")
-    used, box, radius = second_half(trajectory, chosen), trajectory.box, trajectory.disks.radius
+    used, box, radius = second_half(trajectory, frames), trajectory.box, trajectory.disks.radius
     gap = GAP * 2.0 * float(radius.mean())
     found = ClusterSeries()
     for i in used:
@@ -247,9 +247,9 @@ def of_clusters(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluat
     return Evaluation(found, rows, tables, notes, times(trajectory, used), warnings, len(used))
 
 
-def of_psi6(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
+def of_psi6(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
     stored.require_fields(trajectory, "position")
-    used = second_half(trajectory, chosen)
+    used = second_half(trajectory, frames)
     where, box, when = list(_positions(trajectory, used)), trajectory.box, trajectory.times[used]
     found = [structure.hexatic(x, box, time=float(t)) for x, t in zip(where, when, strict=True)]
     local, whole = ([getattr(one, name) for one in found] for name in ("local", "whole"))
@@ -267,14 +267,14 @@ def of_psi6(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
 
 
 def _motion(
-    trajectory: Trajectory, chosen: Sequence[int] | None, consequence: str
+    trajectory: Trajectory, frames: Sequence[int] | None, consequence: str
 ) -> tuple[list[int], str, list[str], list[str]]:
     """Suitable frames and time origins, notes, and a warning with its `consequence` if the temperature changes.
 
     A gas that cools or heats up has no mean over origins. All frames if the gas is steady, else their second half if it
     is steady there, else all from the first one on.
     """
-    used = all_frames(trajectory, chosen)
+    used = all_frames(trajectory, frames)
     if len(used) < 4:
         raise InputError(f"{trajectory.path}: {len(used)} frames are too few: must be at least 4")
     T, middle = _temperatures(trajectory, used), len(used) // 2
@@ -291,7 +291,7 @@ def _motion(
         return used, "first", notes, warnings
     if not warnings:
         return used, "all", [*notes, "mean over all origins of time"], []
-    if chosen is None and len(used) - middle >= 8 and T is not None and _is_stationary(T[middle:]):
+    if frames is None and len(used) - middle >= 8 and T is not None and _is_stationary(T[middle:]):
         note = "mean over all origins of time in the second half, where the gas is stationary"
         return used[middle:], "all", [note], []
     return used, "first", ["the temperature changes: from the first frame only"], warnings
@@ -356,10 +356,10 @@ def unwrapped(trajectory: Trajectory, used: Sequence[int]) -> Iterator[Array]:
         yield displacement.unwrap(position, trajectory.box, times=trajectory.times[used], **given)
 
 
-def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
+def of_msd(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
     stored.require_fields(trajectory, "position")
     words = ", and D with it, as sqrt(T): no single D. Choose --frames over which T changes by "
-    used, origins, notes, warnings = _motion(trajectory, chosen, words)
+    used, origins, notes, warnings = _motion(trajectory, frames, words)
     box, when = trajectory.box, trajectory.times[used]
     if "image" not in trajectory.fields and any(box.periodic):
         notes.append(
@@ -408,7 +408,7 @@ def _confined_axes(trajectory: Trajectory) -> list[bool]:
     return [any(towards[1 - axis] == 0.0 for towards in lines) for axis in (0, 1)]
 
 
-def of_vacf(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
+def of_vacf(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
     stored.require_fields(trajectory, "velocity")
     if trajectory.box.shear_rate:
         text = "velocities in the lab of a sheared gas say little"
@@ -417,7 +417,7 @@ def of_vacf(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
         ": velocities shrink or grow with sqrt(T), so their decay is not only loss of correlation. Choose --frames "
         "over which T changes by "
     )
-    used, origins, notes, warnings = _motion(trajectory, chosen, words)
+    used, origins, notes, warnings = _motion(trajectory, frames, words)
     moving = stored.drift(trajectory, used)
     notes += moving.notes(trajectory, "velocities are relative to its mean velocity")
     parts = (part - moving.velocity if moving else part for part in _parts(trajectory, used, "velocity"))
@@ -439,12 +439,12 @@ def _span_mean(when: Array, values: Array, span: tuple[float, float]) -> float:
     return float(np.trapezoid(np.interp(t, when, values), t) / (span[1] - span[0]))
 
 
-def of_pressure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
+def of_pressure(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
     box, disks = trajectory.box, trajectory.disks
     if box.is_open or trajectory.free_area.all_walls:
         text = "pressure of a homogeneous gas in a periodic box only"
         raise InputError(f"{text}: this one has walls or no sides")
-    used = all_frames(trajectory, chosen)
+    used = all_frames(trajectory, frames)
     span = times(trajectory, used)
     when, (T, count) = stored.series(trajectory, "temperature", "collisions")
     inside = (when >= span[0]) & (when <= span[1])
@@ -518,14 +518,14 @@ def _pressure_by_rate(
     return rows
 
 
-def of_cooling(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
+def of_cooling(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
     for name in ("energy_input", "wall_work", "wall_heat"):
         if name in trajectory.observables and np.any(trajectory.observables[name]):
             raise InputError(f"{name} is not 0: the gas is driven; Haff's law is for a gas without driving")
     when, (T, T_rot, count) = stored.series(trajectory, "temperature", "rotational_temperature", "collisions")
     used = np.ones(len(when), dtype=bool)
-    if chosen is not None:
-        begin, end = times(trajectory, list(chosen))
+    if frames is not None:
+        begin, end = times(trajectory, list(frames))
         used = (when >= begin) & (when <= end)
     when, T, T_rot, count = when[used], T[used], T_rot[used], count[used]
     n = trajectory.n
@@ -579,12 +579,12 @@ def _misfit(law: str, misfit: float, n: int, quantity: str, scatter: float) -> s
     )
 
 
-def of_impact(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
+def of_impact(trajectory: Trajectory, frames: Sequence[int] | None) -> Evaluation:
     found = stored.collisions(trajectory)
     inside = found.first_of_pair
     span = found.span
-    if chosen is not None:
-        span = times(trajectory, list(chosen))
+    if frames is not None:
+        span = times(trajectory, list(frames))
         inside &= (found.time >= span[0]) & (found.time <= span[1])
     result = impact.impacts(found.psi[inside], found.regime[inside])
     counts = None if np.any(found.regime[inside] < 0) else _regime_counts(trajectory, span)
@@ -643,12 +643,12 @@ ANALYSES = {
 """Name -> analysis."""
 
 
-def report(name: str, title: str, outcome: Evaluation, span: str) -> str:
+def report(name: str, title: str, evaluation: Evaluation, span: str) -> str:
     """The result of an analysis as a text table; `span` names its frames and times."""
-    lines = [f"{name}: {title}, {span}", *(f"  ! {warning}" for warning in outcome.warnings)]
-    width = max((len(row.name) for row in outcome.rows), default=0)
-    lines += [f"  {row.name:<{width}}  {number(row)}" for row in outcome.rows]
-    lines += [f"  ({note})" for note in outcome.notes]
+    lines = [f"{name}: {title}, {span}", *(f"  ! {warning}" for warning in evaluation.warnings)]
+    width = max((len(row.name) for row in evaluation.rows), default=0)
+    lines += [f"  {row.name:<{width}}  {number(row)}" for row in evaluation.rows]
+    lines += [f"  ({note})" for note in evaluation.notes]
     return "\n".join(lines)
 
 

@@ -103,15 +103,18 @@ def unwrap(
     if velocity is None:
         # Of each disk: fast ones among many slow ones hide in a mean over all. Gaussian steps beyond half a box, four
         # times the rms, are 6e-5 of all; uniform ones, which determine nothing, have an rms of 0.29 boxes.
-        way, most = np.sqrt(np.mean(step**2, axis=0, keepdims=True)) if len(step) else step, 1.0 / 8.0
+        per_interval, most = (
+            np.sqrt(np.mean(step**2, axis=0, keepdims=True)) if len(step) else step,
+            1.0 / 8.0,
+        )
     else:
         v = np.abs(np.asarray(velocity, dtype=np.float64))
         if v.shape != x.shape:
             raise InputError(f"velocity has shape {v.shape}: must have that of position, {x.shape}")
         time = np.broadcast_to(np.asarray(times, dtype=np.float64), len(x))
-        way, most = np.maximum(v[1:], v[:-1]) * np.diff(time)[:, None, None], 0.5
+        per_interval, most = np.maximum(v[1:], v[:-1]) * np.diff(time)[:, None, None], 0.5
     for axis in (0, 1):
-        longest = float(way[:, :, axis].max(initial=0.0)) / box.lengths[axis]
+        longest = float(per_interval[:, :, axis].max(initial=0.0)) / box.lengths[axis]
         if box.periodic[axis] and longest > most:
             raise InputError(
                 f"between frames a disk moves {longest:.2g} of the box along {'xy'[axis]}: must be at most {most:g} "

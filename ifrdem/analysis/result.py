@@ -63,10 +63,10 @@ def series(trajectory: Trajectory, *names: str) -> tuple[Array, list[Array]]:
     if missing:
         fields = [name for name in missing if name in trajectory.fields]
         of_disks = f" ({' and '.join(fields)} of each disk it holds, as a field)" if fields else ""
-        wanted = ", ".join(f'"{name}": {_measured(name)}' for name in missing)
+        expected = ", ".join(f'"{name}": {_measured(name)}' for name in missing)
         raise InputError(
             f"{trajectory.path} holds no observable {' and no observable '.join(missing)}{of_disks}: `ifrdem run` "
-            f"writes these into every file; from Python, file.write(state, {{{wanted}}}) does, with measure = "
+            f"writes these into every file; from Python, file.write(state, {{{expected}}}) does, with measure = "
             "ifrdem.observables.measure(disks, state)"
         )
     return trajectory.times, [trajectory.observables[name].astype(float) for name in names]
@@ -177,10 +177,10 @@ class Evaluation(Brief):
     frames: int = 0  # how many were used; 0 if what was used is no frames
 
 
-def second_half(trajectory: Trajectory, chosen: Sequence[int] | None) -> list[int]:
+def second_half(trajectory: Trajectory, frames: Sequence[int] | None) -> list[int]:
     """The chosen frames, or evenly spaced ones of the second half, including the last."""
-    used = all_frames(trajectory, chosen)
-    if chosen is not None:
+    used = all_frames(trajectory, frames)
+    if frames is not None:
         return used
     last = used[-1]
     most = int(np.clip(MOST_DISKS // max(trajectory.n, 1), 1, MOST_FRAMES))
@@ -188,11 +188,11 @@ def second_half(trajectory: Trajectory, chosen: Sequence[int] | None) -> list[in
     return sorted({round(i) for i in np.linspace(last, last // 2, count)}) if count > 1 else [last]
 
 
-def all_frames(trajectory: Trajectory, chosen: Sequence[int] | None) -> list[int]:
+def all_frames(trajectory: Trajectory, frames: Sequence[int] | None) -> list[int]:
     """The chosen frames, or all."""
     if len(trajectory) == 0:
         raise InputError(f"{trajectory.path}: no frame to analyse")
-    return list(range(len(trajectory))) if chosen is None else list(chosen)
+    return list(range(len(trajectory))) if frames is None else list(frames)
 
 
 def unit(trajectory: Trajectory, text: str) -> str:
@@ -205,11 +205,11 @@ def unit(trajectory: Trajectory, text: str) -> str:
     return text
 
 
-def span_text(trajectory: Trajectory, outcome: Evaluation) -> str:
+def span_text(trajectory: Trajectory, evaluation: Evaluation) -> str:
     """Number and times of the frames used, as text."""
-    first, last = outcome.times
+    first, last = evaluation.times
     span = f"t = {first:.4g}" if first == last else f"t = {first:.4g} to {last:.4g}"
-    frames = f"{outcome.frames} frame{'s' * (outcome.frames > 1)}, " if outcome.frames else ""
+    frames = f"{evaluation.frames} frame{'s' * (evaluation.frames > 1)}, " if evaluation.frames else ""
     return f"{frames}{trajectory.with_unit(span, 'time')}"
 
 

@@ -172,8 +172,8 @@ def _count_pairs(
     same = np.maximum(1.0 - 2.0 * r / np.pi * (1.0 / a + 1.0 / b) + r**2 / (np.pi * a * b), 0.0)
     # What cells add to the sum besides their numbers of centres, which all together do not change. Pairs within a cell
     # go with the square of that number, pairs across two cells with the number in each.
-    there = centres > 0.0
-    parts = by_cell[there] - np.outer(centres[there] / centres.sum(), (1.0 + same) * count)
+    positive = centres > 0.0
+    parts = by_cell[positive] - np.outer(centres[positive] / centres.sum(), (1.0 + same) * count)
     cells = len(parts)
     scatter = np.std(parts, axis=0, ddof=1) * np.sqrt(cells) if cells > 1 else np.zeros(bins)
     # A pair across two cells is counted once in each, and their covariance is missing: a half of its variance.

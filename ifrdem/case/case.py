@@ -32,7 +32,7 @@ UNITS: Mapping[str, Mapping[str, str]] = {"SI": _SI, "reduced": dict.fromkeys(_S
 IMPACT_SCAN = "impact_scan"
 GROWN = "lubachevsky_stillinger"
 PLACED = ("random", GROWN, "hexagonal")
-WAYS_TO_PLACE = (*PLACED, IMPACT_SCAN)
+PLACEMENTS = (*PLACED, IMPACT_SCAN)
 
 
 class RunSection(Section):
@@ -74,18 +74,18 @@ class RunSection(Section):
     """Speed below which contacts last and disks fall asleep under gravity [m/s], with collapse = "rest"."""
 
     @classmethod
-    def mistakes(cls, data: Mapping[str, Any]) -> list[str]:
+    def problems(cls, data: Mapping[str, Any]) -> list[str]:
         """Also the numbers of each remedy for collapse."""
-        chosen, wrong = data.get("collapse", "none"), []
+        chosen, problems = data.get("collapse", "none"), []
         for kind, number in (
             ("velocity_cutoff", "velocity_cutoff"), ("tc", "contact_time"), ("rest", "resting_speed"),
         ):  # fmt: skip
             if number in data and kind != chosen:
                 text = f'{number} cannot be combined with collapse = "{chosen}": it is of collapse = "{kind}"'
-                wrong.append(text)
+                problems.append(text)
             if number not in data and kind == chosen:
-                wrong.append(f'collapse = "{chosen}": {number} missing')
-        return wrong + super().mistakes(data)
+                problems.append(f'collapse = "{chosen}": {number} missing')
+        return problems + super().problems(data)
 
 
 def _without_aspect(data: Mapping[str, Any]) -> list[str]:
@@ -126,46 +126,48 @@ class BoxSection(Section):
     """Angle of the steps in which gravity turns [rad]."""
 
     @classmethod
-    def mistakes(cls, data: Mapping[str, Any]) -> list[str]:
+    def problems(cls, data: Mapping[str, Any]) -> list[str]:
         """Also whether sides that are walls have a material, and gravity has a floor. An open box needs no size."""
         if data.get("open") is True:
             walled = ("periodic", "material", "gravity", "gravity_rotation_rate", "shear_rate")
-            wrong = exclusive_with(data, "open", *walled)
+            problems = exclusive_with(data, "open", *walled)
             sized = {"packing_fraction", "lengths"} & set(data)
-            return wrong + _without_aspect(data) + (super().mistakes(data) if sized else [])
-        wrong = super().mistakes(data) + _without_aspect(data)
+            return problems + _without_aspect(data) + (super().problems(data) if sized else [])
+        problems = super().problems(data) + _without_aspect(data)
         periodic, gravity = data.get("periodic", [True, True]), data.get("gravity", [0.0, 0.0])
         if not isinstance(periodic, list) or [*map(type, periodic)] != [bool, bool]:
-            return wrong
+            return problems
         if not all(periodic) and "material" not in data:
-            wrong.append("material is missing: the name of the material of those sides that are not periodic")
+            problems.append(
+                "material is missing: the name of the material of those sides that are not periodic"
+            )
         if all(periodic) and "material" in data:
-            wrong.append("material: both directions are periodic, so there are no walls at the sides")
+            problems.append("material: both directions are periodic, so there are no walls at the sides")
         if not all(periodic) and data.get("shear_rate", 0.0) != 0.0:
-            wrong.append(
+            problems.append(
                 f"shear_rate = {data['shear_rate']}: the box must be periodic along x and y; shear between walls by "
                 "walls that move or have a surface_speed"
             )
         if turns := data.get("gravity_rotation_rate"):
             if not isinstance(gravity, list) or not any(gravity):
-                wrong.append(
+                problems.append(
                     f"gravity_rotation_rate = {turns}: there is no gravity to turn; gravity is missing"
                 )
             if any(periodic):
-                wrong.append(
+                problems.append(
                     f"gravity_rotation_rate = {turns}: disks would fall for ever where a side is periodic; periodic "
                     "must be [false, false]"
                 )
         elif "gravity_rotation_step" in data:
-            wrong.append("gravity_rotation_step requires gravity_rotation_rate")
+            problems.append("gravity_rotation_step requires gravity_rotation_rate")
         if isinstance(gravity, list) and len(gravity) == 2:
-            wrong += [
+            problems += [
                 f"gravity = {gravity}: disks would fall for ever along {axis}, which is periodic; periodic = "
                 f"{str([p and axis != each for p, each in zip(periodic, 'xy', strict=True)]).lower()} gives it a floor"
                 for axis, along, pull in zip("xy", periodic, gravity, strict=True)
                 if along and isinstance(pull, int | float) and pull != 0.0
             ]
-        return wrong
+        return problems
 
     def start_region(self, covered: float) -> Box | None:
         """The rectangle that is given a size, for disks that cover so much area [length^2]; None if none is.
@@ -289,22 +291,22 @@ class SpeciesSection(Section):
     """Root mean square spin at the start [rad/s], Gaussian."""
 
     @classmethod
-    def mistakes(cls, data: Mapping[str, Any]) -> list[str]:
+    def problems(cls, data: Mapping[str, Any]) -> list[str]:
         """A mass and a size that are missing, or given twice; with a coin, given at all."""
         masses, sizes = ("mass", "areal_density"), ("radius", "diameter", "radii")
         if "coin" in data:
             return exclusive_with(data, "coin", *masses, *sizes, "k")
-        wrong = []
+        problems = []
         for group in (masses, sizes):
             given = [key for key in group if key in data]
             if len(given) != 1:
                 text = f"must have exactly one of {', '.join(group)}, or coin; given: {', '.join(given) or 'none'}"
-                wrong.append(text)
-        return wrong
+                problems.append(text)
+        return problems
 
 
 class ForceSection(Section):
-    """A force on all disks between collisions, at the middle of each of its steps: a drive, or drag."""
+    """A force on all disks between collisions, at the middle of each of its steps: driving, or drag."""
 
     kind: str = field("random_force")
     """ "random_force" (without total momentum; power or diffusion), "random_torque" (the same of spins), "langevin" (a
@@ -317,12 +319,12 @@ class ForceSection(Section):
     """Rates of which at least one is to be above 0."""
 
     @classmethod
-    def mistakes(cls, data: Mapping[str, Any]) -> list[str]:
+    def problems(cls, data: Mapping[str, Any]) -> list[str]:
         """Also no rate at all."""
-        wrong = super().mistakes(data)
+        problems = super().problems(data)
         if cls.some and not any(data.get(key) for key in cls.some):
-            wrong.append(f"at least one of {', '.join(cls.some)} must be above 0")
-        return wrong
+            problems.append(f"at least one of {', '.join(cls.some)} must be above 0")
+        return problems
 
     @property
     def moves_disks_at_rest(self) -> bool:
@@ -447,12 +449,14 @@ def is_trajectory(positions: str) -> bool:
 
 
 def _known_positions(positions: str) -> str:
-    if positions in WAYS_TO_PLACE or is_trajectory(positions):
+    if positions in PLACEMENTS or is_trajectory(positions):
         return positions
-    text = f"must be {', '.join(repr(way) for way in WAYS_TO_PLACE)} or the name of a trajectory that ends in .h5"
+    text = (
+        f"must be {', '.join(repr(kind) for kind in PLACEMENTS)} or the name of a trajectory that ends in .h5"
+    )
     if positions.endswith(".csv"):
         text += f'; a CSV file is named by file = "{positions}"'
-    raise refusal(text + nearest(positions, WAYS_TO_PLACE), "unknown_name")
+    raise refusal(text + nearest(positions, PLACEMENTS), "unknown_name")
 
 
 class StartSection(Section):
@@ -493,7 +497,7 @@ class StartSection(Section):
     """Overlaps of the CSV file's disks up to this are errors of measurement [m]: the disks are moved apart."""
 
     @classmethod
-    def mistakes(cls, data: Mapping[str, Any]) -> list[str]:
+    def problems(cls, data: Mapping[str, Any]) -> list[str]:
         """Also what belongs to a trajectory, or to an impact scan, alone."""
         positions, file = data.get("positions", "random"), data.get("file")
         if isinstance(file, str) and is_trajectory(file):

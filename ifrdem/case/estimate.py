@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from .. import theory
 from ..errors import TheoryError
 from ..kernels import columns
+from ..model.density import packing_fraction
 from ..model.observables import MECHANISMS, REGIMES
 from ..model.viscoelastic import Viscoelastic
 from ..model.walls import PISTONS, SUMS
 from ..theory import driven_gas, sheared_gas
-from ..theory.driven_gas import Drive
+from ..theory.driven_gas import Driving
 from ..tools.checked import Array
 from ..trajectory import layout
 from ..trajectory.file import on_pages
@@ -25,7 +26,7 @@ from .case import CaseSections
 from .output_section import OutputSection
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from .gas import CaseGas
     from .species import Species
@@ -70,6 +71,26 @@ def run_seconds(collisions: float, n: int, phi: float, threads: int) -> float:
     return 1e-6 * collisions * cost * (1.0 if n <= columns.SINGLE_TILE else IN_TILES / (0.9 * threads + 0.1))
 
 
+COST_OF_RATIO: Mapping[float, float] = {
+    1.0: 1.0, 2.0: 1.4, 5.0: 2.1, 10.0: 2.4, 20.0: 3.4, 50.0: 5.4,
+}  # fmt: skip
+"""Processor time of a collision, relative to equal disks, by the ratio of the largest to the smallest radius.
+
+Measured 2026-11-23: 10,000 elastic disks of two sizes with equal areas, phi = 0.5, one thread
+(`results/size_ratio.md`). Among walls there is one layer of cells only, and the cost is higher from a ratio of 5 on."""
+
+
+def cost_of_ratio(ratio: float) -> float:
+    """Cost of a collision for a ratio of radii, by `COST_OF_RATIO`.
+
+    Examples
+    --------
+    >>> cost_of_ratio(1.0), cost_of_ratio(1000.0)
+    (1.0, 5.4)
+    """
+    return float(np.interp(math.log(ratio), np.log(list(COST_OF_RATIO)), list(COST_OF_RATIO.values())))
+
+
 STEP_SECONDS, STEP_SECONDS_PER_DISK = 3e-3, 5e-7
 """Time of one thread for a step of forces: a window of its own, and each disk. Measured 2026-11-26, for 100 and 10,000
 disks with random forces, a thermostat, and both random forces and drag."""
@@ -84,6 +105,27 @@ def step_seconds(steps: float, n: int, threads: int) -> float:
     (3.05, 53)
     """
     return steps * (STEP_SECONDS + n * STEP_SECONDS_PER_DISK / (0.9 * threads + 0.1))
+
+
+LAUNCH_SECONDS = 3.5e-3
+"""Time of one thread to begin and end a window, or to make a frame, besides its collisions."""
+WINDOW_COLLISIONS = 1.3
+"""Collisions of a whole gas in a window, per disk: 0.5 to 5 were measured."""
+WINDOW_STRAIN = 0.036
+"""Strain of a sheared gas in a window, about."""
+BYTE_SECONDS, FILE_SECONDS = 8e-9, 0.05
+"""Time to write a byte of a trajectory without compression, and to create and close its file."""
+
+
+def output_seconds(frames: float, file_bytes: float) -> float:
+    """Time [s] to make so many frames and write their file.
+
+    Examples
+    --------
+    >>> round(output_seconds(100, 160e6), 2)
+    1.68
+    """
+    return frames * LAUNCH_SECONDS + file_bytes * BYTE_SECONDS + FILE_SECONDS
 
 
 RANK_BYTES = 280_000_000
@@ -135,14 +177,16 @@ class RankPlan:
         n, phi = gas.n, estimate.packing_fraction
         own = n / ranks
         side = math.sqrt(own * math.pi / (4.0 * phi))  # of a block [mean diameters]
-        there = own * (1.0 + 2.0 * RING / side) ** 2
+        with_halo = own * (1.0 + 2.0 * RING / side) ** 2
         per_disk = RANK_BYTES_PER_DISK + (0 if gas.kinds.every else RADIUS_BYTES)
         return cls(
             ranks=ranks,
             disks=own,
-            memory=RANK_BYTES + max(per_disk * there, strip_bytes(gas, ranks)) + TILE_BYTES * n / TILE_DISKS,
+            memory=RANK_BYTES
+            + max(per_disk * with_halo, strip_bytes(gas, ranks))
+            + TILE_BYTES * n / TILE_DISKS,
             file=estimate.file_bytes / ranks,
-            seconds=run_seconds(estimate.computed(n) / ranks, n, phi, 1) * there / own,
+            seconds=run_seconds(estimate.computed(n) / ranks, n, phi, 1) * with_halo / own,
         )
 
 
@@ -173,6 +217,21 @@ class RunEstimate:
     def computed(self, n: int) -> float:
         """Collisions that are computed: tiles compute a window once more for each frame in it."""
         return self.collisions + (self.frames * 0.5 * n * IN_A_WINDOW if n > columns.SINGLE_TILE else 0.0)
+
+    def seconds(self, gas: CaseGas, threads: int) -> float:
+        """Time [s] of a run: collisions, windows, force steps, frames and output; nan where the end is not known."""
+        n, steps = gas.n, 0.0 if not gas.case.force else self.force_steps
+        windows = self.collisions / (WINDOW_COLLISIONS * n) if self.collisions > 0.0 else 0.0
+        if gas.box.shear_rate:
+            windows = abs(gas.box.shear_rate) * (self.end_time - gas.begin[0]) / WINDOW_STRAIN
+        collisions = 0.0
+        if self.collisions > 0.0 and self.packing_fraction > 0.0:
+            ratio = float(gas.kinds.radius.max() / gas.kinds.radius.min())
+            collisions = cost_of_ratio(ratio) * run_seconds(
+                self.computed(n), n, self.packing_fraction, threads
+            )
+        others = max(windows - steps, 0.0) * LAUNCH_SECONDS + step_seconds(steps, n, threads)
+        return collisions + others + output_seconds(self.frames, self.file_bytes)
 
     @classmethod
     def of(cls, gas: CaseGas) -> RunEstimate:
@@ -276,7 +335,8 @@ def collision_rates(species: Sequence[Species], area: float) -> NDArray[np.float
     number = np.array([each.number for each in species], dtype=np.float64)
     radius = np.array([each.summary.radius.mean for each in species])
     variance = np.array([0.5 * each.speed_rms**2 for each in species])  # T / m
-    g = theory.mixture_contact_values(math.pi * float(number @ radius**2) / area, radius, number)
+    phi = packing_fraction(math.pi * float(number @ radius**2), area)
+    g = theory.mixture_contact_values(phi, radius, number)
     ones = np.ones(len(number))
     return theory.mixture_collision_rates(variance, ones, radius, number / area, g).sum(axis=1)
 
@@ -292,7 +352,7 @@ def _wall_hits(gas: CaseGas) -> float:
     if not free_area.all_walls:
         return rate
     phi = free_area.covered_part(gas.kinds.covered)
-    wall_contact_value = 1.0 + 2.0 * phi * theory.contact_value(min(phi, 0.9))
+    wall_contact_value = theory.compressibility(min(phi, 0.9))
     for each in gas.species:
         inset = each.summary.radius.mean
         if (area := free_area.area(inset)) > 0.0:
@@ -312,8 +372,8 @@ def _by_theory(gas: CaseGas, phi: float, rate: float) -> tuple[tuple[float, floa
     """
     case, (begin, before) = gas.case, gas.begin
     end = math.nan if case.run.t_end is None else case.run.t_end
-    wanted = case.run.collisions_per_disk
-    per_disk = math.nan if wanted is None else wanted - 2.0 * before / gas.n
+    target = case.run.collisions_per_disk
+    per_disk = math.nan if target is None else target - 2.0 * before / gas.n
     each, law, shear_rate = gas.species[0], gas.law(), gas.box.shear_rate
     if gas.box.is_open or len(gas.species) > 1 or not each.equal or getattr(law, "rho", 0.0) > 0.0:
         return None, end, per_disk
@@ -336,21 +396,21 @@ def _by_theory(gas: CaseGas, phi: float, rate: float) -> tuple[tuple[float, floa
             hot = theory.collision_rate(phi, steady[0], mass, radius)
             per_disk = hot * (end - begin) if hot > rate else math.nan
         return steady, end, per_disk
-    drive = Drive.of([force.model_dump() for force in case.force], mass, inertia) if case.force else None
-    if not case.homogeneous or (case.force and drive is None):
+    driving = Driving.of([force.model_dump() for force in case.force], mass, inertia) if case.force else None
+    if not case.homogeneous or (case.force and driving is None):
         return None, end, per_disk
-    steady = None if drive is None else driven_gas.steady_state(*one, drive)
+    steady = None if driving is None else driven_gas.steady_state(*one, driving)
     if steady is not None:
         rate = max(rate, theory.collision_rate(phi, steady[0], mass, radius))
-    if rate == 0.0 or (T == 0.0 and (drive is None or drive.power == 0.0)):
+    if rate == 0.0 or (T == 0.0 and (driving is None or driving.power == 0.0)):
         return steady, end, per_disk
 
     def collisions(times: Array) -> Array:
-        if drive is None:
+        if driving is None:
             mixture = theory.Mixture([mass], [radius], law, phi, k=[each.k])
             found: Array = theory.mixture_cooling(mixture, T, T_rot, times).collisions_per_disk[:, 0]
             return found
-        return driven_gas.driven(*one, drive, T, T_rot, times)[2]
+        return driven_gas.driven(*one, driving, T, T_rot, times)[2]
 
     if math.isnan(per_disk):
         return steady, end, float(collisions(np.array([end - begin]))[0])

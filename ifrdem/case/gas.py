@@ -20,7 +20,6 @@ from ..initial import impact_scan, packing, placement
 from ..initial.from_csv import StartData
 from ..model import crush
 from ..model.box import Box
-from ..model.collapse import Rest
 from ..model.free_area import FreeArea
 from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.law import CollisionLaw
@@ -222,7 +221,7 @@ class CaseGas:
         return section.gravity_rotation_rate**2 * radius / (math.hypot(*section.gravity) or 1.0)
 
     @property
-    def cautions(self) -> list[str]:
+    def notices(self) -> list[str]:
         """Texts about a drift, what turning gravity leaves out, and walls on which no disk can rest."""
         texts, froude = self._drifting(), self.drum
         if froude > FASTEST_DRUM:
@@ -237,7 +236,7 @@ class CaseGas:
         for i, wall in enumerate(self.walls):
             if wall.motion.kind == wall.turn.kind == "still" and not (wall.surface_speed or wall.temperature):
                 continue
-            why = "has a temperature" if wall.temperature else "moves"
+            reason = "has a temperature" if wall.temperature else "moves"
             instead = (
                 ""
                 if wall.temperature
@@ -250,7 +249,7 @@ class CaseGas:
                     else "a floor that shakes has no frame in which gravity is constant: its disks stay awake"
                 )
             )
-            texts.append(f'wall[{i}] {why}, and supports no disks with run.collapse = "rest"{instead}')
+            texts.append(f'wall[{i}] {reason}, and supports no disks with run.collapse = "rest"{instead}')
         return texts
 
     def _drifting(self) -> list[str]:
@@ -368,17 +367,15 @@ class CaseGas:
             drawn = self._without_drift(np.concatenate(masses), drawn)
         return drawn, np.concatenate(spin)
 
+    def _coefficient(self, name: str) -> NDArray[np.float64]:
+        """A coefficient of the law of each pair of materials, shape (M, M); nan where there is none."""
+        return np.array([[getattr(law, name, math.nan) for law in row] for row in self.laws])
+
     @functools.cached_property
     def free(self) -> tuple[bool, bool]:
         """True along x and y where the whole gas can drift (`model.walls.free_directions`)."""
         of_disks = {self.materials.index(each.material) for each in self.species}
-        e_t, mu = (
-            [
-                [getattr(law, name) if isinstance(law, IFRLaw) else math.nan for law in row]
-                for row in self.laws
-            ]
-            for name in ("e_t", "mu")
-        )
+        e_t, mu = self._coefficient("e_t"), self._coefficient("mu")
         return free_directions(self.free_area.all_walls, smooth=smooth_materials(e_t, mu, of_disks))
 
     @property
@@ -454,11 +451,6 @@ class CaseGas:
         set_to = [getattr(each, key, None) or 0.0 for each in case.force for key in thermostats]
         hottest = max([checks.hottest(self.walls, ()), *set_to])
         checks.check_magnitudes(self.kinds, self.box, speed + flow, case.run.precision, hottest)
-        if isinstance(collapse := collapse_of(case.run), Rest):
-            checks.check_resting(
-                self.kinds, self.box, (case.box.gravity[0], case.box.gravity[1]), collapse,
-                [each.kind for each in case.force], type(self.law()), device_of(case.run),
-            )  # fmt: skip
         largest = {
             "a velocity": comm.largest(float(np.abs(velocity).max(initial=0.0))) + flow,
             "a spin": comm.largest(float(np.abs(spin).max(initial=0.0))),
@@ -476,8 +468,6 @@ class CaseGas:
         case, run, smallest = self.case, self.case.run, float(self.kinds.radius.min())
         walls, size = self.free_area.all_walls, "lengths" if self.case.box.lengths else "packing_fraction"
         gravity = (case.box.gravity[0], case.box.gravity[1])
-        e_n = np.array([[getattr(law, "e_n", math.nan) for law in row] for row in self.laws])
-        materials = [self.materials.index(each.material) for each in self.species]
         meets_none = known and not walls and not self.box.is_open and self.box.shear_rate == 0.0
         alone = 0.0
         if meets_none and (self.n == 1 or checks.fly_alike(velocity)):
@@ -487,8 +477,16 @@ class CaseGas:
             ("run", "t_end"): lambda: checks.check_duration(
                 self.begin[0], run.t_end or 0.0, smallest, self.box, alone
             ),
-            ("run", "collapse"): lambda: checks.check_rebound(
-                e_n, materials, walls, self.box, gravity, collapse_of(run), run.precision
+            ("run", "collapse"): lambda: checks.check_collapse(
+                collapse_of(run),
+                self.kinds,
+                self.box,
+                walls,
+                gravity,
+                [each.kind for each in case.force],
+                IFRLaw,
+                self._coefficient("e_n"),
+                device_of(run),
             ),
         }
         found = self._lying(velocity, walls, gravity) if known else []
@@ -544,21 +542,21 @@ class CaseGas:
         comm = self.communicator(comm)
         distributed = comm.is_distributed
 
-        def begun() -> State | None:
+        def read_start() -> State | None:
             drawn = distributed and self.given is None and self.is_made_in_slices
             return self.start() if state is None and not drawn else state
 
-        begin: Any = comm.run_on_root(begun)
+        begin: Any = comm.run_on_root(read_start)
         disks = self.disks if comm.is_root and not distributed else None
         if distributed:
-            way = comm.bcast("drawn" if begin is None else "whole" if begin.n == self.n else "slices")
-            if way == "whole":
+            mode = comm.bcast("drawn" if begin is None else "whole" if begin.n == self.n else "slices")
+            if mode == "whole":
                 with comm:
                     disks, begin = scatter_state(None if begin is None else self.disks, begin)
             else:
                 disks = self.rows(comm.slice_of(self.n))
                 with comm:
-                    begin = self.start() if way == "drawn" else state
+                    begin = self.start() if mode == "drawn" else state
         if tracked is None:
             tracked = comm.result_of_holders(lambda: self.tracked(begin))
         any_law = self.law()  # stands where two walls would meet, which never happens
@@ -592,21 +590,21 @@ class CaseGas:
         return found
 
     def _placed(self, progress: Callable[[float], None]) -> NDArray[np.float64]:
-        way, seed = self.case.start.positions, self.case.run.seed
+        mode, seed = self.case.start.positions, self.case.run.seed
         assert self.start_region is not None  # the rules have seen to it
         comm = current()
         disks = self.disks if comm.size == 1 else self.rows(comm.slice_of(self.n))
         radius, options = disks.radius, dict[str, Any](seed=seed, walls=self.walls)
         try:
-            if way == "hexagonal":
+            if mode == "hexagonal":
                 # Several species would lie in layers else.
                 options["seed"] = seed if len(self.species) > 1 or not self.species[0].equal else None
                 return placement.hexagonal_positions(self.start_region, radius, **options)
-            if way == GROWN:
+            if mode == GROWN:
                 return packing.grow(self.start_region, radius, progress=progress, **options)
             return placement.random_positions(self.start_region, radius, **options)
         except InputError as error:
-            raise InputError(str(Problem("start.positions", f'"{way}"', str(error)))) from None
+            raise InputError(str(Problem("start.positions", f'"{mode}"', str(error)))) from None
 
 
 def validate_case(
@@ -623,7 +621,7 @@ def validate_case(
     sides = () if case.box.material is None else (case.box.material,)
     materials = tuple(dict.fromkeys((*sides, *(each.material for each in species), *case.materials_of_walls)))
     rows = [0 if each.material is None else materials.index(each.material) for each in case.wall]
-    walls, wrong_shapes = rules.made_walls(case, rows, folder)
+    walls, shape_problems = rules.made_walls(case, rows, folder)
     found = [
         *rules.check_names(case),
         *rules.check_pairs(verdicts),
@@ -640,10 +638,10 @@ def validate_case(
         found.append(Problem("box", None, str(error)))
     else:
         box = box if case.box.open or start_region is None else start_region
-        wrong_walls = wrong_shapes or [*rules.check_walls(case, walls, box, kinds.radius)]
-        found += wrong_walls
+        wall_problems = shape_problems or [*rules.check_walls(case, walls, box, kinds.radius)]
+        found += wall_problems
         if start:
-            standing = () if wrong_walls else walls
+            standing = () if wall_problems else walls
             found += rules.check_room(
                 case, species, kinds, None if start_region is None else FreeArea(start_region, standing)
             )

@@ -9,7 +9,7 @@ from pydantic import AfterValidator, Discriminator, Tag
 
 from ..errors import there_are
 from ..model.coin_table import coins
-from ..model.ifr import IFRLaw, rough_disks, smooth_disks
+from ..model.ifr import REQUIRED_COEFFICIENTS, IFRLaw, rough_disks, smooth_disks
 from ..model.viscoelastic import Viscoelastic
 from ..model.walton import Walton
 from .section import Name, Section, exclusive_with, field, refusal
@@ -155,17 +155,16 @@ class IFRMaterial(MaterialSection):
     rho: RollingFriction = 0.0
 
     @classmethod
-    def mistakes(cls, data: Mapping[str, Any]) -> list[str]:
+    def problems(cls, data: Mapping[str, Any]) -> list[str]:
         """Coefficients beside a coin, or missing without one."""
-        coefficients = ("e_n", "e_t", "mu")
-        missing = [key for key in coefficients if key not in data and "coin" not in data]
-        wrong = exclusive_with(data, "coin", *coefficients)
-        return [*wrong, f"missing: {', '.join(missing)}, or coin"] if missing else wrong
+        missing = [key for key in REQUIRED_COEFFICIENTS if key not in data and "coin" not in data]
+        problems = exclusive_with(data, "coin", *REQUIRED_COEFFICIENTS)
+        return [*problems, f"missing: {', '.join(missing)}, or coin"] if missing else problems
 
     def made(self, k: float) -> IFRLaw:
         """The law of disks whose mean shape number is k."""
         given = self if self.coin is None else coins[self.coin].law
-        numbers: dict[str, Any] = {key: getattr(given, key) for key in ("e_n", "e_t", "mu")}
+        numbers: dict[str, Any] = {key: getattr(given, key) for key in REQUIRED_COEFFICIENTS}
         return IFRLaw(**numbers, sticking=self.sticking, rho=self.rho, k=k)
 
 

@@ -40,11 +40,11 @@ def gravity_of(box: BoxSection) -> Gravity:
 def record_of(case: CaseSections) -> list[str]:
     """Names of what a simulation records for the output of a case."""
     fields, output = case.output.fields, case.output
-    wanted = {
+    quantities = {
         "energy": output.ledger, "partner": "last_partner" in fields, "angle": "angle" in fields,
         "disk_energy": "dissipated" in fields, "wall": output.wall_sums,
     }  # fmt: skip
-    return [name for name, asked in wanted.items() if asked]
+    return [name for name, enabled in quantities.items() if enabled]
 
 
 def options_of(case: CaseSections) -> EngineOptions:

@@ -113,36 +113,36 @@ class OutputSection(Section):
         raise refusal(text, "unknown_name")
 
     @classmethod
-    def mistakes(cls, data: Mapping[str, Any]) -> list[str]:
+    def problems(cls, data: Mapping[str, Any]) -> list[str]:
         """Keys that exclude each other."""
-        wrong = []
+        problems = []
         alternatives = [(what, f"{what}_interval", f"{what}_collisions") for what in ("frames", "series")]
-        for ways in (*alternatives, _TRACKED):
-            given = [key for key in ways if data.get(key, False) is not False]
+        for keys in (*alternatives, _TRACKED):
+            given = [key for key in keys if data.get(key, False) is not False]
             if len(given) > 1:
-                wrong.append(f"must have at most one of {', '.join(ways)}; given: {', '.join(given)}")
-        log = [ways[0] for ways in alternatives if data.get(f"{ways[0]}_spacing") == "log"]
+                problems.append(f"must have at most one of {', '.join(keys)}; given: {', '.join(given)}")
+        log = [keys[0] for keys in alternatives if data.get(f"{keys[0]}_spacing") == "log"]
         for what in log:
             if {f"{what}_interval", f"{what}_collisions"} & set(data):
-                wrong.append(f'{what}_spacing = "log": requires a number, {what}')
+                problems.append(f'{what}_spacing = "log": requires a number, {what}')
         if "series" in log and "series" not in data:
-            wrong.append('series_spacing = "log": series, the number of rows, is missing')
+            problems.append('series_spacing = "log": series, the number of rows, is missing')
         if "log_from" in data and not log:
-            wrong.append('log_from requires frames_spacing or series_spacing = "log"')
-        return wrong
+            problems.append('log_from requires frames_spacing or series_spacing = "log"')
+        return problems
 
     @property
     def frame_cadence(self) -> Trigger:
         """Times or collisions at which frames are due."""
-        ways = (self.frames_interval, self.frames_collisions)
-        return self._cadence(self.frames, *ways, self.frames_spacing, exact=True)
+        keys = (self.frames_interval, self.frames_collisions)
+        return self._cadence(self.frames, *keys, self.frames_spacing, exact=True)
 
     @property
     def series_cadence(self) -> Trigger:
         """Times or collisions at which rows of the time series are due."""
-        ways = (self.series_interval, self.series_collisions)
-        if self.series is not None or any(each is not None for each in ways):
-            return self._cadence(self.series or 1, *ways, self.series_spacing, exact=True)
+        keys = (self.series_interval, self.series_collisions)
+        if self.series is not None or any(each is not None for each in keys):
+            return self._cadence(self.series or 1, *keys, self.series_spacing, exact=True)
         interval, collisions = (
             None if each is None else each / ROWS_PER_FRAME
             for each in (self.frames_interval, self.frames_collisions)

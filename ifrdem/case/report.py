@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -11,28 +11,33 @@ from typing import NamedTuple
 import numpy as np
 
 from ..model.box import describe_sides
+from ..model.density import packing_fraction
 from ..model.law_records import to_record
 from ..model.walls import Wall
 from ..mpi.distribution import GATHERED
 from ..simulation import backend
 from ..tools.progress import size_of_time
 from .case import GROWN, CaseSections
-from .estimate import OBSERVABLES, RankPlan, RunEstimate, disk_bytes, run_seconds, step_seconds
+from .estimate import (
+    COST_OF_RATIO,
+    OBSERVABLES,
+    RankPlan,
+    RunEstimate,
+    cost_of_ratio,
+    disk_bytes,
+    run_seconds,
+    step_seconds,
+)
 from .gas import CaseGas
 from .rules import NOT_GROWN_ON_RANKS
 from .species import Spread
 from .summary import COMPILING, REFUSED_HERE, clock, no_path, refuse_cadences, refused_here, size
 
+RESTING = "table_friction"
+"""Kind of a force that stops disks after a finite time: once all are at rest, a run has no further steps."""
+
 DILUTE = 1e-3
 """Packing fraction below which crossings of cells cost more than ten times what they do at 0.1."""
-
-COST_OF_RATIO: Mapping[float, float] = {
-    1.0: 1.0, 2.0: 1.4, 5.0: 2.1, 10.0: 2.4, 20.0: 3.4, 50.0: 5.4,
-}  # fmt: skip
-"""Processor time of a collision, relative to equal disks, by the ratio of the largest to the smallest radius.
-
-Measured 2026-11-23: 10,000 elastic disks of two sizes with equal areas, phi = 0.5, one thread
-(`results/size_ratio.md`). Among walls there is one layer of cells only, and the cost is higher from a ratio of 5 on."""
 
 
 class ReportRow(NamedTuple):
@@ -77,7 +82,7 @@ def check(gas: CaseGas, folder: Path, *, share: float = 1.0, ranks: int = 1, sli
     if ranks == 1:
         gas.verify_start()
     here = refused_here(gas, estimate, folder, share=share, ranks=ranks, sliced=sliced)
-    return report(gas, estimate, (*pinches, *gas.cautions, *(f"{each}: {REFUSED_HERE}" for each in here)))
+    return report(gas, estimate, (*pinches, *gas.notices, *(f"{each}: {REFUSED_HERE}" for each in here)))
 
 
 def report(gas: CaseGas, estimate: RunEstimate, warnings: tuple[str, ...] = ()) -> Report:
@@ -129,12 +134,12 @@ def _title(gas: CaseGas, units: Units) -> str:
 def _density(gas: CaseGas, estimate: RunEstimate, units: Units) -> Iterator[ReportRow]:
     region = gas.start_region
     if not gas.box.is_open:
-        yield ReportRow("packing fraction", f"{estimate.packing_fraction:.5g}")
+        yield ReportRow(f"packing fraction{gas.free_area.name}", f"{estimate.packing_fraction:.5g}")
         yield ReportRow("number density", f"{estimate.number_density:.5g}", units.density)
     elif region is not None:
         sides = f"{region.lengths[0]:.5g} x {region.lengths[1]:.5g}"
         yield ReportRow("rectangle of the start", sides, units.length)
-        yield ReportRow("packing fraction there", f"{gas.kinds.covered / region.area:.5g}")
+        yield ReportRow("packing fraction there", f"{packing_fraction(gas.kinds.covered, region.area):.5g}")
     radius = Spread(
         float(gas.kinds.radius.min()), float(gas.kinds.radius.max()), float(gas.kinds.mean_radius)
     )
@@ -254,8 +259,8 @@ def _collapse(gas: CaseGas, units: Units) -> Iterator[ReportRow]:
         and gas.free_area.all_walls
         and any(each.law and each.law.is_dissipative for each in gas.verdicts)
     ):
-        ways = '"velocity_cutoff" or "tc"' if any(wall.piston for wall in gas.walls) else '"rest"'
-        text = f"no remedy: disks that come to rest on others end the run; set run.collapse = {ways}"
+        remedies = '"velocity_cutoff" or "tc"' if any(wall.piston for wall in gas.walls) else '"rest"'
+        text = f"no remedy: disks that come to rest on others end the run; set run.collapse = {remedies}"
         yield ReportRow("collapse", text)
 
 
@@ -295,36 +300,44 @@ def _needs(gas: CaseGas, estimate: RunEstimate) -> Iterator[ReportRow]:
 def _time(gas: CaseGas, estimate: RunEstimate) -> Iterator[ReportRow]:
     """Rows on the time that a run takes on a CPU, and why it is long."""
     n, phi, run = gas.n, estimate.packing_fraction, gas.case.run
+    if run.device == "cpu":
+        yield from _cpu_time(gas, estimate, run.threads or backend.cores())
     if run.device != "cpu" or not phi > 0.0:
         return
-    threads = run.threads or backend.cores()
-    if estimate.collisions > 0.0:
-        rate = 1e6 / run_seconds(1e6, n, phi, threads)
-        known = not math.isnan(estimate.force_steps)
-        includes = (
-            "collisions, frames and force steps" if gas.case.force and known else "collisions and frames"
-        )
-        steps = estimate.force_steps if known else 0.0
-        seconds = run_seconds(estimate.computed(n), n, phi, threads) + step_seconds(steps, n, threads)
-        yield ReportRow(f"run time ({includes})", f"about {size_of_time(seconds)}")
-        if gas.case.force and not known:
-            yield ReportRow("", "and some 3 ms for each step of a force; their number depends on the end")
-        yield ReportRow(
-            "collisions per second",
-            f"about {rate:.2g}; `ifrdem bench --n {n} --phi {phi:.2g}` measures it here",
-        )
-        yield ReportRow("compilation of kernels, before", COMPILING)
-        if phi < DILUTE:
-            text = "disks of so thin a gas mostly pass from cell to cell: a collision costs phi^(-1/2)"
-            yield ReportRow("", text)
-    elif estimate.force_steps > 0.0:
-        seconds = step_seconds(estimate.force_steps, n, threads)
-        yield ReportRow("run time (force steps only)", f"about {size_of_time(seconds)}")
+    if estimate.collisions > 0.0 and phi < DILUTE:
+        text = "disks of so thin a gas mostly pass from cell to cell: a collision costs phi^(-1/2)"
+        yield ReportRow("", text)
     if n > GATHERED:
         for ranks in planned_ranks(n):
             yield ReportRow(f"on {ranks} ranks of MPI, each", _planned(RankPlan.of(gas, estimate, ranks)))
         if gas.case.start.positions == GROWN and gas.case.start.file is None:
             yield ReportRow("", f'start.positions = "{GROWN}" {NOT_GROWN_ON_RANKS}')
+
+
+def _cpu_time(gas: CaseGas, estimate: RunEstimate, threads: int) -> Iterator[ReportRow]:
+    """Rows on the time of the run, and what it includes, and on the speed."""
+    n, phi, forces = gas.n, estimate.packing_fraction, bool(gas.case.force)
+    seconds = estimate.seconds(gas, threads)
+    if estimate.collisions > 0.0 or forces:
+        known = not math.isnan(seconds)
+        collisions = not math.isnan(estimate.collisions)
+        includes = ["collisions"] * collisions + ["force steps"] * forces + ["windows", "frames", "output"]
+        name = f"run time ({', '.join(includes[:-1])} and {includes[-1]})"
+        most = "at most " if forces and all(each.kind == RESTING for each in gas.case.force) else ""
+        if known and (collisions or forces):
+            yield ReportRow(name, f"{most or 'about '}{size_of_time(seconds)}")
+            yield ReportRow("compilation of kernels, before", COMPILING)
+        elif forces:
+            per_step = (
+                f"about {1e3 * step_seconds(1.0, n, threads):.2g}, for as many as there are until the end"
+            )
+            yield ReportRow("run time of a force step", per_step, "ms")
+    if phi > 0.0:
+        rate = 1e6 / run_seconds(1e6, n, phi, threads)
+        yield ReportRow(
+            "collisions per second",
+            f"about {rate:.2g}; `ifrdem bench --n {n} --phi {phi:.2g}` measures it here",
+        )
 
 
 def planned_ranks(n: int) -> list[int]:
@@ -366,5 +379,4 @@ def _span(values: Spread) -> str:
 
 def _cost(ratio: float) -> str:
     """Cost of a size ratio, by `COST_OF_RATIO`."""
-    factor = float(np.interp(math.log(ratio), np.log(list(COST_OF_RATIO)), list(COST_OF_RATIO.values())))
-    return f"{factor:.2g}{' or more' if ratio > max(COST_OF_RATIO) else ''}"
+    return f"{cost_of_ratio(ratio):.2g}{' or more' if ratio > max(COST_OF_RATIO) else ''}"

@@ -29,8 +29,9 @@ from ..mpi import current, distribution
 from ..mpi.decomposition import counted_tiles, most_ranks
 from ..simulation.checks import check_pistons
 from ..simulation.schedule import first_after, time_of
+from ..simulation.tiling import tiles_on_ranks
 from .case import GROWN, IMPACT_SCAN, CaseSections
-from .objects import choose_runtime, options_of
+from .objects import options_of
 from .pair_rules import PairVerdict
 from .section import Problem
 from .species import Species
@@ -153,13 +154,13 @@ def made_walls(
     case: CaseSections, materials: Sequence[int], folder: Path
 ) -> tuple[tuple[Wall, ...], list[Problem]]:
     """The walls of a case, and those that cannot be made: files that cannot be read, polygons that cross themselves."""
-    made, wrong = [], []
+    made, problems = [], []
     for i, (each, material) in enumerate(zip(case.wall, materials, strict=True)):
         try:
             made.append(each.wall(material, folder))
         except InputError as error:
-            wrong.append(Problem(f"wall[{i}]", None, str(error)))
-    return tuple(made), wrong
+            problems.append(Problem(f"wall[{i}]", None, str(error)))
+    return tuple(made), problems
 
 
 def check_walls(
@@ -272,9 +273,6 @@ def usable_ranks(case: CaseSections, kinds: DiskKinds, box: Box, ranks: int) -> 
         return 1, f"{' and '.join(keys)} cannot be divided among ranks"
     if run.device != "cpu":  # the engine of a GPU has other, smaller tiles
         return ranks, ""
-    choose_runtime(run)
-    from ..simulation.arrays import tiles_on_ranks  # imports the runtime
-
     tiles = tiles_on_ranks(kinds, box)
     found = most_ranks(tiles, ranks)
     return found, "" if found == ranks else f"{kinds.n} disks make {counted_tiles(tiles)}"
@@ -430,8 +428,8 @@ def given_start(
     drawn = any(each.speed_rms for each in case.species)
     fastest = 0.0 if given.velocity is None else float(np.abs(given.velocity).max(initial=0.0))
     moving = drawn if given.velocity is None else comm.largest(fastest) > 0.0
-    wanted = case.run.collisions_per_disk
-    if wanted is not None and _disks(case) > 1 and not moving and not case.sets_in_motion:
+    target = case.run.collisions_per_disk
+    if target is not None and _disks(case) > 1 and not moving and not case.sets_in_motion:
         if given.velocity is None:
             more = "the columns vx, vy, spin" if start.trajectory is None else "start.motion = true"
             rest = f"has no velocities: give {more} or a species speed_rms above 0"

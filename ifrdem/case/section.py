@@ -65,7 +65,7 @@ class Section(BaseModel):
     """A section: no unknown keys, no conversion of types, numbers from `LEAST` to `MOST`.
 
     Of each group of keys in `one_of`, exactly one is to be given. Attributes are validated when they are set, each by
-    itself; what `mistakes` finds belongs to several keys, and is found when a whole section is validated.
+    itself; what `problems` finds belongs to several keys, and is found when a whole section is validated.
     """
 
     model_config: ClassVar[ConfigDict] = ConfigDict(
@@ -81,10 +81,10 @@ class Section(BaseModel):
     @classmethod
     def _all_errors_at_once(cls, data: Any, handler: ModelWrapValidatorHandler[Any]) -> Any:
         # An "after" validator would stay silent as long as any single key is wrong.
-        wrong = "; ".join(cls.mistakes(data)) if isinstance(data, dict) else ""
-        if not wrong:
+        problems = "; ".join(cls.problems(data)) if isinstance(data, dict) else ""
+        if not problems:
             return handler(data)
-        errors = [InitErrorDetails(type=refusal(wrong), input=data)]
+        errors = [InitErrorDetails(type=refusal(problems), input=data)]
         try:
             handler(data)
         except ValidationError as error:
@@ -130,15 +130,15 @@ class Section(BaseModel):
         return text, examples[0] if examples else None
 
     @classmethod
-    def mistakes(cls, data: Mapping[str, Any]) -> list[str]:
+    def problems(cls, data: Mapping[str, Any]) -> list[str]:
         """Mistakes in the combination of keys."""
-        wrong = []
+        problems = []
         for group in cls.one_of:
             given = [key for key in group if key in data]
             if len(given) != 1:
                 text = f"must have exactly one of {', '.join(group)}; given: {', '.join(given) or 'none'}"
-                wrong.append(text)
-        return wrong
+                problems.append(text)
+        return problems
 
 
 def exclusive_with(data: Mapping[str, Any], key: str, *others: str) -> list[str]:

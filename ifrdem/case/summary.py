@@ -178,7 +178,7 @@ def summary(gas: CaseGas, estimate: RunEstimate, device: str) -> str:
         paths = [path for path in estimate.free_path if not math.isnan(path)]
         ends = " to ".join(f"{path:.4g}" for path in dict.fromkeys((min(paths), max(paths)))) if paths else ""
         path = f"mean free path {ends}{case.unit('length')}" if paths else no_path(gas)
-        where = f", packing fraction {estimate.packing_fraction:.4g}, {path}"
+        where = f", packing fraction{gas.free_area.name} {estimate.packing_fraction:.4g}, {path}"
     return f"{case.run.name}: {gas.n} disks{where}\n{clock(gas, estimate)}\non {device}"
 
 

@@ -35,9 +35,9 @@ class MotionSection(Section):
     """Direction [x, y] of a positive displacement [1], of any length; upwards, [0, 1], without it."""
 
     @classmethod
-    def mistakes(cls, data: Mapping[str, Any]) -> list[str]:
+    def problems(cls, data: Mapping[str, Any]) -> list[str]:
         """Also a direction that is none."""
-        return super().mistakes(data) + _nowhere(data, "direction")
+        return super().problems(data) + _nowhere(data, "direction")
 
 
 class SteadyMotion(MotionSection):
@@ -159,14 +159,14 @@ class WallSection(Section):
     [J]."""
 
     @classmethod
-    def mistakes(cls, data: Mapping[str, Any]) -> list[str]:
+    def problems(cls, data: Mapping[str, Any]) -> list[str]:
         """Also a wall of no material or of two."""
-        wrong = super().mistakes(data)
+        problems = super().problems(data)
         if ("material" in data) == ("temperature" in data):
-            wrong.append(
+            problems.append(
                 "must have either material or temperature: disks leave a thermal wall whatever it is made of"
             )
-        return wrong
+        return problems
 
     def wall(self, material: int = 0, folder: Path | None = None) -> walls.Wall:
         """The wall that stands here, of the material in this row of the law's table; files are looked for in `folder`.
@@ -205,10 +205,10 @@ class LineWall(WallSection):
     """Direction [x, y] from it to the disks [1], of any length."""
 
     @classmethod
-    def mistakes(cls, data: Mapping[str, Any]) -> list[str]:
+    def problems(cls, data: Mapping[str, Any]) -> list[str]:
         """Also a normal that is none, and a rotation."""
         turns = ["turn: a line has no end, so it cannot turn; use a segment"] * ("turn" in data)
-        return super().mistakes(data) + turns + _nowhere(data, "normal")
+        return super().problems(data) + turns + _nowhere(data, "normal")
 
     def _made(self, folder: Path | None, options: dict[str, Any]) -> walls.Wall:
         return walls.Wall.line(_point(self.point), _point(self.normal), **options)
@@ -224,11 +224,11 @@ class SegmentWall(WallSection):
     """The other end [x, y] [m]."""
 
     @classmethod
-    def mistakes(cls, data: Mapping[str, Any]) -> list[str]:
+    def problems(cls, data: Mapping[str, Any]) -> list[str]:
         """Also ends at one place."""
         same = "start" in data and data["start"] == data.get("end")
         text = 'start = end: a segment has two ends; a point is a "post" of radius 0'
-        return super().mistakes(data) + [text] * same
+        return super().problems(data) + [text] * same
 
     def _made(self, folder: Path | None, options: dict[str, Any]) -> walls.Wall:
         return walls.Wall.segment(_point(self.start), _point(self.end), **options)
@@ -295,14 +295,14 @@ class PolylineWall(WallSection):
     """Largest distance of the straight pieces that stand for curves of a path [m]; 1e-4 of its size if not given."""
 
     @classmethod
-    def mistakes(cls, data: Mapping[str, Any]) -> list[str]:
+    def problems(cls, data: Mapping[str, Any]) -> list[str]:
         """Also a tolerance without curves, and a scale without a file."""
-        wrong = super().mistakes(data)
+        problems = super().problems(data)
         if "tolerance" in data and "points" in data:
-            wrong.append("tolerance: points have no curves")
+            problems.append("tolerance: points have no curves")
         if "scale" in data and "file" not in data:
-            wrong.append("scale: only a file has it; points and paths are lengths")
-        return wrong
+            problems.append("scale: only a file has it; points and paths are lengths")
+        return problems
 
     def _made(self, folder: Path | None, options: dict[str, Any]) -> walls.Wall:
         return walls.Wall.polyline(self._outline(folder, closed=False), **options)

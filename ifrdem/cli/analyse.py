@@ -13,8 +13,19 @@ from cyclopts import Parameter
 
 from ..errors import DamageError, InputError, there_are
 from ..plots.names import PICTURES
-from .console import FAILED, note, say
-from .options import Color, Force, Frames, Style, chosen, flag, one_trajectory, opened, option, styled
+from .console import FAILED, echo, note
+from .options import (
+    Color,
+    Force,
+    Frames,
+    Style,
+    flag,
+    one_trajectory,
+    opened,
+    option,
+    selected_frames,
+    styled,
+)
 
 if TYPE_CHECKING:
     from ..analysis.result import Columns, Evaluation
@@ -93,7 +104,7 @@ def analyse(
     records = [_analyse(file, what, frames, output, json, force) for file in files]
     if len(files) > 1 and not json:
         for line in _means(records):
-            say(line)
+            echo(line)
     return FAILED if any(record["damaged"] for record in records) else 0
 
 
@@ -121,18 +132,18 @@ def _analyse(
     from ..tools.files import check_apart, check_files
 
     with opened(file) as trajectory:
-        numbers = None if frames is None else list(chosen(frames, len(trajectory)))
+        numbers = None if frames is None else list(selected_frames(frames, len(trajectory)))
         stem = trajectory.path.stem
         folder = Path(output or f"{stem}-analysis")
         summary = folder / f"{stem}.json"
         if not folder.parent.is_dir():
             raise InputError(f"output folder {folder}: {folder.parent} does not exist")
         if folder.exists() and not folder.is_dir():
-            raise InputError(f"output {folder}: is no folder")
+            raise InputError(f"output {folder}: must be a folder; -o DIR writes elsewhere")
         if folder.exists():
             check_apart(summary, trajectory.path)
             check_files([summary], force=True)  # which others may be added to
-        record = _begun(trajectory, summary, force=force)
+        record = _summary_record(trajectory, summary, force=force)
         names, kept = _wanted(what, record, summary, force=force)
 
         from ..analysis.catalogue import ANALYSES, report
@@ -143,7 +154,7 @@ def _analyse(
         written: dict[Path, Columns] = {}
         for name in names:
             try:
-                outcome = ANALYSES[name].of(trajectory, numbers)
+                evaluation = ANALYSES[name].of(trajectory, numbers)
             except InputError as error:
                 if what:
                     raise InputError(f"{name}: {error}") from None
@@ -151,12 +162,12 @@ def _analyse(
                 continue
             files = {
                 folder / f"{stem}-{name}{f'-{part}' if part else ''}.csv": table
-                for part, table in outcome.tables.items()
+                for part, table in evaluation.tables.items()
             }
             written |= files
-            record["analyses"][name] = _record(outcome, [path.name for path in files])
+            record["analyses"][name] = _record(evaluation, [path.name for path in files])
             if not json:
-                say(report(name, ANALYSES[name].title, outcome, span_text(trajectory, outcome)))
+                echo(report(name, ANALYSES[name].title, evaluation, span_text(trajectory, evaluation)))
         found = record["analyses"]
         record["analyses"] = {name: found[name] for name in NAMES if name in found}
         reasons = record["not_possible"] | skipped
@@ -168,10 +179,10 @@ def _analyse(
             check_files(list(written), force=force, elsewhere="-o DIR writes elsewhere")
     text = _write(folder, summary, record, written)
     if json:
-        say(text)
+        echo(text)
         return record
     for name, reason in (skipped | damaged).items():
-        say(f"{name}: not possible: {reason}")
+        echo(f"{name}: not possible: {reason}")
     for name in kept:
         note(f"{name}: is there already, and stays as it is; --force replaces it")
     for path in (*written, summary):
@@ -179,7 +190,7 @@ def _analyse(
     return record
 
 
-def _begun(trajectory: Trajectory, summary: Path, *, force: bool) -> dict[str, Any]:
+def _summary_record(trajectory: Trajectory, summary: Path, *, force: bool) -> dict[str, Any]:
     """The record of what the folder holds of this trajectory; an empty one if it holds nothing, or by force.
 
     Raises InputError if the summary that is there is of another trajectory, or none of ours.
@@ -202,41 +213,41 @@ def _begun(trajectory: Trajectory, summary: Path, *, force: bool) -> dict[str, A
         held = {key: dict(old[key]) for key in ("analyses", "not_possible")}
         if all(old[key] == new[key] for key in ("disks", "run")):
             return {**new, **held}
-        wrong = f"holds analyses of another run ({old['file']})"
+        problems = f"holds analyses of another run ({old['file']})"
     except (OSError, ValueError, KeyError, TypeError):
-        wrong = "is no summary of `ifrdem analyse` to add to"
+        problems = "is no summary of `ifrdem analyse` to add to"
     if force:
         return new
-    raise InputError(f"output {summary}: {wrong}{ELSEWHERE}")
+    raise InputError(f"output {summary}: {problems}{ELSEWHERE}")
 
 
 def _wanted(
     what: Sequence[str], record: dict[str, Any], summary: Path, *, force: bool
 ) -> tuple[list[str], list[str]]:
     """Analyses to do, and those that are there already and stay."""
-    asked = list(dict.fromkeys(what)) or list(NAMES)
-    there = [name for name in asked if name in record["analyses"]]
+    requested = list(dict.fromkeys(what)) or list(NAMES)
+    there = [name for name in requested if name in record["analyses"]]
     if force or not there:
-        return asked, []
-    missing = [name for name in asked if name not in there]
+        return requested, []
+    missing = [name for name in requested if name not in there]
     if what or not set(missing) - set(record["not_possible"]):
         held = ", ".join(there) if what else "all that the file allows"
         raise InputError(f"output {summary}: holds {held} already{ELSEWHERE}")
     return missing, there
 
 
-def _record(outcome: Evaluation, files: list[str]) -> dict[str, Any]:
+def _record(evaluation: Evaluation, files: list[str]) -> dict[str, Any]:
     from ..analysis.catalogue import json_number
 
     return {
-        "frames": outcome.frames,
-        "times": list(outcome.times),
+        "frames": evaluation.frames,
+        "times": list(evaluation.times),
         "values": {
             row.name: {"value": json_number(row.value), "error": json_number(row.error), "unit": row.unit}
-            for row in outcome.rows
+            for row in evaluation.rows
         },
-        "warnings": outcome.warnings,
-        "notes": outcome.notes,
+        "warnings": evaluation.warnings,
+        "notes": evaluation.notes,
         "files": files,
     }
 
@@ -292,7 +303,7 @@ def plot(
     temperatures, energy, ledger, mechanisms, walls and piston can be drawn `--over tau`, too.
     """
     if list:
-        say(PICTURE_LIST)
+        echo(PICTURE_LIST)
         return
     if len(words) < 2:
         raise InputError("TRAJECTORY or WHAT is missing: `ifrdem plot --list` lists the plots")
@@ -325,7 +336,7 @@ def _plot_one(
     from ..tools.files import check_apart, check_files
 
     with opened(file) as trajectory:
-        numbers = None if frames is None else [*chosen(frames, len(trajectory))]
+        numbers = None if frames is None else [*selected_frames(frames, len(trajectory))]
         path = Path(output or f"{trajectory.path.stem}-{what}.png")
         check_apart(path, trajectory.path)
         path = _as_picture(path)

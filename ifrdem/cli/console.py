@@ -23,7 +23,7 @@ UNFINISHED = 3
 LOG = logging.getLogger("ifrdem")
 
 
-def say(message: str) -> None:
+def echo(message: str) -> None:
     """Print a result."""
     print(message, flush=True)
 
@@ -59,7 +59,7 @@ class _Streams(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         message = record.getMessage()
         if record.levelno == logging.INFO and not hasattr(record, "progress"):
-            say(message)
+            echo(message)
             return
         sys.stdout.flush()
         warning = "warning: " if record.levelno == logging.WARNING else ""

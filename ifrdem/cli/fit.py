@@ -13,22 +13,22 @@ from cyclopts import Group, Parameter
 
 from ..errors import InputError, nearest, there_are
 from ..tools.files import check_files, write_text
-from .console import FAILED, complain, note, say
+from .console import FAILED, complain, echo, note
 from .options import (
     MOST_SEED,
     File,
     Force,
+    OptionProblems,
     Output,
-    Wrong,
     counted,
     flag,
     integer,
+    invalid_value,
     number,
     option,
     positive,
     real,
     whole,
-    wrong_value,
 )  # fmt: skip
 
 if TYPE_CHECKING:
@@ -201,7 +201,7 @@ def fit(
     example: Annotated[bool, flag("print a synthetic CSV file and do nothing else")] = False,
     disks: DiskOptions = DiskOptions(),
     table: TableOptions = TableOptions(),
-    how: FitOptions = FitOptions(),
+    options: FitOptions = FitOptions(),
     files: FileOptions = FileOptions(),
     force: Force = False,
 ) -> int:
@@ -217,45 +217,45 @@ def fit(
             )
         from ..fit.data import example as synthetic
 
-        say(synthetic().rstrip("\n"))
+        echo(synthetic().rstrip("\n"))
         return 0
-    wrong = Wrong()
+    problems = OptionProblems()
     if data is None:
-        wrong.append("DATA is missing: give a CSV file; `ifrdem fit --example` prints one")
-    pair = _disks(disks, how.rolling, wrong)
-    both = _collision_disks(disks, wrong)
-    form = form_of(table, wrong, how.known)
-    errors = _errors(how.error or [], wrong)
-    fixed = _pairs("--fix", how.fix, wrong)
-    ranges = _ranges(how.range, wrong)
-    if how.range and how.law is None:
-        wrong.append("--range requires --law")
-    further, drawn, sets = how.design, files.draw, how.bootstrap
-    seed = 1 if how.seed is None else how.seed
-    if how.seed is not None and not sets and not drawn:
-        wrong.append("--seed requires --bootstrap or --draw")
+        problems.append("DATA is missing: give a CSV file; `ifrdem fit --example` prints one")
+    pair = _disks(disks, options.rolling, problems)
+    both = _collision_disks(disks, problems)
+    form = form_of(table, problems, options.known)
+    errors = _errors(options.error or [], problems)
+    fixed = _pairs("--fix", options.fix, problems)
+    ranges = _ranges(options.range, problems)
+    if options.range and options.law is None:
+        problems.append("--range requires --law")
+    further, drawn, sets = options.design, files.draw, options.bootstrap
+    seed = 1 if options.seed is None else options.seed
+    if options.seed is not None and not sets and not drawn:
+        problems.append("--seed requires --bootstrap or --draw")
     if files.draws is not None and not drawn:
-        wrong.append("--draws requires --draw")
+        problems.append("--draws requires --draw")
     if files.material_name is not None and files.write_material is None:
-        wrong.append("--material-name requires --write-material")
+        problems.append("--material-name requires --write-material")
     source = Path(data or "data.csv")
     name = source.stem if files.material_name is None else files.material_name
     if files.write_material is not None and not 1 <= len(name) <= 100:
-        wrong.append(f"--material-name {name!r}: must have 1 to 100 characters")
+        problems.append(f"--material-name {name!r}: must have 1 to 100 characters")
     stem = (files.picture or "").removesuffix(".png").removesuffix(".pdf")
     endings = () if files.picture is None else (".png", ".pdf", "_corner.png", "_corner.pdf")
     pictures = [Path(f"{stem}{end}") for end in endings]
     record, material = files.json, files.write_material
     sample = (files.draws or Path("draws.csv")) if drawn else None
     written = [each for each in (record, *pictures, material, sample) if each is not None]
-    _check_files(written, source, force, wrong)
-    wrong.end()
+    _check_files(written, source, force, problems)
+    problems.end()
 
     from ..fit import laws as of_laws
     from ..fit.data import Data, read
 
-    kinds = list(how.model or (of_laws.IFR if how.law is None else ()))
-    own = [] if how.law is None else [of_laws.own_from_file(how.law, ranges)]
+    kinds = list(options.model or (of_laws.IFR if options.law is None else ()))
+    own = [] if options.law is None else [of_laws.own_from_file(options.law, ranges)]
     number_of_laws = len(of_laws.chosen(kinds, fixed, own))
     measured = read(source, errors, form=form, **both)
     if not isinstance(measured, Data) and pair:
@@ -270,15 +270,16 @@ def fit(
 
     with _progress(sets * number_of_laws) as bar:
         found = maximum.fit(
-            measured, **dict[str, Any](pair), model=kinds, own=own, fix=fixed, rolling=how.rolling,
-            robust=how.robust, level=0.01 * how.level, cross_validate=how.cross_validate, bootstrap=sets, seed=seed,
+            measured, **dict[str, Any](pair), model=kinds, own=own, fix=fixed, rolling=options.rolling,
+            robust=options.robust, level=0.01 * options.level, cross_validate=options.cross_validate,
+            bootstrap=sets, seed=seed,
             progress=None if bar is None else bar.update,
         )  # fmt: skip
-    say(report.table(found))
+    echo(report.table(found))
     if further:
         from ..fit.next_experiment import design
 
-        say("\n" + design(found, further).table())
+        echo("\n" + design(found, further).table())
     if sample is not None:
         write_text(sample, report.draws(found, drawn, seed))
     if record is not None:
@@ -311,14 +312,16 @@ def _progress(fits: int) -> AbstractContextManager[Any]:
     return tqdm(total=fits, desc="bootstrap", unit="fit", leave=False, disable=None)
 
 
-def _check_files(paths: Sequence[Path], data: Path, force: bool, wrong: Wrong) -> None:
+def _check_files(paths: Sequence[Path], data: Path, force: bool, problems: OptionProblems) -> None:
     """Take note of what keeps files from being written."""
-    wrong += [f"output {path}: is the data file" for path in paths if path == data]
-    wrong += [f"output {path}: is asked for twice" for path in dict.fromkeys(paths) if paths.count(path) > 1]
+    problems += [f"output {path}: is the data file" for path in paths if path == data]
+    problems += [
+        f"output {path}: is asked for twice" for path in dict.fromkeys(paths) if paths.count(path) > 1
+    ]
     try:
         check_files(paths, force=force, elsewhere="another name keeps it")
     except InputError as error:
-        wrong += str(error).splitlines()
+        problems += str(error).splitlines()
 
 
 def _positive(option: str, text: str) -> float:
@@ -329,7 +332,7 @@ def _dashed(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
-def _disks(given: DiskOptions, rolling: bool, wrong: Wrong) -> dict[str, float]:
+def _disks(given: DiskOptions, rolling: bool, problems: OptionProblems) -> dict[str, float]:
     """Mass ratio, moments of inertia and radii of a table of angles."""
     numbers = {
         name: value
@@ -338,106 +341,106 @@ def _disks(given: DiskOptions, rolling: bool, wrong: Wrong) -> dict[str, float]:
     }
     if given.disk_1 is not None or given.disk_2 is not None:
         names = [*numbers, *(["pair"] if given.pair else [])]
-        wrong += [f"{_dashed(name)}: cannot be combined with --disk-1 and --disk-2" for name in names]
+        problems += [f"{_dashed(name)}: cannot be combined with --disk-1 and --disk-2" for name in names]
         return {}
     if given.pair is not None:
         from ..model.coin_table import coins
 
-        wrong += [f"{_dashed(name)}: cannot be combined with --pair, which gives it" for name in numbers]
+        problems += [f"{_dashed(name)}: cannot be combined with --pair, which gives it" for name in numbers]
         if unknown := [coin for coin in given.pair if coin not in coins]:
-            wrong += [f"--pair '{coin}': no such coin{there_are(coin, coins)}" for coin in unknown]
+            problems += [f"--pair '{coin}': no such coin{there_are(coin, coins)}" for coin in unknown]
             return {"M": 1.0}
         a, b = (coins[coin] for coin in given.pair)
         return {"M": a.mass / b.mass, "k_1": a.k, "k_2": b.k, "R_1": a.radius, "R_2": b.radius}
     if rolling:
         missing = [name for name in ("R_1", "R_2") if name not in numbers]
-        wrong += [f"{_dashed(name)} is missing: --rolling requires it" for name in missing]
+        problems += [f"{_dashed(name)} is missing: --rolling requires it" for name in missing]
     elif ("R_1" in numbers) != ("R_2" in numbers):
-        wrong.append("--R-1, --R-2: must be given together")
+        problems.append("--R-1, --R-2: must be given together")
     return numbers
 
 
-def disk_of(option: str, text: str, wrong: Wrong, also: str = "") -> Any:
+def disk_of(option: str, text: str, problems: OptionProblems, also: str = "") -> Any:
     """The disk that MASS,RADIUS,K says; None if it does not."""
     from ..fit.data import Disk
 
     parts = text.split(",")
     if len(parts) not in (2, 3):
-        wrong.append(f"{option}: must be MASS,RADIUS or MASS,RADIUS,K{also}")
+        problems.append(f"{option}: must be MASS,RADIUS or MASS,RADIUS,K{also}")
         return None
-    values = [wrong.parse(1.0, _positive, f"{option}:", part) for part in parts]
+    values = [problems.parse(1.0, _positive, f"{option}:", part) for part in parts]
     return Disk(mass=values[0], radius=values[1], k=values[2] if len(values) == 3 else 2.0)
 
 
-def _collision_disks(given: DiskOptions, wrong: Wrong) -> dict[str, Any]:
+def _collision_disks(given: DiskOptions, problems: OptionProblems) -> dict[str, Any]:
     """The disks of whole collisions."""
     found: dict[str, Any] = {}
     if given.disk_1 is not None:
-        found["disk_1"] = disk_of(f"--disk-1 {given.disk_1}", given.disk_1, wrong)
+        found["disk_1"] = disk_of(f"--disk-1 {given.disk_1}", given.disk_1, problems)
     if given.disk_2 is not None and given.disk_2.strip() == "wall":
         from ..fit.data import WALL
 
         found["disk_2"] = WALL
     elif given.disk_2 is not None:
-        found["disk_2"] = disk_of(f"--disk-2 {given.disk_2}", given.disk_2, wrong, " or wall")
+        found["disk_2"] = disk_of(f"--disk-2 {given.disk_2}", given.disk_2, problems, " or wall")
     return found
 
 
-def _split(option: str, texts: list[str] | None, wrong: Wrong) -> dict[str, str]:
+def _split(option: str, texts: list[str] | None, problems: OptionProblems) -> dict[str, str]:
     """NAME=TEXT."""
     found: dict[str, str] = {}
     for text in texts or ():
         name, equals, value = text.partition("=")
         name = name.strip()
         if not equals or not name or not value.strip():
-            wrong.append(f"{option} {text}: must be NAME=VALUE")
+            problems.append(f"{option} {text}: must be NAME=VALUE")
         elif name in found:
-            wrong.append(f"{option} {text}: {name} is given twice")
+            problems.append(f"{option} {text}: {name} is given twice")
         else:
             found[name] = value.strip().strip("\"'")
     return found
 
 
-def _pairs(option: str, texts: list[str] | None, wrong: Wrong) -> dict[str, float]:
+def _pairs(option: str, texts: list[str] | None, problems: OptionProblems) -> dict[str, float]:
     """NAME=NUMBER."""
     return {
-        name: wrong.parse(0.0, number, f"{option} {name} =", value, "a finite number", math.isfinite)
-        for name, value in _split(option, texts, wrong).items()
+        name: problems.parse(0.0, number, f"{option} {name} =", value, "a finite number", math.isfinite)
+        for name, value in _split(option, texts, problems).items()
     }
 
 
-def _ranges(texts: list[str] | None, wrong: Wrong) -> dict[str, tuple[float, float]]:
+def _ranges(texts: list[str] | None, problems: OptionProblems) -> dict[str, tuple[float, float]]:
     """NAME=LOW:HIGH."""
     found = {}
-    for name, value in _split("--range", texts, wrong).items():
+    for name, value in _split("--range", texts, problems).items():
         low, colon, high = value.partition(":")
         if not colon:
-            wrong.append(f"--range {name}={value}: must be NAME=LOW:HIGH")
+            problems.append(f"--range {name}={value}: must be NAME=LOW:HIGH")
             continue
         ends = [
-            wrong.parse(0.0, number, f"--range {name} =", each, "a finite number", math.isfinite)
+            problems.parse(0.0, number, f"--range {name} =", each, "a finite number", math.isfinite)
             for each in (low, high)
         ]
         found[name] = (ends[0], ends[1])
     return found
 
 
-def form_of(table: TableOptions, wrong: Wrong, known: list[str] | None = None) -> Any:
+def form_of(table: TableOptions, problems: OptionProblems, known: list[str] | None = None) -> Any:
     """The writing of the table, of which each line has some `known` values."""
     from ..fit.tabular import TableFormat
 
     given = table.delimiter or ","
     separator = {"tab": "\t", "\\t": "\t"}.get(given, given)
-    columns, units = _split("--column", table.column, wrong), _split("--unit", table.unit, wrong)
-    values = _pairs("--set", known, wrong)
+    columns, units = _split("--column", table.column, problems), _split("--unit", table.unit, problems)
+    values = _pairs("--set", known, problems)
     try:
         return TableFormat(columns, units, values, separator, table.decimal or ".")
     except InputError as error:
-        wrong += [f"--{line}" for line in str(error).splitlines()]
+        problems += [f"--{line}" for line in str(error).splitlines()]
         return TableFormat()
 
 
-def _errors(texts: list[str], wrong: Wrong) -> dict[str, float]:
+def _errors(texts: list[str], problems: OptionProblems) -> dict[str, float]:
     """Standard errors by column, by group, of all angles, or to be estimated."""
     from ..fit.data import COLLISION_COLUMNS, COLUMNS, GROUPS
 
@@ -450,11 +453,11 @@ def _errors(texts: list[str], wrong: Wrong) -> dict[str, float]:
             found[name if equals else "rest"] = math.nan
             continue
         if name not in names:
-            wrong.append(f"--error {text}: no column is called '{name}'{there_are(name, names)}")
+            problems.append(f"--error {text}: no column is called '{name}'{there_are(name, names)}")
             continue
         if name in found:
-            wrong.append(f"--error {text}: given twice")
-        found[name] = wrong.parse(1.0, _positive, f"--error {name} =" if equals else "--error", value)
+            problems.append(f"--error {text}: given twice")
+        found[name] = problems.parse(1.0, _positive, f"--error {name} =" if equals else "--error", value)
     return found
 
 
@@ -474,7 +477,7 @@ def _line(_kind: object, tokens: Sequence[Token]) -> tuple[float, float, float, 
     except ValueError:
         x_1 = y_1 = x_2 = y_2 = math.nan
     if not all(map(math.isfinite, (x_1, y_1, x_2, y_2))):
-        raise wrong_value(tokens, "must be X1,Y1,X2,Y2, four finite numbers")
+        raise invalid_value(tokens, "must be X1,Y1,X2,Y2, four finite numbers")
     return x_1, y_1, x_2, y_2
 
 
@@ -520,13 +523,13 @@ def collisions(
     `ifrdem fit` takes,
     with errors and their correlations.
     """
-    wrong = Wrong()
-    form = form_of(table, wrong)
-    disks = _tracked_disks(disk, wrong)
+    problems = OptionProblems()
+    form = form_of(table, problems)
+    disks = _tracked_disks(disk, problems)
     source = Path(tracks)
     path = Path(output) if output is not None else source.with_name(f"{source.stem}_collisions.csv")
-    _check_files([path], source, force, wrong)
-    wrong.end()
+    _check_files([path], source, force, problems)
+    problems.end()
 
     from ..fit import tracks as of_tracks
 
@@ -549,27 +552,27 @@ def collisions(
     shown += [f"left out: {each}" for each in found.left_out[:20]]
     if len(found.left_out) > 20:
         shown.append(f"and {len(found.left_out) - 20} more")
-    say("\n".join(shown))
+    echo("\n".join(shown))
     write_text(path, found.csv("\n".join(about)))
     note(f"\nwrote {path}: `ifrdem fit {path}` fits it")
     return 0
 
 
-def _tracked_disks(texts: list[str] | None, wrong: Wrong) -> Disk | dict[int, Disk]:
+def _tracked_disks(texts: list[str] | None, problems: OptionProblems) -> Disk | dict[int, Disk]:
     """All disks, or a mapping by id."""
     found: dict[int, Disk] = {}
     every: Disk | None = None
     for text in texts or ():
         name, equals, rest = text.rpartition("=")
-        made = disk_of(f"--disk {text}", rest, wrong, ", with ID= before it for one disk,")
+        made = disk_of(f"--disk {text}", rest, problems, ", with ID= before it for one disk,")
         if not equals:
             every = made
         else:
-            found[wrong.parse(0, whole, f"--disk {text}: id", name.strip(), 0, 2**31)] = made
+            found[problems.parse(0, whole, f"--disk {text}: id", name.strip(), 0, 2**31)] = made
     if every is not None and found:
-        wrong.append("--disk: either all disks at once, or each by its id")
-    if every is None and not found and not wrong:
-        wrong.append(
+        problems.append("--disk: either all disks at once, or each by its id")
+    if every is None and not found and not problems:
+        problems.append(
             "--disk is missing: give mass, radius and k of the disks, such as --disk 1.19e-3,10.5e-3,2"
         )
     return every if every is not None else found
@@ -631,10 +634,10 @@ def compare(
     of the start
     and of the fitted law give.
     """
-    wrong = Wrong()
-    form = form_of(table, wrong)
-    given = _named(error, "--error", ("positions", "angles"), wrong)
-    starts = _named(start_error, "--start-error", ("positions", "velocities", "spins"), wrong)
+    problems = OptionProblems()
+    form = form_of(table, problems)
+    given = _named(error, "--error", ("positions", "angles"), problems)
+    starts = _named(start_error, "--start-error", ("positions", "velocities", "spins"), problems)
     for name, value in (
         ("--draws", draws),
         ("--start-error", start_error),
@@ -642,12 +645,12 @@ def compare(
         ("--case", case),
     ):
         if value is not None and not members:
-            wrong.append(f"{name} requires --members")
+            problems.append(f"{name} requires --members")
     stem = None if picture is None else picture.removesuffix(".png").removesuffix(".pdf")
     pictures = [] if stem is None else [Path(f"{stem}.png"), Path(f"{stem}.pdf")]
     paths = [] if output is None else [Path(output)]
-    _check_files([*pictures, *paths], Path(measured), force, wrong)
-    wrong.end()
+    _check_files([*pictures, *paths], Path(measured), force, problems)
+    problems.end()
 
     from ..case import shipped
     from ..runs import compare as of_runs
@@ -664,7 +667,7 @@ def compare(
         case=None if case is None else shipped.find(case),
         progress=counted("runs"),
     )
-    say(found.table())
+    echo(found.table())
     if pictures:
         found.draw(pictures)
     for path in paths:
@@ -674,14 +677,16 @@ def compare(
     return 0
 
 
-def _named(texts: list[str] | None, option: str, names: tuple[str, ...], wrong: Wrong) -> dict[str, float]:
+def _named(
+    texts: list[str] | None, option: str, names: tuple[str, ...], problems: OptionProblems
+) -> dict[str, float]:
     """Errors by name."""
     found = {}
-    for name, value in _split(option, texts, wrong).items():
+    for name, value in _split(option, texts, problems).items():
         if name not in names:
-            wrong.append(f"{option} {name}: must be one of {', '.join(names)}{nearest(name, names)}")
+            problems.append(f"{option} {name}: must be one of {', '.join(names)}{nearest(name, names)}")
         else:
-            found[name] = wrong.parse(
+            found[name] = problems.parse(
                 0.0,
                 number,
                 f"{option} {name} =",

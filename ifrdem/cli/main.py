@@ -139,13 +139,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         gc.set_threshold(10_000)
     if sys.stdout is None:  # closed by the caller, as by `>&-`
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (as long as the process)
-    began = time.perf_counter()
+    started = time.perf_counter()
     with unfailing_messages(), console.shown(), on_command_line():
         try:
             with warnings.catch_warnings():
                 warnings.showwarning = lambda message, *_args, **_options: console.warn(str(message))
                 status = app.meta(given, exit_on_error=False, print_error=False)
-            LOG.debug("done in %.1f s", time.perf_counter() - began)
+            LOG.debug("done in %.1f s", time.perf_counter() - started)
             sys.stdout.flush()  # here, where a broken pipe is caught
             return int(status or 0)
         except CycloptsError as error:

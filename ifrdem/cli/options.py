@@ -43,7 +43,7 @@ def integer(
 
         value = as_whole(tokens[-1].value)
         if value is None or value < low or (high is not None and value > high):
-            raise wrong_value(tokens, f"must be {article} {noun} {span}")
+            raise invalid_value(tokens, f"must be {article} {noun} {span}")
         return value
 
     return option(metavar, text, *names, converter=convert)
@@ -57,7 +57,7 @@ def real(
     def convert(_kind: object, tokens: Sequence[Token]) -> float:
         value = _number(tokens[-1].value)
         if not right(value):
-            raise wrong_value(tokens, f"must be {need}")
+            raise invalid_value(tokens, f"must be {need}")
         return value
 
     return option(metavar, text, *names, converter=convert, **more)
@@ -69,7 +69,7 @@ def choice(metavar: str, text: str, allowed: Sequence[str], *names: str) -> Para
     def convert(_kind: object, tokens: Sequence[Token]) -> str:
         value = tokens[-1].value
         if value not in allowed:
-            raise wrong_value(
+            raise invalid_value(
                 tokens, f"must be {', '.join(allowed[:-1])} or {allowed[-1]}{nearest(value, allowed)}"
             )
         return value
@@ -77,7 +77,7 @@ def choice(metavar: str, text: str, allowed: Sequence[str], *names: str) -> Para
     return option(metavar, text, *names, converter=convert)
 
 
-def wrong_value(tokens: Sequence[Token], text: str) -> InputError:
+def invalid_value(tokens: Sequence[Token], text: str) -> InputError:
     """The error on a value of an option that is not allowed."""
     return InputError(f"{tokens[-1].keyword} {tokens[-1].value}: {text}")
 
@@ -225,7 +225,7 @@ def whole(option: str, text: str, least: int, most: int) -> int:
     return value
 
 
-class Wrong(list[str]):
+class OptionProblems(list[str]):
     """Lines on options that are wrong, told all at once."""
 
     def parse(self, default: T, read: Callable[..., T], option: str, text: str | None, *more: object) -> T:
@@ -263,7 +263,7 @@ def output_path(file: str, output: str | None, ending: str, *, force: bool, opti
     return found
 
 
-def chosen(text: str | None, frames: int) -> range:
+def selected_frames(text: str | None, frames: int) -> range:
     """Numbers of the frames that `--frames` names among so many; all of them without a text.
 
     It is one number, or a:b:c as in Python: from a (or the first) to before b (or the last), every c-th; negative
@@ -306,11 +306,11 @@ def counted(
         return tqdm(frames, desc=what, unit="frame", leave=False, file=out)
 
     def lines(frames: Sequence[int]) -> Iterator[int]:
-        began = printed = clock()
+        started = printed = clock()
         for done, frame in enumerate(frames):
             now = clock()
             if now - printed >= interval and done:
-                left = clock_face((now - began) / done * (len(frames) - done))
+                left = clock_face((now - started) / done * (len(frames) - done))
                 print(f"{what}: {done} of {len(frames)} frames, ETA {left}", file=out, flush=True)
                 printed = now
             yield frame

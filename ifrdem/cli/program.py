@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 from ..errors import InputError, refuse, there_are
 from ..kernels.runtime import choose as choose_runtime
-from .console import progress, ranks, say
+from .console import echo, progress, ranks
 from .options import (
     MOST_SEED,
     Device,
@@ -57,7 +57,7 @@ def validate(
     from ..validation.report import runner
 
     if list:
-        say(runner.listing())
+        echo(runner.listing())
         return 0
     return runner.validate(
         names,
@@ -66,7 +66,7 @@ def validate(
         force=force,
         seed=seed,
         jobs=jobs,
-        say=say,
+        log=echo,
     )
 
 
@@ -118,17 +118,19 @@ def bench(
     from ..simulation.device import Device as OfSimulation
     from ..validation.speed import bench as timing
 
-    wrong = _conflicts({"n": n, "phi": phi}, {"after": after, "set": set}, case)
+    problems = _conflicts({"n": n, "phi": phi}, {"after": after, "set": set}, case)
     if n is not None and n > MOST_DISKS:
-        wrong.append(f"--n {n}: must be an integer from 2 to {MOST_DISKS}")
+        problems.append(f"--n {n}: must be an integer from 2 to {MOST_DISKS}")
     if threads is not None and threads > backend.cores():
-        wrong.append(f"--threads {threads}: must be an integer from 1 to {backend.cores()}, the cores here")
+        problems.append(
+            f"--threads {threads}: must be an integer from 1 to {backend.cores()}, the cores here"
+        )
     comm = ranks()
     try:
         backend.check(OfSimulation(device or "cpu", precision=precision or "f64"))
     except InputError as error:
-        wrong.append(f"--{error}")
-    refuse(wrong)
+        problems.append(f"--{error}")
+    refuse(problems)
     chosen: dict[str, Any] = {
         "n": n or 100_000, "phi": phi or 0.3, "runs": runs, "seconds": seconds, "seed": 1 if seed is None else seed,
         "after": after, "threads": threads, "device": device or "cpu", "precision": precision or "f64",
@@ -139,7 +141,7 @@ def bench(
     found = timing.bench(case, comm=comm, **chosen)
     if not comm.is_root:
         return
-    say(json_format.dumps(found.figures(), indent=2) if json else found.report())
+    echo(json_format.dumps(found.figures(), indent=2) if json else found.report())
 
 
 def _conflicts(of_gas: dict[str, Any], of_case: dict[str, Any], case: str | None) -> list[str]:
@@ -162,12 +164,12 @@ def devices() -> None:
     from ..simulation import backend
 
     for each in backend.available():
-        say(f"{each.name:<8} {each.description}")
+        echo(f"{each.name:<8} {each.description}")
     absence = backend.cuda_absence()
     if absence is not None:
-        say(f"cuda     not usable: {absence}")
-    say(f"runtime  {describe()}")
-    say(f"pybullet {bullet.describe()}")
+        echo(f"cuda     not usable: {absence}")
+    echo(f"runtime  {describe()}")
+    echo(f"pybullet {bullet.describe()}")
 
 
 def docs(
@@ -177,7 +179,7 @@ def docs(
     /,
 ) -> None:
     """Read the manual."""
-    say(page(topic))
+    echo(page(topic))
 
 
 def topics() -> dict[str, str]:

@@ -14,7 +14,7 @@ from cyclopts import Parameter
 
 from .. import mpi
 from ..errors import InputError, Stopped, TrajectoryError
-from .console import FAILED, UNFINISHED, complain, note, ranks, say, warn
+from .console import FAILED, UNFINISHED, complain, echo, note, ranks, warn
 from .options import (
     Case,
     Device,
@@ -28,10 +28,10 @@ from .options import (
     Threads,
     flag,
     integer,
+    invalid_value,
     option,
     overrides,
     real,
-    wrong_value,
 )  # fmt: skip
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def run(
     from ..runs import run as running
 
     return _ended(
-        lambda: running.run(file, outputs, force=force, max_hours=max_hours, say=note, warn=warn, comm=comm)
+        lambda: running.run(file, outputs, force=force, max_hours=max_hours, log=note, warn=warn, comm=comm)
     )
 
 
@@ -117,7 +117,7 @@ def resume(
     return _ended(
         lambda: resuming.resume(
             source, ignore_case_changes=ignore_case_changes, threads=threads, runtime=runtime,
-            max_hours=max_hours, picture=not no_picture, say=note, warn=warn, comm=comm,
+            max_hours=max_hours, picture=not no_picture, log=note, warn=warn, comm=comm,
         )
     )  # fmt: skip
 
@@ -167,13 +167,13 @@ def status(
     from ..runs import status as of_run
 
     ends = {of_run.RUNNING: 0, of_run.DONE: 0, of_run.INTERRUPTED: UNFINISHED}
-    return ends.get(of_run.show(path, say, follow=follow, interval=interval), FAILED)
+    return ends.get(of_run.show(path, echo, follow=follow, interval=interval), FAILED)
 
 
 def _part(_kind: object, tokens: Sequence[Token]) -> tuple[int, int]:
     match = re.fullmatch(r"(\d{1,9})/(\d{1,9})", tokens[-1].value)
     if match is None or not 1 <= int(match[1]) <= int(match[2]):
-        raise wrong_value(tokens, "must be K/M, such as 3/10, the third of ten parts")
+        raise invalid_value(tokens, "must be K/M, such as 3/10, the third of ten parts")
     return int(match[1]), int(match[2])
 
 
@@ -234,16 +234,16 @@ def study(
     from ..study.study import Study
 
     it = Study(file, vary=vary or [], set=set or [], seeds=seeds, output=output)
-    wrong = it.check(keep_going=keep_going, workers=workers, scheduler=scheduler)
+    problems = it.check(keep_going=keep_going, workers=workers, scheduler=scheduler)
     for line in it.summary(workers, scheduler):
-        (say if dry_run else note)(line)
+        (echo if dry_run else note)(line)
     if dry_run:
-        for line in wrong:
+        for line in problems:
             warn(f"left out: {line}")
         return 0
     try:
         failed = it.run(
-            workers=workers, scheduler=scheduler, keep_going=keep_going, part=part, say=note, warn=warn
+            workers=workers, scheduler=scheduler, keep_going=keep_going, part=part, log=note, warn=warn
         )
     except Stopped as error:
         complain(str(error))
@@ -275,11 +275,11 @@ def check(case: Case, /, *, set: Set = None) -> None:
     share, sliced = comm.local_share, gas.is_distributed(comm.size) and gas.is_made_in_slices
 
     def report() -> None:
-        count, why = gas.usable_ranks(comm.size)
+        count, reason = gas.usable_ranks(comm.size)
         found = reporting.check(gas, Path(), share=share, ranks=count, sliced=sliced)
-        say(found.text)
+        echo(found.text)
         if count < comm.size:
-            say(f"  {count} of {comm.size} ranks compute, the others wait: {why}")
+            echo(f"  {count} of {comm.size} ranks compute, the others wait: {reason}")
         for each in found.warnings:
             warn(each)
 
@@ -334,12 +334,12 @@ def new(
     for each in data:
         write_aside(path.with_name(each.name), partial(Path.write_bytes, data=each.read_bytes()))
     quoted = shlex.quote(str(path))
-    look, run = ("study --dry-run", "study") if kind == "study" else ("check", "run")
-    note(f"wrote {path}: look at it with `ifrdem {look} {quoted}`, run it with `ifrdem {run} {quoted}`")
+    try_first, run = ("study --dry-run", "study") if kind == "study" else ("check", "run")
+    note(f"wrote {path}: look at it with `ifrdem {try_first} {quoted}`, run it with `ifrdem {run} {quoted}`")
 
 
 def cases() -> None:
     """List the shipped cases."""
     from ..case import shipped
 
-    say(shipped.listing())
+    echo(shipped.listing())

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from ..errors import InputError
-from .console import note, say
+from .console import echo, note
 from .options import (
     Color,
     File,
@@ -21,16 +21,16 @@ from .options import (
     Output,
     Style,
     choice,
-    chosen,
     counted,
     flag,
     integer,
+    invalid_value,
     one_trajectory,
     opened,
     option,
     output_path,
+    selected_frames,
     styled,
-    wrong_value,
 )
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def info(file: File, /) -> None:
     """Say what a trajectory holds."""
     from ..runs.info import describe
 
-    say(describe(file))
+    echo(describe(file))
 
 
 def view(
@@ -84,7 +84,7 @@ def view(
         from ..viewer import page
 
         with opened(one_trajectory(file)) as trajectory:
-            numbers = chosen(frames, len(trajectory))
+            numbers = selected_frames(frames, len(trajectory))
             out = output_path(file, html, ".html", force=force, option="--html with another name")
             page.write(trajectory, out, numbers, progress=counted("view"))
         note(f"wrote {out}: {len(numbers)} frame{'' if len(numbers) == 1 else 's'}")
@@ -104,7 +104,7 @@ def view(
         raise InputError(f"--port {port}: {error.strerror}; without --port, any free one is taken") from error
     with server, contextlib.suppress(KeyboardInterrupt):
         note("the page is served until Ctrl-C, at")
-        say(server.address)
+        echo(server.address)
         if not no_browser and not webbrowser.open(server.address):
             note("no browser was found: open the address in one of this machine")
         server.serve_forever()
@@ -145,7 +145,7 @@ def export(
     from ..trajectory import export as exporting
 
     with opened(file) as trajectory:
-        numbers = chosen(frames, len(trajectory))
+        numbers = selected_frames(frames, len(trajectory))
         out = output_path(file, output, f".{to}", force=force)
         exporting.export(trajectory, out, to, numbers, progress=counted("export"))
     note(f"wrote {out}: {len(numbers)} frame{'' if len(numbers) == 1 else 's'}")
@@ -158,7 +158,7 @@ def _pixels(_kind: object, tokens: Sequence[Token]) -> tuple[int, int]:
         width = height = 0
     if not all(LEAST <= side <= MOST and side % 2 == 0 for side in (width, height)):
         text = f"must be width x height in pixels, even numbers from {LEAST} to {MOST}, such as 1280x720"
-        raise wrong_value(tokens, text)
+        raise invalid_value(tokens, text)
     return width, height
 
 
@@ -192,7 +192,7 @@ def movie(
     from ..plots import movie as making
 
     with opened(file) as trajectory, styled(style):
-        numbers = chosen(frames, len(trajectory))
+        numbers = selected_frames(frames, len(trajectory))
         out = output_path(file, output, ".mp4", force=force)
         bytes_there = making.write(
             trajectory, out, numbers, fps=fps, size=size, color=color or "spin", quality=quality,
@@ -231,18 +231,18 @@ def repair(
         out = given
     else:
         out = output_path(file, output, ".repaired.h5", force=force)
-    say(f"{given}:")
-    wrote = repairing.repair(given, out, say=say)
+    echo(f"{given}:")
+    wrote = repairing.repair(given, out, log=echo)
     if wrote:
         note(f"wrote {out}")
     else:
-        say("  nothing is wrong")
+        echo("  nothing is wrong")
     sound = out if wrote else given
     if stale(sound):
         try:
             made = write_views(sound)
         except InputError as error:  # such as one without positions, which has nothing to show
-            say(f"  no views: {error}")
+            echo(f"  no views: {error}")
         else:
             note(f"wrote {', '.join(map(str, made))}")
 
@@ -268,7 +268,7 @@ def history(
         found = trajectory.history(id)
         out = None if output is None else output_path(file, output, ".csv", force=force)
         for line in summary(trajectory, found):
-            say(line)
+            echo(line)
     if out is not None:
         write_history(found, out)
         note(f"wrote {out}: {len(found)} events")

@@ -96,17 +96,17 @@ class Data:
     """Values that are missing and columns that are not used."""
 
     def __post_init__(self) -> None:
-        wrong = _unknown(self.measured, MEASURED)
+        problems = _unknown(self.measured, MEASURED)
         if not self.measured:
-            wrong.append(f"measured: must have at least one of {', '.join(MEASURED)}")
+            problems.append(f"measured: must have at least one of {', '.join(MEASURED)}")
         values = {"psi": self.psi, **self.measured}
-        refuse(wrong + _wrong_names(values, self.errors), self.source)
+        refuse(problems + _name_problems(values, self.errors), self.source)
         n = np.size(self.psi)
         arrays = {name: _column(self.source, name, value, n) for name, value in values.items()}
         errors = {name: _column(self.source, name, value, n) for name, value in self.errors.items()}
         found: list[tuple[int, str]] = []
         for name in values:
-            found += _wrong_values(name, arrays[name]) + _wrong_errors(name, errors[name], arrays[name])
+            found += _value_problems(name, arrays[name]) + _error_problems(name, errors[name], arrays[name])
         empty = np.all([np.isnan(arrays[name]) for name in self.measured], axis=0)
         found += _rows(empty, "nothing was measured after the impact")
         _end(self.source, found, self.line)
@@ -212,24 +212,24 @@ class Collisions:
     """source, line, notes: as in `Data`."""
 
     def __post_init__(self) -> None:
-        wrong = _unknown(self.measured, COLLISION_COLUMNS)
+        problems = _unknown(self.measured, COLLISION_COLUMNS)
         normal, positions = (all(name in self.measured for name in names) for names in (NORMAL, CENTRES))
         if not normal and not positions:
-            wrong.append("the normal is missing: give columns nx, ny or x_1, y_1, x_2, y_2")
+            problems.append("the normal is missing: give columns nx, ny or x_1, y_1, x_2, y_2")
         if not any(name in self.measured for name in AFTER):
             text = "measured: must have a quantity after the impact, one of"
-            wrong.append(f"{text} {', '.join(AFTER)}")
+            problems.append(f"{text} {', '.join(AFTER)}")
         given = {name: value for name, value in self.errors.items() if name != "normal"}
         turned = [name for name in NORMAL if "normal" in self.errors and name in {*self.measured} - {*given}]
-        if wrong and (unused := [each for each in self.notes if each.startswith(UNUSED)]):
-            wrong.append(f"{unused[0]}; map one with --column {MOTION[0]}='HEADER'")
-        wrong += _wrong_names(self.measured, (*given, *turned))
-        wrong += [
+        if problems and (unused := [each for each in self.notes if each.startswith(UNUSED)]):
+            problems.append(f"{unused[0]}; map one with --column {MOTION[0]}='HEADER'")
+        problems += _name_problems(self.measured, (*given, *turned))
+        problems += [
             f"covariance: {a} and {b} must both be velocities or spins that were measured, or one the normal"
             for a, b in _pairs(self.covariance)
             if not {a, b} <= {"normal", *({*MOTION, *AFTER} & set(self.measured))} or a == b
         ]
-        refuse(wrong, self.source)
+        refuse(problems, self.source)
         n = max(np.size(value) for value in self.measured.values())
         arrays = {name: _column(self.source, name, value, n) for name, value in self.measured.items()}
         errors = {name: _column(self.source, f"error of {name}", value, n) for name, value in given.items()}
@@ -388,8 +388,8 @@ def read(
             f"{source}: missing column delta_2, or another that was measured: {', '.join(MEASURED)}; there is psi only"
         )
     quantities = [name for name in (angles or whole) if name not in _DISKS]
-    given, wrong = _given_errors(quantities, columns, dict(errors or {}), form, len(found))
-    refuse(wrong, source, most=20)
+    given, problems = _given_errors(quantities, columns, dict(errors or {}), form, len(found))
+    refuse(problems, source, most=20)
     measured = {name: columns[name] for name in quantities}
     if whole:
         disks = [_disk(source, i, columns, disk) for i, disk in ((1, disk_1), (2, disk_2))]
@@ -432,7 +432,7 @@ def _given_errors(
     """The error of each quantity, and what is wrong."""
     rest = errors.pop("rest", None)
     given: dict[str, Array] = {}
-    wrong = []
+    problems = []
     for name in quantities:
         groups = [group for group, names in GROUPS.items() if name in names]
         by = [each for each in (name, *(["normal"] if name in NORMAL else []), *groups) if each in errors]
@@ -440,7 +440,7 @@ def _given_errors(
             given[name] = columns[f"{name}_error"]
             gaps = np.isnan(given[name]) & ~np.isnan(columns[name])
             if gaps.any():
-                wrong.append(f"{name}_error: missing for {int(gaps.sum())} values of {name}")
+                problems.append(f"{name}_error: missing for {int(gaps.sum())} values of {name}")
         elif name in form.known:
             given[name] = np.zeros(n)
         elif by:
@@ -448,13 +448,13 @@ def _given_errors(
         elif rest is not None:
             given[name] = np.full(n, rest)
         else:
-            wrong.append(f"{name}: missing from errors: {_how_to_give(name)}")
-    wrong += [
+            problems.append(f"{name}: missing from errors: {_how_to_give(name)}")
+    problems += [
         f"errors: the file has no column {name}{nearest(name, quantities)}; there are {', '.join(quantities)}"
         for name in errors
         if name not in quantities and not set(quantities) & set({**GROUPS, "normal": NORMAL}.get(name, ()))
     ]
-    return given, wrong
+    return given, problems
 
 
 def _disk(source: str, i: int, columns: Mapping[str, Array], disk: Disk | None) -> Disk | str:
@@ -486,13 +486,13 @@ def example(seed: Seed = 1) -> str:
     shown = exact + rng.normal(0.0, EXAMPLE_ERROR, (len(psi), 3))
     shown = np.abs(shown)  # a measured angle next to the line of centres is counted from it to either side
     law = ", ".join(f"{name} = {value}" for name, value in EXAMPLE_LAW.items())
-    head = (
+    header = (
         f"# SYNTHETIC, not measured: two equal homogeneous disks with {law}, percussion centre, and Gaussian\n"
         f"# errors of {EXAMPLE_ERROR} degrees in every angle. Angles are in degrees from the line of centres.\n"
         f"# Fit it: ifrdem fit THIS_FILE --M 1 --error {EXAMPLE_ERROR}\n"
         "psi,delta_1,delta_2\n"
     )
-    return head + "".join(f"{a:.2f},{b:.2f},{c:.2f}\n" for a, b, c in shown)
+    return header + "".join(f"{a:.2f},{b:.2f},{c:.2f}\n" for a, b, c in shown)
 
 
 def _group(name: str) -> str:
@@ -522,10 +522,10 @@ def _unknown(names: Iterable[str], known: Collection[str]) -> list[str]:
     ]
 
 
-def _wrong_names(values: Collection[str], errors: Collection[str]) -> list[str]:
-    wrong = [f"{name}: missing from errors: {_how_to_give(name)}" for name in values if name not in errors]
+def _name_problems(values: Collection[str], errors: Collection[str]) -> list[str]:
+    problems = [f"{name}: missing from errors: {_how_to_give(name)}" for name in values if name not in errors]
     others = [name for name in errors if name not in values]
-    return wrong + [f"errors: {name} was not measured{nearest(name, values)}" for name in others]
+    return problems + [f"errors: {name} was not measured{nearest(name, values)}" for name in others]
 
 
 def _how_to_give(name: str) -> str:
@@ -552,14 +552,14 @@ def _end(source: str, found: list[tuple[int, str]], line: NDArray[np.int64] | No
 
 
 def _rows(
-    wrong: NDArray[np.bool_], name: str, values: Array | None = None, need: str = ""
+    invalid: NDArray[np.bool_], name: str, values: Array | None = None, need: str = ""
 ) -> list[tuple[int, str]]:
     """Index and complaint of each row that is wrong: `name` alone, or with its value and what it must be."""
     text = (lambda i: name) if values is None else (lambda i: f"{name} = {values[i]:g}: {need}")
-    return [(int(i), text(i)) for i in np.flatnonzero(wrong)]
+    return [(int(i), text(i)) for i in np.flatnonzero(invalid)]
 
 
-def _wrong_values(name: str, values: Array) -> list[tuple[int, str]]:
+def _value_problems(name: str, values: Array) -> list[tuple[int, str]]:
     """Index and complaint of each value that cannot be."""
     if name == "psi":
         right = (values >= 0.0) & (values < 90.0)
@@ -576,7 +576,7 @@ def _wrong_values(name: str, values: Array) -> list[tuple[int, str]]:
     return _rows(~right, name, values, need)
 
 
-def _wrong_errors(name: str, errors: Array, values: Array) -> list[tuple[int, str]]:
+def _error_problems(name: str, errors: Array, values: Array) -> list[tuple[int, str]]:
     least = f"must be a finite number of at least {LEAST_ERROR:g}"
-    wrong = ~np.isnan(errors) & ~((errors >= LEAST_ERROR) & (errors < math.inf)) & ~np.isnan(values)
-    return _rows(wrong, f"error of {name}", errors, least)
+    invalid = ~np.isnan(errors) & ~((errors >= LEAST_ERROR) & (errors < math.inf)) & ~np.isnan(values)
+    return _rows(invalid, f"error of {name}", errors, least)

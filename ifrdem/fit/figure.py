@@ -44,7 +44,7 @@ class _Panel:
     error: Array
 
     @property
-    def there(self) -> NDArray[np.bool_]:
+    def present(self) -> NDArray[np.bool_]:
         return np.isfinite(self.value) & np.isfinite(self.psi)
 
 
@@ -66,9 +66,9 @@ def draw(fit: Fit, paths: Sequence[Path]) -> None:
     grid = figure.subplots(1 + len(laws), len(panels), sharex=True, squeeze=False, height_ratios=heights)
     for column, panel in enumerate(panels):
         upper = grid[0, column]
-        there = panel.there
+        present = panel.present
         upper.errorbar(
-            panel.psi[there], panel.value[there], panel.error[there], panel.psi_error[there],
+            panel.psi[present], panel.value[present], panel.error[present], panel.psi_error[present],
             fmt="o", ms=4, color=_DATA, elinewidth=1.0, zorder=3,
         )  # fmt: skip
         _rings(upper, fit.laws[fit.best], panel.psi, panel.value)
@@ -257,10 +257,10 @@ def _rings(axes: Axes, fitted: Fitted, psi: Array, value: Array) -> None:
 
 def _limit(axes: Axes, panel: _Panel) -> None:
     """A curve may leave the data; what was measured is what is to be seen."""
-    there = panel.there
+    present = panel.present
     low, high = axes.get_ylim()
-    data_low = float(np.min((panel.value - panel.error)[there]))
-    data_high = float(np.max((panel.value + panel.error)[there]))
+    data_low = float(np.min((panel.value - panel.error)[present]))
+    data_high = float(np.max((panel.value + panel.error)[present]))
     margin = 0.12 * (data_high - data_low)
     axes.set_ylim(max(low, data_low - margin), min(high, data_high + margin))
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, nearest, refuse, there_are
-from ..model.ifr import STICKING, EnergyWarning, IFRLaw
+from ..model.ifr import REQUIRED_COEFFICIENTS, STICKING, EnergyWarning, IFRLaw
 from ..model.law import OF_PAIR, CollisionLaw
 from ..model.walton import Walton
 from ..tools.checked import validated
@@ -175,7 +175,7 @@ def reach(motion: Sequence[Array]) -> Array:
 
 
 def _ifr(name: str, about: str, sticking: str, **fixed: float) -> Law:
-    ranges = {**{key: RANGES[key] for key in ("e_n", "e_t", "mu")}, "rho": (0.0, math.inf)}
+    ranges = {**{key: RANGES[key] for key in REQUIRED_COEFFICIENTS}, "rho": (0.0, math.inf)}
     return Law(name, about, IFRLaw, ranges, {"rho": 0.0, **fixed}, dict(_START_RANGES), sticking)
 
 
@@ -232,19 +232,19 @@ def own(kind: type[CollisionLaw], ranges: Mapping[str, Range] | None = None) -> 
     if not kind.coefficients:
         raise InputError(f"{kind.__name__}: has no coefficients to fit")
     given = dict(ranges or {})
-    wrong = [
+    problems = [
         f"no coefficient '{name}'{nearest(name, kind.coefficients)}; it has {', '.join(kind.coefficients)}"
         for name in given
         if name not in kind.coefficients
     ]
-    wrong += [
+    problems += [
         f"range of {name} = {low:g}:{high:g}: must be two finite numbers, the lower first"
         for name, (low, high) in given.items()
         if not (low < high and math.isfinite(low) and math.isfinite(high))
     ]
     missing = [name for name in kind.coefficients if name not in given and name not in RANGES]
-    wrong += [f"range of {name}: missing (--range {name}=LOW:HIGH)" for name in missing]
-    refuse(wrong, kind.__name__)
+    problems += [f"range of {name}: missing (--range {name}=LOW:HIGH)" for name in missing]
+    refuse(problems, kind.__name__)
     whole = {name: given.get(name, RANGES.get(name, (0.0, 0.0))) for name in kind.coefficients}
     start_ranges = {name: given.get(name, _START_RANGES.get(name, (0.0, 0.0))) for name in kind.coefficients}
     return Law(kind.__name__, f"{kind.__name__}, a custom law", kind, whole, {}, start_ranges)
@@ -287,7 +287,7 @@ def chosen(
     Raises InputError if a name is unknown, or a value to fix is outside of what a law allows, or of no law.
     """
     found: dict[str, Law] = {}
-    wrong = []
+    problems = []
     for name in names:
         if name == "all":
             found |= LAWS
@@ -295,23 +295,23 @@ def chosen(
             found[name] = LAWS[name]
         else:
             allowed = (*LAWS, "all")
-            wrong.append(
+            problems.append(
                 f"model = {name!r}: must be one of {', '.join(allowed)}{nearest(str(name), allowed)}"
             )
     found |= {law.name: law for law in own_laws}
-    if not found and not wrong:
-        wrong.append(f"model: must name at least one of {', '.join(LAWS)}, all")
+    if not found and not problems:
+        problems.append(f"model: must name at least one of {', '.join(LAWS)}, all")
     fixed = dict(fixed or {})
     known = {name for law in found.values() for name in law.ranges}
     for name, value in fixed.items():
         ranges = [law.ranges[name] for law in found.values() if name in law.ranges]
         if found and not ranges:
             named = f"{nearest(name, known)}; there are {', '.join(sorted(known))}"
-            wrong.append(f"{name} = {value:g} cannot be fixed: no such coefficient{named}")
+            problems.append(f"{name} = {value:g} cannot be fixed: no such coefficient{named}")
         elif any(not low <= value <= high for low, high in ranges):
             low, high = ranges[0]
-            wrong.append(f"{name} = {value:g} must be a value from {low:g} to {high:g}")
-    refuse(wrong)
+            problems.append(f"{name} = {value:g} must be a value from {low:g} to {high:g}")
+    refuse(problems)
     laws = {}
     for name, law in found.items():
         further = {k: v for k, v in fixed.items() if k in law.free or (k == "rho" and k in law.ranges)}

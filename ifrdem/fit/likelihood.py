@@ -177,18 +177,18 @@ class Likelihood:
         x = start.copy()
         x[:, 0] = np.clip(x[:, 0], low, high)
         distance, step = self._measure(values, rows, x, low, high)
-        going, scale = np.arange(len(rows)), self._scale
+        active, scale = np.arange(len(rows)), self._scale
         for _ in range(_MOST_STEPS):
-            moving = np.any(np.abs(step[going]) > _CLOSE * scale[rows[going]], axis=1)
-            going = going[moving]
-            if len(going) == 0:
+            moving = np.any(np.abs(step[active]) > _CLOSE * scale[rows[active]], axis=1)
+            active = active[moving]
+            if len(active) == 0:
                 break
-            trial = x[going] + step[going]
-            trial[:, 0] = np.clip(trial[:, 0], low[going], high[going])
-            new_distance, new_step = self._measure(values, rows[going], trial, low[going], high[going])
-            better = new_distance < distance[going]
-            step[going] = np.where(better[:, None], new_step, 0.25 * step[going])
-            at = going[better]
+            trial = x[active] + step[active]
+            trial[:, 0] = np.clip(trial[:, 0], low[active], high[active])
+            new_distance, new_step = self._measure(values, rows[active], trial, low[active], high[active])
+            better = new_distance < distance[active]
+            step[active] = np.where(better[:, None], new_step, 0.25 * step[active])
+            at = active[better]
             x[at], distance[at] = trial[better], new_distance[better]
         return x, distance
 

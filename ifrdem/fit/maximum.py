@@ -112,25 +112,25 @@ def fit(
     fixed = dict(fix or {})
     chosen = of_laws.chosen(model, fixed, own)
     pair: Pair | None = None
-    wrong = []
+    problems = []
     if isinstance(data, Data):
         if M is None:
             raise InputError("M: must be given, the mass ratio m_1 / m_2 of the disks, 0 for a wall")
         pair = Pair(M=M, k_1=k_1, k_2=k_2, R_1=R_1, R_2=R_2)
         problem: FitProblem = data.problem(pair)
         if (rolling or fixed.get("rho", 0.0) > 0.0) and not pair.has_radii:
-            wrong.append("rolling friction requires R_1 and R_2, the radii")
+            problems.append("rolling friction requires R_1 and R_2, the radii")
     else:
         problem = data.problem()
     if rolling:
         if not set(SPINNING) & set(data.names):
             text = f"rolling friction changes spins only: rho requires a column {' or '.join(SPINNING)}"
-            wrong.append(f"{data.source}: {text}; there are {', '.join(data.names)}")
+            problems.append(f"{data.source}: {text}; there are {', '.join(data.names)}")
         r = float(np.max(of_laws.reach(problem.probe())))
         chosen = {name: _rolling(law, r) if "rho" in law.ranges else law for name, law in chosen.items()}
     if bootstrap != 0 and bootstrap < 40:
-        wrong.append(f"bootstrap = {bootstrap}: must be 0, or 40 or more for intervals")
-    refuse(wrong)
+        problems.append(f"bootstrap = {bootstrap}: must be 0, or 40 or more for intervals")
+    refuse(problems)
     nu = NU if robust else None
     found = {}
     for name, law in chosen.items():
@@ -569,14 +569,14 @@ def _flat(information: Array, names: tuple[str, ...]) -> tuple[str, ...]:
 def _redundancies(points: Points, *, with_coefficients: bool = True) -> Array:
     """Redundancy (n, q) of each value: 1 less what its own residual is taken up by the fit."""
     A = points.slope
-    there = np.any(A != 0.0, axis=2) | np.any(points.jacobian != 0.0, axis=2) | (points.residual != 0.0)
+    present = np.any(A != 0.0, axis=2) | np.any(points.jacobian != 0.0, axis=2) | (points.residual != 0.0)
     hat = np.einsum("nqd,ndq->nq", A, np.linalg.pinv(A, rcond=1e-9))
     if with_coefficients:
         covariance = covariance_of(points.information)
         if np.isfinite(covariance).all():
             J = points.jacobian
             hat = hat + points.weight[:, None] * np.einsum("nqa,ab,nqb->nq", J, covariance, J)
-    return np.where(there, np.clip(1.0 - hat, 0.0, 1.0), 0.0)
+    return np.where(present, np.clip(1.0 - hat, 0.0, 1.0), 0.0)
 
 
 def _factors(problem: FitProblem, points: Points, groups: tuple[str, ...]) -> dict[str, float]:

@@ -141,20 +141,20 @@ class FitProblem(ABC):
         self.names: tuple[str, ...] = tuple(names)
         self.y: Array = y
         self.groups: tuple[str, ...] = tuple(groups)
-        there = ~np.isnan(y)
-        unknown = np.isnan(s) & there
+        present = ~np.isnan(y)
+        unknown = np.isnan(s) & present
         each_group = zip(groups, unknown.T, strict=True)
         self.estimated: tuple[str, ...] = tuple(
             dict.fromkeys(group for group, each in each_group if each.any())
         )
-        self.known: NDArray[np.bool_] = there & (s == 0.0)
+        self.known: NDArray[np.bool_] = present & (s == 0.0)
         for group in dict.fromkeys(groups):
             members, guess = [i for i, each in enumerate(groups) if each == group], self.first_guess(group)
             own = np.where(unknown[:, members], guess, s[:, members])  # of any size at first; then `scaled`
             positive = own[own > 0.0]
             least = np.min(positive) if positive.size else 1e-2 * guess
             s[:, members] = np.where(self.known[:, members], _EXACT * least, own)
-        self.s: Array = np.where(there, s, np.nan)
+        self.s: Array = np.where(present, s, np.nan)
         self.white: Array = _whitening(self.s, covariance or {}, self.names)
         self.rows: Index = np.arange(len(y))
 
@@ -452,9 +452,9 @@ class CollisionProblem(FitProblem):
         assert isinstance(other, CollisionProblem)
         x = other.start.copy()
         x[:, 0], x[:, 2] = psi, np.median(self.start[:, 2])
-        there = ~np.isnan(other.y)
-        other.s = np.where(there, np.nanmedian(self.s, axis=0), np.nan)
+        present = ~np.isnan(other.y)
+        other.s = np.where(present, np.nanmedian(self.s, axis=0), np.nan)
         other.white = _whitening(other.s, {}, self.names)
-        other.y = np.where(there, other.predict(law, values, x), np.nan)
+        other.y = np.where(present, other.predict(law, values, x), np.nan)
         other.begin()
         return other

@@ -314,10 +314,10 @@ def draws(fit: Fit, number: Count, seed: Seed = 1) -> str:
     """
     fitted = fit.laws[fit.best]
     rows = fitted.draw(number, seed)
-    head = [
+    header = [
         f"# {number} draws of the coefficients of {fit.best} fitted to {fit.data.source}: Gaussian, "
         "with their covariance",
         f"# sticking: {fitted.law.sticking}",
         ",".join(rows[0]),
     ]
-    return "\n".join((*head, *(",".join(f"{value:.8g}" for value in row.values()) for row in rows))) + "\n"
+    return "\n".join((*header, *(",".join(f"{value:.8g}" for value in row.values()) for row in rows))) + "\n"

@@ -372,15 +372,15 @@ def general_warnings(data: Data | Collisions, laws: Mapping[str, Fitted]) -> lis
         )
     order = sorted(laws.values(), key=lambda each: each.AIC)
     if len(order) > 1 and (difference := order[1].AIC - order[0].AIC) < TELLING:
-        why = ""
+        reason = ""
         if angles and len(data.names) == 1 and MEASURED[data.names[0]].unit == "deg":
-            why = (
+            reason = (
                 f"; {data.names[0]} alone hardly ever does, because both kinds give the same curves with other e_n and "
                 "e_t: measure another quantity too"
             )
         a, b = order[0].law.name, order[1].law.name
         found.append(
             f"the data do not distinguish {a} from {b}: AIC differs by {difference:.2g}, and {TELLING:g} would "
-            f"count{why}"
+            f"count{reason}"
         )
     return found

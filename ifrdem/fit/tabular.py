@@ -85,14 +85,14 @@ class TableFormat:
     """delimiter, decimal: one character that separates columns, and one that separates decimals."""
 
     def __post_init__(self) -> None:
-        wrong = []
+        problems = []
         if len(self.delimiter) != 1:
-            wrong.append(f"delimiter = {self.delimiter!r}: must be one character")
+            problems.append(f"delimiter = {self.delimiter!r}: must be one character")
         if self.decimal not in (".", ","):
-            wrong.append(f"decimal = {self.decimal!r}: must be one character, . or ,")
-        if not wrong and self.delimiter == self.decimal:
-            wrong.append(f"delimiter and decimal are both {self.delimiter!r}: they must differ")
-        refuse(wrong)
+            problems.append(f"decimal = {self.decimal!r}: must be one character, . or ,")
+        if not problems and self.delimiter == self.decimal:
+            problems.append(f"delimiter and decimal are both {self.delimiter!r}: they must differ")
+        refuse(problems)
 
 
 def read(
@@ -102,7 +102,7 @@ def read(
     form: TableFormat = TableFormat(),
     *,
     most: int = MOST_BYTES,
-    most_wrong: int = 100,
+    most_problems: int = 100,
     gaps: bool = True,
     n: int = 0,
 ) -> ReadTable:
@@ -122,7 +122,7 @@ def read(
         The writing of the file.
     most : int
         Largest size of the file [bytes].
-    most_wrong : int
+    most_problems : int
         Wrong lines that are listed one by one.
     gaps : bool
         Values may be missing (empty, nan, NA, ...); else such a one is wrong.
@@ -143,30 +143,30 @@ def read(
             raise InputError("is empty: must have a first line with the names of the columns")
         names, factors, unused = _header(at, header, kinds, spellings, form)
         values = {name: array("d") for name in names if name}
-        lines, wrong = array("q"), list[str]()
+        lines, problems = array("q"), list[str]()
         count = missing = total = 0
         for row, line in rows:
             total += 1
             if total <= own.start or not (total <= own.stop or last):
                 continue
             lines.append(line)
-            mistakes, lacking = _add(row, header, names, factors, values, form, gaps=gaps)
+            row_problems, lacking = _add(row, header, names, factors, values, form, gaps=gaps)
             missing += lacking
-            count += len(mistakes)
-            wrong += [f"line {line}: {each}" for each in mistakes if len(wrong) < most_wrong]
+            count += len(row_problems)
+            problems += [f"line {line}: {each}" for each in row_problems if len(problems) < most_problems]
         if not total:
             raise InputError("no line of values follows the names of the columns")
         columns = {name: np.array(each) for name, each in values.items()}
         columns |= {name: np.full(len(lines), value) for name, value in form.known.items()}
         numbers = np.array(lines, dtype=np.int64)
-        return ReadTable(columns, numbers, total, missing, tuple(unused), source), wrong, count
+        return ReadTable(columns, numbers, total, missing, tuple(unused), source), problems, count
 
     try:
-        table, wrong, count = comm.run_on_all(parsed)
+        table, problems, count = comm.run_on_all(parsed)
     except InputError as error:
         raise InputError("\n".join(f"{source}: {line}" for line in str(error).splitlines())) from None
-    wrong, count = comm.first_texts(wrong, count, most_wrong)
-    refuse(wrong, source, most_wrong, count)
+    problems, count = comm.first_texts(problems, count, most_problems)
+    refuse(problems, source, most_problems, count)
     return table
 
 
@@ -178,7 +178,7 @@ def _add(
     if len(row) != len(names):
         count = f"{counted(len(row), 'value')}: must be {len(names)}"
         return [f"{count} ({', '.join(header)})"], 0
-    wrong, missing = [], 0
+    problems, missing = [], 0
     for name, factor, text in zip(names, factors, row, strict=True):
         if not name:
             continue
@@ -187,22 +187,22 @@ def _add(
         if text.lower() in _MISSING:
             missing += 1
             if not gaps:
-                wrong.append(f"{name} = {text or 'nothing'}: must be a finite number")
+                problems.append(f"{name} = {text or 'nothing'}: must be a finite number")
         elif not csv_rows.is_number(number) or (form.decimal == "," and "." in text):
             commas = form.decimal == "." and csv_rows.is_number(text.replace(",", "."))
             hint = "; --decimal , reads a comma" if commas else ""
-            wrong.append(f"{name} = {printable(text)}: must be a number{hint}")
+            problems.append(f"{name} = {printable(text)}: must be a number{hint}")
         elif not math.isfinite(float(number)) and not name.startswith("mass_"):
-            wrong.append(f"{name} = {text}: must be a finite number")
+            problems.append(f"{name} = {text}: must be a finite number")
         else:
             value = factor * float(number)
         values[name].append(value)
-    return wrong, missing
+    return problems, missing
 
 
 def _check_format(source: str, form: TableFormat, kinds: Mapping[str, str]) -> None:
     names = [each for each in kinds if ":" not in each]
-    wrong = [
+    problems = [
         f"{what} {name}: no such quantity{nearest(name, kinds)}; there are {', '.join(names)}"
         for what, given in (("column", form.columns), ("unit", form.units), ("known value", form.known))
         for name in given
@@ -212,14 +212,14 @@ def _check_format(source: str, form: TableFormat, kinds: Mapping[str, str]) -> N
         kind = kinds.get(name.removesuffix("_error"))
         if kind and unit not in UNITS[kind] and not _factor(unit):
             needed = f"must be {', '.join(UNITS[kind])} or a positive factor{nearest(unit, UNITS[kind])}"
-            wrong.append(f"unit {name}={unit}: {needed}")
+            problems.append(f"unit {name}={unit}: {needed}")
     for name, value in form.known.items():
         if not math.isfinite(value):
-            wrong.append(f"known value {name} = {value}: must be a finite number")
-    wrong += [
+            problems.append(f"known value {name} = {value}: must be a finite number")
+    problems += [
         f"{name}: is named as a column and as a known value" for name in form.known if name in form.columns
     ]
-    refuse(wrong, source)
+    refuse(problems, source)
 
 
 def _factor(text: str) -> float | None:
@@ -253,49 +253,49 @@ def _header(
                 f"line {line}: columns must be separated by '{form.delimiter}', and here are {kind}; "
                 f"--delimiter {key!r} reads them"
             )
-    asked = {text.strip(): name for name, text in form.columns.items()}
+    assigned = {text.strip(): name for name, text in form.columns.items()}
     present = [text.strip() for text in header]
-    wrong = [
+    problems = [
         f"column {name}='{text}': the file has no such column{nearest(text, present)}; it has {', '.join(present)}"
-        for text, name in asked.items()
+        for text, name in assigned.items()
         if text not in present
     ]
     names, factors, unused = [], [], []
     for text in present:
         name, unit = _standard(text, spellings)
-        if text in asked:
-            name = asked[text]
+        if text in assigned:
+            name = assigned[text]
         elif name in form.columns:
             name = ""  # another column stands for it
         kind = kinds.get(name.removesuffix("_error"), "")
         if not name:
             known = [*kinds, *(f"{each}_error" for each in kinds)]
             close = difflib.get_close_matches(text, known, 1, _NEARLY_ALIKE)
-            if close and text not in asked and not _standard(text, spellings)[0]:
+            if close and text not in assigned and not _standard(text, spellings)[0]:
                 shown = printable(text)
                 hint = f"(did you mean '{close[0]}'?); --column {close[0]}='{shown}' says that it is"
-                wrong.append(f"line {line}: unknown column '{shown}' {hint}")
+                problems.append(f"line {line}: unknown column '{shown}' {hint}")
             unused.append(text)
             unit = None
         unit = form.units.get(name) or form.units.get(name.removesuffix("_error")) or unit
         factor = UNITS.get(kind, {}).get(unit or "") or (_factor(unit) if unit and kind else 1.0)
         if factor is None:
             what = "a pure number" if kind == "number" else f"a{'n' * (kind[0] in 'a')} {kind}"
-            wrong.append(f"line {line}: column '{text}': {name} is {what}, not in {unit}")
+            problems.append(f"line {line}: column '{text}': {name} is {what}, not in {unit}")
         names.append(name)
         factors.append(factor or 1.0)
-    wrong += [
+    problems += [
         f"line {line}: column '{name}' stands twice"
         for name in dict.fromkeys(names)
         if name and names.count(name) > 1
     ]
-    wrong += [
+    problems += [
         f"line {line}: column '{name}' requires a column '{name.removesuffix('_error')}'"
         for name in names
         if name.endswith("_error") and name.removesuffix("_error") not in names
     ]
-    wrong += [f"{name}: is a column and a known value" for name in form.known if name in names]
-    refuse(wrong)
+    problems += [f"{name}: is a column and a known value" for name in form.known if name in names]
+    refuse(problems)
     return names, factors, [each for each in unused if each]
 
 

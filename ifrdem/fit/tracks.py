@@ -77,11 +77,11 @@ class FoundCollisions:
 
     def csv(self, about: str = "") -> str:
         """The table as text."""
-        head = "".join(f"# {line}\n" for line in about.splitlines())
+        header = "".join(f"# {line}\n" for line in about.splitlines())
         names = list(self.columns)
         rows = np.stack([self.columns[name] for name in names], axis=-1)
         lines = (",".join("" if math.isnan(value) else f"{value:.10g}" for value in row) for row in rows)
-        return head + "\n".join((",".join(names), *lines)) + "\n"
+        return header + "\n".join((",".join(names), *lines)) + "\n"
 
 
 def read(path: Path | str, *, fps: float | None = None, form: TableFormat = TableFormat()) -> Tracks:  # noqa: B008  (frozen)
@@ -96,14 +96,16 @@ def read(path: Path | str, *, fps: float | None = None, form: TableFormat = Tabl
     missing = [name for name in ("id", "x", "y") if name not in columns]
     if "t" not in columns and "frame" not in columns:
         missing.append("t or frame")
-    wrong = []
+    problems = []
     if missing:
-        wrong.append(f"missing column {', '.join(missing)}; there are {', '.join((*columns, *table.unused))}")
+        problems.append(
+            f"missing column {', '.join(missing)}; there are {', '.join((*columns, *table.unused))}"
+        )
     if "t" not in columns and "frame" in columns and fps is None:
-        wrong.append("a column frame requires --fps, the frames per second")
+        problems.append("a column frame requires --fps, the frames per second")
     if fps is not None and not 0.0 < fps < math.inf:
-        wrong.append(f"fps = {fps:g}: must be a positive finite number")
-    refuse(wrong, source)
+        problems.append(f"fps = {fps:g}: must be a positive finite number")
+    refuse(problems, source)
     times = columns["t"] if "t" in columns else columns["frame"] / float(fps or 1.0)
     ids = columns["id"]
     whole = np.all([~np.isnan(each) for each in (times, ids, columns["x"], columns["y"])], axis=0)
@@ -152,32 +154,32 @@ def find(
     noise : float, optional
         Standard error of a coordinate of a place [length]; by the scatter about the flights without it.
     """
-    wrong = []
+    problems = []
     if window < LEAST:
-        wrong.append(f"window = {window}: must be at least {LEAST} frames")
+        problems.append(f"window = {window}: must be at least {LEAST} frames")
     if noise is not None and not 0.0 < noise < math.inf:
-        wrong.append(f"noise = {noise:g}: must be a positive finite number")
+        problems.append(f"noise = {noise:g}: must be a positive finite number")
     if wall is not None and (wall[:2] == wall[2:] or not all(map(math.isfinite, wall))):
-        wrong.append(f"wall = {wall}: must be two different points")
+        problems.append(f"wall = {wall}: must be two different points")
     of = {one: disks if isinstance(disks, Disk) else disks.get(one) for one in tracks.time}
-    wrong += [f"disk {one}: its mass and radius are not given" for one, disk in of.items() if disk is None]
-    refuse(wrong)
+    problems += [f"disk {one}: its mass and radius are not given" for one, disk in of.items() if disk is None]
+    refuse(problems)
     known = {one: disk for one, disk in of.items() if disk is not None}
     meetings = _encounters(tracks, known, wall)
-    begun: dict[int, list[float]] = {}
+    times_of_disks: dict[int, list[float]] = {}
     for meeting in meetings:
         for one in meeting.ids:
-            begun.setdefault(one, []).append(meeting.time)
+            times_of_disks.setdefault(one, []).append(meeting.time)
     fits, left_out = [], []
     for meeting in meetings:
-        fitted = _fit(tracks, known, meeting, begun, wall, window)
+        fitted = _fit(tracks, known, meeting, times_of_disks, wall, window)
         if isinstance(fitted, str):
             left_out.append(f"{meeting.about} at t = {meeting.time:.6g}: {fitted}")
         else:
             fits.append(fitted)
     if not fits:
-        why = f"; {len(left_out)} encounters were left out, the first: {left_out[0]}" if left_out else ""
-        raise InputError(f"{tracks.source}: no impact was found{why}")
+        reason = f"; {len(left_out)} encounters were left out, the first: {left_out[0]}" if left_out else ""
+        raise InputError(f"{tracks.source}: no impact was found{reason}")
     # Least squares of the scatter, with all flights together.
     sigma = noise or math.sqrt(sum(each.squares for each in fits) / max(sum(each.dof for each in fits), 1))
     if sigma < 1e-9 * min(float(np.min(disk.radius)) for disk in known.values()):
@@ -341,7 +343,7 @@ def _fit(
     tracks: Tracks,
     disks: Mapping[int, Disk],
     meeting: _Encounter,
-    begun: Mapping[int, Sequence[float]],
+    times_of_disks: Mapping[int, Sequence[float]],
     wall: Wall | None,
     window: int,
 ) -> _Flights | str:
@@ -349,7 +351,7 @@ def _fit(
     at = meeting.time
     rows_of_disks = []
     for one in meeting.ids:
-        others = [each for each in begun[one] if each != at]
+        others = [each for each in times_of_disks[one] if each != at]
         low = max((each for each in others if each < at), default=-math.inf)
         high = min((each for each in others if each > at), default=math.inf)
         t = tracks.time[one]

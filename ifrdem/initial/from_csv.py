@@ -77,7 +77,7 @@ def read(path: Path, n: int, box: Box | None = None, form: TableFormat | None = 
     try:
         table = tabular.read(
             path, KINDS, {tabular.plain(key): name for name in KINDS for key in (name, EXPORTED.get(name, name))},
-            form or TableFormat(), most=MOST_BYTES, most_wrong=MOST_REPORTED, gaps=False, n=n,
+            form or TableFormat(), most=MOST_BYTES, most_problems=MOST_REPORTED, gaps=False, n=n,
         )  # fmt: skip
     except InputError as error:
         lines = [_as_keys(line.removeprefix(f"{path}: ")) for line in str(error).splitlines()]
@@ -92,9 +92,9 @@ def read(path: Path, n: int, box: Box | None = None, form: TableFormat | None = 
                 "images above and below have moved on since t = 0"
             )
         unused = tuple(name for name in unused if name not in (*CSV_KEYS, *csv_names(FIELDS)))
-    wrong = _wrong_columns(names, () if form is not None and form.columns else unused)
-    if wrong:
-        raise InputError("\n".join(wrong))
+    problems = _column_problems(names, () if form is not None and form.columns else unused)
+    if problems:
+        raise InputError("\n".join(problems))
     position = np.column_stack([columns[axis] for axis in POSITION])
     bad = {name: ~np.isfinite(values) for name, values in columns.items()}
     inside = dict[str, str]()
@@ -119,14 +119,14 @@ def read(path: Path, n: int, box: Box | None = None, form: TableFormat | None = 
         for name, value in ((name, columns[name][i]) for name in columns if bad[name][i])
     ]
     texts, count = comm.first_texts(texts, sum(map(np.count_nonzero, bad.values())), MOST_REPORTED)
-    wrong = listed(texts, MOST_REPORTED, count).splitlines()
+    problems = listed(texts, MOST_REPORTED, count).splitlines()
     if table.rows != n:
         more = "; `ifrdem export` writes one frame with --frames=-1" if "id" in columns else ""
-        wrong.append(
+        problems.append(
             f"has {table.rows} disks: must be {n}, the sum of the species' numbers, in the order of the species{more}"
         )
-    if wrong:
-        raise InputError("\n".join(wrong))
+    if problems:
+        raise InputError("\n".join(problems))
     moving = set(MOTION) <= set(names)
     return StartData(
         position=position,
@@ -145,9 +145,9 @@ def _as_keys(text: str) -> str:
     return re.sub(r"--column (\w+)='(.*)' says", r'start.columns = {\1 = "\2"} says', text)
 
 
-def _wrong_columns(names: list[str], unused: tuple[str, ...]) -> list[str]:
+def _column_problems(names: list[str], unused: tuple[str, ...]) -> list[str]:
     allowed = tuple(KINDS)
-    wrong = [
+    problems = [
         f"unknown column '{name}'{nearest(name, allowed)}; there are {', '.join(allowed)}" for name in unused
     ]
     missing = [name for name in POSITION if name not in names]
@@ -155,7 +155,7 @@ def _wrong_columns(names: list[str], unused: tuple[str, ...]) -> list[str]:
     if given and len(given) < len(MOTION):
         missing += [name for name in MOTION if name not in names]
     if missing:
-        wrong.append(
+        problems.append(
             f"missing column {', '.join(missing)}; there are {', '.join(names) or 'none that is known'}"
         )
-    return wrong
+    return problems

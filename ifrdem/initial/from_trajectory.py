@@ -94,15 +94,15 @@ def read(
                 box, radius, position, time=given.time
             )  # `separate` does not know sheared images
         elif single:
-            standing = [wall for wall in moved if wall.stands(given.time, given.collisions)]
+            standing = [wall for wall in moved if wall.is_present(given.time, given.collisions)]
             position = packing.separate(box, radius, position, walls=standing, time=given.time)
     except InputError as error:
-        why = _other_radii(path, radius, ids)
-        if not why and time is not None and any(wall.changes_with_time for wall in walls):
-            why = ". At another start.time the walls stand elsewhere"
-        elif not why and single and _passes_nearly(check):
-            why = '. Positions in single precision are rounded: output.precision = "f8" keeps them'
-        raise InputError(f"{where}: {error}{why}") from None
+        reason = _other_radii(path, radius, ids)
+        if not reason and time is not None and any(wall.changes_with_time for wall in walls):
+            reason = ". At another start.time the walls stand elsewhere"
+        elif not reason and single and _passes_nearly(check):
+            reason = '. Positions in single precision are rounded: output.precision = "f8" keeps them'
+        raise InputError(f"{where}: {error}{reason}") from None
     velocity = given.velocity
     if velocity is not None and not there.shear_rate:
         velocity = velocity + box.flow(position)

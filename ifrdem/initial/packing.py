@@ -93,10 +93,10 @@ def grow(
     refuse_wider_than_box(box, radii)
     free_area = FreeArea(box, tuple(walls))
     refuse_no_free_area(free_area, radii)
-    wanted = free_area.packing_fraction(radii)
-    if wanted >= 1.0:
+    phi = free_area.packing_fraction(radii)
+    if phi >= 1.0:
         region = "free area between walls" if free_area.all_walls else "box"
-        raise InputError(f"packing fraction = {wanted:.4f}: the disks cover more than the {region} has")
+        raise InputError(f"packing fraction = {phi:.4f}: the disks cover more than the {region} has")
     soft = _SoftDisks(free_area, radii, _scattered(free_area, n, seeds.stream(seed, seeds.POSITIONS)))
     agitation = seeds.stream(seed, seeds.AGITATION)
     easy = soft.minimise(FIRST_STEPS)
@@ -115,7 +115,7 @@ def grow(
     if not done:
         attained = _attained(soft, free_area, radii)
         raise InputError(
-            f"packing fraction = {wanted:.4f}: growth ended at {attained:.4f} with these disks; use fewer disks, "
+            f"packing fraction = {phi:.4f}: growth ended at {attained:.4f} with these disks; use fewer disks, "
             'a larger box or, for disks of about one size, positions = "hexagonal"'
         )
     progress(1.0)
@@ -154,8 +154,8 @@ def separate(
     gap = 4.0 * comm.root_result(lambda: _largest_overlap(free_area, near)) + SEPARATED * largest
     while True:
         near = close_ones(box, radii, centres, gap, free < gap)
-        ids, moved, way = comm.root_result(lambda near=near: _separated(free_area, near))  # type: ignore[misc]
-        if 2.0 * way < gap or len(ids) == n or gap > largest:  # others cannot be met
+        ids, moved, longest = comm.root_result(lambda near=near: _separated(free_area, near))  # type: ignore[misc]
+        if 2.0 * longest < gap or len(ids) == n or gap > largest:  # others cannot be met
             break
         gap *= 4.0
     comm.run_on_root(lambda: check_no_overlap(box, near[1], moved, tolerance=0.0, ids=ids))  # type: ignore[index]

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..model.box import Box
+from ..model.density import disk_area, packing_fraction
 from ..model.free_area import FreeArea
 from ..model.overlaps import (
     TOLERANCE,
@@ -86,7 +87,7 @@ def _rows_by_number(first: int, rows: Array, wanted: NDArray[np.int64]) -> Array
     firsts[firsts < 0] = np.iinfo(np.int64).max  # ranks without rows own none
     order = np.argsort(firsts, kind="stable")
     owner = order[np.searchsorted(firsts[order], wanted, side="right") - 1]
-    (found,) = comm.asked(owner, wanted, first, [rows])
+    (found,) = comm.rows_of_owners(owner, wanted, first, [rows])
     return found
 
 
@@ -457,7 +458,7 @@ def lattice(box: Box, n: int, diameter: float) -> tuple[int, int, bool]:
             best = (float(nearest[i]), int(columns[i]), int(rows[i]), upright)
     if best[0] < diameter * (1.0 - TOLERANCE):
         most = max(_most_sites(box.lengths, diameter), _most_sites(box.lengths[::-1], diameter))
-        covered = most * math.pi * diameter**2 / 4.0 / box.area
+        covered = packing_fraction(most * disk_area(np.array([0.5 * diameter])), box.area)
         raise InputError(
             f"{n} disks of diameter {diameter:.6g} do not fit on a hexagonal lattice in a box of "
             f"{box.lengths[0]:.6g} x {box.lengths[1]:.6g}: at most {most} do, which is packing fraction {covered:.4f}. "

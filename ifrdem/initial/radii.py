@@ -205,9 +205,9 @@ def check(distribution: Distribution, **parameters: Positive | None) -> None:
     ifrdem.errors.InputError: low = 0.6: must lie below high = 0.4
     """
     given = {name: value for name, value in parameters.items() if value is not None}
-    wrong = parameter_problem(distribution, given)
-    if wrong is not None:
-        raise InputError(wrong)
+    problem = parameter_problem(distribution, given)
+    if problem is not None:
+        raise InputError(problem)
     if given.get("large_fraction", 0.5) >= 1.0:
         raise InputError(f"large_fraction = {given['large_fraction']:g}: must lie between 0 and 1")
     low, high = _ends(distribution, given)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from ..errors import InputError
-from ..mpi import SERIAL, collective, current
+from ..mpi import collective, current
 from ..tools.checked import (
     Array,
     Images,
@@ -21,6 +21,7 @@ from ..tools.checked import (
     PositiveColumn,
     validated,
 )
+from .density import disk_area, packing_fraction
 
 FASTEST_FLOW = 1e140
 """Largest difference of the flow's velocity across a sheared box [length/time]."""
@@ -140,8 +141,7 @@ class Box:
         (`Communicator`). InputError if the packing fraction is not between 0 and pi / (2 sqrt 3) = 0.9069, the
         densest packing of equal disks, or if there are no disks.
         """
-        covered = math.pi * float(current().total(np.square(radius)))
-        return cls.around(covered, packing_fraction, aspect, shear_rate)
+        return cls.around(disk_area(radius, current()), packing_fraction, aspect, shear_rate)
 
     @classmethod
     def around(cls, covered: float, packing_fraction: float, aspect: float, shear_rate: float = 0.0) -> Box:
@@ -160,7 +160,7 @@ class Box:
     @validated
     def packing_fraction(self, radius: PositiveColumn) -> float:
         """Fraction of the area that disks of these radii [length], shape (n,), cover."""
-        return math.pi * float(SERIAL.total(np.square(radius))) / self.area
+        return packing_fraction(disk_area(radius), self.area)
 
     @validated
     def flow(self, position: Places) -> Array:

@@ -126,11 +126,11 @@ def advice(
         )
     if collapse is not None:
         value = {VelocityCutoff: "velocity cut-off", ContactTime: "contact time", Rest: "resting speed"}
-        ways = [f"a larger {value[type(collapse)]} than in collapse = {collapse}"]
+        remedies = [f"a larger {value[type(collapse)]} than in collapse = {collapse}"]
     else:
         names = ["ContactTime(time)", "VelocityCutoff(speed)"] * rebounds + ["Rest(speed)"] * can_rest
-        ways = [f"collapse = {' or '.join(names)} (run.collapse in a case)"] * bool(names)
+        remedies = [f"collapse = {' or '.join(names)} (run.collapse in a case)"] * bool(names)
     if e_n is not None:
-        ways.append("a larger e_n")
-    ways += ["a lower packing fraction"] * (not at_wall) + ["an earlier end of the run"]
-    return f"Remedies: {', '.join(ways[:-1])} or {ways[-1]}"
+        remedies.append("a larger e_n")
+    remedies += ["a lower packing fraction"] * (not at_wall) + ["an earlier end of the run"]
+    return f"Remedies: {', '.join(remedies[:-1])} or {remedies[-1]}"

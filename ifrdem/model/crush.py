@@ -174,8 +174,8 @@ class _Samples:
 
     def gap(self, other: Wall, t: float, diameter: float) -> float:
         """The smallest gap to another wall at a time [length], between places that face each other."""
-        points, origin = self.wall.carried(self.points, t), self.wall.carried(np.zeros((1, 2)), t)
-        along = self.wall.carried(self.along, t) - origin
+        points, origin = self.wall.transform(self.points, t), self.wall.transform(np.zeros((1, 2)), t)
+        along = self.wall.transform(self.along, t) - origin
         normal, distance = other.normal(points, t)
         facing = self.sharp | (np.abs(np.sum(along * normal, axis=1)) < FACING)
         # The gap must be where the disks are, not behind the wall: to the left of `along` is (-y, x) of it.

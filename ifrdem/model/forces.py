@@ -462,8 +462,8 @@ class Rescale(Force):
         if (temperature is None) == (energy is None):
             raise InputError("rescale: exactly one of temperature and energy must be given")
         name, value = ("temperature", temperature) if energy is None else ("energy", energy)
-        wanted = number(name, value, positive=True)
-        super().__init__(step, target=wanted, with_spins=0.0 if energy is None else 1.0)
+        target = number(name, value, positive=True)
+        super().__init__(step, target=target, with_spins=0.0 if energy is None else 1.0)
 
     @property
     def hottest(self) -> float:

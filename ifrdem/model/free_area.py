@@ -18,10 +18,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..mpi import SERIAL
 from ..tools.checked import Array
 from .boundaries import Boundary, CircleBoundary, LineBoundary, meetings
 from .box import Box
+from .density import disk_area, packing_fraction
 from .walls import Wall, sides
 
 ROUNDING = 1e-9
@@ -42,11 +42,20 @@ class FreeArea:
     box: Box  # sides that are not periodic are walls too
     walls: tuple[Wall, ...] = ()  # others
     time: float = 0.0  # at which moving walls stand there [time]
+    gates_open: bool = False  # there are gates too, which count as open
 
     @property
     def all_walls(self) -> tuple[Wall, ...]:
         """Every wall, the sides of the box included."""
         return (*self.walls, *sides(self.box))
+
+    @property
+    def name(self) -> str:
+        """Words that follow "packing fraction" to say of what area it is: none for a box without walls."""
+        if not self.all_walls:
+            return ""
+        gates = "open" if self.gates_open else "closed" if any(wall.gated for wall in self.walls) else ""
+        return " of the free area" + (f" with gates {gates}" if gates else "")
 
     def gap(self, position: Array, radius: Array) -> Array:
         """Distance of each disk to the nearest wall [length], (n,); negative if they overlap, inf without walls."""
@@ -76,12 +85,12 @@ class FreeArea:
 
     def packing_fraction(self, radius: Array) -> float:
         """Fraction of the free area that disks of these radii [length], shape (n,), cover."""
-        return self.covered_part(math.pi * float(SERIAL.total(np.square(radius))))
+        return self.covered_part(disk_area(radius))
 
     def covered_part(self, covered: float) -> float:
         """Fraction of the free area that disks of such an area [length^2] in all cover."""
         area = self.area() if self.all_walls else self.box.area
-        return covered / area if area > 0.0 else math.inf
+        return packing_fraction(covered, area)
 
     def wall_length(self, inset: float = 0.0) -> float:
         """Length of what is `inset` [length] from walls: along it move the centres of disks that touch them.
@@ -130,7 +139,7 @@ class FreeArea:
         """The boundary of the free area is made of parts of these; walls first."""
         found: list[Boundary] = []
         for wall in self.all_walls:
-            origin = wall.carried(np.array([wall.place]), self.time)[0]
+            origin = wall.transform(np.array([wall.place]), self.time)[0]
             if (boundary := wall.geometry.boundary(origin, inset)) is not None:
                 found.append(boundary)
         return found + [self._side(axis, end) for axis in (0, 1) if self.box.periodic[axis] for end in (0, 1)]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import sys
 import warnings
-from dataclasses import dataclass, field
+from dataclasses import MISSING, dataclass, field, fields
 from enum import IntEnum
 from typing import Annotated, ClassVar, Literal, NamedTuple
 
@@ -319,6 +319,12 @@ _Pairs = Annotated[ArrayLike, Numbers(("...", 2))]
 _Velocities = Annotated[ArrayLike, Numbers(("...", 2, 2))]
 
 
+COEFFICIENTS = tuple(each.name for each in fields(IFRLaw) if each.compare)
+"""Names of the coefficients of a law in cases, files and tables: all but k, which is one of the disks."""
+REQUIRED_COEFFICIENTS = tuple(each.name for each in fields(IFRLaw) if each.default is MISSING)
+"""Those without a default: e_n, e_t and mu."""
+
+
 @validated
 def collide(
     law: IFRLaw,
@@ -413,9 +419,9 @@ def collide(
     return Collision(after, np.stack([w_i, w_j], axis=-1), np.array(P_n), np.array(P_t), regime)
 
 
-def _refuse(name: str, value: Array, wrong: NDArray[np.bool_], needed: str) -> None:
+def _refuse(name: str, value: Array, invalid: NDArray[np.bool_], needed: str) -> None:
     """Raise for the first value that is wrong, if one is."""
-    if np.any(wrong):
-        value, wrong = np.broadcast_arrays(value, wrong)
-        where = tuple(int(axis) for axis in np.argwhere(wrong)[0])
+    if np.any(invalid):
+        value, invalid = np.broadcast_arrays(value, invalid)
+        where = tuple(int(axis) for axis in np.argwhere(invalid)[0])
         raise InputError(f"{name}[{', '.join(map(str, where))}] = {value[where]:g}: {needed}")

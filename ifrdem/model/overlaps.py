@@ -28,9 +28,9 @@ def checked_radii(radius: ArrayLike) -> Array:
     column = checked.array("radius", radius)
     if column.ndim != 1:
         raise InputError(f"radius has shape {column.shape}: must be one radius per disk, shape (n,)")
-    wrong = ~(np.isfinite(column) & (column > 0.0))
-    if wrong.any():
-        i = int(np.argmax(wrong))
+    invalid = ~(np.isfinite(column) & (column > 0.0))
+    if invalid.any():
+        i = int(np.argmax(invalid))
         raise InputError(f"radius[{i}] = {column[i]}: must be a positive finite number")
     return column
 
@@ -125,14 +125,14 @@ def check_no_overlap(
         Numbers of the disks, for the message; 0 to n - 1 by default.
     """
 
-    def looked_at() -> tuple[Array, Array]:
+    def wrapped() -> tuple[Array, Array]:
         radii, centres = checked_radii(radius), np.asarray(position, dtype=np.float64)
         if centres.shape != (len(radii), 2):
             raise InputError(f"position has shape {centres.shape}: must be {(len(radii), 2)}")
         return radii, centres
 
     comm = current()
-    radii, centres = comm.run_on_all(looked_at)
+    radii, centres = comm.run_on_all(wrapped)
     first = comm.number(len(radii))[0].start
 
     def refuse_single_ones() -> None:
@@ -169,8 +169,8 @@ def _overlapping(
     distance = np.linalg.norm(box.minimum_image(centres[j] - centres[i], time), axis=-1)
     contact = radius[i] + radius[j]
     overlap = contact - distance
-    wrong = overlap > tolerance * contact
-    return pairs[wrong], np.column_stack((overlap, distance, contact))[wrong]
+    invalid = overlap > tolerance * contact
+    return pairs[invalid], np.column_stack((overlap, distance, contact))[invalid]
 
 
 def _worst(pairs: NDArray[np.integer], measures: Array) -> NDArray[np.intp]:
@@ -233,8 +233,8 @@ def _with_neighbors(
     target = np.concatenate(to) if to else rows
     numbers = np.arange(ids.start, ids.stop)
     own = rank[band][rows] == target
-    there = comm.exchange(target, [own, *(each[rows] for each in (numbers, radius, position))])
-    return there[0], there[1], there[2], there[3]
+    received = comm.exchange(target, [own, *(each[rows] for each in (numbers, radius, position))])
+    return received[0], received[1], received[2], received[3]
 
 
 def close_ones(
@@ -306,24 +306,24 @@ def relax(
         Centres without overlaps.
     """
     comm = current()
-    radii, begun = checked_radii(radius), np.asarray(position, dtype=np.float64)
+    radii, start = checked_radii(radius), np.asarray(position, dtype=np.float64)
     largest = comm.largest(float(radii.max(initial=0.0)))
     most = tolerance * (1.0 + 1e-6) + _APART * largest
     # No other disk can be met within these displacements.
-    near = close_ones(box, radii, begun, 2.0 * most, time=time)
+    near = close_ones(box, radii, start, 2.0 * most, time=time)
 
     def moved() -> tuple[NDArray[np.int64], Array]:
         assert near is not None  # on the first rank
         return near[0], _relaxed(box, *near, tolerance, most, time)
 
-    return replace_rows(begun, *comm.root_result(moved))
+    return replace_rows(start, *comm.root_result(moved))
 
 
 def _relaxed(
-    box: Box, ids: NDArray[np.int64], radii: Array, begun: Array, tolerance: float, most: float, time: float
+    box: Box, ids: NDArray[np.int64], radii: Array, start: Array, tolerance: float, most: float, time: float
 ) -> Array:
     """Centres of some disks at which none overlaps; errors as `relax`, or if one moves further than `most`."""
-    centres = begun.copy()
+    centres = start.copy()
     for attempt in range(_MOST_PASSES):
         i, j = _close_pairs_at(box, radii, box.wrap(centres, time), time).T
         apart = box.minimum_image(centres[j] - centres[i], time)
@@ -339,18 +339,20 @@ def _relaxed(
             ]
             more = [f"and {len(order) - len(named)} more pairs"] if len(order) > len(named) else []
             raise InputError("\n".join((*named, *more)))
-        wrong = overlap > 0.0
-        if not wrong.any():
+        invalid = overlap > 0.0
+        if not invalid.any():
             return centres
-        i, j, overlap = i[wrong], j[wrong], overlap[wrong] + _APART * contact[wrong]
+        i, j, overlap = i[invalid], j[invalid], overlap[invalid] + _APART * contact[invalid]
         line = np.where(
-            distance[wrong, None] > 0.0, apart[wrong] / np.maximum(distance[wrong, None], 1e-300), [1.0, 0.0]
+            distance[invalid, None] > 0.0,
+            apart[invalid] / np.maximum(distance[invalid, None], 1e-300),
+            [1.0, 0.0],
         )
         np.add.at(centres, i, -0.5 * overlap[:, None] * line)
         np.add.at(centres, j, 0.5 * overlap[:, None] * line)
-        way = np.linalg.norm(centres - begun, axis=-1)
-        if np.any(way > most):
-            worst = int(np.argmax(way))
-            moved = f"disk {ids[worst]} would have to move by {way[worst]:.6g}"
+        displacement = np.linalg.norm(centres - start, axis=-1)
+        if np.any(displacement > most):
+            worst = int(np.argmax(displacement))
+            moved = f"disk {ids[worst]} would have to move by {displacement[worst]:.6g}"
             raise InputError(f"{moved}, more than relax = {tolerance:g}, to overlap with none")
     raise InputError(f"disks still overlap after {_MOST_PASSES} passes of relax = {tolerance:g}")

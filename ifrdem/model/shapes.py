@@ -330,8 +330,8 @@ class Polyline(Shape):
     def nearest(self, position: Array) -> tuple[Array, Array]:
         away, distance, crossed = self._nearest_side(position)
         if (held := self.enclosed) is not None:
-            wrong = (crossed % 2 == 1) != (held == "inside")
-            sign = np.where(wrong, -1.0, 1.0)
+            misplaced = (crossed % 2 == 1) != (held == "inside")
+            sign = np.where(misplaced, -1.0, 1.0)
             return away * sign[:, None], distance * sign
         return away, distance
 

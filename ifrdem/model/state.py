@@ -22,6 +22,7 @@ from ..tools.not_recorded import NotRecorded
 from ..tools.notebook import NotebookRepr
 from ..tools.read_only import ReadOnlyAttributes
 from ..tools.reprs import Brief
+from .density import disk_area
 
 NumberOfDisks = Annotated[int, Integer(0, MOST_IDS)]
 _TINY, _HUGE = np.finfo(np.float64).smallest_subnormal, np.finfo(np.float64).max
@@ -96,7 +97,7 @@ class Disks(Brief):
     @functools.cached_property
     def covered(self) -> float:
         """Area that all of them cover [length^2]."""
-        return float(np.pi * SERIAL.total(self.radius**2))
+        return disk_area(self.radius)
 
     @functools.cached_property
     def mean_radius(self) -> float:

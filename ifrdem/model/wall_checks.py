@@ -99,7 +99,7 @@ def check(
             check_place(wall, box)
         except InputError as error:
             raise InputError(f"{name}: {error}") from None
-        if n and wall.stands(time, collisions):
+        if n and wall.is_present(time, collisions):
             deepest = math.inf, 0, ""
             if len(position):
                 gap = wall.gap(position, radius, time)

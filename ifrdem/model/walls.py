@@ -81,7 +81,7 @@ class Wall:
     >>> chute = ifrdem.Wall.polyline([(0.0, 0.6), (0.4, 0.2), (0.4, 0.1)])
     >>> lid = ifrdem.Wall.segment((0.4, 0.1), (0.6, 0.1), opens_at=2.0)
     >>> blade = ifrdem.Wall.segment((0.3, 0.5), (0.7, 0.5), turn=ifrdem.Turn("steady", center=(0.5, 0.5), rate=3.0))
-    >>> len(chute.points), lid.stands(2.5), blade.most_speed
+    >>> len(chute.points), lid.is_present(2.5), blade.most_speed
     (3, False, 0.6000000000000001)
     """
 
@@ -312,7 +312,7 @@ class Wall:
         """True if it moves by itself, or is a gate; a piston is moved by disks."""
         return self.motion.kind != "still" or self.turn.kind != "still" or self.gated
 
-    def stands(self, t: float, collisions: int = 0) -> bool:
+    def is_present(self, t: float, collisions: int = 0) -> bool:
         """True unless it is a gate that has opened by the time t, or after so many collisions."""
         return (self.opens_at is None or t < self.opens_at) and (
             self.opens_after is None or collisions < self.opens_after
@@ -330,7 +330,7 @@ class Wall:
         t -= begin if math.isfinite(begin) else 0.0
         return np.array(self.motion.direction) * self.motion.displacement(t), self.turn.angle(t)
 
-    def carried(self, points: Array, t: float) -> Array:
+    def transform(self, points: Array, t: float) -> Array:
         """Points of the wall as it is given [length], shape (n, 2), at the time t."""
         step, angle = self.moved(t)
         if self.turn.kind == "still":
@@ -342,7 +342,7 @@ class Wall:
 
         Empty for a line.
         """
-        return self.carried(self.geometry.outline(step), t)
+        return self.transform(self.geometry.outline(step), t)
 
     def bounds(self) -> tuple[Array, Array]:
         """Lowest and highest x and y [length] of the wall as it turns, but for its displacement, shape (2,)."""

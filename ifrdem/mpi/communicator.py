@@ -14,6 +14,9 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..errors import EngineError, InputError, Stopped, TrajectoryError
 from .distribution import Distribution
 
@@ -22,7 +25,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 SIZES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "MV2_COMM_WORLD_SIZE", "PALS_NRANKS")
 """Variables in which launchers give the number of ranks: MPICH, Intel MPI and `srun --mpi`, Open MPI, MVAPICH, PALS."""
-PATIENCE = 20.0
+TIMEOUT = 20.0
 """Seconds that a rank which ends by an error waits for the others to do so; then it ends them all."""
 POLL_INTERVAL = 0.02
 """Seconds between two looks of a rank that waits asleep."""
@@ -142,6 +145,23 @@ class Communicator(Distribution):
     def any(self, flag: object) -> bool:
         """True on all ranks if it is true on one."""
         return bool(self.allreduce(int(bool(flag))))
+
+    def nth_smallest(self, ordered: NDArray[np.float64], numbers: Sequence[int]) -> list[float]:
+        """The n-th smallest value of all ranks, for each n = 1, 2, ... of `numbers`; infinity beyond the last.
+
+        `ordered` has the values of this rank, 0 or more, in order. The same `numbers` are given on all ranks. Found by
+        halving of the values' bits as integers, which have the same order.
+        """
+        bits, wanted = ordered.view(np.int64), np.asarray(numbers, dtype=np.int64)
+        low = np.zeros(len(wanted), dtype=np.int64)
+        high = np.full(len(wanted), np.float64(np.inf).view(np.int64))
+        while np.any(low < high):
+            middle = low + (high - low) // 2
+            reached = self.allreduce(np.searchsorted(bits, middle, side="right")) >= wanted
+            reached |= low >= high
+            low, high = np.where(reached, low, middle + 1), np.where(reached, middle, high)
+        found: list[float] = low.view(np.float64).tolist()
+        return found
 
     def first_texts(self, texts: Sequence[str], count: int, most: int) -> tuple[list[str], int]:
         """At most so many texts of all ranks, of lower ranks first, and the sum of their counts."""
@@ -333,9 +353,9 @@ def end(status: int, message: str, complain: Callable[[str], None]) -> int:
         return status
     if comm.is_root and message:
         complain(message)
-    all_end, began = comm.mpi.Ibarrier(), time.monotonic()
+    all_end, started = comm.mpi.Ibarrier(), time.monotonic()
     while not all_end.Test():
-        if time.monotonic() - began > PATIENCE:
+        if time.monotonic() - started > TIMEOUT:
             if not comm.is_root:
                 complain(f"rank {comm.rank}: {message}")
             sys.stdout.flush()

@@ -121,8 +121,10 @@ class Distribution:
         own = self.slice_of(n)
         to = np.searchsorted(bounds(n, self.size), ids, side="right") - 1
         whole = bool(np.all((ids >= 0) & (ids < n)))
-        there, *rows = self.exchange(to if whole else np.zeros_like(to), [np.asarray(ids, np.int64), *arrays])
-        slot = np.asarray(there, np.int64) - own.start
+        received_ids, *rows = self.exchange(
+            to if whole else np.zeros_like(to), [np.asarray(ids, np.int64), *arrays]
+        )
+        slot = np.asarray(received_ids, np.int64) - own.start
         inside = (slot >= 0) & (slot < len(own))
         good = len(slot) == len(own) and bool(inside.all())
         good = good and bool((np.bincount(slot, minlength=len(own)) == 1).all())
@@ -135,16 +137,14 @@ class Distribution:
             found.append(ordered)
         return found
 
-    def rows_of(
-        self, n: int, wanted: NDArray[np.integer], arrays: Sequence[NDArray[Any]]
-    ) -> list[NDArray[Any]]:
-        """Rows of `wanted` ids, each rank its own, of n disks of which each rank gives those of its slice."""
+    def rows_of(self, n: int, ids: NDArray[np.integer], arrays: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
+        """Rows of these ids, which differ by rank, of n disks of which each rank gives those of its slice."""
         if self.size == 1:
-            return [each[wanted] for each in arrays]
-        owner = np.searchsorted(bounds(n, self.size), wanted, side="right") - 1
-        return self.asked(owner, wanted, self.slice_of(n).start, arrays)
+            return [each[ids] for each in arrays]
+        owner = np.searchsorted(bounds(n, self.size), ids, side="right") - 1
+        return self.rows_of_owners(owner, ids, self.slice_of(n).start, arrays)
 
-    def asked(
+    def rows_of_owners(
         self,
         owner: NDArray[np.integer],
         number: NDArray[np.integer],
@@ -152,10 +152,11 @@ class Distribution:
         arrays: Sequence[NDArray[Any]],
     ) -> list[NDArray[Any]]:
         """Rows with these numbers that the ranks `owner` have; those here are numbered from `first` on."""
-        asker, asked = self.exchange(owner, [np.full(len(number), self.rank), np.asarray(number, np.int64)])
-        answers = self.exchange(
-            asker, [each[asked - first] for each in arrays]
-        )  # in the order of who answers
+        requester, numbers = self.exchange(
+            owner, [np.full(len(number), self.rank), np.asarray(number, np.int64)]
+        )
+        # Answers come in the order of the ranks that give them.
+        answers = self.exchange(requester, [each[numbers - first] for each in arrays])
         order, found = np.argsort(owner, kind="stable"), []
         for each in answers:
             rows = np.empty_like(each)

@@ -36,12 +36,12 @@ BARS: dict[str, Any] = {"color": ACROSS, "ec": TRANSLATION, "ecolor": ROTATION, 
 POINTS: dict[str, Any] = {"fmt": "o", "lw": 0.8, "mfc": "none", "color": TRANSLATION}
 
 
-def velocity(left: Axes, right: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> None:
+def velocity(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
     """Distributions of velocity components and spins, logarithmic, with Gaussians and their Sonine expansion."""
     x = np.linspace(-5.0, 5.0, 400)
     lowest = highest = float(analysis.gaussian(x).max())
-    for i, (name, found) in enumerate(outcome.result.items()):
-        look = OPEN | {"color": KINDS[i % 8], "marker": MARKERS[i % 8], "ms": 4, "lw": 0.8}
+    for i, (name, found) in enumerate(evaluation.result.items()):
+        style = OPEN | {"color": KINDS[i % 8], "marker": MARKERS[i % 8], "ms": 4, "lw": 0.8}
         for axes, middle, density, error in (
             (left, found.speed, found.density, found.density_error),
             (right, found.spin, found.spin_density, found.spin_density_error),
@@ -50,12 +50,12 @@ def velocity(left: Axes, right: Axes, trajectory: Trajectory | None, outcome: Ev
             if np.any(positive):
                 lowest, highest = min(lowest, density[positive].min()), max(highest, density[positive].max())
                 axes.errorbar(
-                    middle[positive], density[positive], error[positive], label=name.split(",")[0], **look
+                    middle[positive], density[positive], error[positive], label=name.split(",")[0], **style
                 )
-    sonine = next(iter(outcome.result.values())).sonine
+    sonine = next(iter(evaluation.result.values())).sonine
     for axes, a2, text in ((left, sonine.a20, "a_{20}"), (right, sonine.a02, "a_{02}")):
         axes.plot(x, analysis.gaussian(x), "-", color=RATIO, lw=1.2, label="Gaussian")
-        if np.isfinite(a2) and len(outcome.result) == 1:
+        if np.isfinite(a2) and len(evaluation.result) == 1:
             expansion = analysis.sonine_density(x, a2)
             # Not beyond where it falls below 0: it is no density there, and what comes after is none either.
             end = np.min(np.abs(x), where=expansion <= 0.0, initial=np.inf)
@@ -100,9 +100,9 @@ def merged(found: analysis.PairCorrelation) -> tuple[Array, Array, Array]:
     return r, g, error
 
 
-def pairs(axes: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> None:
+def pairs(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
     """g(r) with its errors, and its value at contact."""
-    found = outcome.result
+    found = evaluation.result
     unit = 1.0 if trajectory is None else 2.0 * float(trajectory.disks.radius.mean())
     r, g, error = merged(found)
     axes.fill_between(r / unit, g - error, g + error, color=ACROSS, lw=0.0, alpha=0.6)
@@ -112,14 +112,14 @@ def pairs(axes: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> Non
     plateau = float(g[far].mean())
     of_plateau = float(np.sqrt(np.sum(error[far] ** 2)) / np.count_nonzero(far))
     if plateau - 1.0 > max(CLEARLY, 4.0 * of_plateau):
-        why = "walls" if trajectory is not None and trajectory.free_area.all_walls else "clusters"
-        text = f"{plateau:.3g}: above 1, as the density varies ({why})"
+        reason = "walls" if trajectory is not None and trajectory.free_area.all_walls else "clusters"
+        text = f"{plateau:.3g}: above 1, as the density varies ({reason})"
         axes.plot(r[far][[0, -1]] / unit, [plateau, plateau], "--", color=ROTATION, lw=1.5, label=text)
-    for row in outcome.rows:
+    for row in evaluation.rows:
         if row.name == "g at contact":
             text = f"at contact: {row.value:.3f} $\\pm$ {row.error:.3f}"
-            look = OPEN | {"color": ROTATION, "marker": "D", "ms": 6}
-            axes.errorbar([1.0], [row.value], [row.error], label=text, **look)
+            style = OPEN | {"color": ROTATION, "marker": "D", "ms": 6}
+            axes.errorbar([1.0], [row.value], [row.error], label=text, **style)
     text = "$r$" if trajectory is None else "$r$ (mean diameters)"
     axes.set(xlim=(0.0, float(found.r[-1]) / unit), xlabel=text, ylabel="$g(r)$")
     axes.set_ylim(bottom=0.0)
@@ -127,9 +127,9 @@ def pairs(axes: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> Non
     grid(axes)
 
 
-def structure(axes: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> None:
+def structure(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
     """S(k), double logarithmic, with its errors."""
-    found = outcome.result
+    found = evaluation.result
     k, text = found.k, "$k$"
     if trajectory is not None:
         k, text = k * 2.0 * float(trajectory.disks.radius.mean()), r"$k$ $\times$ mean diameter"
@@ -140,9 +140,9 @@ def structure(axes: Axes, trajectory: Trajectory | None, outcome: Evaluation) ->
     grid(axes)
 
 
-def msd(axes: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> None:
+def msd(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
     """The mean-square displacement, double logarithmic, with ballistic flight and the fitted diffusion."""
-    found, fit = outcome.result
+    found, fit = evaluation.result
     later = found.lag > 0.0
     t, value = found.lag[later], found.value[later]
     axes.errorbar(t, value, found.error[later], ms=3.5, label="disks", **POINTS)
@@ -151,7 +151,7 @@ def msd(axes: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> None:
         used = (t >= fit.lags[0]) & (t <= fit.lags[1])
         line = value[used].mean() + 2.0 * found.components * fit.D * (t - t[used].mean())
         text = f"line, $D$ = {fit.D:.3g} $\\pm$ {fit.error:.1g} {unit_of(trajectory, 'length^2/time') or ''}".rstrip()
-        if outcome.warnings:  # no single D
+        if evaluation.warnings:  # no single D
             text = "straight line (the gas is not stationary: no $D$)"
         elif abs(fit.exponent - 1.0) > 0.2:
             text += f"\n(no diffusion: exponent {fit.exponent:.2f})"
@@ -164,9 +164,9 @@ def msd(axes: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> None:
     grid(axes)
 
 
-def vacf(axes: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> None:
+def vacf(axes: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
     """The velocity autocorrelation over its value at 0; over a logarithmic time, without lag 0, if frames are so."""
-    found = outcome.result
+    found = evaluation.result
     step = np.diff(found.lag)
     # Evenly spaced frames have steps of one length, those due at collisions of a gas that cools longer and longer ones.
     logarithmic = len(step) > 2 and step.max() > 10.0 * step.min()
@@ -181,13 +181,13 @@ def vacf(axes: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> None
     grid(axes)
 
 
-def fields(left: Axes, right: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> None:
+def fields(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
     """Maps of the packing fraction with the flow, and of the thermal temperature."""
-    found = outcome.result
+    found = evaluation.result
     half = [0.5 * (one[1] - one[0]) if len(one) > 1 else one[0] for one in (found.x, found.y)]
     region = (found.x[0] - half[0], found.x[-1] + half[0], found.y[0] - half[1], found.y[-1] + half[1])
-    look: dict[str, Any] = {"origin": "lower", "extent": region, "interpolation": "nearest"}
-    drawn = left.imshow(found.packing_fraction.T, cmap="cividis", vmin=0.0, **look)
+    style: dict[str, Any] = {"origin": "lower", "extent": region, "interpolation": "nearest"}
+    drawn = left.imshow(found.packing_fraction.T, cmap="cividis", vmin=0.0, **style)
     place_axes(left, trajectory)
     color_bar(left, drawn, "packing fraction")
     every = max(1, -(-max(len(found.x), len(found.y)) // 24))
@@ -201,14 +201,14 @@ def fields(left: Axes, right: Axes, trajectory: Trajectory | None, outcome: Eval
         left.set_title(f"arrows: mean velocity of cells, rms {text}", fontsize="medium")
     T = found.temperature
     high = float(np.nanquantile(T, 0.995)) if np.any(np.isfinite(T)) else 1.0
-    drawn = right.imshow(T.T, cmap="inferno", vmin=0.0, vmax=high if high > 0.0 else 1.0, **look)
+    drawn = right.imshow(T.T, cmap="inferno", vmin=0.0, vmax=high if high > 0.0 else 1.0, **style)
     place_axes(right, trajectory)
     color_bar(right, drawn, label(trajectory, "thermal temperature $T$", "energy"), "max")
 
 
-def clusters(left: Axes, right: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> None:
+def clusters(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
     """The largest cluster in time, and how many clusters have which size in the last frame."""
-    found = outcome.result
+    found = evaluation.result
     left.plot(found.times, [one.largest for one in found.clusters], "o-", ms=4, mfc="none", color=TRANSLATION)
     left.set(xlabel=label(trajectory, "time $t$", "time"), ylabel="share of disks in the largest cluster")
     from_zero(left)
@@ -227,17 +227,17 @@ def _sizes(right: Axes, trajectory: Trajectory | None, found: analysis.Clusters)
     grid(right)
 
 
-def psi6(left: Axes, right: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> None:
+def psi6(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
     """|psi_6| of the disks of the last frame used, in place, and its distribution."""
-    found = outcome.result
+    found = evaluation.result
     value, whole = np.abs(found.psi6), found.whole
     assert trajectory is not None
-    frame = trajectory[int(np.argmin(np.abs(trajectory.times - outcome.times[1])))]
+    frame = trajectory[int(np.argmin(np.abs(trajectory.times - evaluation.times[1])))]
     place_axes(left, trajectory, plot_disks.shown_region(trajectory, frame.position))
     # Some 4 points of the picture a disk where there are few, and a dot where there are many.
     size = float(np.clip(4e4 / len(frame.position), 0.2, 40.0))
-    look: dict[str, Any] = {"c": value, "s": size, "lw": 0.0, "cmap": "cividis", "vmin": 0.0, "vmax": 1.0}
-    color_bar(left, left.scatter(*frame.position.T, rasterized=True, **look), r"$|\psi_6|$")
+    style: dict[str, Any] = {"c": value, "s": size, "lw": 0.0, "cmap": "cividis", "vmin": 0.0, "vmax": 1.0}
+    color_bar(left, left.scatter(*frame.position.T, rasterized=True, **style), r"$|\psi_6|$")
     left.set_title(f"$t$ = {with_unit(trajectory, f'{frame.time:.4g}', 'time')}", fontsize="medium")
     _order(right, value, whole)
 
@@ -257,10 +257,10 @@ def _with_error(value: float, error: float) -> str:
     return f"({value:.3g} $\\pm$ {error:.1g})" if np.isfinite(error) else f"{value:.3g}"
 
 
-def cooling(left: Axes, right: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> None:
+def cooling(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
     """T against time with Haff's law, and theta against collisions per disk with its exponential."""
-    haff, ratio = outcome.result
-    table = outcome.tables[""]
+    haff, ratio = evaluation.result
+    table = evaluation.tables[""]
     t, T, tau, theta = (table[name] for name in ("time", "temperature", "collisions_per_disk", "theta"))
     left.plot(1.0 + (t - t[0]) / haff.t_H, T, "o", ms=4, mfc="none", color=TRANSLATION, label="disks")
     _haff(left, trajectory, haff, t[-1])
@@ -321,9 +321,9 @@ def _pressure(axes: Axes, found: analysis.Pressure) -> None:
     grid(axes)
 
 
-def impact(left: Axes, right: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> None:
+def impact(left: Axes, right: Axes, trajectory: Trajectory | None, evaluation: Evaluation) -> None:
     """The density of the impact angle, that of molecular chaos, and shares of the regimes."""
-    found = outcome.result
+    found = evaluation.result
     text = f"{found.collisions} collisions"
     left.errorbar(np.degrees(found.psi), found.density, found.density_error, ms=4, label=text, **POINTS)
     fine = np.linspace(0.0, 90.0, 200)

@@ -335,21 +335,21 @@ def draw_walls(
         for side in sides:
             axes.spines[side].set_linewidth(0.8 if periodic or gas.box.is_open else 2.5)
     for wall in gas.walls if walls is None else walls:
-        if wall.stands(time, collisions):
+        if wall.is_present(time, collisions):
             _wall(axes, wall, gas.box.lengths, time)
 
 
 def _wall(axes: Axes, wall: Wall, lengths: tuple[float, float], time: float) -> None:
     from matplotlib.patches import Circle
 
-    center = wall.carried(np.array([wall.place]), time)[0]
+    center = wall.transform(np.array([wall.place]), time)[0]
     colour = foreground(axes) if wall.temperature is None else HOT
     if not wall.geometry.is_circle:
-        ends = wall.carried(wall.geometry.path(lengths), time)
+        ends = wall.transform(wall.geometry.path(lengths), time)
         # Above the frame: half of a line at a side of the box shows.
         width = 2.5 if wall.temperature is None else 6.0
-        look: dict[str, Any] = {"color": colour, "lw": width, "solid_capstyle": "round", "zorder": 3}
-        axes.plot(*ends.T, scalex=False, scaley=False, **look)
+        style: dict[str, Any] = {"color": colour, "lw": width, "solid_capstyle": "round", "zorder": 3}
+        axes.plot(*ends.T, scalex=False, scaley=False, **style)
         return
     filled = wall.geometry.side < 0.0
     axes.add_patch(Circle((center[0], center[1]), wall.radius, fill=filled, fc=POST, ec=colour, lw=2.0))

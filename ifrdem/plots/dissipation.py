@@ -53,7 +53,7 @@ def of(trajectory: Trajectory, frames: Sequence[int] | None = None) -> Dissipati
     cell = np.sqrt(np.prod(lengths) * PER_CELL / max(trajectory.n * (len(used) - 1), 1))
     cells = np.clip(np.rint(lengths / cell), 1, MOST_CELLS).astype(int)
     before = trajectory[used[0]]
-    begun, lost, total = before.time, before["dissipated"], np.zeros(cells)
+    start_time, lost, total = before.time, before["dissipated"], np.zeros(cells)
     first = lost
     for index in used[1:]:
         frame = trajectory[index]
@@ -63,12 +63,12 @@ def of(trajectory: Trajectory, frames: Sequence[int] | None = None) -> Dissipati
         total += np.histogram2d(x, y, bins=cells.tolist(), range=region.tolist(), weights=weights)[0]
         lost = now
     end = trajectory[used[-1]].time
-    if not end > begun:
+    if not end > start_time:
         raise InputError(
             f"{trajectory.path}: all frames are at one time, t = {end:g}: must be at two times or more"
         )
-    power = total * float(cells.prod() / np.prod(lengths)) / (end - begun)
-    return DissipationMap(region, power, (lost - first).sum(axis=0), (begun, end))
+    power = total * float(cells.prod() / np.prod(lengths)) / (end - start_time)
+    return DissipationMap(region, power, (lost - first).sum(axis=0), (start_time, end))
 
 
 def draw(left: Axes, right: Axes, trajectory: Trajectory, frames: Sequence[int] | None = None) -> None:

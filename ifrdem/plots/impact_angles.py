@@ -48,8 +48,8 @@ def impact_scan(run: Run, path_png: PicturePath = None) -> Figure:
         (stuck, TRANSLATION, "o", "simulated, sticking"),
         (~stuck, ROTATION, "s", "simulated, sliding"),
     ):
-        look = OPEN | {"marker": marker, "ms": 4, "color": colour, "label": label, "zorder": 2}
-        upper.plot(tan_psi[chosen], tan_delta[chosen], **look)
+        style = OPEN | {"marker": marker, "ms": 4, "color": colour, "label": label, "zorder": 2}
+        upper.plot(tan_psi[chosen], tan_delta[chosen], **style)
     changes = np.flatnonzero(sticking[1:] != sticking[:-1])
     for at in (_change(law, disks, fine[i], fine[i + 1]) for i in changes):
         name_of = rf"sticking and sliding meet, $\tan\psi$ = {at:.4g}"

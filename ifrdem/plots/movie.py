@@ -88,16 +88,16 @@ class Scene:
         self._canvas = FigureCanvasAgg(figure)
         self._axes = axes = figure.add_subplot()
         place_axes(axes, self._trajectory, self._region)
-        self._look: dict[str, Any] = {"norm": Normalize(self._low, self._high)}
+        self._style: dict[str, Any] = {"norm": Normalize(self._low, self._high)}
         if self._is_map:
-            self._look["cmap"] = colormaps[plot_disks.DENSITIES]
-            color_bar(axes, ScalarMappable(**self._look), "area fraction", "max")
+            self._style["cmap"] = colormaps[plot_disks.DENSITIES]
+            color_bar(axes, ScalarMappable(**self._style), "area fraction", "max")
         elif self._colour is not None:
             scale, view = self._colour.scale, plot_disks.View.of(self._trajectory[0])
             kinds = round(self._high + 0.5)
-            self._look["cmap"] = plot_disks.colour_map(scale, dark=is_dark(axes), kinds=kinds)
+            self._style["cmap"] = plot_disks.colour_map(scale, dark=is_dark(axes), kinds=kinds)
             label, names = self._colour.label(view), self._colour.names(view)
-            color_bar(axes, ScalarMappable(**self._look), label, plot_disks.extend(scale), names)
+            color_bar(axes, ScalarMappable(**self._style), label, plot_disks.extend(scale), names)
         points = float(axes.title.get_fontsize())
         above = rcParams["axes.titlepad"]
         # Two lines, which may be wider than the axes: the layout leaves room above, and does not know of them.
@@ -107,10 +107,10 @@ class Scene:
                 w_pad=MARGIN, h_pad=MARGIN, rect=(0.0, 0.0, 1.0, 1.0 - self._head * DPI / size[1])
             )
         )
-        look: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points", "ha": "center"}
+        style: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points", "ha": "center"}
         texts = (("$t$ = 0", above), (run.gas(self._trajectory), above + 1.5 * points))
         self._title, name = (
-            axes.annotate(text, (0.5, 1.0), (0.0, up), fontsize=points, **look) for text, up in texts
+            axes.annotate(text, (0.5, 1.0), (0.0, up), fontsize=points, **style) for text, up in texts
         )
         for each in (self._title, name):
             each.set_in_layout(False)
@@ -176,7 +176,7 @@ class Scene:
         """Draw the area fraction; returns what the title says of it."""
         covered = self._covered(index)
         extent = (*self._region[0], *self._region[1])
-        self._axes.imshow(covered.T, origin="lower", extent=extent, interpolation="nearest", **self._look)
+        self._axes.imshow(covered.T, origin="lower", extent=extent, interpolation="nearest", **self._style)
         cells = self._trajectory.with_unit(f"{plot_disks.cell_side(covered, self._region):.3g}", "length")
         return f", cells of {cells}"
 
@@ -188,7 +188,7 @@ class Scene:
         if self._colour is None:
             drawn.set_facecolor(plot_disks.PLAIN)
         else:
-            drawn.set(array=self._values(index)[owner], **self._look)
+            drawn.set(array=self._values(index)[owner], **self._style)
         if self._angle is not None and radius.max(initial=0.0) > LEAST_MARKED * pixel:
             angle = frame[self._angle][owner, None]
             along = np.stack([np.cos(angle), np.sin(angle)], axis=-1)

@@ -26,9 +26,9 @@ THUMBNAIL = (2.6, 2.6)
 """Width and height [inches]."""
 
 
-def disks(thing: Frame | Simulation, axes: Any, color: str) -> Axes:
+def disks(source: Frame | Simulation, axes: Any, color: str) -> Axes:
     """Draw disks at one time; see `DisksRepr.plot`."""
-    view = plot_disks.View.of(thing)
+    view = plot_disks.View.of(source)
     if axes is None:
         axes = _new(plot_disks.figure_size(view, view.moving.position)).subplots()
     (one,) = pictures.checked_axes("a picture of disks", axes, 1, 1)
@@ -36,12 +36,12 @@ def disks(thing: Frame | Simulation, axes: Any, color: str) -> Axes:
     return one
 
 
-def trajectory(thing: Trajectory, what: str, axes: Any, **options: Any) -> Any:
+def trajectory(source: Trajectory, what: str, axes: Any, **options: Any) -> Any:
     """Draw a picture of a trajectory; see `Trajectory.plot`."""
     if axes is not None:
-        pictures.panels(thing, what, axes, **options)
+        pictures.panels(source, what, axes, **options)
         return axes
-    made = pictures.figure(thing, what, make=_new, **options)
+    made = pictures.figure(source, what, make=_new, **options)
     return _one_or_all(np.array(made.axes))
 
 
@@ -70,64 +70,64 @@ def _new(size: tuple[float, float]) -> Figure:
 
 
 @singledispatch
-def html(thing: Any) -> str:
+def html(source: Any) -> str:
     """A small table and a thumbnail of an object, for a notebook."""
-    raise TypeError(type(thing))
+    raise TypeError(type(source))
 
 
 @html.register
-def _(thing: Simulation) -> str:
-    now, n = thing.measure(), thing.disks.n
+def _(source: Simulation) -> str:
+    now, n = source.measure(), source.disks.n
     rows = {
-        "disks": n, "box": _box(thing.box), "time": f"{thing.time:.6g}",
-        "collisions": f"{thing.collisions} ({2.0 * thing.collisions / max(n, 1):.4g} per disk)",
+        "disks": n, "box": _box(source.box), "time": f"{source.time:.6g}",
+        "collisions": f"{source.collisions} ({2.0 * source.collisions / max(n, 1):.4g} per disk)",
         "T": f"{now.temperature:.5g}", "T_rot": f"{now.rotational_temperature:.5g}",
     }  # fmt: skip
-    return page("Simulation", rows, _thumbnail(plot_disks.View.of(thing)))
+    return page("Simulation", rows, _thumbnail(plot_disks.View.of(source)))
 
 
 @html.register
-def _(thing: Frame) -> str:
-    whole = thing.trajectory
+def _(source: Frame) -> str:
+    whole = source.trajectory
     rows = {
-        "of": whole.path, "time": whole.with_unit(f"{thing.time:.6g}", "time"), "disks": whole.disks.n,
+        "of": whole.path, "time": whole.with_unit(f"{source.time:.6g}", "time"), "disks": whole.disks.n,
         "box": _box(whole.box), "fields": ", ".join(whole.fields),
     }  # fmt: skip
-    picture = _thumbnail(plot_disks.View.of(thing)) if whole.file and "position" in whole.fields else None
-    return page(f"Frame {thing.index} of {len(whole)}", rows, picture)
+    picture = _thumbnail(plot_disks.View.of(source)) if whole.file and "position" in whole.fields else None
+    return page(f"Frame {source.index} of {len(whole)}", rows, picture)
 
 
 @html.register
-def _(thing: Trajectory) -> str:
+def _(source: Trajectory) -> str:
     rows: dict[str, Any] = {
-        "file": thing.path,
-        "disks": thing.disks.n,
-        "box": _box(thing.box),
-        "frames": len(thing),
+        "file": source.path,
+        "disks": source.disks.n,
+        "box": _box(source.box),
+        "frames": len(source),
     }
-    if len(thing):
-        span = f"{thing.times[0]:.6g} to {thing.times[-1]:.6g}"
-        rows |= {"time": thing.with_unit(span, "time"), "fields": ", ".join(thing.fields)}
-    rows["observables"] = ", ".join(thing.observables)
-    there = thing.file and len(thing) and "position" in thing.fields
-    return page("Trajectory", rows, _thumbnail(plot_disks.View.of(thing[-1])) if there else None)
+    if len(source):
+        span = f"{source.times[0]:.6g} to {source.times[-1]:.6g}"
+        rows |= {"time": source.with_unit(span, "time"), "fields": ", ".join(source.fields)}
+    rows["observables"] = ", ".join(source.observables)
+    there = source.file and len(source) and "position" in source.fields
+    return page("Trajectory", rows, _thumbnail(plot_disks.View.of(source[-1])) if there else None)
 
 
 @html.register
-def _(thing: State) -> str:
-    if not thing.n:
+def _(source: State) -> str:
+    if not source.n:
         return page("State", {"disks": 0})
-    rms = [np.sqrt(np.mean(np.sum(one**2, axis=-1))) for one in (thing.velocity, thing.spin[:, None])]
+    rms = [np.sqrt(np.mean(np.sum(one**2, axis=-1))) for one in (source.velocity, source.spin[:, None])]
     rows = {
-        "disks": thing.n, "time": f"{thing.time:.6g}", "root mean square velocity": f"{rms[0]:.5g}",
+        "disks": source.n, "time": f"{source.time:.6g}", "root mean square velocity": f"{rms[0]:.5g}",
         "root mean square spin": f"{rms[1]:.5g}",
     }  # fmt: skip
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=THUMBNAIL, layout="constrained")
     axes = figure.subplots()
-    x, y = thing.position.T
-    axes.scatter(x, y, s=min(4e3 / thing.n, 30.0), lw=0.0, rasterized=True)  # radii are not in a state
+    x, y = source.position.T
+    axes.scatter(x, y, s=min(4e3 / source.n, 30.0), lw=0.0, rasterized=True)  # radii are not in a state
     axes.set_aspect("equal")
     axes.tick_params(labelsize="x-small")
     return page("State", rows, figure)

@@ -77,15 +77,15 @@ def figure(
         size = figure_size(trajectory, trajectory[frames[-1] if frames else -1].position)
     drawn: Figure = make(size) if make is not None else Figure(size, dpi=200, layout="constrained")
     axes = drawn.subplots(squeeze=False, **layout).ravel()
-    outcome = _draw(axes, trajectory, what, frames, over, color)
+    evaluation = _draw(axes, trajectory, what, frames, over, color)
     head = title(trajectory)
     if size[0] < 7.0:
         head = ",\n".join(head.rsplit(", ", 1))
-    if outcome is not None:
-        head += f"\n{span_text(trajectory, outcome)}"
+    if evaluation is not None:
+        head += f"\n{span_text(trajectory, evaluation)}"
         width = 150 if wide else 95
         marks = (
-            textwrap.fill(f"! {warning}", width, subsequent_indent="   ") for warning in outcome.warnings
+            textwrap.fill(f"! {warning}", width, subsequent_indent="   ") for warning in evaluation.warnings
         )
         if text := "\n".join(marks):
             drawn.supxlabel(text.replace("$", r"\$"), x=0.01, ha="left", fontsize="small", color=ROTATION)
@@ -176,7 +176,7 @@ def _draw(
         from ..analysis.catalogue import ANALYSES
         from .analyses import PANELS
 
-        outcome = ANALYSES[what].of(trajectory, frames)
-        PANELS[what].draw(*axes, trajectory, outcome)
-        return outcome
+        evaluation = ANALYSES[what].of(trajectory, frames)
+        PANELS[what].draw(*axes, trajectory, evaluation)
+        return evaluation
     return None

@@ -139,9 +139,9 @@ def draw(figure: Any, cell: Any, trajectory: Trajectory, profile: Strips) -> Non
     grid(*panels)
 
 
-def _line(axes: Axes, profile: Strips, values: Array, **look: Any) -> None:
+def _line(axes: Axes, profile: Strips, values: Array, **line_style: Any) -> None:
     middle = profile.middle
-    axes.plot(*((values, middle) if profile.axis == 1 else (middle, values)), **look)
+    axes.plot(*((values, middle) if profile.axis == 1 else (middle, values)), **line_style)
 
 
 def _value_axis(axes: Axes, profile: Strips, text: str, *, from_zero: bool = True) -> None:
@@ -182,8 +182,8 @@ def _temperatures(axes: Axes, trajectory: Trajectory, profile: Strips) -> None:
 
 def _velocities(axes: Axes, trajectory: Trajectory, profile: Strips) -> None:
     for i, colour, style in ((0, TRANSLATION, "o-"), (1, ACROSS, "s--")):
-        look = {"color": colour, "marker": style[0], "ls": style[1:], "ms": 3, "lw": 1.2}
-        _line(axes, profile, profile.velocity[:, i], label=rf"$u_{'xy'[i]}$", **look)
+        line_style = {"color": colour, "marker": style[0], "ls": style[1:], "ms": 3, "lw": 1.2}
+        _line(axes, profile, profile.velocity[:, i], label=rf"$u_{'xy'[i]}$", **line_style)
     _value_axis(axes, profile, label(trajectory, "mean velocity", "length/time"), from_zero=False)
     axes.legend(loc="best", frameon=False, fontsize="small")
 

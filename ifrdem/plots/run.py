@@ -158,11 +158,10 @@ def gas(trajectory: Trajectory) -> str:
     if trajectory.missing:
         where = f"{len(trajectory.missing)} of its {len(trajectory.parts or ())} parts missing"
     elif not trajectory.box.is_open:
-        where = f"packing fraction {trajectory.free_area.packing_fraction(trajectory.disks.radius):.3g}"
+        free_area = trajectory.free_area
+        where = f"packing fraction{free_area.name} {free_area.packing_fraction(trajectory.disks.radius):.3g}"
     if (part := trajectory.part) is not None:  # whose disks are no gas of their own
         where = f"part {part.number} of a trajectory (disks {part.first} to {part.first + n - 1})"
-    if trajectory.free_area.all_walls:
-        where = where.replace("packing fraction", "packing fraction between walls")
     return f"{name}: {n} disks, {where}"
 
 

@@ -10,15 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..analysis import result
-from ..errors import InputError
+from ..errors import InputError, TheoryWarning
 from ..model.ifr import EnergyWarning
 from ..model.law import CollisionLaw
 from ..model.state import Disks
 from ..theory import driven_gas, sheared_gas
 from ..theory.choose import prediction
-from ..theory.driven_gas import Drive
+from ..theory.driven_gas import Driving
 from ..theory.mixtures import Mixture
-from ..theory.sheared_gas import TheoryWarning
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .series import along, axis_label
@@ -106,7 +105,7 @@ def _gas(trajectory: Trajectory) -> _Gas | str:
         return "a part is missing: no kinetic theory here"
     disks = trajectory.disks
     kinds = len(np.unique(np.stack([disks.mass, disks.radius, disks.k, disks.material]), axis=1).T)
-    for wrong, text in (
+    for invalid, text in (
         (trajectory.free_area.all_walls, "walls"),
         (trajectory.parameters.get("collapse", "none") != "none", "elastic exceptions against collapse"),
         (trajectory.box.is_open, "open box"),
@@ -114,7 +113,7 @@ def _gas(trajectory: Trajectory) -> _Gas | str:
         ("laws" not in trajectory.parameters, "no law in the file"),
         (kinds > MOST_KINDS, f"more than {MOST_KINDS} kinds of disks"),
     ):
-        if wrong:
+        if invalid:
             return f"{text}: no kinetic theory here"
     phi = trajectory.box.packing_fraction(disks.radius)
     with warnings.catch_warnings(action="ignore", category=EnergyWarning):
@@ -141,7 +140,7 @@ def _gas(trajectory: Trajectory) -> _Gas | str:
 
 def _forces(given: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """The forces of a case, as far as the theory supports them."""
-    Drive.of(given, 1.0, 1.0)
+    Driving.of(given, 1.0, 1.0)
     return given
 
 
@@ -169,11 +168,11 @@ def theory(trajectory: Trajectory, over: str = "t") -> tuple[Curves | None, tupl
         )
     elif gas.forces:
         masses = zip(gas.disks.mass.tolist(), gas.disks.inertia.tolist(), strict=True)
-        drives = [Drive.of(gas.forces, mass, inertia) for mass, inertia in set(masses)]
-        known = [drive for drive in drives if drive is not None]
+        drives = [Driving.of(gas.forces, mass, inertia) for mass, inertia in set(masses)]
+        known = [driving for driving in drives if driving is not None]
         if len(known) < len(drives):
             return None, None, "a force that is not linear: no kinetic theory here"
-        moves |= any(drive.power for drive in known)
+        moves |= any(driving.power for driving in known)
         steady = driven_gas.steady_state(*gas.one_kind, known[0]) if gas.kinds == 1 and moves else None
     if not moves or times[-1] <= times[0]:
         return None, steady if rate else None, nothing

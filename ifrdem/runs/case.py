@@ -124,7 +124,7 @@ class Case(Sections):
         force: bool = False,
         max_hours: Positive | None = None,
         picture: bool = True,
-        say: Callable[[str], None] = lambda _text: None,
+        log: Callable[[str], None] = lambda _text: None,
         warn: Callable[[str], None] = _warn,
     ) -> Trajectory:
         """Run the case to its end, and write its files, as `ifrdem run` does.
@@ -139,7 +139,7 @@ class Case(Sections):
             Stop after so many hours, with a checkpoint from which `ifrdem resume` continues.
         picture : bool
             False: draw no picture, whatever the case says.
-        say, warn : callable
+        log, warn : callable
             Get the lines on the run, and the warnings; by default warnings are `RunWarning`.
 
         Returns
@@ -158,7 +158,7 @@ class Case(Sections):
         """
         file = self.file()
         outputs = Outputs.plan(file.case, None if output is None else os.fspath(output), picture=picture)
-        run_file(file, outputs, force=force, max_hours=max_hours, say=say, warn=warn)
+        run_file(file, outputs, force=force, max_hours=max_hours, log=log, warn=warn)
         return Trajectory(outputs.trajectory)
 
     def to_toml(self) -> str:
@@ -241,7 +241,7 @@ def run(
     force: bool = False,
     max_hours: Positive | None = None,
     picture: bool = True,
-    say: Callable[[str], None] = lambda _text: None,
+    log: Callable[[str], None] = lambda _text: None,
     warn: Callable[[str], None] = _warn,
 ) -> Trajectory:
     """Run a case file, a shipped case, or a `Case`, and write its files, as `ifrdem run` does.
@@ -252,7 +252,7 @@ def run(
         A case file (TOML), the name of a shipped case, or a `Case`.
     set : mapping or sequence of str
         Keys to change, {"run.seed": 3, "species[0].number": 100} or ["run.seed=3"]. None removes a key.
-    output, force, max_hours, picture, say, warn
+    output, force, max_hours, picture, log, warn
         As for `Case.run_to`.
 
     Returns
@@ -283,4 +283,4 @@ def run(
             )
     else:
         found = Case.read(case, set=changes)
-    return found.run_to(output, force=force, max_hours=max_hours, picture=picture, say=say, warn=warn)
+    return found.run_to(output, force=force, max_hours=max_hours, picture=picture, log=log, warn=warn)

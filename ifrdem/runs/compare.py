@@ -23,7 +23,7 @@ from ..fit.figure import save
 from ..fit.tabular import TableFormat
 from ..initial import from_trajectory
 from ..model.box import Box
-from ..model.ifr import EnergyWarning, IFRLaw
+from ..model.ifr import COEFFICIENTS, REQUIRED_COEFFICIENTS, EnergyWarning, IFRLaw
 from ..model.overlaps import relax
 from ..model.state import State
 from ..simulation.simulation import Simulation
@@ -44,7 +44,7 @@ LEAST_MEMBERS = 4
 MOST_NAMED = 500
 """Measured positions that a figure labels at most; more labels would cover each other."""
 
-_COEFFICIENTS = ("e_n", "e_t", "mu", "rho")
+_NUMBERS = tuple(name for name in COEFFICIENTS if name != "sticking")
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,19 +72,19 @@ def read(path: Path | str, errors: Mapping[str, float], form: TableFormat) -> Me
         raise InputError(f"{source}: missing column {', '.join(missing)}; there are {have}")
     keep = np.all([~np.isnan(columns[name]) for name in ("id", "x", "y")], axis=0)
     ids = columns["id"]
-    wrong = [
+    problems = [
         f"line {table.line[i]}: id = {ids[i]:g}: must be an integer of 0 or more"
         for i in np.flatnonzero(keep & ((ids != np.round(ids)) | (ids < 0)))
     ]
     if not keep.any():
-        wrong.append("no line has id, x and y")
+        problems.append("no line has id, x and y")
     error = [columns.get(f"{name}_error", np.full(n, errors.get("positions", 0.0))) for name in ("x", "y")]
     for name, each in zip("xy", error, strict=True):
-        wrong += [
+        problems += [
             f"line {table.line[i]}: error of {name} = {each[i]:g}: must be a number of 0 or more"
             for i in np.flatnonzero(keep & ~(each >= 0.0))
         ]
-    refuse(wrong, source)
+    refuse(problems, source)
     blank = np.full(n, math.nan)
     angle = np.radians(columns.get("angle", blank))
     angle_error = np.radians(columns.get("angle_error", np.full(n, errors.get("angles", 0.0))))
@@ -302,21 +302,23 @@ def compare(
             angles = np.stack([np.asarray(frame.angle) for frame in trajectory])
         text, overrides = (str(trajectory.parameters.get(key, "")) for key in ("case", "overrides"))
         first = trajectory[0]
-        begun = from_trajectory.of_frame(first)
-        asked = np.minimum(measured.time, times[-1])
-        box, between = trajectory.box, not np.isin(asked, times).all()
-        ways = paths  # without jumps, where a place between two frames is asked for
+        start_state = from_trajectory.of_frame(first)
+        times_measured = np.minimum(measured.time, times[-1])
+        box, between = trajectory.box, not np.isin(times_measured, times).all()
+        unwrapped = paths  # without jumps, where a place between two frames is asked for
         if between and any(box.periodic):
-            ways = np.concatenate([*catalogue.unwrapped(trajectory, range(len(times)))], axis=1)
+            unwrapped = np.concatenate([*catalogue.unwrapped(trajectory, range(len(times)))], axis=1)
     if 0 < members < LEAST_MEMBERS:
         raise InputError(f"members = {members}: must be 0, or {LEAST_MEMBERS} runs and more for a spread")
-    wrong = [f"disk {one}: the run has disks 0 to {n - 1}" for one in np.unique(measured.id) if one >= n]
+    problems = [f"disk {one}: the run has disks 0 to {n - 1}" for one in np.unique(measured.id) if one >= n]
     before_end = measured.time <= times[-1] * (1.0 + 1e-9)
     late = np.unique(measured.time[np.isfinite(measured.time) & ~(before_end & (measured.time >= times[0]))])
-    wrong += [f"t = {t:g}: the run lasts from {times[0]:g} to {times[-1]:g}" for t in late]
-    refuse(wrong, run, most=20)
-    position = _nearest(box, measured.position, _between_frames(times, ways, measured.id, asked), asked)
-    angle = _between_frames(times, angles, measured.id, asked)
+    problems += [f"t = {t:g}: the run lasts from {times[0]:g} to {times[-1]:g}" for t in late]
+    refuse(problems, run, most=20)
+    position = _nearest(
+        box, measured.position, _between_frames(times, unwrapped, measured.id, times_measured), times_measured
+    )
+    angle = _between_frames(times, angles, measured.id, times_measured)
     found: list[Array] = []
     if members:
         if case is not None:
@@ -326,7 +328,7 @@ def compare(
         if gas.n != n:
             raise InputError(f"{case}: has {gas.n} disks, and the run {n}: it is another case")
         errors_given = {} if gas.given is None else gas.given.errors
-        gas = replace(gas, given=replace(begun, errors=errors_given))
+        gas = replace(gas, given=replace(start_state, errors=errors_given))
         start = gas.start()
         rng = np.random.default_rng(seed)
         sequence = range(members)
@@ -334,8 +336,8 @@ def compare(
         for k in each:
             law = laws[k % len(laws)] if laws else None
             state = _drawn(gas, start, errors, rng)
-            positions = _positions(_simulation(gas, law, state), measured.id, asked)
-            found.append(_nearest(box, measured.position, positions, asked))
+            positions = _positions(_simulation(gas, law, state), measured.id, times_measured)
+            found.append(_nearest(box, measured.position, positions, times_measured))
     all_members = np.array(found).reshape(-1, len(measured.id), 2)
     spread = all_members.std(axis=0, ddof=1) if len(found) > 1 else np.full_like(position, math.nan)
     unit = f" {units['length']}" if "length" in units and units["length"] != "reduced" else ""
@@ -348,13 +350,13 @@ def _nearest(box: Box, measured: Array, position: Array, time: Array) -> Array:
     return position + (away - box.minimum_image(away, time))
 
 
-def _between_frames(times: Array, values: Array, ids: NDArray[np.int64], asked: Array) -> Array:
+def _between_frames(times: Array, values: Array, ids: NDArray[np.int64], times_measured: Array) -> Array:
     """Values (F, n, ...) of disks at times that are not before the first, linear between the frames; shape (m, ...)."""
-    before = np.clip(np.searchsorted(times, asked, side="right") - 1, 0, max(len(times) - 2, 0))
+    before = np.clip(np.searchsorted(times, times_measured, side="right") - 1, 0, max(len(times) - 2, 0))
     after = np.minimum(before + 1, len(times) - 1)
-    start, last = values[before, ids], asked >= times[-1]
+    start, last = values[before, ids], times_measured >= times[-1]
     step = np.where(last, 1.0, times[after] - times[before])
-    ratio = (asked - times[before]).reshape(-1, *[1] * (values.ndim - 2))
+    ratio = (times_measured - times[before]).reshape(-1, *[1] * (values.ndim - 2))
     slope = (values[after, ids] - start) / step.reshape(ratio.shape)
     found = np.asarray(slope * ratio + start)
     found[last] = values[-1, ids[last]]
@@ -393,7 +395,7 @@ def _case_of(text: str, overrides: str) -> CaseSections:
 def _simulation(gas: CaseGas, law: Mapping[str, float] | None, state: State) -> Simulation:
     """The simulation of a state, with the coefficients `law` in place of those of every pair of materials."""
     if law is not None:
-        numbers: dict[str, Any] = {name: float(law[name]) for name in _COEFFICIENTS if name in law}
+        numbers: dict[str, Any] = {name: float(law[name]) for name in _NUMBERS if name in law}
         for each in gas.verdicts:
             if not isinstance(each.law, IFRLaw):
                 raise InputError(
@@ -426,9 +428,9 @@ def read_draws(path: Path | str) -> list[dict[str, float]]:
 
     Raises InputError if a column is unknown, a coefficient missing, or a value no number.
     """
-    kinds = dict.fromkeys(_COEFFICIENTS, "number")
+    kinds = dict.fromkeys(_NUMBERS, "number")
     table = tabular.read(path, kinds, {tabular.plain(name): name for name in kinds}, TableFormat())
-    missing = [name for name in _COEFFICIENTS[:3] if name not in table.columns]
+    missing = [name for name in REQUIRED_COEFFICIENTS if name not in table.columns]
     if missing:
         raise InputError(f"{path}: missing column {', '.join(missing)}; there are {', '.join(table.columns)}")
     return [

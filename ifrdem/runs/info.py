@@ -40,8 +40,8 @@ def _gas(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     yield "size on disk", size(trajectory.path.stat().st_size)
     if (parts := trajectory.parts) is not None:
         for number in range(len(parts)):
-            own, there = parts.disks(number), parts.path_of(trajectory.path, number)
-            stored = "MISSING" if number in trajectory.missing else size(there.stat().st_size)
+            own, part_path = parts.disks(number), parts.path_of(trajectory.path, number)
+            stored = "MISSING" if number in trajectory.missing else size(part_path.stat().st_size)
             held = f"disks {own.start} to {own.stop - 1}, {stored}"
             yield "" if number else f"{counted(len(parts), 'part')}", f"{parts.name(number)}: {held}"
     span = f", time {times[0]:.6g} to {times[-1]:.6g}{time}" if len(times) else ""
@@ -71,7 +71,9 @@ def _gas(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
         shapes = Counter(wall.shape for wall in trajectory.walls)
         yield "walls", ", ".join(f"{count} {shape}" for shape, count in shapes.items())
     if not box.is_open and part is None and not trajectory.missing:
-        yield "packing fraction", f"{trajectory.free_area.packing_fraction(trajectory.disks.radius):.4f}"
+        free_area = trajectory.free_area
+        phi = free_area.packing_fraction(trajectory.disks.radius)
+        yield "packing fraction", f"{phi:.4f}{free_area.name}"
 
 
 def _describe_fields(trajectory: Trajectory) -> list[str]:

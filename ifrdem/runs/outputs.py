@@ -64,10 +64,10 @@ class Outputs:
         check_files([*self._paths, *views], force=force)
         check_views(self.views)
         parts.check_unused(self.trajectory)
-        if (there := parts.existing(self.trajectory)) and not force:
+        if (old_parts := parts.existing(self.trajectory)) and not force:
             replaces = option_name("--force replaces it, -o", "force=True replaces it, another output")
             raise InputError(
-                f"output {there[0].parent}: holds parts of a trajectory; {replaces} writes elsewhere"
+                f"output {old_parts[0].parent}: holds parts of a trajectory; {replaces} writes elsewhere"
             )
 
     def sizes(self) -> dict[Path, int]:

@@ -167,25 +167,25 @@ class Recorder:
 
     def frame(self, state: State | Shares, measure: Measure) -> None:
         """Write a frame, and the events until then, now or together with some others."""
-        began = time.thread_time()
+        started = time.thread_time()
         self._close_part(measure.time)
         self._frames.append((state, self.ledger.observables(measure)))
         self.ledger.latest = measure
         self.ledger.frames += 1
-        self._write_due(began)
+        self._write_due(started)
 
     def row(self, measure: Measure) -> None:
         """Write a row of the time series, likewise."""
-        began = time.thread_time()
+        started = time.thread_time()
         self._rows.append((measure.time, self.ledger.row(measure)))
-        self._write_due(began)
+        self._write_due(started)
 
-    def _write_due(self, began: float) -> None:
+    def _write_due(self, started: float) -> None:
         bytes_waiting = sum(BYTES_PER_DISK * state.n for state, _ in self._frames)
         full = len(self._rows) >= ROWS_AT_ONCE or bytes_waiting >= BYTES_AT_ONCE
         if full or self._clock() - self._wrote >= WAIT:
             self.write()
-        self.seconds += time.thread_time() - began
+        self.seconds += time.thread_time() - started
 
     def write(self) -> None:
         """Write the rows, events and frames that wait."""

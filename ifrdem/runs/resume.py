@@ -47,12 +47,12 @@ def find(source: str | os.PathLike[str]) -> Path:
     """
     path = Path(source)
     if path.is_dir():
-        there = list(path.glob(f"*{CHECKPOINT}"))
-        if not there:
+        checkpoints = list(path.glob(f"*{CHECKPOINT}"))
+        if not checkpoints:
             raise InputError(
                 f"{path}: no run can go on here: there is no *{CHECKPOINT}; a run that is done has none"
             )
-        return only(there, f"{path}: several runs can go on here")
+        return only(checkpoints, f"{path}: several runs can go on here")
     if path.name.endswith(CHECKPOINT):
         return path
     if not path.exists():
@@ -74,7 +74,7 @@ def resume(
     runtime: str | None = None,
     max_hours: float | None = None,
     picture: bool = True,
-    say: Callable[[str], None] = print,
+    log: Callable[[str], None] = print,
     warn: Callable[[str], None] = print,
     comm: Communicator = SERIAL,
 ) -> None:
@@ -93,13 +93,13 @@ def resume(
     """
     options: dict[str, Any] = {
         "ignore_case_changes": ignore_case_changes, "threads": threads, "runtime": runtime, "max_hours": max_hours,
-        "picture": picture, "say": say, "warn": warn,
+        "picture": picture, "log": log, "warn": warn,
     }  # fmt: skip
     gas = comm.root_result(lambda: None if comm.size == 1 else _gas_of(find(source), runtime))
-    if gas is not None and on_usable_ranks(gas, comm, say, lambda part: resume(source, **options, comm=part)):
+    if gas is not None and on_usable_ranks(gas, comm, log, lambda part: resume(source, **options, comm=part)):
         return
     cores, share = comm.share_of_cores(backend.cores()), comm.local_share
-    began = time.perf_counter()
+    started = time.perf_counter()
 
     def prepared() -> tuple[Any, ...]:
         path = find(source)
@@ -111,11 +111,11 @@ def resume(
             if not ignore_case_changes:
                 _refuse_changed(path, extra)
             case = _case_of(record, path, runtime)
-            _tell_other_runtime(record, path, say)
+            _log_other_runtime(record, path, log)
             trajectory = path.with_name(extra["trajectory"])
             if checkpoint_of(trajectory) != path:
                 raise InputError(f"{path} belongs to {extra['trajectory']}: rename it back")
-            begun = Path(extra["case_path"]), str(extra["case"]), tuple(map(str, extra["overrides"]))
+            original = Path(extra["case_path"]), str(extra["case"]), tuple(map(str, extra["overrides"]))
             ledger = Ledger.from_record(extra["ledger"])
             plan = RunPlan.from_record(extra["plan"], case.output.frame_cadence, case.output.series_cadence)
             names = ("frames", "series_rows", "events")
@@ -126,10 +126,10 @@ def resume(
         n = sum(each.number for each in case.species)
         summary.refuse_beyond_memory(n, case.run.device, share=share, ranks=comm.size)
         try:
-            gas = CaseGas.from_case(case, begun[0].parent, start=False)
+            gas = CaseGas.from_case(case, original[0].parent, start=False)
         except InputError as error:
-            raise InputError(f"{begun[0]}: {error}") from None
-        file = CaseFile(*begun, gas)
+            raise InputError(f"{original[0]}: {error}") from None
+        file = CaseFile(*original, gas)
         outputs = Outputs.plan(case, str(trajectory), picture=picture)
         disks = gas.kinds if parts.are_in(trajectory) else gas.disks  # parts look at theirs themselves
         writer = TrajectoryWriter.resume(trajectory, disks, gas.box, **stored(gas), **written)
@@ -164,13 +164,13 @@ def resume(
         stack.enter_context(queue)
         later = len(queue) - ledger.frames
         more = f"; {later} later frames of the file are computed again and compared" if later > 0 else ""
-        begun_at = f"t = {simulation.time:.6g}{case.unit('time')}, after {simulation.collisions} collisions"
+        moment = f"t = {simulation.time:.6g}{case.unit('time')}, after {simulation.collisions} collisions"
         frames = f"{ledger.frames} frames, on {how(case, cores, comm.size)}{more}"
-        say(f"{case.run.name}: {gas.n} disks go on at {begun_at} and {frames}")
+        log(f"{case.run.name}: {gas.n} disks go on at {moment} and {frames}")
         running = Run(file, outputs, simulation, plan, ledger, queue, pending)
         before = simulation.collisions
-        rate = run_root(running, began, max_hours=max_hours, say=say, warn=warn)
-    finish(running, began, before, rate, say)
+        rate = run_root(running, started, max_hours=max_hours, log=log, warn=warn)
+    finish(running, started, before, rate, log)
 
 
 def _with(case: CaseSections, **run: Any) -> CaseSections:
@@ -189,11 +189,11 @@ def _case_of(record: Mapping[str, Any], path: Path, name: str | None) -> CaseSec
     return _with(case, runtime=of_kernels.chosen())
 
 
-def _tell_other_runtime(record: Mapping[str, Any], path: Path, say: Callable[[str], None]) -> None:
+def _log_other_runtime(record: Mapping[str, Any], path: Path, log: Callable[[str], None]) -> None:
     """Say it if the run continues with another runtime, which gives the same bits."""
     written, here = map(of_kernels.of_versions, (record["versions"], package_versions()))
     if written != here:
-        say(f"{path} was written by {' '.join(written)}; {' '.join(here)} gives the same bits on a CPU")
+        log(f"{path} was written by {' '.join(written)}; {' '.join(here)} gives the same bits on a CPU")
 
 
 def _gas_of(path: Path, runtime: str | None) -> CaseGas:

@@ -66,7 +66,7 @@ def run(
     *,
     force: bool = False,
     max_hours: float | None = None,
-    say: Callable[[str], None] = print,
+    log: Callable[[str], None] = print,
     warn: Callable[[str], None] = print,
     comm: Communicator = SERIAL,
 ) -> None:
@@ -74,7 +74,7 @@ def run(
 
     Whatever can be refused is refused before a file is touched.
 
-    `force` replaces files that exist; after `max_hours` of real time it stops with a checkpoint; `say` and `warn` take
+    `force` replaces files that exist; after `max_hours` of real time it stops with a checkpoint; `log` and `warn` take
     the lines to show. `comm` are ranks of MPI that share the gas (`read_on_ranks`): all call this, and the root writes.
     It alone builds the start where that is not made in slices. Ranks that cannot share the gas
     (`CaseGas.usable_ranks`) wait.
@@ -84,13 +84,13 @@ def run(
     or one before it has begun; EngineError or TrajectoryError if the engine or the disk fails.
     """
     gas, case = file.gas, file.case
-    options: dict[str, Any] = {"force": force, "max_hours": max_hours, "say": say, "warn": warn}
-    if on_usable_ranks(gas, comm, say, lambda part: run(file, outputs, **options, comm=part)):
+    options: dict[str, Any] = {"force": force, "max_hours": max_hours, "log": log, "warn": warn}
+    if on_usable_ranks(gas, comm, log, lambda part: run(file, outputs, **options, comm=part)):
         return
     comm = gas.communicator(comm)
     in_slices = comm.any(gas.given is not None and len(gas.given.position) < gas.n)
     cores, share = comm.share_of_cores(backend.cores()), comm.local_share
-    began = time.perf_counter()
+    started = time.perf_counter()
     drawn = comm.is_distributed and gas.is_made_in_slices
 
     def prepared() -> State | None:
@@ -100,8 +100,8 @@ def run(
         refuse(check.refused_here(gas, estimate, folder, share=share, ranks=comm.size, sliced=drawn))
         check.refuse_cadences(gas, estimate)
         crushes = gas.wall_pinch_warnings()
-        say(check.summary(gas, estimate, how(case, cores, comm.size)))
-        for text in (*gas.warnings, *crushes, *gas.cautions):
+        log(check.summary(gas, estimate, how(case, cores, comm.size)))
+        for text in (*gas.warnings, *crushes, *gas.notices):
             warn(text)
         return None if drawn else gas.start(Stage("growth"))
 
@@ -150,8 +150,8 @@ def run(
             queue.begin_histories(tracked, start)
         running = Run(file, outputs, simulation, plan, Ledger(), queue)
         before = simulation.collisions
-        rate = run_root(running, began, max_hours=max_hours, say=say, warn=warn)
-    finish(running, began, before, rate, say)
+        rate = run_root(running, started, max_hours=max_hours, log=log, warn=warn)
+    finish(running, started, before, rate, log)
 
 
 def start_of_histories(comm: Communicator, n: int, ids: NDArray[np.int32], state: State) -> State | None:
@@ -174,13 +174,13 @@ def stored(gas: CaseGas) -> dict[str, Any]:
 
 
 def on_usable_ranks(
-    gas: CaseGas, comm: Communicator, say: Callable[[str], None], work: Callable[[Communicator], None]
+    gas: CaseGas, comm: Communicator, log: Callable[[str], None], work: Callable[[Communicator], None]
 ) -> bool:
     """Do work on the ranks that can share a gas, while the others wait; False, and nothing, if all can."""
-    count, why = comm.root_result(lambda: gas.usable_ranks(comm.size))
+    count, reason = comm.root_result(lambda: gas.usable_ranks(comm.size))
     if count == comm.size:
         return False
-    say(f"{idle_ranks(count, comm.size)}: {why}")
+    log(f"{idle_ranks(count, comm.size)}: {reason}")
     # Signals are the working ranks': they come to all.
     with contextlib.nullcontext() if comm.rank < count else Stops(warn=lambda _text: None):
         comm.run_on_first(count, work)
@@ -208,15 +208,15 @@ def device_of(case: CaseSections) -> str:
 
 def run_root(
     running: Run,
-    began: float,
+    started: float,
     *,
     max_hours: float | None,
-    say: Callable[[str], None],
+    log: Callable[[str], None],
     warn: Callable[[str], None],
 ) -> float:
     """Run to the end, writing all that the case wants; returns collisions per second of real time.
 
-    `max_hours` count from when the job `began` (`perf_counter`), with the making of its start.
+    `max_hours` count from when the job `started` (`perf_counter`), with the making of its start.
 
     Raises Stopped or KeyboardInterrupt or EngineError or TrajectoryError as `run`.
     """
@@ -232,7 +232,7 @@ def run_root(
         collisions_per_disk_end=run.collisions_per_disk, device=device_of(case),
     )  # fmt: skip
     stops = Stops(
-        max_hours=max_hours, every_minutes=case.output.checkpoint_minutes, elapsed=time.perf_counter() - began,
+        max_hours=max_hours, every_minutes=case.output.checkpoint_minutes, elapsed=time.perf_counter() - started,
         warn=warn,
     )  # fmt: skip
     n, unit = gas.n, UNITS[run.units]["time"] if run.units == "SI" else ""
@@ -273,7 +273,7 @@ def run_root(
         status.update(frames=len(running.writer), series_rows=running.writer.series_rows)
 
     worked = time.process_time()
-    say(f"compiling kernels: {check.COMPILING}")
+    log(f"compiling kernels: {check.COMPILING}")
     try:
         with stops, progress:
             with recorder:
@@ -415,26 +415,26 @@ def save(running: Run, recorder: Recorder) -> None:
         raise TrajectoryError(_remains(running, str(error))) from error
 
 
-def finish(running: Run, began: float, before: int, rate: float, say: Callable[[str], None]) -> None:
-    """Draw the picture, and say what the run did since it `began` (`perf_counter`), after so many collisions."""
-    ran = time.perf_counter() - began
+def finish(running: Run, started: float, before: int, rate: float, log: Callable[[str], None]) -> None:
+    """Draw the picture, and say what the run did since it `started` (`perf_counter`), after so many collisions."""
+    ran = time.perf_counter() - started
     last, statistics, n = running.simulation.measure(), running.simulation.statistics, running.file.gas.n
     if running.outputs.views:
         write_views(running.outputs.trajectory)
     if running.outputs.picture is not None:
         _draw(running.file.case)(running.outputs.trajectory, running.outputs.picture)
     overall = (last.collisions - before) / ran
-    first, done = running.ledger.first, f"done in {time.perf_counter() - began:.1f} s: "
+    first, done = running.ledger.first, f"done in {time.perf_counter() - started:.1f} s: "
     assert first is not None
     if before > first.collisions:
         done += f"{last.collisions - before} collisions since it was resumed, in all "
     collisions = last.collisions - first.collisions
     done += f"{collisions} collisions ({2.0 * collisions / n:.4g} per disk) to t = {last.time:.5g}"
-    say(
+    log(
         f"{done}{running.file.case.unit('time')}; {rate:.3g} collisions/s once compiled, {overall:.3g} in all"
     )
     for line in _balance(running, last):
-        say(f"  {line}")
+        log(f"  {line}")
     resting_speed = running.file.case.run.resting_speed
     if elastic := statistics.elastic:
         what = (
@@ -442,27 +442,27 @@ def finish(running: Run, began: float, before: int, rate: float, say: Callable[[
             if resting_speed is None
             else f"were slower than the resting speed, {resting_speed:g}: of contacts that last"
         )
-        say(f"  {elastic} collisions {what}")
+        log(f"  {elastic} collisions {what}")
     if resting_speed is not None:
-        say(f"  {running.simulation.asleep} of {n} disks sleep")
-        if unjudged := statistics.unjudged:
-            part = 100.0 * unjudged / statistics.windows
-            text = f"  in {unjudged} windows, {part:.2g} % of all, the forces in the heap were not found"
-            say(
+        log(f"  {running.simulation.asleep} of {n} disks sleep")
+        if unverified := statistics.unverified:
+            part = 100.0 * unverified / statistics.windows
+            text = f"  in {unverified} windows, {part:.2g} % of all, the forces in the heap were not found"
+            log(
                 f"{text}: which disks rest there is in doubt; if they are many, compare the heap with one of another "
                 "resting_speed"
             )
         if jammed := statistics.jammed:
-            say(
+            log(
                 f"  {jammed} times a disk jammed between others fell asleep at speed; if that is often beside its "
                 "collisions, look for a start that is too dense, or walls that close on disks"
             )
     rows, frames = running.writer.series_rows, len(running.writer)
-    say(
+    log(
         f"  output, {frames} frames and {rows} rows of series, took {100.0 * running.output_share:.2g} % of it"
     )
     for path, bytes_there in running.outputs.sizes().items():
-        say(f"  {path} ({check.size(bytes_there)})")
+        log(f"  {path} ({check.size(bytes_there)})")
 
 
 def _draw(case: CaseSections) -> Callable[[Path, Path], object]:
@@ -489,8 +489,8 @@ def _remains(running: Run, reason: str) -> str:
     latest, trajectory = running.ledger.latest, running.outputs.trajectory
     if len(running.writer) == 0 or latest is None:
         return f"{reason} before the first frame: nothing was written"
-    if why := running.writer.replaced_or_removed:
-        return f"{reason}: {trajectory} is lost: {why}"
+    if cause := running.writer.replaced_or_removed:
+        return f"{reason}: {trajectory} is lost: {cause}"
     text = f"{reason}: {trajectory} holds the {counted(len(running.writer), 'frame')} so far, "
     text += f"to t = {latest.time:.6g} and {latest.collisions} collisions"
     if running.outputs.checkpoint.exists():
@@ -536,7 +536,9 @@ def _balance(running: Run, last: Measure) -> Iterator[str]:
     if case.walled:
         heat = f" and {last.wall_heat:.6g}{energy} as heat" if last.wall_heat != 0.0 else ""
         yield f"{last.wall_collisions} collisions with walls, which gave {last.wall_work:.6g}{energy} as work{heat}"
-    sources = [name for name, there in (("forces", case.force), ("the flow", gas.box.shear_rate)) if there]
+    sources = [
+        name for name, present in (("forces", case.force), ("the flow", gas.box.shear_rate)) if present
+    ]
     if sources or case.walled:
         inputs = f"{' and '.join(sources)} put in {last.energy_input:.6g}{energy}, " if sources else ""
         yield f"{inputs}collisions dissipated {lost:.6g}{energy}"

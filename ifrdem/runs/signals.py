@@ -45,7 +45,7 @@ class Stops:
     ) -> None:
         self._warn = warn
         self._reason: Stopped | None = None
-        self._began = time.monotonic() - elapsed
+        self._started = time.monotonic() - elapsed
         self._stored = -math.inf  # a run that is killed soon can go on too
         self._limit = None if max_hours is None else 3600.0 * max_hours
         self._max_hours = max_hours
@@ -65,7 +65,11 @@ class Stops:
 
     def check(self) -> None:
         """Raise `Stopped` if there is a reason to."""
-        if self._limit is not None and time.monotonic() - self._began >= self._limit and self._reason is None:
+        if (
+            self._limit is not None
+            and time.monotonic() - self._started >= self._limit
+            and self._reason is None
+        ):
             self._reason = Stopped(
                 f"{self._max_hours:g} hours are up ({option_name('--max-hours', 'max_hours')})", TIME_IS_UP
             )

@@ -181,8 +181,8 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
         name = str(next(iter(first["loc"]), ""))
         if name in ("", "format", "state"):
             raise InputError(f"{status_file} is not a status file of ifrdem of format 1") from None
-        wrong = f"{name} = {first['input']!r}: {first['msg']}" if name in given else f"{name} is missing"
-        raise InputError(f"{status_file} is damaged: {printable(wrong)}") from None
+        problem = f"{name} = {first['input']!r}: {first['msg']}" if name in given else f"{name} is missing"
+        raise InputError(f"{status_file} is damaged: {printable(problem)}") from None
     except (ValueError, RecursionError) as error:
         raise InputError(f"{status_file} is not a status file of ifrdem: {error}") from error
     if record.state == RUNNING and not _lives(record):
@@ -217,7 +217,7 @@ def line(content: dict[str, Any]) -> str:
 
 def show(
     path: str | os.PathLike[str],
-    say: Callable[[str], object] = print,
+    log: Callable[[str], object] = print,
     *,
     follow: bool = False,
     interval: float = 1.0,
@@ -233,10 +233,10 @@ def show(
     status_file = find(path)
     latest: dict[str, Any] = {}
     content = read(status_file)
-    say(f"{content['name']}: {content['trajectory']}, started {content['started']}")
+    log(f"{content['name']}: {content['trajectory']}, started {content['started']}")
     while True:
         if content != latest:
-            say(line(content))
+            log(line(content))
             latest = content
         if not follow or content["state"] != RUNNING:
             return str(content["state"])

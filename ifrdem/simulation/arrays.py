@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,19 +20,14 @@ from ..kernels.columns import (
     ADDRESSABLE,
     CONTACTS_PER_DISK,
     KIND,
-    MOST_DISKS,
     MOST_MOMENTS,
-    PISTON_STATE,
     REAL,
-    SINGLE_TILE,
     SMALL,
     SNAPSHOT_DISKS,
     TABLES,
-    TALLY,
     TOTAL,
     TYPES,
     WALL,
-    WALL_SUM,
     Named,
     blank,
     named,
@@ -41,53 +36,23 @@ from ..kernels.language import from_numpy, ti, to_numpy, view
 from ..kernels.readout import exchange
 from ..kernels.shear import displacement
 from ..kernels.signature import parameters_of
-from ..kernels.walls.kinds import FREE, GONE
+from ..kernels.walls.kinds import GONE
 from ..model.box import Box
-from ..model.contact import henderson
 from ..model.state import COLUMNS, Disks, State, codes
 from ..model.walls import Wall
 from . import backend
 from .checks import MANTISSA, position_spacing
 from .domain import Domain
+from .tiling import RESTING_FALL, RESTING_WINDOW, Tiling, filled_region, split_of
+from .wall_tally import WallTally
 
-CELL = 1.0 + 1e-6  # side of a cell in largest diameters, at least: what rounding leaves of it
-# The same where disks sleep, which may leave their cell in the falling frame by RESTING_FALL. A window lasts a fall by
-# that many largest diameters, or RESTING_WINDOW v_s / g, at most.
-RESTING_CELL, RESTING_FALL, RESTING_WINDOW = 1.1, 0.05, 8.0
-LEAST_GAP = 2.0  # ratio of radii on both sides of a gap between them, from which on cells have two layers
-LEAST_TILE, GPU_LEAST_TILE = 12.0, 8.0  # side of a tile in largest diameters, at least
-FEWER_WINDOWS = 4.0  # of gases in one tile, which need no halo
-CHAINS, GPU_CHAINS = 4.0, 4.0  # halo for those who hit one another in chains, in largest diameters
-GPU_COLLISIONS, GPU_TILE = 0.4, 64  # the same for a GPU
+if TYPE_CHECKING:
+    from .engine import EngineOptions
+
 GPU_THREADS = 32768  # of which some work on events, spread over all multiprocessors
-DENSEST_FLUID = 0.8  # packing fraction beyond which the estimate of collision rates stays the same: a crystal
 BURST = 64  # windows of a gas in one tile that one launch runs at most
 GPU_BURST = 20_000_000  # disks times windows, of a GPU
-ROOM = 0.5  # around an open gas, in extents of what it fills: beyond, its cells have no ends
 SLACK = 1.3  # of the scratch space of a lane, beyond what the densest tile needed
-
-
-def tile_parameters(packing_fraction: float) -> tuple[float, int]:
-    """Collisions that a disk has in a window, and disks of a tile: what took least time at this density."""
-    collisions = np.interp(packing_fraction, [0.0, 0.1, 0.3, 0.6], [0.5, 0.7, 1.3, 1.5])
-    return float(collisions), 5000
-
-
-def disks_per_cell(packing_fraction: float) -> float:
-    """Of thin gases, whose cells are wider: what took least time; the thinner, the more cells a disk passes."""
-    return float(np.clip(0.38 * (0.1 / max(packing_fraction, 1e-300)) ** 0.3, 0.3, 3.0))
-
-
-def split_of(radius: NDArray[np.float64]) -> float | None:
-    """The largest radius of disks in small cells, where it pays to have large cells for the others: of two layers.
-
-    The widest gap between radii parts them, if that is a factor 2 at least.
-    """
-    known = np.unique(radius)
-    if len(known) < 2:
-        return None
-    gap = int(np.argmax(known[1:] / known[:-1]))
-    return float(known[gap]) if known[gap + 1] > LEAST_GAP * known[gap] else None
 
 
 def kind_rows(
@@ -106,21 +71,6 @@ def kinds_of(disks: Disks) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     code = codes((1.0 / disks.mass, disks.k, disks.radius, disks.material))
     first = np.unique(code, return_index=True)[1] if code.any() else np.arange(min(len(code), 1))
     return kind_rows(*(getattr(disks, name)[first] for name in COLUMNS)), code
-
-
-def tiles_along(sides: NDArray[np.float64], area: float, least: float) -> tuple[int, int]:
-    """Numbers of tiles along x and y, of an area [length^2] and a least side [length]."""
-    side = max(math.sqrt(area), least)
-    return max(1, int(sides[0] / side)), max(1, int(sides[1] / side))
-
-
-def tiles_on_ranks(disks: Disks, box: Box) -> tuple[int, int]:
-    """Numbers of tiles along x and y of a box that is on several ranks (`DeviceArrays.load`)."""
-    if disks.n <= SINGLE_TILE and box.shear_rate == 0.0:
-        return 1, 1
-    _, tile_disks = tile_parameters(min(disks.covered / box.area, 0.85))
-    widest = 2.0 * float(disks.radius.max(initial=0.0))
-    return tiles_along(np.array(box.lengths), tile_disks * box.area / max(disks.n, 1), LEAST_TILE * widest)
 
 
 def concatenated_ranges(first: NDArray[np.integer], count: NDArray[np.integer]) -> NDArray[np.intp]:
@@ -152,7 +102,7 @@ class DeviceArrays:
         disks: Disks,
         box: Box,
         law_table: NDArray[np.float64],
-        options: Any,
+        options: EngineOptions,
         walls: NDArray[np.float64],
         uses: k.Uses,
         domain: Domain | None = None,
@@ -166,64 +116,22 @@ class DeviceArrays:
         self.real: type[np.floating[Any]] = np.float32 if options.device.precision == "f32" else np.float64
         self._type = getattr(ti, options.device.precision)
         self._arguments: dict[Callable[..., Any], list[str]] = {}
-        self.room: int = 0
-        self.parts: int = 2
-        kinds, self._kind = kinds_of(disks)
-        self.kinds: Any
-        self.make("kinds", len(kinds))
-        if n:
-            from_numpy(self.kinds, kinds.astype(self.real))
-        self._split = split_of(disks.radius)
-        # Walls are noted in one layer of cells.
-        layered = self._split is not None and not (uses.walled or uses.rests)
-        self.uses = uses = uses.replace(mixed=len(kinds) > 1, layered=layered)
-        self.kind: Any
-        self.make("kind", n if uses.mixed and not uses.shared else 1)
-        if uses.mixed and not uses.shared:
-            from_numpy(self.kind, self._kind.astype(np.int32))
-        self.law: Any = ti.ndarray(self._type, law_table.shape)
-        from_numpy(self.law, law_table.astype(self.real))
-        # Small arrays that the host reads after every launch. Kernels on a CPU take NumPy arrays as they are; a GPU has
-        # arrays of its own for them (`launch`).
         self.on_gpu: bool = options.device.name != "cpu"
         self._twins: dict[str, Any] = {}
-        self.counter: Named = blank("counter", np.int32)
-        self.clock: Named = blank("clock")
-        self.grid: Named = blank("grid", np.int32)
-        self.scale: Named = blank("scale", self.real)
-        self.scale.moment = k.FAR
-        words = np.array([options.seed & 0xFFFFFFFF, options.seed >> 32], dtype=np.uint32)
-        self.grid.seed_low, self.grid.seed_high = words.view(np.int32)
-        # Where there are more disks, on several ranks, no kernel asks how many.
-        self.grid.n, self.grid.lanes, self.clock.n = min(n, ADDRESSABLE), 1, n
-        self.grid.walls = len(walls)
-        self.grid.periodic_x, self.grid.periodic_y = box.periodic
+        self.room: int = 0
+        self.parts: int = 2
         self.widest: float = 2.0 * float(disks.radius.max()) if n else 1.0
-        self.scale.widest = self.widest
-        self.scale.cutoff, self.scale.contact_time = options.velocity_cutoff, options.contact_time
-        if options.resting_speed:
-            self.scale.cutoff = options.resting_speed
-        self.scale.shear = box.shear_rate
-        walls = walls.reshape(-1, WALL.width)
+        self._take_kinds(disks)
+        self.law: Any = ti.ndarray(self._type, law_table.shape)
+        from_numpy(self.law, law_table.astype(self.real))
+        self.wall_rows: NDArray[np.float64] = walls.reshape(-1, WALL.width)
+        self.wall_tally: WallTally = WallTally.of(self.wall_rows, summed=uses.summed)
+        self.columns: int = self.wall_tally.width
         self.walls: Any
-        self.make("walls", len(walls))
-        wall = named(walls, "walls")
-        owner = wall.owner.astype(np.int64)
-        self.thermal: NDArray[np.int64] = np.unique(owner[wall.temperature > 0.0])
-        number = int(owner.max()) + 1 if uses.summed else 0
-        self.pistons: NDArray[np.int64] = np.flatnonzero(wall.motion.kind == FREE)  # rows of walls
-        first_piston = len(self.thermal) + WALL_SUM.width * number
-        # Number of columns of the tally.
-        self.columns: int = TALLY.width + first_piston + PISTON_STATE.width * len(self.pistons)
-        self.grid.first_piston = self.pistons[0] if len(self.pistons) else -1
-        self.wall_rows: NDArray[np.float64] = walls
-        if len(walls):
-            wall.heat = np.where(np.isin(owner, self.thermal), np.searchsorted(self.thermal, owner), -1)
-            wall.sums = len(self.thermal) + WALL_SUM.width * owner
-            wall.piston.sums[self.pistons] = first_piston + PISTON_STATE.width * np.arange(len(self.pistons))
-            wall.piston.next[self.pistons] = np.append(self.pistons[1:], -1)[: len(self.pistons)]
-            from_numpy(self.walls, walls.astype(self.real))
-        self.sums: NDArray[np.float64] = np.zeros(self.columns)
+        self.make("walls", len(self.wall_rows))
+        if len(self.wall_rows):
+            from_numpy(self.walls, self.wall_rows.astype(self.real))
+        self._make_small_arrays(options)
         self._lanes = 0
         self.batch: int = 0
         self.make_parts(2, self.domain.first_slots(n))
@@ -233,6 +141,48 @@ class DeviceArrays:
         self.make_ghosts(0)
         self.events(0)
         self.make_pairs(0)
+
+    def _take_kinds(self, disks: Disks) -> None:
+        """Make the table of kinds of disks, and the kind of each disk."""
+        kinds, code = kinds_of(disks)
+        self.kinds: Any
+        self.make("kinds", len(kinds))
+        if self.n:
+            from_numpy(self.kinds, kinds.astype(self.real))
+        split = split_of(disks.radius)
+        # Walls are noted in one layer of cells.
+        layered = split is not None and not (self.uses.walled or self.uses.rests)
+        self._split = split if layered else None
+        self.uses = self.uses.replace(mixed=len(kinds) > 1, layered=layered)
+        by_id = self.uses.mixed and not self.uses.shared
+        self.kind: Any
+        self.make("kind", self.n if by_id else 1)
+        if by_id:
+            from_numpy(self.kind, code.astype(np.int32))
+
+    def _make_small_arrays(self, options: EngineOptions) -> None:
+        """Make the arrays that the host reads after every launch, with what stays the same in them.
+
+        Kernels on a CPU take NumPy arrays as they are; a GPU has arrays of its own for them (`launch`).
+        """
+        n, pistons = self.n, self.wall_tally.pistons
+        self.counter: Named = blank("counter", np.int32)
+        self.clock: Named = blank("clock")
+        self.grid: Named = blank("grid", np.int32)
+        self.scale: Named = blank("scale", self.real)
+        self.sums: NDArray[np.float64] = np.zeros(self.columns)
+        self.scale.moment = k.FAR
+        words = np.array([options.seed & 0xFFFFFFFF, options.seed >> 32], dtype=np.uint32)
+        self.grid.seed_low, self.grid.seed_high = words.view(np.int32)
+        # Where there are more disks, on several ranks, no kernel asks how many.
+        self.grid.n, self.grid.lanes, self.clock.n = min(n, ADDRESSABLE), 1, n
+        self.grid.walls = len(self.wall_rows)
+        self.grid.first_piston = pistons[0] if len(pistons) else -1
+        self.grid.periodic_x, self.grid.periodic_y = self.box.periodic
+        self.scale.widest = self.widest
+        self.scale.cutoff = options.resting_speed or options.velocity_cutoff
+        self.scale.contact_time = options.contact_time
+        self.scale.shear = self.box.shear_rate
 
     # ------------------------------------------------------------------ room
 
@@ -410,69 +360,30 @@ class DeviceArrays:
         self.total = np.zeros(columns)
         self.total[: min(len(known), columns)] = known[:columns]
 
-    def load(self, disks: Disks, options: Any, state: State) -> None:
+    def load(self, disks: Disks, options: EngineOptions, state: State) -> None:
         """Divide the box, or what an open gas fills, into tiles, and begin a window from a state."""
-        n, box = self.n, self.box
-        low, high = np.zeros(2), np.array(box.lengths) if not box.is_open else np.ones(2)
-        if box.is_open and n:
-            low, high = state.position.min(axis=0), state.position.max(axis=0)
-            room = ROOM * (high - low).max() + self.widest
-            low, high = low - room, high + room
-            if not np.isfinite(high - low).all() or (high - low).max() > 1e100:
-                raise EngineError(
-                    f"positions spread over {(high - low).max():.3g}: too far apart to compute with"
-                )
+        low, high = filled_region(self.box, state, self.widest)
         self.area: float = float(np.prod(high - low))
-        phi = min(disks.covered / self.area, 0.85)
-        self.packing_fraction: float = phi
-        collisions, tile_disks = tile_parameters(phi)
-        if self.on_gpu:
-            collisions, tile_disks = min(collisions, GPU_COLLISIONS), GPU_TILE
-        free = self.area / max(n, 1)  # of a disk
-        few = n <= SINGLE_TILE
-        sheared = self.uses.sheared
-        if few and not sheared and not self.on_gpu:
-            collisions *= FEWER_WINDOWS
-        if options.device.window_collisions is not None:  # whatever the device: windows decide the bits
-            collisions = options.device.window_collisions
-        mean = 2.0 * disks.mean_radius if n else 1.0
-        self.clock.path = (
-            collisions * free / (math.sqrt(2.0 * math.pi) * mean * henderson(min(phi, DENSEST_FLUID)))
-        )
-        # A gas in one tile: no disk goes round the box in a window, for the grid of positions.
-        own = float((high - low).min())
-        if options.device.window_collisions is not None:
-            own = min(own, math.sqrt(GPU_TILE * free))
-        elif sheared or not few or self.on_gpu:
-            own = min(own, math.sqrt(tile_disks * free))
-        self.clock.tile_side = own
-        # Columns and rows of cells are counted in 16 bits; of more disks no region is the whole box.
-        least = float((high - low).max()) / 3e4 if n <= MOST_DISKS else 0.0
-        widest = (RESTING_CELL if self.uses.rests else CELL) * self.widest
-        self.grid.coarse = 1
-        if self.uses.layered and self._split is not None:
-            widest, self.scale.split = CELL * 2.0 * self._split, self._split
-        side = self.scale.cell_side = max(widest, math.sqrt(disks_per_cell(phi) * free), least)
-        if self.uses.layered:
-            self.grid.coarse = math.ceil(CELL * self.widest / side)
-        tiles = (1, 1)
-        self.single_tile = options.order == "serial" or (
-            options.order is None and few and options.device.name == "cpu"
-        )
-        self.single_tile = self.single_tile and not sheared
-        if not self.single_tile:
-            least_tile = GPU_LEAST_TILE if self.on_gpu else LEAST_TILE
-            tiles = tiles_along(
-                high - low, (options.tile_disks or tile_disks) * free, least_tile * self.widest
-            )
-        self.divide(tiles, low, high)
-        if sheared:  # no last resort: windows are short enough for the tiles
+        tiling = Tiling.of(disks, high - low, self.widest, self._split, self.uses, options)
+        self.single_tile: bool = tiling.single_tile
+        self.scale.cell_side, self.grid.coarse = tiling.cell_side, tiling.coarse
+        if self._split is not None:
+            self.scale.split = self._split
+        self.scale.chain = tiling.chain_halo
+        self.divide(tiling.tiles, low, high)
+        window_side, shorter = tiling.window_side, 1.0
+        if self.uses.sheared:  # no last resort: windows are short enough for the tiles
             side = min(float(np.diff(edge).min()) for edge in self.edges)
-            self.clock.tile_side = min(own, side / 3.0)
-            shorter = min(1.0, side / (30.0 * self.widest))
-            self.clock.path *= shorter
-            collisions *= shorter
-        self.clock.free_path, self.clock.in_window = self.clock.path, 0.5 * n * collisions
+            window_side, shorter = min(window_side, side / 3.0), min(1.0, side / (30.0 * self.widest))
+        self.clock.tile_side = window_side
+        self.clock.path = self.clock.free_path = tiling.path * shorter
+        self.clock.in_window = 0.5 * self.n * (tiling.collisions * shorter)
+        self._plan_launches()
+        self._make_lanes(float(np.prod(np.maximum((high - low) / tiling.cell_side, 1.0))))
+        self.load_state(state)
+
+    def _plan_launches(self) -> None:
+        """Set how many lanes, tiles and windows one launch has."""
         lanes = 1 if self.single_tile else min(backend.lanes(), self.tiles)
         self.grid.lanes, self.grid.single_tile = lanes, int(self.single_tile)
         spread = min(max(GPU_THREADS // self.tiles, 1), k.TEAM)
@@ -481,17 +392,21 @@ class DeviceArrays:
         # Windows that follow one another without a look by the host, which would cost a GPU as long as a small gas.
         self.burst = BURST if self.single_tile else 1
         if self.on_gpu:
-            followed = sheared or self.single_tile or self.uses.shared  # by something that the host does
-            self.burst = 1 if followed else min(BURST, 1 + GPU_BURST // max(n, 1))
-        self.scale.chain = self.widest * ((GPU_CHAINS if self.on_gpu else CHAINS) + 3.0 * phi)
+            followed = (
+                self.uses.sheared or self.single_tile or self.uses.shared
+            )  # by something that the host does
+            self.burst = 1 if followed else min(BURST, 1 + GPU_BURST // max(self.n, 1))
+
+    def _make_lanes(self, cells_of_all: float) -> None:
+        """Make scratch space for the lanes, unless there is enough; the whole region has so many cells."""
+        n, lanes = self.n, int(self.grid.lanes)
         if self.single_tile:
-            lane_slots, cells = n, int(1.3 * np.prod(np.maximum((high - low) / side, 1.0))) + 64
+            lane_slots, cells = n, int(1.3 * cells_of_all) + 64
         else:
             lane_slots, cells = min(2 * n // self.tiles + 64, 9 * n), 64
         if lane_slots > self.grid.lane_slots or cells > self.grid.cells or lanes != self._lanes:
             self._lanes = lanes
             self.scratch(lane_slots, cells, 256 if self.uses.walled else 0)
-        self.load_state(state)
 
     def open_walls(self, opened: NDArray[np.bool_]) -> None:
         """Take those walls, by their number, out of the gas: gates that are open."""

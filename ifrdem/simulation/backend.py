@@ -25,6 +25,7 @@ from typing import Any
 
 from ..errors import EngineError, InputError
 from ..kernels import runtime
+from ..mpi import Communicator
 from .device import NAMES, Device
 
 GPU_LANES = 65536  # tiles that have scratch space at the same time
@@ -51,7 +52,7 @@ class Running:
 
 _running: Running | None = None
 _process: int | None = None  # the one that started the runtime
-_asked = False  # the driver, for GPUs
+_driver_queried = False  # the driver, for GPUs
 _shown: str | None = None  # the GPU that `show_gpu` has chosen
 _in_use = threading.RLock()
 _most_threads: int | None = None
@@ -172,20 +173,20 @@ def show_gpu(number: int) -> None:
         return
     named = os.environ.get("CUDA_VISIBLE_DEVICES")
     entries = [str(number)] if named is None else [each.strip() for each in named.split(",")]
-    wanted = entries[number % len(entries)]
-    if _asked and wanted != named:
+    visible = entries[number % len(entries)]
+    if _driver_queried and visible != named:
         raise InputError(
-            f"device = 'cuda': rank {number} of this machine is to see GPU {wanted}, but it has asked for GPUs "
+            f"device = 'cuda': rank {number} of this machine is to see GPU {visible}, but it has asked for GPUs "
             "before, and the driver looks once: set CUDA_VISIBLE_DEVICES for each rank, or make the gas that is on "
             "several ranks first"
         )
-    os.environ["CUDA_VISIBLE_DEVICES"] = _shown = wanted
+    os.environ["CUDA_VISIBLE_DEVICES"] = _shown = visible
 
 
 def cuda_absence() -> str | None:
     """Reason why no GPU can be used through CUDA, with a way out; None if one can. Asks the driver itself."""
-    global _asked
-    _asked = True
+    global _driver_queried
+    _driver_queried = True
     try:
         driver = ctypes.CDLL("libcuda.so")  # under this name the runtime opens it
     except OSError:
@@ -406,11 +407,11 @@ def start(device: Device | str = "cpu", *, profile: bool = False) -> Running:
     device = Device.of(device)
     check(device)
     threads = device.threads or min(cores(), _most_threads or cores())
-    wanted = Running(device.name, threads, device.precision, profile)
+    settings = Running(device.name, threads, device.precision, profile)
     from ..kernels.language import program, ti
 
     os.environ.pop(runtime.variable("ARCH"), None)  # it would be followed instead of what was asked for
-    good_enough = (wanted, replace(wanted, profile=True))
+    good_enough = (settings, replace(settings, profile=True))
     if _running is not None and _running in good_enough and program() is not None:
         return _running
     _release_all()
@@ -418,11 +419,11 @@ def start(device: Device | str = "cpu", *, profile: bool = False) -> Running:
     ti.set_logging_level(ti.ERROR)  # it would warn of variables of the environment that arguments override
     with contextlib.redirect_stdout(io.StringIO()):  # it announces itself on stdout, where results go
         ti.init(
-            arch=getattr(ti, wanted.device),
-            default_fp=getattr(ti, wanted.precision),
+            arch=getattr(ti, settings.device),
+            default_fp=getattr(ti, settings.precision),
             default_ip=ti.i32,
             fast_math=False,  # with it, contact times lose bits and collisions are missed
-            cpu_max_num_threads=wanted.threads,
+            cpu_max_num_threads=settings.threads,
             offline_cache=cache is not None,
             offline_cache_file_path=cache or "",
             log_level=ti.WARN,
@@ -431,10 +432,20 @@ def start(device: Device | str = "cpu", *, profile: bool = False) -> Running:
             cfg_optimization=False,  # the same bits and speed, a quarter of the time to compile
             kernel_profiler=profile,
         )
-    _running, _process = wanted, os.getpid()
-    LOG.debug("device %s, %d threads, %s", wanted.device, wanted.threads, wanted.precision)
+    _running, _process = settings, os.getpid()
+    LOG.debug("device %s, %d threads, %s", settings.device, settings.threads, settings.precision)
     LOG.debug("kernel cache %s", cache or "none")
-    return wanted
+    return settings
+
+
+def start_on_ranks(device: Device, comm: Communicator) -> None:
+    """Start the runtime on all ranks: each with its share of the cores of its machine, and with a GPU of its own."""
+    if comm.size > 1:
+        device = replace(device, threads=device.threads or comm.share_of_cores(cores()))
+        if device.name == "cuda":
+            number = comm.local_rank
+            comm.run_on_all(lambda: show_gpu(number))
+    comm.run_on_all(lambda: start(device))
 
 
 def stop() -> None:

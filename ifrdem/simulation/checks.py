@@ -14,7 +14,9 @@ from ..kernels.columns import ADDRESSABLE, MOST_DISKS, MOST_IDS, SINGLE_TILE
 from ..model.box import Box
 from ..model.collapse import Collapse, ContactTime, Rest, VelocityCutoff
 from ..model.gravity import RotatingGravity
+from ..model.overlaps import TOLERANCE
 from ..model.state import Disks, State
+from ..model.wall_checks import check as check_walls
 from ..model.walls import Wall, wall_names
 from ..mpi import current
 
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
     from ..model.forces import Force
     from .device import Device
     from .engine import EngineOptions
+    from .start import StartCounts
 
 MOST_JUMP = 0.01
 """Jumps of disks at rest, in smallest radii: what is low against them."""
@@ -33,8 +36,6 @@ MOST_BOXES = 2**31 - 1
 """Boxes that a disk can travel: they are counted in 32 bits."""
 LEAST_REBOUND = {"f32": 1e-3, "f64": 1e-12}
 """e_n below which rounding may leave a disk that hits a wall without any speed along the normal."""
-MOST_COEFFICIENT = {"f32": 1e30, "f64": 1e100}
-"""Largest coefficient of a law: products of it with impulses and masses are formed."""
 
 
 def fastest(disks: Disks, velocity: NDArray[np.float64], spin: NDArray[np.float64]) -> float:
@@ -121,16 +122,38 @@ def check_duration(begin: float, t_end: float, radius: float, box: Box, alone: f
         (across, t_end, "images across a sheared box move by"),
         (alone, t_end - begin, "disks that never meet fly"),
     ):
-        way = speed * duration
-        error, boxes = way * 2.0 ** -MANTISSA["f64"], way / min(box.lengths)
+        distance = speed * duration
+        error, boxes = distance * 2.0 ** -MANTISSA["f64"], distance / min(box.lengths)
         if error > COARSEST * radius or (speed == alone and boxes > MOST_BOXES):
             raise InputError(
-                f"{what} {way:.3g} ({boxes:.3g} boxes) in a time of {duration:.4g}, too far for the rounding: "
+                f"{what} {distance:.3g} ({boxes:.3g} boxes) in a time of {duration:.4g}, too far for the rounding: "
                 f"must be a time of at most {duration * min(COARSEST * radius / error, MOST_BOXES / boxes):.2g}"
             )
 
 
-def check_rebound(
+def check_collapse(
+    collapse: Collapse | None,
+    disks: Disks,
+    box: Box,
+    walls: Sequence[Wall],
+    gravity: tuple[float, float],
+    forces: Sequence[Any],
+    law: type,
+    e_n: NDArray[np.float64] | None,
+    device: Device,
+) -> None:
+    """Refuse a remedy for inelastic collapse that does not hold in this gas; arguments as for `Engine`.
+
+    `e_n` (M, M) is that of each pair of materials; None for a law that has none. Walls include the sides of the box.
+    """
+    if isinstance(collapse, Rest):
+        _check_resting(disks, box, gravity, collapse, forces, law, device)
+    elif e_n is not None:
+        materials = np.unique(disks.material).tolist()
+        _check_rebound(e_n, materials, walls, box, gravity, collapse, device.precision)
+
+
+def _check_rebound(
     e_n: NDArray[np.float64],
     materials: Iterable[int],
     walls: Sequence[Wall],
@@ -172,7 +195,7 @@ def at_rest_on_walls(
     noise = 1e-14 * np.abs(velocity).sum(axis=1)
     for w, wall in enumerate(walls):
         moves = wall.motion.kind != "still" or wall.turn.kind != "still" or wall.piston is not None
-        if not any(gravity) or moves or not wall.stands(0.0):
+        if not any(gravity) or moves or not wall.is_present(0.0):
             continue
         normal, distance = wall.normal(position)
         error = 8.0 * np.finfo(np.float64).eps * (np.abs(position).sum(axis=1) + radius + wall.radius)
@@ -182,16 +205,6 @@ def at_rest_on_walls(
         if still.any():
             return int(np.argmax(still)), w
     return None
-
-
-def check_coefficients(law_table: NDArray[np.float64], precision: str) -> None:
-    """Refuse coefficients of a law that the precision cannot hold: an infinite one would not stay a number."""
-    most = MOST_COEFFICIENT.get(precision, np.inf)  # the engine refuses others
-    largest = float(np.abs(law_table).max(initial=0.0))
-    if not largest <= most:
-        raise InputError(
-            f"law: a coefficient of {largest:.3g} is beyond {most:g}, what {precision} can compute with"
-        )
 
 
 def check_stored(largest: Mapping[str, float], precision: str) -> None:
@@ -214,16 +227,18 @@ def check(
     disks: Disks,
     box: Box,
     state: State,
+    counts: StartCounts,
     materials: int,
     walls: Sequence[Wall],
     forces: Sequence[Force],
     options: EngineOptions,
-    speed: float,
+    ranks: int,
 ) -> None:
     """Refuse what the engine cannot simulate; arguments as for `Engine`, `materials` the rows of the law's table.
 
-    Of ranks, `disks` and `state` may be those of a slice; `speed` is the largest of all disks (`fastest`).
+    Of ranks, `disks` and `state` may be those of a slice; `counts` are of all disks. Walls include sides of the box.
     """
+    check_number(counts.n, ranks, "partner" in options.record)
     n = disks.n
     check_motion(disks, state)
     if n and int(disks.material.max()) >= materials:
@@ -244,9 +259,13 @@ def check(
         )
     if box.shear_rate:
         _check_sheared(disks, box, walls)
-    check_magnitudes(disks, box, speed, options.device.precision, hottest(walls, forces))
+    check_magnitudes(disks, box, counts.speed, options.device.precision, hottest(walls, forces))
     check_resolved(disks.n, float(disks.radius.min(initial=math.inf)), box, options.device.precision)
     check_between_collisions(disks, box, options.start_gravity, forces)
+    check_walls(
+        walls, box, state.position, disks.radius, materials, float(state.time),
+        collisions=counts.collisions, tolerance=TOLERANCE * float(disks.radius.max(initial=0.0)),
+    )  # fmt: skip
 
 
 def check_number(n: int, ranks: int = 1, partners: bool = False) -> None:
@@ -266,7 +285,7 @@ def check_number(n: int, ranks: int = 1, partners: bool = False) -> None:
         raise InputError(f"{n} disks: the engine's 32-bit indices allow {most} at most{on}{instead}")
 
 
-def check_resting(
+def _check_resting(
     disks: Disks, box: Box, gravity: tuple[float, float], collapse: Rest, forces: Sequence[Any], law: type,
     device: Device,
 ) -> None:  # fmt: skip
@@ -326,8 +345,8 @@ def check_pistons(walls: Sequence[Wall], n: int, options: EngineOptions, ranks: 
             raise InputError(
                 f"wall {w} is a piston: cannot be combined with gravity that rotates ({options.gravity})"
             )
-        for what, there in refused.items():
-            if there:
+        for what, present in refused.items():
+            if present:
                 raise InputError(
                     f"wall {w} is a piston: {what} not supported: every disk looks for it after each of its hits; run "
                     f"it on a CPU in double precision, with up to {SINGLE_TILE} disks that do not rest"
@@ -335,7 +354,9 @@ def check_pistons(walls: Sequence[Wall], n: int, options: EngineOptions, ranks: 
 
 
 def check_ranks(size: int, n: int, box: Box, options: EngineOptions, tracked: bool) -> None:
-    """Refuse what cannot be on several ranks of MPI (`ranks.py`)."""
+    """Refuse what cannot be on several ranks of MPI (`ranks.py`), if there are several."""
+    if size == 1:
+        return
     refused = {
         f"precision = '{options.device.precision}'": options.device.precision != "f64",
         "order = 'serial'": options.order == "serial",
@@ -343,8 +364,8 @@ def check_ranks(size: int, n: int, box: Box, options: EngineOptions, tracked: bo
         "an open box": box.is_open,
         f"collapse = {options.collapse}": isinstance(options.collapse, Rest),
     }
-    for what, there in refused.items():
-        if there:
+    for what, present in refused.items():
+        if present:
             raise InputError(
                 f"{what}: not supported on several ranks (here are {size}); run it without mpiexec"
             )

@@ -1,6 +1,6 @@
 """The part of a gas that a process has: rows of the state in the lists of tiles, and sums of what tiles found.
 
-Imports Taichi: import this module only after `backend.start`.
+Imports the runtime: import this module only after `backend.start`.
 """
 
 from __future__ import annotations
@@ -13,11 +13,14 @@ from numpy.typing import NDArray
 
 from ..kernels import layout as k
 from ..kernels.columns import named
+from ..kernels.planner import survey
 from ..kernels.sums import sum_shared
+from ..model.state import DiskKinds, Disks
 from ..mpi import SERIAL, Communicator
 
 if TYPE_CHECKING:
     from .arrays import DeviceArrays
+    from .runner import TileRunner
 
 
 def sums_of_blocks(rows: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -93,3 +96,36 @@ class Domain:
     def share(self) -> None:
         """Add up again what tiles have added up."""
         self.arrays.launch(sum_shared, self.arrays.found.shape[0], 1)
+
+    # ------------------------------------------------------------------ a window
+
+    def survey(self, *, rough: bool) -> None:
+        """Look for the fastest disk, and add up squares of speeds, in units that `rough` surveys find."""
+        self.arrays.launch(survey, int(rough))
+
+    def run(
+        self, runner: TileRunner, most: int = 1, *, pausing: bool = False, resuming: bool = False
+    ) -> None:
+        """Run the present window in all tiles, or up to `most` windows, and verify the tiles.
+
+        When `pausing`, which only a gas in one tile can, to the moment that was asked for; `resuming` from there.
+        """
+        runner.run_all(most, pausing=pausing, resuming=resuming)
+
+    def run_bad(self, runner: TileRunner) -> None:
+        """Run the bad tiles of the window again with wider halos, and verify all."""
+        runner.run_bad()
+
+    def run_whole_box(self, runner: TileRunner) -> None:
+        """Run the window by one thread, which has all disks."""
+        runner.launch(1)
+
+
+def domain_of(comm: Communicator, disks: Disks, kinds: Disks) -> Domain:
+    """The domain of this process: `disks` are those of the own slice, `kinds` those of all."""
+    if comm.size == 1:
+        return Domain()
+    from .ranks import RankDomain
+
+    assert isinstance(kinds, DiskKinds)
+    return RankDomain(comm, disks, kinds)

@@ -24,19 +24,11 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import EngineError, InputError, NoMoreCollisions
 from ..kernels.columns import BODY, DSMC_TABLES, SCALE, Named
 from ..kernels.layout import Uses
-from ..model.ifr import IFRLaw
-from ..model.law import (
-    CollisionLaw,
-    check_by_sampling,
-    check_energy,
-    checked_class,
-    coefficient_table,
-    compiled,
-    law_table,
-)
+from ..model.law import CollisionLaw, compiled
+from ..model.pair_laws import PairLaws
 from ..model.state import Disks, State
 from ..theory.contact import Contact, PackingFraction, contact_value_coefficients
-from ..theory.driven_gas import Drive
+from ..theory.driven_gas import Driving
 from ..theory.sonine import sonine_coefficient
 from ..tools import checked, seeds
 from ..tools.checked import (
@@ -75,7 +67,7 @@ class Relaxation:
     energy : array (q,)
         Kinetic energy of all disks, with spins [energy].
     energy_input : array (q,)
-        What the drive has given since the start, less what it took [energy].
+        Energy that the driving has added since the start, less what it took [energy].
     """
 
     time: NDArray[np.float64]
@@ -113,9 +105,9 @@ class Checkpoint:
     time : float
         [time].
     energy_input : float
-        What the drive has given so far [energy].
+        Energy that the driving has added so far [energy].
     batches, kicks : int
-        How often random numbers were drawn, for collisions and for the drive.
+        How often random numbers were drawn, for collisions and for the driving.
     """
 
     velocity: NDArray[np.float64]
@@ -204,9 +196,9 @@ class DSMC(ReadOnlyAttributes):
         Of all random numbers, 0 to 2^64 - 1.
     species : array_like of int (n,), optional
         What disks are summed up together; by default those of one material.
-    drive : Drive, optional
+    driving : Driving, optional
         Power, spin power and linear friction of every disk, whatever its mass: white noise, or a heat bath
-        (`driven_gas.Drive`). The total momentum is then not kept. The same for all masses.
+        (`driven_gas.Driving`). The total momentum is then not kept. The same for all masses.
     contact : {"virial", "henderson", "dilute"}
         Contact values (`contact.contact_value_coefficients`); "dilute" solves Boltzmann's equation.
     device : Device or str
@@ -225,7 +217,7 @@ class DSMC(ReadOnlyAttributes):
 
     Notes
     -----
-    A drive acts over half a batch before and after its collisions, so that its error is of second order in a batch of
+    Driving acts over half a batch before and after its collisions, so that its error is of second order in a batch of
     0.1 collisions per disk; without one there is no error but that of a finite number of disks, and of rounding.
     Disks of very different sizes or speeds make most drawn pairs come to nothing: right, but slow.
 
@@ -241,7 +233,7 @@ class DSMC(ReadOnlyAttributes):
     """
 
     disks: Disks
-    drive: Drive | None
+    driving: Driving | None
     area: float
     time: float
     collisions: int
@@ -260,7 +252,7 @@ class DSMC(ReadOnlyAttributes):
         seed: Seed = 0,
         *,
         species: Column | None = None,
-        drive: Drive | None = None,
+        driving: Driving | None = None,
         contact: Contact = "virial",
         device: Device | str | None = None,
     ) -> None:
@@ -271,28 +263,26 @@ class DSMC(ReadOnlyAttributes):
             raise InputError("packing_fraction = 0.0: must be above 0, or disks do not meet")
         spins = np.zeros(n) if spin is None else checked.array("spin", spin, (n,))
         start = State(np.zeros((n, 2)), checked.array("velocity", velocity), spins)  # checks the shape
-        self._set(disks=disks, drive=drive)
-        self._whole = True
+        self._set(disks=disks, driving=driving)
+        self._valid = True
         self._seed = seeds.of_device(seed)
         self._species = self._grouped(disks.material if species is None else species)
-        laws = law_table(law, disks)
-        kind: Any = checked_class(laws)
-        check_energy(laws, disks)
+        device = Device.of(device)
+        laws = PairLaws.of(law, disks, precision=device.precision)
         self._set(area=math.pi * float(np.sum(disks.radius**2)) / packing_fraction)
         with backend.sole_use():
-            running = backend.start(device := Device.of(device))
+            running = backend.start(device)
         self._alone = device.name == "cpu" and running.threads == 1
         self._real: Any = np.float32 if device.precision == "f32" else np.float64
         a, b = contact_value_coefficients(packing_fraction, disks.radius, None, contact)
         largest = float(disks.radius.max())
         self._section = 2.0 * a * largest + b * largest**2  # the largest g_ij sigma_ij
-        self._crowding = np.array([a, b, 0.0, 0.0], dtype=self._real)
-        self._batch = max(n // (4 if drive else 1), _LEAST)
-        table = coefficient_table(laws)
-        self._make_arrays(start, compiled(kind), table)
-        if kind is not IFRLaw:  # whether it adds energy is not known
-            fastest = max(float(np.abs(part).max()) for part in (start.velocity, disks.radius * spins))
-            check_by_sampling(kind, table, disks, [], fastest or 1.0)
+        self._contact_value = np.array([a, b, 0.0, 0.0], dtype=self._real)
+        self._batch = max(n // (4 if driving else 1), _LEAST)
+        kind: Any = laws.kind  # mypy does not take a class for hashable
+        self._make_arrays(start, compiled(kind), laws.coefficients)
+        fastest = max(float(np.abs(part).max()) for part in (start.velocity, disks.radius * spins))
+        laws.check_by_sampling(disks, [], fastest or 1.0)
         self._set(time=0.0, collisions=0, energy_input=0.0, candidates=0, cut_for_speed=0)
         self._batches = self._kicks = 0
 
@@ -366,13 +356,13 @@ class DSMC(ReadOnlyAttributes):
     @property
     def velocity(self) -> NDArray[np.float64]:
         """Velocities [length/time], shape (n, 2)."""
-        self._check_whole()
+        self._check_valid()
         return self._record()[:, :2]
 
     @property
     def spin(self) -> NDArray[np.float64]:
         """Spins [rad/time], shape (n,)."""
-        self._check_whole()
+        self._check_valid()
         return self._record()[:, 2]
 
     @property
@@ -382,7 +372,7 @@ class DSMC(ReadOnlyAttributes):
 
     def checkpoint(self) -> Checkpoint:
         """The present state. Another gas of the same disks, law, seed and drive that resumes it goes on bit by bit."""
-        self._check_whole()
+        self._check_valid()
         record = self._record()
         return Checkpoint(
             record[:, :2].copy(), record[:, 2].copy(), self.collisions_of_disks, self.time, self.energy_input,
@@ -410,7 +400,7 @@ class DSMC(ReadOnlyAttributes):
             time=state.time,
             energy_input=state.energy_input,
         )
-        self._whole = True
+        self._valid = True
         self._batches, self._kicks = state.batches, state.kicks
 
     @validated
@@ -468,24 +458,24 @@ class DSMC(ReadOnlyAttributes):
                             self._set(time=float(mark))
                 else:
                     while 2.0 * self.collisions < mark * self.disks.n:
-                        self._step(math.inf, wanted=0.5 * mark * self.disks.n - self.collisions)
+                        self._step(math.inf, target=0.5 * mark * self.disks.n - self.collisions)
                 found.append(self._measure())
         return Relaxation(**{name: np.array([one[name] for one in found]) for name in found[0]})
 
-    def _step(self, longest: float, wanted: float = math.inf) -> None:
-        """Let the gas go on, for `longest` [time] at most, and not for many more collisions than are `wanted`."""
-        self._check_whole()
+    def _step(self, longest: float, target: float = math.inf) -> None:
+        """Let the gas go on, for `longest` [time] at most, and not for many more collisions than are `target`."""
+        self._check_valid()
         with backend.deferred_interrupts():  # Ctrl-C takes effect between batches
-            self._whole = False
-            self._batch_of(longest, wanted)
-            self._whole = True
+            self._valid = False
+            self._batch_of(longest, target)
+            self._valid = True
 
-    def _batch_of(self, longest: float, wanted: float) -> None:
+    def _batch_of(self, longest: float, target: float) -> None:
         rate = self._rate()
         # Of all candidates a third collides in a gas of equal disks, at most: more cannot be wanted too often.
-        count = min(float(self._batch), max(3.0 * wanted, float(_LEAST)))
+        count = min(float(self._batch), max(3.0 * target, float(_LEAST)))
         duration = min(count / rate, longest)
-        if self.drive is None:
+        if self.driving is None:
             self._collide(duration, rate)
             return
         self._kick(0.5 * duration)
@@ -504,8 +494,8 @@ class DSMC(ReadOnlyAttributes):
             raise NoMoreCollisions(f"t = {self.time:.9g}: nothing moves; there will be no more collisions")
         if not math.isfinite(cap):
             raise EngineError(f"t = {self.time:.9g}: a velocity is not finite")
-        crowding = Named(self._crowding, DSMC_TABLES["crowding"])
-        crowding.majorant, crowding.cap = self._section * 2.0 * cap, cap**2
+        contact_value = Named(self._contact_value, DSMC_TABLES["contact_value"])
+        contact_value.majorant, contact_value.cap = self._section * 2.0 * cap, cap**2
         n = self.disks.n
         # n (n - 1) / 2 pairs at 2 g_ij sigma_ij |g| / area
         return n * (n - 1) * self._section * 2.0 * cap / self.area
@@ -515,9 +505,9 @@ class DSMC(ReadOnlyAttributes):
         if self._disk is None:
             raise EngineError("this gas is invalid: Taichi was restarted with other settings")
 
-    def _check_whole(self) -> None:
+    def _check_valid(self) -> None:
         self._check_alive()
-        if not self._whole:
+        if not self._valid:
             raise EngineError(
                 "a batch was interrupted half-way, so the state is lost: resume from a checkpoint, or start again"
             )
@@ -569,17 +559,17 @@ class DSMC(ReadOnlyAttributes):
         return np.array([number & low, number >> 32, self._seed & low, self._seed >> 32], dtype=np.uint32)
 
     def _kick(self, duration: float) -> None:
-        """Let the drive act for a time [time]: the exact solution of dv = -rate v dt + noise, and of the spins'."""
-        drive = self.drive
-        assert drive is not None
+        """Apply the driving for a time [time]: the exact solution of dv = -rate v dt + noise, and of the spins'."""
+        driving = self.driving
+        assert driving is not None
 
         def given(power: float, rate: float) -> float:
             """Energy that noise gives: power dt, less what friction takes of it meanwhile."""
             return power * (-math.expm1(-2.0 * rate * duration) / (2.0 * rate) if rate > 0.0 else duration)
 
         factors = np.array([
-            math.exp(-drive.rate * duration), math.exp(-drive.spin_rate * duration),
-            given(drive.power, drive.rate), given(drive.spin_power, drive.spin_rate),
+            math.exp(-driving.rate * duration), math.exp(-driving.spin_rate * duration),
+            given(driving.power, driving.rate), given(driving.spin_power, driving.spin_rate),
         ])  # fmt: skip
         self._launch(self._kernels.kick, key=self._key(self._kicks), factors=factors)
         self._kicks += 1

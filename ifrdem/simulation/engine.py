@@ -35,8 +35,7 @@ from numpy.typing import NDArray
 
 from ..errors import EngineError, InelasticCollapse, InputError, NoMoreCollisions
 from ..kernels import layout as k
-from ..kernels.columns import PISTON_STATE, READOUT, TALLY, WALL_SUM, Named, named
-from ..kernels.walls.kinds import ARC_INSIDE, ARC_OUTSIDE
+from ..kernels.columns import READOUT, TALLY, Named, named
 from ..model.box import Box
 from ..model.collapse import Collapse, ContactTime, Rest, VelocityCutoff, advice
 from ..model.collapse import validate as validate_collapse
@@ -45,17 +44,16 @@ from ..model.gravity import validate as validate_gravity
 from ..model.ifr import IFRLaw
 from ..model.law import CollisionLaw, compiled
 from ..model.observables import from_totals
-from ..model.overlaps import TOLERANCE
-from ..model.state import DiskKinds, Disks, State, scatter_state
-from ..model.wall_checks import check as check_walls
+from ..model.state import Disks, State
 from ..model.walls import Wall, free_directions, rows_of, sides, smooth_materials
 from ..mpi import Communicator
-from ..mpi.distribution import broadcast_constant_rows
 from ..tools import checked, seeds
 from . import backend, checks
 from .device import Device
+from .features import features_of
 from .record import validate as validate_record
 from .schedule import RunPoint
+from .start import StartCounts, StartSlice
 from .tracking import Statistics
 from .turning import TurningGravity, check_turning
 
@@ -222,54 +220,33 @@ class Engine:
         **options: Any,
     ) -> None:
         self._released = True  # until there is anything to release
-        self._whole = True  # False while a window is run: an interrupt would leave it half done
-        given = EngineOptions(**options)
-        self.options: EngineOptions = given
+        self._valid = True  # False while a window is run: an interrupt would leave it half done
+        self.options: EngineOptions = EngineOptions(**options)
         self.comm: Communicator = Communicator.of(comm)
-        comm = self.comm
+        given, comm, tracked = self.options, self.comm, tracking is not None
         self.box: Box = box
         self._law_table, self._law = np.ascontiguousarray(law_table, dtype=np.float64), law
-        check_turning(given.gravity, box.periodic, tracking is not None, comm.size)
+        check_turning(given.gravity, box.periodic, tracked, comm.size)
         self.precision: str = given.device.precision
         self.walls: tuple[Wall, ...] = (*walls, *sides(box))
         self.given_walls: int = len(walls)
-
-        def counted() -> tuple[int, float, int, int, int]:
-            if state.n != disks.n:
-                raise InputError(f"the state has {state.n} disks: must be {disks.n}")
-            met, hits = (int(each.sum(dtype=np.int64)) for each in (state.collisions, state.wall_collisions))
-            speed = checks.fastest(disks, state.velocity, state.spin)
-            return disks.n, speed, met, hits, int(np.count_nonzero(state.asleep))
-
-        def check_inputs() -> None:
-            checks.check_number(n, comm.size, "partner" in given.record)
-            checks.check(disks, box, state, len(self._law_table), walls, forces, given, max(speeds))
-            check_walls(
-                self.walls, box, state.position, disks.radius, len(self._law_table), float(state.time),
-                collisions=self._before[0], tolerance=TOLERANCE * float(disks.radius.max(initial=0.0)),
-            )  # fmt: skip
-
-        counts = comm.allgather(comm.run_on_holders(counted))
-        numbers, speeds, met, hits, slept = map(list, zip(*(each for each in counts if each), strict=True))
-        n = self.n = sum(numbers)
-        self._before, self._slept = [sum(met) // 2, sum(hits)], sum(slept)
-        comm.run_on_holders(check_inputs)
-        self.disks_here: Disks = disks
-        begin = state
-        with comm:
-            if comm.is_distributed:
-                comm.require_equal(repr(state.time), "times of the start")
-            else:
-                self.disks_here, begin = scatter_state(disks, state)
-            self.kinds: Disks = disks if comm.size == 1 else DiskKinds.of(self.disks_here)
-        self.disks: Disks = disks if comm.has_all else self.kinds
+        counts = StartCounts.of(comm, disks, state)
+        materials = len(self._law_table)
+        comm.run_on_holders(
+            lambda: checks.check(disks, box, state, counts, materials, self.walls, forces, given, comm.size)
+        )
+        self.n: int = counts.n
+        self._before, self._slept = [counts.collisions, counts.wall_collisions], counts.asleep
+        start = StartSlice.of(comm, disks, state)
+        self.disks, self.disks_here, self.kinds = start.disks, start.here, start.kinds
         self._materials = np.unique(self.kinds.material)
-        time = float(begin.time)
+        time = float(start.state.time)
         self.turning = TurningGravity(given.gravity, time)
         self.gravity: tuple[float, float] = self.turning.gravity
-        self._check_resting(self.gravity, forces, law)
-        self._check_rebound(self._law_table, law, self.gravity)
-        checks.check_pistons(walls, n, given, comm.size)
+        self._check_collapse(self._law_table, law, self.gravity, forces)
+        checks.check_pistons(walls, self.n, given, comm.size)
+        checks.check_ranks(comm.size, self.n, box, given, tracked)
+        self._check_alike(forces)
         self.statistics: Statistics = Statistics()
         self.keep_collisions = False
         self.last_collisions: CollisionTimes | None = None
@@ -277,51 +254,15 @@ class Engine:
         self._resting = 0
         self._no_future_collisions = False
         self._collided_at = time
-        threads = given.device.threads
-        if comm.size > 1:
-            checks.check_ranks(comm.size, n, box, given, tracking is not None)
-            self._check_alike(forces)
-            threads = threads or comm.share_of_cores(backend.cores())
-            if given.device.name == "cuda":
-                number = comm.local_rank
-                comm.run_on_all(lambda: backend.show_gpu(number))
-        comm.run_on_all(lambda: backend.start(replace(given.device, threads=threads)))
+        backend.start_on_ranks(given.device, comm)
         from .arrays import DeviceArrays
-        from .domain import Domain
+        from .domain import domain_of
         from .force_steps import ForceSteps
         from .windows import Windows
 
-        kind: Any = law  # mypy does not take a class for hashable
         rows = rows_of(self.walls)
-        uses = k.Uses(
-            walled=len(self.walls) > 0,
-            thermal=any(wall.temperature for wall in self.walls),
-            pieced=len(rows) != len(self.walls),
-            arched=bool(np.isin(named(rows, "walls").kind, (ARC_INSIDE, ARC_OUTSIDE)).any()),
-            turning=any(wall.turn.kind != "still" for wall in self.walls),
-            timed=any(
-                wall.gated or wall.moves_from is not None or wall.moves_until is not None
-                for wall in self.walls
-            ),
-            summed="wall" in given.record and len(self.walls) > 0,
-            pistons=any(wall.piston is not None for wall in self.walls),
-            remembers=given.contact_time > 0.0,
-            sheared=box.shear_rate != 0.0,
-            tallied=given.has_ledger,
-            partnered="partner" in given.record,
-            turned="angle" in given.record,
-            itemised="disk_energy" in given.record,
-            watched=tracking is not None,
-            rests=given.resting_speed > 0.0,
-            collision_law=compiled(kind),
-        )
-        domain, windows = Domain(), Windows
-        if comm.size > 1:
-            from .ranks import RankDomain, RankWindows
-
-            assert isinstance(self.kinds, DiskKinds)
-            uses = uses.replace(shared=True)
-            domain, windows = RankDomain(comm, self.disks_here, self.kinds), RankWindows
+        uses = features_of(box, self.walls, rows, law, given, tracked=tracked, ranks=comm.size)
+        domain = domain_of(comm, self.disks_here, self.kinds)
         self.arrays: DeviceArrays = DeviceArrays(self.kinds, box, self._law_table, given, rows, uses, domain)
         self.apply_gravity()
         self._released = False
@@ -329,26 +270,20 @@ class Engine:
         if tracking is not None:
             self.arrays.watch(tracking.rows > 0)
         self.arrays.clock.wall_speed = max((wall.most_speed for wall in self.walls), default=0.0)
-        self.past: dict[str, Any] = {
-            "wall_collisions": begin.wall_collisions, "latest_collision": begin.latest_collision,
-            "last_partner": begin.last_partner, "angle": begin.angle, "dissipated": begin.dissipated,
-            "asleep": begin.asleep,
-        }  # fmt: skip
-        if comm.size > 1:
-            self.past = {name: broadcast_constant_rows(value) for name, value in self.past.items()}
-        self.windows: Windows = windows(self.arrays, self.statistics, time)
-        self.set_gates(np.array([not wall.stands(time, self._before[0]) for wall in self.walls], dtype=bool))
-        self._load(begin)
+        self.past: dict[str, Any] = start.history(comm)
+        self.windows: Windows = Windows(self.arrays, self.statistics, time)
+        self.set_gates(
+            np.array([not wall.is_present(time, self._before[0]) for wall in self.walls], dtype=bool)
+        )
+        self._load(start.state)
         self.force_steps: ForceSteps = ForceSteps(forces, self.arrays, self.disks, given.seed, self.time)
         # Kinetic energy in the frames of rows of tiles beyond that in the flow, at the start.
-        self._flow_excess = 0.0
-        if box.shear_rate:
-            self._flow_excess = self._excess()
+        self._flow_excess = self._excess()
 
     def _load(self, state: State) -> None:
         """Divide the box into tiles and lay a state into them, from which a window begins."""
         self.arrays.load(self.disks, self.options, state)
-        self._until_looked = OPEN_WINDOWS
+        self._windows_to_check = OPEN_WINDOWS
         self._no_future_collisions = self._all_separate(state)
 
     def _all_separate(self, state: State) -> bool:
@@ -394,25 +329,22 @@ class Engine:
     def wall_heats(self) -> NDArray[np.float64]:
         """Heat that each wall, those at sides of the box last, gave so far [energy]."""
         heat = np.zeros(len(self.walls))
-        thermal = self.arrays.thermal
-        heat[thermal] = self.windows.sums[TALLY.width : TALLY.width + len(thermal)]
+        tally = self.arrays.wall_tally
+        heat[tally.thermal] = tally.heats(self.windows.sums)
         return heat
 
     @property
     def wall_sums(self) -> NDArray[np.float64]:
         """Sums of what each wall gave so far, sides of the box last, shape (walls, 6); columns `model.walls.SUMS`."""
-        first = TALLY.width + len(self.arrays.thermal)
-        return self.windows.sums[first : first + WALL_SUM.width * len(self.walls)].reshape(-1, WALL_SUM.width)
+        return self.arrays.wall_tally.sums(self.windows.sums)
 
     @property
     def pistons(self) -> NDArray[np.float64]:
         """Displacement, velocity, energy and force of each piston, shape (pistons, 4): `model.walls.PISTONS`."""
-        state = self.windows.sums[len(self.windows.sums) - PISTON_STATE.width * len(self.arrays.pistons) :]
+        states = self.arrays.wall_tally.piston_states(self.windows.sums).array
         pistons = [(wall.piston, wall.normal_of_piston) for wall in self.walls if wall.piston is not None]
         found = np.empty((len(pistons), 4))
-        for row, (piston, normal), (s, speed) in zip(
-            found, pistons, state.reshape(-1, PISTON_STATE.width).tolist(), strict=True
-        ):
+        for row, (piston, normal), (s, speed) in zip(found, pistons, states.tolist(), strict=True):
             pull = piston.mass * (self.gravity[0] * normal[0] + self.gravity[1] * normal[1])
             row[:] = s, speed, piston.energy(s, speed, pull), piston.force
         return found
@@ -440,7 +372,9 @@ class Engine:
         """Open the gates whose time or number of collisions has come, which ends the window."""
         if not self.arrays.uses.timed:
             return
-        opened = np.array([not wall.stands(self.time, self.collisions) for wall in self.walls], dtype=bool)
+        opened = np.array(
+            [not wall.is_present(self.time, self.collisions) for wall in self.walls], dtype=bool
+        )
         if np.any(opened & ~self.open_gates):
             self._end_window()
             self._wake()  # what held them may be gone
@@ -452,7 +386,7 @@ class Engine:
         """True along x and y where the whole gas can drift (`model.walls.free_directions`)."""
         smooth: Collection[int] = ()
         if self.walls and self._law is IFRLaw:
-            e_t, mu = (self._law_table[:, :, IFRLaw.coefficients.index(name)] for name in ("e_t", "mu"))
+            e_t, mu = (IFRLaw.column(self._law_table, name) for name in ("e_t", "mu"))
             smooth = smooth_materials(e_t, mu, self._materials)
         return free_directions(self.walls, immovable=self.n > self.kinds.n_movable, smooth=smooth)
 
@@ -526,28 +460,18 @@ class Engine:
         ]
         self.comm.require_equal(repr(compared), "box, law, walls, forces or options")
 
-    def _check_resting(
-        self, gravity: tuple[float, float], forces: Sequence[Force], law: type[CollisionLaw]
+    def _check_collapse(
+        self,
+        law_table: NDArray[np.float64],
+        law: type[CollisionLaw],
+        gravity: tuple[float, float],
+        forces: Sequence[Force],
     ) -> None:
-        given = self.options
-        if isinstance(given.collapse, Rest):
-            checks.check_resting(self.disks, self.box, gravity, given.collapse, forces, law, given.device)
-
-    def _check_rebound(
-        self, law_table: NDArray[np.float64], law: type[CollisionLaw], gravity: tuple[float, float]
-    ) -> None:
-        given = self.options
-        if law is IFRLaw:
-            materials = np.unique(self.kinds.material).tolist()
-            checks.check_rebound(
-                np.asarray(law_table)[..., 0],
-                materials,
-                self.walls,
-                self.box,
-                gravity,
-                given.collapse,
-                given.device.precision,
-            )
+        """Refuse a law, gravity or forces that cannot be combined with the remedy for inelastic collapse."""
+        checks.check_collapse(
+            self.options.collapse, self.kinds, self.box, self.walls, gravity, forces, law,
+            law.column(law_table, "e_n") if law.is_proved and "e_n" in law.coefficients else None, self.options.device,
+        )  # fmt: skip
 
     def _wake(self) -> None:
         """Wake all disks at the present time, between windows: what holds them is to change."""
@@ -556,12 +480,12 @@ class Engine:
 
     def set_law(self, law_table: NDArray[np.float64], law: type[CollisionLaw]) -> None:
         """Collide by another law from now on; arguments as for the engine."""
-        self._check_resting(self.gravity, (), law)
-        self._check_rebound(law_table, law, self.gravity)
+        law_table = np.ascontiguousarray(law_table, dtype=np.float64)
+        self._check_collapse(law_table, law, self.gravity, ())
         with self.exclusive_update():
             self._end_window()
             self._wake()
-            self._law_table, self._law = np.ascontiguousarray(law_table, dtype=np.float64), law
+            self._law_table, self._law = law_table, law
             kind: Any = law  # mypy does not take a class for hashable
             self.arrays.set_law(self._law_table, compiled(kind))
             self._mark_changed()
@@ -570,14 +494,14 @@ class Engine:
         """Have other forces act from now on; InputError if one is none, or cannot act here."""
         from .force_steps import ForceSteps
 
-        self.check_whole()
+        self.check_valid()
 
         def checked() -> ForceSteps:
             steps = ForceSteps(forces, self.arrays, self.disks, self.options.seed, self.time)
             checks.check_between_collisions(self.disks, self.box, self.gravity, steps.forces)
             hottest = checks.hottest(self.walls, steps.forces)
             checks.check_magnitudes(self.disks_here, self.box, 0.0, self.precision, hottest)
-            self._check_resting(self.gravity, steps.forces, self._law)
+            self._check_collapse(self._law_table, self._law, self.gravity, steps.forces)
             return steps
 
         steps = self.comm.run_on_all(checked)
@@ -596,8 +520,7 @@ class Engine:
             )
         gravity = checked.PAIR("gravity", gravity)
         checks.check_between_collisions(self.disks, self.box, gravity, self.force_steps.forces)
-        self._check_resting(gravity, (), self._law)
-        self._check_rebound(self._law_table, self._law, gravity)
+        self._check_collapse(self._law_table, self._law, gravity, ())
         with self.exclusive_update():
             self._end_window()
             self._wake()
@@ -708,7 +631,7 @@ class Engine:
 
     def check_duration(self, t_end: float) -> None:
         """Refuse a run to `t_end` [time] that is too long for this gas (`checks.check_duration`)."""
-        self.check_whole()
+        self.check_valid()
         lone = not self.box.is_open and (self._no_future_collisions or self._is_alone)
         speed = float(np.hypot(*self._state().velocity.T).max(initial=0.0)) if lone else 0.0
         radius = float(self.kinds.radius.min(initial=math.inf))
@@ -754,8 +677,8 @@ class Engine:
             raise EngineError("collisions of all disks cannot be kept while some are tracked")
         before, was = windows.sums[TALLY.collisions], self.time
         first = self._before[0]
-        most = 1 if watching else self._until_looked if self.box.is_open else self.arrays.burst
-        begun = self.statistics.windows
+        most = 1 if watching else self._windows_to_check if self.box.is_open else self.arrays.burst
+        windows_before = self.statistics.windows
 
         def counted(point: RunPoint) -> tuple[float, float]:
             return point.time, point.collisions - first
@@ -792,8 +715,8 @@ class Engine:
                     "usual at this density: these disks seem never to meet"
                 )
         if self.box.is_open:
-            self._until_looked -= self.statistics.windows - begun
-            if self._until_looked <= 0 and not windows.inside:
+            self._windows_to_check -= self.statistics.windows - windows_before
+            if self._windows_to_check <= 0 and not windows.inside:
                 self._look_around()
 
     def _advice(self, *, at_wall: bool) -> str:
@@ -803,7 +726,7 @@ class Engine:
             rows = np.unique(self.kinds.material)
             of_walls = [wall.material for wall in self.walls if wall.temperature is None]
             columns = np.array(of_walls if at_wall else [*rows, *of_walls], dtype=np.int64)
-            e_n = float(self._law_table[np.ix_(rows, columns)][..., 0].min(initial=1.0))
+            e_n = float(IFRLaw.column(self._law_table, "e_n")[np.ix_(rows, columns)].min(initial=1.0))
         rests = any(self.gravity) and not self.force_steps.forces and not self.arrays.uses.pistons
         return advice(
             given.collapse, e_n=e_n, can_rest=rests and self._law is IFRLaw,
@@ -847,14 +770,14 @@ class Engine:
         if not getattr(self, "_released", True) and not is_finalizing():
             self.release()
 
-    def check_whole(self) -> None:
+    def check_valid(self) -> None:
         """Refuse to go on with an engine that has ended, or was interrupted half-way through a window."""
         if self._released:
             raise EngineError(
                 "this simulation has ended: another one was started with another device, precision or number of "
                 "threads, of which a process has one at a time"
             )
-        if not self._whole:
+        if not self._valid:
             raise EngineError(
                 "a window was interrupted half-way, so the state is lost: begin a new simulation from a stored state"
             )
@@ -862,11 +785,11 @@ class Engine:
     @contextmanager
     def exclusive_update(self) -> Iterator[None]:
         """Refuse to begin unless the engine is whole, and delay Ctrl-C until it is whole again."""
-        self.check_whole()
+        self.check_valid()
         with backend.sole_use(), backend.deferred_interrupts():
-            self._whole = False
+            self._valid = False
             yield
-            self._whole = True
+            self._valid = True
 
     def _apply_forces(self) -> None:
         acting = self.force_steps.acting(self.time)

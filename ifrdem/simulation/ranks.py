@@ -44,7 +44,8 @@ Imports Taichi: import this module only after `backend.start`. Needs mpi4py.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -63,7 +64,7 @@ from ..mpi import Communicator
 from ..mpi.decomposition import owners
 from .arrays import concatenated_ranges, kind_rows, kinds_of
 from .domain import Domain, sums_of_blocks
-from .windows import Windows, _Again
+from .runner import TileRunner
 
 # Windows between looks at who has more to do than others, and how much more is too much.
 BETWEEN, UNEVEN = 16, 1.1
@@ -137,6 +138,8 @@ class RankDomain(Domain):
         self._disks = disks
         self._of_here = not kinds.every  # whether `kinds` has rows for the disks here
         self._in_table = 0  # rows of it that are in use
+        self._short = False  # tiles have to run again whose halos are wider than what was fetched
+        self._since_look = 0  # windows since `rebalance`
         if kinds.every:  # of the disks of the slice: codes are the same with a disk of each kind before them
             both = (np.concatenate([getattr(each, name) for each in (kinds, disks)]) for name in COLUMNS)
             code = kinds_of(Disks(len(kinds.mass) + disks.n, *both))[1]
@@ -280,11 +283,6 @@ class RankDomain(Domain):
             self._empty_table(own, more)
             self._receive_rows("kind", slots, rows)
 
-    def list_tiles(self, tiles: NDArray[np.integer]) -> None:
-        """Have these tiles be run next."""
-        with self.arrays.written("listed") as (listed,):
-            listed[: len(tiles)] = tiles
-
     # ------------------------------------------------------------------ room
 
     @property
@@ -417,27 +415,29 @@ class RankDomain(Domain):
             for slots, ran in zip(self._ghost_slots, self._ran, strict=True)
         ]
         size = sum(each.nbytes for message in messages for each in message)
-        for given, (ran, hashes, ways) in zip(self._sent_slots, self.exchange(messages), strict=True):
+        for given, (ran, hashes, displacements) in zip(
+            self._sent_slots, self.exchange(messages), strict=True
+        ):
             self._write_rows("history_hash", given[ran], hashes)
-            self._write_rows("displacement", given[ran], ways)
+            self._write_rows("displacement", given[ran], displacements)
         self.unassigned = int(np.count_nonzero(self.arrays.values("displacement")[: self.used] < 0.0))
         messages = []
         reach = self.arrays.values("reach")
         for q, (given, tiles) in enumerate(zip(self._sent_slots, self._sent_tiles, strict=True)):
-            hashes, ways = self._rows("history_hash", given), self._rows("displacement", given)
+            hashes, displacements = self._rows("history_hash", given), self._rows("displacement", given)
             changed = np.arange(len(given), dtype=np.int32)
             if (sent := self._sent_hashes[q]) is not None:
-                changed = changed[np.any(hashes != sent[0], axis=1) | (ways != sent[1])]
-            self._sent_hashes[q] = hashes, ways
-            messages.append((changed, hashes[changed], ways[changed], reach[tiles]))
+                changed = changed[np.any(hashes != sent[0], axis=1) | (displacements != sent[1])]
+            self._sent_hashes[q] = hashes, displacements
+            messages.append((changed, hashes[changed], displacements[changed], reach[tiles]))
         size += sum(each.nbytes for message in messages for each in message)
         received = self.exchange(messages)
         with self.arrays.written("reach") as (reach,):
-            for slots, tiles, (changed, hashes, ways, reached) in zip(
+            for slots, tiles, (changed, hashes, displacements, reached) in zip(
                 self._ghost_slots, self._ghost_tiles, received, strict=True
             ):
                 self._write_rows("history_hash", slots.start + changed, hashes)
-                self._write_rows("displacement", slots.start + changed, ways)
+                self._write_rows("displacement", slots.start + changed, displacements)
                 reach[tiles] = reached
         self.communication.hashes += size
         self.communication.rounds += 1
@@ -520,6 +520,82 @@ class RankDomain(Domain):
             found[:] = self._all_blocks(found)
         self.arrays.launch(sum_shared, 0, 1)
 
+    def survey(self, *, rough: bool) -> None:
+        """As on one rank."""
+        super().survey(rough=rough)
+        self.share()
+
+    # ------------------------------------------------------------------ running it
+
+    def run(
+        self, runner: TileRunner, most: int = 1, *, pausing: bool = False, resuming: bool = False
+    ) -> None:
+        """As on one rank, of own tiles."""
+        with self._timed():
+            self._since_look += 1
+            if self._since_look >= BETWEEN:
+                self._since_look = 0
+                self.rebalance()
+            self.fetch()
+            self._run_on_all(lambda: runner.run_all(most, pausing=pausing, resuming=resuming))
+            self.exchange_hashes(again=False)
+            self._verify(runner)
+
+    def run_bad(self, runner: TileRunner) -> None:
+        """As on one rank; all tiles begin again where bad ones need more of the ring than was fetched."""
+        with self._timed():
+            if short := self._short:
+                self.fetch(whole=True)
+                self.communication.whole += 1
+                self._run_on_all(lambda: runner.run_all(again=True))
+            else:
+                self._run_on_all(runner.run_bad)
+            self.exchange_hashes(again=not short)
+            self._verify(runner)
+
+    def run_whole_box(self, runner: TileRunner) -> None:
+        """As on one rank, each by itself."""
+        with self._timed():
+            self.fetch_all()
+            runner.select(np.zeros(1, dtype=np.int32))
+            self._run_on_all(lambda: runner.launch(1))
+            self._short = False
+            runner.rests = self.comm.any(runner.rests)
+
+    @contextmanager
+    def _timed(self) -> Iterator[None]:
+        """Take the time of communication: all but what tiles run (`_run_on_all`)."""
+        began = time.perf_counter()
+        yield
+        self.communication.seconds += time.perf_counter() - began
+
+    def _run_on_all(self, run: Callable[[], None]) -> None:
+        """Run tiles on each rank; all raise the error of one."""
+
+        def run_here() -> None:
+            began = time.perf_counter()
+            run()
+            self.communication.seconds -= time.perf_counter() - began
+
+        self.comm.run_on_all(run_here)
+
+    def _verify(self, runner: TileRunner) -> None:
+        """Verify own tiles, by hashes and sums of all ranks; all then know how many tiles are bad."""
+        counter = self.arrays.counter
+        self.share()
+        counter.n_bad = counter.stuck = 0
+        self.arrays.launch(verify)
+        runner.n_bad = int(counter.n_bad)
+        found = [runner.n_bad, counter.stuck, runner.rests, self.unassigned, self.n_short(runner.n_bad)]
+        n_bad, stuck, rests, unassigned, n_short = self.comm.allreduce(np.array(found, dtype=np.int64))
+        if unassigned:
+            raise EngineError(
+                f"t = {float(self.arrays.clock.begin):.9g}: {unassigned} disks were run by no rank in a window; "
+                "please report this"
+            )
+        counter.n_bad, counter.stuck = n_bad, stuck
+        runner.rests, self._short = bool(rests), bool(n_short)
+
     # ------------------------------------------------------------------ the state
 
     def load(
@@ -566,106 +642,3 @@ class RankDomain(Domain):
         here = slice(part * self.arrays.room, part * self.arrays.room + self.n_here(part))
         ids = named(self._rows("meta", here), "meta").id.astype(np.int64) - self.first_id
         return self.comm.by_id(self.arrays.n, ids, arrays)
-
-
-class RankWindows(Windows):
-    """The windows of a gas on several ranks, seen from one: the same ones on all."""
-
-    domain: RankDomain
-    _short: bool = False
-    _since_look: int = 0
-
-    def _survey(self, *, rough: bool) -> None:
-        super()._survey(rough=rough)
-        self.domain.share()
-
-    def _launch(
-        self, tiles: int, most: int, again: int = 0, *, pausing: bool = False, resuming: bool = False
-    ) -> None:
-        a, d, began = self.arrays, self.domain, time.perf_counter()
-        alone, short = bool(a.grid.single_tile), False
-        if alone:
-            d.fetch_all()
-            d.list_tiles(np.zeros(1, dtype=np.int32))
-        elif not again:
-            self._since_look += 1
-            if self._since_look >= BETWEEN:
-                self._since_look = 0
-                d.rebalance()
-            d.fetch()
-        elif short := self._short:
-            d.fetch(whole=True)
-            d.communication.whole += 1
-        error, ran = None, time.perf_counter()
-        try:
-            if alone:
-                super()._launch(1, 1)
-            elif not again:
-                self._run_own()
-            elif short:
-                self._run_own(1)
-            elif self._bad:
-                try:
-                    super()._launch(self._bad, 1, again=1)
-                except _Again:
-                    self._run_own(1)
-            else:
-                a.counter.array[:] = 0
-        # Not swallowed: `raise_collectively` raises it, on all ranks, which else would wait for this one.
-        except Exception as raised:
-            error = raised
-        ran = time.perf_counter() - ran
-        d.comm.raise_collectively(error)
-        if not alone:
-            d.exchange_hashes(again=bool(again) and not short)
-            d.share()
-            a.counter.n_bad = a.counter.stuck = 0
-            a.launch(verify)
-        self._bad = int(a.counter.n_bad)
-        n_short = 0 if alone else d.n_short(self._bad)
-        flags = np.array(
-            [self._bad, a.counter.stuck, a.counter.resting, d.unassigned, n_short], dtype=np.int64
-        )
-        d.comm.mpi.Allreduce(flags.copy(), flags)
-        if flags[3] and not alone:
-            raise EngineError(
-                f"t = {self.begin:.9g}: {flags[3]} disks were run by no rank in a window; please report this"
-            )
-        a.counter.n_bad, a.counter.stuck, a.counter.resting = flags[:3]
-        self._short = bool(flags[4])  # what is needed was not fetched
-        d.communication.seconds += time.perf_counter() - began - ran
-        self.rests |= bool(flags[2])
-
-    def _run_own(self, again: int = 0) -> None:
-        """Run all own tiles, or run them again with the halos that they have."""
-        own = self.arrays.own
-        while True:
-            self.domain.list_tiles(own)
-            if again:
-                self._clear_logs()
-                self._n_ghosts = 0
-            try:
-                return super()._launch(len(own), 1, again)
-            except _Again:
-                continue
-
-    def _check(self, launch: Any) -> None:
-        """Nothing yet: hashes of other ranks are needed."""
-
-    def _whole_box(self) -> None:
-        super()._whole_box()
-        if self.domain.comm.rank:  # all have run all of it
-            self._clear_logs()
-
-    def _nth(self, count: int) -> float:
-        """Time number `count` of those of all ranks: by halving, as whole numbers, which are in the same order."""
-        assert self._times is not None
-        words = self._times.view(np.int64)
-        low, high = 0, int(np.float64(np.inf).view(np.int64))
-        while low < high:
-            middle = (low + high) // 2
-            if self.domain.comm.allreduce(int(np.searchsorted(words, middle, side="right"))) >= count:
-                high = middle
-            else:
-                low = middle + 1
-        return float(np.int64(low).view(np.float64))

@@ -274,10 +274,10 @@ class RunPlan:
 
 def warn_of_end(**end: float | None) -> None:
     """Warn (RunWarning) that the end of a run, given by its name, is reached already."""
-    ((name, asked),) = ((name, value) for name, value in end.items() if value is not None)
+    ((name, limit),) = ((name, value) for name, value in end.items() if value is not None)
     warnings.warn(
-        f"{name} = {asked:g} is reached already: this run does nothing. Ends count from the start of the gas, not from "
-        f"this call: for as much again, {name} = {2 * asked:g}, or run_for",
+        f"{name} = {limit:g} is reached already: this run does nothing. Ends count from the start of the gas, not from "
+        f"this call: for as much again, {name} = {2 * limit:g}, or run_for",
         RunWarning,
         stacklevel=4,
     )

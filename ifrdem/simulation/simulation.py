@@ -20,17 +20,11 @@ from ..model.box import Box, describe_sides
 from ..model.collapse import Collapse
 from ..model.custom_code import check_constants
 from ..model.gravity import RotatingGravity
-from ..model.ifr import EnergyWarning, IFRLaw
-from ..model.law import (
-    CollisionLaw,
-    check_by_sampling,
-    check_energy,
-    checked_class,
-    coefficient_table,
-    law_table,
-)
+from ..model.ifr import EnergyWarning
+from ..model.law import CollisionLaw
 from ..model.observables import Measure, from_totals, sums
 from ..model.overlaps import check_no_overlap
+from ..model.pair_laws import PairLaws
 from ..model.state import COLUMNS, DiskKinds, Disks, State, scatter_state
 from ..model.wall_checks import check_types
 from ..model.walls import Wall, WallSums, sides
@@ -84,11 +78,11 @@ def _callables(name: str, given: Iterable[Called]) -> list[Called]:
 
 def _check_slices(counts: list[int]) -> None:
     """Raise InputError unless each rank has as many disks as its slice."""
-    wanted = np.diff(bounds(sum(counts), len(counts))).tolist()
-    if counts != wanted:
+    requested = np.diff(bounds(sum(counts), len(counts))).tolist()
+    if counts != requested:
         raise InputError(
             f"comm = Communicator(distributed=True): the ranks give {counts} disks, and their slices of {sum(counts)} "
-            f"have {wanted}: ifrdem.slice_of(n, comm) says which disks a rank must give"
+            f"have {requested}: ifrdem.slice_of(n, comm) says which disks a rank must give"
         )
 
 
@@ -216,30 +210,24 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
                 )
             return begin
 
-        def check_law() -> None:
-            laws = law_table(law, kinds, max((wall.material for wall in walls), default=0))
-            checked_class(laws)
-            check_energy(laws, kinds, (wall.material for wall in [*walls, *sides(box)]))
-            checks.check_coefficients(coefficient_table(laws), device.precision)
-
         begin = comm.run_on_holders(typed) or state
         if comm.is_distributed:
             _check_slices(comm.allgather(disks.n))
         kinds: Disks = comm.result_of_holders(lambda: DiskKinds.of(disks))
         kinds = disks if comm.has_all else kinds
         comm.run_on_all(lambda: checks.check_forces(forces))
-        comm.run_on_all(check_law)
+        materials = [wall.material for wall in [*walls, *sides(box)]]
+        self._laws = comm.run_on_all(lambda: PairLaws.of(law, kinds, materials, device.precision))
         comm.result_of_holders(lambda: check_no_overlap(box, disks.radius, begin.position, time=begin.time))
-        self._laws = law_table(law, kinds, max((wall.material for wall in walls), default=0))
-        law_class, table = checked_class(self._laws), coefficient_table(self._laws)
         self._tracking = self._follow_disks(tracked, kinds.n, box, walls)
         self._stopping = False
         self._pinches_checked = False
         self._external_energy = 0.0  # from changes between runs
         with backend.sole_use():
             self._engine = Engine(
-                disks, box, begin, table, walls=walls, gravity=gravity, forces=forces, collapse=collapse,
-                device=device, record=record, seed=seed, law=law_class, tracking=self._tracking, comm=comm,
+                disks, box, begin, self._laws.coefficients, law=self._laws.kind, walls=walls, gravity=gravity,
+                forces=forces, collapse=collapse, device=device, record=record, seed=seed, tracking=self._tracking,
+                comm=comm,
             )  # fmt: skip
             # The engine's state of a sheared gas knows its flow, whose energy does not count.
             known = box.shear_rate == 0.0 and (comm.size == 1 or comm.is_distributed)
@@ -247,9 +235,9 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
                 self._first = self._energy()
             else:
                 self._first = comm.result_of_holders(lambda: self._energy_of(disks, begin))
-            self._passive_known = law_class is IFRLaw  # whether it is known not to add energy
+            self._passive_known = self._laws.is_passive
             if not self._passive_known:
-                self._check_by_sampling(law_class, table, begin if known else self._engine.state_here())
+                self._check_by_sampling(self._laws, begin if known else self._engine.state_here())
 
     def _follow_disks(
         self, tracked: Sequence[int] | NDArray[np.integer], n: int, box: Box, walls: Sequence[Wall]
@@ -262,11 +250,11 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
                 "tracked: not supported in a sheared box; with walls that move, shear can be tracked"
             )
 
-        def disks_of(wanted: NDArray[np.int32]) -> Disks:
+        def disks_of(requested: NDArray[np.int32]) -> Disks:
             rows = [getattr(self.disks_here, name) for name in COLUMNS]
-            return Disks(len(wanted), *self.comm.rows_of(n, wanted, rows))
+            return Disks(len(requested), *self.comm.rows_of(n, requested, rows))
 
-        return Tracking(ids, n, disks_of, self._laws, [*walls, *sides(box)])
+        return Tracking(ids, n, disks_of, self._laws.table, [*walls, *sides(box)])
 
     def __repr__(self) -> str:
         """A line on the gas and its law, and one on its present time and collisions."""
@@ -289,7 +277,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     @property
     def _law_name(self) -> str:
-        return type(self._laws[0][0]).__name__
+        return self._laws.kind.__name__
 
     @property
     def has_ledger(self) -> bool:
@@ -315,20 +303,16 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         InputError
             If the law could add energy for the disks present, or the table does not fit; the gas is as it was then.
         """
-        disks, walls = self.disks, self._engine.walls
-        laws = law_table(law, disks, max((wall.material for wall in walls), default=0))
-        kind = checked_class(laws)
-        check_energy(laws, disks, (wall.material for wall in walls))
-        table = coefficient_table(laws)
-        checks.check_coefficients(table, self._engine.precision)
+        materials = [wall.material for wall in self._engine.walls]
+        laws = PairLaws.of(law, self.disks, materials, self._engine.precision)
         with backend.sole_use():
-            if kind is not IFRLaw:
-                self._check_by_sampling(kind, table, self._engine.state_here())
-            self._engine.set_law(table, kind)
+            if not laws.is_passive:
+                self._check_by_sampling(laws, self._engine.state_here())
+            self._engine.set_law(laws.coefficients, laws.kind)
         self._laws = laws
-        self._passive_known = self._passive_known and kind is IFRLaw
+        self._passive_known = self._passive_known and laws.is_passive
         if self._tracking is not None:
-            self._tracking.laws = laws
+            self._tracking.laws = laws.table
 
     @validated
     def set_forces(self, forces: Annotated[Sequence[Force], LATER]) -> None:
@@ -404,13 +388,13 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             after.energy + after.potential_energy - before.energy - before.potential_energy
         )
 
-    def _check_by_sampling(self, kind: type[CollisionLaw], table: NDArray[np.float64], state: State) -> None:
-        """Check by sampling a law that has no proof of passivity."""
+    def _check_by_sampling(self, laws: PairLaws, state: State) -> None:
+        """Check laws that are not known to be passive on random pairs of disks as fast as those of a state."""
         fastest = self.comm.largest(checks.fastest(self.disks_here, state.velocity, state.spin))
         disks = self._engine.kinds
         disks = disks.rows if isinstance(disks, DiskKinds) else disks
         of_walls = [wall.material for wall in self._engine.walls]
-        self.comm.run_on_root(lambda: check_by_sampling(kind, table, disks, of_walls, fastest or 1.0))
+        self.comm.run_on_root(lambda: laws.check_by_sampling(disks, of_walls, fastest or 1.0))
 
     @property
     def tracked(self) -> NDArray[np.int32]:
@@ -858,7 +842,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             if value is not None and not callable(value):
                 raise InputError(f"{name} = {value!r}: must be a function")
         self._stopping = False
-        kind: type[CollisionLaw] = type(self._laws[0][0])
+        kind = self._laws.kind
         check_constants(f"law {kind.__name__}", kind, "collide")
         for i, force in enumerate(self.forces):
             check_constants(f"forces[{i}] = {type(force).__name__}", type(force), "act", "measure")
@@ -974,12 +958,12 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         target = self.collisions + count
         return self._recorded(lambda: self.collisions < target, collisions=target)
 
-    def _recorded(self, going: Callable[[], bool], **end: float) -> CollisionTimes:
+    def _recorded(self, unfinished: Callable[[], bool], **end: float) -> CollisionTimes:
         found = [CollisionTimes(np.empty(0), np.empty((0, 2), dtype=np.int64))]
         self._engine.keep_collisions = True
         try:
             with backend.sole_use():
-                while going():
+                while unfinished():
                     self._engine.advance(**end)  # type: ignore[arg-type]
                     if self._engine.last_collisions is not None:
                         found.append(self._engine.last_collisions)

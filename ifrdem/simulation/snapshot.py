@@ -31,7 +31,7 @@ Snapshot = dict[str, NDArray[Any]]
 
 def fingerprint(engine: Engine) -> str:
     """A hash of what must be the same for a snapshot to fit: disks, box, laws, walls, forces, seed, precision."""
-    engine.check_whole()
+    engine.check_valid()
     a, disks, box, options = engine.arrays, engine.disks_here, engine.box, engine.options
     rotation = options.gravity if isinstance(options.gravity, RotatingGravity) else None
     gravity = rotation.start if rotation else engine.gravity
@@ -84,7 +84,7 @@ def take(engine: Engine) -> Snapshot:
                 engine._slept,
                 engine._resting,
                 engine._no_future_collisions,
-                engine._until_looked,
+                engine._windows_to_check,
             ],
             dtype=np.int64,
         )
@@ -142,7 +142,7 @@ def _restore(engine: Engine, found: Snapshot) -> None:
     for name, value in zip(_LENGTHS, lengths, strict=True):
         setattr(a.clock, name, value)
     _time, engine._collided_at, engine._flow_excess = found["clock"].tolist()
-    *before, engine._resting, separated, engine._until_looked = found["counts"].tolist()
+    *before, engine._resting, separated, engine._windows_to_check = found["counts"].tolist()
     engine._before, engine._slept, engine._no_future_collisions = before[:2], before[2], bool(separated)
     if engine.turning.rotation:
         step, engine.turning.work = found["turning"].tolist()

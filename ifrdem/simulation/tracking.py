@@ -122,8 +122,8 @@ def checked_ids(tracked: Sequence[int] | NDArray[np.integer], n: int) -> NDArray
         raise InputError(f"tracked = {tracked!r}: must be a list of disks' numbers, 0 to {n - 1}")
     ids = np.sort(given).astype(np.int64)
     if ids.size and not 0 <= ids[0] <= ids[-1] < n:
-        wrong = ids[0] if ids[0] < 0 else ids[-1]
-        raise InputError(f"tracked: there is no disk {wrong}; there are 0 to {n - 1}")
+        unknown = ids[0] if ids[0] < 0 else ids[-1]
+        raise InputError(f"tracked: there is no disk {unknown}; there are 0 to {n - 1}")
     twice = ids[1:][ids[1:] == ids[:-1]]
     if twice.size:
         raise InputError(f"tracked: disk {twice[0]} is named twice")
@@ -169,7 +169,7 @@ class Tracking:
         """Forget what comes after a time [time]: another window begins there."""
         self._found = [found.where(found.time <= time) for found in self._found]
 
-    def gather(self, began: float, real: NDArray[Any], whole: NDArray[Any], box: Box) -> None:
+    def gather(self, window_begin: float, real: NDArray[Any], whole: NDArray[Any], box: Box) -> None:
         """Enter the collisions of a window that began at this time [time]: rows of `event` and `event_int`."""
         order = np.lexsort(
             (named(whole, "event_int").number, named(whole, "event_int").id, named(real, "event").time)
@@ -188,7 +188,7 @@ class Tracking:
                 image[:, axis] += boxes.astype(np.int32)
         found = replace(
             blank(len(real)),
-            time=began + event.time,
+            time=window_begin + event.time,
             id=info.id.copy(),
             partner=info.partner.copy(),
             position=position,
@@ -215,8 +215,8 @@ class Tracking:
         )
         along, across = _dot(relative, normal), _cross(normal, relative)
         regime = self._regime(found, disks, pair)
-        regime[info.how == k.BY_REMEDY] = ELASTIC
-        regime[info.how == k.BY_HEAT] = UNKNOWN
+        regime[info.regime == k.BY_REMEDY] = ELASTIC
+        regime[info.regime == k.BY_HEAT] = UNKNOWN
         impulse = np.stack([_dot(impulse, normal), _cross(normal, impulse)], axis=1)
         psi = np.arctan2(np.abs(across), np.maximum(along, 0.0))
         self._found.append(replace(found, impulse=impulse, psi=psi, regime=regime))
@@ -313,7 +313,7 @@ class Statistics:
         Windows that were left to one thread.
     elastic : int
         Collisions that were elastic for a remedy for collapse, or slower than the resting speed.
-    unjudged : int
+    unverified : int
         Windows in which the forces in a heap were not found to the accuracy by which it is judged who may rest.
     jammed : int
         Times that a disk fell asleep at speed, jammed between others without room to fly (`kernels/rest.py`).
@@ -323,5 +323,5 @@ class Statistics:
     in_order: int = 0
     run_again: int = 0
     elastic: int = 0
-    unjudged: int = 0
+    unverified: int = 0
     jammed: int = 0

@@ -1,4 +1,4 @@
-"""Windows from the host: how long they are, tiles that have to be run again, and where a run stops within one.
+"""Windows from the host: how long they are, what they add up, and where a run stops within one.
 
 Imports Taichi: import this module only after `backend.start`.
 """
@@ -6,7 +6,7 @@ Imports Taichi: import this module only after `backend.start`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,12 +17,12 @@ from ..errors import EngineError, InelasticCollapse
 from ..kernels import layout as k
 from ..kernels.columns import TALLY, TOTAL, named
 from ..kernels.events import TOO_FAR
-from ..kernels.language import from_numpy, to_numpy
-from ..kernels.planner import plan_window, survey
-from ..kernels.windows import LEAST_HALO, run_windows, run_windows_on_gpu, verify
-from .arrays import SLACK, DeviceArrays
+from ..kernels.planner import plan_window
+from ..kernels.windows import LEAST_HALO
+from .arrays import DeviceArrays
+from .domain import Domain
+from .runner import TileRunner, WindowTooLong, unbounded
 from .tracking import Statistics
-from .window_log import WindowLog
 
 MOST_HALVINGS = 40  # of the window of a sheared gas
 
@@ -46,7 +46,8 @@ class Windows:
 
     def __init__(self, arrays: DeviceArrays, statistics: Statistics, time: float) -> None:
         self.arrays: DeviceArrays = arrays
-        self.domain: Any = arrays.domain
+        self.domain: Domain = arrays.domain
+        self.runner: TileRunner = TileRunner(arrays, statistics)
         self.statistics: Statistics = statistics
         self.now: float = time
         arrays.clock.begin = arrays.clock.end = time
@@ -59,20 +60,15 @@ class Windows:
         self._moment_now = 0.0
         size = len(arrays.sums)
         self._done, self._at_end = np.zeros(size), np.zeros(size)
-        pistons = named(arrays.wall_rows, "walls").piston
-        for row in arrays.pistons:
-            column = TALLY.width + int(pistons.sums[row])
-            self._done[[column, column + 1]] = pistons.displacement[row], pistons.speed[row]
+        tally, pistons = arrays.wall_tally, named(arrays.wall_rows, "walls").piston
+        states = tally.piston_states(self._done)
+        states.displacement, states.speed = pistons.displacement[tally.pistons], pistons.speed[tally.pistons]
         # Times and numbers of collisions at which a run will stop.
-        self._asked: list[tuple[float, float]] = []
+        self._requested: list[tuple[float, float]] = []
         self._last_collisions = 0.0  # of the last window
         self._times: NDArray[np.float64] | None = None  # of all collisions in the present window, in order
         self._burst = 1  # windows of a GPU that went well one after another
-        self._n_ghosts = 0  # ghost records of the tiles that ran last
-        self._bad = 0  # tiles that did not pass then
         self._counted = math.nan  # beginning of the window that the statistics have counted
-        self._events, self._pairs = WindowLog("event", "event_int"), WindowLog("pair_time", "pair")
-        self.rests: bool = False
         # The present window has just been run, and what was written down in it is new.
         self.fresh: bool = False
 
@@ -97,6 +93,11 @@ class Windows:
     def inside(self) -> bool:
         """The present time lies within a window, which has to be kept."""
         return self._completed and (self._paused or self.begin < self.now < self.end)
+
+    @property
+    def rests(self) -> bool:
+        """A disk came to rest on a wall."""
+        return self.runner.rests
 
     @property
     def sleepers(self) -> int:
@@ -203,7 +204,7 @@ class Windows:
             return
         overhang = self._most(TOTAL.overhang) if ended else float(a.clock.overhang)
         if not a.box.is_open and not overhang <= TOO_FAR * a.least_side:
-            raise _unbounded(self.now)
+            raise unbounded(self.now)
         if ended:
             self._last_collisions = float(self._at_end[TALLY.collisions])
             self._completed, self._moments, self._moment_now, self._times = False, [], 0.0, None
@@ -213,8 +214,8 @@ class Windows:
             a.relist()
             a.clock.overhang = 0.0
         if not ended:
-            self._survey(rough=True)
-            self._survey(rough=False)
+            self.domain.survey(rough=True)
+            self.domain.survey(rough=False)
         a.clock.kick = kick
         self._plan(commits=ended and not narrow)
         self._ready = True
@@ -224,10 +225,6 @@ class Windows:
                 "too often. Look for walls that crush disks (`ifrdem check` warns of them) or give energy without end, "
                 "and for a time that is too large for the speeds"
             )
-
-    def _survey(self, *, rough: bool) -> None:
-        """Look for the fastest disk, and add up squares of speeds, in units that `rough` ones tell."""
-        self.arrays.launch(survey, int(rough))
 
     def _plan(self, *, commits: bool = False, plans: bool = True) -> None:
         """Have the device plan the window (`plan_window`)."""
@@ -260,7 +257,7 @@ class Windows:
             self._compute([self._moment_now], 1, watching)
         if self._paused or not self._completed:
             pausing = a.single_tile and not a.on_gpu and not watching & k.TRACKED
-            self._asked = [until] if pausing else [until, *next_points()]
+            self._requested = [until] if pausing else [until, *next_points()]
             if pausing or (a.on_gpu and math.isfinite(stop)):
                 a.make_moments()
                 moments = [stop - self.begin] if stop < self.end else []
@@ -294,7 +291,7 @@ class Windows:
         """Tell if the present window may have a collision whose number was asked for, and make room for them all."""
         a, done = self.arrays, self._done[TALLY.collisions]
         most = 1.5 * max(float(a.clock.in_window), self._last_collisions) + 100.0
-        if not any(done < count <= done + most for _, count in self._asked):
+        if not any(done < count <= done + most for _, count in self._requested):
             return False
         room = int(most * a.domain.n_here(int(a.grid.part)) / a.n)
         if a.grid.most_pairs < room:
@@ -307,12 +304,12 @@ class Windows:
         In order, the first ones for which there is room. Of collisions only where their times are known.
         """
         a, length = self.arrays, self.end - self.begin
-        found = {time - self.begin for time, _ in self._asked if begin < time < self.end}
+        found = {time - self.begin for time, _ in self._requested if begin < time < self.end}
         if self._times is not None:
             counts = {
-                count - self._done[TALLY.collisions] for _, count in self._asked if math.isfinite(count)
+                count - self._done[TALLY.collisions] for _, count in self._requested if math.isfinite(count)
             }
-            times = [self._nth(int(count)) for count in sorted(counts) if count >= 1]
+            times = self._times_of([int(count) for count in sorted(counts) if count >= 1])
             found |= {time for time in times if begin - self.begin < time < length}
         moments = sorted(found)
         if first is not None:  # it comes first where there is no room for all
@@ -338,27 +335,27 @@ class Windows:
             return 0.0
         if self._times is None:
             self._compute([], 1, k.PAIRS)
-        return self._nth(count)
+        return self._times_of([count])[0]
 
-    def _nth(self, count: int) -> float:
-        """The time of collision `count`, where times are known; infinity beyond the last."""
+    def _times_of(self, counts: Sequence[int]) -> list[float]:
+        """Times of these collisions, where those of all are known; infinity beyond the last."""
         assert self._times is not None
-        return float(self._times[count - 1]) if count <= len(self._times) else math.inf
+        return self.domain.comm.nth_smallest(self._times, counts)
 
     def watched(self, none: bool = False) -> tuple[NDArray[Any], NDArray[Any]]:
         """Events of tracked disks on this rank in the present window, or `none`: rows of `event` and `event_int`."""
-        return self._events.rows(none)
+        return self.runner.events.rows(none)
 
     def pairs(self) -> tuple[NDArray[Any], NDArray[Any]]:
         """Collisions of two disks here in the present window: rows of `pair_time` and `pair`."""
-        return self._pairs.rows()
+        return self.runner.pairs.rows()
 
     def _compute(self, moments: list[float], most: int, watching: int, *, pausing: bool = False) -> None:
         """Run the window to its end, writing moments in it; up to `most` of them.
 
         When `pausing`, which only a gas in one tile can, to the moment or to so many collisions, and on from there.
         """
-        a = self.arrays
+        a, runner = self.arrays, self.runner
         resuming = self._paused and pausing
         self._paused = False
         begin = self.begin
@@ -367,31 +364,32 @@ class Windows:
         a.scale.moment = k.FAR
         a.scale.moment[: len(moments)] = moments
         a.grid.watching = watching
-        self._clear_logs()
+        runner.clear()
         self.fresh |= bool(watching & k.TRACKED)
         alone = a.grid.single_tile = int(a.single_tile)
         if a.uses.sheared:
             a.displace_rows(begin)
-        self.rests = self.rests and resuming
-        self._launch(1 if alone else a.tiles, most, pausing=pausing, resuming=resuming)
+        runner.rests = runner.rests and resuming
+        a.sums[:] = self._done
+        self.domain.run(runner, most, pausing=pausing, resuming=resuming)
         self.statistics.windows -= again
         self._paused = bool(a.counter.paused)
         done = int(a.counter.n_windows)
         self._burst = max(2 * most, self._burst) if done >= most else max(done, 1)
         self.statistics.windows += done
         if not again:
-            self.statistics.unjudged += int(a.counter.unjudged)
+            self.statistics.unverified += int(a.counter.unverified)
             self.statistics.jammed += int(a.counter.jammed)
-        self._collect()
+        runner.collect()
         self._done = a.sums.copy()
         if not alone:
             kept = replace(self.statistics)
             halvings = 0
             while True:
                 try:
-                    self._verify()
+                    runner.run_until_good()
                     break
-                except _TooLong:
+                except WindowTooLong:
                     halvings += 1
                     if halvings > MOST_HALVINGS:
                         raise EngineError(
@@ -410,18 +408,18 @@ class Windows:
             moments = [moment_time] if moment_time < k.FAR else []
         self._moments = [Moment(each, self._tally(k.AT_MOMENT + m)) for m, each in enumerate(moments)]
         if watching & k.PAIRS:
-            self._times = None if pausing else np.sort(self._pairs.rows()[0].astype(np.float64))
+            self._times = None if pausing else np.sort(runner.pairs.rows()[0].astype(np.float64))
         self._completed, self._ready = True, False
 
     def _shorten(self) -> None:
         """Run half of the window: what a sheared gas does whose tiles are too small for all of it."""
-        a = self.arrays
+        a, runner = self.arrays, self.runner
         a.clock.end = self.begin + 0.5 * (self.end - self.begin)
         self._plan(plans=False)
-        self._clear_logs()
+        runner.clear()
         self.statistics.in_order += 1
-        self._launch(a.tiles, 1)
-        self._collect()
+        self.domain.run(runner)
+        runner.collect()
 
     def _tally(self, when: int) -> NDArray[np.float64]:
         """Sums over the tiles, one after another: the same for any number of threads."""
@@ -431,166 +429,3 @@ class Windows:
     def _most(self, column: int) -> float:
         """The largest of all tiles."""
         return float(self.arrays.total[column])
-
-    def _launch(
-        self, tiles: int, most: int, again: int = 0, *, pausing: bool = False, resuming: bool = False
-    ) -> None:
-        """Run the windows of all tiles, or `again` of the listed ones; with more room where that was not enough."""
-        a = self.arrays
-        part, clock, moments = int(a.grid.part), a.clock.copy(), a.scale.moment.copy()
-        while True:
-            a.counter.array[:] = 0
-            a.counter.again, a.counter.pausing, a.counter.resuming = again, pausing, resuming
-            a.counter.resting = int(resuming and self.rests)
-            if again:
-                a.counter.n_ghosts = self._n_ghosts
-            a.sums[:] = self._done  # one window after another, so that sums do not depend on launches
-            alone = bool(a.grid.single_tile)
-            kernel = run_windows_on_gpu if a.on_gpu else run_windows
-            with a.sent() as launch:
-                for _ in range(1 if alone else most):
-                    for first in range(0, tiles, a.batch):
-                        launch(kernel, first, min(first + a.batch, tiles), most)
-                    if not alone:
-                        self._check(launch)
-            self._n_ghosts = int(a.counter.n_ghosts)
-            full, needed = int(a.counter.full), int(a.counter.needed)
-            if a.counter.stalled == 2:
-                raise _unbounded(float(a.clock.begin))
-            if a.counter.stalled:
-                raise InelasticCollapse(
-                    f"t = {float(a.clock.begin):.9g} to {float(a.clock.end):.9g}: collisions pile up without end in a "
-                    "window (inelastic collapse)"
-                )
-            self._bad = int(a.counter.n_bad)
-            if not full:
-                self.rests |= bool(a.counter.resting)
-                return
-            if a.counter.n_windows > 1:
-                # Windows before this one are good: go on from here.
-                self._done = a.sums.copy()
-                self.statistics.windows += int(a.counter.n_windows) - 1
-                clock = a.clock.copy()
-                part = int(a.grid.part)
-                moments[:] = k.FAR
-                if clock.stop < clock.end:
-                    moments[0] = clock.stop - clock.begin
-            resuming = False  # from the beginning of the window
-            a.clock.array[:], a.grid.part, a.scale.moment = clock.array, part, moments
-            lane_slots, cells, items = self._room()
-            # Threads of a CPU have stopped before the other tiles, which will have as many.
-            ran = tiles if a.on_gpu else max(int(a.counter.next_tile - a.grid.lanes), 1)
-            more = SLACK * max(tiles / ran, 1.0)
-            if full & k.FULL_PAIRS:
-                a.make_pairs(int(more * a.counter.n_pairs) + 64)
-            if full & k.FULL_GHOSTS:
-                a.make_ghosts(int(more * self._n_ghosts) + 64)
-                if again:
-                    raise _Again
-            if full & k.FULL_WATCHED:
-                a.events(2 * int(a.counter.n_watched) + 64)
-            if full & (k.FULL_SLOTS | k.FULL_CELLS | k.FULL_WALLS):
-                grown = int(SLACK * needed) + 16
-                if full & k.FULL_SLOTS:
-                    lane_slots = max(lane_slots, min(grown, a.n if a.grid.single_tile else 9 * a.n))
-                if full & k.FULL_CELLS:
-                    cells = max(cells, grown)
-                if full & k.FULL_WALLS:
-                    items = max(items, grown)
-                a.scratch(lane_slots, cells, items)
-
-    def _room(self) -> tuple[int, int, int]:
-        """Slots for disks, cells and walls of a lane."""
-        grid = self.arrays.grid
-        return int(grid.lane_slots), int(grid.cells), int(grid.items)
-
-    def _check(self, launch: Callable[..., Any]) -> None:
-        """Verify the tiles that have just run."""
-        launch(verify)
-
-    def _collect(self) -> None:
-        """Take what tiles that have just run have written down."""
-        a = self.arrays
-        if a.grid.watching & k.TRACKED:
-            self._events.take(a, int(a.counter.n_watched))
-        if a.grid.watching & k.PAIRS:
-            self._pairs.take(a, int(a.counter.n_pairs))
-
-    def _clear_logs(self) -> None:
-        """Forget what tiles have written down, where all run and write it again."""
-        if self.arrays.grid.watching & k.TRACKED:
-            self._events.clear()
-        if self.arrays.grid.watching & k.PAIRS:
-            self._pairs.clear()
-
-    # ------------------------------------------------------------------ tiles
-
-    def _verify(self) -> None:
-        """Run tiles again, with wider halos, until all are good; at last the whole box by one thread."""
-        a = self.arrays
-        most = float(a.scale.most_halo)
-        bad = 0
-        while True:
-            count = int(a.counter.n_bad)
-            reach = a.widest + self._most(TOTAL.excursion) + self._most(TOTAL.max_displacement)
-            if a.uses.sheared:
-                reach += abs(float(a.scale.drift)) * (self.end - self.begin)
-            if count == 0 and reach <= most:
-                break
-            bad += count
-            if reach > most or a.counter.stuck:
-                self._whole_box()
-                break
-            self._drop(to_numpy(a.listed)[: self._bad])
-            self._run_again(count)
-            self._collect()
-        self.statistics.run_again += bad
-
-    def _run_again(self, count: int) -> None:
-        """Run the listed tiles again; all of them, with the halos that they have, where ghost records did not fit."""
-        a = self.arrays
-        while True:
-            try:
-                return self._launch(count, 1, again=1)
-            except _Again:
-                self._clear_logs()
-                self._n_ghosts, count = 0, a.tiles
-                from_numpy(a.listed, np.arange(a.tiles, dtype=np.int32))
-
-    def _drop(self, tiles: NDArray[np.int32]) -> None:
-        """Forget what these tiles have written down."""
-        if self.arrays.grid.watching & k.TRACKED:
-            self._events.drop(tiles)
-        if self.arrays.grid.watching & k.PAIRS:
-            self._pairs.drop(tiles)
-
-    def _whole_box(self) -> None:
-        """The window by one thread, in order: what no halo is wide enough for."""
-        a = self.arrays
-        if a.uses.sheared:
-            raise _TooLong
-        self.statistics.in_order += 1
-        a.grid.single_tile = 1
-        room = self._room()
-        lanes = int(a.grid.lanes)
-        a.grid.lanes = 1
-        self._clear_logs()
-        self._launch(1, 1)
-        self._collect()
-        a.grid.lanes, a.grid.single_tile = lanes, 0
-        a.scratch(*room)
-
-
-class _TooLong(Exception):
-    """No halo is wide enough for the window of a sheared gas, whose box is none that one thread could run in order."""
-
-
-class _Again(Exception):
-    """Ghost records did not fit: all tiles have to be run again."""
-
-
-def _unbounded(time: float) -> EngineError:
-    return EngineError(
-        f"t = {time:.9g}: a collision gave a disk an energy beyond all bounds: "
-        "it would cross the box a million times before anything else happens. The law adds energy"
-    )

@@ -80,15 +80,15 @@ def draw(results: Results, what: str, over: str | None = None, by: str | None = 
     elif by is not None:
         raise InputError(f"{option_name('--by', 'by =')} {by}: no dimension is left for curves")
     panels = [dim for dim in swept if dim not in (x, curve)]
-    wanted = list(itertools.product(*(range(len(results.values(dim))) for dim in panels)))
-    if len(wanted) > MOST_PANELS:
-        text = f"{len(wanted)} panels, one for each {', '.join(panels)}"
+    panels_at = list(itertools.product(*(range(len(results.values(dim))) for dim in panels)))
+    if len(panels_at) > MOST_PANELS:
+        text = f"{len(panels_at)} panels, one for each {', '.join(panels)}"
         raise InputError(f"{text}: {MOST_PANELS} at most are drawn")
-    columns = min(3, len(wanted))
-    lines = math.ceil(len(wanted) / columns)
+    columns = min(3, len(panels_at))
+    lines = math.ceil(len(panels_at) / columns)
     figure = Figure(figsize=(2.2 + 4.4 * columns, 0.9 + 3.9 * lines), dpi=200, layout="constrained")
     grid = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True)
-    for axes, panel in itertools.zip_longest(grid.ravel(), wanted):
+    for axes, panel in itertools.zip_longest(grid.ravel(), panels_at):
         if panel is None:
             axes.set_visible(False)
             continue

@@ -227,7 +227,7 @@ class Plan:
     def checked_cases(self) -> tuple[dict[tuple[int, ...], CaseSections], list[str]]:
         """Cases of the points that are in order, and a line for each thing that `check` refuses of the others."""
         good: dict[tuple[int, ...], CaseSections] = {}
-        wrong: dict[str, list[str]] = {}
+        labels_of: dict[str, list[str]] = {}
         for point in self.points:
             try:
                 file = case_file.of_text(self.text, self.path, self._changes(point, self.seeds[0]))
@@ -240,10 +240,10 @@ class Plan:
             except InputError as error:
                 for line in str(error).replace(" [set on the command line]", "").splitlines():
                     line = line.removeprefix(f"{self.path}: ").removeprefix("--set ").removeprefix("set: ")
-                    wrong.setdefault(line, []).append(self.label(point))
+                    labels_of.setdefault(line, []).append(self.label(point))
         of_all = 0 if good else math.prod(self.shape[:-1])
         problems = []
-        for line, labels in wrong.items():
+        for line, labels in labels_of.items():
             more = f" (and {len(labels) - 1} more)" if len(labels) > 1 else ""
             problems.append(line if len(labels) == of_all else f"{labels[0]}{more}: {line}")
         return good, problems
@@ -363,8 +363,8 @@ def _axes(groups: list[dict[str, list[Any]]]) -> tuple[Axis, ...]:
         if key in keys[:i]:
             raise InputError(f"{key}: two axes of this name; it can vary along one")
         own = "the study's own [output] sets what is kept" if key.startswith("output") else None
-        if why := FIXED.get(key, own):
-            raise InputError(f"{key}: cannot be swept: {why}")
+        if reason := FIXED.get(key, own):
+            raise InputError(f"{key}: cannot be swept: {reason}")
     names: dict[str, str] = {}
     for key in keys:
         for length in range(1, len(tokens[key]) + 1):

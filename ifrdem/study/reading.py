@@ -20,7 +20,7 @@ from ..errors import DamageError, InputError
 from ..tools.files import NO_VALUES
 from ..trajectory import damage
 
-PATIENCE = 120.0
+TIMEOUT = 120.0
 """Seconds that the process may take: HDF5 may never finish with a damaged file."""
 _REFUSED, _DAMAGED = 2, 3  # exit statuses, with the message on the standard error stream
 _ROOT = Path(__file__).resolve().parents[2]
@@ -45,10 +45,10 @@ def read(path: str | os.PathLike[str]) -> Content:
     words = [sys.executable, "-P", "-X", "utf8", "-c", _PROGRAM, os.path.abspath(file_name), str(_ROOT)]
     try:
         done = subprocess.run(
-            words, stdin=subprocess.DEVNULL, capture_output=True, timeout=PATIENCE, check=False
+            words, stdin=subprocess.DEVNULL, capture_output=True, timeout=TIMEOUT, check=False
         )
     except subprocess.TimeoutExpired:
-        raise DamageError(f"{file_name} is damaged: HDF5 does not finish within {PATIENCE:g} s") from None
+        raise DamageError(f"{file_name} is damaged: HDF5 does not finish within {TIMEOUT:g} s") from None
     if done.returncode < 0:
         raise DamageError(
             f"{file_name} is damaged: reading it crashes HDF5 ({signal.Signals(-done.returncode).name})"

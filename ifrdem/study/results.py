@@ -18,13 +18,12 @@ from numpy.typing import NDArray
 
 from ..case.case import CaseSections
 from ..case.gas import CaseGas
-from ..errors import DamageError, InputError, NameMissing, TheoryError, there_are
+from ..errors import DamageError, InputError, NameMissing, TheoryError, TheoryWarning, there_are
 from ..model.ifr import EnergyWarning
 from ..model.observables import MECHANISMS, REGIMES
 from ..plots.temperatures import MOST_KINDS
 from ..theory.choose import prediction
 from ..theory.mixtures import Mixture
-from ..theory.sheared_gas import TheoryWarning
 from ..tools import files
 from ..tools.files import NO_VALUES
 from ..tools.versions import __version__
@@ -203,11 +202,11 @@ def _means(found: Mapping[str, Variable], over: int) -> dict[str, Variable]:
     """Each variable, its mean over seeds and the standard error of that, without runs that are missing."""
     made = {}
     for name, (dims, values, unit) in found.items():
-        there = np.isfinite(values)
-        count = there.sum(axis=over)
+        finite = np.isfinite(values)
+        count = finite.sum(axis=over)
         with np.errstate(divide="ignore", invalid="ignore"):
-            mean = np.where(there, values, 0.0).sum(axis=over) / count
-            spread = np.where(there, values - np.expand_dims(mean, over), 0.0)
+            mean = np.where(finite, values, 0.0).sum(axis=over) / count
+            spread = np.where(finite, values - np.expand_dims(mean, over), 0.0)
             error = np.sqrt((spread**2).sum(axis=over) / (count - 1) / count)
         less = dims[:over] + dims[over + 1 :]
         made[name] = Variable(dims, values, unit)

@@ -124,10 +124,10 @@ class Study:
         Raises InputError if a point is refused (unless `keep_going`), there is no room, or the results cannot be
         written.
         """
-        good, wrong = self._checked_cases
-        if wrong and not (keep_going and good):
+        good, problems = self._checked_cases
+        if problems and not (keep_going and good):
             more = f"\n{option_name('--keep-going', 'keep_going=True')} runs the other points" if good else ""
-            raise InputError(listed([f"{self.plan.path}: {line}" for line in wrong]) + more)
+            raise InputError(listed([f"{self.plan.path}: {line}" for line in problems]) + more)
         check_files([self.output], force=True)
         if self.output.exists():
             try:
@@ -154,7 +154,7 @@ class Study:
                 f"{self.output.parent.resolve()}: use fewer rows, seeds or points, or another disk "
                 f"({option_name('-o', 'output')})"
             )
-        return wrong
+        return problems
 
     @property
     def bytes(self) -> int:
@@ -228,7 +228,7 @@ class Study:
         scheduler: str | None = None,
         keep_going: bool = False,
         part: tuple[int, int] | None = None,
-        say: Callable[[str], None] = lambda _: None,
+        log: Callable[[str], None] = lambda _: None,
         warn: Callable[[str], None] = lambda _: None,
     ) -> dict[str, str]:
         """Do the missing runs and write the results.
@@ -243,7 +243,7 @@ class Study:
             Leave out points that `check` refuses.
         part : tuple of two int, optional
             (k, m): only every m-th run, from the k-th on (counted from 1), and no results: for array jobs.
-        say, warn : callable
+        log, warn : callable
             Take the lines to show.
 
         Returns messages of the runs that failed, by what they are; they are tried again next time.
@@ -258,7 +258,7 @@ class Study:
         tasks = self.tasks if part is None else self.tasks[part[0] - 1 :: part[1]]
         self.folder.mkdir(exist_ok=True)
         with self._locked(shared=part is not None):
-            return self._run(tasks, workers, scheduler, part, say, warn)
+            return self._run(tasks, workers, scheduler, part, log, warn)
 
     def _run(
         self,
@@ -266,7 +266,7 @@ class Study:
         workers: int | None,
         scheduler: str | None,
         part: tuple[int, int] | None,
-        say: Callable[[str], None],
+        log: Callable[[str], None],
         warn: Callable[[str], None],
     ) -> dict[str, str]:
         _, missing, damaged = self._state(tasks)
@@ -278,7 +278,7 @@ class Study:
         cluster = self.folder.with_suffix("") if part is None else self.folder / f"part{part[0]}"
         status = Status(cluster, name=self.plan.name)
         progress = StudyProgress(len(tasks), [task.weight for task in missing], status)
-        work = self._work(missing, self._cluster(workers, scheduler), say)
+        work = self._work(missing, self._cluster(workers, scheduler), log)
         try:
             with stops:
                 for ended in work if missing else ():
@@ -404,14 +404,14 @@ class Study:
         count = min(cores, self.runs) if cluster.workers is None else cluster.workers
         return count, max(1, cores // max(count, 1)) if count <= self.runs < cores or count == 0 else 1
 
-    def _work(self, missing: list[Task], cluster: ClusterSection, say: Callable[[str], None]) -> workers.Done:
+    def _work(self, missing: list[Task], cluster: ClusterSection, log: Callable[[str], None]) -> workers.Done:
         processes, threads = self._processes(cluster)
         if cluster.workers == 0:
             return workers.in_process(missing, threads)
         processes = max(1, min(processes, len(missing)))
         if cluster.scheduler is None and cluster.kind is None and not workers.has_dask():
             return workers.pool(missing, processes, threads)
-        return workers.dask(missing, cluster, processes, threads, say)
+        return workers.dask(missing, cluster, processes, threads, log)
 
 
 class StudyProgress:
@@ -432,9 +432,9 @@ class StudyProgress:
             self._weight += weight
             if self._first is None:  # what passed before it compiled the kernels
                 self._first = now, weight
-        began, first = self._first or (now, 0.0)
+        started, first = self._first or (now, 0.0)
         done = self._weight - first
-        left = (now - began) * (self._all - self._weight) / done if done > 0.0 else math.inf
+        left = (now - started) * (self._all - self._weight) / done if done > 0.0 else math.inf
         fraction = self._done / self._runs if self._runs else 1.0
         counts = {"runs": self._runs, "runs_done": self._done, "runs_failed": failed}
         self._status.update(fraction=fraction, eta_seconds=left, **counts)

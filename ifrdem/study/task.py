@@ -92,9 +92,9 @@ class Task:
             # The study has given these warnings once.
             with warnings.catch_warnings(action="ignore"):
                 if not self.done:
-                    began, long = time.perf_counter(), self.analyses or self.trajectory
+                    started, long = time.perf_counter(), self.analyses or self.trajectory
                     found = self._long(threads) if long else _series_alone(self.file(threads))
-                    save(self.result, found, seconds=time.perf_counter() - began)
+                    save(self.result, found, seconds=time.perf_counter() - started)
         except (EngineError, InputError, TrajectoryError) as error:
             return str(error)
         finally:
@@ -122,9 +122,9 @@ class Task:
             if not outputs.checkpoint.exists():
                 raise InputError("a run that begins")
             threaded: dict[str, Any] = {"ignore_case_changes": True, "threads": threads}
-            resume.resume(outputs.trajectory, **threaded, say=silent, warn=silent)
+            resume.resume(outputs.trajectory, **threaded, log=silent, warn=silent)
         except InputError:  # of no checkpoint, or of one that does not fit: the run starts again
-            run.run(file, outputs, force=True, say=silent, warn=silent)
+            run.run(file, outputs, force=True, log=silent, warn=silent)
         with Trajectory(outputs.trajectory) as trajectory:
             series = trajectory.series
             rows = {"time": series.time, **{name: series[name] for name in series}}
@@ -178,8 +178,8 @@ def _at_rows(case: CaseSections, n: int, found: dict[str, NDArray[Any]]) -> dict
     end = end_at(n, begin, t_end=run.t_end, collisions_per_disk=run.collisions_per_disk)
     plan, cadence = RunPlan(n, begin, end), case.output.series_cadence
     points = [plan.point(cadence, k + 1) for k in range(len(positions) - 1)]
-    wanted = np.array([0.0, *(each.time if name == "time" else each.collisions for each in points)])
-    rows = np.searchsorted(found["time"] if name == "time" else found["collisions"], wanted)
+    rows_at = np.array([0.0, *(each.time if name == "time" else each.collisions for each in points)])
+    rows = np.searchsorted(found["time"] if name == "time" else found["collisions"], rows_at)
     with np.errstate(divide="ignore", invalid="ignore"):
         found["theta"] = found["rotational_temperature"] / found["temperature"]
     found["collisions_per_disk"] = 2.0 * found["collisions"] / n

@@ -19,7 +19,7 @@ from multiprocessing import connection
 from typing import Any
 
 from ..errors import InputError, nearest
-from ..tools.processes import Died, Worker
+from ..tools.processes import ProcessDied, Worker
 from .plan import ClusterSection
 from .task import Task
 
@@ -57,7 +57,7 @@ def pool(tasks: Sequence[Task], workers: int, threads: int) -> Done:
             for line in ready:
                 worker, task = busy.pop(line)
                 found = worker.result()
-                if isinstance(found, Died):
+                if isinstance(found, ProcessDied):
                     worker.end()
                     worker = Worker()
                     found = f"{found.reason}, {TRIES} times"
@@ -93,7 +93,7 @@ def has_dask() -> bool:
 
 
 def dask(
-    tasks: Sequence[Task], cluster: ClusterSection, workers: int, threads: int, say: Callable[[str], None]
+    tasks: Sequence[Task], cluster: ClusterSection, workers: int, threads: int, log: Callable[[str], None]
 ) -> Done:
     """Runs on a cluster of Dask: one of this machine, one that a scheduler has, or jobs of a batch system.
 
@@ -129,7 +129,7 @@ def dask(
             where = f"scheduler {cluster.scheduler}: does not answer within {ANSWER:g} s"
             raise InputError(f"{where}: {reason}") from None
 
-        class Deaf(distributed.WorkerPlugin):
+        class IgnoreInterrupts(distributed.WorkerPlugin):
             """Workers ignore Ctrl-C."""
 
             def setup(self, worker: Any) -> None:
@@ -137,8 +137,8 @@ def dask(
                     # The matter of the one that asks for the runs.
                     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
-        client.register_plugin(Deaf())
-        say(f"dashboard: {client.dashboard_link}")
+        client.register_plugin(IgnoreInterrupts())
+        log(f"dashboard: {client.dashboard_link}")
         ended: queue.SimpleQueue[tuple[Task | None, Any]] = queue.SimpleQueue()
 
         def submit(task: Task | None) -> None:
@@ -156,7 +156,7 @@ def dask(
             except queue.Empty:
                 alone = not client.nthreads()
                 if alone and not waiting:
-                    say("the cluster has no worker: waiting for one")
+                    log("the cluster has no worker: waiting for one")
                 waiting = alone
                 if cluster.kind is not None:
                     pool.scale(

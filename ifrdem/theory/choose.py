@@ -14,7 +14,7 @@ from ..tools.checked import Array, NonNegativeColumn, NonNegativePerDisk, Real, 
 from ..tools.reprs import Brief
 from . import mixtures, sheared_gas
 from .contact import PackingFraction
-from .driven_gas import Drive
+from .driven_gas import Driving
 from .mixtures import LawTable, Mixture, MixtureTemperatures
 
 
@@ -66,7 +66,7 @@ def prediction(
         Temperatures at time 0 [energy], of all or of each species in the order of `Mixture.of`; times since the start
         [time].
     forces : iterable of mappings
-        Forces as a case has them (`driven_gas.Drive.of`).
+        Forces as a case has them (`driven_gas.Driving.of`).
 
     Examples
     --------
@@ -91,9 +91,9 @@ def prediction(
         found = mixtures.mixture_cooling(mixture, T0, T_rot0, times)
         return Prediction("cooling", *found.mean(mixture), found)
     inertia = mixture.mass * mixture.radius**2 / mixture.k
-    drives = [Drive.of(forces, float(m), float(i)) for m, i in zip(mixture.mass, inertia, strict=True)]
-    known = [drive for drive in drives if drive is not None]
-    if len(known) < len(drives):
+    driving = [Driving.of(forces, float(m), float(i)) for m, i in zip(mixture.mass, inertia, strict=True)]
+    known = [driving for driving in driving if driving is not None]
+    if len(known) < len(driving):
         kinds = ", ".join(str(force.get("kind")) for force in forces)
         raise InputError(
             f"forces = {kinds}: kinetic theory knows linear ones only (random_force, random_torque, drag, langevin)"

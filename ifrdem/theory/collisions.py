@@ -224,10 +224,9 @@ def mean_free_path(packing_fraction: PackingFraction, radius: Positive) -> float
     >>> round(theory.mean_free_path(0.01, 0.5), 2)
     27.33
     """
-    phi = packing_fraction
-    if phi == 0.0:
+    if packing_fraction == 0.0:
         return math.inf
-    return math.pi * 2.0 * radius / (8.0 * math.sqrt(2.0) * phi * contact_value(phi))
+    return math.sqrt(math.pi / 2.0) / collision_rate(packing_fraction, 1.0, 1.0, radius)
 
 
 @validated
@@ -260,11 +259,11 @@ def mixture_collision_rates(
     """
     columns = {"T": T, "mass": mass, "radius": radius, "number_density": number_density}
     t, m, R, n = (np.asarray(column, dtype=np.float64) for column in columns.values())
-    wanted = {**dict.fromkeys(columns, m.shape), "g": 2 * m.shape}
+    expected_shape = {**dict.fromkeys(columns, m.shape), "g": 2 * m.shape}
     for name, value in {**columns, "g": g}.items():
-        if np.shape(value) != wanted[name]:
+        if np.shape(value) != expected_shape[name]:
             raise InputError(
-                f"{name} has shape {np.shape(value)}: must be {wanted[name]}, as mass has {m.shape}"
+                f"{name} has shape {np.shape(value)}: must be {expected_shape[name]}, as mass has {m.shape}"
             )
     variance = t / m
     relative = np.sqrt(2.0 * math.pi * (variance[:, None] + variance))

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from ..errors import InputError
-from ..model.contact import henderson
+from ..model.density import henderson
 from ..tools.checked import (
     LEAST,
     Array,

@@ -27,7 +27,7 @@ from .cooling_gas import checked_times, cooling_rates, integrated
 
 @validated
 @dataclass(frozen=True)
-class Drive:
+class Driving:
     """The total heating and friction of all forces."""
 
     power: NonNegative = 0.0
@@ -38,7 +38,7 @@ class Drive:
     """rate, spin_rate: friction rates of velocities and spins [1/time]."""
 
     @classmethod
-    def of(cls, forces: Iterable[Mapping[str, Any]], mass: float, inertia: float) -> Drive | None:
+    def of(cls, forces: Iterable[Mapping[str, Any]], mass: float, inertia: float) -> Driving | None:
         """The drive of the forces of a case (`ForceSection`) on equal disks; None where a force is not linear.
 
         Each force is a mapping of its keys, None for a key that is not given; mass and inertia are those of a disk.
@@ -75,11 +75,11 @@ class _Balance:
     radius: float
     k: float
     packing_fraction: float
-    drive: Drive
+    driving: Driving
 
     def __call__(self, T: float, T_rot: float) -> tuple[float, float]:
         """(dT/dt, dT_rot/dt) [energy/time], T > 0."""
-        density, d = self.packing_fraction / (math.pi * self.radius**2), self.drive
+        density, d = self.packing_fraction / (math.pi * self.radius**2), self.driving
         one: Any = {"law": self.law, "mass": self.mass, "radius": self.radius, "k": self.k}
         cooling = cooling_rates(T, T_rot, number_density=density, **one)
         translation, rotation = (float(rate) for rate in cooling)
@@ -107,7 +107,7 @@ def steady_state(
     radius: Positive,
     k: Positive,
     packing_fraction: PackingFraction,
-    drive: Drive,
+    driving: Driving,
 ) -> tuple[float, float] | None:
     """Temperatures (T, T_rot) [energy] of the steady state; None if there is none with T > 0.
 
@@ -116,7 +116,7 @@ def steady_state(
     """
     from scipy.optimize import brentq
 
-    balance = _Balance(law, mass, radius, k, packing_fraction, drive)
+    balance = _Balance(law, mass, radius, k, packing_fraction, driving)
 
     def heating(log_T: float) -> float:
         T = math.exp(log_T)
@@ -125,9 +125,9 @@ def steady_state(
             return math.inf
         return balance(T, 0.0 if math.isnan(T_rot) else T_rot)[0] / T
 
-    # From a temperature of the order of magnitude that the drive sets, look for a change of sign on both sides.
+    # From a temperature of the order of magnitude that the driving sets, look for a change of sign on both sides.
     rate = collision_rate(packing_fraction, 1.0, mass, radius)
-    most = max(drive.power, drive.spin_power)
+    most = max(driving.power, driving.spin_power)
     if most <= 0.0 or rate <= 0.0:
         return None
     middle = math.log(most / rate) / 1.5
@@ -151,7 +151,7 @@ def driven(
     radius: Positive,
     k: Positive,
     packing_fraction: PackingFraction,
-    drive: Drive,
+    driving: Driving,
     T0: NonNegative,
     T_rot0: NonNegative,
     times: NonNegativeColumn,
@@ -162,19 +162,19 @@ def driven(
     (T0 = 0) and only spins, if any, are driven: without motion there are no collisions.
     """
     when = checked_times(times)
-    balance = _Balance(law, mass, radius, k, packing_fraction, drive)
+    balance = _Balance(law, mass, radius, k, packing_fraction, driving)
     if len(when) == 0:
         return np.empty(0), np.empty(0), np.empty(0)
-    if T0 == 0.0 and drive.power == 0.0:
+    if T0 == 0.0 and driving.power == 0.0:
         raise InputError("T0 = 0 and no power: nothing moves")
     if when[-1] == 0.0:  # all are the start, which an integrator may not leave from rest
         return np.full(len(when), T0), np.full(len(when), T_rot0), np.zeros(len(when))
     # No hotter than at the start, than all power makes it, or than it stays.
-    gained = (drive.power + drive.spin_power) * float(when[-1])
-    steady = steady_state(law, mass, radius, k, packing_fraction, drive)
+    gained = (driving.power + driving.spin_power) * float(when[-1])
+    steady = steady_state(law, mass, radius, k, packing_fraction, driving)
     scale = max(T0, min(gained, steady[0] if steady else math.inf)) or 1.0
     # What has a steady state is in it by far after a million times that in which its energy was given to it.
-    most = 1e6 * scale / (drive.power + drive.spin_power) if steady else math.inf
+    most = 1e6 * scale / (driving.power + driving.spin_power) if steady else math.inf
     until, at = np.unique(np.minimum(when, most), return_inverse=True)
 
     def slope(_: float, y: Array) -> tuple[float, float, float]:

@@ -199,15 +199,15 @@ def clustering_length(e_n: Fraction, radius: Positive, packing_fraction: Packed)
         low, high = (packing_fraction * math.exp(sign * step) for sign in (-1.0, 1.0))
         return (math.log(f(high)) - math.log(f(low))) / (2.0 * step)
 
-    drive = (1.0 + slope(contact_value)) / (1.0 + slope(compressibility)) - 0.5
-    if drive <= 0.0:
+    driving = (1.0 + slope(contact_value)) / (1.0 + slope(compressibility)) - 0.5
+    if driving <= 0.0:
         raise InputError(
             f"packing_fraction = {packing_fraction}: so dense, temperature waves decay as the gas does; no clustering"
         )
     kappa = thermal_conductivity(packing_fraction, 1.0, 1.0, radius)
     n = packing_fraction / (math.pi * radius**2)
     nu = collision_rate(packing_fraction, 1.0, 1.0, radius)
-    return 2.0 * math.pi * math.sqrt(kappa / (n * z * nu * drive))
+    return 2.0 * math.pi * math.sqrt(kappa / (n * z * nu * driving))
 
 
 class _CoolingPath(NamedTuple):

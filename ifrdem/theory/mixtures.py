@@ -21,12 +21,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..model.law import CollisionLaw
+from ..model.pair_laws import check_symmetric
 from ..model.state import Disks
 from ..tools.checked import Array, NonNegativeColumn, NonNegativePerDisk, PositivePerDisk, must_be, validated
 from .collisions import Collider, KnownLaw, checked_law, energy_changes, mixture_collision_rates
 from .contact import Contact, PackingFraction, mixture_contact_values
 from .cooling_gas import checked_times, cooled, integrated
-from .driven_gas import Drive
+from .driven_gas import Driving
 
 MOST_SPECIES = 64  # every pair of them is summed at every step
 
@@ -144,9 +145,8 @@ class Mixture:
             for j in range(i + 1):
                 if rows[i][j] is None or rows[j][i] is None:
                     raise InputError(f"law[{i}][{j}] = None: must be the law of a pair that meets")
-                if rows[i][j].table_row() != rows[j][i].table_row():
-                    raise InputError(f"law table: [{i}][{j}] and [{j}][{i}] differ; a pair has one law")
                 rows[i][j].check(self.k[i], self.k[j], self.mass[i], self.mass[j])
+        check_symmetric(rows)
         return tuple(tuple(row) for row in rows)
 
     @property
@@ -291,22 +291,22 @@ def _unpacked(y: Array, mean0: float, s: int) -> MixtureTemperatures:
 @validated
 def mixture_driven(
     mixture: Mixture,
-    drives: Sequence[Drive],
+    driving: Sequence[Driving],
     T0: NonNegativePerDisk,
     T_rot0: NonNegativePerDisk,
     times: NonNegativeColumn,
 ) -> MixtureTemperatures:
-    """Temperatures of the species of a driven mixture: as `mixture_cooling`, with a `Drive` for each species.
+    """Temperatures of the species of a driven mixture: as `mixture_cooling`, with a `Driving` for each species.
 
-    InputError as `mixture_cooling`; if there is not a drive for each species, or nothing moves or is set in motion.
+    InputError as `mixture_cooling`; without a `Driving` for each species; or if nothing moves or is set in motion.
 
     Examples
     --------
     >>> from ifrdem import IFRLaw, theory
-    >>> from ifrdem.theory.driven_gas import Drive
+    >>> from ifrdem.theory.driven_gas import Driving
     >>> mixture = theory.Mixture([1.0, 1.0], [0.5, 0.5], IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), 0.1)
-    >>> drives = [Drive(power=0.1), Drive(power=0.1)]
-    >>> found = theory.mixture_driven(mixture, drives, 1.0, 0.0, [0.0, 10.0])
+    >>> driving = [Driving(power=0.1), Driving(power=0.1)]
+    >>> found = theory.mixture_driven(mixture, driving, 1.0, 0.0, [0.0, 10.0])
     >>> found.temperature.round(6)  # elastic: T = T0 + power t
     array([[1., 1.],
            [2., 2.]])
@@ -314,9 +314,9 @@ def mixture_driven(
     when = checked_times(times)
     T0, T_rot0 = _temperatures(mixture, T0=T0, T_rot0=T_rot0)
     s = mixture.species
-    if len(drives) != s:
-        raise InputError(f"drives has {len(drives)}: must be one for each of {s} species")
-    power, spin_power, rate, spin_rate = np.array([astuple(each) for each in drives]).T
+    if len(driving) != s:
+        raise InputError(f"driving has {len(driving)}: must be one for each of {s} species")
+    power, spin_power, rate, spin_rate = np.array([astuple(each) for each in driving]).T
     if not T0.any() and not power.any():
         raise InputError("T0 = 0 and no power: nothing moves")
     if len(when) == 0:

@@ -43,7 +43,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import InputError, TheoryError
+from ..errors import InputError, TheoryError, TheoryWarning
 from ..tools.checked import Array, NonNegative, NonNegativeColumn, Positive, Real, validated
 from .collisions import ClosedLaw, KineticLaw, collision_rate, is_smooth, slip_coefficients
 from .contact import PackingFraction, contact_value
@@ -104,10 +104,6 @@ def stress_factors(packing_fraction: float, e_n: float) -> tuple[float, float]:
     """
     crowd = packing_fraction * contact_value(packing_fraction)
     return 1.0 + 0.5 * (1.0 + e_n) * crowd, 0.5 * (1.0 + e_n) * (8.0 / math.pi) * crowd**2
-
-
-class TheoryWarning(UserWarning):
-    """A theory is used outside the range in which it was compared with simulations."""
 
 
 class _Flow(NamedTuple):

@@ -171,10 +171,10 @@ class Numbers:
             raise InputError(f"{name} has shape {found.shape}: must be {self.needed}")
         found = np.asarray(found, dtype=np.float64, order="C")
         if found.size and not (found.min() >= self.low and found.max() <= self.high):
-            wrong = ~((found >= self.low) & (found <= self.high) | (self.zero & (found == 0.0)))
-            wrong &= ~(self.gaps & np.isnan(found))
-            if wrong.any():
-                where = tuple(int(i) for i in np.argwhere(wrong)[0])
+            invalid = ~((found >= self.low) & (found <= self.high) | (self.zero & (found == 0.0)))
+            invalid &= ~(self.gaps & np.isnan(found))
+            if invalid.any():
+                where = tuple(int(i) for i in np.argwhere(invalid)[0])
                 index = f"[{', '.join(map(str, where))}]" if where else ""
                 raise InputError(f"{name}{index} = {found[where]}: must be {self.each}")
         return found
@@ -211,9 +211,9 @@ class Integers(Numbers):
 
     def __call__(self, name: str, value: Any) -> Any:
         found = super().__call__(name, value)
-        wrong = found != np.floor(found)
-        if wrong.any():
-            raise InputError(f"{name} has {found[wrong][0]}: must be {self.needed}")
+        invalid = found != np.floor(found)
+        if invalid.any():
+            raise InputError(f"{name} has {found[invalid][0]}: must be {self.needed}")
         return found.astype(np.int64)
 
 
@@ -324,14 +324,14 @@ class AnyOf:
         return " or ".join(one.needed for one in self.checks)
 
     def __call__(self, name: str, value: Any) -> Any:
-        wrong = must_be(name, value, self.needed)
+        invalid = must_be(name, value, self.needed)
         for one in self.checks:
             try:
                 return one(name, value)
             except InputError as error:
                 if isinstance(one, Each) and isinstance(value, list | tuple):
-                    wrong = error
-        raise wrong
+                    invalid = error
+        raise invalid
 
 
 @dataclass(frozen=True)
@@ -401,9 +401,9 @@ def integers(
     if found.dtype != np.int32 or (found.size and least > np.iinfo(np.int32).min):
         most = np.iinfo(np.int32).max
         with np.errstate(invalid="ignore"):
-            wrong = ~((found >= least) & (found <= most) & (found == np.floor(found)))
-        if np.any(wrong):
-            where = tuple(int(axis) for axis in np.argwhere(wrong)[0])
+            invalid = ~((found >= least) & (found <= most) & (found == np.floor(found)))
+        if np.any(invalid):
+            where = tuple(int(axis) for axis in np.argwhere(invalid)[0])
             index = f"[{', '.join(map(str, where))}]" if where else ""
             raise InputError(f"{name}{index} = {found[where]}: must be an integer from {least} to {most}")
     return np.ascontiguousarray(np.broadcast_to(found, shape), dtype=np.int32)

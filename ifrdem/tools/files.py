@@ -206,31 +206,33 @@ def check_files(paths: Sequence[Path], *, force: bool, elsewhere: str | None = N
     Raises InputError with a line for each thing that is wrong; `elsewhere` says how to choose another place. Nothing is
     left behind.
     """
-    wrong = []
+    problems = []
     elsewhere = elsewhere or option_name("-o writes elsewhere", "another output writes elsewhere")
     replaces = option_name("--force replaces it", "force=True replaces it")
     for path in paths:
         if special := not_a_file(path):
-            wrong.append(special)
+            problems.append(special)
         elif use := being_written(path) or _checkpoint_in_use(path):
-            wrong.append(f"output {path}: {use}: wait for it or stop it first; {elsewhere}")
+            problems.append(f"output {path}: {use}: wait for it or stop it first; {elsewhere}")
         elif path.exists() and not force:
             if path.suffix == ".h5" and checkpoint_of(path).exists():
                 resumes = f"`ifrdem resume {shlex.quote(str(path))}` continues it"
-                wrong.append(f"output {path}: holds an interrupted run: {resumes}; {replaces}, {elsewhere}")
+                problems.append(
+                    f"output {path}: holds an interrupted run: {resumes}; {replaces}, {elsewhere}"
+                )
             else:
-                wrong.append(f"output {path}: exists already; {replaces}, {elsewhere}")
+                problems.append(f"output {path}: exists already; {replaces}, {elsewhere}")
     for folder in dict.fromkeys(path.parent for path in paths):
         if not folder.exists():
-            wrong.append(f"output folder {folder}: does not exist")
+            problems.append(f"output folder {folder}: does not exist")
         elif not folder.is_dir():
-            wrong.append(f"output folder {folder}: is not a folder")
+            problems.append(f"output folder {folder}: is not a folder")
         else:
             try:  # asking for permissions would be wrong for root, and on read-only file systems
                 tempfile.TemporaryFile(dir=folder, prefix=".ifrdem-").close()
             except OSError as error:
-                wrong.append(f"output folder {folder}: cannot be written to: {error.strerror}")
-    refuse(wrong)
+                problems.append(f"output folder {folder}: cannot be written to: {error.strerror}")
+    refuse(problems)
 
 
 def write_aside(path: Path, write: Callable[[Path], object]) -> None:

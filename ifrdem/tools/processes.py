@@ -16,12 +16,12 @@ from dataclasses import dataclass
 from multiprocessing import resource_tracker
 from typing import Any
 
-PATIENCE = 20.0
+TIMEOUT = 20.0
 """Seconds in which a process that has closed its line ends."""
 
 
 @dataclass(frozen=True)
-class Died:
+class ProcessDied:
     """A process ended before it had a result, for this `reason`."""
 
     reason: str
@@ -46,12 +46,12 @@ class Worker:
             self.line.send((function, arguments))
 
     def result(self) -> Any:
-        """The result of the call, or `Died`."""
+        """The result of the call, or `ProcessDied`."""
         try:
             return self.line.recv()
         except (EOFError, OSError):
-            self._process.join(PATIENCE)
-            return Died(f"its process {how_it_ended(self._process.exitcode)}")
+            self._process.join(TIMEOUT)
+            return ProcessDied(f"its process {how_it_ended(self._process.exitcode)}")
 
     def end(self) -> None:
         """End the process, whatever it does."""

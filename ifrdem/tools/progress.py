@@ -77,16 +77,16 @@ class Progress:
         notebook = in_notebook() and not self._quiet
         self._columns = _columns(self._stream) if self._stream.isatty() and not self._quiet else 0
         self._bar: Any = None
-        self._began, self._brief, self._stays = clock(), brief, notebook or not brief
+        self._started, self._brief, self._stays = clock(), brief, notebook or not brief
         self._compiling = threading.Event()
         if notebook or self._columns >= NARROWEST:
             from tqdm.auto import tqdm
 
             # tqdm's own {remaining} would count the compilation; ours is in the text. It shows nothing on a terminal
             # that reports no rows. The last column stays free: writing there moves some terminals to the next line.
-            look = {} if notebook else {"file": self._stream, "ncols": self._columns - 1, "nrows": 24}
+            bar_options = {} if notebook else {"file": self._stream, "ncols": self._columns - 1, "nrows": 24}
             self._bar = tqdm(
-                total=100.0, bar_format=BAR, leave=self._stays, delay=DELAY if brief else 0.0, **look
+                total=100.0, bar_format=BAR, leave=self._stays, delay=DELAY if brief else 0.0, **bar_options
             )
             self._bar.set_description_str("compiling", refresh=not brief)
             if kernels is not None:
@@ -135,7 +135,7 @@ class Progress:
         """Show the last state and let go of the terminal."""
         self._compiling.set()
         if self._bar is not None:
-            if self._stays and not (self._brief and self._clock() - self._began < DELAY):
+            if self._stays and not (self._brief and self._clock() - self._started < DELAY):
                 self._bar.refresh()
             self._bar.close()
             self._bar = None
@@ -147,7 +147,7 @@ class Progress:
         before, bar = kernels(), self._bar
         while not self._compiling.wait(DELAY):
             count = kernels() - before
-            done = f"compiling: {count} kernel{'s' * (count != 1)}, {self._clock() - self._began:.0f} s"
+            done = f"compiling: {count} kernel{'s' * (count != 1)}, {self._clock() - self._started:.0f} s"
             if not self._compiling.is_set():
                 bar.set_description_str(done if count else "compiling")
 

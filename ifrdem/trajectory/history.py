@@ -154,11 +154,11 @@ class History:
     def _flight_start(self, t: ArrayLike) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
         """Times, and the beginnings of the flights at these times."""
         at = np.asarray(t, dtype=np.float64)
-        wrong = ~((at >= self.start) & (at <= self.end))
-        if wrong.any():
-            asked = at[wrong].flat[0] if at.ndim else float(at)
+        invalid = ~((at >= self.start) & (at <= self.end))
+        if invalid.any():
+            outside = at[invalid].flat[0] if at.ndim else float(at)
             known = f"is known from {self.start:.17g} to {self.end:.17g}"
-            raise InputError(f"t = {asked:.17g}: the history of disk {self.disk} {known}")
+            raise InputError(f"t = {outside:.17g}: the history of disk {self.disk} {known}")
         event = np.searchsorted(self._flights["time"], at, side="right") - 1
         return at, {name: value[event] for name, value in self._flights.items()}
 

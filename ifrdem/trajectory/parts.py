@@ -205,15 +205,15 @@ class Parts:
         chosen = (*chosen, *[slice(None)] * (axis + 1 - len(chosen)))
         before, disks, after = chosen[:axis], chosen[axis], chosen[axis + 1 :]
         one = not isinstance(disks, slice)
-        asked, pieces = range(self.n)[slice(disks, disks + 1 or None) if one else disks], []
+        selected, pieces = range(self.n)[slice(disks, disks + 1 or None) if one else disks], []
         for number in range(len(self)):
             own = self.disks(number)
             low, high = (
-                min(max(-(-(end - asked.start) // asked.step), 0), len(asked))
+                min(max(-(-(end - selected.start) // selected.step), 0), len(selected))
                 for end in (own.start, own.stop)
             )
-            if low < high or not (asked or number):  # of no disks, the first part has their shape and type
-                here = asked[low:high]
+            if low < high or not (selected or number):  # of no disks, the first part has their shape and type
+                here = selected[low:high]
                 rows = slice(here.start - own.start, here.stop - own.start, here.step)
                 with self.open(path, number) as file:
                     pieces.append(damage.read(file[name], (*before, rows, *after)))

@@ -115,9 +115,9 @@ class PartsWriter:
             if force:
                 part_files.remove(output_path)
             folder = part_files.folder_of(output_path)
-            if there := part_files.existing(output_path):
+            if old_parts := part_files.existing(output_path):
                 how = option_name("--force", "force=True")
-                raise InputError(f"output {there[0]} exists: choose another name, or replace it ({how})")
+                raise InputError(f"output {old_parts[0]} exists: choose another name, or replace it ({how})")
             try:
                 folder.mkdir(exist_ok=True)
             except OSError as error:
@@ -274,7 +274,7 @@ class PartsWriter:
     @property
     def replaced_or_removed(self) -> str | None:
         """Reason why a file of this rank is not at its place any more; None if all are."""
-        return next((why for queue in self._queues if (why := queue.replaced_or_removed)), None)
+        return next((reason for queue in self._queues if (reason := queue.replaced_or_removed)), None)
 
     @property
     def seconds(self) -> float:

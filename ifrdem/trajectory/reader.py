@@ -634,7 +634,8 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
     def free_area(self) -> FreeArea:
         """The area that walls leave to the disks in the first frame; gates count as open."""
         walls, time = (self[0].walls, self[0].time) if len(self) else (self.walls, 0.0)
-        return FreeArea(self.box, tuple(wall for wall in walls if not wall.gated), time)
+        fixed = tuple(wall for wall in walls if not wall.gated)
+        return FreeArea(self.box, fixed, time, gates_open=len(fixed) < len(walls))
 
     def close(self) -> None:
         """Close the file; its frames cannot be read any more."""

@@ -32,7 +32,7 @@ from .reader import _box as box_of
 BLOCK = 1 << 22  # numbers that are copied at once
 
 
-def repair(path: Path, output: Path, *, say: Callable[[str], object] = print) -> bool:
+def repair(path: Path, output: Path, *, log: Callable[[str], object] = print) -> bool:
     """Write what can be read of a trajectory to a new file; False if nothing is wrong, and nothing was written.
 
     Frames that can be read are kept, also after damaged ones, with the numbers (`step`) that they had. Series and
@@ -57,20 +57,20 @@ def repair(path: Path, output: Path, *, say: Callable[[str], object] = print) ->
         check_apart(output, path)
     if special := not_a_file(output):
         raise InputError(special)
-    with _openable(path, say) as (source, whole), h5py.File(source, "r") as file:
+    with _openable(path, log) as (source, whole), h5py.File(source, "r") as file:
         if output == path and part_files.GROUP in file:
             raise InputError(f"{path} is in parts: --in-place cannot merge them; use -o to write one file")
         try:
             with damage.as_damage_error(path, "its bookkeeping"):
-                kept = _Salvage(file, path, whole, say)
+                kept = _Salvage(file, path, whole, log)
         except DamageError as error:
             raise _unrepairable(path, error) from error
-        if not kept.wrong and whole is None:
+        if not kept.damaged and whole is None:
             try:
                 _read_through(path)
                 return False
             except InputError as error:
-                say(f"  {error}")
+                log(f"  {error}")
         try:
             with files.replacing(output) as new:
                 with h5py.File(new, "w", **ON_PAGES) as copy:
@@ -80,7 +80,7 @@ def repair(path: Path, output: Path, *, say: Callable[[str], object] = print) ->
             raise _unrepairable(path, error, new) from error
         except OSError as error:
             raise InputError(f"output {output}: cannot be written: {error.strerror or error}") from error
-    say(f"  {len(kept.frames)} of {kept.committed} frames are kept")
+    log(f"  {len(kept.frames)} of {kept.committed} frames are kept")
     return True
 
 
@@ -128,11 +128,11 @@ class _Salvage:
         Numbers of those that can be read.
     """
 
-    def __init__(self, file: h5py.File, path: Path, whole: int | None, say: Callable[[str], object]) -> None:
+    def __init__(self, file: h5py.File, path: Path, whole: int | None, log: Callable[[str], object]) -> None:
         self._parts = part_files.of(file, path)
         damage.check_links(file, str(path), layout.views_of(self._parts))
-        self.wrong = False
-        self._file, self._path, self._whole, self._say = file, path, whole, say
+        self.damaged = False
+        self._file, self._path, self._whole, self._log = file, path, whole, log
         clock = layout.clock(file)
         times = [f"{clock}/{name}" for name in ("step", "time")]
         static = [f"{layout.PARTICLES}/{name}" for name in layout.STATIC]
@@ -279,8 +279,8 @@ class _Salvage:
             )
 
     def _note(self, text: str) -> None:
-        self.wrong = True
-        self._say(f"  {text}")
+        self.damaged = True
+        self._log(f"  {text}")
 
     def _past_end(self, name: str, dataset: h5py.Dataset, rows: int, unit: str) -> None:
         if len(dataset) > rows:
@@ -326,11 +326,11 @@ class _Salvage:
             lost[:] = offset is not None and offset + dataset.id.get_storage_size() > whole
             return lost
 
-        def look(chunk: h5py.h5d.StoreInfo) -> None:
+        def visit(chunk: h5py.h5d.StoreInfo) -> None:
             if chunk.byte_offset + chunk.size > whole:
                 lost[chunk.chunk_offset[0] : chunk.chunk_offset[0] + dataset.chunks[0]] = True
 
-        dataset.id.chunk_iter(look)
+        dataset.id.chunk_iter(visit)
         return lost
 
     def _readable_rows_of_all(
@@ -362,7 +362,7 @@ def _append(
 
 
 @contextmanager
-def _openable(path: Path, say: Callable[[str], object]) -> Iterator[tuple[Path, int | None]]:
+def _openable(path: Path, log: Callable[[str], object]) -> Iterator[tuple[Path, int | None]]:
     """A file that HDF5 opens: the given one, or a copy whose missing end is filled up; and how much of it is real."""
     try:
         with h5py.File(path, "r"):
@@ -387,7 +387,7 @@ def _openable(path: Path, say: Callable[[str], object]) -> Iterator[tuple[Path, 
         yield path, None
         return
     present, meant = int(sizes[1]), int(sizes[2])
-    say(f"  its end is missing: {present} of {meant} bytes are there")
+    log(f"  its end is missing: {present} of {meant} bytes are there")
     filled = files.create(path)
     try:
         try:

@@ -70,7 +70,7 @@ def write_views(path: str | os.PathLike[str]) -> tuple[Path, Path]:
     with Trajectory(path) as trajectory:
         n, positions = trajectory.n, "position" in trajectory.fields
         needs = {"frames": len(trajectory), "disks": n, "positions": positions}
-        if missing := [name for name, there in needs.items() if not there]:
+        if missing := [name for name, present in needs.items() if not present]:
             raise InputError(f"{path}: a view requires {missing[0]}, and there are none")
         if (parts := trajectory.parts) is not None:
             for number in trajectory.missing:

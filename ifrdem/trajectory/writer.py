@@ -470,10 +470,10 @@ def _check_resumable(
         raise InputError(f"{path} holds the fields {', '.join(there)}, the run has {', '.join(fields)}")
     for name in there if parts is None else ():
         dataset = layout.field_dataset(file, name)
-        wanted = np.dtype(layout.PRECISIONS[precision])
-        if not layout.FIELDS[name].count and dataset.dtype != wanted:
+        expected_dtype = np.dtype(layout.PRECISIONS[precision])
+        if not layout.FIELDS[name].count and dataset.dtype != expected_dtype:
             raise InputError(
-                f"{path} holds {name} as {dataset.dtype}, the run has precision {precision!r}: {wanted}"
+                f"{path} holds {name} as {dataset.dtype}, the run has precision {precision!r}: {expected_dtype}"
             )
         packed = damage.compression(dataset) or "none"
         if packed != compression:

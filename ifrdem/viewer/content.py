@@ -297,13 +297,13 @@ class Content:
         done = plot_disks.collisions_of(frame) if any(one.opens_after is not None for one in walls) else 0
         return [
             {
-                "shape": one.shape, "place": one.carried(np.array([one.place]), time)[0].tolist(),
+                "shape": one.shape, "place": one.transform(np.array([one.place]), time)[0].tolist(),
                 "towards": one.towards, "radius": one.radius, "surface": one.surface_speed,
                 "hot": one.temperature is not None,
                 "points": [] if one.geometry.is_circle else one.outline(time).tolist(),
             }
             for one in walls
-            if one.stands(time, done)
+            if one.is_present(time, done)
         ]  # fmt: skip
 
     def since(self, frame: Frame) -> Array:

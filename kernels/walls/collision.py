@@ -58,9 +58,9 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
     info, motion = gas.event_info[i], gas.motion[i]
     image = from_partner(info.partner)
     w = wall_of(image)
-    lasting = 0
+    persistent = 0
     if ti.static(gas.uses.remembers):
-        lasting = just_collided(i, t, gas)
+        persistent = just_collided(i, t, gas)
         gas.since[i] = t
     advance_to(i, t, gas)
     gx, gy = gas.scale.gx, gas.scale.gy
@@ -69,10 +69,10 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
     if ti.static(gas.uses.pieced):
         owner = ti.cast(gas.walls[w].owner, ti.i32)
     before = ti.Struct(vx=motion.vx + gx * t, vy=motion.vy + gy * t, spin=motion.spin)
-    after, gained, how, lost = after_collision(i, w, t, before, lasting, contact, gas)
+    after, gained, regime, lost = after_collision(i, w, t, before, persistent, contact, gas)
     motion.vx, motion.vy, motion.spin = after.vx - gx * t, after.vy - gy * t, after.spin
     if ti.static(gas.uses.watched):
-        write_collision(i, w, owner, t, tile, before, after, gained, how, contact, region, gas)
+        write_collision(i, w, owner, t, tile, before, after, gained, regime, contact, region, gas)
     if ti.static(gas.uses.itemised):
         charge(i, MECHANISM.walls, lost.sum(), gas)
     update_history_hash(i, t, -1 - w, gas)
@@ -81,16 +81,16 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
     gas.image_info[i].wall_collisions = gas.image_info[i].wall_collisions + 1
     if info.own_rank > 0:
         add(tile, TALLY.wall_collisions, 1.0, gas)
-        if how >= ELASTIC:
+        if regime >= ELASTIC:
             add(tile, TALLY.elastics, 1.0, gas)
         if ti.static(gas.uses.tallied):
             add(tile, TALLY.losses.walls, lost.sum(), gas)
         add_to_sums(i, w, tile, before, after, gained, contact, gas)
-    return how
+    return regime
 
 
 @ti.func
-def after_collision(i, w, t, before: ti.template(), lasting, contact: ti.template(), gas: ti.template()):
+def after_collision(i, w, t, before: ti.template(), persistent, contact: ti.template(), gas: ti.template()):
     """Velocity and spin of the disk in slot i after a collision; the speed that a piston gained; how, and what it
     took (`contact.collided`)."""
     wall, kind = gas.walls[w], kind_of(i, gas)
@@ -103,9 +103,9 @@ def after_collision(i, w, t, before: ti.template(), lasting, contact: ti.templat
     if ti.static(gas.uses.pistons):
         if wall.motion.kind == FREE:
             inverse_w, k_w = wall.piston.inverse_mass, -1.0 + 0.0 * t
-    vx, vy, spin, ux, uy, _, how, lost = collided(
+    vx, vy, spin, ux, uy, _, regime, lost = collided(
         p, q, -contact.nx, -contact.ny, gas.kinds[kind].inverse_mass, radius, gas.kinds[kind].k, before.vx, before.vy,
-        relative_spin, inverse_w, radius, k_w, contact.ux, contact.uy, 0.0, lasting, gas,
+        relative_spin, inverse_w, radius, k_w, contact.ux, contact.uy, 0.0, persistent, gas,
     )  # fmt: skip
     gained = 0.0 * t  # by a piston, whose surface runs on
     if ti.static(gas.uses.pistons):
@@ -117,16 +117,16 @@ def after_collision(i, w, t, before: ti.template(), lasting, contact: ti.templat
             vx, vy, spin = thermal_velocity(
                 i, wall.temperature, contact.nx, contact.ny, contact.ux, contact.uy, gas
             )
-            how = 0
+            regime = 0
             lost = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)  # what it took or gave is heat
     if ti.static(gas.uses.turning):
         spin += contact.spin
-    return ti.Struct(vx=vx, vy=vy, spin=spin), gained, how, lost
+    return ti.Struct(vx=vx, vy=vy, spin=spin), gained, regime, lost
 
 
 @ti.func
 def write_collision(
-    i, w, owner, t, tile, before: ti.template(), after: ti.template(), gained, how, contact: ti.template(),
+    i, w, owner, t, tile, before: ti.template(), after: ti.template(), gained, regime, contact: ti.template(),
     region: ti.template(), gas: ti.template(),
 ):  # fmt: skip
     """Write down a collision with wall w, if the disk in slot i is watched. The wall's velocity is that in the lab."""
@@ -148,10 +148,10 @@ def write_collision(
         other = ti.Vector([after.vx - fall_x, after.vy - fall_y, after.spin, wx, wy, 0.0 * t])
         write_motion(row, t, 0, one, other, gas)
         gas.event_int[row].partner = -2 - owner
-        gas.event_int[row].how = ti.select(how >= ELASTIC, BY_REMEDY, BY_LAW)
+        gas.event_int[row].regime = ti.select(regime >= ELASTIC, BY_REMEDY, BY_LAW)
         if ti.static(gas.uses.thermal):
             if wall.temperature > 0.0:
-                gas.event_int[row].how = BY_HEAT
+                gas.event_int[row].regime = BY_HEAT
 
 
 @ti.func

@@ -159,13 +159,13 @@ def wall_reach(w, gas: ti.template()):
     wall = gas.walls[w]
     window = gas.scale.window
     _s, speed, bound, _until = wall_motion(w, 0.0 * window, gas)
-    way = ti.abs(speed) * window + 0.5 * bound * window * window
+    distance = ti.abs(speed) * window + 0.5 * bound * window * window
     if ti.cast(wall.motion.kind, ti.i32) == SAWTOOTH:
-        way = 2.0 * ti.abs(wall.motion.amplitude)
+        distance = 2.0 * ti.abs(wall.motion.amplitude)
     if ti.cast(wall.motion.kind, ti.i32) == FREE:  # where collisions may drive it
-        way = FAR + 0.0 * window
+        distance = FAR + 0.0 * window
     if ti.static(gas.uses.turning):
         _angle, _spin, most_spin, _bound = wall_turn(w, 0.0 * window, gas)
-        way += ti.min(most_spin * window, 2.0) * wall.turn.lever
+        distance += ti.min(most_spin * window, 2.0) * wall.turn.lever
     fall = 0.5 * ti.sqrt(gas.scale.gx**2 + gas.scale.gy**2) * window * window
-    return way + 2.0 * fall + 0.5 * gas.scale.widest
+    return distance + 2.0 * fall + 0.5 * gas.scale.widest

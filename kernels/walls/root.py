@@ -88,8 +88,8 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
     if ti.static(gas.uses.pistons):
         if wall.motion.kind == FREE:
             t = ti.max(t, wall.piston.since)
-    going, steps, behind = 1, 0, UNKNOWN
-    while going == 1:
+    active, steps, behind = 1, 0, UNKNOWN
+    while active == 1:
         steps += 1
         relative = relative_motion(w, x, y, vx, vy, tau, t, gas)
         gap = gap_of(w, relative, radius, behind, gas)
@@ -98,17 +98,17 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
             if gap.slope < -gap.noise:
                 if gap.here == 1:
                     found = t
-                    going = 0
+                    active = 0
                 else:
                     behind, crossed = 1 - behind, 1
             elif gap.slope <= gap.noise and gap.curve < 0.0 and gap.here == 1:
                 # Without speed, and pulled together. A container pulls by its curvature alone: a disk slides along it.
                 resting = 1
-                going = 0
+                active = 0
                 if ti.static(gas.uses.rests):  # it bounces (`rest.py`)
                     found, resting = t, 0
             f = 0.0
-        if going == 1:
+        if active == 1:
             step = step_to_root(f, gap.slope, gap.curve)
             if crossed == 1:  # in the next moment it is on the other side
                 step = 0.0 * t
@@ -119,7 +119,7 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
             else:
                 t += step
             if t >= horizon or steps >= MOST_STEPS:
-                going = 0
+                active = 0
                 if steps >= MOST_STEPS:
                     resting = 1
                     if ti.static(

@@ -78,10 +78,10 @@ def test_estimates_of_a_gas_in_motion_are_those_of_the_gas_at_rest(tmp_path: Pat
     assert found.collisions == pytest.approx(expected.collisions, rel=1e-9)
     assert drifting.drift == pytest.approx((20.0, 0.0), rel=1e-13)
     assert drifting.drift_share == pytest.approx(400.0 / 402.0, rel=1e-12)
-    (said,) = drifting.cautions
+    (said,) = drifting.notices
     assert said.startswith("the whole gas drifts at (20, 0)")
     assert "99.5 % of the kinetic energy" in said
-    assert rest.cautions == []
+    assert rest.notices == []
 
 
 def test_between_walls_and_beside_a_medium_speeds_and_temperatures_say_what_they_are(tmp_path: Path) -> None:
@@ -104,7 +104,7 @@ def test_between_walls_and_beside_a_medium_speeds_and_temperatures_say_what_they
     assert gas_of(shifted, folder=tmp_path).drift[0] == pytest.approx(20.0, abs=0.2)
     assert gas_of(shifted.replace("mu = 0.0", "mu = 0.1"), folder=tmp_path).drift == (0.0, 0.0)
     drag = '[[force]]\nkind = "drag"\nstep = 0.1\nrate = 0.1\n'
-    (said,) = gas_of(text + drag, folder=tmp_path).cautions
+    (said,) = gas_of(text + drag, folder=tmp_path).notices
     assert "the medium of drag is at rest" in said
 
 
@@ -136,7 +136,7 @@ def test_a_single_disk_among_others_at_rest_keeps_its_speed_and_its_drift_is_rep
     assert float(np.hypot(*velocity[20])) == pytest.approx(1.0, rel=1e-15)
     # |P| = 100 of M = 120: P^2 / 2 M over 50.
     assert gas.drift_share == pytest.approx(100.0 / 120.0, rel=1e-13)
-    assert len(gas.cautions) == 1
+    assert len(gas.notices) == 1
 
 
 def test_a_run_of_a_gas_in_motion_is_analysed_as_the_gas_at_rest(

@@ -20,7 +20,7 @@ from ifrdem.case.messages import kind_of, models_in
 from ifrdem.cli.main import main
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.plots import run
-from ifrdem.theory.driven_gas import Drive, steady_state
+from ifrdem.theory.driven_gas import Driving, steady_state
 from ifrdem.trajectory.reader import Trajectory
 
 ROOT = Path(__file__).parents[2]
@@ -168,7 +168,7 @@ def test_check_says_what_a_driven_gas_will_do(tmp_path: Path, capsys: pytest.Cap
         r" +force 0: step / shortest mean free time at the start +[\d.]+\n",
         shown,
     )
-    T, T_rot = steady_state(IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21), 2.0, 0.5, 2.0, 0.1, Drive(power=3.0)) or (
+    T, T_rot = steady_state(IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21), 2.0, 0.5, 2.0, 0.1, Driving(power=3.0)) or (
         0,
         0,
     )
@@ -226,7 +226,7 @@ def test_the_picture_shows_theory_and_its_steady_state(
     monkeypatch.setattr(run, "save", lambda figure, path: figures.append(figure))
     run.driven("kicked.h5", "kicked.png")
     upper, lower = figures[0].axes[:2]
-    T, T_rot = steady_state(IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21), 2.0, 0.5, 2.0, 0.1, Drive(power=3.0)) or (
+    T, T_rot = steady_state(IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21), 2.0, 0.5, 2.0, 0.1, Driving(power=3.0)) or (
         0,
         0,
     )

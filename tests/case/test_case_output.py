@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ifrdem.case import file as case_file
-from ifrdem.case import report, summary
+from ifrdem.case import report, shipped, summary
 from ifrdem.case.case import UNITS
 from ifrdem.case.estimate import RunEstimate, run_seconds, step_seconds
 from ifrdem.case.gas import CaseGas
@@ -317,7 +317,20 @@ force = [{ kind = "rescale", step = 1e-3, temperature = 0.5 }, { kind = "drag", 
     estimate = RunEstimate.of(gas)
     assert estimate.force_steps == pytest.approx(2000.0)  # both forces act at one time
     rows = {row.quantity: row.value for row in report.report(gas, estimate).rows}
-    assert rows["run time (force steps only)"].startswith("about 6.1")  # no theory tells the collisions
+    assert rows["run time (force steps, windows, frames and output)"].startswith(
+        "about 6."
+    )  # no theory tells the collisions
+
+
+@pytest.mark.parametrize(
+    ("name", "seconds"),
+    [("mixture", 0.55), ("elastic", 1.05), ("clusters", 1.66), ("cooling", 6.99), ("driven", 10.52), ("shear", 5.38),
+     ("coins_on_table", 3.97)],
+)  # fmt: skip
+def test_the_time_of_shipped_cases_is_within_a_factor_of_2(name: str, seconds: float) -> None:
+    """Processor time of whole runs with their output, one thread, kernels compiled (2026-11-26, a busy machine)."""
+    gas = case_file.read(shipped.find(name), ["run.threads=1"]).gas
+    assert 0.5 * seconds < RunEstimate.of(gas).seconds(gas, 1) < 2.0 * seconds
 
 
 def test_check_tells_the_time_and_why_a_thin_gas_is_slow(folder):
@@ -363,5 +376,5 @@ def test_check_tells_of_parts(folder, capsys):
 def test_the_time_of_a_run_names_the_compilation_beside_it(folder, capsys):
     assert cli.main(["check", str(folder / "gas.toml")]) == 0
     shown = capsys.readouterr().out
-    assert "  run time (collisions and frames) " in shown
+    assert "  run time (collisions, windows, frames and output) " in shown
     assert re.search("compilation of kernels, before +a second or two if ", shown)

@@ -445,7 +445,7 @@ def test_check_says_what_walls_do(tmp_path: Path, capsys: pytest.CaptureFixture[
     shown = capsys.readouterr().out
     area = 20.0 * 23.5 - 4.0 * math.pi
     assert "100 disks in a box of 20 x 24, between walls, reduced units" in shown
-    assert re.search(rf"packing fraction +{100 * math.pi / 4 / area:.5g}\n", shown)
+    assert re.search(rf"packing fraction of the free area +{100 * math.pi / 4 / area:.5g}\n", shown)
     assert re.search(rf"free area, to which densities refer +{area:.5g}\n", shown)
     assert re.search(r"energy to lift a mean disk by one diameter +2\n", shown)  # m g d = 2 x 1 x 1
     assert re.search(r"sides +walls of glass across x and y", shown)
@@ -536,7 +536,8 @@ def test_a_run_between_walls_stores_them_and_its_ledger(
     text = describe("shaken.h5")
     assert "between walls" in text
     assert "1 line, 1 post" in text
-    assert f"packing fraction  {gas.free_area.packing_fraction(gas.disks.radius):.4f}" in text
+    phi = gas.free_area.packing_fraction(gas.disks.radius)
+    assert f"packing fraction  {phi:.4f} of the free area" in text
 
 
 def test_elastic_walls_are_hit_as_often_as_kinetic_theory_says(

@@ -28,7 +28,7 @@ import pytest
 
 from ifrdem.case import shipped, template
 from ifrdem.cli.main import main
-from ifrdem.theory.sheared_gas import TheoryWarning
+from ifrdem.errors import TheoryWarning
 from ifrdem.validation.gas.cases import cases, text_of, toml
 
 SECONDS, BYTES = 20, 4 * 10**9

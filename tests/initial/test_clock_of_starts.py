@@ -277,13 +277,13 @@ def test_gates_and_pistons_of_a_frame_are_where_it_says(tmp_path: Path) -> None:
 
 def test_a_start_warns_of_what_a_frame_does_not_store(old: Path) -> None:
     moving, hot = continues(), '{shape="line",temperature=1.0,point=[0.0,0.0],normal=[0.0,1.0]}'
-    assert case(old, *moving).gas.cautions == []
-    (text,) = case(old, *moving, "run.collapse=tc", "run.contact_time=0.01").gas.cautions
+    assert case(old, *moving).gas.notices == []
+    (text,) = case(old, *moving, "run.collapse=tc", "run.contact_time=0.01").gas.notices
     assert "until t = 1.51, run.contact_time counts collisions since the start only" in text
-    assert case(old, "run.collapse=tc", "run.contact_time=0.01").gas.cautions == []
+    assert case(old, "run.collapse=tc", "run.contact_time=0.01").gas.notices == []
     frame_of(old / "hot.h5", [[2.0 + 2.0 * (i % 5), 2.0 + 2.0 * (i // 5)] for i in range(20)], 1.0)
     walls = f'box = {{ lengths = [12.0, 12.0], periodic = [true, false], material = "m" }}\nwall = [{hot}]'
-    (text,) = case(old, *moving, "start.frame=0", "start.positions=hot.h5", text=walls).gas.cautions
+    (text,) = case(old, *moving, "start.frame=0", "start.positions=hot.h5", text=walls).gas.notices
     assert "the same random velocities again, with another run.seed than 3" in text
 
 

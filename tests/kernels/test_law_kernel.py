@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+from support import plain_law
 
 from ifrdem.kernels.language import ti
 from ifrdem.kernels.law import collide_pair
@@ -72,8 +73,10 @@ def test_kernel_and_numpy_agree_to_the_last_bit():
         assert 0.1 < np.mean(share) < 0.9
 
 
-def test_plain_floats_give_the_same_numbers_as_arrays():
-    a = arguments()[:200]
+@pytest.mark.parametrize("collide", [collide_pair, plain_law.collide_pair], ids=["declared", "plain"])
+def test_plain_floats_give_the_same_numbers_as_arrays(collide):
+    """Serial codes take the plain one."""
+    a = arguments()[:2000]
     many = np.stack(collide_pair(*a.T), axis=-1)
-    one = np.array([collide_pair(*(float(x) for x in row)) for row in a])
+    one = np.array([collide(*(float(x) for x in row)) for row in a])
     np.testing.assert_array_equal(one, many)

@@ -35,7 +35,7 @@ def test_kinds_do_not_depend_on_how_disks_are_divided(n: int) -> None:
 
 def test_extremes_tell_what_all_kinds_would() -> None:
     """Ends of all that units are judged by, masses of each material and k, and the gap between radii."""
-    from ifrdem.simulation.arrays import split_of  # imports Taichi
+    from ifrdem.simulation.tiling import split_of
 
     columns = columns_of(30_000)
     rows, every = kinds_among(columns)

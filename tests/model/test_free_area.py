@@ -195,3 +195,11 @@ def test_rounded_positions_are_moved_off_walls() -> None:
     moved = packing.separate(free_area.box, radius, position, walls=free_area.walls)
     assert np.all(free_area.gap(moved, radius) >= 0.0)
     np.testing.assert_allclose(moved, position, atol=3e-7)
+
+
+def test_a_packing_fraction_says_of_what_area_it_is() -> None:
+    box, lid = Box((4.0, 3.0), MIXED), Wall.segment((0.0, 1.0), (4.0, 1.0), opens_at=2.0)
+    assert FreeArea(Box((4.0, 3.0))).name == ""
+    assert FreeArea(box).name == " of the free area"
+    assert FreeArea(box, (lid,)).name == " of the free area with gates closed"
+    assert FreeArea(box, gates_open=True).name == " of the free area with gates open"

@@ -243,7 +243,7 @@ READ_ONLY = {
         "gravity",
         "forces",
     ],
-    "DSMC": ["time", "velocity", "disks", "drive", "area", "collisions"],
+    "DSMC": ["time", "velocity", "disks", "driving", "area", "collisions"],
     "Disks": ["mass", "n"],
     "State": ["n", "peculiar_velocity"],
     "Measure": ["time", "energy"],

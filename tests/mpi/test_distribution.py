@@ -24,7 +24,7 @@ def test_slices_are_dealt_out_and_put_together_again(ranks: int) -> None:
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert found.pop("lost") == found.pop("twice") == MISSING
-    assert len(found) == 44
+    assert len(found) == 49
     assert [name for name, right in found.items() if not right] == []
 
 
@@ -56,3 +56,10 @@ def test_blocks_of_ids_begin_at_multiples_of_their_length() -> None:
 def test_a_disk_that_is_missing_is_an_error_in_one_process_too() -> None:
     with pytest.raises(distribution.EngineError, match=MISSING):
         SERIAL.by_id(3, np.array([0, 1, 1]), [])
+
+
+def test_the_nth_smallest_value_of_one_process_is_that_of_the_sorted_array() -> None:
+    values = np.array([0.0, 0.0, 5e-324, 1.0, 2.5, 2.5, 1e300])
+    assert SERIAL.nth_smallest(values, [7, 1, 3, 4, 8, 2, 5]) == [1e300, 0.0, 5e-324, 1.0, np.inf, 0.0, 2.5]
+    assert SERIAL.nth_smallest(values[:0], [1]) == [np.inf]
+    assert SERIAL.nth_smallest(values, []) == []

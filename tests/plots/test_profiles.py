@@ -180,7 +180,7 @@ def test_the_picture_shows_walls_profiles_and_no_theory(tmp_path: Path, drawn: l
     ):
         assert label in shown
     assert "kinetic theory" not in shown
-    assert "packing fraction between walls" in shown
+    assert "packing fraction of the free area" in shown
     with Trajectory(tmp_path / "a.h5") as trajectory:
         found = profiles.of(trajectory)
         assert theory(trajectory)[2] == "walls: no kinetic theory here"

@@ -242,7 +242,7 @@ def test_numbers_of_numpy_and_tuples_are_values() -> None:
 
 def test_arguments_are_checked_before_anything_is_written(tmp_path: Path) -> None:
     case, there = ifrdem.Case.read("cooling", set=SMALL), tmp_path / "gas.h5"
-    wrong: dict[str, Any] = {"max_hours": float("nan"), "picture": 3, "say": None, "warn": 3, "force": "x"}
+    wrong: dict[str, Any] = {"max_hours": float("nan"), "picture": 3, "log": None, "warn": 3, "force": "x"}
     for name, value in wrong.items():
         with pytest.raises(ifrdem.InputError, match=f"^{name} = "):
             case.run_to(there, **{name: value})

@@ -89,7 +89,7 @@ def test_functions_refuse_likewise(path: Path, make: Callable, said: str) -> Non
         for write_it in (
             lambda: export.export(trajectory, place, "csv", [0]),
             lambda: movie.write(trajectory, place, [0], size=(160, 160)),
-            lambda: repair.repair(path, place, say=lambda line: None),
+            lambda: repair.repair(path, place, log=lambda line: None),
         ):
             with pytest.raises(InputError, match=said):
                 write_it()
@@ -159,7 +159,7 @@ def test_repair_in_place_of_a_link_repairs_what_it_points_to(path: Path, capsys)
     assert named.is_symlink()
     with Trajectory(path) as trajectory:
         assert len(trajectory) == 2
-    assert repair.repair(path, path, say=lambda line: None) is False
+    assert repair.repair(path, path, log=lambda line: None) is False
 
 
 def test_views_written_twice_are_replaced(path: Path) -> None:

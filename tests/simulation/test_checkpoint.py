@@ -119,7 +119,7 @@ def test_a_run_goes_on_to_the_bit(tmp_path, make):
 
 
 def test_so_does_one_in_tiles_on_another_number_of_threads(tmp_path, monkeypatch):
-    monkeypatch.setattr("ifrdem.simulation.arrays.SINGLE_TILE", 100)
+    monkeypatch.setattr("ifrdem.simulation.tiling.SINGLE_TILE", 100)
     make = gas(tracked=[0, 5])
     whole = make(2)
     whole.run(collisions_per_disk=3.0)

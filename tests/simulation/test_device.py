@@ -176,7 +176,7 @@ def test_a_rank_sees_the_gpu_of_its_number(
 ) -> None:
     """Of those that are named, in turn; without names of all."""
     monkeypatch.setattr(backend, "_shown", None)
-    monkeypatch.setattr(backend, "_asked", False)
+    monkeypatch.setattr(backend, "_driver_queried", False)
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "" if named is None else named)
     if named is None:
         monkeypatch.delenv("CUDA_VISIBLE_DEVICES")
@@ -188,7 +188,7 @@ def test_a_rank_sees_the_gpu_of_its_number(
 
 def test_a_gpu_cannot_be_chosen_after_the_driver_was_asked(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(backend, "_shown", None)
-    monkeypatch.setattr(backend, "_asked", True)
+    monkeypatch.setattr(backend, "_driver_queried", True)
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "4,5")
     with pytest.raises(InputError, match=r"rank 1 .* GPU 5, .* before"):
         backend.show_gpu(1)

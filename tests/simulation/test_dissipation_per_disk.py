@@ -9,7 +9,7 @@ from support.gases import run_to
 import ifrdem
 from ifrdem import Device
 from ifrdem.errors import InputError
-from ifrdem.model.law import coefficient_table, law_table
+from ifrdem.model.pair_laws import PairLaws
 from ifrdem.plots import dissipation, pictures
 from ifrdem.simulation.engine import Engine
 from ifrdem.trajectory.export import export
@@ -77,7 +77,7 @@ def test_it_depends_neither_on_frames_nor_changes_the_motion():
 
 def test_tiles_know_what_one_tile_knows():
     start = gas()
-    state, table = dataclasses.replace(start.state), coefficient_table(law_table(LAW, start.disks, 0))
+    state, table = dataclasses.replace(start.state), PairLaws.of(LAW, start.disks).coefficients
     found = []
     for order in ("serial", "tiled"):
         engine = Engine(

@@ -19,7 +19,7 @@ from ifrdem.simulation.dsmc import DSMC
 from ifrdem.theory import collision_rate, cooling, haff
 from ifrdem.theory.collisions import mixture_collision_rates
 from ifrdem.theory.contact import Contact, mixture_contact_values
-from ifrdem.theory.driven_gas import Drive, driven
+from ifrdem.theory.driven_gas import Driving, driven
 from ifrdem.theory.mixtures import Mixture, mixture_cooling
 from ifrdem.theory.sonine import cooling_factor, heated_sonine
 
@@ -124,10 +124,10 @@ def test_smooth_disks_follow_haff_with_the_cumulant_that_theory_says() -> None:
 
 def test_heated_smooth_disks_follow_the_driven_theory() -> None:
     n = 5000
-    drive = Drive(power=1.0)
-    found = gas(n, SMOOTH, drive=drive).run(t_end=6.0, samples=30)
+    driving = Driving(power=1.0)
+    found = gas(n, SMOOTH, driving=driving).run(t_end=6.0, samples=30)
     late = slice(12, None)
-    T, _, _ = driven(SMOOTH, 1.0, 0.5, 2.0, 0.2, drive, 1.0, 0.0, found.time)
+    T, _, _ = driven(SMOOTH, 1.0, 0.5, 2.0, 0.2, driving, 1.0, 0.0, found.time)
     np.testing.assert_allclose(
         found.temperature, T, rtol=0.06
     )  # 1 / sqrt(n), and as much from each unit of time's kicks
@@ -141,8 +141,8 @@ def test_heated_smooth_disks_follow_the_driven_theory() -> None:
 
 
 def test_a_heat_bath_alone_brings_disks_to_its_temperature() -> None:
-    bath = Drive(power=2.0 * 0.5 * 3.0, rate=0.5, spin_power=0.5 * 2.0, spin_rate=0.5)  # T = 3, T_rot = 2
-    found = gas(4_000, IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), drive=bath).run(t_end=8.0, samples=1)
+    bath = Driving(power=2.0 * 0.5 * 3.0, rate=0.5, spin_power=0.5 * 2.0, spin_rate=0.5)  # T = 3, T_rot = 2
+    found = gas(4_000, IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), driving=bath).run(t_end=8.0, samples=1)
     assert found.temperature[-1] == pytest.approx(3.0, rel=0.06)  # 1 / sqrt(n), and exp(-8)
     assert found.rotational_temperature[-1] == pytest.approx(2.0, rel=0.09)
     gained = found.energy[-1] - found.energy[0]  # elastic: all of it is the bath's
@@ -220,7 +220,7 @@ def test_a_law_of_one_s_own_runs_and_is_tried_for_energy() -> None:
 
 
 def test_a_gas_resumed_from_a_checkpoint_goes_on_bit_by_bit() -> None:
-    given = {"drive": Drive(power=1.0, spin_power=0.2), "T_rot": 0.5}
+    given = {"driving": Driving(power=1.0, spin_power=0.2), "T_rot": 0.5}
     whole, first, second = (gas(300, COIN, **given) for _ in range(3))
     whole.run(t_end=2.0, samples=2)
     first.run(t_end=1.0, samples=1)

@@ -20,7 +20,7 @@ from ifrdem.model.state import Disks, State
 from ifrdem.simulation import backend
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
-from ifrdem.theory.driven_gas import Drive, steady_state
+from ifrdem.theory.driven_gas import Driving, steady_state
 
 # --- energy, steady state, threads --------------------------------------------------------------------------
 
@@ -84,7 +84,7 @@ def test_driven_coins_stay_at_the_temperatures_of_kinetic_theory() -> None:
     """
     disks = equal_disks(800)
     coin = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
-    T, T_rot = steady_state(coin, 1.0, 0.5, 2.0, 0.05, Drive(power=1.0)) or (0.0, 0.0)
+    T, T_rot = steady_state(coin, 1.0, 0.5, 2.0, 0.05, Driving(power=1.0)) or (0.0, 0.0)
     box, state = start(disks, 0.05)
     state = State(state.position, state.velocity * math.sqrt(T), np.zeros(disks.n))
     simulation = Simulation(disks, box, coin, state, forces=[RandomKicks(0.1, power=1.0)], seed=1)

@@ -54,7 +54,7 @@ def check_path(
 @pytest.mark.parametrize("alone", [True, False])
 def test_paths_lead_through_every_collision(device, alone, monkeypatch):
     if not alone:
-        monkeypatch.setattr("ifrdem.simulation.arrays.SINGLE_TILE", 100)
+        monkeypatch.setattr("ifrdem.simulation.tiling.SINGLE_TILE", 100)
     disks = mixture(900)
     box, state = start(disks, 0.4)
     tracked = [0, 13, 400, 899]

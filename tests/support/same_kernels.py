@@ -37,15 +37,15 @@ from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
 from ifrdem.model.wall_motion import Motion, Piston, Turn
 from ifrdem.model.walls import Wall
-from ifrdem.simulation import arrays, backend, snapshot
+from ifrdem.simulation import backend, snapshot, tiling
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.tracking import Tracking
-from ifrdem.theory.driven_gas import Drive
+from ifrdem.theory.driven_gas import Driving
 
 os.environ[runtime.variable("OFFLINE_CACHE_CLEANING_POLICY")] = "never"
 CACHE = Path(os.environ[runtime.variable("OFFLINE_CACHE_FILE_PATH")])
 N = 700
-arrays.SINGLE_TILE = 100  # windows as short as those of gases in tiles
+tiling.SINGLE_TILE = 100  # windows as short as those of gases in tiles
 ALL_SUMS: dict[str, Any] = {"record": ["disk_energy", "partner", "angle"]}
 SINGLE = {"device": Device(threads=1, precision="f32")}
 RANK_GASES = ("2:walls", "2:fast sizes", "2:driven", "2:shear")
@@ -242,9 +242,11 @@ def dsmc(device: str, threads: int) -> str:
     """Hash of a homogeneous gas without places."""
     disks = Disks(400, mass=1.0, radius=0.5)
     velocity = ifrdem.initial.maxwellian(disks.mass, temperature=1.0, seed=1)
-    drive = Drive(0.5, 0.1, 0.2)
+    driving = Driving(0.5, 0.1, 0.2)
     law = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
-    gas = ifrdem.DSMC(disks, law, 0.2, velocity, drive=drive, seed=1, device=Device(device, threads=threads))
+    gas = ifrdem.DSMC(
+        disks, law, 0.2, velocity, driving=driving, seed=1, device=Device(device, threads=threads)
+    )
     found = gas.run(collisions_per_disk=5, samples=5)
     return digest({"T": found.temperature, "velocity": gas.velocity, "spin": gas.spin})
 

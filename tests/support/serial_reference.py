@@ -22,8 +22,8 @@ import math
 
 import numpy as np
 from numpy.typing import ArrayLike
+from support.plain_law import collide_pair
 
-from ifrdem.kernels.law import collide_pair
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 

@@ -14,8 +14,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from support.plain_law import collide_pair
 
-from ifrdem.kernels.law import collide_pair
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 

@@ -12,7 +12,7 @@ from ifrdem.errors import InputError
 from ifrdem.model.coin_table import coins
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.theory.collisions import collision_rate
-from ifrdem.theory.driven_gas import Drive, driven, steady_state
+from ifrdem.theory.driven_gas import Driving, driven, steady_state
 
 COIN = coins["1 pta"].law
 GAS = (1.0, 0.5, 2.0, 0.2)  # mass, radius, k, packing fraction
@@ -21,7 +21,7 @@ GAS = (1.0, 0.5, 2.0, 0.2)  # mass, radius, k, packing fraction
 def test_smooth_disks_stay_where_kicks_balance_haff_s_losses() -> None:
     """Each collision takes (1 - e_n^2) T / 2 of a disk: power = (1 - e_n^2) nu_1 T^(3/2) / 2."""
     rate = theory.collision_rate(0.2, 1.0, 1.0, 0.5)
-    T, T_rot = steady_state(IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0), *GAS, Drive(power=0.7)) or (0.0, 0.0)
+    T, T_rot = steady_state(IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0), *GAS, Driving(power=0.7)) or (0.0, 0.0)
     expected = (0.7 / (0.5 * rate * (1.0 - 0.81))) ** (2.0 / 3.0)
     np.testing.assert_allclose(T, expected, rtol=1e-10)
     assert math.isnan(T_rot)  # nothing acts on the spins
@@ -29,17 +29,17 @@ def test_smooth_disks_stay_where_kicks_balance_haff_s_losses() -> None:
 
 def test_elastic_disks_take_the_temperature_of_their_bath() -> None:
     bath = {"kind": "langevin", "temperature": 2.0, "rate": 0.3, "spin_rate": 0.1}
-    drive = Drive.of([bath], 1.0, 0.125)
-    assert drive is not None
+    driving = Driving.of([bath], 1.0, 0.125)
+    assert driving is not None
     # mu = 0, e_t = -1: translation and rotation are on their own, both at 2.
-    state = steady_state(IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), *GAS, drive)
+    state = steady_state(IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), *GAS, driving)
     np.testing.assert_allclose(state, (2.0, 2.0), rtol=1e-10)
 
 
 def test_coins_driven_by_kicks_have_a_ratio_of_temperatures_that_power_and_density_do_not_change() -> None:
     """T_rot has no other source or sink than collisions, whose rate drops out: only the law sets theta."""
     states = [
-        steady_state(COIN, 1.0, 0.5, 2.0, phi, Drive(power=power)) or (math.nan, math.nan)
+        steady_state(COIN, 1.0, 0.5, 2.0, phi, Driving(power=power)) or (math.nan, math.nan)
         for phi, power in ((0.2, 1.0), (0.2, 8.0), (0.05, 1.0))
     ]
     theta = [T_rot / T for T, T_rot in states]
@@ -53,13 +53,13 @@ def test_coins_driven_by_kicks_have_a_ratio_of_temperatures_that_power_and_densi
     np.testing.assert_allclose(rates, (-1.0, 0.0), atol=1e-9)
 
 
-@pytest.mark.parametrize("drive", [Drive(power=0.5), Drive(power=0.2, spin_power=0.5)])
-def test_a_driven_gas_stays_steady_for_any_time(drive: Drive) -> None:
+@pytest.mark.parametrize("driving", [Driving(power=0.5), Driving(power=0.2, spin_power=0.5)])
+def test_a_driven_gas_stays_steady_for_any_time(driving: Driving) -> None:
     """Without beginning to drift: from then on its collisions are the rate of the steady state times time."""
-    steady = steady_state(COIN, *GAS, drive)
+    steady = steady_state(COIN, *GAS, driving)
     assert steady is not None
     times = [1e6, 1e12, 1e30, 1e50]
-    T, T_rot, collisions = driven(COIN, *GAS, drive, 0.0, 0.0, times)
+    T, T_rot, collisions = driven(COIN, *GAS, driving, 0.0, 0.0, times)
     np.testing.assert_allclose(T, steady[0], rtol=1e-8)
     np.testing.assert_allclose(T_rot, steady[1], rtol=1e-8)
     mass, radius, _, phi = GAS
@@ -70,30 +70,30 @@ def test_a_driven_gas_stays_steady_for_any_time(drive: Drive) -> None:
 
 def test_without_forces_the_driven_gas_is_the_cooling_one() -> None:
     times = np.linspace(0.0, 20.0, 9)
-    one = driven(COIN, *GAS, Drive(), 1.0, 0.2, times)
+    one = driven(COIN, *GAS, Driving(), 1.0, 0.2, times)
     other = theory.cooling(COIN, *GAS, 1.0, 0.2, times)
     for a, b in zip(one, other, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-9)
 
 
 def test_a_gas_from_rest_is_heated_by_the_power_and_ends_in_its_steady_state() -> None:
-    drive = Drive(power=1.0, spin_power=0.2)
-    T, T_rot, collisions = driven(COIN, *GAS, drive, 0.0, 0.0, [0.0, 1e-3, 100.0])
+    driving = Driving(power=1.0, spin_power=0.2)
+    T, T_rot, collisions = driven(COIN, *GAS, driving, 0.0, 0.0, [0.0, 1e-3, 100.0])
     np.testing.assert_allclose([T[1], T_rot[1]], [1e-3, 4e-4], rtol=1e-3)  # T is the energy, T_rot twice it
-    np.testing.assert_allclose([T[2], T_rot[2]], steady_state(COIN, *GAS, drive), rtol=1e-6)
+    np.testing.assert_allclose([T[2], T_rot[2]], steady_state(COIN, *GAS, driving), rtol=1e-6)
     assert collisions[0] == 0.0
     assert collisions[2] > 100.0
 
 
 @pytest.mark.parametrize(
-    ("law", "drive"),
+    ("law", "driving"),
     [
-        (COIN, Drive(rate=1.0)),  # only losses
-        (IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), Drive(power=1.0)),  # only gains
+        (COIN, Driving(rate=1.0)),  # only losses
+        (IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), Driving(power=1.0)),  # only gains
     ],
 )
-def test_a_gas_without_balance_has_no_steady_state(law: IFRLaw, drive: Drive) -> None:
-    assert steady_state(law, *GAS, drive) is None
+def test_a_gas_without_balance_has_no_steady_state(law: IFRLaw, driving: Driving) -> None:
+    assert steady_state(law, *GAS, driving) is None
 
 
 def test_forces_add_up_to_one_drive() -> None:
@@ -105,27 +105,27 @@ def test_forces_add_up_to_one_drive() -> None:
         {"kind": "drag", "rate": 0.2, "spin_rate": 0.3, "quadratic": 0.0},
         {"kind": "langevin", "temperature": 5.0, "rate": 0.1, "spin_temperature": 4.0, "spin_rate": 0.01},
     ]
-    drive = Drive.of(forces, 2.0, 3.0)
-    assert drive is not None
-    found = (drive.power, drive.spin_power, drive.rate, drive.spin_rate)
+    driving = Driving.of(forces, 2.0, 3.0)
+    assert driving is not None
+    found = (driving.power, driving.spin_power, driving.rate, driving.spin_rate)
     np.testing.assert_allclose(found, (1.0 + 2.0 + 1.0, 0.3 + 0.04, 0.3, 0.31))
     for other in ({"kind": "drag", "quadratic": 0.1}, {"kind": "rescale", "temperature": 1.0}):
-        assert Drive.of([*forces, other], 2.0, 3.0) is None
+        assert Driving.of([*forces, other], 2.0, 3.0) is None
 
 
 def test_impossible_input_is_refused() -> None:
     with pytest.raises(InputError, match="nothing moves"):
-        driven(COIN, *GAS, Drive(spin_power=1.0), 0.0, 0.0, [1.0])
+        driven(COIN, *GAS, Driving(spin_power=1.0), 0.0, 0.0, [1.0])
     with pytest.raises(InputError, match="times"):
-        driven(COIN, *GAS, Drive(), 1.0, 0.0, [2.0, 1.0])
+        driven(COIN, *GAS, Driving(), 1.0, 0.0, [2.0, 1.0])
     with pytest.raises(InputError, match="T0 = -1"):
-        driven(COIN, *GAS, Drive(), -1.0, 0.0, [1.0])
+        driven(COIN, *GAS, Driving(), -1.0, 0.0, [1.0])
 
 
 def test_at_the_start_a_gas_is_as_it_starts_from_rest_too() -> None:
     """No time has passed: an integrator that is asked for none must not search for a step."""
     for T0 in (0.0, 0.5):
-        T, T_rot, collisions = driven(COIN, *GAS, Drive(power=0.1), T0, 0.25, [0.0, 0.0])
+        T, T_rot, collisions = driven(COIN, *GAS, Driving(power=0.1), T0, 0.25, [0.0, 0.0])
         assert T.tolist() == [T0, T0]
         assert T_rot.tolist() == [0.25, 0.25]
         assert not collisions.any()

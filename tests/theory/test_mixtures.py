@@ -18,7 +18,7 @@ from ifrdem.model.law import CollisionLaw
 from ifrdem.model.state import Disks, State
 from ifrdem.theory import cooling, cooling_rates, prediction
 from ifrdem.theory.contact import compressibility, mixture_contact_values
-from ifrdem.theory.driven_gas import Drive, driven, steady_state
+from ifrdem.theory.driven_gas import Driving, driven, steady_state
 from ifrdem.theory.mixtures import Mixture, mixture_cooling, mixture_cooling_rates, mixture_driven
 
 COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
@@ -202,13 +202,13 @@ def test_an_elastic_mixture_collides_at_the_predicted_rates() -> None:
 
 def test_a_driven_mixture_of_like_species_is_the_driven_gas() -> None:
     mixture = Mixture([1.0, 1.0], 0.5, COIN, 0.2)
-    drive = Drive(power=1.0, spin_power=0.1, rate=0.05)
+    driving = Driving(power=1.0, spin_power=0.1, rate=0.05)
     times = [0.0, 1.0, 100.0]
-    found = mixture_driven(mixture, [drive, drive], 0.0, 0.0, times)
-    T, T_rot, collisions = driven(COIN, 1.0, 0.5, 2.0, 0.2, drive, 0.0, 0.0, times)
+    found = mixture_driven(mixture, [driving, driving], 0.0, 0.0, times)
+    T, T_rot, collisions = driven(COIN, 1.0, 0.5, 2.0, 0.2, driving, 0.0, 0.0, times)
     np.testing.assert_allclose(found.mean(mixture), (T, T_rot, collisions), rtol=1e-5, atol=1e-9)
     np.testing.assert_allclose(
-        found.temperature[-1], (steady_state(COIN, 1.0, 0.5, 2.0, 0.2, drive) or (0.0,))[0], rtol=1e-6
+        found.temperature[-1], (steady_state(COIN, 1.0, 0.5, 2.0, 0.2, driving) or (0.0,))[0], rtol=1e-6
     )
 
 
@@ -223,9 +223,9 @@ def test_a_prediction_takes_the_theory_that_belongs_to_the_gas() -> None:
     bath = {"kind": "langevin", "temperature": 2.0, "rate": 0.3, "spin_rate": 0.1}
     found = prediction(one, COIN, 0.2, 1.0, 0.1, times, forces=[bath])
     assert found.kind == "driven"
-    drive = Drive.of([bath], 1.0, 0.125) or Drive()
+    driving = Driving.of([bath], 1.0, 0.125) or Driving()
     np.testing.assert_allclose(
-        found.temperature, driven(COIN, 1.0, 0.5, 2.0, 0.2, drive, 1.0, 0.1, times)[0], rtol=1e-6
+        found.temperature, driven(COIN, 1.0, 0.5, 2.0, 0.2, driving, 1.0, 0.1, times)[0], rtol=1e-6
     )
     assert prediction(one, COIN, 0.2, 1.0, 0.1, times, shear_rate=0.1).kind == "sheared"
     two = Disks(2, 1.0, [0.5, 0.4], material=np.array([1, 0]))
@@ -252,7 +252,7 @@ class Sticky(CollisionLaw):
         ({"law": [[COIN, COIN]]}, "2 rows of 2 laws"),
         (
             {"law": [[COIN, COIN], [IFRLaw(e_n=0.5, e_t=-0.8, mu=0.2), COIN]]},
-            r"\[1\]\[0\] and \[0\]\[1\] differ",
+            r"\[0\]\[1\] and \[1\]\[0\] differ",
         ),
         ({"law": IFRLaw(e_n=0.99, e_t=0.0, mu=0.5, k=1.0)}, "would add energy"),
         ({"mass": [1.0, -2.0]}, r"mass\[1\] = -2\.0"),
@@ -273,7 +273,7 @@ def test_temperatures_that_do_not_fit_are_refused() -> None:
         mixture_cooling_rates(mixture, [1.0, 1.0, 1.0], 0.0)
     with pytest.raises(InputError, match="nothing moves"):
         mixture_cooling(mixture, 0.0, 1.0, [1.0])
-    with pytest.raises(InputError, match="drives has 1: must be one for each of 2 species"):
-        mixture_driven(mixture, [Drive(power=1.0)], 1.0, 1.0, [1.0])
+    with pytest.raises(InputError, match="driving has 1: must be one for each of 2 species"):
+        mixture_driven(mixture, [Driving(power=1.0)], 1.0, 1.0, [1.0])
     with pytest.raises(InputError, match="finite mass"):
         Mixture.of(Disks(2, [1.0, math.inf], 0.5), COIN, 0.2)

@@ -10,11 +10,11 @@ import pytest
 from numpy.typing import NDArray
 
 from ifrdem import theory
-from ifrdem.errors import InputError
+from ifrdem.errors import InputError, TheoryWarning
 from ifrdem.model.coin_table import coins
 from ifrdem.model.ifr import IFRLaw, collide
 from ifrdem.theory.collisions import Collider, energy_changes
-from ifrdem.theory.sheared_gas import TheoryWarning, collisional_changes, relaxation, sheared, steady_state
+from ifrdem.theory.sheared_gas import collisional_changes, relaxation, sheared, steady_state
 
 COIN = coins["1 pta"].law
 GAS = (1.0, 0.5, 2.0)  # mass, radius, k

@@ -19,6 +19,7 @@ from ifrdem.errors import InputError
 from ifrdem.initial.placement import hexagonal_positions, maxwellian, random_positions
 from ifrdem.kernels.law import collide_pair
 from ifrdem.model.box import Box
+from ifrdem.model.density import path_in_collisions
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
@@ -119,6 +120,15 @@ def test_mean_free_path_is_mean_speed_over_rate() -> None:
     mean_speed = math.sqrt(math.pi * 3.0 / (2.0 * 5.0))  # of a two-dimensional Maxwellian, T = 3, m = 5
     expected = mean_speed / collision_rate(0.4, 3.0, 5.0, 0.2)
     assert mean_free_path(0.4, 0.2) == pytest.approx(expected, rel=1e-14)
+
+
+def test_the_engine_makes_windows_as_long_as_so_many_mean_free_paths() -> None:
+    """At the rms speed sqrt(2 T / m), which is 2 / sqrt(pi) of the mean one, with Henderson's g."""
+    diameter, phi, collisions = 0.7, 0.3, 1.3
+    area_per_disk = math.pi * diameter**2 / 4.0 / phi
+    path = path_in_collisions(collisions, area_per_disk, diameter, contact_value(phi, "henderson"))
+    virial = mean_free_path(phi, diameter / 2.0) * contact_value(phi) / contact_value(phi, "henderson")
+    assert path == pytest.approx(collisions * 2.0 / math.sqrt(math.pi) * virial, rel=1e-14)
 
 
 @pytest.mark.parametrize("packing_fraction", [-0.1, 0.91, math.nan])

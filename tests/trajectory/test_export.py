@@ -15,7 +15,7 @@ from support.layout_files import BOX, some_disks, some_state, write
 from test_frame import flip
 
 from ifrdem.cli.main import main
-from ifrdem.cli.options import chosen, counted
+from ifrdem.cli.options import counted, selected_frames
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
@@ -242,19 +242,19 @@ def test_csv_keeps_every_digit(tmp_path, precision, dtype):
     ],
 )
 def test_frames_are_chosen_as_python_slices(text, numbers):
-    assert list(chosen(text, 10)) == list(numbers)
+    assert list(selected_frames(text, 10)) == list(numbers)
 
 
 @pytest.mark.parametrize("text", ["", "a", "1:2:3:4", "1:b", "1.5", "::0"])
 def test_wrong_choices_of_frames_are_refused(text):
     with pytest.raises(InputError, match="must be a number or a:b:c"):
-        chosen(text, 10)
+        selected_frames(text, 10)
 
 
 @pytest.mark.parametrize("text", ["10", "-11", "20:30", "5:5"])
 def test_choices_without_frames_are_refused(text):
     with pytest.raises(InputError, match=r"names none of the 10 frames \(0 to 9\)"):
-        chosen(text, 10)
+        selected_frames(text, 10)
 
 
 def test_plain_lines_say_how_far_it_is_and_how_long_it_takes():

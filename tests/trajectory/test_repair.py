@@ -46,14 +46,14 @@ def assert_frames(path: Path, frames: list[int], dtype: type = np.float32) -> No
 def repaired(path: Path) -> tuple[Path, list[str]]:
     lines: list[str] = []
     place = path.with_name("whole.h5")
-    assert repair(path, place, say=lines.append)
+    assert repair(path, place, log=lines.append)
     return place, lines
 
 
 def test_a_whole_file_is_left_alone(tmp_path):
     write(tmp_path / "run.h5", n=N)
     lines: list[str] = []
-    assert not repair(tmp_path / "run.h5", tmp_path / "whole.h5", say=lines.append)
+    assert not repair(tmp_path / "run.h5", tmp_path / "whole.h5", log=lines.append)
     assert lines == []
     assert os.listdir(tmp_path) == ["run.h5"]
 
@@ -68,7 +68,7 @@ def test_an_uncommitted_end_is_cut_off(tmp_path):
     assert_frames(place, [0, 1, 2])
     assert "  particles/all/velocity/value_2d: 1 uncommitted after the last frame" in lines
     assert "  timeseries/time: 1 uncommitted after the last row" in lines
-    assert not repair(place, tmp_path / "again.h5", say=lines.append)  # nothing is wrong any more
+    assert not repair(place, tmp_path / "again.h5", log=lines.append)  # nothing is wrong any more
 
 
 def test_a_file_compressed_by_zstd_stays_so(tmp_path):
@@ -200,7 +200,7 @@ def test_what_cannot_be_repaired_is_said_with_what_can_be_done(tmp_path):
     write(path, n=N, force=True)
     os.truncate(path, 1000)  # the bookkeeping at the beginning is lost too
     with pytest.raises(InputError, match="nothing can be kept"):
-        repair(path, tmp_path / "whole.h5", say=lambda line: None)
+        repair(path, tmp_path / "whole.h5", log=lambda line: None)
     with h5py.File(tmp_path / "other.h5", "w") as file:
         file["weather"] = 1.0
     with pytest.raises(InputError, match=r"cannot be made a trajectory .*frames/step"):
@@ -209,7 +209,7 @@ def test_what_cannot_be_repaired_is_said_with_what_can_be_done(tmp_path):
     for frame in range(2):
         flip(path, "particles/all/position/value_2d", frame)
     with pytest.raises(InputError, match="no frame of 2 is whole"):
-        repair(path, tmp_path / "whole.h5", say=lambda line: None)
+        repair(path, tmp_path / "whole.h5", log=lambda line: None)
     assert sorted(os.listdir(tmp_path)) == ["other.h5", "run.checkpoint.h5", "run.h5"]
 
 

@@ -16,7 +16,7 @@ from support import worker_calls
 
 from ifrdem.cli import main as cli
 from ifrdem.simulation import backend
-from ifrdem.tools.processes import Died
+from ifrdem.tools.processes import ProcessDied
 from ifrdem.validation.report import registry, runner, terminal
 from ifrdem.validation.report.registry import Result, Row
 
@@ -54,10 +54,10 @@ def test_a_worker_that_dies_is_told_of_and_the_others_calls_are_made() -> None:
     assert begun == ["killed 1", "left 1", "killed 2", "a", "b", "left 2", "c"]
     assert [found[name][0] for name in "abc"] == ["A", "B", "C"]
     for name in ("killed 1", "killed 2"):
-        assert isinstance(found[name], Died)
+        assert isinstance(found[name], ProcessDied)
         assert "killed by SIGKILL: the system does that when memory" in found[name].reason
     for name in ("left 1", "left 2"):
-        assert found[name] == Died("its process ended with status 3 and without a result")
+        assert found[name] == ProcessDied("its process ended with status 3 and without a result")
 
 
 def test_each_call_has_a_process_of_its_own_with_its_part_of_the_cores() -> None:
@@ -151,7 +151,7 @@ def test_the_time_left_goes_by_the_pace_of_cases_that_ended(monkeypatch) -> None
         ["energy", "angles", "rolling", "stopping"],
         quick=False,
         jobs=2,
-        say=said.append,
+        log=said.append,
         clock=lambda: now[0],
     )
     course.begun("energy")

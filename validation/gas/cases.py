@@ -328,7 +328,7 @@ def disagreement(case: dict[str, Any], rows: str | None, folder: Path) -> tuple[
     try:
         with _silence(), contextlib.suppress(Stopped):
             outputs = Outputs.plan(file.case, f"{folder}/", picture=False)
-            running.run(file, outputs, force=True, max_hours=1e-9, say=_ignore, warn=_ignore)
+            running.run(file, outputs, force=True, max_hours=1e-9, log=_ignore, warn=_ignore)
     except InputError as error:
         return ("refused here", None) if here else ("accepted", f"run: {error}")
     except Exception as error:

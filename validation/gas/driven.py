@@ -32,7 +32,7 @@ from ...model.state import State
 from ...simulation.dsmc import DSMC
 from ...simulation.simulation import Simulation
 from ...theory import driven_gas, sheared_gas
-from ...theory.driven_gas import Drive
+from ...theory.driven_gas import Driving
 from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result
@@ -79,10 +79,10 @@ def _means(gas: Simulation, span: float, frames: int) -> tuple[float, float]:
 def _kicked(result: Result, quick: bool, seed: int, axes: Any) -> None:
     n, replicas = 400, 12 if quick else 24
     law = coins["1 pta"].law
-    drive = Drive(power=1.0)
-    _kicked_smooth(result, quick, seed, drive, axes)
+    driving = Driving(power=1.0)
+    _kicked_smooth(result, quick, seed, driving, axes)
     steady = {
-        phi: driven_gas.steady_state(law, 1.0, 0.5, 2.0, phi, drive) or (math.nan, math.nan)
+        phi: driven_gas.steady_state(law, 1.0, 0.5, 2.0, phi, driving) or (math.nan, math.nan)
         for phi in (0.02, 0.1)
     }
     others = seeds_of(seed, 8, 5100)
@@ -116,11 +116,11 @@ def _kicked(result: Result, quick: bool, seed: int, axes: Any) -> None:
     axes.legend()
 
 
-def _kicked_smooth(result: Result, quick: bool, seed: int, drive: Drive, axes: Any) -> None:
+def _kicked_smooth(result: Result, quick: bool, seed: int, driving: Driving, axes: Any) -> None:
     """Smooth disks in a dilute gas, in which waves hold little."""
     n, phi, e_n, replicas = 1600, 0.005, 0.9, 16 if quick else 40
     law = IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0)
-    gaussian, _ = driven_gas.steady_state(law, 1.0, 0.5, 2.0, phi, drive) or (math.nan, math.nan)
+    gaussian, _ = driven_gas.steady_state(law, 1.0, 0.5, 2.0, phi, driving) or (math.nan, math.nan)
     a_2 = theory.heated_sonine(e_n)
     right = gaussian * float(theory.cooling_factor(a_2)) ** (-2.0 / 3.0)
     share, off = driven_streams(law, phi, n, 0.0)
@@ -146,7 +146,7 @@ def _heated(law: IFRLaw, phi: float, n: int, seed: int, T: float, T_rot: float) 
 def _by_dsmc(law: IFRLaw, phi: float, n: int, seed: int, T: float, T_rot: float) -> tuple[float, float]:
     """T and T_rot of the same gas by DSMC."""
     disks, velocity, spin = thermal(n, seed, T=T, T_rot=T_rot)
-    gas = DSMC(disks, law, phi, velocity, spin, seed=seed, drive=Drive(power=1.0))
+    gas = DSMC(disks, law, phi, velocity, spin, seed=seed, driving=Driving(power=1.0))
     gas.run(collisions_per_disk=10.0, samples=1)
     found = gas.run(collisions_per_disk=30.0, samples=20)
     return float(found.temperature.mean()), float(found.rotational_temperature.mean())

@@ -22,11 +22,11 @@ from ...errors import InputError
 from ...kernels import runtime
 from ...simulation import backend
 from ...tools.files import write_text
-from ...tools.processes import Died, Worker
+from ...tools.processes import ProcessDied, Worker
 from ...tools.versions import __version__, revision
 from . import page, registry, style
 from .registry import Row, Skip, Verdict
-from .terminal import Pace, Say, closing
+from .terminal import Log, Pace, closing
 
 MOST_SEED = 1_000_000
 
@@ -44,7 +44,7 @@ def validate(
     force: bool = False,
     seed: int | None = None,
     jobs: int | None = None,
-    say: Say = print,
+    log: Log = print,
 ) -> int:
     """Run cases and write their report into a folder.
 
@@ -81,7 +81,7 @@ def validate(
     seed = 1 if seed is None else seed
     place = _folder(folder, force)
     began = time.perf_counter()
-    outcomes = _run_all(chosen, quick, seed, jobs, say)
+    outcomes = _run_all(chosen, quick, seed, jobs, log)
     record = environment(quick=quick, seconds=time.perf_counter() - began)
     if gases:
         record["seed"] = str(seed)
@@ -89,13 +89,13 @@ def validate(
         record["cases at a time"] = str(jobs)
     results = json.dumps(rows_as_json(outcomes), indent=1, allow_nan=False)
     write_text(place / "results.json", f"{results}\n")
-    say("writing the report")
+    log("writing the report")
     page.write(place, outcomes, record)
     status = exit_status(outcomes, named=bool(names))
-    say(closing(outcomes, place, time.perf_counter() - began, status))
+    log(closing(outcomes, place, time.perf_counter() - began, status))
     if not names:
         outside = f"the cases against code from outside; `ifrdem validate bullet` does ({bullet.describe()})"
-        say(f"not run: {outside}; and gases against the literature: `ifrdem validate gas`")
+        log(f"not run: {outside}; and gases against the literature: `ifrdem validate gas`")
     return status
 
 
@@ -122,16 +122,16 @@ def _jobs(jobs: int | None, chosen: Sequence[str]) -> int:
     return max(1, min(jobs, len(chosen)))
 
 
-def _run_all(chosen: Sequence[str], quick: bool, seed: int, jobs: int, say: Say) -> list[Verdict]:
+def _run_all(chosen: Sequence[str], quick: bool, seed: int, jobs: int, log: Log) -> list[Verdict]:
     """All cases, in this process one after another, or in workers, the longest first."""
     order = list(chosen)
     if jobs > 1:
         order.sort(key=lambda name: -registry.seconds(name, quick))
     found: dict[str, Verdict] = {}
-    pace = Pace(order, quick=quick, jobs=jobs, say=say)
+    pace = Pace(order, quick=quick, jobs=jobs, log=log)
 
-    def ended(name: str, outcome: Verdict | Died) -> None:
-        if isinstance(outcome, Died):
+    def ended(name: str, outcome: Verdict | ProcessDied) -> None:
+        if isinstance(outcome, ProcessDied):
             case, died = registry.load(name), f"no result: {outcome.reason}"
             outcome = Verdict(name, case.QUESTION, case.REFERENCE, error=died, seconds=pace.seconds(name))
         found[name] = outcome
@@ -154,9 +154,9 @@ def in_workers(
     """Call `work(name)` of all names, in their order, `jobs` at a time.
 
     `work` is of the top level of a module, as for `pickle`; each process has its part of the cores, as threads of
-    kernels. `begun` is called here with the name when its call begins, `ended` with name and result, or `Died`, when it
-    ends, and `waiting` with the names in work after `every` seconds without an end. At its end, by Ctrl-C included, no
-    process stays.
+    kernels. `begun` is called here with the name when its call begins, `ended` with name and result, or
+    `ProcessDied`, when it ends, and `waiting` with the names in work after `every` seconds without an end. At its end,
+    by Ctrl-C included, no process stays.
     """
     todo, threads = list(names), max(1, backend.cores() // jobs)
     busy: dict[Any, tuple[str, Worker]] = {}

@@ -10,7 +10,7 @@ from ...tools.progress import clock_face
 from . import registry
 from .registry import Verdict
 
-Say = Callable[[str], None]
+Log = Callable[[str], None]
 ENOUGH = 0.1
 """Part of the whole work that must be done before its pace says when the rest will be."""
 
@@ -18,7 +18,7 @@ ENOUGH = 0.1
 class Pace:
     """Progress of the cases, `jobs` at a time, in the order in which they begin, and the time that is left.
 
-    `say` takes the lines to show; `clock` gives seconds of real time, another one in tests.
+    `log` takes the lines to show; `clock` gives seconds of real time, another one in tests.
     """
 
     def __init__(
@@ -27,12 +27,12 @@ class Pace:
         *,
         quick: bool,
         jobs: int,
-        say: Say,
+        log: Log,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self._expected = {name: registry.seconds(name, quick) for name in names}
         self._todo = list(names)
-        self._jobs, self._say, self._clock = jobs, say, clock
+        self._jobs, self._log, self._clock = jobs, log, clock
         self._running: dict[str, float] = {}
         self._took: dict[str, float] = {}
 
@@ -41,13 +41,13 @@ class Pace:
         self._todo.remove(name)
         self._running[name] = self._clock()
         number = len(self._expected) - len(self._todo)
-        self._say(f"[{number}/{len(self._expected)}] {name}: {registry.load(name).QUESTION}")
+        self._log(f"[{number}/{len(self._expected)}] {name}: {registry.load(name).QUESTION}")
 
     def ended(self, outcome: Verdict) -> None:
         """Print the table of a finished case."""
         self._took[outcome.name] = self.seconds(outcome.name)
         del self._running[outcome.name]
-        self._say(table(outcome))
+        self._log(table(outcome))
 
     def seconds(self, name: str) -> float:
         """Time since a running case started [s]."""
@@ -57,7 +57,7 @@ class Pace:
         """Print the running cases, and the estimated time left if there is one."""
         running = ", ".join(f"{name} ({clock_face(self.seconds(name))})" for name in self._running)
         left = self.seconds_left
-        self._say(f"  in work: {running}" + ("" if left is None else f"; ETA {clock_face(left)}"))
+        self._log(f"  in work: {running}" + ("" if left is None else f"; ETA {clock_face(left)}"))
 
     @property
     def seconds_left(self) -> float | None:

@@ -279,9 +279,9 @@ def _spheres(
 # --- the comparison -------------------------------------------------------------------------------------------------
 
 
-def compare(options: Options, say: Callable[[str], None]) -> list[Timing]:
+def compare(options: Options, log: Callable[[str], None]) -> list[Timing]:
     """Run all codes, alternating, and return their rows, ifrdem's first."""
-    say(f"start: {options.n} disks, packing fraction {options.phi}, {MIXING} elastic collisions per disk")
+    log(f"start: {options.n} disks, packing fraction {options.phi}, {MIXING} elastic collisions per disk")
     gas = start(options)
     ours = Timing("ifrdem", options.threads)
     serial = Timing("serial events", 1)
@@ -310,9 +310,9 @@ def compare(options: Options, say: Callable[[str], None]) -> list[Timing]:
         ready = {}
         for name, (row, make) in codes.items():
             if row.not_measured is not None:
-                say(f"{name}: not measured. {row.not_measured}")
+                log(f"{name}: not measured. {row.not_measured}")
                 continue
-            say(f"{name}: warming up")
+            log(f"{name}: warming up")
             if (once := _attempt(row, make)) is not None:
                 ready[name] = row, once
         for run in range(1, options.runs + 1):
@@ -322,10 +322,10 @@ def compare(options: Options, say: Callable[[str], None]) -> list[Timing]:
                     del ready[name]
                     continue
                 row.rates.append(rate)
-                say(f"run {run} of {options.runs}: {name} {rate:.3g} collisions/s")
+                log(f"run {run} of {options.runs}: {name} {rate:.3g} collisions/s")
         for row in rows:
             if row.failed is not None:
-                say(f"{row.code}: {row.failed}")
+                log(f"{row.code}: {row.failed}")
     return rows
 
 

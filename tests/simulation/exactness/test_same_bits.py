@@ -23,6 +23,7 @@ from ifrdem.model.wall_motion import Motion
 from ifrdem.model.walls import Wall
 from ifrdem.simulation import backend
 from ifrdem.simulation.engine import Engine
+from ifrdem.simulation.runner import TileRunner
 from ifrdem.simulation.windows import Windows
 
 pytestmark = pytest.mark.optimised
@@ -37,7 +38,7 @@ Gas = tuple[Disks, Box, State, tuple[float, ...], dict[str, Any]]
 @pytest.fixture(autouse=True)
 def windows_of_tiles(monkeypatch: pytest.MonkeyPatch) -> None:
     """Windows as short as those of gases that are divided: few disks have longer ones, which would need wide halos."""
-    monkeypatch.setattr("ifrdem.simulation.arrays.SINGLE_TILE", 100)
+    monkeypatch.setattr("ifrdem.simulation.tiling.SINGLE_TILE", 100)
 
 
 def periodic(
@@ -217,14 +218,14 @@ def test_a_pair_that_no_tile_sees_is_found_by_the_width_of_halos_alone(
         plan(self, **steps)
         self.arrays.scale.usual_halo = halo
 
-    run_again, found_bad = Windows._run_again, []
+    run_bad, found_bad = TileRunner.run_bad, []
 
-    def count(self: Windows, tiles: int) -> None:
-        found_bad.append(tiles)
-        run_again(self, tiles)
+    def count(self: TileRunner) -> None:
+        found_bad.append(self.n_bad)
+        run_bad(self)
 
     monkeypatch.setattr(Windows, "_plan", narrow)
-    monkeypatch.setattr(Windows, "_run_again", count)
+    monkeypatch.setattr(TileRunner, "run_bad", count)
     engine = Engine(disks, Box((48.0, 48.0)), state, np.array([[ELASTIC]]), order="tiled", tile_disks=1)
     assert engine.arrays.tiles == 16
     engine.arrays.clock.path, engine.arrays.clock.longest = 1e9, 3.0
@@ -241,7 +242,7 @@ def test_a_pair_that_no_tile_sees_is_found_by_the_width_of_halos_alone(
 
 def unverified(monkeypatch: pytest.MonkeyPatch, part: float = NARROW) -> None:
     narrowed(monkeypatch, part)
-    monkeypatch.setattr(Windows, "_verify", lambda self: None)
+    monkeypatch.setattr(TileRunner, "run_until_good", lambda self: None)
 
 
 def with_half_halos_unverified(monkeypatch: pytest.MonkeyPatch) -> None:

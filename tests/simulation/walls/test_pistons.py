@@ -154,6 +154,10 @@ def test_a_piston_bounces_between_its_stops_and_rests_where_it_is_pressed() -> N
     np.testing.assert_allclose(at(3.4, velocity=1.0, low=0.0, high=0.5)[:2], (0.4, 1.0), atol=1e-14)
     # From rest against a = 2: 0.25 = t^2 until the stop after t = 0.5, and back; a period of 1.
     np.testing.assert_allclose(at(7.25, force=4.0, high=0.25)[:2], (0.0625, 0.5), atol=1e-13)
+    # Thrown from 0.25 at 0.5 against a = -1: at the stop at 0 with a speed v of v^2 = 0.5^2 + 0.5, after 0.5 + v.
+    v = math.sqrt(0.75)
+    found = at(1.5 + v, displacement=0.25, velocity=0.5, force=-2.0, low=0.0)[:2]
+    np.testing.assert_allclose(found, (v - 0.5, v - 1.0), atol=1e-13)
     # A spring with period 2 pi, relaxed at 0, a stop there too: it takes half as long.
     found = at(10.0 * math.pi + 0.3, spring=2.0, displacement=0.5, low=0.0)[:2]
     np.testing.assert_allclose(found, (0.5 * math.cos(0.3), -0.5 * math.sin(0.3)), atol=1e-13)

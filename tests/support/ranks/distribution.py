@@ -57,6 +57,10 @@ for n in (0, 1, 5, 100, 257):
     total = COMM.total(mine[0])
     found[f"total {n}"] = bool(WORLD.allreduce(int(np.array_equal(total, SERIAL.total(real))), MPI.MIN))
     found[f"digest {n}"] = COMM.digest(mine[1]) == SERIAL.digest(whole)
+    numbers, every = list(range(1, n + 2)), np.abs(np.round(real[:, 0], 1))  # some values several times
+    nth = COMM.nth_smallest(np.sort(every[own.start : own.stop]), numbers)
+    right_nth = nth == [*np.sort(every).tolist(), float("inf")]
+    found[f"n-th smallest {n}"] = bool(WORLD.allreduce(int(right_nth), MPI.MIN))
 thin = np.broadcast_to(np.float64(0.5), (50, 7))
 dealt = COMM.scatter_rows(50, [thin] if COMM.is_root else None)
 again = COMM.gather_rows(50, dealt)

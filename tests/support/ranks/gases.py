@@ -30,11 +30,11 @@ from ifrdem.model.forces import Drag, RandomKicks, Rescale, SpinKicks, TableFric
 from ifrdem.model.state import Disks, State
 from ifrdem.model.wall_motion import Motion
 from ifrdem.model.walls import Wall
-from ifrdem.simulation import arrays, ranks
+from ifrdem.simulation import arrays, ranks, runner, tiling
 from ifrdem.simulation.engine import Engine
 
 k.BLOCK_OF_TILES = sums.BLOCK_OF_TILES = 3  # so that blocks lie on several ranks
-arrays.SINGLE_TILE = 100  # windows as short as those of gases that are divided
+tiling.SINGLE_TILE = 100  # windows as short as those of gases that are divided
 N = 3000
 COMM = MPI.COMM_WORLD
 Gas = tuple[Any, Box, State, tuple[float, ...], float, dict[str, Any]]
@@ -206,7 +206,7 @@ def no_hashes() -> None:
 
 def no_verification() -> None:
     """Hashes are exchanged, and nobody looks at them."""
-    ranks.RankWindows._verify = lambda self: None  # type: ignore[method-assign]
+    runner.TileRunner.run_until_good = lambda self: None  # type: ignore[method-assign]
 
 
 def other_order() -> None:
@@ -217,15 +217,15 @@ def other_order() -> None:
 
 def wrong_owner() -> None:
     """A tile is nobody's: its owner does not run it."""
-    whole = ranks.RankWindows._run_own
+    whole = runner.TileRunner.run_all
 
-    def fewer(self: Any, again: int = 0) -> None:
+    def fewer(self: Any, most: int = 1, **given: Any) -> None:
         own = self.arrays.own
         self.arrays.own = own[1:] if COMM.rank == 1 else own
-        whole(self, again)
+        whole(self, most, **given)
         self.arrays.own = own
 
-    ranks.RankWindows._run_own = fewer  # type: ignore[method-assign]
+    runner.TileRunner.run_all = fewer  # type: ignore[method-assign]
 
 
 def wrong_row() -> None:
@@ -301,7 +301,7 @@ if __name__ == "__main__":
     count_calls()
     for word in sys.argv[1:]:
         size, name, *faults = word.split(":")
-        kept = [(of, dict(vars(of))) for of in (ranks, ranks.RankDomain, ranks.RankWindows)]
+        kept = [(of, dict(vars(of))) for of in (ranks, ranks.RankDomain, runner.TileRunner)]
         for fault in faults:
             FAULTS[fault]()
         comm = COMM.Split(0 if COMM.rank < int(size) else MPI.UNDEFINED)

@@ -18,11 +18,11 @@ from mpi4py import MPI
 from support.gases import COIN, mixture, start
 
 from ifrdem.model.forces import Rescale
-from ifrdem.simulation import arrays
+from ifrdem.simulation import tiling
 from ifrdem.simulation.engine import Engine
 
-arrays.GPU_CHAINS = 0.3  # halos that are too narrow for some tiles
-arrays.GPU_TILE = 40
+tiling.GPU_CHAINS = 0.3  # halos that are too narrow for some tiles
+tiling.GPU_TILE = 40
 N, COMM = 700, MPI.COMM_WORLD
 
 

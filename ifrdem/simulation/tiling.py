@@ -1,0 +1,170 @@
+"""How a gas is divided into tiles and cells, and how long its windows are: from its density, at the start of a run."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import EngineError
+from ..kernels.columns import MOST_DISKS, SINGLE_TILE
+from ..model.box import Box
+from ..model.density import henderson, packing_fraction, path_in_collisions
+from ..model.state import Disks, State
+
+if TYPE_CHECKING:
+    from ..kernels.layout import Uses
+    from .engine import EngineOptions
+
+CELL = 1.0 + 1e-6  # side of a cell in largest diameters, at least: what rounding leaves of it
+# The same where disks sleep, which may leave their cell in the falling frame by RESTING_FALL. A window lasts a fall by
+# that many largest diameters, or RESTING_WINDOW v_s / g, at most.
+RESTING_CELL, RESTING_FALL, RESTING_WINDOW = 1.1, 0.05, 8.0
+LEAST_GAP = 2.0  # ratio of radii on both sides of a gap between them, from which on cells have two layers
+LEAST_TILE, GPU_LEAST_TILE = 12.0, 8.0  # side of a tile in largest diameters, at least
+FEWER_WINDOWS = 4.0  # of gases in one tile, which need no halo
+CHAINS, GPU_CHAINS = 4.0, 4.0  # halo for those who hit one another in chains, in largest diameters
+GPU_COLLISIONS, GPU_TILE = 0.4, 64  # collisions of a disk in a window, and disks of a tile, for a GPU
+DENSEST = 0.85  # packing fraction beyond which tiles and windows stay the same
+DENSEST_FLUID = 0.8  # packing fraction beyond which the estimate of collision rates stays the same: a crystal
+ROOM = 0.5  # around an open gas, in extents of what it fills: beyond, its cells have no ends
+
+
+def tile_parameters(phi: float) -> tuple[float, int]:
+    """Collisions of a disk in a window, and disks of a tile: what took least time at a packing fraction phi."""
+    collisions = np.interp(phi, [0.0, 0.1, 0.3, 0.6], [0.5, 0.7, 1.3, 1.5])
+    return float(collisions), 5000
+
+
+def disks_per_cell(phi: float) -> float:
+    """Of thin gases, whose cells are wider: what took least time; the thinner, the more cells a disk passes."""
+    return float(np.clip(0.38 * (0.1 / max(phi, 1e-300)) ** 0.3, 0.3, 3.0))
+
+
+def split_of(radius: NDArray[np.float64]) -> float | None:
+    """The largest radius of disks in small cells, where it pays to have large cells for the others: of two layers.
+
+    The widest gap between radii parts them, if that is a factor 2 at least.
+    """
+    known = np.unique(radius)
+    if len(known) < 2:
+        return None
+    gap = int(np.argmax(known[1:] / known[:-1]))
+    return float(known[gap]) if known[gap + 1] > LEAST_GAP * known[gap] else None
+
+
+def tiles_along(sides: NDArray[np.float64], area: float, least: float) -> tuple[int, int]:
+    """Numbers of tiles along x and y, of an area [length^2] and a least side [length]."""
+    side = max(math.sqrt(area), least)
+    return max(1, int(sides[0] / side)), max(1, int(sides[1] / side))
+
+
+def tiles_on_ranks(disks: Disks, box: Box) -> tuple[int, int]:
+    """Numbers of tiles along x and y of a box that is on several ranks (`Tiling`)."""
+    if disks.n <= SINGLE_TILE and box.shear_rate == 0.0:
+        return 1, 1
+    _, tile_disks = tile_parameters(min(packing_fraction(disks.covered, box.area), DENSEST))
+    widest = 2.0 * float(disks.radius.max(initial=0.0))
+    return tiles_along(np.array(box.lengths), tile_disks * box.area / max(disks.n, 1), LEAST_TILE * widest)
+
+
+def filled_region(box: Box, state: State, widest: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lower left and upper right corner [length] of the box, or of what an open gas fills, with room around it.
+
+    EngineError if an open gas is too wide to compute with.
+    """
+    if not box.is_open:
+        return np.zeros(2), np.array(box.lengths)
+    if not state.n:
+        return np.zeros(2), np.ones(2)
+    low, high = state.position.min(axis=0), state.position.max(axis=0)
+    room = ROOM * (high - low).max() + widest
+    low, high = low - room, high + room
+    if not np.isfinite(high - low).all() or (high - low).max() > 1e100:
+        raise EngineError(f"positions spread over {(high - low).max():.3g}: too far apart to compute with")
+    return low, high
+
+
+@dataclass(frozen=True)
+class Tiling:
+    """Tiles and cells of a region, and the length of windows.
+
+    Attributes
+    ----------
+    tiles : tuple of int
+        Numbers along x and y.
+    single_tile : bool
+        True if one thread runs the whole region in order.
+    cell_side : float
+        Of the cells in which neighbours are looked for; of two layers, of the small ones [length].
+    coarse : int
+        Sides of small cells in that of large ones.
+    window_side : float
+        Of a tile, of which a disk may cross a part in a window [length].
+    collisions : float
+        Of a disk in a window.
+    path : float
+        What a disk covers between so many collisions at the rms speed [length].
+    chain_halo : float
+        Halo of a tile for disks that hit one another in chains [length].
+    """
+
+    tiles: tuple[int, int]
+    single_tile: bool
+    cell_side: float
+    coarse: int
+    window_side: float
+    collisions: float
+    path: float
+    chain_halo: float
+
+    @classmethod
+    def of(
+        cls,
+        disks: Disks,
+        sides: NDArray[np.float64],
+        widest: float,
+        split: float | None,
+        uses: Uses,
+        options: EngineOptions,
+    ) -> Tiling:
+        """The tiling of a rectangle with these sides [length], of disks up to `widest` across in one layer of cells.
+
+        In two layers, small cells hold disks of radii up to `split` [length].
+        """
+        n, on_gpu = disks.n, options.device.name != "cpu"
+        given, few = options.device.window_collisions, n <= SINGLE_TILE
+        area = float(np.prod(sides))
+        phi = min(packing_fraction(disks.covered, area), DENSEST)
+        collisions, tile_disks = tile_parameters(phi)
+        if on_gpu:
+            collisions, tile_disks = min(collisions, GPU_COLLISIONS), GPU_TILE
+        elif few and not uses.sheared:
+            collisions *= FEWER_WINDOWS
+        if given is not None:  # whatever the device: windows decide the bits
+            collisions = given
+        free = area / max(n, 1)  # of a disk
+        mean = 2.0 * disks.mean_radius if n else 1.0
+        path = path_in_collisions(collisions, free, mean, henderson(min(phi, DENSEST_FLUID)))
+        # A gas in one tile: no disk goes round the box in a window, for the grid of positions.
+        window_side = float(sides.min())
+        if given is not None:
+            window_side = min(window_side, math.sqrt(GPU_TILE * free))
+        elif uses.sheared or not few or on_gpu:
+            window_side = min(window_side, math.sqrt(tile_disks * free))
+        # Columns and rows of cells are counted in 16 bits; of more disks no region is the whole box.
+        least = float(sides.max()) / 3e4 if n <= MOST_DISKS else 0.0
+        cell = (RESTING_CELL if uses.rests else CELL) * widest if split is None else CELL * 2.0 * split
+        cell_side = max(cell, math.sqrt(disks_per_cell(phi) * free), least)
+        coarse = 1 if split is None else math.ceil(CELL * widest / cell_side)
+        single_tile = options.order == "serial" or (options.order is None and few and not on_gpu)
+        single_tile = single_tile and not uses.sheared
+        tiles = (1, 1)
+        if not single_tile:
+            least_tile = (GPU_LEAST_TILE if on_gpu else LEAST_TILE) * widest
+            tiles = tiles_along(sides, (options.tile_disks or tile_disks) * free, least_tile)
+        chain_halo = widest * ((GPU_CHAINS if on_gpu else CHAINS) + 3.0 * phi)
+        return cls(tiles, single_tile, cell_side, coarse, window_side, collisions, path, chain_halo)
