@@ -348,7 +348,7 @@ DSMC_TABLES: dict[str, Columns] = {
 """Tables of the arrays of a gas without places."""
 
 TABLES: dict[str, Columns] = {
-    "disk": DISK, "meta": META, "past": PAST, "hits": HITS, "spent": MECHANISM, "held": HELD, "kinds": KIND,
+    "disk": DISK, "meta": META, "past": PAST, "hits": HITS, "dissipated": MECHANISM, "held": HELD, "kinds": KIND,
     "history_hash": HISTORY_HASH,
     "tile": TILE, "reach": REACH, "tally": TALLY, "found": TOTAL, "ghost": GHOST, "ghost_position": GHOST_POSITION,
     "motion": MOTION, "event_info": EVENT_INFO, "image_info": IMAGE_INFO, "start_position": START_POSITION,
@@ -361,7 +361,7 @@ TABLES: dict[str, Columns] = {
 }  # fmt: skip
 """Tables of the columns of arrays, by the names that kernels give them; others have numbers."""
 TYPES: dict[str, str] = {
-    "disk": REAL, "meta": I32, "past": F64, "hits": I32, "spent": F64, "held": F64, "slept": I32, "kind": I32,
+    "disk": REAL, "meta": I32, "past": F64, "hits": I32, "dissipated": F64, "held": F64, "asleep": I32, "kind": I32,
     "kinds": REAL, "history_hash": I32, "displacement": F32, "slot_before": I32,
     "tile": I32, "listed": I32, "blocks": I32, "reach": REAL, "edge_x": F64, "edge_y": F64, "ghost": I32,
     "ghost_position": REAL, "motion": REAL, "event_info": I32, "image_info": I32, "start_position": REAL,
@@ -426,7 +426,7 @@ PAIR_BYTES = bytes_of("pair_time", "pair")
 SNAPSHOT_DISKS = 500_000  # times moments of a window for which there is room, at least of one moment
 CONTACTS_PER_DISK = 8  # for which there is room, on average
 RESTING_BYTES = (  # more, of disks that may rest: room for contacts of each, and the forces at four
-    _PARTS * bytes_of("slept", "held")
+    _PARTS * bytes_of("asleep", "held")
     + CONTACTS_PER_DISK * bytes_of("contact")
     + bytes_of("rest", "residual_acceleration", "cached_force")
 )

@@ -467,34 +467,41 @@ def search_candidates(
     partner: ti.template(), region: ti.template(), gas: ti.template(),
 ):  # fmt: skip
     """As `search_cells`, on a CPU: image of the box by image, and there, with two layers, by blocks of 3 x 3 cells."""
-    for box_x in range(0 - ti.cast(low_x < 0, ti.i32), 1 + ti.cast(high_x >= nx, ti.i32)):
-        first_x, last_x = ti.max(low_x - box_x * nx, 0), ti.min(high_x - box_x * nx, nx - 1)
-        for box_y in range(0 - ti.cast(low_y < 0, ti.i32), 1 + ti.cast(high_y >= ny, ti.i32)):
+    images = 9
+    if low_x >= 0 and high_x < nx and low_y >= 0 and high_y < ny:
+        images = 1
+    for image in range(images):
+        first_x, last_x, first_y, last_y = low_x, high_x, low_y, high_y
+        half_x, half_y = ti.select(halved == 1, own_x, -2 * nx), own_y
+        shift_x, shift_y = 0.0 * gas.scale.length_x, 0.0 * gas.scale.length_y
+        if images > 1:
+            box_x, box_y = image // 3 - 1, image % 3 - 1
+            shift_x, shift_y = box_x * gas.scale.length_x, box_y * gas.scale.length_y
+            first_x, last_x = ti.max(low_x - box_x * nx, 0), ti.min(high_x - box_x * nx, nx - 1)
             first_y, last_y = ti.max(low_y - box_y * ny, 0), ti.min(high_y - box_y * ny, ny - 1)
-            half_x, half_y = -1, -1
-            if halved == 1:
-                half_x, half_y = own_x - box_x * nx, own_y - box_y * ny
-            if ti.static(gas.uses.layered):
-                for across in range((last_x - first_x + 3) // 3):
-                    for along in range((last_y - first_y + 3) // 3):
-                        block_x, block_y = first_x + 3 * across, first_y + 3 * along
-                        search_block(
-                            i, block_x, ti.min(block_x + 2, last_x), block_y, ti.min(block_y + 2, last_y), half_x,
-                            half_y, box_x, box_y, layer, last, radius, size, best, partner, region, gas,
-                        )  # fmt: skip
-            else:
-                search_block(
-                    i, first_x, last_x, first_y, last_y, half_x, half_y, box_x, box_y, layer, last, radius, size,
-                    best, partner, region, gas,
-                )  # fmt: skip
+            half_x -= box_x * nx
+            half_y -= box_y * ny
+        if ti.static(gas.uses.layered):
+            for across in range((last_x - first_x + 3) // 3):
+                for along in range((last_y - first_y + 3) // 3):
+                    block_x, block_y = first_x + 3 * across, first_y + 3 * along
+                    search_block(
+                        i, block_x, ti.min(block_x + 2, last_x), block_y, ti.min(block_y + 2, last_y), half_x, half_y,
+                        shift_x, shift_y, layer, ny, last, radius, size, best, partner, region, gas,
+                    )  # fmt: skip
+        elif first_x <= last_x and first_y <= last_y:
+            search_block(
+                i, first_x, last_x, first_y, last_y, half_x, half_y, shift_x, shift_y, layer, ny, last, radius, size,
+                best, partner, region, gas,
+            )  # fmt: skip
 
 
 @ti.func
 def search_block(
     i: ti.template(), first_x: ti.template(), last_x: ti.template(), first_y: ti.template(), last_y: ti.template(),
-    half_x: ti.template(), half_y: ti.template(), box_x: ti.template(), box_y: ti.template(), layer: ti.template(),
-    last: ti.template(), radius: ti.template(), size: ti.template(), best: ti.template(), partner: ti.template(),
-    region: ti.template(), gas: ti.template(),
+    half_x: ti.template(), half_y: ti.template(), shift_x: ti.template(), shift_y: ti.template(),
+    layer: ti.template(), ny: ti.template(), last: ti.template(), radius: ti.template(), size: ti.template(),
+    best: ti.template(), partner: ti.template(), region: ti.template(), gas: ti.template(),
 ):  # fmt: skip
     """Compare the disk in slot i with those in at most 3 x 3 cells, by one loop whose end alone is hard to foresee.
 
@@ -504,9 +511,9 @@ def search_block(
     """
     info, motion = gas.event_info[i], gas.motion[i]
     x, y, vx, vy, tau = motion.x, motion.y, motion.vx, motion.vy, motion.tau
-    shift_x, shift_y = box_x * gas.scale.length_x, box_y * gas.scale.length_y
     ring = ti.Vector([0] * RING, ti.i32)
     end = 0
+    at = head_at(first_x, 0, layer, region, gas)
     for column in range(first_x, last_x + 1):
         begin_y = first_y
         if column == half_x:
@@ -515,11 +522,11 @@ def search_block(
                 begin_y += 1
                 ring[0] = info.next_in_cell
                 end = (ring[0] >> 31) + 1
-        at = head_at(column, 0, layer, region, gas)
         for cell in range(at + begin_y, at + last_y + 1):
             j = gas.head[cell]
             ring[end] = j
             end += (j >> 31) + 1  # empty cells are negative
+        at += ny
     m = 0
     while m < end:
         j = ring[m & (RING - 1)]

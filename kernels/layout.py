@@ -16,8 +16,8 @@ disk                   (rows,)        positions from the lower left corner of th
 meta                   (rows,)        id, collisions with disks and walls, boxes travelled
 past                   (rows,)        time of the latest collision, and angle turned, of gases that ask
 hits                   (rows,)        hits of walls and the latest partner, of gases that ask
-spent                  (rows,)        energy that collisions took, by mechanism: half of a pair's; of gases that ask
-slept                  (rows,)        AWAKE, ASLEEP, WOKEN or ASLEEP_UNVERIFIED, of gases that rest (`rest.py`)
+dissipated             (rows,)        energy that collisions took, by mechanism: half of a pair's; of gases that ask
+asleep                 (rows,)        AWAKE, ASLEEP, WOKEN or ASLEEP_UNVERIFIED, of gases that rest (`rest.py`)
 kind                   (n,)           kind of each disk, by id; of a gas on several ranks by row of `disk`, (rows,)
 kinds                  (kinds,)       what disks of a kind share
 history_hash           (room,)        hash of the history of the disk at a slot of the window's beginning, by its tile

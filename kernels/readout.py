@@ -74,7 +74,7 @@ def read_out(
     time: ti.f64,
     filled: ti.i32,
     gas: Arrays(
-        "uses grid scale clock disk meta past hits spent slept kind kinds tile edge_x edge_y real_out int_out "
+        "uses grid scale clock disk meta past hits dissipated asleep kind kinds tile edge_x edge_y real_out int_out "
         "past_out hits_out dissipated_out totals"
     ),
 ):
@@ -121,13 +121,13 @@ def read_out(
                         gas.past_out[i].latest, gas.past_out[i].angle = gas.past[s].latest, gas.past[s].angle
                     if ti.static(gas.uses.itemised):
                         for column in ti.static(range(MECHANISM.width)):
-                            gas.dissipated_out[i][column] = gas.spent[s][column]
+                            gas.dissipated_out[i][column] = gas.dissipated[s][column]
                     if ti.static(gas.uses.walled or gas.uses.partnered):
                         gas.hits_out[i].wall_collisions = gas.hits[s].wall_collisions
                         gas.hits_out[i].last_partner = gas.hits[s].last_partner
                     if ti.static(gas.uses.rests):
                         gas.hits_out[i].asleep = ti.cast(
-                            gas.slept[s] == ASLEEP or gas.slept[s] == ASLEEP_UNVERIFIED, ti.i32
+                            gas.asleep[s] == ASLEEP or gas.asleep[s] == ASLEEP_UNVERIFIED, ti.i32
                         )
             for c in ti.static(range(READOUT.width)):
                 gas.totals[k][c] = total[c]

@@ -375,7 +375,7 @@ def load(m, tile, region: ti.template(), gas: ti.template()):
         for column in ti.static(range(MECHANISM.width)):
             gas.loss[i][column] = 0.0
     if ti.static(gas.uses.rests):
-        gas.rest[i].asleep, gas.rest[i].may_rest, gas.rest[i].hits = gas.slept[s], 0, 0
+        gas.rest[i].asleep, gas.rest[i].may_rest, gas.rest[i].hits = gas.asleep[s], 0, 0
         for column in ti.static(range(HELD.width)):
             gas.cached_force[i][column] = gas.held[s][column]
     if ti.static(gas.uses.sheared):
@@ -488,14 +488,14 @@ def store(i, row, x, y, vx, vy, lap_x, lap_y, gas: ti.template()):
     if ti.static(gas.uses.remembers):
         gas.past[row].latest = ti.cast(gas.since[i], ti.f64)
     if ti.static(gas.uses.rests):
-        gas.slept[row] = gas.rest[i].asleep
+        gas.asleep[row] = gas.rest[i].asleep
         for column in ti.static(range(HELD.width)):
             gas.held[row][column] = gas.cached_force[i][column]
     if ti.static(gas.uses.turned):
         gas.past[row].angle = gas.past[s].angle + gas.turn[i]
     if ti.static(gas.uses.itemised):
         for column in ti.static(range(MECHANISM.width)):
-            gas.spent[row][column] = gas.spent[s][column] + gas.loss[i][column]
+            gas.dissipated[row][column] = gas.dissipated[s][column] + gas.loss[i][column]
     if ti.static(gas.uses.walled):
         gas.hits[row].wall_collisions = gas.hits[s].wall_collisions + gas.image_info[i].wall_collisions
     if ti.static(gas.uses.partnered):

@@ -641,14 +641,17 @@ def of_gases() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "Simulation.set_gravity": (made.set_gravity, {"gravity": (0.0, 0.0)}),
         "Simulation.set_velocities": (made.set_velocities, {"velocity": np.zeros((4, 2)), "spin": np.zeros(4)}),
         "Simulation.load_checkpoint": (made.load_checkpoint, {"path": "none.npz"}),
+        "Simulation.from_checkpoint": (ifrdem.Simulation.from_checkpoint, {
+            "path": "made.h5", "law": None, "forces": None, "device": None, "comm": None,
+        }),
     }  # fmt: skip
 
 
 GASES = [
     "DSMC", "DSMC.run", "Simulation",
     *(f"Simulation.{name}" for name in (
-        "collide", "collide_until", "load_checkpoint", "run", "run_for", "save_checkpoint", "set_forces", "set_gravity",
-        "set_law", "set_piston_force", "set_velocities", "switch_ledger")),
+        "collide", "collide_until", "from_checkpoint", "load_checkpoint", "run", "run_for", "save_checkpoint",
+        "set_forces", "set_gravity", "set_law", "set_piston_force", "set_velocities", "switch_ledger")),
 ]  # fmt: skip
 
 
@@ -659,6 +662,7 @@ def test_nonsense_for_gases_is_refused_by_the_name_of_its_argument(
     monkeypatch.chdir(tmp_path)
     calls = of_gases()
     assert set(calls) == set(GASES)
+    calls["Simulation.save_checkpoint"][0]("made.h5")
     call, arguments = calls[name]
     wrong = []
     for key in arguments:
@@ -667,7 +671,8 @@ def test_nonsense_for_gases_is_refused_by_the_name_of_its_argument(
                 called(call, {**arguments, key: value})
             except InputError as error:
                 if key not in str(error) and not (
-                    name == "Simulation.load_checkpoint" and "nonsense" in str(error)
+                    name in ("Simulation.from_checkpoint", "Simulation.load_checkpoint")
+                    and "nonsense" in str(error)
                 ):
                     wrong.append(f"{key} = {kind}: not named: {error}")
             except Exception as error:  # reported: only InputError is an answer to nonsense

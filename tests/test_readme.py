@@ -217,6 +217,15 @@ def test_a_case_is_an_object_as_the_tutorial_says(
         assert run.n == 200
 
 
+def test_a_gas_runs_on_from_its_checkpoint_as_the_page_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    small = 'Case.read("cooling", set={"species[0].number": 200})'
+    exec(compile(block("checkpoint").replace('Case.read("cooling")', small), "restart.md", "exec"), {})
+    assert ", 1000 collisions (10 per disk)" in capsys.readouterr().out
+
+
 def test_python_example_is_the_case_to_the_last_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Both made smaller in the same way."""
     monkeypatch.chdir(tmp_path)

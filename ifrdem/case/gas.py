@@ -25,7 +25,7 @@ from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.law import CollisionLaw
 from ..model.observables import drift_text
 from ..model.state import DiskKinds, Disks, State, merge_kinds, scatter_state
-from ..model.walls import Wall, at_displacements, free_directions, smooth_materials, wall_names
+from ..model.walls import Wall, free_directions, smooth_materials, wall_names
 from ..mpi import SERIAL, Communicator, current, distribution
 from ..simulation import checks
 from ..simulation.simulation import Simulation
@@ -528,14 +528,12 @@ class CaseGas:
         *,
         tracked: NDArray[np.int32] | None = None,
         comm: Communicator = SERIAL,
-        pistons: Sequence[float] | None = None,
     ) -> Simulation:
         """The simulation of this gas on the case's device, from its start or from another `state`.
 
         What `warnings` says is not said again. `tracked` disks, which have histories, else come from the case and the
-        start. All ranks of MPI (`comm`) that share it call this; `pistons` are displacements [length], by default those
-        of the start. A `state` of ranks is that of all disks, on the root; or that of the slice, on each rank, where
-        they are distributed.
+        start. All ranks of MPI (`comm`) that share it call this. A `state` of ranks is that of all disks, on the root;
+        or that of the slice, on each rank, where they are distributed.
         """
         run = self.case.run
         choose_runtime(run)
@@ -563,7 +561,7 @@ class CaseGas:
         given: dict[str, Any] = {
             "disks": disks, "box": self.box, "state": begin,
             "law": [[any_law if one is None else one for one in row] for row in self.laws], "device": device_of(run),
-            "walls": self._walls_at_start if pistons is None else at_displacements(self.walls, pistons),
+            "walls": self._walls_at_start,
             "gravity": gravity_of(self.case.box), "collapse": collapse_of(run),
             "forces": forces_of(self.case), "seed": run.seed, "record": record_of(self.case),
             "tracked": tracked, "comm": comm,

@@ -371,6 +371,12 @@ def scatter_state(disks: Disks | None, state: State | None) -> tuple[Disks, Stat
     return own, State(time=time, **dict(zip(OF_STATE, found[len(COLUMNS) :], strict=True)))
 
 
+def gather_disks(n: int, disks: Disks) -> Disks | None:
+    """All n disks, of which each rank gives its slice: on the root; None on the others."""
+    rows = current().gather_rows(n, [getattr(disks, name) for name in COLUMNS])
+    return None if rows is None else Disks(n, *rows)
+
+
 def gather_state(n: int, state: State) -> State | None:
     """The state of all n disks, of which each rank gives its slice: on the root; None on the others."""
     names = [

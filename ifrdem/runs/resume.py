@@ -24,6 +24,7 @@ from ..kernels import runtime as of_kernels
 from ..mpi import SERIAL, Communicator
 from ..simulation import backend, checkpoint
 from ..simulation.schedule import RunPlan
+from ..simulation.simulation import Simulation
 from ..simulation.tracking import Events
 from ..tools import text_file
 from ..tools.files import CHECKPOINT, checkpoint_of
@@ -36,7 +37,7 @@ from .outputs import Outputs, only
 from .recorder import Ledger
 from .run import Run, finish, how, on_usable_ranks, run_root, run_worker, stored
 
-NO_RUN = "a checkpoint of `Simulation.save_checkpoint`: Simulation.load_checkpoint resumes from it"
+NO_RUN = "a checkpoint of `Simulation.save_checkpoint`: Simulation.from_checkpoint resumes from it"
 """Description of a checkpoint without a run."""
 
 
@@ -133,27 +134,18 @@ def resume(
         outputs = Outputs.plan(case, str(trajectory), picture=picture)
         disks = gas.kinds if parts.are_in(trajectory) else gas.disks  # parts look at theirs themselves
         writer = TrajectoryWriter.resume(trajectory, disks, gas.box, **stored(gas), **written)
-        in_parts = "parts" in record, writer.parts is not None
-        moved, tracked = arrays["state_pistons"][:, 0].tolist(), arrays["tracked"]
-        return (path, file, outputs, plan, written, in_parts, moved, tracked), writer, ledger, arrays
+        return (path, file, outputs, plan, written, writer.parts is not None), writer, ledger, _events(arrays)
 
-    found = comm.run_on_root(prepared)
-    sent, writer, ledger, arrays = found or (None, None, Ledger(), {})
-    path, file, outputs, plan, written, in_parts, pistons, tracked = comm.bcast(sent)
-    rows_in_parts, fields_in_parts = in_parts
+    sent, writer, ledger, pending = comm.run_on_root(prepared) or (None, None, Ledger(), None)
+    path, file, outputs, plan, written, in_parts = comm.bcast(sent)
     gas, case = file.gas, file.case
     comm = gas.communicator(comm)
-    rows = checkpoint.read_parts(path, comm)[0] if rows_in_parts else arrays
-    pending = _events(arrays)
     with contextlib.ExitStack() as stack:
         if writer is not None:
             stack.enter_context(writer)
-        state = checkpoint.state_of(rows) if rows else None
-        simulation = gas.simulation(state, tracked=tracked, comm=comm, pistons=pistons)
-        del state, rows, arrays, found  # which are large
-        simulation.load_checkpoint(path)
+        simulation = Simulation.from_checkpoint(path, device=device_of(case.run), comm=comm)
         queue: Any = None
-        if fields_in_parts:
+        if in_parts:
             options = {**stored(gas), "frames": written["frames"]}
             queue = PartsWriter.resume(writer, simulation.disks_here, gas.box, comm=comm, **options)
         elif writer is not None:

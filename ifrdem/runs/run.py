@@ -396,7 +396,6 @@ def save(running: Run, recorder: Recorder) -> None:
         running.writer.flush()
     pending = recorder.pending
     arrays = {} if pending is None else {f"extra_{name}": each for name, each in pending.columns().items()}
-    arrays["tracked"] = running.simulation.tracked
     extra = {
         "name": running.file.case.run.name,
         "case": running.file.text,

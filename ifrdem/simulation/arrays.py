@@ -220,7 +220,7 @@ class DeviceArrays:
         before = {name: self.values(name).copy() for name in self.state_names()} if self.room else {}
         for name in before:
             self.replace(name, None)
-        for name in ("disk", "meta", "past", "hits", "spent", "held", "slept"):
+        for name in ("disk", "meta", "past", "hits", "dissipated", "held", "asleep"):
             self.make(name, rows if kept[name] else 1)
         if self.uses.shared:
             self.make("kind", rows if kept["kind"] else 1)
@@ -525,9 +525,9 @@ class DeviceArrays:
             ),
             "past": lambda: np.column_stack([state.latest_collision - state.time, state.angle]),
             "hits": lambda: np.column_stack([state.wall_collisions, state.last_partner]),
-            "spent": lambda: state.dissipated,
+            "dissipated": lambda: state.dissipated,
             # Either is to be judged.
-            "slept": lambda: np.where(state.asleep, k.ASLEEP_UNVERIFIED, k.WOKEN),
+            "asleep": lambda: np.where(state.asleep, k.ASLEEP_UNVERIFIED, k.WOKEN),
             "held": lambda: np.full((state.n, TABLES["held"].width), k.NO_PARTNER),
         }
         types = {"real": self.real, "f64": np.float64, "i32": np.int32}
@@ -589,8 +589,8 @@ class DeviceArrays:
         uses = self.uses
         dated, counted = uses.remembers or uses.turned, uses.walled or uses.partnered
         return {
-            "disk": True, "meta": True, "past": dated, "hits": counted, "spent": uses.itemised, "slept": uses.rests,
-            "held": uses.rests, "kind": uses.mixed and uses.shared,
+            "disk": True, "meta": True, "past": dated, "hits": counted, "dissipated": uses.itemised,
+            "asleep": uses.rests, "held": uses.rests, "kind": uses.mixed and uses.shared,
         }  # fmt: skip
 
     # ------------------------------------------------------------------ kernels

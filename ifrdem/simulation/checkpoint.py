@@ -22,14 +22,21 @@ from numpy.typing import NDArray
 from ..errors import DamageError, InputError
 from ..kernels import runtime
 from ..kernels.columns import named
-from ..model.state import State
+from ..model.state import COLUMNS, Disks, State
 from ..mpi import SERIAL, Communicator, current
 from ..tools import files
 from ..tools.versions import package_versions
 from ..trajectory import damage
 
-FORMAT = 9
+FORMAT = 10
+OF_DISKS = (
+    "disk", "meta", "past", "hits", "dissipated", "asleep", "held", "listed",
+    "state_position", "state_velocity", "state_spin", *(f"disks_{name}" for name in COLUMNS),
+)  # fmt: skip
+"""Arrays with a row for each disk, in order of ids; and those of `before_...`, what disks had before the start."""
 NEW_RUN_HINT = '; begin a new run from a stored frame: start.positions = "NAME.h5"'
+MANY = 1000
+"""Equal numbers, such as radii of equal disks, more of which are compressed."""
 _KIND = "ifrdem checkpoint"
 
 
@@ -114,7 +121,8 @@ def _write(target: Path, arrays: Mapping[str, NDArray[Any]], record: Mapping[str
                 file["record"] = np.frombuffer(text.encode(), dtype=np.uint8)
                 file.create_group("arrays")
                 for name, array in arrays.items():
-                    file[f"arrays/{name}"] = array
+                    same = array.ndim == 1 and len(array) > MANY and bool(np.all(array == array[0]))
+                    file.create_dataset(f"arrays/{name}", data=array, compression="gzip" if same else None)
             with open(new, "rb") as written:
                 os.fsync(written.fileno())
     except (OSError, RuntimeError) as error:
@@ -191,33 +199,39 @@ def read(
     return (arrays | _rows(path, record) if rows else arrays), record
 
 
-def read_parts(
+def divided(arrays: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Those that have a row for each disk; and all others."""
+    of_disks = {name: each for name, each in arrays.items() if name in OF_DISKS or name.startswith("before_")}
+    return of_disks, {name: each for name, each in arrays.items() if name not in of_disks}
+
+
+def read_slice(
     path: str | os.PathLike[str], comm: Communicator = SERIAL
-) -> tuple[dict[str, NDArray[Any]], dict[str, Any], bool]:
+) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """The arrays and the record of a checkpoint, on each rank with the rows of its own slice of the disks.
 
-    All ranks call it, any number of them; the path is the first one's. The last of the three tells if the checkpoint is
-    in parts; if it is not, the first rank has all arrays, and the others have none. InputError on all, as `read`.
+    All ranks call it, any number of them; the path is the root's. InputError on all, as `read`.
     """
 
     def first() -> tuple[Path, dict[str, NDArray[Any]], dict[str, Any]]:
         return Path(path), *_read(path)
 
     found = comm.run_on_root(first)
-    if not comm.bcast(found is not None and "parts" in found[2]):
-        arrays = {} if found is None else found[1]
-        return arrays, comm.bcast({} if found is None else found[2]), False
-    found = comm.bcast(found)
-    assert found is not None
-    target, arrays, record = found
-    rows, error = {}, None
+    own, small = divided({} if found is None else found[1])
+    sent = None if found is None else (found[0], list(own), small, found[2])
+    target, names, arrays, record = comm.bcast(sent)  # type: ignore[misc]  # the root's
+    if "parts" not in record:  # the root has all rows
+        n = comm.bcast(len(next(iter(own.values()), ())))
+        rows = comm.scatter_rows(n, list(own.values()) if comm.is_root else None)
+        return arrays | dict(zip(names, rows, strict=True)), record
+    of_parts, error = {}, None
     try:
         with comm:
-            rows = _rows(target, record)
+            of_parts = _rows(target, record)
     except InputError as raised:
         error = raised
     comm.raise_collectively(error)
-    return arrays | rows, record, True
+    return arrays | of_parts, record
 
 
 def _rows(path: str | os.PathLike[str], record: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
@@ -273,7 +287,7 @@ def as_damage_error(path: str | os.PathLike[str], part: str = "it") -> AbstractC
 
 
 def state_of(arrays: Mapping[str, NDArray[Any]]) -> State:
-    """State with positions to rounding, to create a simulation for `Simulation.load_checkpoint`, which makes it exact.
+    """State with positions to rounding, from which a simulation is made before all is restored to the bit.
 
     Collisions are those until the window began, which determine the gates that are open.
     """
@@ -287,6 +301,12 @@ def state_of(arrays: Mapping[str, NDArray[Any]]) -> State:
         time=float(arrays["clock"][0]),
         collisions=collisions,
     )
+
+
+def disks_of(arrays: Mapping[str, NDArray[Any]]) -> Disks:
+    """The disks: of ranks, those of the slice."""
+    columns = [arrays[f"disks_{name}"] for name in COLUMNS]
+    return Disks(len(columns[0]), *columns)
 
 
 def check_versions(record: Mapping[str, Any], path: str | os.PathLike[str], device: str = "cpu") -> None:

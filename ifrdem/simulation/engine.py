@@ -236,7 +236,7 @@ class Engine:
             lambda: checks.check(disks, box, state, counts, materials, self.walls, forces, given, comm.size)
         )
         self.n: int = counts.n
-        self._before, self._slept = [counts.collisions, counts.wall_collisions], counts.asleep
+        self._before, self._asleep_before = [counts.collisions, counts.wall_collisions], counts.asleep
         start = StartSlice.of(comm, disks, state)
         self.disks, self.disks_here, self.kinds = start.disks, start.here, start.kinds
         self._materials = np.unique(self.kinds.material)
@@ -318,7 +318,7 @@ class Engine:
     @property
     def asleep(self) -> int:
         """Disks that sleep."""
-        return self._slept + self.windows.sleepers
+        return self._asleep_before + self.windows.sleepers
 
     @property
     def wall_work(self) -> float:
@@ -429,7 +429,7 @@ class Engine:
     def _restart_from(self, state: State, *, wakes: bool = False) -> None:
         """Begin a window with a state at the present time, in which disks that sleep are woken if it `wakes`."""
         if wakes and self.options.resting_speed:
-            self._slept -= self.asleep
+            self._asleep_before -= self.asleep
             state.asleep = np.zeros_like(state.asleep)
         excess = self._excess()
         self.windows.commit_at(state.time)

@@ -25,7 +25,7 @@ from ..model.law import CollisionLaw
 from ..model.observables import Measure, from_totals, sums
 from ..model.overlaps import check_no_overlap
 from ..model.pair_laws import PairLaws
-from ..model.state import COLUMNS, DiskKinds, Disks, State, scatter_state
+from ..model.state import COLUMNS, DiskKinds, Disks, State, gather_disks, gather_state, scatter_state
 from ..model.wall_checks import check_types
 from ..model.walls import Wall, WallSums, sides
 from ..mpi import Communicator, current
@@ -39,6 +39,7 @@ from ..tools.read_only import ReadOnlyAttributes
 from . import backend, checkpoint, checks
 from .device import Device
 from .engine import CollisionTimes, Engine
+from .gas_record import arguments, differences, gas_record
 from .schedule import (
     MOST,
     FrameCallback,
@@ -590,9 +591,11 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         state = self._engine.state_here()  # settles
         found |= {f"state_{name}": getattr(state, name) for name in ("position", "velocity", "spin")}
         found["state_pistons"] = self.pistons
-        meta: dict[str, Any] = {"fingerprint": snapshot.fingerprint(self._engine)}
+        found |= {f"disks_{name}": getattr(self.disks_here, name) for name in COLUMNS}
+        found["tracked"] = self.tracked
+        meta: dict[str, Any] = {"gas": gas_record(self._engine, self._laws.table), "n": n}
         meta |= {"first": self._first, "given": self._external_energy, "extra": dict(extra or {})}
-        own, small = snapshot.divided(found)
+        own, small = checkpoint.divided(found)
         small |= arrays or {}
         if comm.is_distributed:
             checkpoint.write_parts(path, comm, own, small, meta)
@@ -613,30 +616,93 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         InputError
             If the file is none, or belongs to another gas; or if it is called on the class.
         """
-        from . import snapshot
-
         if not isinstance(self, Simulation):  # Simulation.load_checkpoint(path)
             raise InputError(
-                f"Simulation.load_checkpoint({self!r}): must be called on a simulation of the same disks, box and "
-                "laws, which a checkpoint does not hold: gas = ifrdem.Simulation(...), then gas.load_checkpoint(path)"
+                f"Simulation.load_checkpoint({self!r}): must be called on a simulation; "
+                "Simulation.from_checkpoint(path) makes one from the file"
             )
-        comm, fingerprint = self.comm, snapshot.fingerprint(self._engine)
-
-        found, meta, in_parts = checkpoint.read_parts(checked.path("path", path), comm)
-        if meta["fingerprint"] != fingerprint:
-            raise InputError(
-                f"{path}: the checkpoint of another gas: disks, box, laws, walls, forces, seed, precision or device "
-                "differ"
-            )
-        if not in_parts:  # the root has all of it
-            own, small = snapshot.divided(found)
-            names, small = comm.bcast((list(own), small))
-            rows = comm.scatter_rows(self.disks.n, list(own.values()) if comm.is_root else None)
-            found = small | dict(zip(names, rows, strict=True))
-        snapshot.restore(self._engine, found)
-        self._first, self._external_energy = float(meta["first"]), float(meta["given"])
+        self._engine.check_valid()
+        found, meta = checkpoint.read_slice(checked.path("path", path), self.comm)
+        self._restore(path, found, meta)
         extra: dict[str, Any] = meta["extra"]
         return extra
+
+    def _restore(
+        self, path: str | os.PathLike[str], found: dict[str, NDArray[Any]], meta: Mapping[str, Any]
+    ) -> None:
+        """Make this gas that of a checkpoint, as `checkpoint.read_slice` gave it: InputError if it is another one."""
+        from . import snapshot
+
+        with checkpoint.as_damage_error(path, "its record"):
+            checkpoint.check_versions(meta, path, meta["gas"]["device"]["name"])
+            if different := differences(gas_record(self._engine, self._laws.table), meta["gas"]):
+                raise InputError(
+                    f"{path}: the checkpoint of another gas: it differs in {', '.join(different)}"
+                )
+        snapshot.restore(self._engine, found)
+        self._first, self._external_energy = float(meta["first"]), float(meta["given"])
+
+    @classmethod
+    @validated
+    def from_checkpoint(
+        cls,
+        path: str | os.PathLike[str],
+        *,
+        law: Annotated[CollisionLaw | Sequence[Sequence[CollisionLaw]] | None, LATER] = None,
+        forces: Annotated[Sequence[Force] | None, LATER] = None,
+        device: Annotated[Device | str | None, LATER] = None,
+        comm: Comm = None,
+    ) -> Simulation:
+        """The gas of a checkpoint: it runs on as if it had never been interrupted, to the last bit.
+
+        Parameters
+        ----------
+        path : str or path
+            A file of `save_checkpoint`, or NAME.checkpoint.h5 of an interrupted `ifrdem run`. It holds disks, box, law,
+            walls, gravity, forces, `collapse`, device, `record`, tracked disks, seed and the present state.
+        law, forces
+            The same law and forces as before: only needed if one is a custom class, whose code is not in the file.
+        device : Device or str, optional
+            The same device with another number of threads, which changes no bit.
+        comm : mpi4py.MPI.Comm or Communicator, optional
+            Ranks that share the gas, as for a new simulation; any number of them, whatever it was before.
+
+        Raises
+        ------
+        InputError
+            If the file is no checkpoint, is damaged, or was written by another version of ifrdem or Taichi; if a custom
+            law or force is not given; if what is given differs from what the gas had.
+
+        Examples
+        --------
+        >>> import ifrdem
+        >>> disks = ifrdem.Disks(2, mass=1.0, radius=0.5)
+        >>> start = ifrdem.State([[1.0, 5.0], [4.0, 5.0]], [[1.0, 0.0], [0.0, 0.0]], [0.0, 0.0])
+        >>> gas = ifrdem.Simulation(disks, ifrdem.Box((10.0, 10.0)), ifrdem.IFRLaw(e_n=0.5, e_t=-1.0, mu=0.0), start)
+        >>> gas.run(t_end=1.0)
+        >>> gas.save_checkpoint("pair.checkpoint.h5")
+        >>> again = ifrdem.Simulation.from_checkpoint("pair.checkpoint.h5")
+        >>> again.run(t_end=4.0)
+        >>> again.time, again.collisions
+        (4.0, 1)
+        """
+        comm = Communicator(current(), distributed=True) if comm is None else comm
+        found, meta = checkpoint.read_slice(path, comm)
+        with checkpoint.as_damage_error(path, "its record"):
+            checkpoint.check_versions(meta, path, meta["gas"]["device"]["name"])
+            given = arguments(
+                meta["gas"], found["state_pistons"][:, 0].tolist(), law=law, forces=forces, device=device
+            )
+            n, disks, state = int(meta["n"]), checkpoint.disks_of(found), checkpoint.state_of(found)
+        whole: Any = disks, state
+        if not comm.is_distributed:  # the root gives all
+            with comm:
+                whole = gather_disks(n, disks), gather_state(n, state)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", EnergyWarning)  # the gas has warned when it was made
+            made = cls(whole[0], state=whole[1], tracked=found["tracked"], comm=comm, **given)
+        made._restore(path, found, meta)
+        return made
 
     @property
     def state(self) -> State:

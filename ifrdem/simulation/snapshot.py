@@ -7,7 +7,6 @@ Imports Taichi: import this module only after `backend.start`.
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -16,10 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..kernels import layout as k
-from ..kernels.columns import named
-from ..kernels.language import from_numpy, to_numpy
-from ..model.gravity import RotatingGravity
-from ..model.state import COLUMNS
+from ..kernels.language import from_numpy
 from .tracking import Statistics
 
 if TYPE_CHECKING:
@@ -29,41 +25,11 @@ _LENGTHS = ("path", "tile_side", "free_path", "in_window", "speed")
 Snapshot = dict[str, NDArray[Any]]
 
 
-def fingerprint(engine: Engine) -> str:
-    """A hash of what must be the same for a snapshot to fit: disks, box, laws, walls, forces, seed, precision."""
-    engine.check_valid()
-    a, disks, box, options = engine.arrays, engine.disks_here, engine.box, engine.options
-    rotation = options.gravity if isinstance(options.gravity, RotatingGravity) else None
-    gravity = rotation.start if rotation else engine.gravity
-    digest = hashlib.sha256()
-    walls = named(a.wall_rows.copy(), "walls")
-    walls.piston.displacement = walls.piston.speed = 0.0  # where a piston starts, as where disks do
-    parts: list[Any] = [
-        *(engine.comm.digest(getattr(disks, name)) for name in COLUMNS),
-        np.array(box.lengths), np.array(box.periodic),
-        np.array([
-            box.shear_rate, *gravity, options.velocity_cutoff, options.contact_time, options.resting_speed,
-        ]), to_numpy(a.law),
-        walls.array, repr([(wall.opens_at, wall.opens_after) for wall in engine.walls]),
-        options.device.precision, options.device.name, options.seed, sorted(options.record),
-        a.uses.collision_law.impulses.__qualname__,
-    ]  # fmt: skip
-    if rotation:
-        parts.append((rotation.rate, rotation.step))
-    for force in engine.force_steps.forces:
-        parts += [type(force).__name__, np.array([*force.values.values()]), force.step]
-    for part in parts:
-        if isinstance(part, np.ndarray):
-            digest.update(str(part.shape).encode() + np.ascontiguousarray(part).tobytes())
-        else:
-            digest.update(repr(part).encode())
-    return digest.hexdigest()
-
-
 def take(engine: Engine) -> Snapshot:
     """Copy everything: the beginning of the present window, and how far the run has come in it.
 
-    Arrays of disks (`divided`) are in order of ids; of ranks each gets those of its slice, and the others whole.
+    Arrays of disks (`checkpoint.OF_DISKS`) are in order of ids; of ranks each gets those of its slice, and the others
+    whole.
     """
     with engine.exclusive_update():
         a, windows, steps = engine.arrays, engine.windows, engine.force_steps
@@ -81,7 +47,7 @@ def take(engine: Engine) -> Snapshot:
         found["counts"] = np.array(
             [
                 *engine._before,
-                engine._slept,
+                engine._asleep_before,
                 engine._resting,
                 engine._no_future_collisions,
                 engine._windows_to_check,
@@ -95,18 +61,6 @@ def take(engine: Engine) -> Snapshot:
         for name, value in engine.past.items():
             found[f"before_{name}"] = np.asarray(value)
     return found
-
-
-def divided(found: Snapshot) -> tuple[Snapshot, Snapshot]:
-    """Rows of disks, in order of ids; and all else. Of the present state, too, beside a snapshot."""
-    of_disks = {name: each for name, each in found.items() if name in OF_DISKS or name.startswith("before_")}
-    return of_disks, {name: each for name, each in found.items() if name not in of_disks}
-
-
-OF_DISKS = (
-    "disk", "meta", "past", "hits", "spent", "slept", "held", "listed",
-    "state_position", "state_velocity", "state_spin",
-)  # fmt: skip
 
 
 def restore(engine: Engine, found: Snapshot) -> None:
@@ -143,7 +97,11 @@ def _restore(engine: Engine, found: Snapshot) -> None:
         setattr(a.clock, name, value)
     _time, engine._collided_at, engine._flow_excess = found["clock"].tolist()
     *before, engine._resting, separated, engine._windows_to_check = found["counts"].tolist()
-    engine._before, engine._slept, engine._no_future_collisions = before[:2], before[2], bool(separated)
+    engine._before, engine._asleep_before, engine._no_future_collisions = (
+        before[:2],
+        before[2],
+        bool(separated),
+    )
     if engine.turning.rotation:
         step, engine.turning.work = found["turning"].tolist()
         engine.turning.next_step = int(step)

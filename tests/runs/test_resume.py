@@ -311,7 +311,7 @@ def test_checkpoints_of_others_are_refused_before_anything_is_done(tmp_path, mon
         return capsys.readouterr().err
 
     checkpoint.write(place, {"a": np.arange(3)}, {"extra": {"mine": 1}})
-    assert "Simulation.load_checkpoint resumes from it" in told()
+    assert "Simulation.from_checkpoint resumes from it" in told()
     case = CaseSections.model_validate(tomllib.loads(CASE)).model_dump_json(exclude_unset=True)
     run_of_b = {
         "plan": {},

@@ -111,7 +111,7 @@ def test_a_kill_between_part_and_name_leaves_the_checkpoint_before(
 def test_each_of_any_number_of_ranks_gets_the_rows_of_its_slice(tmp_path: Path, size: int) -> None:
     path = tmp_path / "run.checkpoint.h5"
     write(path, 1)
-    arrays, record, _ = checkpoint.read_parts(path, Communicator(Rank(0, size)))
+    arrays, record = checkpoint.read_slice(path, Communicator(Rank(0, size)))
     found = [arrays]
     for rank in range(1, size):
         with Communicator(Rank(rank, size)):

@@ -53,7 +53,18 @@ def test_slices_of_ranks_move_as_one_process_does(tmp_path: Path) -> None:
     lines = [json.loads(line) for line in done.stdout.splitlines()]
     assert len(lines) == 3
     first = lines[0]
-    for name in ("start", "frame 0", "frame 1", "frame 2", "end", "again", "case", "random case", "given"):
+    for name in (
+        "start",
+        "frame 0",
+        "frame 1",
+        "frame 2",
+        "end",
+        "again",
+        "remade",
+        "case",
+        "random case",
+        "given",
+    ):
         assert first[name] == [], name
     assert first["alone"]
     assert first["energy"] == first["expected energy"]

@@ -398,7 +398,7 @@ def test_a_heap_takes_the_memory_that_the_estimate_says() -> None:
     run = pile(30)
     run.run(t_end=0.1)
     arrays = run._engine.arrays
-    of_heaps = arrays.bytes_of("rest", "residual_acceleration", "contact", "cached_force", "held", "slept")
+    of_heaps = arrays.bytes_of("rest", "residual_acceleration", "contact", "cached_force", "held", "asleep")
     assert of_heaps == 30 * RESTING_BYTES
     plain = pile(30, collapse=None)
     plain.run(t_end=0.1)
