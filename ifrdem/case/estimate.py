@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -374,7 +374,8 @@ def _by_theory(gas: CaseGas, phi: float, rate: float) -> tuple[tuple[float, floa
     end = math.nan if case.run.t_end is None else case.run.t_end
     target = case.run.collisions_per_disk
     per_disk = math.nan if target is None else target - 2.0 * before / gas.n
-    each, law, shear_rate = gas.species[0], gas.law(), gas.box.shear_rate
+    each, shear_rate = gas.species[0], gas.box.shear_rate
+    law: Any = gas.law()
     if gas.box.is_open or len(gas.species) > 1 or not each.equal or getattr(law, "rho", 0.0) > 0.0:
         return None, end, per_disk
     if isinstance(law, Viscoelastic) and (shear_rate or case.force):  # only its cooling is known

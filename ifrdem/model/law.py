@@ -97,7 +97,11 @@ class CollisionLaw(ReadOnlyAttributes):
 
     def __eq__(self, other: object) -> bool:
         """True for the same law with the same coefficients."""
-        return type(self) is type(other) and self.table_row() == other.table_row()  # type: ignore[attr-defined]
+        return (
+            isinstance(other, CollisionLaw)
+            and type(self) is type(other)
+            and self.table_row() == other.table_row()
+        )
 
     def __hash__(self) -> int:
         return hash((type(self), self.table_row()))

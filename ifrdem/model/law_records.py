@@ -31,7 +31,7 @@ def to_record(law: CollisionLaw) -> dict[str, Any]:
 
 def from_record(record: Mapping[str, Any]) -> CollisionLaw:
     """The law of a record. InputError if it is none, or its arguments are no law's."""
-    name = record.get("law")
+    name = str(record.get("law"))
     if name not in ARGUMENTS:
         raise InputError(f"law = {name!r}: must be one of {', '.join(ARGUMENTS)}")
     kind, arguments = ARGUMENTS[name]

@@ -14,6 +14,7 @@ from ..errors import InputError, TheoryWarning
 from ..model.ifr import EnergyWarning
 from ..model.law import CollisionLaw
 from ..model.state import Disks
+from ..model.viscoelastic import Viscoelastic
 from ..theory import driven_gas, sheared_gas
 from ..theory.choose import prediction
 from ..theory.driven_gas import Driving
@@ -56,7 +57,7 @@ class _Gas:
     kinds: int
 
     @property
-    def one_kind(self) -> tuple[CollisionLaw, float, float, float, float]:
+    def one_kind(self) -> tuple[Any, float, float, float, float]:
         """Law, mass, radius, k and packing fraction, as theories of equal disks take them."""
         d, material = self.disks, int(self.disks.material[0])
         return self.laws[material][material], float(d.mass[0]), float(d.radius[0]), float(d.k[0]), self.phi
@@ -160,6 +161,8 @@ def theory(trajectory: Trajectory, over: str = "t") -> tuple[Curves | None, tupl
             return None, None, "forces in a flow: no kinetic theory here"
         if gas.kinds > 1:
             return None, None, "several kinds of disks in a flow: no kinetic theory here"
+        if isinstance(gas.laws[0][0], Viscoelastic):
+            return None, None, "viscoelastic disks in a flow: no kinetic theory here"
         with warnings.catch_warnings(action="ignore", category=TheoryWarning):  # the run has said it
             steady = sheared_gas.steady_state(*gas.one_kind, rate)
         text, nothing = (
@@ -173,7 +176,8 @@ def theory(trajectory: Trajectory, over: str = "t") -> tuple[Curves | None, tupl
         if len(known) < len(drives):
             return None, None, "a force that is not linear: no kinetic theory here"
         moves |= any(driving.power for driving in known)
-        steady = driven_gas.steady_state(*gas.one_kind, known[0]) if gas.kinds == 1 and moves else None
+        if gas.kinds == 1 and moves and not isinstance(gas.laws[0][0], Viscoelastic):
+            steady = driven_gas.steady_state(*gas.one_kind, known[0])
     if not moves or times[-1] <= times[0]:
         return None, steady if rate else None, nothing
     elapsed = times[times > times[0]] - times[0]

@@ -396,19 +396,16 @@ def _simulation(gas: CaseGas, law: Mapping[str, float] | None, state: State) -> 
     """The simulation of a state, with the coefficients `law` in place of those of every pair of materials."""
     if law is not None:
         numbers: dict[str, Any] = {name: float(law[name]) for name in _NUMBERS if name in law}
+        drawn = []
         for each in gas.verdicts:
             if not isinstance(each.law, IFRLaw):
                 raise InputError(
                     f"laws: law of {each.first} and {each.second} is {each.law}: must be an IFRLaw"
                 )
-        # The case has said so of its own coefficients.
-        with warnings.catch_warnings(action="ignore", category=EnergyWarning):
-            gas = replace(
-                gas,
-                verdicts=tuple(
-                    each._replace(law=each.law and replace(each.law, **numbers)) for each in gas.verdicts
-                ),
-            )
+            # The case has said so of its own coefficients.
+            with warnings.catch_warnings(action="ignore", category=EnergyWarning):
+                drawn.append(each._replace(law=replace(each.law, **numbers)))
+        gas = replace(gas, verdicts=tuple(drawn))
     return gas.simulation(state)
 
 

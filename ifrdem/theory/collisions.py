@@ -109,14 +109,15 @@ def checked_law(name: str, law: Any) -> KnownLaw:
     return law
 
 
-def _closed(name: str, law: Any) -> ClosedLaw:
+def closed_law(name: str, law: Any) -> ClosedLaw:
+    """The law, if its averages have closed forms; else InputError."""
     found = checked_law(name, law)
     if isinstance(found, Viscoelastic):
         raise must_be(name, law, "a law whose e_n is a constant (theory.prediction takes Viscoelastic)")
     return found
 
 
-KineticLaw = Annotated[ClosedLaw, _closed]
+KineticLaw = Annotated[ClosedLaw, closed_law]
 """A law of constant e_n whose averages are known."""
 
 
@@ -146,11 +147,11 @@ def tangential_averages(law: ClosedLaw, inverse_a: ArrayLike, S: ArrayLike) -> t
 
 def _averages(
     law: KnownLaw, inverse_a: Array, S: Array, m_n: Array, speed: Array, R: float
-) -> tuple[ArrayLike, ArrayLike, Array, Array]:
+) -> tuple[Any, Any, Array, Array]:
     """<(1 + e_n) y^2>, <(1 + e_n)^2 y^2> / 2, A, B for g_n = speed y [length/time], effective radius R [length]."""
     if not isinstance(law, Viscoelastic):
-        both = 1.0 + law.e_n
-        return 2.0 * both, both**2, *tangential_averages(law, inverse_a, S)
+        constant = 1.0 + law.e_n
+        return 2.0 * constant, constant**2, *tangential_averages(law, inverse_a, S)
     from scipy.special import erf, erfc
 
     both = 1.0 + law.restitutions(speed[..., None] * _Y, m_n[..., None], R)
