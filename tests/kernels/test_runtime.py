@@ -92,7 +92,7 @@ def test_a_law_in_the_language_of_the_other_runtime_is_refused(monkeypatch: pyte
 
 STATE = """
 import hashlib, sys
-
+import numpy as np
 import ifrdem
 from ifrdem.kernels import runtime
 n = 300
@@ -105,10 +105,10 @@ law, device = ifrdem.IFRLaw(e_n=0.9, e_t=-0.9, mu=0.15), ifrdem.Device(threads=1
 bath = ifrdem.forces.Langevin(0.1, temperature=1.0, rate=0.3)
 gas = ifrdem.Simulation(disks, box, law, start, forces=[bath], device=device, seed=2)
 if sys.argv[1] == "go on":
-    gas.load_checkpoint("gas.npz")
+    gas.load_checkpoint("gas.h5")
 gas.run(t_end=float(sys.argv[2]))
 if sys.argv[1] == "begin":
-    gas.save_checkpoint("gas.npz")
+    gas.save_checkpoint("gas.h5")
 hash = hashlib.sha256(gas.state.position.tobytes() + gas.state.velocity.tobytes()).hexdigest()
 print(runtime.chosen(), gas.collisions, hash)
 """
