@@ -1,9 +1,21 @@
-"""Collision laws: the independent friction-restitution law, its measured coins, and the base class of custom laws."""
+"""Collision laws: independent friction-restitution, its measured coins, other laws of the field, custom laws."""
 
 from .model.coin_table import Coin, coins
-from .model.ifr import Admissibility, Collision, EnergyWarning, IFRLaw, Regime, collide
+from .model.ifr import (
+    Admissibility,
+    Collision,
+    EnergyWarning,
+    IFRLaw,
+    Regime,
+    collide,
+    rough_disks,
+    smooth_disks,
+)
 from .model.law import CollisionLaw
+from .model.viscoelastic import Viscoelastic
+from .model.walton import Walton
 
 __all__ = [
-    "Admissibility", "Coin", "Collision", "CollisionLaw", "EnergyWarning", "IFRLaw", "Regime", "coins", "collide",
+    "Admissibility", "Coin", "Collision", "CollisionLaw", "EnergyWarning", "IFRLaw", "Regime", "Viscoelastic", "Walton",
+    "coins", "collide", "rough_disks", "smooth_disks",
 ]  # fmt: skip

@@ -78,23 +78,20 @@ def impulses_between(
         inverse_mass_i=im_i, radius_i=R_i, k_i=k_i, spin_i=w_i,
         inverse_mass_j=im_j, radius_j=R_j, k_j=k_j, spin_j=w_j,
     )  # fmt: skip
-    row = ti.Vector([gas.law[p, q][j] for j in ti.static(range(gas.uses.collision_law.n_coefficients))])
+    row = ti.Vector([gas.law[p, q][j] for j in ti.static(range(len(gas.uses.collision_law.names)))])
     if ti.static(gas.uses.rests):
         if g_n < gas.scale.cutoff:  # a contact that lasts (`rest.py`): e_n = 1 except for the least rebound
             pair.g_n = ti.max(g_n, LEAST_REBOUND * gas.scale.cutoff)
             row[0], row[1], row[3] = g_n / pair.g_n, -1.0, 1.0
+    names = ti.static(gas.uses.collision_law.names)
+    law = ti.Struct({names[j]: row[j] for j in ti.static(range(len(names)))})
     # One of the two, so that a law is compiled once.
     impulses = ti.Vector([0.0 * g_n] * 6)
     if ti.static(gas.uses.tallied and gas.uses.collision_law.parts):
-        P_n, P_t, T, P_et, sticking, rolling = gas.uses.collision_law.parts(pair, row)
+        P_n, P_t, T, P_et, sticking, rolling = gas.uses.collision_law.parts(pair, law)
         impulses = ti.Vector([P_n, P_t, T, P_et, sticking, rolling])
-    elif ti.static(gas.uses.collision_law.names):
-        names = ti.static(gas.uses.collision_law.names)
-        law = ti.Struct({names[j]: row[j] for j in ti.static(range(len(names)))})
-        P_n, P_t, T = gas.uses.collision_law.impulses(pair, law)
-        impulses = ti.Vector([P_n, P_t, T, P_t, 0.0 * g_n, 0.0 * g_n])
     else:
-        P_n, P_t, T = gas.uses.collision_law.impulses(pair, row)
+        P_n, P_t, T = gas.uses.collision_law.impulses(pair, law)
         impulses = ti.Vector([P_n, P_t, T, P_t, 0.0 * g_n, 0.0 * g_n])
     if ti.static(gas.uses.rests):
         pair.g_n = g_n

@@ -175,24 +175,24 @@ def collide_pair(
     )  # fmt: skip
 
 
-@ti.func
-def ifr(pair, coefficients):
-    """The IFR law as the engine calls laws: P_n, P_t, T of a pair, whose `coefficients` are those of `table_row`."""
+@ti.pyfunc
+def ifr(pair, law):
+    """The IFR law as the engine calls laws (`ifrdem.CollisionLaw.collide`): P_n, P_t, T."""
     P_n, P_t, T, _, _, _ = ifr_impulses(
-        coefficients[0], coefficients[1], coefficients[2], coefficients[3], coefficients[4],
+        law.e_n, law.e_t, law.mu, law.contact_point, law.rho,
         pair.g_n, pair.g_t, pair.m_n, pair.m_t, pair.radius_i, pair.radius_j,
     )  # fmt: skip
     return P_n, P_t, T
 
 
-@ti.func
-def ifr_parts(pair, coefficients):
+@ti.pyfunc
+def ifr_parts(pair, law):
     """The IFR law with a ledger: P_n, P_t, T; and P_et, the part of P_t from tangential restitution; sticking; rolling.
 
     Both are 1.0 or 0.0, as `collide_pair` returns them, but rolling is 0.0 without rolling friction.
     """
     P_n, P_t, T, sticking, rolling, P_et = ifr_impulses(
-        coefficients[0], coefficients[1], coefficients[2], coefficients[3], coefficients[4],
+        law.e_n, law.e_t, law.mu, law.contact_point, law.rho,
         pair.g_n, pair.g_t, pair.m_n, pair.m_t, pair.radius_i, pair.radius_j,
     )  # fmt: skip
-    return P_n, P_t, T, P_et, sticking, rolling * (coefficients[4] > 0.0)
+    return P_n, P_t, T, P_et, sticking, rolling * (law.rho > 0.0)

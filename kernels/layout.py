@@ -63,12 +63,11 @@ NO_PARTNER = -1
 
 
 class CompiledLaw(NamedTuple):
-    """The compiled part of the law: its function of a pair, and the length of its rows of coefficients, 1 or more."""
+    """The compiled part of the law: its functions of a pair, and the names of its coefficients."""
 
     impulses: Any
-    n_coefficients: int
+    names: tuple[str, ...]  # one or more
     parts: Any = None  # what `impulses` gives, and P_et, sticking, rolling: of laws that divide P_t
-    names: tuple[str, ...] = ()  # of the coefficients of a custom law, which gets them by name
 
 
 class Uses:

@@ -291,7 +291,6 @@ FIT: dict[str, dict[str, Any]] = {
     "Disk": {"mass": [1.0, 2.0], "radius": 0.5, "k": 2.0},
     "TableFormat": {"columns": {}, "units": {}, "known": {}, "delimiter": ",", "decimal": "."},
     "Pair": {"M": 0.5, "k_1": 2.0, "k_2": 2.0, "R_1": 1.0, "R_2": 1.0},
-    "Walton": {"e_n": 0.9, "beta": 0.5, "mu": 0.2},
     "example": {"seed": 1},
     "fit": {"data": IMPACTS, "M": 1.0, "k_1": 2.0, "k_2": 2.0, "R_1": 1.0, "R_2": 1.0, "model": ["brach"], "own": (),
             "fix": {"mu": 0.2}, "rolling": False, "robust": False, "level": 0.95, "profile": False,
@@ -451,7 +450,15 @@ def small_file(folder: Path) -> str:
 
 def scan(folder: Path) -> Path:
     """A trajectory of one impact: disk 0 on disk 1, at rest."""
-    law = {"e_n": 0.9, "e_t": -1.0, "mu": 0.0, "sticking": "contact_point", "rho": 0.0}
+    law = {
+        "law": "ifr",
+        "e_n": 0.9,
+        "e_t": -1.0,
+        "mu": 0.0,
+        "sticking": "contact_point",
+        "rho": 0.0,
+        "k": 2.0,
+    }
     parameters = {"laws": json.dumps([[law]])}
     path, disks = folder / "scan.h5", ifrdem.Disks(2, mass=1.0, radius=0.5)
     with ifrdem.TrajectoryWriter(path, disks, SMALL, parameters=parameters) as file:

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..model.ifr import IFRLaw
+from ..model.walton import Walton
 from ..tools.checked import Array
 from ..tools.reprs import Brief
 from ..trajectory.reader import Trajectory
@@ -509,9 +511,9 @@ def _pressure_by_rate(
     if "laws" in trajectory.parameters:
         material = int(disks.material[0])
         law = trajectory.laws[material][material]
-        assert law is not None  # its disks have collided
-        Z = pressure.compressibility(phi, chi, float(law["e_n"]))
-        rows.append(Reading("Z by it", Z, (Z - 1.0) / np.sqrt(collisions)))
+        if isinstance(law, IFRLaw | Walton):
+            Z = pressure.compressibility(phi, chi, law.e_n)
+            rows.append(Reading("Z by it", Z, (Z - 1.0) / np.sqrt(collisions)))
     notes.append("g at contact from the rate assumes Maxwellian, uncorrelated velocities")
     return rows
 

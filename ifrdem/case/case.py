@@ -11,16 +11,15 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from ..errors import InputError, nearest, there_are
+from ..errors import InputError, nearest
 from ..fit.tabular import TableFormat
 from ..initial import radii
 from ..kernels.columns import MOST_IDS
 from ..model.box import Box
-from ..model.coin_table import coins
 from ..model.gravity import DEFAULT_STEP, MAX_STEP
-from ..model.ifr import REQUIRED_COEFFICIENTS
+from .laws_section import CoinName, Material, PairOfMaterials
 from .output_section import OutputSection
-from .section import Section, exclusive_with, field, refusal
+from .section import Name, Section, exclusive_with, field, refusal
 from .walls_section import Pair, Wall
 
 _SI = {
@@ -30,7 +29,6 @@ _SI = {
 UNITS: Mapping[str, Mapping[str, str]] = {"SI": _SI, "reduced": dict.fromkeys(_SI, "reduced")}
 """Unit of each quantity by the name in run.units, in the notation of H5MD."""
 
-Name = Annotated[str, Field(min_length=1, max_length=100)]
 IMPACT_SCAN = "impact_scan"
 GROWN = "lubachevsky_stillinger"
 PLACED = ("random", GROWN, "hexagonal")
@@ -186,70 +184,6 @@ class BoxSection(Section):
         else:
             return None
         return Box(lengths, periodic, self.shear_rate)
-
-
-# The ranges sit inside the Annotated types, so that `X | None` still checks them; `Section.about` finds them.
-NormalRestitution = Annotated[
-    float, field(0.87, ge=0.0, le=1.0, description="normal restitution e_n [1], 0 to 1 (elastic)")
-]
-TANGENTIAL = (
-    "tangential restitution e_t [1], -1 (smooth but for friction) to 1; with percussion-centre sticking, "
-    "homogeneous disks never gain energy up to -0.5"
-)
-TangentialRestitution = Annotated[float, field(-0.88, ge=-1.0, le=1.0, description=TANGENTIAL)]
-Friction = Annotated[float, field(0.21, ge=0.0, description="sliding friction mu [1], 0 or more")]
-STICKING = (
-    'what stops slipping in a sticking collision: "percussion_center" (Eq. 15, the paper\'s choice) or '
-    '"contact_point" (Eq. 12)'
-)
-Sticking = Annotated[
-    Literal["percussion_center", "contact_point"], field("percussion_center", description=STICKING)
-]
-RollingFriction = Annotated[float, field(0.0, ge=0.0, description="rolling friction rho [m], 0 or more")]
-
-
-def _known_coin(name: str) -> str:
-    if name in coins:
-        return name
-    raise refusal(f"no such coin{there_are(name, coins)}", "unknown_name")
-
-
-CoinName = Annotated[Name, AfterValidator(_known_coin)]
-
-
-class MaterialSection(Section):
-    """Collisions of two disks of one material: coefficients of the IFR law, or the name of one of its coins."""
-
-    choices: ClassVar[tuple[str, ...]] = ("Either e_n, e_t and mu, or coin",)
-
-    name: Name = field("aluminium")
-    """Name that species and pairs use [text]."""
-    coin: CoinName | None = field("1 pta", None)
-    """Take e_n, e_t, mu of this coin of the paper's Table II [text], for instance."""
-    e_n: NormalRestitution | None = None
-    e_t: TangentialRestitution | None = None
-    mu: Friction | None = None
-    sticking: Sticking = "percussion_center"
-    rho: RollingFriction = 0.0
-
-    @classmethod
-    def problems(cls, data: Mapping[str, Any]) -> list[str]:
-        """Coefficients beside a coin, or missing without one."""
-        missing = [key for key in REQUIRED_COEFFICIENTS if key not in data and "coin" not in data]
-        problems = exclusive_with(data, "coin", *REQUIRED_COEFFICIENTS)
-        return [*problems, f"missing: {', '.join(missing)}, or coin"] if missing else problems
-
-
-class PairSection(Section):
-    """Collisions of two different materials, those of walls too. No coefficient is ever guessed from two materials."""
-
-    materials: list[Name] = field(["bronze-aluminium", "aluminium"], min_length=2, max_length=2)
-    """Names of the two materials [text], of disks or of disks and a wall."""
-    e_n: NormalRestitution
-    e_t: TangentialRestitution
-    mu: Friction
-    sticking: Sticking = "percussion_center"
-    rho: RollingFriction = 0.0
 
 
 class RadiiSection(Section):
@@ -612,8 +546,8 @@ class CaseSections(Section):
 
     run: RunSection
     box: BoxSection
-    material: list[MaterialSection] = Field(default_factory=list)
-    pair: list[PairSection] = Field(default_factory=list)
+    material: list[Material] = Field(default_factory=list)
+    pair: list[PairOfMaterials] = Field(default_factory=list)
     species: list[SpeciesSection] = Field(min_length=1)
     wall: list[Wall] = Field(default_factory=list)
     force: list[Force] = Field(default_factory=list)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from ..errors import TheoryError
 from ..kernels import columns
 from ..model.density import packing_fraction
 from ..model.observables import MECHANISMS, REGIMES
+from ..model.viscoelastic import Viscoelastic
 from ..model.walls import PISTONS, SUMS
 from ..theory import driven_gas, sheared_gas
 from ..theory.driven_gas import Driving
@@ -284,7 +285,7 @@ def _only_cools(gas: CaseGas) -> bool:
     It does if it is the same everywhere and begins with one temperature of translation, none of rotation above it, and
     all collisions dissipate: the highest of its temperatures falls then, and the rate is below that of all at it.
     """
-    dissipative = all(each.law is not None and each.law.e_n < 1.0 for each in gas.verdicts)
+    dissipative = all(each.law is not None and each.law.is_dissipative for each in gas.verdicts)
     start = gas.case.start
     drawn = start.file is None and start.trajectory is None
     if not (drawn and dissipative and gas.case.homogeneous):
@@ -373,8 +374,11 @@ def _by_theory(gas: CaseGas, phi: float, rate: float) -> tuple[tuple[float, floa
     end = math.nan if case.run.t_end is None else case.run.t_end
     target = case.run.collisions_per_disk
     per_disk = math.nan if target is None else target - 2.0 * before / gas.n
-    each, law, shear_rate = gas.species[0], gas.law(), gas.box.shear_rate
-    if gas.box.is_open or len(gas.species) > 1 or not each.equal or law.rho > 0.0:
+    each, shear_rate = gas.species[0], gas.box.shear_rate
+    law: Any = gas.law()
+    if gas.box.is_open or len(gas.species) > 1 or not each.equal or getattr(law, "rho", 0.0) > 0.0:
+        return None, end, per_disk
+    if isinstance(law, Viscoelastic) and (shear_rate or case.force):  # only its cooling is known
         return None, end, per_disk
     mass, radius = each.summary.mass.low, each.summary.radius.low
     inertia = mass * radius**2 / each.k
@@ -404,7 +408,9 @@ def _by_theory(gas: CaseGas, phi: float, rate: float) -> tuple[tuple[float, floa
 
     def collisions(times: Array) -> Array:
         if driving is None:
-            return theory.cooling(*one, T, T_rot, times)[2]
+            mixture = theory.Mixture([mass], [radius], law, phi, k=[each.k])
+            found: Array = theory.mixture_cooling(mixture, T, T_rot, times).collisions_per_disk[:, 0]
+            return found
         return driven_gas.driven(*one, driving, T, T_rot, times)[2]
 
     if math.isnan(per_disk):

@@ -22,6 +22,7 @@ from ..model import crush
 from ..model.box import Box
 from ..model.free_area import FreeArea
 from ..model.ifr import EnergyWarning, IFRLaw
+from ..model.law import CollisionLaw
 from ..model.observables import drift_text
 from ..model.state import DiskKinds, Disks, State, merge_kinds, scatter_state
 from ..model.walls import Wall, free_directions, smooth_materials, wall_names
@@ -162,15 +163,17 @@ class CaseGas:
         return DiskKinds.made(merge_kinds(kinds), self.n, self.n, squares, radii)
 
     @functools.cached_property
-    def laws(self) -> list[list[IFRLaw | None]]:
+    def laws(self) -> list[list[CollisionLaw | None]]:
         """The law of each pair of `materials`; None for two that only walls are made of, which never meet.
 
         It is made for the largest mean k of what meets with them.
         """
-        found: dict[frozenset[str], IFRLaw] = {}
+        found: dict[frozenset[str], CollisionLaw] = {}
         for each in self.verdicts:
             pair, law = each.materials, each.law
-            if law is not None and (pair not in found or law.k > found[pair].k):
+            if law is not None and (
+                pair not in found or getattr(law, "k", 0.0) > getattr(found[pair], "k", 0.0)
+            ):
                 found[pair] = law
         return [[found.get(frozenset((a, b))) for b in self.materials] for a in self.materials]
 
@@ -184,7 +187,7 @@ class CaseGas:
         """Time of the run's clock at the start [time], and number of collisions of all disks until then."""
         return (0.0, 0) if self.given is None else (self.given.time, self.given.collisions)
 
-    def law(self, i: int = 0, j: int = 0) -> IFRLaw:
+    def law(self, i: int = 0, j: int = 0) -> CollisionLaw:
         """The law of two species, by their numbers."""
         a, b = (self.materials.index(self.species[one].material) for one in (i, j))
         found = self.laws[a][b]
@@ -365,10 +368,8 @@ class CaseGas:
         return drawn, np.concatenate(spin)
 
     def _coefficient(self, name: str) -> NDArray[np.float64]:
-        """A coefficient of the law of each pair of materials, shape (M, M); nan for two that never meet."""
-        return np.array(
-            [[math.nan if law is None else getattr(law, name) for law in row] for row in self.laws]
-        )
+        """A coefficient of the law of each pair of materials, shape (M, M); nan where there is none."""
+        return np.array([[getattr(law, name, math.nan) for law in row] for row in self.laws])
 
     @functools.cached_property
     def free(self) -> tuple[bool, bool]:

@@ -64,7 +64,7 @@ def _translated(error: Mapping[str, Any], location: Location) -> Problem:
     elif kind == "choice":
         text = context["text"]
     elif kind in ("union_tag_invalid", "union_tag_not_found"):
-        name = context["discriminator"].strip("'")
+        name = context["discriminator"].strip("'").removesuffix("()")
         about = location.models[0].about(name)[0]
         key = (*key, name)
         if kind == "union_tag_not_found":

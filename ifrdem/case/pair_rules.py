@@ -5,13 +5,16 @@ from __future__ import annotations
 import contextlib
 import itertools
 import warnings
-from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
 from ..errors import InputError, nearest
 from ..model.coin_table import coins
-from ..model.ifr import COEFFICIENTS, EnergyWarning, IFRLaw
+from ..model.ifr import EnergyWarning, IFRLaw
+from ..model.law import CollisionLaw
 from .case import CaseSections
+from .laws_section import IFRMaterial
 from .species import Species
 
 
@@ -24,16 +27,16 @@ class PairVerdict(NamedTuple):
     admissible: bool
     strict: bool
     message: str
-    law: IFRLaw | None
+    law: CollisionLaw | None
     materials: frozenset[str] = frozenset()
 
 
-Coefficients = tuple[str, dict[str, Any]]
-"""The key that coefficients come from, and what a law is made of."""
+Coefficients = tuple[str, Callable[[float], CollisionLaw]]
+"""The key that coefficients come from, and what makes the law of a mean shape number k."""
 
 
-def _of_law(key: str, law: IFRLaw, **other: Any) -> Coefficients:
-    return key, {name: getattr(law, name) for name in COEFFICIENTS} | other
+def _of_coin(key: str, law: IFRLaw) -> Coefficients:
+    return key, lambda k: replace(law, k=k)
 
 
 def _coefficients(case: CaseSections, a: str, b: str) -> Coefficients | str | None:
@@ -41,25 +44,24 @@ def _coefficients(case: CaseSections, a: str, b: str) -> Coefficients | str | No
     if a != b:
         for i, pair in enumerate(case.pair):
             if set(pair.materials) == {a, b}:
-                return f"pair[{i}]", pair.model_dump(exclude={"materials"})
+                return f"pair[{i}]", pair.made
         coin_a, coin_b = _coin_of(case, a), _coin_of(case, b)
         if coin_a is not None and coin_b is not None:
             with contextlib.suppress(InputError):  # the paper did not measure this pair: the case has to say
-                return _of_law(f"'{coin_a}' with '{coin_b}'", coins.pair(coin_a, coin_b))
+                return _of_coin(f"'{coin_a}' with '{coin_b}'", coins.pair(coin_a, coin_b))
         return f"missing for the materials '{a}' and '{b}': give their e_n, e_t and mu in a [[pair]]"
     for i, material in enumerate(case.material):
-        if material.name == a and material.coin is None:
-            return f"material[{i}]", material.model_dump(include=set(COEFFICIENTS))
-        if material.name == a and material.coin is not None:
-            law = coins[material.coin].law
-            return _of_law(f"material[{i}]", law, sticking=material.sticking, rho=material.rho)
-    return _of_law(f"coin '{a}'", coins[a].law) if a in coins and _coin_of(case, a) == a else None
+        if material.name == a:
+            return f"material[{i}]", material.made
+    return _of_coin(f"coin '{a}'", coins[a].law) if a in coins and _coin_of(case, a) == a else None
 
 
 def _coin_of(case: CaseSections, material: str) -> str | None:
     """The coin whose coefficients a material has, if it has a coin's."""
     for each in case.material:
         if each.name == material:
+            if not isinstance(each, IFRMaterial):
+                return None
             plain = each.sticking == "percussion_center" and each.rho == 0.0
             return each.coin if plain else None
     used = (each.coin for each in case.species if each.material is None)
@@ -104,7 +106,7 @@ def _worst(made_of: Coefficients, one: Species, other: Species) -> PairVerdict:
     mass, others = one.summary.mass, other.summary.mass
     ends = {(mass.low, others.high), (mass.high, others.low)}
     found = [_verdict(made_of, one.name, other.name, one.k, other.k, *masses) for masses in ends]
-    worst = min(found, key=lambda each: (each.admissible, each.strict, -each.law.k if each.law else 0.0))
+    worst = min(found, key=lambda each: (each.admissible, each.strict, -getattr(each.law, "k", 0.0)))
     return worst._replace(materials=frozenset((one.material, other.material)))
 
 
@@ -112,11 +114,14 @@ def _verdict(
     made_of: Coefficients, first: str, second: str, k_1: float, k_2: float, m_1: float = 1.0, m_2: float = 1.0
 ) -> PairVerdict:
     """The verdict for two disks with these k and masses."""
-    key, coefficients = made_of
+    key, law_of = made_of
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", EnergyWarning)  # the verdict says the same
-            law = IFRLaw(**coefficients, k=(k_1 * m_2 + k_2 * m_1) / (m_1 + m_2))
-        return PairVerdict(first, second, key, *law.admissibility(k_1, k_2, m_1, m_2), law)
+            law = law_of((k_1 * m_2 + k_2 * m_1) / (m_1 + m_2))
+            if isinstance(law, IFRLaw):
+                return PairVerdict(first, second, key, *law.admissibility(k_1, k_2, m_1, m_2), law)
+            law.check(k_1, k_2, m_1, m_2)
+        return PairVerdict(first, second, key, True, True, f"{law}: no collision adds energy", law)
     except InputError as error:
         return PairVerdict(first, second, key, False, False, str(error), None)

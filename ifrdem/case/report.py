@@ -12,6 +12,7 @@ import numpy as np
 
 from ..model.box import describe_sides
 from ..model.density import packing_fraction
+from ..model.law_records import to_record
 from ..model.walls import Wall
 from ..mpi.distribution import GATHERED
 from ..simulation import backend
@@ -171,7 +172,11 @@ def _laws(gas: CaseGas) -> Iterator[ReportRow]:
         law = verdict.law
         assert law is not None  # a gas has no refused pairs
         text = "strictly admissible" if verdict.strict else "admissible by the total energy budget only"
-        text += f" (e_n = {law.e_n:g}, e_t = {law.e_t:g}, mu = {law.mu:g}, {law.sticking}, rho = {law.rho:g})"
+        values = (
+            f"{key} = {value}" if isinstance(value, str) else f"{key} = {value:g}"
+            for key, value in to_record(law).items()
+        )
+        text += f" ({', '.join(values)})"
         yield ReportRow(f"law of {verdict.first}, {verdict.second}", text)
         if not verdict.strict:
             yield ReportRow("", verdict.message)
@@ -252,7 +257,7 @@ def _collapse(gas: CaseGas, units: Units) -> Iterator[ReportRow]:
     elif (
         any(gas.case.box.gravity)
         and gas.free_area.all_walls
-        and not all(each.law and each.law.e_n == 1.0 for each in gas.verdicts)
+        and any(each.law and each.law.is_dissipative for each in gas.verdicts)
     ):
         remedies = '"velocity_cutoff" or "tc"' if any(wall.piston for wall in gas.walls) else '"rest"'
         text = f"no remedy: disks that come to rest on others end the run; set run.collapse = {remedies}"

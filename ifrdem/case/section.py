@@ -8,7 +8,7 @@ import inspect
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, get_args
+from typing import Annotated, Any, ClassVar, get_args
 
 from pydantic import (
     BaseModel,
@@ -24,6 +24,7 @@ from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError, V
 
 from ..errors import InputError
 
+Name = Annotated[str, Field(min_length=1, max_length=100)]
 LEAST, MOST = 1e-50, 1e50
 """Range of the magnitude of numbers other than 0: products of six of them can be computed with."""
 

@@ -6,7 +6,6 @@ from .data import example as example
 from .data import read as read
 from .laws import LAWS as LAWS
 from .laws import Law as Law
-from .laws import Walton as Walton
 from .laws import own as own
 from .maximum import fit as fit
 from .model import Pair as Pair

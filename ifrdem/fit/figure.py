@@ -30,7 +30,7 @@ Style = tuple[str, Any, str]
 # Okabe and Ito's colours, distinct with every kind of colour blindness; and by line and marker too.
 STYLES: tuple[Style, ...] = (("#0072B2", "-", "o"), ("#D55E00", "--", "s"), ("#009E73", "-.", "^"), ("#CC79A7", ":", "v"), ("#56B4E9", (0, (5, 1, 1, 1)), "D"), ("#E69F00", "-", "P"))  # fmt: skip  # noqa: E501
 _DATA, _OUT = "#222222", "#CC0000"
-SYMBOLS = {"e_n": "$e_n$", "e_t": "$e_t$", "mu": r"$\mu$", "rho": r"$\rho$", "beta": r"$\beta$"}
+SYMBOLS = {"e_n": "$e_n$", "e_t": "$e_t$", "mu": r"$\mu$", "rho": r"$\rho$", "beta_0": r"$\beta_0$"}
 
 
 @dataclass(frozen=True, eq=False)

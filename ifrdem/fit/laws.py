@@ -14,7 +14,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType, SimpleNamespace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,13 +22,14 @@ from numpy.typing import NDArray
 from ..errors import InputError, nearest, refuse, there_are
 from ..model.ifr import REQUIRED_COEFFICIENTS, STICKING, EnergyWarning, IFRLaw
 from ..model.law import OF_PAIR, CollisionLaw
+from ..model.walton import Walton
 from ..tools.checked import validated
 
 Array = NDArray[np.float64]
 Range = tuple[float, float]
 
 RANGES: Mapping[str, Range] = MappingProxyType(
-    {"e_n": (0.0, 1.0), "e_t": (-1.0, 1.0), "mu": (0.0, 10.0), "beta": (-1.0, 1.0)}
+    {"e_n": (0.0, 1.0), "e_t": (-1.0, 1.0), "mu": (0.0, 10.0), "beta_0": (-1.0, 1.0)}
 )
 """Lowest and highest values of coefficients by name; a real mu is well below 10."""
 
@@ -36,37 +37,11 @@ _START_RANGES: Mapping[str, Range] = {
     "e_n": (0.3, 0.98),
     "e_t": (-0.98, 0.1),
     "mu": (0.02, 0.7),
-    "beta": (-0.5, 0.8),
+    "beta_0": (-0.5, 0.8),
 }
 _STEEP = 1e12  # a friction coefficient with which every impact sticks
 SMALLEST, LARGEST = 1e-7, 0.5 * math.pi - 1e-7
 """Angles of incidence [rad] as good as 0 and 90 degrees, where ratios of slips have only a limit."""
-
-
-class Walton(CollisionLaw):
-    """Constant restitution beta of the slip, up to Coulomb's limit.
-
-    P_n = (1 + e_n) m_n g_n, |P_t| = min(mu P_n, (1 + beta) m_t |g_t|): O. R. Walton, in Particulate Two-Phase Flow
-    (1993), chapter 25. beta = 0 stops the slip, which is Brach's law; beta = -1 leaves it, a smooth disk.
-
-    Examples
-    --------
-    >>> from ifrdem import fit
-    >>> fit.Walton(e_n=0.9, beta=0.4, mu=0.2).coefficients
-    ('e_n', 'beta', 'mu')
-    """
-
-    coefficients: ClassVar[tuple[str, ...]] = ("e_n", "beta", "mu")
-
-    @staticmethod
-    def collide(pair: Any, law: Any) -> tuple[Any, Any, Any]:
-        """Impulses P_n, P_t and no rolling friction."""
-        from ..kernels.language import ti
-
-        P_n = (1.0 + law.e_n) * pair.m_n * pair.g_n
-        P_stick = (1.0 + law.beta) * pair.m_t * ti.abs(pair.g_t)
-        direction = 1.0 * (pair.g_t > 0.0) - 1.0 * (pair.g_t < 0.0)
-        return P_n, direction * ti.min(law.mu * P_n, P_stick), 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +123,7 @@ class Law:
                 SimpleNamespace(**dict(zip(OF_PAIR, pair, strict=True))), self._named(row)
             )
             return impulses
-        function = inspect.unwrap(self.kind.impulses())  # that of Python, also of a function of Taichi
+        function = inspect.unwrap(self.kind.collide)  # that of Python, also of a function of Taichi
 
         def one(*numbers: float) -> tuple[float, ...]:
             named = SimpleNamespace(**dict(zip(OF_PAIR, numbers, strict=False)))
@@ -242,15 +217,15 @@ def own(kind: type[CollisionLaw], ranges: Mapping[str, Range] | None = None) -> 
         With a `collide` that can be called with numbers.
     ranges : mapping of str to (float, float), optional
         Lowest and highest finite value of each coefficient, also where searches start; not needed for e_n,
-        e_t, mu, beta.
+        e_t, mu, beta_0.
 
     Examples
     --------
-    >>> from ifrdem import fit
-    >>> fit.own(fit.Walton).free
-    ('e_n', 'beta', 'mu')
+    >>> from ifrdem import fit, laws
+    >>> fit.own(laws.Walton).free
+    ('e_n', 'beta_0', 'mu')
     """
-    if not _is_law(kind) or kind.impulses() is CollisionLaw.collide:
+    if not _is_law(kind) or kind.collide is CollisionLaw.collide:
         raise InputError(
             f"kind = {kind!r}: must be a class derived from ifrdem.CollisionLaw with a method collide"
         )

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..model.walton import Walton
 from ..tools.checked import Count, Seed, validated
 from .data import Data
 from .model import MEASURED
@@ -254,13 +255,13 @@ def material(fit: Fit, name: str) -> str:
     '# Fitted to 18 impacts of data.csv (delta_1, delta_2) by `ifrdem fit`; M = 1, k_1 = 2, k_2 = 2.'
     """
     fitted = fit.laws[fit.best]
-    if fitted.law.sticking is None:
+    if fitted.law.sticking is None and fitted.law.kind is not Walton:
         raise InputError(
-            f"no material is written: a case knows the IFR law only, and {fit.best} fits best; --model chooses"
+            f"no material is written: a case knows laws by name only, and {fit.best}, which fits best, has none; "
+            "--model chooses"
         )
     verdict = fitted.admissibility
-    assert verdict is not None
-    if not verdict.admissible:
+    if verdict is not None and not verdict.admissible:
         raise InputError(f"no material is written, because a case would refuse it: {verdict.message}")
     chosen = (
         "preferred by the data"
@@ -282,7 +283,9 @@ def material(fit: Fit, name: str) -> str:
 
 
 def _material(name: str, fitted: Fitted) -> list[str]:
-    lines = ["[[material]]", f"name = {json.dumps(name, ensure_ascii=False)}"]
+    walton = fitted.law.kind is Walton
+    law = ['law = "walton"'] * walton
+    lines = ["[[material]]", f"name = {json.dumps(name, ensure_ascii=False)}", *law]
     for key, number in fitted.coefficients.items():
         if key == "rho" and number == 0.0:
             continue
@@ -293,7 +296,7 @@ def _material(name: str, fitted: Fitted) -> list[str]:
             each = fitted.estimates[key]
             about = f"interval {_short(each.interval.low)} to {_short(each.interval.high)}"
         lines.append(f"{key} = {value!r}  # {unit}, {about}")
-    return [*lines, f'sticking = "{fitted.law.sticking}"']
+    return lines if walton else [*lines, f'sticking = "{fitted.law.sticking}"']
 
 
 @validated

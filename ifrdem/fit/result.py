@@ -270,7 +270,7 @@ def law_warnings(fitted: Fitted, others: Sequence[tuple[Array, float]], *, robus
                 below = f", and the transition is only known to be below {high:.3g} degrees"
             text = "no impact sticks: the kind of sticking is not tested"
             found.append(f"{text}{below}; measure impacts at smaller psi")
-    for name, whole in (("e_n", 1.0), ("e_t", 2.0), ("beta", 2.0)):
+    for name, whole in (("e_n", 1.0), ("e_t", 2.0), ("beta_0", 2.0)):
         if name not in estimates:
             continue
         low, high = estimates[name].interval.low, estimates[name].interval.high

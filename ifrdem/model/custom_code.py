@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dis
+import importlib
 import inspect
 import re
 import weakref
@@ -32,12 +33,30 @@ def named_numbers(owner: str, what: str, names: Sequence[str], given: Mapping[st
     return {name: checked.FINITE(f"{owner}: {name}", given[name]) for name in names}
 
 
+class FromKernels:
+    """A function of a module of `kernels`, imported where it is first asked for: Taichi is slow to import."""
+
+    def __init__(self, module: str, name: str) -> None:
+        self._module, self._name = module, name
+
+    def __get__(self, law: Any, kind: type) -> Callable[..., Any]:
+        """The function."""
+        found: Callable[..., Any] = getattr(
+            importlib.import_module(f"ifrdem.kernels.{self._module}"), self._name
+        )
+        return found
+
+
 def declared_names(kind: type, base: type) -> frozenset[str]:
     """Names of the data of classes, from `kind` up to `base`: those in class bodies, and those set in `__init__`."""
     found: set[str] = set()
     for one in kind.__mro__[: kind.__mro__.index(base)]:
         found |= inspect.get_annotations(one).keys()
-        found |= {name for name, value in vars(one).items() if not callable(getattr(one, name, value))}
+        found |= {
+            name
+            for name, value in vars(one).items()
+            if not isinstance(value, FromKernels) and not callable(getattr(one, name, value))
+        }
         made = inspect.unwrap(vars(one).get("__init__", lambda: None))
         found |= {each.argval for each in dis.get_instructions(made) if each.opname == "STORE_ATTR"}
     return frozenset(name for name in found if not name.startswith("_") and not hasattr(base, name))

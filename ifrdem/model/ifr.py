@@ -9,10 +9,9 @@ from __future__ import annotations
 import math
 import sys
 import warnings
-from collections.abc import Callable
 from dataclasses import MISSING, dataclass, field, fields
 from enum import IntEnum
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 from ..tools import checked
 from ..tools.checked import LEAST, MOST, Array, Number, Numbers, validated
+from .custom_code import FromKernels
 from .law import CollisionLaw, EnergyWarning
 
 STICKING = ("percussion_center", "contact_point")
@@ -159,6 +159,9 @@ class IFRLaw(CollisionLaw):
     """
 
     coefficients: ClassVar[tuple[str, ...]] = ("e_n", "e_t", "mu", "contact_point", "rho")
+    is_proved: ClassVar[bool] = True
+    collide = FromKernels("law", "ifr")
+    parts = FromKernels("law", "ifr_parts")
 
     e_n: float
     e_t: float
@@ -203,19 +206,10 @@ class IFRLaw(CollisionLaw):
         """The numbers that `collide_pair` takes: e_n, e_t, mu, contact_point (1.0 or 0.0), rho [length]."""
         return self.e_n, self.e_t, self.mu, float(self.sticking == "contact_point"), self.rho
 
-    @classmethod
-    def impulses(cls) -> Callable[..., Any]:
-        """The function that the engine compiles: `ifrdem.kernels.law.ifr`."""
-        from ..kernels.law import ifr  # imports Taichi, which is slow
-
-        return ifr
-
-    @classmethod
-    def parts(cls) -> Callable[..., Any]:
-        """Function that gives P_et for the ledger, and the regime."""
-        from ..kernels.law import ifr_parts  # imports Taichi, which is slow
-
-        return ifr_parts
+    @property
+    def is_dissipative(self) -> bool:
+        """True if e_n is below 1."""
+        return self.e_n < 1.0
 
     def _act_on(self, verdict: Admissibility, stacklevel: int) -> None:
         if not verdict.admissible:
@@ -275,6 +269,40 @@ class IFRLaw(CollisionLaw):
         if 1.0 - ac >= -1.0:
             remedies.insert(0, f"e_t <= {1.0 - ac:g}")
         return f"With {' or '.join(remedies)} it would not"
+
+
+def smooth_disks(e_n: float) -> IFRLaw:
+    """The law of smooth disks: normal restitution only, which is the IFR law with e_t = -1 and mu = 0.
+
+    Examples
+    --------
+    >>> from ifrdem import laws
+    >>> laws.smooth_disks(0.9) == laws.IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
+    True
+    """
+    return IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0)
+
+
+def rough_disks(e_n: float, beta: float) -> IFRLaw:
+    """The law of rough disks of constant normal and tangential restitution: the IFR law with e_t = beta and mu = 0.
+
+    J. T. Jenkins and M. W. Richman, Phys. Fluids 28, 3485 (1985), doi:10.1063/1.865302.
+
+    Parameters
+    ----------
+    e_n : float
+        Normal restitution, 0 to 1.
+    beta : float
+        Tangential restitution, -1 (smooth) to 1 (perfectly rough): each collision reverses the slip and multiplies it
+        by beta.
+
+    Examples
+    --------
+    >>> from ifrdem import laws
+    >>> laws.rough_disks(1.0, beta=1.0).e_t
+    1.0
+    """
+    return IFRLaw(e_n=e_n, e_t=beta, mu=0.0)
 
 
 def _mean_k(k_i: ArrayLike, k_j: ArrayLike, m_i: ArrayLike, m_j: ArrayLike) -> Array:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+import inspect
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 from ..errors import nearest
-from ..tools.checked import Array
+from ..tools.checked import Array, Number
 from ..tools.read_only import ReadOnlyAttributes
-from .custom_code import check_signature, declared_names, named_numbers
+from .custom_code import FromKernels, check_signature, declared_names, named_numbers
 
 OF_PAIR = (
     "g_n", "g_t", "m_n", "m_t", "inverse_mass_i", "radius_i", "k_i", "spin_i",
@@ -38,6 +40,10 @@ class CollisionLaw(ReadOnlyAttributes):
     ----------
     coefficients : tuple of str
         Names of the law's coefficients, by which `collide` gets them.
+    ranges : mapping
+        Checks of coefficients by name (`Number(low, high, text)`), beyond that they are finite.
+    is_proved : bool
+        True if `check` proves that no collision adds energy; simulations sample other laws.
 
     Notes
     -----
@@ -63,6 +69,8 @@ class CollisionLaw(ReadOnlyAttributes):
     """
 
     coefficients: ClassVar[tuple[str, ...]] = ()
+    ranges: ClassVar[Mapping[str, Number]] = MappingProxyType({})
+    is_proved: ClassVar[bool] = False
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -70,6 +78,8 @@ class CollisionLaw(ReadOnlyAttributes):
 
     def __init__(self, **values: float) -> None:
         row = named_numbers(type(self).__name__, "coefficient", self.coefficients, values)
+        for name, in_range in self.ranges.items():
+            in_range(name, row[name])
         self._row = tuple(row.values())
 
     def __getattr__(self, name: str) -> float:
@@ -79,6 +89,22 @@ class CollisionLaw(ReadOnlyAttributes):
 
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *self.coefficients})
+
+    def __repr__(self) -> str:
+        """The law and its coefficients."""
+        values = zip(self.coefficients, self.table_row(), strict=True)
+        return f"{type(self).__name__}({', '.join(f'{name}={value:g}' for name, value in values)})"
+
+    def __eq__(self, other: object) -> bool:
+        """True for the same law with the same coefficients."""
+        return (
+            isinstance(other, CollisionLaw)
+            and type(self) is type(other)
+            and self.table_row() == other.table_row()
+        )
+
+    def __hash__(self) -> int:
+        return hash((type(self), self.table_row()))
 
     @staticmethod
     def collide(pair: Any, law: Any) -> tuple[Any, Any, Any]:
@@ -109,19 +135,19 @@ class CollisionLaw(ReadOnlyAttributes):
         # Abstract: `PairLaws` refuses a law without its own, by name, before anything is compiled.
         raise NotImplementedError
 
-    @classmethod
-    def impulses(cls) -> Callable[..., Any]:
-        """The function that the engine compiles: `collide`."""
-        return cls.collide
-
-    @classmethod
-    def parts(cls) -> Callable[..., Any] | None:
-        """Function that gives restitution's part of P_t for the ledger, and the regime; None of a law without."""
-        return None
+    parts: ClassVar[Callable[..., Any] | None] = None
+    """`collide` with a ledger, a static method: it also returns the part of P_t that tangential restitution gives, and
+    1.0 or 0.0 if friction stopped the slip, and if the rolling torque was its greatest. Without it all of P_t counts
+    as restitution."""
 
     def table_row(self) -> tuple[float, ...]:
         """The coefficients in their order."""
         return self._row
+
+    @property
+    def is_dissipative(self) -> bool:
+        """True if every collision is known to take energy."""
+        return False
 
     @classmethod
     def column(cls, table: Array, name: str) -> Array:
@@ -139,10 +165,9 @@ def compiled(kind: type[CollisionLaw]) -> Any:
     from ..kernels.language import declared
     from ..kernels.layout import CompiledLaw
 
-    function = kind.impulses()
-    if function is kind.collide:
-        check_signature(f"law {kind.__name__}", function, ("pair", "law"))
-    function = declared(function)
-    custom = kind.impulses.__func__ is CollisionLaw.impulses.__func__  # type: ignore[attr-defined]
-    names = (tuple(kind.coefficients) or ("none",)) if custom else ()
-    return CompiledLaw(function, max(len(kind.coefficients), 1), kind.parts(), names)
+    if not isinstance(inspect.getattr_static(kind, "collide"), FromKernels):
+        check_signature(f"law {kind.__name__}", kind.collide, ("pair", "law"))
+    owners = [next(each for each in kind.__mro__ if name in vars(each)) for name in ("parts", "collide")]
+    parts = kind.parts if issubclass(*owners) else None  # not of a law whose `collide` another one replaces
+    names = tuple(kind.coefficients) or ("none",)
+    return CompiledLaw(declared(kind.collide), names, parts and declared(parts))

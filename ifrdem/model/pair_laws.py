@@ -11,7 +11,6 @@ import numpy as np
 
 from ..errors import InputError
 from ..tools.checked import Array
-from .ifr import IFRLaw
 from .law import CollisionLaw
 from .law_sampling import check_by_sampling
 from .state import Disks
@@ -64,7 +63,7 @@ class PairLaws:
     @property
     def is_passive(self) -> bool:
         """True if it is known that no collision adds energy; else `check_by_sampling` tries some."""
-        return self.kind is IFRLaw
+        return self.kind.is_proved
 
     def check_by_sampling(self, disks: Disks, of_walls: Sequence[int], speed: float) -> None:
         """Try laws that are not known to be passive on random pairs (`law_sampling.py`)."""
@@ -95,7 +94,7 @@ def _kind(table: Laws) -> type[CollisionLaw]:
     kinds: list[type[CollisionLaw]] = []
     for law in (law for row in table for law in row):
         kind: Any = type(law)
-        if not isinstance(law, CollisionLaw) or kind.impulses() is CollisionLaw.collide:
+        if not isinstance(law, CollisionLaw) or kind.collide is CollisionLaw.collide:
             raise InputError(
                 f"law = {law!r}: must be an IFRLaw, or an object of a class derived from ifrdem.CollisionLaw with a "
                 "method collide"

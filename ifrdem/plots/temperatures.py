@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from ..analysis import result
 from ..errors import InputError, TheoryWarning
-from ..model.ifr import EnergyWarning, IFRLaw
+from ..model.ifr import EnergyWarning
+from ..model.law import CollisionLaw
 from ..model.state import Disks
+from ..model.viscoelastic import Viscoelastic
 from ..theory import driven_gas, sheared_gas
 from ..theory.choose import prediction
 from ..theory.driven_gas import Driving
@@ -47,7 +49,7 @@ class _Gas:
     """Gas of a trajectory as kinetic theory takes it: temperatures at its start are those of each kind of disks."""
 
     disks: Disks
-    laws: list[list[IFRLaw]]
+    laws: list[list[CollisionLaw]]
     phi: float
     T0: Array
     T_rot0: Array
@@ -55,7 +57,7 @@ class _Gas:
     kinds: int
 
     @property
-    def one_kind(self) -> tuple[IFRLaw, float, float, float, float]:
+    def one_kind(self) -> tuple[Any, float, float, float, float]:
         """Law, mass, radius, k and packing fraction, as theories of equal disks take them."""
         d, material = self.disks, int(self.disks.material[0])
         return self.laws[material][material], float(d.mass[0]), float(d.radius[0]), float(d.k[0]), self.phi
@@ -116,13 +118,12 @@ def _gas(trajectory: Trajectory) -> _Gas | str:
             return f"{text}: no kinetic theory here"
     phi = trajectory.box.packing_fraction(disks.radius)
     with warnings.catch_warnings(action="ignore", category=EnergyWarning):
-        rows = [[one for one in line if one is not None] for line in trajectory.laws]
-        if any(len(line) < len(rows) for line in rows):
-            return "materials that never meet: no kinetic theory here"
-        if any(row["rho"] > 0.0 for line in rows for row in line):
-            return "rolling friction: no kinetic theory here"
         try:
-            laws = _laws(disks, rows)
+            laws = [[one for one in line if one is not None] for line in trajectory.laws]
+            if any(len(line) < len(laws) for line in laws):
+                return "materials that never meet: no kinetic theory here"
+            if any(getattr(one, "rho", 0.0) > 0.0 for line in laws for one in line):
+                return "rolling friction: no kinetic theory here"
             _, which = Mixture.of(disks, laws, phi)
         except InputError as error:
             return f"no kinetic theory here: {error}"
@@ -144,18 +145,6 @@ def _forces(given: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return given
 
 
-def _laws(disks: Disks, rows: list[list[dict[str, Any]]]) -> list[list[IFRLaw]]:
-    """The table [material][material] of a file, each law with the mean k of a pair of disks that is there."""
-    m, k = (
-        np.array([column[disks.material == a][0] if np.any(disks.material == a) else 2.0 for a in range(len(rows))])
-        for column in (disks.mass, disks.k)
-    )  # fmt: skip
-    return [
-        [IFRLaw(**row, k=(k[a] * m[b] + k[b] * m[a]) / (m[a] + m[b])) for b, row in enumerate(line)]
-        for a, line in enumerate(rows)
-    ]
-
-
 def theory(trajectory: Trajectory, over: str = "t") -> tuple[Curves | None, tuple[float, float] | None, str]:
     """Curves of kinetic theory, T and T_rot of the steady state, and a note; None where there are none.
 
@@ -172,6 +161,8 @@ def theory(trajectory: Trajectory, over: str = "t") -> tuple[Curves | None, tupl
             return None, None, "forces in a flow: no kinetic theory here"
         if gas.kinds > 1:
             return None, None, "several kinds of disks in a flow: no kinetic theory here"
+        if isinstance(gas.laws[0][0], Viscoelastic):
+            return None, None, "viscoelastic disks in a flow: no kinetic theory here"
         with warnings.catch_warnings(action="ignore", category=TheoryWarning):  # the run has said it
             steady = sheared_gas.steady_state(*gas.one_kind, rate)
         text, nothing = (
@@ -185,7 +176,8 @@ def theory(trajectory: Trajectory, over: str = "t") -> tuple[Curves | None, tupl
         if len(known) < len(drives):
             return None, None, "a force that is not linear: no kinetic theory here"
         moves |= any(driving.power for driving in known)
-        steady = driven_gas.steady_state(*gas.one_kind, known[0]) if gas.kinds == 1 and moves else None
+        if gas.kinds == 1 and moves and not isinstance(gas.laws[0][0], Viscoelastic):
+            steady = driven_gas.steady_state(*gas.one_kind, known[0])
     if not moves or times[-1] <= times[0]:
         return None, steady if rate else None, nothing
     elapsed = times[times > times[0]] - times[0]

@@ -23,7 +23,7 @@ from ..fit.figure import save
 from ..fit.tabular import TableFormat
 from ..initial import from_trajectory
 from ..model.box import Box
-from ..model.ifr import COEFFICIENTS, REQUIRED_COEFFICIENTS, EnergyWarning
+from ..model.ifr import COEFFICIENTS, REQUIRED_COEFFICIENTS, EnergyWarning, IFRLaw
 from ..model.overlaps import relax
 from ..model.state import State
 from ..simulation.simulation import Simulation
@@ -396,14 +396,16 @@ def _simulation(gas: CaseGas, law: Mapping[str, float] | None, state: State) -> 
     """The simulation of a state, with the coefficients `law` in place of those of every pair of materials."""
     if law is not None:
         numbers: dict[str, Any] = {name: float(law[name]) for name in _NUMBERS if name in law}
-        # The case has said so of its own coefficients.
-        with warnings.catch_warnings(action="ignore", category=EnergyWarning):
-            gas = replace(
-                gas,
-                verdicts=tuple(
-                    each._replace(law=each.law and replace(each.law, **numbers)) for each in gas.verdicts
-                ),
-            )
+        drawn = []
+        for each in gas.verdicts:
+            if not isinstance(each.law, IFRLaw):
+                raise InputError(
+                    f"laws: law of {each.first} and {each.second} is {each.law}: must be an IFRLaw"
+                )
+            # The case has said so of its own coefficients.
+            with warnings.catch_warnings(action="ignore", category=EnergyWarning):
+                drawn.append(each._replace(law=replace(each.law, **numbers)))
+        gas = replace(gas, verdicts=tuple(drawn))
     return gas.simulation(state)
 
 

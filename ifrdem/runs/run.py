@@ -22,7 +22,7 @@ from ..case.estimate import RunEstimate
 from ..case.file import CaseFile
 from ..case.gas import REPORTED_DRIFT, CaseGas
 from ..errors import EngineError, InputError, Stopped, TrajectoryError, counted, refuse
-from ..model.ifr import COEFFICIENTS
+from ..model.law_records import to_record
 from ..model.observables import MECHANISMS, TANGENTIAL, Measure, drift_text
 from ..model.state import State, gather_state
 from ..model.walls import wall_names
@@ -563,7 +563,7 @@ def _record(file: CaseFile, cores: int, ranks: int = 1) -> dict[str, str | int |
     """Record of a trajectory's origin, its parameters."""
     case, gas = file.case, file.gas
     species = [{"name": each.name, "number": each.number, "material": each.material} for each in gas.species]
-    laws = [[law and {key: getattr(law, key) for key in COEFFICIENTS} for law in row] for row in gas.laws]
+    laws = [[law and to_record(law) for law in row] for row in gas.laws]
     return {
         "name": case.run.name,
         "seed": case.run.seed,

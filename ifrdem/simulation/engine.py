@@ -470,7 +470,7 @@ class Engine:
         """Refuse a law, gravity or forces that cannot be combined with the remedy for inelastic collapse."""
         checks.check_collapse(
             self.options.collapse, self.kinds, self.box, self.walls, gravity, forces, law,
-            IFRLaw.column(law_table, "e_n") if law is IFRLaw else None, self.options.device,
+            law.column(law_table, "e_n") if law.is_proved and "e_n" in law.coefficients else None, self.options.device,
         )  # fmt: skip
 
     def _wake(self) -> None:

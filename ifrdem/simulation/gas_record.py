@@ -12,8 +12,8 @@ from ..model import walls
 from ..model.box import Box
 from ..model.collapse import Collapse
 from ..model.gravity import RotatingGravity
-from ..model.ifr import IFRLaw
 from ..model.law import CollisionLaw
+from ..model.law_records import ARGUMENTS, from_record, to_record
 from ..model.state import COLUMNS
 from .device import Device
 
@@ -95,10 +95,7 @@ def _with_tuples(record: dict[str, Any]) -> dict[str, Any]:
 
 def _compared(record: dict[str, Any]) -> dict[str, Any]:
     device = {key: value for key, value in record["device"].items() if key != "threads"}
-    law = [
-        [{key: value for key, value in one.items() if key != "examined_k"} for one in row]
-        for row in record["law"]
-    ]
+    law = [[{key: value for key, value in one.items() if key != "k"} for one in row] for row in record["law"]]
     given = [dict(wall) for wall in record["walls"]]
     for wall in given:
         if piston := wall.get("piston"):  # where a piston starts, as where disks do
@@ -113,20 +110,15 @@ def _kind(one: Any, ours: Sequence[type]) -> str:
 
 
 def _law_record(law: CollisionLaw) -> dict[str, Any]:
-    if type(law) is not IFRLaw:
-        return {"kind": _kind(law, ()), "values": dict(zip(law.coefficients, law.table_row(), strict=False))}
-    values = asdict(law)
-    return {"kind": "IFRLaw", "examined_k": values.pop("k"), "values": values}
+    if any(type(law) is kind for kind, _ in ARGUMENTS.values()):
+        return to_record(law)
+    return {"law": f"custom {law!r}"}
 
 
 def _laws(table: list[list[dict[str, Any]]]) -> list[list[CollisionLaw]]:
-    kind, values = table[0][0]["kind"], table[0][0]["values"]
-    if kind != "IFRLaw":
-        named = ", ".join(f"{name}={value:g}" for name, value in values.items())
-        raise InputError(
-            f"law = None: must be the {kind}({named}) of the gas: a checkpoint does not hold its code"
-        )
-    return [[IFRLaw(**one["values"], k=one["examined_k"]) for one in row] for row in table]
+    if (kind := table[0][0]["law"]) not in ARGUMENTS:
+        raise InputError(f"law = None: must be the {kind} of the gas: a checkpoint does not hold its code")
+    return [[from_record(one) for one in row] for row in table]
 
 
 def _forces() -> list[type[Force]]:

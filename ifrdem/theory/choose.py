@@ -13,6 +13,7 @@ from ..model.state import Disks
 from ..tools.checked import Array, NonNegativeColumn, NonNegativePerDisk, Real, validated
 from ..tools.reprs import Brief
 from . import mixtures, sheared_gas
+from .collisions import closed_law
 from .contact import PackingFraction
 from .driven_gas import Driving
 from .mixtures import LawTable, Mixture, MixtureTemperatures
@@ -84,7 +85,12 @@ def prediction(
         if forces or mixture.species > 1:
             what = "forces" if forces else f"{mixture.species} species"
             raise InputError(f"shear_rate = {shear_rate}: no theory of a sheared gas with {what}")
-        one = (mixture.law[0][0], float(mixture.mass[0]), float(mixture.radius[0]), float(mixture.k[0]))
+        one = (
+            closed_law("law", mixture.law[0][0]),
+            float(mixture.mass[0]),
+            float(mixture.radius[0]),
+            float(mixture.k[0]),
+        )
         start = (float(np.ravel(T0)[0]), float(np.ravel(T_rot0)[0]))
         return Prediction("sheared", *sheared_gas.sheared(*one, packing_fraction, shear_rate, *start, times))
     if not forces:

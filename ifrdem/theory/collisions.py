@@ -30,19 +30,28 @@ given g_t that of v_it is (a_i/S) g_t, and that of R_i w_i is (k_i tau_i / (m_i 
 
     <dE_i>     = m_n V [-2 (1 + e_n) a_i + (1 + e_n)^2 m_n/m_i - a_i A + (m_n/(2 m_i)) S B]
     <dE_rot,i> = m_n V k_i [-(tau_i / (m_i V)) A + (m_n/(2 m_i)) S B].
+
+*Other laws.* Walton's law has h = 0 and c = (1 + beta_0) m_t / m_n. Where e_n depends on g_n, as of viscoelastic
+spheres, the average over u comes first: with a = kappa y,
+
+    <|u| min(|u|, a)> = erf(a / sqrt 2),
+    <min(|u|, a)^2>   = erf(a / sqrt 2) - a sqrt(2/pi) exp(-a^2 / 2) + a^2 erfc(a / sqrt 2),
+
+and a sum over y gives J_1, J_2, and <(1 + e_n) y^2> and <(1 + e_n)^2 y^2> in place of 2 (1 + e_n) and 2 (1 + e_n)^2.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..model.ifr import COEFFICIENTS, REQUIRED_COEFFICIENTS, IFRLaw
+from ..model.ifr import IFRLaw, smooth_disks
+from ..model.viscoelastic import Viscoelastic
+from ..model.walton import Walton
 from ..tools.checked import (
     Array,
     NonNegative,
@@ -57,62 +66,121 @@ from .contact import PackingFraction, contact_value
 
 
 class Collider(NamedTuple):
-    """One of the two: mass [mass], shape number k in I = m R^2 / k, temperatures T, T_rot [energy]; or arrays."""
+    """One of the two: mass [mass], shape number k in I = m R^2 / k, temperatures T, T_rot [energy]; or arrays.
+
+    The radius [length] matters to viscoelastic spheres only.
+    """
 
     mass: ArrayLike
     k: ArrayLike
     T: ArrayLike
     T_rot: ArrayLike
+    radius: float = math.nan
 
 
-def checked_law(name: str, law: Any) -> IFRLaw:
-    """The law, or that of a mapping of coefficients (as in `Trajectory.laws`), if its averages are known.
+ClosedLaw = IFRLaw | Walton
+KnownLaw = ClosedLaw | Viscoelastic
+"""Laws whose averages over collisions are known."""
 
-    InputError if it is no IFR law, or has rolling friction.
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
+_HIGHEST = 9.0  # of y: beyond are 3e-18 of all collisions
+_ROOT = 0.5 * math.sqrt(_HIGHEST) * (_NODES + 1.0)  # of y, so that the power 1/5 is smooth enough
+_Y = _ROOT**2
+_Y_WEIGHTS = math.sqrt(_HIGHEST) * _WEIGHTS * _ROOT * _Y * np.exp(-0.5 * _Y**2)
+
+
+def checked_law(name: str, law: Any) -> KnownLaw:
+    """The law, if its averages are known.
+
+    InputError if they are not, or it has rolling friction.
     """
-    given = set(law) if isinstance(law, Mapping) else set()
-    found = IFRLaw(**law) if {*REQUIRED_COEFFICIENTS} <= given <= {*COEFFICIENTS, "k"} else law
-    if not isinstance(found, IFRLaw):
-        raise must_be(name, law, "an IFRLaw, whose averages have closed forms (ifrdem.DSMC takes any law)")
-    if found.rho != 0.0:
-        raise InputError(
-            f"{name}: rho = {found.rho}: must be 0, kinetic theory has no rolling friction (ifrdem.DSMC has)"
+    if not isinstance(law, IFRLaw | Walton | Viscoelastic):
+        raise must_be(
+            name,
+            law,
+            "an IFRLaw, Walton or Viscoelastic, whose averages are known (ifrdem.DSMC takes any law)",
         )
+    if isinstance(law, Walton):  # without restitution of the slip there is no friction
+        return law if law.beta_0 > -1.0 else smooth_disks(law.e_n)
+    if law.rho != 0.0:
+        raise InputError(
+            f"{name}: rho = {law.rho}: must be 0, kinetic theory has no rolling friction (ifrdem.DSMC has)"
+        )
+    return law
+
+
+def closed_law(name: str, law: Any) -> ClosedLaw:
+    """The law, if its averages have closed forms; else InputError."""
+    found = checked_law(name, law)
+    if isinstance(found, Viscoelastic):
+        raise must_be(name, law, "a law whose e_n is a constant (theory.prediction takes Viscoelastic)")
     return found
 
 
-KineticLaw = Annotated[IFRLaw, checked_law]
-"""A law whose averages are known, or a mapping of its coefficients."""
+KineticLaw = Annotated[ClosedLaw, closed_law]
+"""A law of constant e_n whose averages are known."""
 
 
-def tangential_averages(law: IFRLaw, inverse_a: ArrayLike, S: ArrayLike) -> tuple[Array, Array]:
-    """A and B of the tangential impulse, at inverse_a = m_t / m_n and S = <g_t^2> / V."""
-    ratio, S = np.asarray(inverse_a, dtype=np.float64), np.asarray(S, dtype=np.float64)
+def slip_coefficients(law: KnownLaw, inverse_a: ArrayLike) -> tuple[Array, Array]:
+    """h and c at inverse_a = m_t / m_n: restitution gives h m_n |g_t|, and friction c m_n |g_t| at most."""
+    ratio = np.asarray(inverse_a, dtype=np.float64)
+    if isinstance(law, Walton):
+        return np.zeros_like(ratio), (1.0 + law.beta_0) * ratio
     c = {"percussion_center": np.full_like(ratio, 0.5), "contact_point": ratio}[law.sticking]
-    h = (1.0 + law.e_t) * ratio
-    kappa = law.mu * (1.0 + law.e_n) / (c * np.sqrt(S))
+    return (1.0 + law.e_t) * ratio, c
+
+
+def is_smooth(law: KnownLaw) -> bool:
+    """True if the law has no tangential impulse."""
+    return law.mu == 0.0 and (isinstance(law, Walton) or law.e_t == -1.0)
+
+
+def tangential_averages(law: ClosedLaw, inverse_a: ArrayLike, S: ArrayLike) -> tuple[Array, Array]:
+    """A and B of the tangential impulse, at inverse_a = m_t / m_n and S = <g_t^2> / V."""
+    h, c = slip_coefficients(law, inverse_a)
+    kappa = law.mu * (1.0 + law.e_n) / (c * np.sqrt(np.asarray(S, dtype=np.float64)))
     root = np.sqrt(1.0 + kappa**2)
     J_1 = kappa / root
     J_2 = 2.0 * kappa**2 / (root * (root + kappa))  # = 2 kappa^2 (1 - J_1), without its cancellation
     return h + c * J_1, h**2 + 2.0 * h * c * J_1 + c**2 * J_2
 
 
-def energy_changes(law: IFRLaw, disk: Collider, other: Collider) -> tuple[Array, Array]:
+def _averages(
+    law: KnownLaw, inverse_a: Array, S: Array, m_n: Array, speed: Array, R: float
+) -> tuple[Any, Any, Array, Array]:
+    """<(1 + e_n) y^2>, <(1 + e_n)^2 y^2> / 2, A, B for g_n = speed y [length/time], effective radius R [length]."""
+    if not isinstance(law, Viscoelastic):
+        constant = 1.0 + law.e_n
+        return 2.0 * constant, constant**2, *tangential_averages(law, inverse_a, S)
+    from scipy.special import erf, erfc
+
+    both = 1.0 + law.restitutions(speed[..., None] * _Y, m_n[..., None], R)
+    h, c = slip_coefficients(law, inverse_a)
+    a = law.mu * both * _Y / (c * np.sqrt(S))[..., None]
+    first, tail = erf(a / math.sqrt(2.0)), erfc(a / math.sqrt(2.0))
+    second = first - a * math.sqrt(2.0 / math.pi) * np.exp(-0.5 * a**2) + a**2 * tail
+    J_1, J_2 = first @ _Y_WEIGHTS, second @ _Y_WEIGHTS
+    A, B = h + c * J_1, h**2 + 2.0 * h * c * J_1 + c**2 * J_2
+    return (both * _Y**2) @ _Y_WEIGHTS, 0.5 * ((both * _Y) ** 2 @ _Y_WEIGHTS), A, B
+
+
+def energy_changes(law: KnownLaw, disk: Collider, other: Collider, unit: float = 1.0) -> tuple[Array, Array]:
     """Mean energies [energy] that the motion and the spin of `disk` gain in a collision with `other`.
 
-    The two gases may have different temperatures; one at least of the two must move. Derived in the module's text.
+    The two gases may have different temperatures; one at least of the two must move. Temperatures may be in units of
+    mass times a speed `unit` [length/time] squared. Derived in the module's text.
     """
-    m_i, k_i, T_i, tau_i = (np.asarray(value, dtype=np.float64) for value in disk)
-    m_j, k_j, T_j, tau_j = (np.asarray(value, dtype=np.float64) for value in other)
+    m_i, k_i, T_i, tau_i = (np.asarray(value, dtype=np.float64) for value in disk[:4])
+    m_j, k_j, T_j, tau_j = (np.asarray(value, dtype=np.float64) for value in other[:4])
     m_n = 1.0 / (1.0 / m_i + 1.0 / m_j)
     m_t = 1.0 / ((1.0 + k_i) / m_i + (1.0 + k_j) / m_j)
     V = T_i / m_i + T_j / m_j
     S = 1.0 + (k_i * tau_i / m_i + k_j * tau_j / m_j) / V
-    A, B = tangential_averages(law, m_t / m_n, S)
+    R = disk.radius * other.radius / (disk.radius + other.radius)
+    N_1, N_2, A, B = _averages(law, m_t / m_n, S, m_n, unit * np.sqrt(V), R)
     a_i = T_i / (m_i * V)
     half = 0.5 * (m_n / m_i) * S * B
-    both = 1.0 + law.e_n
-    translation = m_n * V * (-2.0 * both * a_i + both**2 * (m_n / m_i) - a_i * A + half)
+    translation = m_n * V * (-N_1 * a_i + N_2 * (m_n / m_i) - a_i * A + half)
     rotation = m_n * V * k_i * (-tau_i / (m_i * V) * A + half)
     return translation, rotation
 

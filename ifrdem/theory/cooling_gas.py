@@ -30,7 +30,7 @@ from ..tools.checked import (
     PositiveArray,
     validated,
 )
-from .collisions import Collider, KineticLaw, collision_rate, energy_changes
+from .collisions import Collider, KineticLaw, collision_rate, energy_changes, slip_coefficients
 from .contact import PackingFraction
 
 
@@ -303,8 +303,8 @@ def cooling_ratios(law: KineticLaw, k: Positive) -> tuple[CoolingRatio, ...]:
     >>> [(round(found.theta, 3), found.stable) for found in theory.cooling_ratios(coin.law, coin.k)]
     [(0.619, True)]
     """
-    c = {"percussion_center": 0.5, "contact_point": 1.0 / (1.0 + k)}[law.sticking]
-    eta, gamma, f = (1.0 + law.e_t) / (2.0 * (1.0 + k)), 0.5 * c, law.mu * (1.0 + law.e_n) / c
+    h, c = slip_coefficients(law, 1.0 / (1.0 + k))
+    eta, gamma, f = 0.5 * float(h), 0.5 * float(c), law.mu * (1.0 + law.e_n) / float(c)
     d = Polynomial([0.0, 1.0 / (1.0 + f)])  # of order 1, however large f
     r, S = d + f, d * (d + 2.0 * f)
     theta = (S - 1.0) / k

@@ -19,9 +19,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..model.ifr import IFRLaw
 from ..tools.checked import Array, NonNegative, NonNegativeColumn, Positive, validated
-from .collisions import KineticLaw, collision_rate
+from .collisions import ClosedLaw, KineticLaw, collision_rate
 from .contact import PackingFraction
 from .cooling_gas import checked_times, cooling_rates, integrated
 
@@ -71,7 +70,7 @@ class Driving:
 class _Balance:
     """The heating minus the losses of a gas."""
 
-    law: IFRLaw
+    law: ClosedLaw
     mass: float
     radius: float
     k: float

@@ -12,7 +12,7 @@ A. Santos, arXiv:1803.04290, has the same for disks of constant roughness.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 from typing import Annotated, Any, NamedTuple
 
@@ -20,11 +20,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
-from ..model.ifr import IFRLaw
+from ..model.law import CollisionLaw
 from ..model.pair_laws import check_symmetric
 from ..model.state import Disks
 from ..tools.checked import Array, NonNegativeColumn, NonNegativePerDisk, PositivePerDisk, must_be, validated
-from .collisions import Collider, checked_law, energy_changes, mixture_collision_rates
+from .collisions import Collider, KnownLaw, checked_law, energy_changes, mixture_collision_rates
 from .contact import Contact, PackingFraction, mixture_contact_values
 from .cooling_gas import checked_times, cooled, integrated
 from .driven_gas import Driving
@@ -32,36 +32,35 @@ from .driven_gas import Driving
 MOST_SPECIES = 64  # every pair of them is summed at every step
 
 
-def _laws(name: str, law: Any) -> IFRLaw | tuple[tuple[IFRLaw | None, ...], ...]:
+def _laws(name: str, law: Any) -> KnownLaw | tuple[tuple[KnownLaw | None, ...], ...]:
     """One law, or a table; None in it stands for materials that never meet, as in `Trajectory.laws`."""
     if not isinstance(law, Sequence) or isinstance(law, str):
         return checked_law(name, law)
     if not law or not all(isinstance(row, Sequence) and not isinstance(row, str) for row in law):
-        raise must_be(name, law, "an IFRLaw, or a table of them, [material][material]")
+        raise must_be(name, law, "a law, or a table of laws, [material][material]")
     return tuple(
         tuple(None if one is None else checked_law(f"{name}[{a}][{b}]", one) for b, one in enumerate(row))
         for a, row in enumerate(law)
     )
 
 
-LawTable = Annotated[
-    IFRLaw | Sequence[Sequence[IFRLaw]] | Sequence[Sequence[Mapping[str, Any] | None]], _laws
-]
-"""One law for all pairs, or a table of laws or of their coefficients."""
+LawTable = Annotated[CollisionLaw | Sequence[Sequence[CollisionLaw | None]], _laws]
+"""One law for all pairs, or a table of laws."""
 
 
 @dataclass(frozen=True)
 class Mixture:
     """Species of a homogeneous gas, s of them.
 
-    InputError if a property is not positive, shapes do not fit, a law could add energy for a pair, is not an `IFRLaw`,
-    has rolling friction, or differs between `[i][j]` and `[j][i]`; or the packing fraction or `contact` is impossible.
+    InputError if a property is not positive, shapes do not fit, a law could add energy for a pair, has no known
+    averages, has rolling friction, or differs between `[i][j]` and `[j][i]`; or the packing fraction or `contact` is
+    impossible.
 
     Parameters
     ----------
     mass, radius, k : array_like (s,)
         Of one disk of each species [mass], [length], shape numbers in I = m R^2 / k.
-    law : IFRLaw or sequence of sequences of IFRLaw
+    law : IFRLaw, Walton or Viscoelastic, or sequence of sequences of them
         One for all pairs, or a symmetric table `[species][species]`. Without rolling friction.
     packing_fraction : float
         Part of the area that all disks together cover.
@@ -81,7 +80,7 @@ class Mixture:
 
     mass: Array
     radius: Array
-    law: tuple[tuple[IFRLaw, ...], ...]
+    law: tuple[tuple[KnownLaw, ...], ...]
     packing_fraction: float
     k: Array
     fraction: Array
@@ -127,7 +126,7 @@ class Mixture:
         columns = np.stack([disks.mass, disks.radius, disks.k, disks.material.astype(np.float64)], axis=1)
         kinds, which, number = np.unique(columns, axis=0, return_inverse=True, return_counts=True)
         table = law
-        if not isinstance(law, IFRLaw):
+        if isinstance(law, Sequence):
             material = kinds[:, 3].astype(int)
             if material.max() >= min(len(law), *map(len, law)):
                 most = material.max() + 1
@@ -137,7 +136,7 @@ class Mixture:
         mixture = cls(mass, radius, table, packing_fraction, k=k, fraction=number, contact=contact)
         return mixture, np.asarray(which, dtype=np.int64).ravel()
 
-    def _table(self, law: Any) -> tuple[tuple[IFRLaw, ...], ...]:
+    def _table(self, law: Any) -> tuple[tuple[KnownLaw, ...], ...]:
         s = self.species
         rows = [[law] * s for _ in range(s)] if not isinstance(law, Sequence) else [list(row) for row in law]
         if len(rows) != s or any(len(row) != s for row in rows):
@@ -145,7 +144,7 @@ class Mixture:
         for i in range(s):
             for j in range(i + 1):
                 if rows[i][j] is None or rows[j][i] is None:
-                    raise InputError(f"law[{i}][{j}] = None: must be the IFRLaw of a pair that meets")
+                    raise InputError(f"law[{i}][{j}] = None: must be the law of a pair that meets")
                 rows[i][j].check(self.k[i], self.k[j], self.mass[i], self.mass[j])
         check_symmetric(rows)
         return tuple(tuple(row) for row in rows)
@@ -220,14 +219,16 @@ def _temperatures(mixture: Mixture, **given: ArrayLike) -> tuple[Array, Array]:
     return found[0], found[1]
 
 
-def _rates(mixture: Mixture, T: Array, T_rot: Array, often: Array) -> tuple[Array, Array]:
+def _rates(mixture: Mixture, T: Array, T_rot: Array, often: Array, unit: float = 1.0) -> tuple[Array, Array]:
+    """Gains of T and T_rot (s,) per time; `unit` as for `energy_changes`, `often` (s, s) collisions per time."""
     s = mixture.species
     translation, rotation = np.zeros(s), np.zeros(s)
-    disks = [Collider(*each) for each in zip(mixture.mass, mixture.k, T, T_rot, strict=True)]
+    rows = zip(mixture.mass, mixture.k, T, T_rot, mixture.radius, strict=True)
+    disks = [Collider(*each) for each in rows]
     for i in range(s):
         for j in range(s):
             if often[i, j] > 0.0:  # not where both are at rest: they never meet
-                gains = energy_changes(mixture.law[i][j], disks[i], disks[j])
+                gains = energy_changes(mixture.law[i][j], disks[i], disks[j], unit)
                 translation[i] += often[i, j] * gains[0]
                 rotation[i] += often[i, j] * 2.0 * gains[1]
     return translation, rotation
@@ -274,7 +275,7 @@ def mixture_cooling(
         part, part_rot = np.maximum(y[1 : 1 + s], 0.0), np.maximum(y[1 + s : 1 + 2 * s], 0.0)
         speed = math.exp(0.5 * y[0])
         often = mixture.collision_rates(part * mean0) / rate0  # at T = T0; rates go with sqrt(T)
-        translation, rotation = _rates(mixture, part, part_rot, often)
+        translation, rotation = _rates(mixture, part, part_rot, often, math.sqrt(mean0) * speed)
         change = float(x @ translation)
         rates = ([change], translation - part * change, rotation - part_rot * change, often.sum(axis=1))
         return speed * np.concatenate(rates)

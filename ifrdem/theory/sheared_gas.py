@@ -44,9 +44,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputError, TheoryError, TheoryWarning
-from ..model.ifr import IFRLaw
 from ..tools.checked import Array, NonNegative, NonNegativeColumn, Positive, Real, validated
-from .collisions import KineticLaw, collision_rate
+from .collisions import ClosedLaw, KineticLaw, collision_rate, is_smooth, slip_coefficients
 from .contact import PackingFraction, contact_value
 from .cooling_gas import changes_per_collision, checked_times, integrated
 
@@ -64,7 +63,7 @@ MOST_CALLS = 10_000
 """Evaluations of the right-hand side that one integration may take; hundreds over nine decades of both rates."""
 
 
-def relaxation(theta: float, law: IFRLaw, k: float) -> float:
+def relaxation(theta: float, law: ClosedLaw, k: float) -> float:
     r"""Rate l at which collisions make velocities isotropic, in units of the collision rate nu of a disk.
 
     Let the relative velocity (g_n, v_t) of the centres, in units of sqrt(2 T / m), be Gaussian with covariance
@@ -82,8 +81,8 @@ def relaxation(theta: float, law: IFRLaw, k: float) -> float:
     I = m R^2 / k; the law has no rolling friction.
     """
     e, S = law.e_n, 1.0 + k * theta
-    c = {"percussion_center": 0.5, "contact_point": 1.0 / (1.0 + k)}[law.sticking]
-    eta, gamma = (1.0 + law.e_t) / (2.0 * (1.0 + k)), 0.5 * c
+    h, c = slip_coefficients(law, 1.0 / (1.0 + k))
+    eta, gamma = 0.5 * h, 0.5 * c
     nodes = 0.5 * _HIGHEST * (_NODES + 1.0)  # of averages over half a normal variable, of total weight 1/2
     weights = 0.5 * _HIGHEST * _WEIGHTS * np.exp(-0.5 * nodes**2) / math.sqrt(2.0 * math.pi)
     y, u = nodes[:, None], nodes[None, :]
@@ -132,7 +131,7 @@ class _Flow(NamedTuple):
         return 0.5 * (self.p[0] + self.p[1]), self.tau + self.turn**2 / (4.0 * k)
 
     def rates(
-        self, law: IFRLaw, k: float, packing_fraction: float, g: float
+        self, law: ClosedLaw, k: float, packing_fraction: float, g: float
     ) -> tuple[tuple[float, ...], float]:
         """Time derivatives in the order of the fields, and collisions of a disk per time, at the shear rate g."""
         p_xx, p_yy, p_xy = self.p
@@ -145,7 +144,7 @@ class _Flow(NamedTuple):
 
 
 def collisional_changes(
-    p_xx: float, p_yy: float, p_xy: float, turn: float, tau: float, g: float, law: IFRLaw, k: float
+    p_xx: float, p_yy: float, p_xy: float, turn: float, tau: float, g: float, law: ClosedLaw, k: float
 ) -> Array:
     r"""Changes of a disk by its collisions, over 8 phi chi and per time: of 1, of m V V (xx, yy, xy), of w and I w^2.
 
@@ -175,7 +174,7 @@ def collisional_changes(
     flow_n, flow_t = -g * x * y, g * y**2 + turn
 
     root_S = math.sqrt(1.0 + 2.0 * k * tau / (p_xx + p_yy))
-    c = {"percussion_center": 0.5, "contact_point": 1.0 / (1.0 + k)}[law.sticking]
+    h, c = slip_coefficients(law, 1.0 / (1.0 + k))
     kink = math.atan(law.mu * (1.0 + law.e_n) / (c * root_S))
     ends = np.array([-0.5 * math.pi, -kink, kink, 0.5 * math.pi])
     half = 0.5 * np.diff(ends)[:, None]
@@ -183,7 +182,7 @@ def collisional_changes(
     g_n, g_t = np.cos(b), root_S * np.sin(b)  # over r
     P_n = 0.5 * (1.0 + law.e_n) * g_n
     friction = np.minimum(c * np.abs(g_t), law.mu * (1.0 + law.e_n) * g_n)
-    P_t = 0.5 * ((1.0 + law.e_t) / (1.0 + k) * g_t + np.sign(g_t) * friction)
+    P_t = 0.5 * (h * g_t + np.sign(g_t) * friction)
 
     q = nn * g_n**2 + 2.0 * nt * g_n * g_t + tt * g_t**2
     h = (nn * g_n * flow_n + nt * (g_n * flow_t + g_t * flow_n) + tt * g_t * flow_t) / q
@@ -222,7 +221,7 @@ def collisional_changes(
     return np.array(changes).mean(axis=1)
 
 
-def _check(law: IFRLaw, packing_fraction: float, shear_rate: float) -> None:
+def _check(law: ClosedLaw, packing_fraction: float, shear_rate: float) -> None:
     if shear_rate == 0.0 or packing_fraction == 0.0:
         raise InputError(
             f"shear_rate = {shear_rate}, packing_fraction = {packing_fraction}: must not be 0 in a sheared gas"
@@ -252,7 +251,7 @@ def steady_state(
     from scipy.optimize import root
 
     _check(law, packing_fraction, shear_rate)
-    smooth = law.mu == 0.0 and law.e_t == -1.0
+    smooth = is_smooth(law)
     theta = 0.0 if smooth else _steady_theta(law, k)
     if theta is None:
         return None
@@ -285,7 +284,7 @@ def steady_state(
     return float(unit * T), float(unit * T_rot)
 
 
-def _steady_theta(law: IFRLaw, k: float) -> float | None:
+def _steady_theta(law: ClosedLaw, k: float) -> float | None:
     """T_rot / T at which collisions leave T_rot alone while T is held; None if there is none up to 1e6."""
     from scipy.optimize import brentq
 

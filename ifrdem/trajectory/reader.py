@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import math
 import operator
@@ -32,7 +31,8 @@ from ..errors import (
 )
 from ..model.box import Box
 from ..model.free_area import FreeArea
-from ..model.ifr import COEFFICIENTS
+from ..model.law import CollisionLaw
+from ..model.law_records import from_record
 from ..model.state import Disks
 from ..model.walls import OF_PISTONS, Wall, at_displacements
 from ..model.walls import from_json as walls_from_json
@@ -589,8 +589,8 @@ class Trajectory(ReadOnlyAttributes, NotebookRepr, Sequence[Frame]):
         return self.record("gravity", pair, "[0.0, 0.0]")
 
     @property
-    def laws(self) -> list[list[dict[str, Any] | None]]:
-        """Coefficients of the law of each pair of materials, [a][b]; None for materials that never meet.
+    def laws(self) -> list[list[CollisionLaw | None]]:
+        """The law of each pair of materials, [a][b]; None for materials that never meet.
 
         Raises InputError if the run stored none, or they are damaged.
         """
@@ -890,16 +890,10 @@ def check_file(path: Path) -> None:
         raise InputError(f"{path} is {what}: must be a trajectory file")
 
 
-def _laws(given: Any, materials: int) -> list[list[dict[str, Any] | None]]:
+def _laws(given: Any, materials: int) -> list[list[CollisionLaw | None]]:
     if not materials <= len(given) or any(len(row) != len(given) for row in given):
         raise ValueError(f"must have a row and a column for each of {materials} materials")
-    for one in itertools.chain.from_iterable(given):
-        if one is not None and (
-            set(one) != {*COEFFICIENTS}
-            or not all(math.isfinite(one[key]) for key in COEFFICIENTS if key != "sticking")
-        ):
-            raise ValueError(f"{one}: must be {', '.join(sorted(COEFFICIENTS))}, all numbers finite")
-    return given
+    return [[None if one is None else from_record(one) for one in row] for row in given]
 
 
 def _box(attributes: Mapping[str, Any]) -> Box:

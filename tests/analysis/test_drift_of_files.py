@@ -80,7 +80,15 @@ def test_theory_of_a_mixture_begins_at_temperatures_about_the_drift(tmp_path: Pa
     mass, radius = np.repeat([1.0, 2.0], 4), np.repeat([0.2, 0.3], 4)
     velocity = np.stack((20.0 + np.resize([1.0, -1.0], 8), np.zeros(8)), axis=1)
     position = np.stack((1.0 + np.arange(8), np.ones(8)), axis=1)
-    law = {"e_n": 0.9, "e_t": -1.0, "mu": 0.0, "rho": 0.0, "sticking": "contact_point"}
+    law = {
+        "law": "ifr",
+        "e_n": 0.9,
+        "e_t": -1.0,
+        "mu": 0.0,
+        "rho": 0.0,
+        "sticking": "contact_point",
+        "k": 2.0,
+    }
     with TrajectoryWriter(
         tmp_path / "run.h5",
         Disks(8, mass=mass, radius=radius),

@@ -16,9 +16,10 @@ from pydantic import ValidationError
 from ifrdem import theory
 from ifrdem.case import file as case_file
 from ifrdem.case import pair_rules, report, template
-from ifrdem.case.case import CaseSections, MaterialSection, RunSection, SpeciesSection
+from ifrdem.case.case import CaseSections, RunSection, SpeciesSection
 from ifrdem.case.estimate import RunEstimate, collision_rates
 from ifrdem.case.gas import CaseGas, Species
+from ifrdem.case.laws_section import IFRMaterial
 from ifrdem.case.messages import models_in
 from ifrdem.case.section import Section
 from ifrdem.case.walls_section import PolygonWall
@@ -762,7 +763,7 @@ def test_models_forbid_what_they_do_not_know() -> None:
     with pytest.raises(ValidationError, match="Extra inputs"):
         SpeciesSection.model_validate({"name": "a", "number": 1, "coin": "1 pta", "colour": "red"})
     with pytest.raises(ValidationError, match="missing: e_n"):
-        MaterialSection.model_validate({"name": "a"})
+        IFRMaterial.model_validate({"name": "a"})
 
 
 @pytest.mark.parametrize(

@@ -457,7 +457,7 @@ def test_check_says_what_walls_do(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert re.search(r"wall 0: energy of a mean disk at that speed +39\.48\n", shown)
     assert re.search(r"wall 0: largest acceleration +78\.96 +g\n", shown)
     assert re.search(r"wall 1 +post, of coin\n +wall 1: speed of the surface +0.5\n", shown)
-    assert re.search(r"law of coins, wall \(steel\) +strictly admissible \(e_n = 0.95", shown)
+    assert re.search(r"law of coins, wall \(steel\) +strictly admissible \(law = ifr, e_n = 0.95", shown)
     assert "an unknown number of collisions" in shown
     assert re.search(
         r"estimated wall collision rate \(homogeneous, Maxwellian\) +[\d.]+ +per unit time", shown

@@ -43,7 +43,21 @@ def write(
     rng = np.random.default_rng(5)
     begin, velocity = rng.random((disks.n, 2)) * 30.0, rng.normal(size=(disks.n, 2))
     spin = rng.normal(size=disks.n)
-    laws = json.dumps([[{"e_n": 0.9, "e_t": -1.0, "mu": 0.0, "sticking": "percussion_center", "rho": 0.0}]])
+    laws = json.dumps(
+        [
+            [
+                {
+                    "law": "ifr",
+                    "e_n": 0.9,
+                    "e_t": -1.0,
+                    "mu": 0.0,
+                    "sticking": "percussion_center",
+                    "rho": 0.0,
+                    "k": 2.0,
+                }
+            ]
+        ]
+    )
     parameters = {"name": "made up", "laws": laws}
     with TrajectoryWriter(path, disks, box, fields=fields, parameters=parameters, units={}) as writer:
         for time in np.linspace(0.0, SPAN, FRAMES):

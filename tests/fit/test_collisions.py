@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import ifrdem
-from ifrdem import fit
+from ifrdem import fit, laws
 from ifrdem.errors import InputError
 from ifrdem.fit.data import AFTER, MOTION
 from ifrdem.fit.laws import LAWS, own
@@ -170,10 +170,10 @@ def test_student_loss_is_that_of_the_density() -> None:
     np.testing.assert_allclose(2.0 * residual @ jacobian, slope, rtol=2e-3)
 
 
-class Mine(fit.Walton):
+class Mine(laws.Walton):
     """Walton's law under another name, called with numbers."""
 
-    coefficients = ("e_n", "beta", "mu")
+    coefficients = ("e_n", "beta_0", "mu")
 
 
 def test_laws_are_told_apart_by_likelihood_and_by_collisions_not_seen() -> None:
@@ -192,7 +192,7 @@ def test_laws_are_told_apart_by_likelihood_and_by_collisions_not_seen() -> None:
 
 def test_law_of_ones_own_is_fitted_as_the_law_it_repeats() -> None:
     """Without its angle of transition the least distance is missed near the kink, never undercut."""
-    options = {"fix": {"beta": 0.4}, "profile": False}
+    options = {"fix": {"beta_0": 0.4}, "profile": False}
     walton = fit.fit(seen(10), model=["walton"], **options).laws["walton"]
     mine = fit.fit(seen(10), model=[], own=[own(Mine)], **options).laws["Mine"]
     assert 0.999 < mine.chi2 / walton.chi2 < 1.3

@@ -26,7 +26,15 @@ from ifrdem.model.state import Disks, State
 from ifrdem.plots import analyses, disks, movie, pictures
 
 N = 400
-LAW = {"e_n": 0.8, "e_t": -0.9, "mu": 0.2, "sticking": "percussion_center", "rho": 0.0}
+LAW = {
+    "law": "ifr",
+    "e_n": 0.8,
+    "e_t": -0.9,
+    "mu": 0.2,
+    "sticking": "percussion_center",
+    "rho": 0.0,
+    "k": 2.0,
+}
 
 
 @pytest.fixture(autouse=True)

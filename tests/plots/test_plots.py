@@ -24,7 +24,15 @@ from ifrdem.plots import run, style
 from ifrdem.trajectory.writer import TrajectoryWriter
 
 SI = {"length": "m", "mass": "kg", "time": "s", "energy": "J"}
-SMOOTH = {"e_n": 0.8, "e_t": -1.0, "mu": 0.0, "sticking": "percussion_center", "rho": 0.0}
+SMOOTH = {
+    "law": "ifr",
+    "e_n": 0.8,
+    "e_t": -1.0,
+    "mu": 0.0,
+    "sticking": "percussion_center",
+    "rho": 0.0,
+    "k": 2.0,
+}
 MASS, RADIUS, PHI = 2.0, 0.5, 0.1
 
 
@@ -98,11 +106,11 @@ def test_theory_of_smooth_disks_is_haffs_law_in_the_same_colour(tmp_path: Path, 
 
 def test_laws_are_judged_by_the_disks_that_have_them(tmp_path: Path, drawn: list[Figure]) -> None:
     """e_n = 1 asks for e_t + (1 + k) / 2 <= 1 of the percussion-centre law: -0.3 is right for hoops, k = 1, only."""
-    law = {**SMOOTH, "e_n": 1.0, "e_t": -0.3, "mu": 0.2}
+    law = {**SMOOTH, "e_n": 1.0, "e_t": -0.3, "mu": 0.2, "k": 1.0}
     write(tmp_path / "a.h5", law=law, k=1.0)
     run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     assert "kinetic theory (homogeneous gas)" in texts(drawn[0])
-    write(tmp_path / "b.h5", law=law, k=2.0)  # nobody could have run it
+    write(tmp_path / "b.h5", law={**law, "k": 2.0}, k=2.0)  # nobody could have run it
     run.cooling(tmp_path / "b.h5", tmp_path / "b.png")
     assert "no kinetic theory here" in texts(drawn[1])
 

@@ -31,6 +31,8 @@ from cyclopts import Parameter
 import ifrdem
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
+from ifrdem.laws import IFRLaw
+from ifrdem.model.law_records import to_record
 from ifrdem.model.observables import MECHANISMS
 from ifrdem.model.state import State
 from ifrdem.model.walls import PISTONS
@@ -230,7 +232,7 @@ def heap(path: Path) -> None:
     record = {
         "name": "heap", "case": STUDY, "gravity": "[0.0, -1.0]", "materials": '["coin"]', "forces": "[]",
         "species": json.dumps([{"name": "coins", "number": n, "material": "coin"}]),
-        "laws": json.dumps([[{"e_n": 0.9, "e_t": -0.9, "mu": 0.1, "sticking": True, "rho": 0.0}]]),
+        "laws": json.dumps([[to_record(IFRLaw(e_n=0.9, e_t=-0.9, mu=0.1))]]),
     }  # fmt: skip
     names = ["wall 0 line", "wall 1 line", "wall 2 post", "wall 3 segment"]
     start = None

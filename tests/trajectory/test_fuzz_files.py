@@ -21,6 +21,8 @@ from support.layout_files import BOX, add_histories, add_series, some_disks, som
 
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError, TrajectoryError
+from ifrdem.laws import IFRLaw
+from ifrdem.model.law_records import to_record
 from ifrdem.runs import status
 from ifrdem.simulation import checkpoint
 from ifrdem.trajectory.reader import Trajectory
@@ -34,7 +36,7 @@ PARAMETERS = {
     "case": "[run]\nseed = 1\n",
     "species": json.dumps([{"name": "coins", "number": N, "material": "steel"}]),
     "materials": json.dumps(["steel", "brass", "glass"]),
-    "laws": json.dumps([[{"e_n": 0.9, "e_t": -0.9, "mu": 0.1, "sticking": True, "rho": 0.0}] * 3] * 3),
+    "laws": json.dumps([[to_record(IFRLaw(e_n=0.9, e_t=-0.9, mu=0.1))] * 3] * 3),
     "forces": "[]",
     "gravity": "[0.0, -1.0]",
 }

@@ -11,7 +11,7 @@ from ifrdem import ti
 import ifrdem
 
 
-class Viscoelastic(ifrdem.CollisionLaw):
+class SpeedDependent(ifrdem.CollisionLaw):
     """e_n = 1 - c g_n^(1/5), smooth."""
 
     coefficients = ("c",)
@@ -45,7 +45,7 @@ def temperatures(law):
     return np.array(rows).T
 
 
-cooling = {"viscoelastic": temperatures(Viscoelastic(c=0.15))}
+cooling = {"viscoelastic": temperatures(SpeedDependent(c=0.15))}
 cooling["constant"] = temperatures(ifrdem.IFRLaw(e_n=0.86, e_t=-1.0, mu=0.0))
 
 # %% [markdown]

@@ -1,0 +1,101 @@
+"""Laws by name in case files: runs, records, checkpoints, messages."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ifrdem
+from ifrdem import laws
+from ifrdem.cli import main as cli
+
+CASE = """
+[run]
+name = "gas"
+collisions_per_disk = 2.0
+units = "reduced"
+[box]
+packing_fraction = 0.2
+[[material]]
+name = "a"
+law = "walton"
+e_n = 0.9
+beta_0 = 0.4
+mu = 0.2
+[[species]]
+name = "a"
+number = 100
+material = "a"
+mass = 1.0
+radius = 0.5
+speed_rms = 1.0
+"""
+VISCOELASTIC = [
+    'material[0].law="viscoelastic"', "material[0].beta_0=", "material[0].e_n=", "material[0].A=0.05",
+    "material[0].Y=1.0", "material[0].e_t=-0.9",
+]  # fmt: skip
+
+
+@pytest.fixture
+def case(tmp_path: Path) -> Path:
+    (tmp_path / "case.toml").write_text(CASE, encoding="utf-8")
+    return tmp_path / "case.toml"
+
+
+@pytest.mark.parametrize(
+    ("settings", "law"),
+    [
+        ([], laws.Walton(e_n=0.9, beta_0=0.4, mu=0.2)),
+        (VISCOELASTIC, laws.Viscoelastic(A=0.05, Y=1.0, e_t=-0.9, mu=0.2)),
+        (['material[0].law="smooth"', "material[0].beta_0=", "material[0].mu="], laws.smooth_disks(0.9)),
+    ],
+    ids=["walton", "viscoelastic", "smooth"],
+)
+def test_a_run_keeps_the_law_of_its_case(case: Path, settings: list[str], law: laws.CollisionLaw) -> None:
+    out = case.with_name("gas.h5")
+    sets = [word for each in settings for word in ("--set", each)]
+    assert cli.main(["run", str(case), "-o", str(out), *sets]) == 0
+    with ifrdem.Trajectory(out) as run:
+        assert run.laws == [[law]]
+        assert run.observables["energy"][-1] < run.observables["energy"][0]
+
+
+def test_a_checkpoint_holds_laws_by_name(case: Path) -> None:
+    gas = ifrdem.Case.read(case).simulation()
+    gas.run(collisions_per_disk=1)
+    gas.save_checkpoint(case.with_name("gas.checkpoint.h5"))
+    again = ifrdem.Simulation.from_checkpoint(case.with_name("gas.checkpoint.h5"))
+    for one in (gas, again):
+        one.run(collisions_per_disk=2)
+    np.testing.assert_array_equal(gas.state.velocity, again.state.velocity)
+    np.testing.assert_array_equal(gas.state.spin, again.state.spin)
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ('material[0].law="waltn"', "material[0].law = \"waltn\": must be 'ifr', 'walton',"),
+        ("material[0].law=3", "material[0].law = 3: must be 'ifr'"),
+        ("material[0].beta_0=2.0", "material[0].beta_0 = 2.0: must be less than or equal to 1"),
+        ('material[0].law="smooth"', "material[0].beta_0 = 0.4: requires law = 'walton', not with 'smooth'"),
+        ("material[0].e_n=", "material[0].e_n: missing: normal restitution"),
+    ],
+)
+def test_keys_of_other_laws_are_refused_by_key_and_value(
+    case: Path, setting: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["check", str(case), "--set", setting]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_two_laws_in_one_case_are_refused(case: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = CASE + '\n[[material]]\nname = "b"\ne_n = 0.9\ne_t = -0.9\nmu = 0.1\n'
+    text += '[[pair]]\nmaterials = ["a", "b"]\nlaw = "walton"\ne_n = 0.9\nbeta_0 = 0.1\nmu = 0.1\n'
+    text += (
+        '[[species]]\nname = "b"\nnumber = 10\nmaterial = "b"\nmass = 1.0\nradius = 0.5\nspeed_rms = 1.0\n'
+    )
+    case.write_text(text, encoding="utf-8")
+    assert cli.main(["run", str(case), "-o", str(case.with_name("gas.h5"))]) == 2
+    assert "laws of 2 classes" in capsys.readouterr().err
