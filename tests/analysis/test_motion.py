@@ -167,7 +167,7 @@ def test_paths_that_are_too_coarse_are_refused_and_images_are_asked_for() -> Non
 
 
 @pytest.mark.parametrize("width", [0.0, 4.0])
-def test_shear_wave_has_its_thermal_temperature_and_what_the_wave_adds_within_a_place(width: float) -> None:
+def test_shear_wave_has_its_thermal_temperature_and_that_of_the_flow_within_a_cell(width: float) -> None:
     """v = A sin(q y) x^ + thermal, T = 1, m = 2. Averaging over a place takes from the wave and gives to T.
 
     A Gaussian of width w leaves A exp(-q^2 w^2 / 2) of the wave, and T gets m (<u^2> - <u>^2) / 2 with
@@ -236,7 +236,7 @@ def test_fields_of_paths_outside_the_box_are_those_of_what_is_inside() -> None:
         analysis.coarse_grain(np.array([[1.0, -0.5], [1.0, 7.0]]), np.ones((2, 2)), box=sheared, cells=(2, 2))
 
 
-def test_fields_beside_walls_are_not_thinned() -> None:
+def test_fields_next_to_walls_are_not_thinned() -> None:
     box = Box((50.0, 50.0), periodic=(False, True))
     x = np.random.default_rng(7).random((100_000, 2)) * 50.0
     found = analysis.coarse_grain(x, np.zeros_like(x), box=box, cells=(50, 50), width=2.0)
@@ -359,7 +359,7 @@ def test_few_collisions_get_few_bins_and_errors_that_cover_empty_ones() -> None:
     assert len(analysis.impacts(np.full(100, 0.3), bins=12).psi) == 12
 
 
-def test_angles_that_are_uniform_instead_are_told_apart() -> None:
+def test_uniform_angles_are_distinguished() -> None:
     found = analysis.impacts(np.random.default_rng(1).random(2000) * np.pi / 2.0)
     assert found.p_value < 1e-6
     with pytest.raises(InputError, match="from 0 to pi / 2"):

@@ -84,7 +84,7 @@ def test_estimates_of_a_gas_in_motion_are_those_of_the_gas_at_rest(tmp_path: Pat
     assert rest.notices == []
 
 
-def test_between_walls_and_beside_a_medium_speeds_and_temperatures_say_what_they_are(tmp_path: Path) -> None:
+def test_with_walls_or_a_medium_the_frame_of_speeds_and_temperatures_is_stated(tmp_path: Path) -> None:
     """Smooth walls leave the drift along them; rough ones stop it, and its energy becomes heat."""
     text = moving(tmp_path, (20.0, 0.0))
     box = text.replace("[[material]]", 'periodic = [true, false]\nmaterial = "smooth"\n[[material]]', 1)

@@ -299,7 +299,7 @@ def test_the_file_is_as_large_as_the_estimate_says(folder, overrides):
         (1e-6, 10_000, 1, 125.0 / 1.18),  # 125 times that at 0.1
     ],
 )
-def test_the_time_foretold_is_within_a_third_of_the_measured(phi, n, threads, seconds):
+def test_the_estimated_time_is_within_a_third_of_the_measured(phi, n, threads, seconds):
     assert run_seconds(1e6, n, phi, threads) == pytest.approx(seconds, rel=0.33)
 
 
@@ -333,7 +333,7 @@ def test_the_time_of_shipped_cases_is_within_a_factor_of_2(name: str, seconds: f
     assert 0.5 * seconds < RunEstimate.of(gas).seconds(gas, 1) < 2.0 * seconds
 
 
-def test_check_tells_the_time_and_why_a_thin_gas_is_slow(folder):
+def test_check_estimates_the_time_and_says_why_a_thin_gas_is_slow(folder):
     def told(*overrides: str) -> str:
         case = case_file.read(folder / "gas.toml", overrides).case
         gas = CaseGas.from_case(case)
@@ -359,7 +359,7 @@ def test_many_disks_on_ranks_are_written_in_parts_unless_the_case_says_otherwise
     assert OutputSection().parts == "auto"
 
 
-def test_check_tells_of_parts(folder, capsys):
+def test_check_names_the_parts(folder, capsys):
     path = str(folder / "gas.toml")
     assert cli.main(["check", path]) == 0
     assert ".parts" not in capsys.readouterr().out
@@ -373,7 +373,7 @@ def test_check_tells_of_parts(folder, capsys):
         assert f"output.parts {said}" in capsys.readouterr().err
 
 
-def test_the_time_of_a_run_names_the_compilation_beside_it(folder, capsys):
+def test_the_estimated_time_names_the_compilation_separately(folder, capsys):
     assert cli.main(["check", str(folder / "gas.toml")]) == 0
     shown = capsys.readouterr().out
     assert "  run time (collisions, windows, frames and output) " in shown

@@ -429,7 +429,7 @@ def test_gravity_that_cannot_turn_is_refused(
     assert told in capsys.readouterr().err
 
 
-def test_check_names_walls_upon_which_nobody_rests(
+def test_check_names_walls_on_which_no_disk_can_rest(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "case.toml").write_text(SHAKEN)
@@ -561,7 +561,7 @@ def test_elastic_walls_are_hit_as_often_as_kinetic_theory_says(
     assert collisions == pytest.approx(estimate.collisions, rel=0.15)
 
 
-def test_a_run_goes_on_from_a_frame_between_walls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_continues_from_a_frame_between_walls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Positions in single precision: disks that touched a wall are moved off it."""
     monkeypatch.chdir(tmp_path)
     Path("elastic.toml").write_text(ELASTIC)

@@ -294,7 +294,7 @@ def test_pressure_and_diffusion_of_a_gas_that_cools_are_said_to_be_those_of_no_s
         assert np.isfinite(found.rows[0].value)
 
 
-def test_a_gas_whose_file_tells_no_temperature_is_judged_by_its_velocities(tmp_path: Path) -> None:
+def test_without_stored_temperatures_velocities_decide(tmp_path: Path) -> None:
     """Free disks whose speeds fall like 1 / (1 + t): T = <v^2> / 2 by 25 from t = 0 to 4."""
     rng, disks = np.random.default_rng(5), Disks(N, mass=1.0, radius=0.2)
     begin, velocity = rng.random((N, 2)) * 30.0, rng.normal(size=(N, 2))
@@ -589,7 +589,7 @@ def test_missing_fields_are_named_with_the_key_that_stores_them(tmp_path: Path) 
         assert 'no "image" in the file' in " ".join(catalogue.ANALYSES["msd"].of(trajectory, None).notes)
 
 
-def test_missing_observables_are_told_from_fields_and_said_how_to_write(
+def test_missing_observables_are_named_with_the_key_that_stores_them(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The field `collisions` of the disks is no observable; what the message gives as code works."""
@@ -620,7 +620,7 @@ def test_driven_gases_get_no_haff_law_and_walls_no_contact_value(tmp_path: Path)
         assert "no contact value" in catalogue.ANALYSES["rdf"].of(trajectory, None).notes[0]
 
 
-def test_species_are_told_apart_and_immovable_disks_left_out(tmp_path: Path) -> None:
+def test_species_are_distinguished_and_immovable_disks_left_out(tmp_path: Path) -> None:
     radius = np.where(np.arange(N) % 2, 0.2, 0.4)
     mass = np.where(np.arange(N) % 2, 1.0, 8.0)
     mass[0] = np.inf

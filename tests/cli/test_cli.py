@@ -493,7 +493,7 @@ def test_interrupted_run_keeps_the_frames_so_far(
     assert "holds the 3 frames so far" in status["message"]
 
 
-def test_the_line_to_go_on_works_from_the_users_folder_whatever_the_path(
+def test_the_resume_command_shown_works_from_the_users_folder(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (folder / "my runs").mkdir()

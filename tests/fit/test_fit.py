@@ -196,7 +196,7 @@ def test_bootstrap_agrees_with_the_profile_and_repeats_itself() -> None:
 
 
 @BOTH
-def test_two_angles_tell_the_kinds_of_sticking_apart(sticking: str) -> None:
+def test_two_angles_distinguish_the_kinds_of_sticking(sticking: str) -> None:
     found = fit.fit(impacts(sticking=sticking, noise=7), M=1.0, profile=False)
     assert found.decided
     assert found.best == NAME[sticking]
@@ -209,7 +209,7 @@ def test_two_angles_tell_the_kinds_of_sticking_apart(sticking: str) -> None:
     assert right.probability > 0.01 > wrong.probability
 
 
-def test_delta_2_alone_cannot_tell_them_and_the_fit_says_so() -> None:
+def test_delta_2_alone_cannot_distinguish_them_and_the_fit_says_so() -> None:
     """S = c/(1+e_n) + B, B = (1+e_t)/(3(1+e_n)) and mu fix the curve: with c = 1/3 for 1/2, 1 + e_n is 2/3 as large."""
     found = fit.fit(impacts(names=("delta_2",), noise=8), M=1.0, profile=False)
     a, b = (found.laws[name] for name in ("ifr-percussion", "ifr-contact"))

@@ -39,7 +39,7 @@ def refused(arguments: list[str], folder: Path, capsys: pytest.CaptureFixture[st
     return [line.removeprefix("ifrdem: ") for line in lines]
 
 
-def test_example_is_printed_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:
+def test_example_is_printed_unchanged(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["fit", "--example"]) == 0
     assert capsys.readouterr().out == fit.example()
 

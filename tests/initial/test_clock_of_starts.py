@@ -107,7 +107,7 @@ def old(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_the_clock_of_the_frame_goes_on_or_a_new_one_begins(
+def test_the_clock_of_the_frame_continues_or_a_new_one_begins(
     old: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with Trajectory(old / "whole.h5") as whole:
@@ -208,7 +208,9 @@ def frame_of(
         file.write(state, more)  # type: ignore[arg-type]
 
 
-def test_a_frame_in_single_precision_is_put_right_where_the_floor_stands_then(tmp_path: Path) -> None:
+def test_a_frame_in_single_precision_is_corrected_at_the_current_position_of_the_floor(
+    tmp_path: Path,
+) -> None:
     """Disks rest on the floor at t = 0.5, at 1 + 0.5 sin(0.4 pi): single precision rounds it down by 2e-8."""
     floor = 1.0 + 0.5 * np.sin(2.0 * np.pi * 0.4 * 0.5)
     assert np.float32(floor + 0.5) < floor + 0.5

@@ -115,7 +115,7 @@ print(runtime.chosen(), gas.collisions, hash)
 
 
 @both
-def test_a_checkpoint_goes_on_to_the_bit_on_the_other_runtime(tmp_path: Path) -> None:
+def test_a_checkpoint_resumes_bitwise_on_the_other_runtime(tmp_path: Path) -> None:
     def done(name: str, *arguments: str) -> list[str]:
         run = subprocess.run(
             [sys.executable, "-c", STATE, *arguments],

@@ -90,7 +90,7 @@ def test_walls_that_crush_nobody_are_not(walls: list[Wall]) -> None:
     assert list(crushes(walls, BOX, 0.5, 0.0, 0.8)) == []
 
 
-def test_a_simulation_and_a_check_tell_of_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_simulation_and_a_check_report_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     walls = [
         Wall.segment((2.0, 5.0), (6.0, 5.0), motion=DOWN, group="piston"),
         Wall.segment((3.0, 4.0), (5.0, 4.0)),

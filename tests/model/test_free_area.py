@@ -141,7 +141,7 @@ def test_starts_keep_disks_off_walls(way: str, phi: float, name: str) -> None:
         assert np.min(free_area.gap(position, radius)) < 0.1
 
 
-def test_disks_of_many_sizes_keep_their_own_distance() -> None:
+def test_free_area_of_many_sizes_is_smaller_for_larger_disks() -> None:
     free_area = ROOMS["drum"]
     radius = np.random.default_rng(1).uniform(0.1, 0.4, 120)
     for way in ("random", "growth"):

@@ -32,7 +32,7 @@ def quiet(*arguments: Any, **options: Any) -> Simulation:
 
 
 @pytest.mark.parametrize("order", ["serial", "tiled"])
-def test_the_ifr_law_by_a_class_of_ones_own_is_the_ifr_law_to_the_last_bit(order: str) -> None:
+def test_the_ifr_law_as_a_custom_law_gives_the_same_bits(order: str) -> None:
     """Unequal rough disks that slide and stick; e_n = 1 - 0 g_n^(1/5) is 1 exactly."""
     disks = mixture(300)
     box, state = start(disks, 0.4)
@@ -68,7 +68,7 @@ def test_restitution_of_a_viscoelastic_law_falls_with_the_speed_of_approach() ->
         )  # m_n = 3/4
 
 
-def test_a_law_that_adds_energy_is_told_before_and_after() -> None:
+def test_a_law_that_adds_energy_is_reported_before_and_after_a_run() -> None:
     """e_n = 1 + 0.2 g_n^(1/5): every collision adds energy."""
     disks = mixture(100)
     box, state = start(disks, 0.2)

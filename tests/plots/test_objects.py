@@ -211,9 +211,7 @@ def test_an_argument_of_another_name_is_refused_with_the_nearest(
     ("units", "said"),
     [({}, "$x$"), ({"length": "reduced"}, "$x$ (reduced units)"), ({"length": "m"}, "$x$ (m)")],
 )
-def test_units_are_told_as_far_as_the_file_states_them(
-    tmp_path: Path, units: dict[str, str], said: str
-) -> None:
+def test_units_are_shown_if_the_file_states_them(tmp_path: Path, units: dict[str, str], said: str) -> None:
     state = State([[1.0, 1.0]], [[1.0, 0.0]], [0.0])
     with TrajectoryWriter(tmp_path / "one.h5", Disks(1, 1.0, 0.2), Box((4.0, 4.0)), units=units) as writer:
         writer.write(state)
@@ -344,7 +342,7 @@ def test_a_plateau_above_one_is_explained(clustered: bool) -> None:
     assert ("above 1, as the density varies (clusters)" in said) == clustered
 
 
-def test_doubts_stand_below_the_picture(tmp_path: Path) -> None:
+def test_warnings_are_shown_below_the_picture(tmp_path: Path) -> None:
     with Trajectory(
         write(tmp_path / "run.h5")
     ) as run:  # cools, so that no pressure or displacement is steady
@@ -439,7 +437,7 @@ def test_disks_of_which_none_turns_show_their_materials(spin: float, materials: 
     assert disks.default_color(view) == expected
 
 
-def test_disks_can_be_coloured_by_who_sleeps(tmp_path: Path) -> None:
+def test_disks_can_be_coloured_by_asleep(tmp_path: Path) -> None:
     state = State([[2.0, 2.0], [5.0, 5.0]], np.zeros((2, 2)), np.zeros(2), asleep=[0, 1])
     with TrajectoryWriter(
         tmp_path / "a.h5", Disks(2, 1.0, 0.5), Box((8.0, 8.0)), fields=("position", "asleep")

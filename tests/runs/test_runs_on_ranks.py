@@ -159,7 +159,7 @@ def _in(folder: str, files: list[str]) -> list[str]:
 
 
 @mpi.needed
-def test_a_run_that_is_stopped_goes_on_with_other_ranks_to_the_bit(
+def test_a_stopped_run_resumes_bitwise_with_another_number_of_ranks(
     plain: Path, told: dict[str, dict[str, Any]]
 ) -> None:
     """Three ranks until time is up, then two: the file of one process."""
@@ -201,7 +201,7 @@ def test_a_run_from_a_frame_that_ranks_read_in_slices_has_the_bits_of_one_proces
 
 
 @mpi.needed
-def test_a_run_in_parts_goes_on_with_any_number_of_ranks(
+def test_a_run_in_parts_resumes_with_any_number_of_ranks(
     plain: Path, told: dict[str, dict[str, Any]]
 ) -> None:
     """Three ranks, then two, then one process: three parts, and the file of one process, under forces.

@@ -211,7 +211,7 @@ class Wood(CollisionLaw):
         return (1.0 + law.e) * pair.m_n * pair.g_n, 0.0, 0.0
 
 
-def test_a_law_of_one_s_own_runs_and_is_tried_for_energy() -> None:
+def test_a_custom_law_runs_and_is_checked_for_energy() -> None:
     ifr = gas(200, SMOOTH)
     own = gas(200, Wood(e=0.8))  # whose trial says nothing: no collision gains
     for one in (ifr, own):
@@ -219,7 +219,7 @@ def test_a_law_of_one_s_own_runs_and_is_tried_for_energy() -> None:
     np.testing.assert_array_equal(ifr.velocity, own.velocity)
 
 
-def test_a_gas_resumed_from_a_checkpoint_goes_on_bit_by_bit() -> None:
+def test_a_gas_resumed_from_a_checkpoint_has_the_same_bits() -> None:
     given = {"driving": Driving(power=1.0, spin_power=0.2), "T_rot": 0.5}
     whole, first, second = (gas(300, COIN, **given) for _ in range(3))
     whole.run(t_end=2.0, samples=2)

@@ -153,7 +153,7 @@ def test_image_counts_unwrap_positions() -> None:
     assert ((end.position >= 0.0) & (end.position < box.lengths)).all()
 
 
-def test_frames_stand_at_exactly_the_asked_collisions_and_times() -> None:
+def test_frames_are_at_exactly_the_requested_collisions_and_times() -> None:
     simulation = gas_of(equal_disks(400), 0.3, COIN_LAW)
     counts: list[int] = []
     simulation.run(

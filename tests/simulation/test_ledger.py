@@ -245,7 +245,7 @@ def test_series_at_the_ends_of_windows_change_nothing(device):
     assert np.array_equal(ends[0].velocity, ends[1].velocity)
 
 
-def test_exact_series_stand_where_they_are_due(device):
+def test_exact_series_have_rows_where_they_are_due(device):
     rows: list[Measure] = []
     simulation = gas_of(equal_disks(50), 0.3, COIN, device=device)
     simulation.run(t_end=1.0, series=40, series_callbacks=[rows.append])

@@ -252,7 +252,7 @@ def test_rotation_of_a_cooling_gas_tends_to_the_ratio_of_rough_disks() -> None:
     ("mu", "expected"),
     [(0.05, [True]), (0.14, [True, False, True]), (0.141, [True, False, True]), (0.19, [True, False, True])],
 )
-def test_every_ratio_that_stays_is_found_and_stable_ones_are_told(mu: float, expected: list[bool]) -> None:
+def test_every_fixed_ratio_is_found_and_stable_ones_are_marked(mu: float, expected: list[bool]) -> None:
     """Signs of dT_rot / T_rot - dT / T over 40 decades: from above 0 to below it a ratio is stable."""
     law = IFRLaw(e_n=0.86, e_t=-0.99, mu=mu)
     theta = np.geomspace(1e-20, 1e20, 400_001)

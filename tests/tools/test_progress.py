@@ -107,7 +107,7 @@ def test_nothing_is_shown_without_a_call() -> None:
     assert out.getvalue() == ""
 
 
-def test_no_time_left_can_be_told_before_anything_moved() -> None:
+def test_no_time_left_is_shown_before_any_progress() -> None:
     progress = Progress(100, t_end=1.0, stream=io.StringIO(), clock=Clock())
     assert progress.seconds_left == float("inf")
     progress(0.0, 0)
@@ -225,7 +225,7 @@ def small_gas() -> ifrdem.Simulation:
     return ifrdem.Simulation(disks, box, ifrdem.IFRLaw(e_n=0.9, e_t=-0.9, mu=0.2), start)
 
 
-def test_runs_from_python_show_nothing_where_nobody_looks_unless_asked(
+def test_runs_from_python_show_no_progress_off_a_terminal_unless_asked(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     gas = small_gas()

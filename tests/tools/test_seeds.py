@@ -13,7 +13,7 @@ def normal(random: np.random.Generator, count: int) -> np.ndarray:
     return random.standard_normal((count, 2))
 
 
-def test_what_a_disk_draws_does_not_depend_on_who_else_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_random_numbers_of_a_disk_do_not_depend_on_the_others_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(distribution, "BLOCK", 64)
     whole = seeds.drawn(3, seeds.SPINS, range(500), normal)
     assert whole.shape == (500, 2)

@@ -162,7 +162,7 @@ def test_a_file_can_be_read_while_the_queue_writes_it(tmp_path):
         assert len(file["timeseries/step"]) == 60
 
 
-def test_what_went_wrong_first_is_told_and_not_what_closing_adds(tmp_path):
+def test_the_first_error_is_raised_and_not_that_of_closing(tmp_path):
     class Torn(TrajectoryWriter):
         def close(self) -> None:
             super().close()

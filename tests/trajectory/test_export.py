@@ -267,7 +267,7 @@ def test_plain_lines_say_how_far_it_is_and_how_long_it_takes():
     assert lines[0] == "export: 2 of 10 frames, ETA 0:24"
 
 
-def test_the_verb_writes_beside_the_trajectory_and_keeps_what_is_there(run, capsys):
+def test_the_command_writes_next_to_the_trajectory_and_keeps_existing_files(run, capsys):
     assert main(["export", str(run), "--to", "extxyz", "--frames", "::2"]) == 0
     place = run.with_suffix(".extxyz")
     assert f"wrote {place}: 3 frames" in capsys.readouterr().out

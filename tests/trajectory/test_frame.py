@@ -290,7 +290,7 @@ def test_a_closed_trajectory_says_so(tmp_path):
         frame.position  # noqa: B018 the reading is the act
 
 
-def test_describe_speaks_of_series_ledger_and_what_is_beside(tmp_path):
+def test_describe_names_series_ledger_and_related_files(tmp_path):
     path = tmp_path / "run.h5"
     write(path)
     given = add_series(path)

@@ -249,7 +249,7 @@ def test_a_view_without_its_trajectory_shows_no_numbers(tmp_path):
         assert np.isnan(file["VTKHDF/Points"][:, :2]).all()
 
 
-def test_collisions_per_disk_stand_beside_the_time_for_xarray(tmp_path):
+def test_collisions_per_disk_are_a_second_coordinate_for_xarray(tmp_path):
     import xarray
 
     disks = ifrdem.Disks(4, mass=1.0, radius=0.5)

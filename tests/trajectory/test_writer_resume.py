@@ -203,7 +203,7 @@ def test_what_a_kill_left_uncommitted_is_dropped(tmp_path):
     assert content(path) == before
 
 
-def test_series_and_histories_that_were_only_begun_are_begun_again(tmp_path):
+def test_series_and_histories_that_were_only_created_are_created_again(tmp_path):
     path = tmp_path / "run.h5"
     with TrajectoryWriter(path, some_disks(N), BOX) as writer:
         writer.write(some_state(N, 0))

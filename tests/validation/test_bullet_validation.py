@@ -169,7 +169,7 @@ def test_manual_has_the_command_and_the_picture() -> None:
 
 
 @needs_pymunk
-def test_rigid_grains_come_back_from_a_floor_and_roll_as_told() -> None:
+def test_rigid_grains_rebound_from_a_floor_and_roll_as_predicted() -> None:
     """One falls by 2 and comes back to e_n^2 of it; one begins to slide at 1, and rolls at 2/3 of it (m R^2 / 2)."""
     disks = Disks(2, mass=np.array([1.0, 0.5]), radius=np.array([0.5, 0.4]))
     start = State([[1.0, 2.5], [3.0, 0.4]], [[0.0, 0.0], [1.0, 0.0]], [0.0, 0.0])

@@ -69,7 +69,7 @@ def test_measured_pieces_of_both_codes_belong_to_the_same_speeds_and_starts() ->
 
 
 @pytest.mark.skipif(absence() is not None, reason="LAMMPS is not installed")
-def test_soft_disks_come_back_from_a_floor_and_roll_as_told(tmp_path: Path) -> None:
+def test_soft_disks_rebound_from_a_floor_and_roll_as_predicted(tmp_path: Path) -> None:
     """One falls by 2 and comes back to e_n^2 of it, e_n to 0.02; one begins to slide at 1, and rolls at 2/3 of it.
 
     Sliding without spin it ends rolling: m v R = (m R^2 + I) v' / R with I = m R^2 / 2.

@@ -89,7 +89,7 @@ def test_serial_peer_has_the_collisions_of_the_engine_in_order(
     np.testing.assert_array_equal(outcome.state.collisions, simulation.state.collisions)
 
 
-def test_serial_peer_goes_on_where_it_stopped() -> None:
+def test_serial_peer_resumes_where_it_stopped() -> None:
     disks = equal_disks(100)
     box, state = start(disks, 0.3)
     once, twice = (SerialEvents(box, 1.0, 0.9, state) for _ in range(2))
@@ -272,7 +272,7 @@ def test_edmd_is_timed_between_its_lines(tmp_path: Path) -> None:
     assert len(set(positions[:, 2])) == 1
 
 
-def test_dynamo_gets_the_gas_and_tells_its_speed(tmp_path: Path) -> None:
+def test_dynamo_gets_the_gas_and_its_speed_is_read(tmp_path: Path) -> None:
     box, state = start(equal_disks(100), 0.3)
     state = State(state.position, 2.0 * state.velocity, state.spin)
     run = spheres.dynamo(dynamo(tmp_path / "dynarun"), tmp_path, box, 0.9, state, 500)

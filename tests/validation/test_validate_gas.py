@@ -15,7 +15,7 @@ from ifrdem.validation.report import page, registry, runner, terminal
 from ifrdem.validation.report.registry import GAS, Result
 
 
-def test_gases_are_a_group_of_their_own_and_no_part_of_a_run_without_names() -> None:
+def test_gases_are_a_separate_group_left_out_of_a_run_without_names() -> None:
     assert registry.chosen(["gas"]) == list(GAS)
     assert not set(registry.chosen([])) & set(GAS)
     for name in GAS:

@@ -47,7 +47,7 @@ def looked_at(
 
 
 @pytest.mark.parametrize("name", sorted(set(GASES) - {"driven"}))  # whose windows end at forces
-def test_moments_are_told_with_their_window_as_the_whole_box_in_order_passes_them(
+def test_moments_in_windows_of_tiles_have_the_bits_of_the_serial_order(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """At numbers of collisions, and at times halfway between them."""

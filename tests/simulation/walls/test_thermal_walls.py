@@ -319,7 +319,7 @@ def test_an_elastic_gas_under_gravity_follows_the_barometric_law(floor: str) -> 
         assert stats.chisquare(counts, wrong).pvalue < 1e-4
 
 
-def test_the_simulation_tells_heat_by_wall_and_in_its_measures() -> None:
+def test_the_simulation_gives_heat_by_wall_and_in_its_measures() -> None:
     box = Box((12.0, 12.0), (False, True))
     disks = Disks(60, mass=1.0, radius=0.5)
     run = Simulation(

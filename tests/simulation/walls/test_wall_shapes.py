@@ -166,7 +166,7 @@ def test_heat_of_a_thermal_wall_is_among_its_sums() -> None:
     np.testing.assert_array_equal(heat, engine.wall_heats)
 
 
-def test_a_wall_that_turns_is_seen_as_a_frame_that_turns() -> None:
+def test_a_rotating_wall_is_equivalent_to_a_rotating_frame() -> None:
     """A free disk beside a steadily turning blade, from the frame of the blade: it meets it where plain geometry says.
 
     A disk of radius R at rest at distance d from the centre is met by a blade through the centre, at the angle beta
