@@ -93,7 +93,7 @@ def test_readme_is_short_and_its_links_lead_to_files() -> None:
     assert [target for target in targets if not (ROOT / target).is_file()] == []
 
 
-def test_docs_shows_every_page_and_knows_near_spellings() -> None:
+def test_docs_shows_every_page_and_suggests_near_spellings() -> None:
     listing = program.page(None)
     for topic, title in program.topics().items():
         assert title

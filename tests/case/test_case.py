@@ -759,7 +759,7 @@ def test_mixture_run_to_a_time_gets_a_bound_only_if_it_cools(changes: list[str],
     assert estimate.collisions == pytest.approx(0.5 * 0.1 * numbers @ rates, rel=1e-12)
 
 
-def test_models_forbid_what_they_do_not_know() -> None:
+def test_models_forbid_unknown_keys() -> None:
     with pytest.raises(ValidationError, match="Extra inputs"):
         SpeciesSection.model_validate({"name": "a", "number": 1, "coin": "1 pta", "colour": "red"})
     with pytest.raises(ValidationError, match="missing: e_n"):

@@ -94,7 +94,7 @@ def test_an_open_box_starts_from_a_file_with_any_places(tmp_path: Path) -> None:
         case_file.read(path, changes)
 
 
-def test_check_says_where_an_open_gas_starts(capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_names_the_region_where_an_open_gas_starts(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["check", str(CASE)]) == 0
     shown = capsys.readouterr().out
     assert "400 disks in an open box, SI units" in shown

@@ -82,7 +82,7 @@ def test_collisions_by_the_tc_rule_are_those_of_the_serial_code(
     assert [one[1:] for one in other] != [one[1:] for one in expected]  # the rule mattered
 
 
-def test_a_stored_state_knows_when_its_disks_collided_last() -> None:
+def test_a_stored_state_has_the_latest_collision_times() -> None:
     disks = equal_disks(500)
     box, state = equilibrated(disks, 0.65)
 
@@ -208,7 +208,7 @@ def test_a_column_of_disks_comes_to_rest_on_a_floor() -> None:
     "law", [IFRLaw(e_n=0.4, e_t=-1.0, mu=0.0), IFRLaw(e_n=0.4, e_t=-0.5, mu=0.3)], ids=["smooth", "rough"]
 )
 @pytest.mark.parametrize("collapse", [None, ContactTime(1e-3), VelocityCutoff(1e-3)], ids=str)
-def test_a_gas_that_collapses_ends_or_says_so(collapse: Collapse | None, law: IFRLaw) -> None:
+def test_a_gas_that_collapses_ends_or_reports_it(collapse: Collapse | None, law: IFRLaw) -> None:
     """e_n = 0.4 at phi = 0.6, 200 collisions a disk. The mean free time is 0.09, the thermal speed 1."""
     disks = equal_disks(300)
     box, state = equilibrated(disks, 0.6)

@@ -133,7 +133,7 @@ def test_a_picture_without_spins_has_no_bar(tmp_path: Path) -> None:
         assert not run.plot("disks").child_axes
 
 
-def test_frames_that_lack_the_field_of_a_colour_say_so(tmp_path: Path) -> None:
+def test_frames_without_the_field_of_a_colour_are_refused(tmp_path: Path) -> None:
     layout_files.write(tmp_path / "bare.h5", fields=("position",))
     with Trajectory(tmp_path / "bare.h5") as run:
         with pytest.raises(InputError, match="no field 'angular_velocity'"):

@@ -172,7 +172,7 @@ def test_theory_of_a_mixture_begins_at_the_temperatures_of_its_species(
         ({"law": None}, "no law in the file"),
     ],
 )
-def test_picture_says_so_where_the_theory_does_not_hold(
+def test_picture_reports_where_the_theory_does_not_hold(
     tmp_path: Path, drawn: list[Figure], changes: dict[str, object], reason: str
 ) -> None:
     write(tmp_path / "a.h5", **changes)  # type: ignore[arg-type]

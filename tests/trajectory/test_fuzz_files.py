@@ -471,7 +471,7 @@ def test_a_folder_stands_for_its_only_trajectory(tmp_path, capsys, monkeypatch, 
     assert "name one of other.h5, run.h5" in capsys.readouterr().err
 
 
-def test_text_of_a_file_does_nothing_to_a_terminal(tmp_path, capsys, files):
+def test_control_characters_in_a_file_do_not_reach_the_terminal(tmp_path, capsys, files):
     def harm(file: h5py.File, folder: Path) -> None:
         file["parameters/note"] = "\x1b]0;owned\x07\x9b2J"
         del file["parameters/units/length"]
@@ -506,7 +506,7 @@ def test_a_file_that_grows_up_follows_no_link(tmp_path, monkeypatch, files):
 
 
 @pytest.mark.parametrize("harm", ["deleted or moved", "replaced"])
-def test_frames_of_a_file_that_is_gone_are_not_said_to_be_kept(tmp_path, harm):
+def test_frames_of_a_deleted_file_are_not_reported_as_kept(tmp_path, harm):
     path = tmp_path / "run.h5"
     writer = TrajectoryWriter(path, some_disks(N), BOX, fields=("position",))
     writer.write(some_state(N, 0))

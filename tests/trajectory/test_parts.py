@@ -271,7 +271,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("said", WRONG)
-def test_readers_and_repair_name_a_part_that_is_not_there_as_it_was(made, said, capsys):
+def test_readers_and_repair_name_a_part_that_is_missing_or_changed(made, said, capsys):
     WRONG[said](made, 2)
     short = "short" in said
     for read in (Trajectory, describe) if short else (lambda path: Trajectory(path)[2].position,):

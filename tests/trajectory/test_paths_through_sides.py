@@ -123,7 +123,7 @@ def test_a_place_between_two_frames_is_on_the_way_through_the_side(
         compare.compare(fast, compare.read("soon.csv", {}, TableFormat()))
 
 
-def test_the_picture_of_a_table_draws_no_paths_that_it_does_not_know(tmp_path: Path) -> None:
+def test_the_picture_of_a_table_draws_no_paths_without_positions(tmp_path: Path) -> None:
     path = walks(4)
     names = ["position", "velocity", "angular_velocity"]
     still = np.zeros_like(path)

@@ -116,7 +116,7 @@ def test_a_missing_or_added_event_is_a_difference(tmp_path):
             writer.write_histories(given, end)
 
 
-def test_a_difference_says_frame_field_disk_and_both_values(tmp_path):
+def test_a_difference_names_frame_field_disk_and_both_values(tmp_path):
     path = tmp_path / "run.h5"
     begun(path, 5)
     before = content(path)

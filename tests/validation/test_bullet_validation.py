@@ -139,7 +139,7 @@ def test_without_pybullet_every_case_is_skipped_with_what_to_do_and_the_command_
     assert "PyBullet is not installed" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
-def test_without_names_the_cases_of_the_paper_run_and_bullet_is_said_not_to(
+def test_without_names_the_cases_of_the_paper_run_and_bullet_is_listed_as_left_out(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert registry.chosen([]) == list(registry.PAPER)

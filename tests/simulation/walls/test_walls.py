@@ -355,7 +355,7 @@ def test_a_wall_that_would_leave_through_a_periodic_side_is_refused(wall: str) -
 
 
 @pytest.mark.parametrize("frames", [1, 20, 80, 400])
-def test_a_disk_that_comes_to_rest_on_a_wall_ends_the_run_however_often_it_is_looked_at(frames):
+def test_a_disk_that_comes_to_rest_on_a_wall_ends_the_run_at_any_rate_of_readout(frames):
     disks, box = Disks(1, mass=1.0, radius=0.5), Box((10.0, 10.0), periodic=(False, False))
     start = State([[5.0, 1.0]], [[0.0, 0.0]], [0.0])
     run = Simulation(disks, box, IFRLaw(e_n=0.5, e_t=-1.0, mu=0.0), start, gravity=(0.0, -1.0))
