@@ -145,7 +145,7 @@ def test_the_first_picture_of_the_readme_moves() -> None:
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
 @pytest.mark.parametrize("path", sorted(notebooks.FOLDER.glob("*.py")), ids=lambda path: path.stem)
 def test_notebooks_run_as_cells_of_jupyter(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Laws and results are defined in cells; every picture and table that a cell shows is there."""
+    """Laws and results are defined in cells; every picture and table of a cell is shown."""
     made = notebooks.page(path)
     assert made.startswith("# ")
     shown = made.count("data:image/png;base64,")

@@ -429,7 +429,7 @@ def test_fit_of_the_ratio_finds_end_and_lag() -> None:
 def test_a_ratio_that_begins_at_its_end_by_chance_has_the_lag_of_least_squares_in_any_unit(
     unit: float,
 ) -> None:
-    """No value is nearer to the end than the first one, so that none tells the fit where to look for the lag.
+    """No value is nearer to the end than the first one, so that none is a first guess of the lag.
 
     At a given lag the law is linear in its other two parameters: of a fine grid of lags the best is the answer.
     """

@@ -714,7 +714,7 @@ def test_estimate_of_the_main_job() -> None:
 
 
 def test_estimate_counts_the_kicks_of_tracked_disks() -> None:
-    """100 disks, 500 steps to the end: 50,000 events of 177 bytes, beside those of collisions."""
+    """100 disks, 500 steps to the end: 50,000 events of 177 bytes, in addition to those of collisions."""
     text = SMALL.replace("collisions_per_disk = 5.0", "t_end = 1.0") + "[output]\nhistories_all = true\n"
     sizes = []
     for step in (1.0, 2e-3):

@@ -1,4 +1,4 @@
-"""Forces in case files: what they may say, what is refused, what `check` and `run` make of them, and their picture."""
+"""Forces in case files: allowed keys, refusals, `check`, `run`, and their picture."""
 
 from __future__ import annotations
 

@@ -319,7 +319,7 @@ force = [{ kind = "rescale", step = 1e-3, temperature = 0.5 }, { kind = "drag", 
     rows = {row.quantity: row.value for row in report.report(gas, estimate).rows}
     assert rows["run time (force steps, windows, frames and output)"].startswith(
         "about 6."
-    )  # no theory tells the collisions
+    )  # no theory gives the collisions
 
 
 @pytest.mark.parametrize(

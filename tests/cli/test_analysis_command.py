@@ -398,7 +398,7 @@ def test_regimes_are_those_of_the_whole_gas_where_the_series_counts_them(tmp_pat
     assert found.regimes["sliding"][1] == pytest.approx(np.sqrt(0.05 * 0.95 / 8000))
     assert "of all 8000 collisions of two disks" in " ".join(outcome_.notes)
     assert "regimes of 8000 collisions" in said
-    # A law of one's own tells no regimes, and its counts mean nothing.
+    # A custom law has no regimes, and its counts mean nothing.
     with h5py.File(path, "r+") as file:
         file["histories/events/regime"][...] = -1
     with Trajectory(path) as trajectory:

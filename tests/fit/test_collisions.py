@@ -1,4 +1,4 @@
-"""Fits of whole collisions: any frame of reference, gaps, errors in everything, outliers, laws told apart."""
+"""Fits of whole collisions: any frame of reference, gaps, errors in everything, outliers, choice between laws."""
 
 from __future__ import annotations
 

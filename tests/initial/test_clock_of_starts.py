@@ -43,7 +43,7 @@ GASES = {
     "a flow, and kicks": "box = { lengths = [12.0, 12.0], shear_rate = 0.7 }\n"
     'force = [{ kind = "random_force", step = 0.2, power = 0.1 }]',
 }  # fmt: skip
-"""Cases with things that depend on the clock or on the number of collisions, or have a state besides the disks."""
+"""Cases that depend on the clock or on the number of collisions, or have a state in addition to the disks."""
 
 
 def set_(*changes: str) -> list[str]:

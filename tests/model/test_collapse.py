@@ -128,7 +128,7 @@ def test_a_collision_soon_after_another_is_elastic(contact_time: float, elastic:
     """Disk 0 hits disk 1 at t = 1, which hits disk 2 with what it got, (1 + e_n) / 2 = 3/4, at t = 2.5: 1.5 later.
 
     The run is cut in between, so that the time must be kept from one window to the next; at a late time, so that
-    single precision could not tell.
+    single precision could not resolve.
     """
     disks = equal_disks(3)
     x = 10.0 + np.array([0.0, 2.0, 4.125])

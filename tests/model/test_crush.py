@@ -102,7 +102,7 @@ def test_a_simulation_and_a_check_report_it(tmp_path: Path, capsys: pytest.Captu
         ifrdem.WallWarning, match="piston 0 segment and wall 1 segment approach .* to 0.25 at t = 0.75"
     ):
         run.run(t_end=0.8)
-    run.run(t_end=0.81)  # told once
+    run.run(t_end=0.81)  # reported once
     path = tmp_path / "piston.toml"
     path.write_text(PISTON)
     assert main(["check", str(path)]) == 0

@@ -38,7 +38,7 @@ def test_free_areas_agree_with_plane_geometry() -> None:
     assert FreeArea(box, (Wall.post((2.0, 1.5), 0.5),)).area() == pytest.approx(
         12.0 - 0.25 * math.pi, rel=1e-13
     )
-    # Half of a container, beside a floor through its middle.
+    # Half of a container, above a floor through its middle.
     floor = Wall.line((0.0, 1.5), (0.0, 1.0))
     assert FreeArea(box, (circle, floor)).area() == pytest.approx(0.5 * math.pi * 1.44, rel=1e-13)
     # A lens of two circles of radius 1 whose centres are 1 apart: 2 pi / 3 - sqrt(3) / 2.
@@ -98,7 +98,7 @@ def test_lengths_of_walls_agree_with_plane_geometry() -> None:
 def test_bounds_are_those_of_what_disks_can_reach() -> None:
     low, high = FreeArea(Box((4.0, 3.0), WALLED), (Wall.container((2.0, 1.5), 1.2),)).bounds()
     np.testing.assert_allclose([*low, *high], [0.8, 0.3, 3.2, 2.7], rtol=1e-12)
-    # In a periodic direction the room goes on, so centres may be at its sides too.
+    # In a periodic direction the free area continues, so centres may be at its sides too.
     low, high = FreeArea(Box((4.0, 3.0), MIXED), (Wall.line((0.0, 0.5), (0.0, 1.0)),)).spans(np.array([0.1]))
     np.testing.assert_allclose([*low[0], *high[0]], [0.0, 0.6, 4.0, 2.9], rtol=1e-12)
 

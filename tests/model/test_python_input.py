@@ -176,7 +176,7 @@ def test_states_that_were_changed_are_looked_at_again() -> None:
 
 
 class Spring(forces.Force):
-    """A force of one's own, with an attribute of its own."""
+    """A custom force with an additional attribute."""
 
     def __init__(self, stiffness: float) -> None:
         super().__init__(0.1)

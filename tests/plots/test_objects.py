@@ -1,4 +1,4 @@
-"""Pictures of objects: axes hold what the objects hold, and notebooks get tables and thumbnails."""
+"""Pictures of objects: axes show the data of the objects, and notebooks get tables and thumbnails."""
 
 from __future__ import annotations
 
@@ -389,7 +389,7 @@ def test_a_study_shows_its_keys_and_whether_it_has_results(tmp_path: Path) -> No
 
 
 def test_the_table_s_axis_ends_when_all_are_at_rest_and_its_legend_hides_no_curve(tmp_path: Path) -> None:
-    """Speeds and spins fall to 0 at t = 3; the file goes on to t = 9."""
+    """Speeds and spins fall to 0 at t = 3; the file ends at t = 9."""
     with TrajectoryWriter(tmp_path / "table.h5", Disks(3, 1.0, 0.2), Box.open(), units={}) as writer:
         for t in np.arange(10.0):
             v = max(3.0 - t, 0.0)
@@ -421,7 +421,7 @@ def test_pictures_of_disks_are_as_large_as_the_box_and_cut_nothing(
     assert needed.y1 <= size[1]
     assert needed.height > 0.8 * size[1]
     bar = figure.axes[0].child_axes[0]
-    # right beside the axes: nearer than a tenth of the figure
+    # right next to the axes: nearer than a tenth of the figure
     assert 0.0 < bar.get_window_extent().x0 - figure.axes[0].get_window_extent().x1 < 0.1 * figure.bbox.width
 
 

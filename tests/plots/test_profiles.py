@@ -1,4 +1,4 @@
-"""Profiles across a gas between walls, and their picture: what is drawn is what was put into the file."""
+"""Profiles across a gas between walls, and their picture: curves agree with the data written to the file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Picture of what walls take from the disks."""
+"""Picture of the momentum and energy that walls take from the disks."""
 
 from __future__ import annotations
 

@@ -202,7 +202,7 @@ def test_a_batch_that_makes_a_disk_too_fast_is_cut_and_loses_nothing(monkeypatch
 
 
 class Wood(CollisionLaw):
-    """Smooth disks of restitution e, as a law of one's own."""
+    """Smooth disks of restitution e, as a custom law."""
 
     coefficients = ("e",)
 

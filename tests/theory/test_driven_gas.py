@@ -123,7 +123,7 @@ def test_impossible_input_is_refused() -> None:
 
 
 def test_the_initial_temperatures_are_returned_at_time_0_from_rest_too() -> None:
-    """No time has passed: an integrator that is asked for none must not search for a step."""
+    """No time has passed: an integration over no time must not search for a step."""
     for T0 in (0.0, 0.5):
         T, T_rot, collisions = driven(COIN, *GAS, Driving(power=0.1), T0, 0.25, [0.0, 0.0])
         assert T.tolist() == [T0, T0]

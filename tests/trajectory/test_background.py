@@ -1,4 +1,4 @@
-"""Writing beside the run: order, bounds, errors, and readers meanwhile."""
+"""Writing in the background of a run: order, bounds, errors, and concurrent readers."""
 
 from __future__ import annotations
 

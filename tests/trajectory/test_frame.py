@@ -221,7 +221,7 @@ def test_refresh_follows_a_run_in_another_process(tmp_path):
         assert process.stdout.read(3) == b"..."
         with Trajectory(path) as trajectory:
             assert len(trajectory) == 3
-            process.stdin.close()  # it goes on, as fast as it can
+            process.stdin.close()  # it continues, as fast as it can
             rng = np.random.default_rng(1)
             for _ in range(20):
                 process.stdout.read(1)

@@ -194,7 +194,7 @@ def pipe(folder: Path) -> h5py.ExternalLink:
 
 
 def onto_itself(file: h5py.File, folder: Path) -> None:
-    """HDF5 2.0 crashes when it is asked for the shape of this."""
+    """HDF5 2.0 crashes when the shape of this is read."""
     name = f"{PARTICLES}/radius"
     del file[name]
     layout = h5py.VirtualLayout((N,), "f8", maxshape=(None,))
@@ -491,7 +491,7 @@ def test_control_characters_in_a_file_do_not_reach_the_terminal(tmp_path, capsys
 
 
 def test_a_file_that_grows_up_follows_no_link(tmp_path, monkeypatch, files):
-    """Somebody who foresees the name of a file beside its place cannot have another one overwritten."""
+    """A guessed name of a temporary file cannot cause another file to be overwritten."""
     from ifrdem.tools import files
 
     victim = tmp_path / "victim"

@@ -65,7 +65,7 @@ def write_one(path: Path, frames: int = 5, n: int = N, **options) -> None:
 def resume(
     path: Path, frames: int, n: int = N, disks: Disks | None = None, plain: bool = False, **options
 ) -> PartsWriter:
-    """Go on from a checkpoint that had seen so many frames, rows and batches of events; `plain` had frames only."""
+    """Resume from a checkpoint after so many frames, rows and batches of events; `plain` had frames only."""
     seen = {} if plain else {"series_rows": frames, "events": 50 * frames}
     disks = some_disks(n) if disks is None else disks
     head = TrajectoryWriter.resume(path, disks, BOX, frames=frames, **seen, **options)
@@ -77,7 +77,7 @@ def resume(
 
 
 def shown(path: Path) -> dict[str, bytes]:
-    """Every dataset as HDF5 shows it, without those that tell of parts."""
+    """Every dataset as HDF5 shows it, without those about parts."""
     return {name: each for name, each in content(path).items() if not name.startswith("parts/")}
 
 

@@ -164,7 +164,7 @@ def test_no_disk_and_one_disk_are_trajectories_too(tmp_path, n, compression):
 
 @pytest.mark.parametrize("length", [30.0, 0.1, 0.7])
 def test_rounding_leaves_disks_inside_the_box(tmp_path, length):
-    """In f4 the last f64 number below the length is the length, or (0.1, 0.7) something beside it."""
+    """In f4 the last f64 number below the length is the length, or for (0.1, 0.7) a neighbouring number."""
     path = tmp_path / "run.h5"
     state = State([[np.nextafter(length, 0.0), 0.0]], [[0.0, 0.0]], [0.0])
     with TrajectoryWriter(path, Disks(1, mass=1.0, radius=1e-3), Box((length, 1.0))) as writer:

@@ -1,4 +1,4 @@
-"""Benchmarks: what they count is what happened, what they print is what was asked for. No test looks at speed."""
+"""Benchmarks: correct counts, and output of what was requested. No test looks at speed."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ def test_a_timed_run_counts_the_collisions_of_the_simulation() -> None:
     assert (
         run.seconds >= run.slowest >= run.seconds / (1 + run.done["windows"])
     )  # the rest of one before them
-    again = bench.timed(simulation, 0.0)  # it stopped between two windows: it goes on
+    again = bench.timed(simulation, 0.0)  # it stopped between two windows: it continues
     assert simulation.collisions == collisions + run.collisions + again.collisions
 
 
@@ -281,7 +281,7 @@ def test_interruption_ends_with_a_message_and_its_status() -> None:
     command = [sys.executable, "-m", "ifrdem", "bench", *SMALL, "--runs", "10000", "--seconds", "10"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stderr is not None
-        line = process.stderr.readline()  # the end of the equilibration: the timed runs have begun
+        line = process.stderr.readline()  # the end of the equilibration: the timed runs have started
         time.sleep(0.5)
         os.kill(process.pid, signal.SIGINT)
         try:

@@ -48,7 +48,7 @@ def test_codes_from_outside_collide_by_the_closed_forms_of_the_coulomb_limit(wor
     c, w_2o = impacts()
     off = stepped.deviation(stepped.touch(world, c, w_2o=w_2o), predicted.after(c, "contact_point", w_2o))
     assert off.max() < tolerance
-    # IFR at another e_t, and the other closure, are far away: the comparison tells laws apart.
+    # IFR at another e_t, and the other closure, are far away: the comparison distinguishes laws.
     other = predicted.after(Impact(**{**vars(c), "e_t": -0.99}), "contact_point", w_2o)
     percussion = predicted.after(c, "percussion_center", w_2o)
     got = stepped.touch(world, c, w_2o=w_2o)

@@ -232,7 +232,7 @@ def edmd(path: Path, *, layers: int = 3, height: float = 0.0, rate: float = 2.4,
 
 
 def dynamo(path: Path, *, rate: float = 2.4) -> Path:
-    """DynamO's stand-in: 1e4 events/s, as many as asked for, at so many per disk and time; cools as a gas does."""
+    """DynamO's stand-in: 1e4 events/s, as many as requested, at so many per disk and time; cools as a gas does."""
     return program(
         path,
         f"""\
