@@ -297,7 +297,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     @validated
     def set_law(self, law: Annotated[CollisionLaw | Sequence[Sequence[CollisionLaw]], LATER]) -> None:
-        """Collide by another law from now on: one for all pairs, or a table, as for a new simulation.
+        """Set another law for later collisions: one for all pairs, or a table, as for a new simulation.
 
         Raises
         ------
@@ -317,7 +317,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     @validated
     def set_forces(self, forces: Annotated[Sequence[Force], LATER]) -> None:
-        """Have other forces act from now on, instead of the present ones; an empty list for none.
+        """Replace the forces; an empty list for none.
 
         `energy_inputs` are then those of the new forces; `energy_input` still has what the old ones put in.
 
@@ -332,7 +332,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     @validated
     def set_gravity(self, gravity: tuple[float, float]) -> None:
-        """Let disks fall by another acceleration [length/time^2] from now on.
+        """Set another gravity [length/time^2].
 
         The change of potential energy counts as `energy_input`.
 
@@ -348,7 +348,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     @validated
     def set_piston_force(self, wall: Annotated[int, Integer(0)], force: Real) -> None:
-        """Have another constant force [mass length/time^2] act on a piston from now on; `wall` is its number.
+        """Set another constant force [mass length/time^2] on a piston; `wall` is its number.
 
         Raises
         ------
@@ -463,7 +463,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
 
     @property
     def asleep(self) -> int:
-        """Disks that sleep (`resting_speed`)."""
+        """Number of sleeping disks (`resting_speed`)."""
         return self._engine.asleep
 
     @property
@@ -789,7 +789,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
         series_callbacks: Iterable[SeriesCallback] = (),
         progress: Annotated[Progress | bool | None, LATER] = None,
     ) -> None:
-        """Run on from the present state: `run` with an end that counts from this call.
+        """Run with an end that counts from this call; else as `run`.
 
         Parameters
         ----------
