@@ -371,7 +371,7 @@ class DSMC(ReadOnlyAttributes):
         return np.asarray(self._language.to_numpy(self._hits), dtype=np.int32)
 
     def checkpoint(self) -> Checkpoint:
-        """The present state. Another gas of the same disks, law, seed and drive that resumes it goes on bit by bit."""
+        """The present state, from which another gas of the same disks, law, seed and driving goes on bit by bit."""
         self._check_valid()
         record = self._record()
         return Checkpoint(
