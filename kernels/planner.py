@@ -139,7 +139,7 @@ def plan_window(
 
 @kernel
 def survey(rough: ti.i32, gas: Arrays("uses grid scale clock disk tile tally reach found total")):
-    """The largest square of a speed and the sum of all, as a window's end tells, of disks moved by something else.
+    """The largest square of a speed and the sum of all, as at a window's end, of disks that something else has moved.
 
     The unit of squares follows from the largest one, which another call, a `rough` one, has to find first.
     """

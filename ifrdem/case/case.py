@@ -59,7 +59,7 @@ class RunSection(Section):
     precision: Literal["f64", "f32"] = field("f64", "f64")
     """Numbers that the run computes with: "f64" (double precision), or "f32" (single: less memory, less exact)."""
     units: Literal["SI", "reduced"] = field("SI", "SI")
-    """ "SI": numbers are in the units in brackets; "reduced": in any consistent system, and the brackets only tell the
+    """ "SI": numbers are in the units in brackets; "reduced": in any consistent system, and the brackets only give the
     dimension. Nothing is converted."""
     collapse: Literal["none", "velocity_cutoff", "tc", "rest"] = field("velocity_cutoff", "none")
     """Against collisions without end (inelastic collapse, disks that come to rest): "none", "velocity_cutoff"

@@ -126,7 +126,7 @@ def of_text(
     *,
     where: str = "on the command line",
 ) -> CaseFile:
-    """The case file of which this is the text, as `read`; files that it names are looked for beside `path`.
+    """The case file with this text, as by `read`; paths in it are relative to the folder of `path`.
 
     `where` says where overrides were set, in messages.
     """

@@ -85,7 +85,7 @@ def check_names(case: CaseSections) -> Iterator[Problem]:
 
 
 def check_pairs(verdicts: Iterable[PairVerdict]) -> Iterator[Problem]:
-    """Inadmissible pairs; the same of further species is told once."""
+    """Inadmissible pairs; each message appears once, also for several species."""
     for key, message in dict.fromkeys((each.key, each.message) for each in verdicts if not each.admissible):
         yield Problem(key, None, message)
 
@@ -373,7 +373,7 @@ def check_scan(case: CaseSections) -> Iterator[Problem]:
 
 
 def _check_speeds(case: CaseSections, given_by: str) -> Iterator[Problem]:
-    """Speeds of species that are given beside a start that says how the disks move."""
+    """Speeds of species that are given although the start has velocities."""
     for i, each in enumerate(case.species):
         for speed in ("speed_rms", "spin_rms"):
             if speed in each.model_fields_set:

@@ -75,7 +75,7 @@ class Section(BaseModel):
     choices: ClassVar[tuple[str, ...]] = ()
     """Alternatives that are no such groups, as the templates of cases say them."""
     kind_key: ClassVar[str] = "kind"
-    """The key that tells kinds of a section apart, where there are several."""
+    """The key that selects the kind of a section, where there are several."""
 
     @model_validator(mode="wrap")
     @classmethod
@@ -142,7 +142,7 @@ class Section(BaseModel):
 
 
 def exclusive_with(data: Mapping[str, Any], key: str, *others: str) -> list[str]:
-    """A mistake for `others` that stand beside a key that says the same."""
+    """A mistake for `others` that are given together with a key of the same meaning."""
     given = [each for each in others if each in data]
     return [f"{', '.join(given)} cannot be combined with {key}"] if key in data and given else []
 

@@ -23,7 +23,7 @@ from .objects import device_of
 from .output_section import MOST_FRAMES
 
 WRITER_BYTES_PER_DISK = 200
-"""Frames that are being told, wait or are written.
+"""Memory [bytes per disk] of frames that are made, wait or are written.
 
 A run of 2e6 disks took 750 bytes for each more than one of 2e5, engine and all."""
 GPU_BYTES_PER_DISK, GPU_SCRATCH, GPU_BYTES_OF_FEW = 330, 9_000_000_000, 2500

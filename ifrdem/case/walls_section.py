@@ -121,7 +121,7 @@ class PistonSection(Section):
 
 
 class WallSection(Section):
-    """A wall beside the sides of the box: at rest, moving, turning, with a moving surface, or hot."""
+    """A wall other than the sides of the box: at rest, moving, rotating, with a moving surface, or thermal."""
 
     kind_key: ClassVar[str] = "shape"
 

@@ -47,7 +47,7 @@ NAMES = (
 """As in `analysis.catalogue.ANALYSES`, whose import takes a second."""
 ELSEWHERE = "; --force replaces it, -o DIR writes elsewhere"
 RUN = ("name", "seed", "started")
-"""Parameters of a trajectory by which a run is told from others."""
+"""Parameters of a trajectory that identify its run."""
 
 PICTURE_LIST = "\n".join(f"{name:<{max(map(len, PICTURES))}}  {text}" for name, text in PICTURES.items())
 
@@ -299,7 +299,7 @@ def plot(
     """Draw a trajectory, several, or a study: temperatures, disks, velocity, rdf, structure-factor, msd.
 
     Of a study (FILE.nc), and of several trajectories, WHAT is a quantity of the whole gas: T, T_rot, theta, energy,
-    and so on; of a study, with bands of two standard errors over seeds and kinetic theory beside it. Of one trajectory,
+    and so on; of a study, with bands of two standard errors over seeds, and kinetic theory. Of one trajectory,
     temperatures, energy, ledger, mechanisms, walls and piston can be drawn `--over tau`, too.
     """
     if list:

@@ -108,7 +108,7 @@ class DiskOptions:
     pair: Annotated[tuple[str, str] | None, Parameter(metavar="COIN COIN")] = None
     """two coins of the paper instead, in SI units"""
     disk_1: Annotated[str | None, Parameter(metavar="MASS,RADIUS,K")] = None
-    """disk 1 of whole collisions; K is 2 unless told"""
+    """disk 1 of whole collisions; default of K: 2"""
     disk_2: Annotated[str | None, Parameter(metavar="MASS,RADIUS,K")] = None
     """disk 2, or wall"""
 
@@ -152,7 +152,7 @@ class FitOptions:
     model: Annotated[list[str] | None, Parameter(metavar="LAW")] = None
     """ifr-percussion, ifr-contact, walton, brach, smooth or all; repeatable (default: both kinds of IFR)"""
     law: Annotated[str | None, Parameter(metavar="FILE.py:CLASS")] = None
-    """a law of one's own beside them, see own-law in the manual"""
+    """a custom law in addition, see own-law in the manual"""
     range: Annotated[list[str] | None, Parameter(metavar="NAME=LOW:HIGH")] = None
     """range of a coefficient of that law; repeatable"""
     fix: Annotated[list[str] | None, PAIRS] = None
@@ -168,7 +168,7 @@ class FitOptions:
     rolling: bool = False
     """fit rolling friction rho too, from Rw_2 or e_t_apparent"""
     bootstrap: Annotated[int, counting(40)] = 0
-    """intervals by N synthetic data sets beside the others"""
+    """additional intervals from N synthetic data sets"""
     seed: Annotated[int | None, counting(0, MOST_SEED)] = None
     """seed of the bootstrap and of --draw (default: 1)"""
 
@@ -630,7 +630,7 @@ def compare(
 ) -> int:
     """Compare a run with measured places.
 
-    Gives positions, angles and rest places of a run beside the measured ones, with the spread that the errors
+    Gives positions, angles and rest positions of a run and the measured ones, with the spread that the errors
     of the start
     and of the fitted law give.
     """

@@ -113,7 +113,7 @@ def view(
 def link(file: File, /) -> None:
     """Let ParaView, OVITO, xarray and ASE open a trajectory.
 
-    Writes NAME.vtkhdf (ParaView, PyVista, VTK) and NAME.nc (OVITO, xarray, ASE) beside NAME.h5. They point at its data
+    Writes NAME.vtkhdf (ParaView, PyVista, VTK) and NAME.nc (OVITO, xarray, ASE) next to NAME.h5. They point at its data
     and copy none: keep the three files together, and write them again when the run has added frames. Existing views
     are replaced.
     """
@@ -215,7 +215,7 @@ def repair(
 
     Says what is wrong with a trajectory, and writes what is whole of it to NAME.repaired.h5: frames that can be read,
     series and histories up to their first damaged part. Uncommitted ends are cut off. Views that are missing or stale
-    are written again. Compressed data tell when they are damaged; uncompressed ones do not.
+    are written again. Damage of compressed data is detected; that of uncompressed data is not.
     """
     from ..trajectory import repair as repairing
     from ..trajectory.views import stale, write_views

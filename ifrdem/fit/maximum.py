@@ -159,7 +159,7 @@ class Search:
 
     def points(self, values: Array) -> Points:
         """Nearest points of coefficients (p,)."""
-        key = values.tobytes()  # SciPy asks for residuals and derivatives at one place one after the other
+        key = values.tobytes()  # SciPy requests residuals and derivatives at one point one after the other
         if self._last is None or self._last[0] != key:
             self._last = key, self.likelihood.at(values)
         return self._last[1]

@@ -233,7 +233,7 @@ class Box:
         """Places on paths without jumps [length], shape (..., 2): of positions in the box and the boxes travelled.
 
         position + image * lengths; in a sheared box, the box above lies shear_rate Ly t further along x, and the path
-        is that of a disk that goes on into faster and faster flow. The time is a number or an array (...).
+        is that of a disk that moves on into faster and faster flow. The time is a number or an array (...).
         """
         _check_times(position, time)
         if np.shape(image) != position.shape:

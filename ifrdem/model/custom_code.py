@@ -34,7 +34,7 @@ def named_numbers(owner: str, what: str, names: Sequence[str], given: Mapping[st
 
 
 class FromKernels:
-    """A function of a module of `kernels`, imported where it is first asked for: Taichi is slow to import."""
+    """A function of a module of `kernels`, imported at its first use: Taichi is slow to import."""
 
     def __init__(self, module: str, name: str) -> None:
         self._module, self._name = module, name

@@ -119,7 +119,7 @@ class FreeArea:
         for corners, inside in self._polygons:
             if inside:
                 low, high = np.maximum(low, corners.min(axis=0)), np.minimum(high, corners.max(axis=0))
-        # Across a periodic side the free area goes on, where it reaches it.
+        # Across a periodic side the free area continues, where it reaches it.
         open_ = (low <= ROUNDING * lengths) | (high >= (1.0 - ROUNDING) * lengths)
         open_ &= np.array(self.box.periodic)
         return np.where(open_, 0.0, low), np.where(open_, lengths, high)

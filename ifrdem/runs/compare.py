@@ -40,7 +40,7 @@ _SPELLINGS = {
     "orientation": "angle",
 }
 LEAST_MEMBERS = 4
-"""Runs with drawn start and law from which a covariance can be told."""
+"""Smallest number of runs with drawn start and law for a covariance."""
 MOST_NAMED = 500
 """Measured positions that a figure labels at most; more labels would cover each other."""
 
@@ -97,7 +97,7 @@ def read(path: Path | str, errors: Mapping[str, float], form: TableFormat) -> Me
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """A run beside what was measured."""
+    """Comparison of a run with measured positions."""
 
     measured: Measured
     position: Array  # (m, 2): places in the run [length]
@@ -138,7 +138,7 @@ class Comparison:
     def probability(self) -> Array:
         """Probability of a smaller deviation (m,), if the run is right: the ellipse on which the place lies.
 
-        A few runs tell their own spread badly. Their part of the variance along the offset, r, leaves
+        A few runs give their own spread badly. Their part of the variance along the offset, r, leaves
         nu = (n - 1) / r^2 degrees of freedom (Y. Yao, Biometrika 52, 139, 1965), and in two dimensions Hotelling's
         distribution of d^2 is P = 1 - (1 + d^2 / nu)^(-(nu - 1) / 2), that of F = d^2 (nu - 1) / (2 nu) with 2 and
         nu - 1 degrees of freedom, which is 1 - exp(-d^2 / 2) for many runs.
@@ -305,7 +305,7 @@ def compare(
         start_state = from_trajectory.of_frame(first)
         times_measured = np.minimum(measured.time, times[-1])
         box, between = trajectory.box, not np.isin(times_measured, times).all()
-        unwrapped = paths  # without jumps, where a place between two frames is asked for
+        unwrapped = paths  # without jumps, if a position between two frames is needed
         if between and any(box.periodic):
             unwrapped = np.concatenate([*catalogue.unwrapped(trajectory, range(len(times)))], axis=1)
     if 0 < members < LEAST_MEMBERS:

@@ -52,7 +52,7 @@ class Outputs:
 
     @property
     def checkpoint(self) -> Path:
-        """From what `ifrdem resume` goes on; there while the run is not done."""
+        """Path of the file from which `ifrdem resume` continues; it exists until the run is done."""
         return checkpoint_of(self.trajectory)
 
     def check(self, *, force: bool) -> None:

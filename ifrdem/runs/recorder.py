@@ -161,7 +161,7 @@ class Recorder:
         return self
 
     def __exit__(self, kind: object, error: object, trace: object) -> None:
-        """Write what waits; where the run has failed, that is what is told, not what this may fail by."""
+        """Write what waits; if the run has failed, its error is raised, not one of this writing."""
         with contextlib.nullcontext() if kind is None else contextlib.suppress(InputError, TrajectoryError):
             self.write()
 

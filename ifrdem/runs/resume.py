@@ -1,4 +1,4 @@
-"""Going on with a run that was stopped: bitwise as if it had never been."""
+"""Resume a run that was stopped, with the bits of an uninterrupted run."""
 
 from __future__ import annotations
 
@@ -79,11 +79,11 @@ def resume(
     warn: Callable[[str], None] = print,
     comm: Communicator = SERIAL,
 ) -> None:
-    """Go on with a run from its checkpoint: its trajectory gets the same frames as if it had not been stopped.
+    """Resume a run from its checkpoint: its trajectory gets the same frames as if it had not been stopped.
 
     Frames that were committed after the checkpoint are computed again and compared, bit for bit.
 
-    `source` is the trajectory, its checkpoint, or the folder that holds the only one. `ignore_case_changes` goes on as
+    `source` is the trajectory, its checkpoint, or the folder that holds the only one. `ignore_case_changes` resumes as
     the run began though its case file has changed since. `threads` may be another number of CPU threads than before:
     the result does not depend on it. `runtime` compiles the kernels, by default that of the environment or else, if it
     is installed, that of the checkpoint. A picture is drawn at the end, if the case wants it. Others as for `run.run`;
@@ -172,7 +172,7 @@ def _with(case: CaseSections, **run: Any) -> CaseSections:
 
 
 def _case_of(record: Mapping[str, Any], path: Path, name: str | None) -> CaseSections:
-    """The case of a checkpoint on the runtime that is chosen for it; InputError if its bits could not go on."""
+    """The case of a checkpoint on the runtime that is chosen for it; InputError if the bits could change."""
     written = of_kernels.of_versions(record["versions"])[0]
     if name is None and not os.environ.get(of_kernels.VARIABLE) and of_kernels.version(written) is not None:
         name = written

@@ -82,7 +82,7 @@ def run(
 
     Raises InputError if the case, the device or the outputs cannot be used. Else the trajectory keeps the frames so
     far: Stopped, with a checkpoint, by a signal or the limit of time; KeyboardInterrupt after a second Ctrl-C
-    or one before it has begun; EngineError or TrajectoryError if the engine or the disk fails.
+    or one before it has started; EngineError or TrajectoryError if the engine or the disk fails.
     """
     gas, case = file.gas, file.case
     options: dict[str, Any] = {"force": force, "max_hours": max_hours, "log": log, "warn": warn}
@@ -130,7 +130,7 @@ def run(
 
     def begin() -> TrajectoryWriter | None:
         if force:  # the checkpoint of the trajectory that is replaced is of no use
-            outputs.check(force=True)  # again: another run may have begun while the start was made
+            outputs.check(force=True)  # again: another run may have started while the start was made
             checkpoint.remove(outputs.checkpoint)
             parts.remove(outputs.trajectory)
         options["parameters"] = _record(file, cores, comm.size)
@@ -292,7 +292,7 @@ def run_root(
         status.finish("interrupted", _one_line(text))
         raise Stopped(text, stop.status) from None
     except KeyboardInterrupt:
-        with contextlib.suppress(InputError, TrajectoryError):  # the interrupt is what is told
+        with contextlib.suppress(InputError, TrajectoryError):  # the interrupt is what is reported
             if (
                 isinstance(running.writer, AsyncWriter) or simulation.comm.size == 1
             ):  # else it takes all ranks

@@ -15,7 +15,7 @@ from ..errors import Stopped, option_name
 WARNINGS: list[signal.Signals] = [
     getattr(signal, name) for name in ("SIGUSR1", "SIGUSR2") if hasattr(signal, name)
 ]
-"""Signals by which batch systems tell that a job is about to run out of time (Windows has none)."""
+"""Signals by which batch systems announce that a job is about to run out of time (Windows has none)."""
 SIGNALS: list[signal.Signals] = [signal.SIGINT, signal.SIGTERM, *WARNINGS]
 """All that a run ends in good order for. Terminals and batch systems send them to every process of a job."""
 
@@ -46,7 +46,7 @@ class Stops:
         self._warn = warn
         self._reason: Stopped | None = None
         self._started = time.monotonic() - elapsed
-        self._stored = -math.inf  # a run that is killed soon can go on too
+        self._stored = -math.inf  # a run that is killed soon can be resumed too
         self._limit = None if max_hours is None else 3600.0 * max_hours
         self._max_hours = max_hours
         self._every = 60.0 * every_minutes

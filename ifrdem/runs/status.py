@@ -1,4 +1,4 @@
-"""The live state of a run, in a small file beside its trajectory: NAME.status.json for NAME.h5.
+"""The live state of a run, in a small file next to its trajectory: NAME.status.json for NAME.h5.
 
 The file is written aside and renamed into place, so that a reader never sees half of it.
 """
@@ -82,12 +82,12 @@ def path_of(trajectory: str | os.PathLike[str]) -> Path:
 
 
 class Status:
-    """Writes the status file of a run beside its trajectory file.
+    """Writer of the status file of a run, next to its trajectory file.
 
     A full disk, or a folder that is gone, does not end the run: the status keeps its last content, and `trouble` says
     why.
 
-    The `name` of the run, what ends it and its device are told once. `interval` are the seconds between two writings at
+    The `name` of the run, its end and its device are given once. `interval` are the seconds between two writings at
     least, but `finish` always writes; `clock` gives seconds of real time.
     """
 

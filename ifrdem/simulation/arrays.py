@@ -421,7 +421,7 @@ class DeviceArrays:
         rows.piston.push[rows.owner == number] = named(wall.rows(), "walls").piston.push
 
     def take_lists(self, found: dict[str, NDArray[Any]]) -> None:
-        """Go on from lists that `lists` gave, as the beginning of a window."""
+        """Load lists that `lists` gave, as the beginning of a window."""
         self.domain.load({name: found[name] for name in self._kept()}, *found["listed"].T)
 
     def lists(self, part: int) -> dict[str, NDArray[Any]]:
@@ -437,7 +437,7 @@ class DeviceArrays:
         return dict(zip(held, self.domain.comm.by_id(self.n, ids, list(held.values())), strict=True))
 
     def _kept(self) -> list[str]:
-        """Names of the arrays of a state that this gas keeps, beside the kinds of disks, which ids tell."""
+        """Names of the arrays of a state that this gas keeps, except the kinds of disks, which follow from ids."""
         return [name for name in self.state_names() if name != "kind"]
 
     def values(self, name: str) -> NDArray[Any]:

@@ -108,7 +108,7 @@ class Domain:
     ) -> None:
         """Run the present window in all tiles, or up to `most` windows, and verify the tiles.
 
-        When `pausing`, which only a gas in one tile can, to the moment that was asked for; `resuming` from there.
+        `pausing` stops a gas in one tile at the requested moment; `resuming` continues from there.
         """
         runner.run_all(most, pausing=pausing, resuming=resuming)
 

@@ -10,7 +10,7 @@ event-driven code produces, up to rounding. Exact ties in time fall to the small
 state depend on the gas only: places are on a grid, so that all tiles compute the same from whatever corner; windows end
 where the state at their beginning says. Any number of threads, any tiles, any halo that is verified, and the whole box
 in order give the same bits; so do frames, series, tracked disks and the ledger, which only look. A run that stops
-within a window changes no bit of what comes after: a gas in one tile pauses there, tiles tell the moments to come as
+within a window changes no bit of what comes after: a gas in one tile pauses there, tiles store planned moments as
 they pass them, and run the window again only for those that were not predicted.
 Only what something else does to the disks (a force, a change by the user) ends a window.
 
@@ -410,7 +410,7 @@ class Engine:
         return losses.copy(), sums.regimes.astype(np.int64)
 
     def switch_ledger(self, on: bool) -> None:
-        """Go on without adding up what takes energy, or with it again: to time what the ledger costs."""
+        """Switch the sums of the energy ledger off or on: to time what the ledger costs."""
         with self.exclusive_update():
             self.windows.switch(self.arrays.uses.replace(tallied=on))
 
@@ -560,7 +560,7 @@ class Engine:
         self.turning.work += float(before - self._totals()[READOUT.fall])
 
     def set_velocities(self, state: State) -> None:
-        """Go on with the velocities and spins of another state (of ranks, of the slice), from the present places.
+        """Set the velocities and spins to those of another state (of ranks, of the slice); positions stay.
 
         InputError if an immovable disk would move, or they are too large or small to compute with.
         """
@@ -656,7 +656,7 @@ class Engine:
         )
 
     def _nothing_happens(self) -> bool:
-        """Tell if no disk meets another one or a wall before something else sets it in motion."""
+        """True if no disk meets another one or a wall before something else sets it in motion."""
         if self._no_future_collisions or self._is_alone:
             return True
         self.windows.go_on(self.next_kick)
@@ -771,7 +771,7 @@ class Engine:
             self.release()
 
     def check_valid(self) -> None:
-        """Refuse to go on with an engine that has ended, or was interrupted half-way through a window."""
+        """Raise an error if the engine has ended, or was interrupted half-way through a window."""
         if self._released:
             raise EngineError(
                 "this simulation has ended: another one was started with another device, precision or number of "

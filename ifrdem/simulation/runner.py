@@ -188,7 +188,7 @@ class TileRunner:
                 self.rests |= bool(a.counter.resting)
                 return
             if a.counter.n_windows > 1:
-                # Windows before this one are good: go on from here.
+                # Windows before this one are good: continue from here.
                 sums = a.sums.copy()
                 self.statistics.windows += int(a.counter.n_windows) - 1
                 clock = a.clock.copy()

@@ -162,7 +162,7 @@ AT_END = Trigger(number=1)
 class RunPlan:
     """Plan of a run: its beginning and end, frames and series, and what of it is done.
 
-    Points are computed from their number and the run's beginning alone: a run that goes on later finds the same.
+    Points are computed from their number and the run's beginning alone: a resumed run has the same.
 
     Attributes
     ----------
@@ -216,7 +216,7 @@ class RunPlan:
 
     @classmethod
     def from_record(cls, record: Mapping[str, Any], frames: Trigger, series: Trigger | None) -> RunPlan:
-        """Go on from what `to_record` gave."""
+        """The plan of a record that `to_record` gave."""
         begin, end = (RunPoint(*record[name]) for name in ("begin", "end"))
         return cls(record["n"], begin, end, frames, series, record["next_frame"], record["next_row"])
 

@@ -1,4 +1,4 @@
-"""Every collision of tracked disks: what the engine's log says, made into what a physicist asks for."""
+"""Every collision of tracked disks, in physical quantities, from the engine's log."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ..model.walls import Wall
 KICK = -1
 """In place of a partner: a force changed the disk's velocity or spin."""
 UNKNOWN, ELASTIC = -1, 9
-"""In place of a `law.Regime`: a law of one's own or a thermal wall; elastic by a remedy for collapse."""
+"""In place of a `law.Regime`: a custom law or a thermal wall; elastic by a remedy for collapse."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -53,7 +53,7 @@ class Windows:
         arrays.clock.begin = arrays.clock.end = time
         self._completed = False  # the window has been run to its end
         self._ready = False  # the present window has an end, and has not been run
-        # It has been run to the moment that was told; the scratch space holds the rest of it.
+        # It has been run to the requested moment; the scratch space holds the rest of it.
         self._paused = False
         self._recorded = 0  # what has been written down of the present window
         self._moments: list[Moment] = []  # that have been written
@@ -110,7 +110,7 @@ class Windows:
         return int(self.sums[TALLY.elastics])
 
     def switch(self, uses: k.Uses) -> None:
-        """Go on with what else is added up, or less: the motion stays the same."""
+        """Add up more or fewer quantities from now on: the motion stays the same."""
         inside, sums = self.inside, self.sums
         self.arrays.uses = uses
         if inside:
@@ -181,7 +181,7 @@ class Windows:
         return {"window": np.array([*length, a.clock.square_unit]), "sums": self._done.copy()}
 
     def restore(self, found: dict[str, NDArray[np.float64]], watching: int = 0) -> None:
-        """Go on from what `snapshot` gave."""
+        """Restore what `snapshot` gave."""
         a = self.arrays
         begin, end, now, moment, ready, a.clock.fastest, a.clock.square_unit = found["window"].tolist()
         self._begin_at(begin)
@@ -245,7 +245,7 @@ class Windows:
         watching: int,
         next_points: Callable[[], Iterable[tuple[float, float]]],
     ) -> None:
-        """Go on `until` a time or so many collisions in all, whatever is first, or to the end of a window.
+        """Advance `until` a time or so many collisions in all, whichever is first, or to the end of a window.
 
         The first one that ends at or after a `pause`, of the same kind, or the last of `most` windows. `next_points`
         gives those of later calls; what lies in the same window is computed with it.
@@ -288,7 +288,7 @@ class Windows:
                 self.snapshot_at(self._moment_now)
 
     def _nears_count(self) -> bool:
-        """Tell if the present window may have a collision whose number was asked for, and make room for them all."""
+        """True if the present window may have a collision of a requested number; makes room for them all."""
         a, done = self.arrays, self._done[TALLY.collisions]
         most = 1.5 * max(float(a.clock.in_window), self._last_collisions) + 100.0
         if not any(done < count <= done + most for _, count in self._requested):
@@ -299,7 +299,7 @@ class Windows:
         return True
 
     def plan_snapshots(self, begin: float, first: float | None = None) -> list[float]:
-        """Moments of the present window, after `begin` [time], that have been asked for, and the `first` one of all.
+        """Requested moments of the present window, after `begin` [time], and the `first` one of all.
 
         In order, the first ones for which there is room. Of collisions only where their times are known.
         """

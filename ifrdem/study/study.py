@@ -385,7 +385,7 @@ class Study:
         return f"{self.plan.label(task.index[:-1])}, seed {self.plan.seeds[task.index[-1]]}"
 
     def _cluster(self, workers: int | None, scheduler: str | None) -> ClusterSection:
-        """Where the runs are done: by the file, or by what is given here."""
+        """Where the runs take place, by the file and these arguments."""
         if workers is not None and scheduler is not None:
             names = option_name("--workers", "workers"), option_name("--scheduler", "scheduler")
             raise InputError(f"{names[0]}: cannot be combined with {names[1]}, which has its own workers")

@@ -134,7 +134,7 @@ def dask(
 
             def setup(self, worker: Any) -> None:
                 if threading.current_thread() is threading.main_thread():
-                    # The matter of the one that asks for the runs.
+                    # Ctrl-C is for the process that started the workers.
                     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
         client.register_plugin(IgnoreInterrupts())

@@ -42,7 +42,7 @@ class Worker:
 
     def call(self, function: Callable[..., Any], *arguments: Any) -> None:
         """Begin a call; the function is of the top level of a module, as for `pickle`."""
-        with contextlib.suppress(OSError):  # of a process that has died: `result` tells
+        with contextlib.suppress(OSError):  # of a process that has died: `result` raises
             self.line.send((function, arguments))
 
     def result(self) -> Any:

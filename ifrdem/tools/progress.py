@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TextIO
 
 BAR = "{percentage:5.1f} %|{bar}| {desc}"
 FRAME = 14
-"""Columns that the bar line needs beside its text, at least."""
+"""Columns that the bar line needs in addition to its text, at least."""
 
 DELAY = 0.5
 """Seconds between looks at the compiler, and those after which the bar of a short run appears."""

@@ -48,7 +48,7 @@ def drawn(
 
 
 def permuted(seed: int, purpose: int, n: int, ids: range) -> NDArray[np.int64]:
-    """Numbers of some of n things, ids, in a random order of all: those that they have in whatever range is asked for.
+    """Numbers of some ids in a random order of n things: the same for an id whatever range it is requested in.
 
     Of more than a block (`BLOCK`), a Feistel network of eight rounds permutes the numbers of so many bits (M.
     Luby, C. Rackoff, doi:10.1137/0217022), again and again until one is below n (J. Black, P. Rogaway,

@@ -1,7 +1,7 @@
 """Parts of a trajectory: NAME.h5, and files NAME.parts/0000.h5, 0001.h5, ..., with the fields of some disks each.
 
 A gas on several ranks of MPI is written by all of them. Each part is a trajectory of its own, of the disks with
-consecutive numbers that one rank had when the file was begun. NAME.h5 has what belongs to all disks (box, record,
+consecutive numbers that one rank had when the file was created. NAME.h5 has what belongs to all disks (box, record,
 series, observables, times and steps of frames); its datasets with a row for each disk are virtual ones of HDF5, which
 show the rows of the parts, by relative names: NAME.h5 and the folder are moved together. Where a part is missing, HDF5
 gives nan for floats and -2147483648 for counts.

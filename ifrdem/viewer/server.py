@@ -69,7 +69,7 @@ class Server(ThreadingHTTPServer):
     def answer(self, name: str, query: Mapping[str, str]) -> tuple[str, bytes] | None:
         """Type and bytes of an answer, by the last part of its path; None if there is nothing of that name.
 
-        Raises InputError if the query asks for what there is not.
+        Raises InputError if the query names something that does not exist.
         """
         if name == "":
             return "text/html; charset=utf-8", self.page

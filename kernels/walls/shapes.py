@@ -10,10 +10,11 @@ rho). All are met by the same steps. Bounds reach to the end of the window, not 
 depends on the order in which walls are looked at, and steps, whose last bits depend on their bounds, would too.
 
 Arcs. A disk of radius R touches the inside of an arc of radius A from within the circle rho = A - R, the outside from
-beyond rho = A + R, at an angle of the arc; it touches the ends as posts of radius 0. A centre that passes the circle
-beside the arc is followed on its other side until it comes back. Between the two circles it cannot get behind the arc:
-there, at the first angle of the arc, it would be nearer than R to its end. The angles of the arc are widened by 6e-8:
-at the seam circle and end touch each other, and a circle that is taken so far is R (6e-8)^2 / 2 = 2e-15 R off.
+beyond rho = A + R, at an angle of the arc; it touches the ends as posts of radius 0. A centre that crosses the circle
+outside the angles of the arc is followed on its other side until it comes back. Between the two circles it cannot get
+behind the arc: there, at the first angle of the arc, it would be nearer than R to its end. The angles of the arc are
+widened by 6e-8: at the seam circle and end touch each other, and a circle that is taken so far is
+R (6e-8)^2 / 2 = 2e-15 R off.
 
 A shape is a line of `SHAPES`. The functions in it, of wall w and a position (x, y) as a wall that has not turned sees
 it, are

@@ -1,4 +1,4 @@
-"""Fits to a cooling gas say whether their law holds: waves that it leaves are told from noise and from scatter."""
+"""Fits to a cooling gas say whether their law holds: systematic residuals differ from noise and scatter."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_sums_over_correlated_noise_are_those_of_its_matrix() -> None:
 
 
 def test_a_gas_that_leaves_haffs_law_is_reported_and_gets_no_errors() -> None:
-    """T ~ t^-2 that becomes t^-1 late, as in clusters: beside noise of a tenth of the difference."""
+    """T ~ t^-2 that becomes t^-1 late, as in clusters, with noise of a tenth of the difference."""
     t = np.linspace(0.0, 400.0, 300)
     T = haff(t) * (1.0 + t / 80.0)
     found = analysis.haff_fit(t, T * np.exp(0.02 * noise(1, 300, 0.5)))

@@ -714,7 +714,7 @@ def test_estimate_of_the_main_job() -> None:
 
 
 def test_estimate_counts_the_kicks_of_tracked_disks() -> None:
-    """100 disks, 500 steps to the end: 50,000 events of 177 bytes, beside those of collisions."""
+    """100 disks, 500 steps to the end: 50,000 events of 177 bytes, in addition to those of collisions."""
     text = SMALL.replace("collisions_per_disk = 5.0", "t_end = 1.0") + "[output]\nhistories_all = true\n"
     sizes = []
     for step in (1.0, 2e-3):
@@ -759,7 +759,7 @@ def test_mixture_run_to_a_time_gets_a_bound_only_if_it_cools(changes: list[str],
     assert estimate.collisions == pytest.approx(0.5 * 0.1 * numbers @ rates, rel=1e-12)
 
 
-def test_models_forbid_what_they_do_not_know() -> None:
+def test_models_forbid_unknown_keys() -> None:
     with pytest.raises(ValidationError, match="Extra inputs"):
         SpeciesSection.model_validate({"name": "a", "number": 1, "coin": "1 pta", "colour": "red"})
     with pytest.raises(ValidationError, match="missing: e_n"):

@@ -112,7 +112,7 @@ def test_with_walls_or_a_medium_the_frame_of_speeds_and_temperatures_is_stated(t
 def test_a_start_with_a_single_disk_of_a_species_has_no_momentum(shear: str) -> None:
     """Alone it can have its speed, or no momentum: of 20 disks of mass 1 and one of mass 100 it had 100 of 120.
 
-    The energy, relative to the flow, is the one asked for: 20 + 50.
+    The energy, relative to the flow, is the given one: 20 + 50.
     """
     text = (
         PLAIN.replace("number = 200", "number = 20").replace("[[material]]", f"{shear}[[material]]", 1)

@@ -92,7 +92,7 @@ def test_tracked_disks_are_a_list_a_sample_a_region_or_all(folder):
     assert len(output(folder, "histories_all=true").tracked(200, rng, position)) == 200
 
 
-def test_histories_are_kept_where_any_key_asks_for_them(folder):
+def test_any_of_the_keys_of_histories_stores_them(folder):
     assert not output(folder).tracks
     assert not output(folder, "histories_all=false").tracks
     for each in ("all=true", "sample=5", "region=[0.0, 0.0, 9.0, 9.0]"):
@@ -257,7 +257,7 @@ def test_the_estimate_counts_frames_rows_and_tracked_disks(folder):
         ),
     ],
 )
-def test_the_file_is_as_large_as_the_estimate_says(folder, overrides):
+def test_the_size_of_a_file_agrees_with_its_estimate(folder, overrides):
     """Within 5 % where frames are large; of many small ones, indices of chunks take up to a fifth of the file."""
     file = case_file.read(folder / "gas.toml", overrides)
     case, output = file.case, file.case.output
@@ -319,7 +319,7 @@ force = [{ kind = "rescale", step = 1e-3, temperature = 0.5 }, { kind = "drag", 
     rows = {row.quantity: row.value for row in report.report(gas, estimate).rows}
     assert rows["run time (force steps, windows, frames and output)"].startswith(
         "about 6."
-    )  # no theory tells the collisions
+    )  # no theory gives the collisions
 
 
 @pytest.mark.parametrize(

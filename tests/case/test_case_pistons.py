@@ -1,4 +1,4 @@
-"""Pistons in case files: refusals, frames and series, a run that goes on, and what is drawn."""
+"""Pistons in case files: refusals, frames and series, a resumed run, and figures."""
 
 from __future__ import annotations
 

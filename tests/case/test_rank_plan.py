@@ -1,4 +1,4 @@
-"""The needs of a case on ranks of MPI, told without a start."""
+"""Needs of a case on ranks of MPI, estimated without a start."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ def test_units_are_printed_under_the_names_of_columns_and_reduced_files_have_non
     assert lines[3] == first
 
 
-def test_history_says_that_it_shows_the_latest_of_more(run, monkeypatch, capsys):
+def test_history_reports_that_it_shows_only_the_latest_rows(run, monkeypatch, capsys):
     monkeypatch.setattr("ifrdem.cli.trajectory.SHOWN", 3)
     assert main(["history", str(run), "--id", "7"]) == 0
     lines = capsys.readouterr().out.splitlines()

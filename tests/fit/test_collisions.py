@@ -1,4 +1,4 @@
-"""Fits of whole collisions: any frame of reference, gaps, errors in everything, outliers, laws told apart."""
+"""Fits of whole collisions: any frame of reference, gaps, errors in everything, outliers, choice between laws."""
 
 from __future__ import annotations
 
@@ -209,7 +209,7 @@ def test_law_that_gives_no_numbers_is_refused() -> None:
         fit.fit(seen(5), model=[], own=[own(Broken)])
 
 
-def test_expected_information_is_what_further_impacts_bring() -> None:
+def test_expected_information_is_that_of_further_impacts() -> None:
     """Ten impacts more at 40 degrees, simulated without noise and fitted together, have the expected errors."""
     data = seen(25)
     found = fit.fit(data, model=["ifr-percussion"], profile=False)

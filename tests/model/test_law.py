@@ -1,4 +1,4 @@
-"""Collision laws of one's own pass through the same door as the IFR law."""
+"""Custom collision laws: the same interface and results as the IFR law."""
 
 from __future__ import annotations
 

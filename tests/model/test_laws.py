@@ -74,7 +74,7 @@ def test_kernel_and_numpy_have_one_restitution(g_n: float) -> None:
     assert e_n == pytest.approx(VISCOELASTIC.restitution(g_n, mass=1.0, radius=0.5), abs=1e-12)
 
 
-def test_restitution_at_a_speed_is_the_one_asked_for() -> None:
+def test_restitution_at_a_speed_is_the_given_one() -> None:
     for e_n in (0.05, 0.5, 0.99, 1.0):
         law = laws.Viscoelastic.of_restitution(e_n, g_n=3.0, mass=2e-3, radius=0.01, Y=1e7)
         assert law.restitution(3.0, mass=2e-3, radius=0.01) == pytest.approx(e_n, abs=1e-12)

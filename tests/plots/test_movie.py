@@ -37,7 +37,7 @@ def inside(scene: movie.Scene) -> tuple[slice, slice]:
 
 
 def colour_at(picture: np.ndarray, scene: movie.Scene, x: float, y: float) -> np.ndarray:
-    """Colour of the picture at a place of the box."""
+    """Colour of the picture at a position in the box."""
     rows, columns = inside(scene)
     column = columns.start + x / 30.0 * (columns.stop - columns.start)
     row = rows.stop - y / 20.0 * (rows.stop - rows.start)
@@ -167,7 +167,7 @@ def test_the_file_plays_with_as_many_pictures_as_frames(tmp_path, colour, capsys
     assert len(shown) == 5
     with Trajectory(path) as trajectory:
         scene = movie.Scene(trajectory, range(1, 6), (320, 300), colour)
-        # what compression leaves of the picture: a mean difference of some grey levels
+        # compression changes the picture by a mean difference of some grey levels
         assert np.abs(scene.draw(3).astype(int) - shown[2]).mean() < 6.0
     assert sorted(os.listdir(tmp_path)) == ["run.h5", "run.mp4"]
     del pictures

@@ -1,4 +1,4 @@
-"""Pictures of objects: axes hold what the objects hold, and notebooks get tables and thumbnails."""
+"""Pictures of objects: axes show the data of the objects, and notebooks get tables and thumbnails."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def test_a_picture_without_spins_has_no_bar(tmp_path: Path) -> None:
         assert not run.plot("disks").child_axes
 
 
-def test_frames_that_lack_the_field_of_a_colour_say_so(tmp_path: Path) -> None:
+def test_frames_without_the_field_of_a_colour_are_refused(tmp_path: Path) -> None:
     layout_files.write(tmp_path / "bare.h5", fields=("position",))
     with Trajectory(tmp_path / "bare.h5") as run:
         with pytest.raises(InputError, match="no field 'angular_velocity'"):
@@ -389,7 +389,7 @@ def test_a_study_shows_its_keys_and_whether_it_has_results(tmp_path: Path) -> No
 
 
 def test_the_table_s_axis_ends_when_all_are_at_rest_and_its_legend_hides_no_curve(tmp_path: Path) -> None:
-    """Speeds and spins fall to 0 at t = 3; the file goes on to t = 9."""
+    """Speeds and spins fall to 0 at t = 3; the file ends at t = 9."""
     with TrajectoryWriter(tmp_path / "table.h5", Disks(3, 1.0, 0.2), Box.open(), units={}) as writer:
         for t in np.arange(10.0):
             v = max(3.0 - t, 0.0)
@@ -421,7 +421,7 @@ def test_pictures_of_disks_are_as_large_as_the_box_and_cut_nothing(
     assert needed.y1 <= size[1]
     assert needed.height > 0.8 * size[1]
     bar = figure.axes[0].child_axes[0]
-    # right beside the axes: nearer than a tenth of the figure
+    # right next to the axes: nearer than a tenth of the figure
     assert 0.0 < bar.get_window_extent().x0 - figure.axes[0].get_window_extent().x1 < 0.1 * figure.bbox.width
 
 

@@ -1,4 +1,4 @@
-"""The picture of a cooling gas: what is drawn is what the file and the theory say."""
+"""The picture of a cooling gas: curves agree with the file and with the theory."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def test_theory_of_smooth_disks_is_haffs_law_in_the_same_colour(tmp_path: Path, 
 
 
 def test_laws_are_checked_for_the_disks_that_have_them(tmp_path: Path, drawn: list[Figure]) -> None:
-    """e_n = 1 asks for e_t + (1 + k) / 2 <= 1 of the percussion-centre law: -0.3 is right for hoops, k = 1, only."""
+    """e_n = 1 requires e_t + (1 + k) / 2 <= 1 of the percussion-centre law: -0.3 is right for hoops, k = 1, only."""
     law = {**SMOOTH, "e_n": 1.0, "e_t": -0.3, "mu": 0.2, "k": 1.0}
     write(tmp_path / "a.h5", law=law, k=1.0)
     run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
@@ -172,7 +172,7 @@ def test_theory_of_a_mixture_begins_at_the_temperatures_of_its_species(
         ({"law": None}, "no law in the file"),
     ],
 )
-def test_picture_says_so_where_the_theory_does_not_hold(
+def test_picture_reports_where_the_theory_does_not_hold(
     tmp_path: Path, drawn: list[Figure], changes: dict[str, object], reason: str
 ) -> None:
     write(tmp_path / "a.h5", **changes)  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""A run that was stopped goes on to the same file, bit for bit, as one that never was."""
+"""A stopped run resumes to the same file, bit for bit, as an uninterrupted one."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def same(one: Path, other: Path) -> None:
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The trajectory of the run that nobody stopped; the case stands beside it."""
+    """The trajectory of the uninterrupted run; the case file is next to it."""
     folder = tmp_path_factory.mktemp("whole")
     (folder / "gas.toml").write_text(CASE)
     assert cli.main(["run", str(folder / "gas.toml"), "-o", f"{folder}/"]) == 0
@@ -158,7 +158,7 @@ def test_a_run_stopped_again_and_again_is_the_same_to_the_bit(whole, tmp_path, s
 
 
 def test_frames_after_the_checkpoint_are_kept_and_compared(whole, tmp_path, monkeypatch, stopping):
-    """Killed long after its checkpoint: what was committed since stays, and the run that goes on finds the same."""
+    """Killed long after its checkpoint: later committed frames stay, and the resumed run has the same ones."""
     case = whole.parent / "gas.toml"
     stopping += [60]
     save_once(monkeypatch)

@@ -1,4 +1,4 @@
-"""The live state of a run: written whole, read back, followed to its end, and a dead run told as such."""
+"""The live state of a run: written whole, read back, followed to its end; a dead run is recognised."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_a_status_file_holds_the_reported_values(tmp_path):
     assert (content["time"], content["collisions"], content["temperature"]) == (2.5, 100, 0.5)
     assert isinstance(content["collisions"], int)
     assert content["eta_seconds"] is None  # JSON has no infinity
-    assert content["ledger_residual"] is None  # not told
+    assert content["ledger_residual"] is None  # not given
     assert (content["t_end"], content["collisions_per_disk_end"]) == (10.0, None)
     assert os.listdir(tmp_path) == ["gas.status.json"]
     with pytest.raises(TypeError, match="no value 'tmie'"):

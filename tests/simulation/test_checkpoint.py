@@ -1,4 +1,4 @@
-"""A run that goes on from a checkpoint is bitwise the run that was never interrupted."""
+"""A run resumed from a checkpoint has the bits of the uninterrupted run."""
 
 from __future__ import annotations
 

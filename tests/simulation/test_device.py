@@ -72,7 +72,7 @@ def test_an_unknown_precision_is_refused_with_the_nearest_spelling() -> None:
 
 def test_memory_that_is_available_is_no_more_than_there_is() -> None:
     free = backend.memory_available()
-    if free is not None:  # the system tells
+    if free is not None:  # reported by the system
         assert 0 < free <= os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
 
 

@@ -68,7 +68,7 @@ def test_a_gas_in_equilibrium_collides_at_enskog_s_rate() -> None:
 
 
 @pytest.mark.parametrize("contact", ["virial", "dilute"])
-def test_disks_that_all_differ_collide_as_often_as_their_sizes_say_on_one_thread(contact: Contact) -> None:
+def test_disks_of_all_sizes_have_the_collision_rates_of_theory_on_one_thread(contact: Contact) -> None:
     """Elastic, in equilibrium: disk i meets each j at the rate g_ij sigma_ij sqrt(2 pi (T/m_i + T/m_j)) / area."""
     n, phi = 1500, 0.4
     rng = np.random.default_rng(1)
@@ -202,7 +202,7 @@ def test_a_batch_that_makes_a_disk_too_fast_is_cut_and_loses_nothing(monkeypatch
 
 
 class Wood(CollisionLaw):
-    """Smooth disks of restitution e, as a law of one's own."""
+    """Smooth disks of restitution e, as a custom law."""
 
     coefficients = ("e",)
 

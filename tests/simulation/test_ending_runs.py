@@ -120,7 +120,7 @@ def test_stopping_within_a_window_changes_no_bit_in_any_order_of_the_engine(
     assert at == 24
 
 
-def test_a_stop_asked_for_by_a_sampler_or_progress_ends_the_run_at_the_end_of_a_window() -> None:
+def test_a_stop_from_a_callback_or_progress_ends_the_run_at_the_end_of_a_window() -> None:
     one = gas(2000)
     one.run(collisions_per_disk=5000.0, progress=lambda time, collisions: one.stop())
     assert 0 < one.collisions < 5_000_000

@@ -279,7 +279,7 @@ def test_a_variable_from_outside_that_is_compiled_in_must_not_change(
 
 def test_a_run_that_does_nothing_says_so() -> None:
     simulation = gas()
-    simulation.run(t_end=0.0)  # nothing has moved yet: a start is asked for
+    simulation.run(t_end=0.0)  # nothing has moved yet: no warning
     simulation.run(collisions_per_disk=1)
     with pytest.warns(ifrdem.RunWarning, match=r"collisions_per_disk = 1 .* for as much again, .* = 2"):
         simulation.run(collisions_per_disk=1)

@@ -278,7 +278,7 @@ def test_the_ledger_closes(law: tuple[float, ...], order: str) -> None:
 
 
 def test_the_ledger_closes_for_elastic_disks_and_forces() -> None:
-    """Over 1e4 collisions that dissipate nothing, to the last but a few digits; kicks are counted beside the flow."""
+    """Over 1e4 collisions that dissipate nothing, to all but a few digits; kicks and flow are counted apart."""
     disks = equal_disks(500)
     box, state = sheared(disks, 0.3, 0.5)
     smooth = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)

@@ -1,4 +1,4 @@
-"""Every collision of tracked disks: their paths are exact, and each row tells one collision of the law."""
+"""Every collision of tracked disks: their paths are exact, and each row is one collision of the law."""
 
 from __future__ import annotations
 

@@ -241,7 +241,7 @@ def test_a_prediction_takes_the_theory_that_belongs_to_the_gas() -> None:
 
 
 class Sticky(CollisionLaw):
-    """A law of one's own, of which no theory is known."""
+    """A custom law without a theory."""
 
 
 @pytest.mark.parametrize(

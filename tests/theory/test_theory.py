@@ -273,7 +273,7 @@ def test_every_fixed_ratio_is_found_and_stable_ones_are_marked(mu: float, expect
 
 
 def test_cooling_is_followed_for_as_long_as_numbers_last() -> None:
-    """Haff's law of smooth disks, t_H / t squared; elastic ones go on colliding at the first rate."""
+    """Haff's law of smooth disks, t_H / t squared; elastic ones keep the initial collision rate."""
     rate = collision_rate(0.2, 1.0, 1.0, 0.5)
     times = [1e3, 1e50, 1e100]
     T, _, collisions = cooling(SMOOTH, 1.0, 0.5, 2.0, 0.2, 1.0, 0.0, times)

@@ -175,7 +175,7 @@ def test_terminal_without_room_gets_plain_lines(monkeypatch: pytest.MonkeyPatch,
     os.close(reader)
 
 
-def test_terminal_that_knows_its_columns_but_no_rows_shows_the_bar(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_terminal_with_columns_but_no_rows_shows_the_bar(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("COLUMNS", raising=False)
     reader, writer = pty.openpty()
     fcntl.ioctl(writer, termios.TIOCSWINSZ, struct.pack("HHHH", 0, 70, 0, 0))
@@ -251,7 +251,7 @@ def test_a_terminal_sees_a_bar_by_default_which_changes_no_bit(monkeypatch: pyte
         np.testing.assert_array_equal(getattr(watched.state, name), getattr(alone.state, name))
 
 
-def test_a_notebook_is_a_place_where_a_person_looks(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_notebook_counts_as_interactive_output(monkeypatch: pytest.MonkeyPatch) -> None:
     assert not showing.output_is_interactive(io.StringIO())
     assert showing.output_is_interactive(Terminal())
     kernel = types.SimpleNamespace(kernel=object())

@@ -194,7 +194,7 @@ def pipe(folder: Path) -> h5py.ExternalLink:
 
 
 def onto_itself(file: h5py.File, folder: Path) -> None:
-    """HDF5 2.0 crashes when it is asked for the shape of this."""
+    """HDF5 2.0 crashes when the shape of this is read."""
     name = f"{PARTICLES}/radius"
     del file[name]
     layout = h5py.VirtualLayout((N,), "f8", maxshape=(None,))
@@ -471,7 +471,7 @@ def test_a_folder_stands_for_its_only_trajectory(tmp_path, capsys, monkeypatch, 
     assert "name one of other.h5, run.h5" in capsys.readouterr().err
 
 
-def test_text_of_a_file_does_nothing_to_a_terminal(tmp_path, capsys, files):
+def test_control_characters_in_a_file_do_not_reach_the_terminal(tmp_path, capsys, files):
     def harm(file: h5py.File, folder: Path) -> None:
         file["parameters/note"] = "\x1b]0;owned\x07\x9b2J"
         del file["parameters/units/length"]
@@ -491,7 +491,7 @@ def test_text_of_a_file_does_nothing_to_a_terminal(tmp_path, capsys, files):
 
 
 def test_a_file_that_grows_up_follows_no_link(tmp_path, monkeypatch, files):
-    """Somebody who foresees the name of a file beside its place cannot have another one overwritten."""
+    """A guessed name of a temporary file cannot cause another file to be overwritten."""
     from ifrdem.tools import files
 
     victim = tmp_path / "victim"
@@ -506,7 +506,7 @@ def test_a_file_that_grows_up_follows_no_link(tmp_path, monkeypatch, files):
 
 
 @pytest.mark.parametrize("harm", ["deleted or moved", "replaced"])
-def test_frames_of_a_file_that_is_gone_are_not_said_to_be_kept(tmp_path, harm):
+def test_frames_of_a_deleted_file_are_not_reported_as_kept(tmp_path, harm):
     path = tmp_path / "run.h5"
     writer = TrajectoryWriter(path, some_disks(N), BOX, fields=("position",))
     writer.write(some_state(N, 0))

@@ -189,7 +189,7 @@ def test_an_observable_that_is_damaged_is_left_out(tmp_path):
         assert set(trajectory.observables) == {"energy", "collisions"}
 
 
-def test_what_cannot_be_repaired_is_said_with_what_can_be_done(tmp_path):
+def test_what_cannot_be_repaired_is_reported_with_a_remedy(tmp_path):
     path = tmp_path / "run.h5"
     path.write_bytes(b"not HDF5 at all")
     with pytest.raises(InputError, match=r"not an HDF5 file.*no checkpoint"):

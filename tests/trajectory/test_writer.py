@@ -345,7 +345,7 @@ def test_a_measure_is_no_observables(tmp_path):
         assert len(writer) == 1
 
 
-def test_what_is_written_together_is_what_is_written_one_by_one(tmp_path):
+def test_frames_written_in_batches_equal_those_written_one_by_one(tmp_path):
     write_all(tmp_path / "one.h5", frames=4, batches=3)
     with TrajectoryWriter(tmp_path / "all.h5", some_disks(N), BOX) as writer:
         writer.begin_histories(TRACKED, some_state(N, 0))

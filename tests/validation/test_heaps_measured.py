@@ -32,7 +32,7 @@ def test_a_straight_surface_has_its_angle_by_both_ways(angle: float, turned: flo
     turn = np.array([[math.cos(tilt), -math.sin(tilt)], [math.sin(tilt), math.cos(tilt)]])
     disks = Disks(len(at), mass=1.0, radius=0.5)
     surface, centre = drum.angles(disks, turned, at @ turn.T + drum.CENTRE)
-    # Rows end up to a diameter apart on both sides, so that the centre is up to 1/4 of one beside the middle of some
+    # Rows end up to a diameter apart on both sides, so that the centre is up to 1/4 of one from the middle of some
     # 4.9 below the axis: 3 degrees at most, for the two lowest rows less.
     assert surface == pytest.approx(angle, abs=0.5)
     assert centre == pytest.approx(angle, abs=2.0)

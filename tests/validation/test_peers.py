@@ -232,7 +232,7 @@ def edmd(path: Path, *, layers: int = 3, height: float = 0.0, rate: float = 2.4,
 
 
 def dynamo(path: Path, *, rate: float = 2.4) -> Path:
-    """DynamO's stand-in: 1e4 events/s, as many as asked for, at so many per disk and time; cools as a gas does."""
+    """DynamO's stand-in: 1e4 events/s, as many as requested, at so many per disk and time; cools as a gas does."""
     return program(
         path,
         f"""\
@@ -403,9 +403,7 @@ def test_all_three_codes_move_the_same_gas(e_n: str, capsys: pytest.CaptureFixtu
 
 
 @needs_lammps
-def test_another_gas_is_found_out(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_another_gas_is_detected(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(soft_disks, "spring_and_damping", lambda e_n, *rest: spring_and_damping(1.0, *rest))
     monkeypatch.setattr(serial_events, "COMPILED", False)  # not needed here
     assert script(peers.peers, [*SMALL, "--e-n", "0.8"]) == 1

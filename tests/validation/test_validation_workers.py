@@ -38,7 +38,7 @@ def test_rows_and_figures_of_workers_are_those_of_one_process_to_the_last_bit(tm
 
 
 def collected(names: list[str], jobs: int, **more: Any) -> tuple[list[str], dict[str, Any], list[list[str]]]:
-    """In what order calls of `worker_calls.shout` began, what came of them, and what was in work at times."""
+    """Order in which calls of `worker_calls.shout` began, their results, and the calls in work at times."""
     begun: list[str] = []
     found: dict[str, Any] = {}
     seen: list[list[str]] = []

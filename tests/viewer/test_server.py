@@ -193,7 +193,7 @@ def test_the_page_runs_its_own_script_alone_and_loads_nothing_from_elsewhere(ser
     assert re.findall(r"https?://|//\w+\.\w|@import|\ssrc=|\sstyle=|\son\w+=", text) == []
 
 
-def test_head_says_what_there_is_and_why_other_colours_are_not(server, path, tmp_path):
+def test_head_lists_colours_and_the_reasons_for_missing_ones(server, path, tmp_path):
     head = json.loads(ask(server, "head")[2])
     assert [one["name"] for one in head["colours"]] == ["spin", "speed", "species", "collisions", "since"]
     assert head["times"] == [0.0, 0.1, 0.2, 0.3]

@@ -1,4 +1,4 @@
-"""Moments within windows are told as the whole box in order passes them: the same bits, in tiles too."""
+"""Moments within windows have the same bits in tiles as in the serial order of the whole box."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ FRAMES = [RunPoint(collisions=int(0.4 * N / 2 * i)) for i in range(1, 13)]  # on
 def looked_at(
     name: str, due: list[RunPoint], monkeypatch: pytest.MonkeyPatch, **options: Any
 ) -> tuple[list[tuple[State, Any, Any]], Engine, int]:
-    """States, times and totals that an engine tells at points of a run; number of windows that it ran again."""
+    """States, times and totals of an engine at points of a run; number of windows that it ran again."""
     computed = []
     compute = Windows._compute
     monkeypatch.setattr(

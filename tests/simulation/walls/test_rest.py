@@ -53,7 +53,7 @@ def pile(n: int = 60, seed: int = 1, **options: Any) -> Simulation:
 
 
 def closes(run: Simulation) -> None:
-    """The ledger tells all energy that was lost, to rounding."""
+    """The ledger has all energy that was lost, to rounding."""
     lost = run.measure().dissipated
     assert lost is not None
     turned_over = abs(run.dissipated_energy) + abs(run.measure().potential_energy) + 1.0
@@ -83,7 +83,7 @@ def test_a_disk_dropped_on_a_floor_rests_there_and_has_lost_its_fall() -> None:
 
 
 def test_a_disk_rests_on_two_posts_but_not_on_top_of_one() -> None:
-    """Beside the top it rolls off: a = (2/3) g sin(angle) for rolling, which is not rest from 0.0015 on."""
+    """Off the top it rolls down: a = (2/3) g sin(angle) for rolling, which is not rest from 0.0015 on."""
     posts = [Wall.post((5.4, 3.0), 0.5), Wall.post((6.6, 3.0), 0.5)]
     run = gas([[6.02, 4.0]], walls=posts)
     run.run(t_end=60.0)
@@ -278,7 +278,7 @@ def test_a_disk_that_loses_its_support_wakes_and_falls() -> None:
 
 
 def test_a_sleeping_disk_without_support_is_detected_by_its_forces() -> None:
-    """One in the air, one beside the top of a third on the floor, which it pushes aside as it rolls off."""
+    """One in the air, one off the top of a third on the floor, which it pushes aside as it rolls down."""
     beside = (9.0 + math.sin(0.2), 0.5 + math.cos(0.2))
     run = gas([[3.0, 3.0], [9.0, 0.5], beside])
     run = said_asleep(run, [1, 1, 1], e_n=0.6, e_t=-1.0, mu=0.3)
