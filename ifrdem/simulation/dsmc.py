@@ -92,7 +92,7 @@ class Relaxation:
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """Full state of a gas, without its disks, law and drive: see `DSMC.resume`.
+    """Full state of a gas, without its disks, law and driving: see `DSMC.resume`.
 
     Attributes
     ----------
