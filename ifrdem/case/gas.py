@@ -21,7 +21,7 @@ from ..initial.from_csv import StartData
 from ..model import crush
 from ..model.box import Box
 from ..model.free_area import FreeArea
-from ..model.ifr import EnergyWarning, IFRLaw
+from ..model.ifr import EnergyWarning
 from ..model.law import CollisionLaw
 from ..model.observables import drift_text
 from ..model.state import DiskKinds, Disks, State, merge_kinds, scatter_state
@@ -484,7 +484,7 @@ class CaseGas:
                 walls,
                 gravity,
                 [each.kind for each in case.force],
-                IFRLaw,
+                type(self.law()),
                 self._coefficient("e_n"),
                 device_of(run),
             ),
@@ -623,6 +623,7 @@ def validate_case(
     found = [
         *rules.check_names(case),
         *rules.check_pairs(verdicts),
+        *rules.check_one_law(verdicts),
         *rules.check_motion(case),
         *rules.check_count(case),
     ]

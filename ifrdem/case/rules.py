@@ -90,6 +90,18 @@ def check_pairs(verdicts: Iterable[PairVerdict]) -> Iterator[Problem]:
         yield Problem(key, None, message)
 
 
+def check_one_law(verdicts: Iterable[PairVerdict]) -> Iterator[Problem]:
+    """Laws of several classes, of which a gas has one."""
+    keys: dict[str, str] = {}
+    for each in verdicts:
+        if each.law is not None:
+            keys.setdefault(type(each.law).__name__, each.key)
+    if len(keys) > 1:
+        named = ", ".join(f"{name} ({key})" for name, key in keys.items())
+        text = f"laws of {len(keys)} classes, {named}: all materials and pairs of a case must have one"
+        yield Problem([*keys.values()][1], None, text)
+
+
 def check_motion(case: CaseSections) -> Iterator[Problem]:
     """Problems: an end or output at a number of collisions that is never reached."""
     key, start = "run.collisions_per_disk", case.start

@@ -85,7 +85,7 @@ class CollisionLaw(ReadOnlyAttributes):
     def __getattr__(self, name: str) -> float:
         if name not in type(self).coefficients:
             raise AttributeError(f"{type(self).__name__} has no attribute {name!r}{nearest(name, dir(self))}")
-        return self._row[self.coefficients.index(name)]
+        return self.table_row()[self.coefficients.index(name)]
 
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *self.coefficients})

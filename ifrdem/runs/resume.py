@@ -18,7 +18,7 @@ from ..case import summary
 from ..case.case import CaseSections
 from ..case.file import CaseFile
 from ..case.gas import CaseGas
-from ..case.objects import device_of
+from ..case.objects import choose_runtime, device_of
 from ..errors import InputError
 from ..kernels import runtime as of_kernels
 from ..mpi import SERIAL, Communicator
@@ -139,6 +139,7 @@ def resume(
     sent, writer, ledger, pending = comm.run_on_root(prepared) or (None, None, Ledger(), None)
     path, file, outputs, plan, written, in_parts = comm.bcast(sent)
     gas, case = file.gas, file.case
+    choose_runtime(case.run)  # on all ranks: so far the root has
     comm = gas.communicator(comm)
     with contextlib.ExitStack() as stack:
         if writer is not None:

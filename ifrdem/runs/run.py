@@ -21,6 +21,7 @@ from ..case.case import IMPACT_SCAN, UNITS, CaseSections
 from ..case.estimate import RunEstimate
 from ..case.file import CaseFile
 from ..case.gas import REPORTED_DRIFT, CaseGas
+from ..case.objects import choose_runtime
 from ..errors import EngineError, InputError, Stopped, TrajectoryError, counted, refuse
 from ..model.law_records import to_record
 from ..model.observables import MECHANISMS, TANGENTIAL, Measure, drift_text
@@ -95,6 +96,7 @@ def run(
 
     def prepared() -> State | None:
         outputs.check(force=force)
+        choose_runtime(case.run)  # before a GPU is asked for, which imports a runtime
         estimate = RunEstimate.of(gas)
         folder = outputs.trajectory.parent
         refuse(check.refused_here(gas, estimate, folder, share=share, ranks=comm.size, sliced=drawn))

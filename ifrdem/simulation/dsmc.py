@@ -92,7 +92,7 @@ class Relaxation:
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """Full state of a gas, without its disks, law and drive: see `DSMC.resume`.
+    """Full state of a gas, without its disks, law and driving: see `DSMC.resume`.
 
     Attributes
     ----------
@@ -371,7 +371,7 @@ class DSMC(ReadOnlyAttributes):
         return np.asarray(self._language.to_numpy(self._hits), dtype=np.int32)
 
     def checkpoint(self) -> Checkpoint:
-        """The present state. Another gas of the same disks, law, seed and drive resumes it with the same bits."""
+        """The present state. Another gas of the same disks, law, seed and driving resumes it with the same bits."""
         self._check_valid()
         record = self._record()
         return Checkpoint(

@@ -385,8 +385,8 @@ class Engine:
     def free(self) -> tuple[bool, bool]:
         """True along x and y where the whole gas can drift (`model.walls.free_directions`)."""
         smooth: Collection[int] = ()
-        if self.walls and self._law is IFRLaw:
-            e_t, mu = (IFRLaw.column(self._law_table, name) for name in ("e_t", "mu"))
+        if self.walls and self._law.is_proved and {"e_t", "mu"} <= {*self._law.coefficients}:
+            e_t, mu = (self._law.column(self._law_table, name) for name in ("e_t", "mu"))
             smooth = smooth_materials(e_t, mu, self._materials)
         return free_directions(self.walls, immovable=self.n > self.kinds.n_movable, smooth=smooth)
 

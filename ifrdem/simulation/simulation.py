@@ -31,6 +31,7 @@ from ..model.walls import Wall, WallSums, sides
 from ..mpi import Communicator, current
 from ..mpi.distribution import bounds
 from ..tools import checked
+from ..tools.callers import outside_level
 from ..tools.checked import LATER, Comm, Integer, Real, Seed, validated
 from ..tools.notebook import DisksRepr
 from ..tools.progress import Progress as Bar
@@ -973,7 +974,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
                     progress(self.time, self.collisions)
                 slow = pace.trouble(self.time, self.collisions, self._engine.free_time)
                 if slow is not None and self.comm.is_root:
-                    warnings.warn(slow, SlowRunWarning, stacklevel=4)
+                    warnings.warn(slow, SlowRunWarning, stacklevel=outside_level())
                 if plan.series is not None and row.reached(self.time, self.collisions):
                     plan.next_row = plan.first_not_reached(rows, plan.next_row, self.time, self.collisions)
                     if sampling:
@@ -995,7 +996,7 @@ class Simulation(ReadOnlyAttributes, DisksRepr):
             warnings.warn(
                 f"t = {self.time:.6g}: collisions have added energy, {gained:.6g} in all: the law is not passive",
                 EnergyWarning,
-                stacklevel=3,
+                stacklevel=outside_level(),
             )
 
     def collide_until(self, t_end: float) -> CollisionTimes:

@@ -72,11 +72,16 @@ def test_a_law_that_adds_energy_is_reported_before_and_after_a_run() -> None:
     """e_n = 1 + 0.2 g_n^(1/5): every collision adds energy."""
     disks = mixture(100)
     box, state = start(disks, 0.2)
-    with pytest.warns(EnergyWarning, match=r"law Viscoelastic: of 4096 random collisions 4096 added"):
+    with pytest.warns(
+        EnergyWarning, match=r"law Viscoelastic: of 4096 random collisions 4096 added"
+    ) as begin:
         gas = Simulation(disks, box, viscoelastic(-0.2), state)
     before = measure(disks, state).energy
-    with pytest.warns(EnergyWarning, match=r"collisions have added energy, \d"):
+    with pytest.warns(EnergyWarning, match=r"collisions have added energy, \d") as end:
         gas.run(collisions_per_disk=2.0)
+    assert {each.filename for each in (*begin, *end)} == {
+        __file__
+    }  # the lines that called, not those that warn
     gained = measure(disks, gas.state).energy - before
     assert gained > 0.2 * before
     assert gas.dissipated_energy == pytest.approx(-gained, rel=1e-12)
